@@ -1,0 +1,1 @@
+//! Calibration: other programs' camera files to rigs, and how well a rig fits its silhouettes.

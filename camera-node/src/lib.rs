@@ -1,0 +1,1 @@
+//! A camera node: sources, segmentation, the ring of silhouettes, and the service that answers probes.

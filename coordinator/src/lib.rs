@@ -1,0 +1,1 @@
+//! The coordinator: asks the nodes, merges their answers and steps the world.

@@ -1,0 +1,1 @@
+//! Background subtraction: camera frames to silhouettes.

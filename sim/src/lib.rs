@@ -1,0 +1,1 @@
+//! The rigid-body world: scenes, surface samples and the answer to collisions with the visual hull.
