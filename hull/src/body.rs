@@ -40,6 +40,7 @@ pub struct Shape {
     samples_body: Vec<[f32; 3]>,
     digest: ShapeDigest,
     radius_m: f64,
+    bounds_body: ([f64; 3], [f64; 3]),
 }
 
 impl Shape {
@@ -63,7 +64,14 @@ impl Shape {
             radius_squared = radius_squared.max(squared);
         }
         let digest = *hasher.finalize().as_bytes();
-        Ok(Shape { samples_body, digest, radius_m: radius_squared.sqrt() * (1.0 + 1e-9) })
+        let side = |pick: fn(f64, f64) -> f64| {
+            let first = samples_body[0].map(f64::from);
+            samples_body.iter().fold(first, |so_far, sample| {
+                std::array::from_fn(|axis| pick(so_far[axis], f64::from(sample[axis])))
+            })
+        };
+        let bounds_body = (side(f64::min), side(f64::max));
+        Ok(Shape { samples_body, digest, radius_m: radius_squared.sqrt() * (1.0 + 1e-9), bounds_body })
     }
 
     /// The samples, body frame, metres.
@@ -74,6 +82,11 @@ impl Shape {
     /// The content hash.
     pub fn digest(&self) -> ShapeDigest {
         self.digest
+    }
+
+    /// The least and the greatest corner of the box around the samples, body frame, metres.
+    pub fn bounds_body(&self) -> ([f64; 3], [f64; 3]) {
+        self.bounds_body
     }
 
     /// No sample is farther than this from the body's origin, metres.
@@ -130,6 +143,12 @@ impl Pose {
             2.0 * (y * z + x * w),
             1.0 - 2.0 * (x * x + y * y),
         )
+    }
+
+    /// The same pose moved by `offset_m` in the world, metres.
+    pub fn moved(&self, offset_m: [f64; 3]) -> Pose {
+        let position_m = std::array::from_fn(|axis| self.position_m[axis] + offset_m[axis]);
+        Pose { position_m, rotation_xyzw: self.rotation_xyzw }
     }
 
     /// The map from body to world for many points.

@@ -22,13 +22,21 @@ impl Pixel {
     /// The pixel that holds image coordinates `(u, v)`; far-away values saturate.
     #[inline]
     pub fn holding(u: f64, v: f64) -> Pixel {
-        Pixel { column: (u + 0.5).floor() as i32, row: (v + 0.5).floor() as i32 }
+        Pixel { column: floor(u + 0.5), row: floor(v + 0.5) }
     }
 
     /// The image coordinates of the pixel's centre.
     pub fn centre(self) -> Point2<f64> {
         Point2::new(f64::from(self.column), f64::from(self.row))
     }
+}
+
+/// The floor of a number as an integer; far-away values saturate. Without the instruction that old
+/// processors lack, so that loops around it vectorise everywhere.
+#[inline]
+pub(crate) fn floor(value: f64) -> i32 {
+    let truncated = value as i32;
+    truncated.saturating_sub(i32::from(f64::from(truncated) > value))
 }
 
 /// What is wrong with a camera's numbers.

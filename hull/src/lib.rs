@@ -11,12 +11,17 @@
 
 pub mod body;
 pub mod camera;
+pub mod cull;
 pub mod lens;
 pub mod rig;
 pub mod rotation;
+pub mod rule;
 pub mod silhouette;
+pub mod view;
 
 pub use body::{Pose, Shape};
 pub use camera::{Camera, CameraError, Pixel};
 pub use rig::{Rig, RigError};
+pub use rule::{HullRule, NormalWindow, OutOfView, ProbeSettings};
 pub use silhouette::Silhouette;
+pub use view::{Class, Observer, View};

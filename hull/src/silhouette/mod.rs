@@ -1,7 +1,9 @@
 //! The silhouette: the foreground of one camera at one frame, full resolution, stored as runs.
 
+mod bitmap;
 mod bytes;
 
+pub use bitmap::BitMap;
 pub use bytes::DecodeError;
 
 use thiserror::Error;

@@ -1,0 +1,243 @@
+//! A camera as the probes use it: what is fixed for the run, and one frame of it.
+
+use std::sync::Arc;
+
+use crate::camera::{Camera, Pixel};
+use crate::cull::Frustum;
+use crate::rule::{OutOfView, ProbeSettings};
+use crate::silhouette::{BitMap, PixelRect, Silhouette};
+
+/// What one camera says of a point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Class {
+    /// Foreground there.
+    Inside,
+    /// Background there, or out of view where the rule says so.
+    Outside,
+    /// Silent: out of view under `abstain`, or on an ignored pixel.
+    Unknown,
+}
+
+/// A camera of the rig with the rule it judges by: all that does not change from frame to frame.
+#[derive(Clone, Debug)]
+pub struct Observer {
+    camera: Camera,
+    rig_index: u16,
+    settings: ProbeSettings,
+    ignored: Option<BitMap>,
+    ignored_bounds: Option<PixelRect>,
+    /// Pixels that are no candidates for a background edge whatever the frame: ignored, without a
+    /// ray, and under `abstain` off the image. `None` if there are none.
+    blocked: Option<BitMap>,
+    window_pixels: u32,
+    stretch: f64,
+}
+
+impl Observer {
+    /// An observer; `ignored` marks static occluders as foreground and must have the camera's size.
+    pub fn new(
+        camera: Camera,
+        rig_index: u16,
+        settings: ProbeSettings,
+        ignored: Option<&Silhouette>,
+    ) -> Observer {
+        let window_pixels = settings.normal_window().half_side_pixels(camera.width(), camera.height());
+        let pad = window_pixels + 1;
+        let ignored = ignored.filter(|mask| mask.area() > 0);
+        let blocked = blocked_pixels(&camera, settings.rule().out_of_view, ignored, pad);
+        let stretch = stretch(&camera, pad);
+        Observer {
+            camera,
+            rig_index,
+            settings,
+            ignored: ignored.map(|mask| BitMap::foreground(mask, 0)),
+            ignored_bounds: ignored.and_then(Silhouette::bounds),
+            blocked,
+            window_pixels,
+            stretch,
+        }
+    }
+
+    /// The camera.
+    pub fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// The camera's place in the rig; merging goes by it.
+    pub fn rig_index(&self) -> u16 {
+        self.rig_index
+    }
+
+    /// The settings it judges by.
+    pub fn settings(&self) -> &ProbeSettings {
+        &self.settings
+    }
+
+    /// Half the side of the window for normals, pixels.
+    pub fn window_pixels(&self) -> u32 {
+        self.window_pixels
+    }
+
+    /// No image moves faster than this many pixels per unit of normalised coordinates.
+    pub fn stretch_pixels(&self) -> f64 {
+        self.stretch
+    }
+
+    /// True if this camera is never silent: the rule of the paper, without ignore masks.
+    pub fn always_judges(&self) -> bool {
+        self.settings.rule().out_of_view == OutOfView::Outside && self.ignored.is_none()
+    }
+
+    /// The smallest rectangle outside of which this camera says outside of whatever it sees, given the
+    /// foreground's bounds: ignored pixels never reject.
+    pub fn admitted(&self, foreground: Option<PixelRect>) -> Option<PixelRect> {
+        match (foreground, self.ignored_bounds) {
+            (Some(a), Some(b)) => Some(a.union(b)),
+            (a, b) => a.or(b),
+        }
+    }
+}
+
+/// One observer at one frame.
+#[derive(Clone, Debug)]
+pub struct View {
+    observer: Arc<Observer>,
+    foreground: BitMap,
+    /// Zero where a pixel is a candidate for the background edge; `None` if that is the foreground.
+    candidates: Option<BitMap>,
+    frustum: Option<Frustum>,
+    has_foreground: bool,
+}
+
+impl View {
+    /// Prepares a frame for probing. The silhouette must have the camera's size.
+    pub fn new(observer: Arc<Observer>, silhouette: &Silhouette) -> View {
+        let pad = observer.window_pixels + 1;
+        let foreground = BitMap::foreground(silhouette, pad);
+        let candidates = observer.blocked.as_ref().map(|blocked| {
+            let mut map = blocked.clone();
+            map.add(silhouette);
+            map
+        });
+        let admitted = observer.admitted(silhouette.bounds());
+        let frustum = admitted.map(|rect| Frustum::of(&observer.camera, rect));
+        View { observer, foreground, candidates, frustum, has_foreground: silhouette.area() > 0 }
+    }
+
+    /// The fixed side of this camera.
+    pub fn observer(&self) -> &Observer {
+        &self.observer
+    }
+
+    /// The camera.
+    pub fn camera(&self) -> &Camera {
+        &self.observer.camera
+    }
+
+    /// Ones at foreground pixels, zeros elsewhere.
+    pub fn foreground(&self) -> &BitMap {
+        &self.foreground
+    }
+
+    /// Zeros at the pixels that count as background for the nearest edge and its normal (spec §3.1).
+    pub fn edge_candidates(&self) -> &BitMap {
+        self.candidates.as_ref().unwrap_or(&self.foreground)
+    }
+
+    /// The bounding frustum of what this camera does not reject; `None` if it rejects all it sees.
+    pub fn frustum(&self) -> Option<&Frustum> {
+        self.frustum.as_ref()
+    }
+
+    /// True if anything is foreground.
+    pub fn has_foreground(&self) -> bool {
+        self.has_foreground
+    }
+
+    /// What this camera says of a point that projects to `pixel` (`None`: unseen).
+    #[inline]
+    pub fn class_at(&self, pixel: Option<Pixel>) -> Class {
+        let observer = &*self.observer;
+        match pixel.filter(|&pixel| observer.camera.holds(pixel)) {
+            None if observer.settings.rule().out_of_view == OutOfView::Outside => Class::Outside,
+            None => Class::Unknown,
+            Some(pixel) if observer.ignored.as_ref().is_some_and(|ignored| ignored.get(pixel)) => {
+                Class::Unknown
+            }
+            Some(pixel) if self.foreground.get(pixel) => Class::Inside,
+            Some(_) => Class::Outside,
+        }
+    }
+}
+
+/// Ones at the pixels that never are background candidates, over the image and `pad` around it.
+fn blocked_pixels(
+    camera: &Camera,
+    out_of_view: OutOfView,
+    ignored: Option<&Silhouette>,
+    pad: u32,
+) -> Option<BitMap> {
+    let image = PixelRect { left: 0, top: 0, right: camera.width(), bottom: camera.height() };
+    let abstain = out_of_view == OutOfView::Abstain;
+    let all_have_rays = border_has_rays(camera, pad);
+    if !abstain && ignored.is_none() && all_have_rays {
+        return None;
+    }
+    let mut map = BitMap::filled(image, pad, abstain, true);
+    if abstain {
+        for row in 0..camera.height() as i32 {
+            map.set(row, 0, camera.width() as i32, false);
+        }
+    }
+    if let Some(mask) = ignored {
+        map.add(mask);
+    }
+    if !all_have_rays {
+        for row in map.top()..map.bottom() {
+            for column in map.left()..map.right() {
+                if camera.normalised(&Pixel { column, row }.centre()).is_none() {
+                    map.set(row, column, column + 1, true);
+                }
+            }
+        }
+    }
+    Some(map)
+}
+
+/// True if every pixel around the padded image has a ray; then those within have one too, because the
+/// pixels with rays are the one-to-one image of a disc.
+fn border_has_rays(camera: &Camera, pad: u32) -> bool {
+    if camera.lens().is_straight() {
+        return true;
+    }
+    let pad = pad as i32;
+    let (left, right) = (-pad, camera.width() as i32 + pad);
+    let (top, bottom) = (-pad, camera.height() as i32 + pad);
+    let horizontal = (left..right).flat_map(|column| [(column, top), (column, bottom - 1)]);
+    let vertical = (top..bottom).flat_map(|row| [(left, row), (right - 1, row)]);
+    horizontal
+        .chain(vertical)
+        .all(|(column, row)| camera.normalised(&Pixel { column, row }.centre()).is_some())
+}
+
+/// A bound on `|∂(u, v) / ∂(x, y)|` over everything the padded image shows.
+fn stretch(camera: &Camera, pad: u32) -> f64 {
+    let k = camera.intrinsics();
+    // The Frobenius norm bounds the operator norm.
+    let affine = (k[(0, 0)].powi(2) + k[(0, 1)].powi(2) + k[(1, 1)].powi(2)).sqrt();
+    let affine = if k[(0, 1)] == 0.0 { k[(0, 0)].max(k[(1, 1)]) } else { affine };
+    if camera.lens().is_straight() {
+        return affine;
+    }
+    let pad = f64::from(pad) + 1.0;
+    let (right, bottom) = (f64::from(camera.width()) + pad, f64::from(camera.height()) + pad);
+    let corners = [(-pad, -pad), (right, -pad), (-pad, bottom), (right, bottom)];
+    let reach = corners
+        .iter()
+        .map(|&(u, v)| camera.normalised(&nalgebra::Point2::new(u, v)).map_or(f64::INFINITY, |n| n.norm()))
+        .fold(0.0, f64::max);
+    let r = reach.min(camera.lens().max_radius_squared().sqrt());
+    let s = r * r;
+    let [k1, k2, p1, p2, k3] = camera.lens().coefficients().map(f64::abs);
+    affine * (1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * 7.0 * k3)) + 8.0 * r * (p1 + p2))
+}
