@@ -300,7 +300,7 @@ pub(crate) mod tests {
     proptest! {
         #[test]
         fn runs_and_mask_say_the_same(width in 1u32..40, height in 1u32..20, seed in any::<u64>()) {
-            let mask = crate::silhouette::tests::random_mask(width, height, seed);
+            let mask = random_mask(width, height, seed);
             let silhouette = Silhouette::from_mask(width, height, &mask).expect("size");
             prop_assert_eq!(silhouette.to_mask(), mask.clone());
             for row in 0..height as i32 {

@@ -1,0 +1,151 @@
+//! The exact twin of spec §3: every search exhaustive, every ray marched densely.
+
+use nalgebra::{Point3, Vector2, Vector3};
+
+use super::DenseView;
+use crate::camera::Pixel;
+use crate::rule::{OutOfView, ProbeSettings};
+use crate::view::Class;
+
+/// What the twin finds for a point inside the hull.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BrutePoint {
+    /// The winning camera and its edge; `None` if no camera has one.
+    pub edge: Option<BruteEdge>,
+    /// The exit along the edge's normal, metres.
+    pub exit_m: Option<f64>,
+}
+
+/// The winning camera's edge.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BruteEdge {
+    /// Which camera.
+    pub camera: usize,
+    /// Its edge pixel.
+    pub pixel: Pixel,
+    /// From the point to the pixel's viewing ray, metres.
+    pub distance_m: f64,
+    /// The hull's outward unit normal in the world.
+    pub normal_world: Vector3<f64>,
+}
+
+/// What one camera says of a point.
+pub fn class(view: &DenseView, settings: &ProbeSettings, point: &Point3<f64>) -> Class {
+    match view.camera.pixel(point) {
+        None if settings.rule().out_of_view == OutOfView::Outside => Class::Outside,
+        None => Class::Unknown,
+        Some(pixel) if view.is_ignored(pixel) => Class::Unknown,
+        Some(pixel) if view.is_foreground(pixel) => Class::Inside,
+        Some(_) => Class::Outside,
+    }
+}
+
+/// The hull rule over all cameras.
+pub fn is_inside(views: &[DenseView], settings: &ProbeSettings, point: &Point3<f64>) -> bool {
+    let classes: Vec<Class> = views.iter().map(|view| class(view, settings, point)).collect();
+    let count = classes.iter().filter(|&&class| class == Class::Inside).count();
+    !classes.contains(&Class::Outside) && count >= settings.rule().min_views as usize
+}
+
+/// Everything about one point; `None` if it is not inside. Rays are marched at `march_m`.
+pub fn point(
+    views: &[DenseView],
+    settings: &ProbeSettings,
+    a: &Point3<f64>,
+    march_m: f64,
+) -> Option<BrutePoint> {
+    if !is_inside(views, settings, a) {
+        return None;
+    }
+    let mut best: Option<BruteEdge> = None;
+    for (camera, view) in views.iter().enumerate() {
+        if class(view, settings, a) != Class::Inside {
+            continue;
+        }
+        let Some(edge) = camera_edge(view, camera, settings, a) else { continue };
+        if best.as_ref().is_none_or(|best| edge.distance_m < best.distance_m) {
+            best = Some(edge);
+        }
+    }
+    let exit_m = best.as_ref().and_then(|edge| exit(views, settings, a, &edge.normal_world, march_m));
+    Some(BrutePoint { edge: best, exit_m })
+}
+
+/// True if the pixel counts as background for edges and normals.
+fn is_candidate(view: &DenseView, settings: &ProbeSettings, pixel: Pixel) -> bool {
+    let off_image = !view.camera.holds(pixel);
+    if off_image && settings.rule().out_of_view == OutOfView::Abstain {
+        return false;
+    }
+    !view.is_foreground(pixel) && !view.is_ignored(pixel) && view.camera.normalised(&pixel.centre()).is_some()
+}
+
+fn camera_edge(
+    view: &DenseView,
+    camera: usize,
+    settings: &ProbeSettings,
+    a: &Point3<f64>,
+) -> Option<BruteEdge> {
+    let start = view.camera.pixel(a)?;
+    let rank = |pixel: Pixel| {
+        let (dx, dy) = (i64::from(pixel.column - start.column), i64::from(pixel.row - start.row));
+        (dx * dx + dy * dy, pixel.row, pixel.column)
+    };
+    let mut nearest: Option<Pixel> = None;
+    // A pixel off the image is nearest only if it touches the image.
+    for row in -1..=view.camera.height() as i32 {
+        for column in -1..=view.camera.width() as i32 {
+            let pixel = Pixel { column, row };
+            let nearer = nearest.is_none_or(|nearest| rank(pixel) < rank(nearest));
+            if nearer && is_candidate(view, settings, pixel) {
+                nearest = Some(pixel);
+            }
+        }
+    }
+    let nearest = nearest?;
+    let centre_world = view.camera.centre_world();
+    let ray = view.camera.ray_world(&nearest.centre())?;
+    let normalised = view.camera.normalised(&nearest.centre())?;
+    let k = settings.normal_window().half_side_pixels(view.camera.width(), view.camera.height()) as i32;
+    let mut sum = Vector2::zeros();
+    for dy in -k..=k {
+        for dx in -k..=k {
+            let pixel = Pixel { column: nearest.column + dx, row: nearest.row + dy };
+            if is_candidate(view, settings, pixel) {
+                sum += Vector2::new(f64::from(dx), f64::from(dy));
+            }
+        }
+    }
+    let m = if sum == Vector2::zeros() { nearest.centre() - start.centre() } else { sum };
+    Some(BruteEdge {
+        camera,
+        pixel: nearest,
+        distance_m: (a - centre_world).cross(&ray).norm(),
+        normal_world: view.camera.hull_normal_world(&normalised, &m)?,
+    })
+}
+
+/// The first `t` at which the hull rule no longer says inside: marched, then bisected.
+pub fn exit(
+    views: &[DenseView],
+    settings: &ProbeSettings,
+    a: &Point3<f64>,
+    n: &Vector3<f64>,
+    march_m: f64,
+) -> Option<f64> {
+    let inside = |t: f64| is_inside(views, settings, &(a + n * t));
+    let steps = (settings.max_depth_m() / march_m).ceil() as u64;
+    for step in 1..=steps {
+        let t = (step as f64 * march_m).min(settings.max_depth_m());
+        if inside(t) {
+            continue;
+        }
+        let (mut low, mut high) = ((step - 1) as f64 * march_m, t);
+        for _ in 0..60 {
+            let middle = 0.5 * (low + high);
+            if inside(middle) { low = middle } else { high = middle }
+        }
+        return Some(high);
+    }
+    None
+}

@@ -1,0 +1,6 @@
+//! The questions that one camera answers about points at one frame (paper §4, spec §3).
+
+pub mod classify;
+pub mod edge_normal;
+pub mod exit;
+pub mod nearest_edge;

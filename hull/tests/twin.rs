@@ -1,0 +1,115 @@
+//! The probes against their brute-force twin on random rigs: distortion, holes, noise, borders, ignore
+//! masks, silent cameras.
+
+mod common;
+
+use common::{Dice, random_rig};
+use hull::oracle::brute;
+use hull::pass::{Pass, Touch};
+use hull::probe::exit::along;
+use hull::question::Points;
+use hull::view_set::Scratch;
+use hull::{HullRule, NormalWindow, OutOfView, ProbeSettings, ViewSet};
+use nalgebra::{Point3, Vector3};
+
+const MARCH_M: f64 = 5e-4;
+
+fn settings(out_of_view: OutOfView, min_views: u32) -> ProbeSettings {
+    ProbeSettings::new(HullRule { out_of_view, min_views }, NormalWindow::Auto, 1.0).expect("in range")
+}
+
+fn run(sets: &[ViewSet], settings: ProbeSettings, points: &[[f64; 3]]) -> Vec<Touch> {
+    let mut pass = Pass::new(
+        vec![Points::World(points.into())],
+        Some(&hull::cull::WorldBox::EVERYWHERE),
+        settings,
+        sets.len(),
+    );
+    let mut scratch = Scratch::default();
+    while let Some(question) = pass.question().cloned() {
+        for (group, set) in sets.iter().enumerate().rev() {
+            pass.answer(group, set.answer(&question, &mut scratch)).expect("a fitting answer");
+        }
+    }
+    pass.into_results().remove(0).touches
+}
+
+/// Checks a random rig's answers and returns how many points were inside and how many exits grazed.
+fn check(seed: u64, settings: ProbeSettings, with_ignored: bool) -> (usize, usize) {
+    let (dense, views) = random_rig(seed, settings, with_ignored);
+    let mut dice = Dice(seed ^ 0xabcdef);
+    let points: Vec<[f64; 3]> = (0..150).map(|_| std::array::from_fn(|_| dice.between(-0.9, 0.9))).collect();
+    let together = run(&[ViewSet::new(views.clone())], settings, &points);
+    let alone: Vec<ViewSet> = views.iter().map(|view| ViewSet::new(vec![view.clone()])).collect();
+    assert_eq!(run(&alone, settings, &points), together, "one group or many, seed {seed}");
+
+    let mut grazes = 0;
+    let mut touches = together.iter();
+    for (index, point) in points.iter().enumerate() {
+        let a = Point3::from(*point);
+        let Some(twin) = brute::point(&dense, &settings, &a, MARCH_M) else { continue };
+        let touch = touches.next().expect("as many inside as the twin says");
+        assert_eq!(touch.sample as usize, index, "seed {seed}");
+        let (Some(edge), Some(twin_edge)) = (touch.edge, &twin.edge) else {
+            assert_eq!(touch.edge.is_none(), twin.edge.is_none(), "seed {seed} point {index}");
+            continue;
+        };
+        assert!((f64::from(edge.distance_m) - twin_edge.distance_m).abs() < 5e-6);
+        assert_eq!((usize::from(edge.camera), edge.pixel), (twin_edge.camera, twin_edge.pixel));
+        let normal = Vector3::from(edge.normal_world.map(f64::from));
+        assert!((normal - twin_edge.normal_world).norm() < 1e-6);
+        grazes += usize::from(!exit_holds(&dense, &settings, &a, &normal, touch.exit_m, twin.exit_m));
+    }
+    assert!(touches.next().is_none(), "no more inside than the twin says");
+    (together.len(), grazes)
+}
+
+/// The contract of an exit: not inside at t, inside just before, and inside at all marched points up to it.
+fn exit_holds(
+    dense: &[hull::oracle::DenseView],
+    settings: &ProbeSettings,
+    a: &Point3<f64>,
+    n: &Vector3<f64>,
+    exit_m: Option<f32>,
+    twin_m: Option<f64>,
+) -> bool {
+    let inside = |point: &Point3<f64>| brute::is_inside(dense, settings, point);
+    match (exit_m, twin_m) {
+        (None, None) => true,
+        (Some(t), twin) => {
+            let end = f64::from(t);
+            !inside(&along(a, n, t))
+                && inside(&(a + n * (end - 1e-6)))
+                // The march may step over a sliver that the exact walk finds, never the reverse.
+                && twin.is_none_or(|twin| end <= twin + 1e-6)
+        }
+        (None, Some(_)) => false,
+    }
+}
+
+fn check_many(settings: ProbeSettings, with_ignored: bool) {
+    let (mut inside, mut grazes) = (0, 0);
+    for seed in 1..=25 {
+        let (more_inside, more_grazes) = check(seed, settings, with_ignored);
+        inside += more_inside;
+        grazes += more_grazes;
+    }
+    assert!(inside > 150, "only {inside} points inside: the rigs test nothing");
+    assert!(grazes * 100 <= inside, "{grazes} of {inside} exits differ: more than corners can explain");
+}
+
+#[test]
+fn answers_equal_the_twin_when_unseen_is_outside() {
+    check_many(settings(OutOfView::Outside, 2), false);
+}
+
+#[test]
+fn answers_equal_the_twin_with_ignore_masks() {
+    check_many(settings(OutOfView::Outside, 2), true);
+}
+
+#[test]
+fn answers_equal_the_twin_when_cameras_abstain() {
+    check_many(settings(OutOfView::Abstain, 2), true);
+    check_many(settings(OutOfView::Abstain, 1), false);
+}
