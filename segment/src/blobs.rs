@@ -1,0 +1,234 @@
+//! Connected components, on runs: specks go, small holes are filled.
+
+use hull::silhouette::Run;
+
+use crate::bits::BitImage;
+
+/// Labels components of an image; its buffers are kept between frames.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Blobs {
+    runs: Vec<Run>,
+    row_offsets: Vec<usize>,
+    /// Parent of each run; a run that is its own parent stands for its component.
+    parents: Vec<u32>,
+    /// Pixels of the component, at the run that stands for it.
+    areas: Vec<u32>,
+    on_border: Vec<bool>,
+    by_area: Vec<(u32, u32)>,
+}
+
+impl Blobs {
+    /// Clears components (pixels that touch, also at corners) of fewer than `least_px` pixels, and
+    /// all but the `keep` largest, if given (of equal ones the upper).
+    pub(crate) fn remove_specks(
+        &mut self,
+        image: &mut BitImage,
+        height: usize,
+        least_px: u32,
+        keep: Option<usize>,
+    ) {
+        self.label(image, height, 1);
+        let mut least = (least_px, 0);
+        if let Some(keep) = keep {
+            self.by_area.clear();
+            for (run, &parent) in self.parents.iter().enumerate() {
+                if parent as usize == run {
+                    self.by_area.push((self.areas[run], u32::MAX - parent));
+                }
+            }
+            if self.by_area.len() > keep {
+                let last = self.by_area.len() - keep;
+                least = least.max(*self.by_area.select_nth_unstable(last).1);
+            }
+        }
+        self.paint(image, height, false, |blobs, root| (blobs.areas[root], u32::MAX - root as u32) < least);
+    }
+
+    /// Fills background components of at most `most_px` pixels that do not touch the image's border.
+    pub(crate) fn fill_holes(&mut self, image: &mut BitImage, width: u32, height: usize, most_px: u32) {
+        image.invert();
+        self.label(image, height, 0);
+        image.invert();
+        self.on_border.clear();
+        self.on_border.resize(self.runs.len(), false);
+        for row in 0..height {
+            for at in self.row_offsets[row]..self.row_offsets[row + 1] {
+                let run = self.runs[at];
+                if row == 0 || row + 1 == height || run.start == 0 || u32::from(run.end) == width {
+                    let root = self.root(at);
+                    self.on_border[root] = true;
+                }
+            }
+        }
+        self.paint(image, height, true, |blobs, root| blobs.areas[root] <= most_px && !blobs.on_border[root]);
+    }
+
+    /// Sets the pixels of all components that are `chosen` to `value`.
+    fn paint(
+        &mut self,
+        image: &mut BitImage,
+        height: usize,
+        value: bool,
+        chosen: impl Fn(&Blobs, usize) -> bool,
+    ) {
+        for row in 0..height {
+            for at in self.row_offsets[row]..self.row_offsets[row + 1] {
+                let root = self.root(at);
+                if chosen(self, root) {
+                    image.set_run(row, self.runs[at], value);
+                }
+            }
+        }
+    }
+
+    /// Finds components; runs of neighbouring rows touch if they overlap after growing by `reach`.
+    fn label(&mut self, image: &BitImage, height: usize, reach: u32) {
+        self.runs.clear();
+        self.row_offsets.clear();
+        self.row_offsets.push(0);
+        for row in 0..height {
+            image.row_runs(row, &mut self.runs);
+            self.row_offsets.push(self.runs.len());
+        }
+        self.parents.clear();
+        self.parents.extend(0..self.runs.len() as u32);
+        for row in 1..height {
+            self.join_rows(row, reach);
+        }
+        self.areas.clear();
+        self.areas.resize(self.runs.len(), 0);
+        for at in 0..self.runs.len() {
+            let root = self.root(at);
+            self.areas[root] += u32::from(self.runs[at].end - self.runs[at].start);
+        }
+    }
+
+    fn join_rows(&mut self, row: usize, reach: u32) {
+        let (mut above, here_first) = (self.row_offsets[row - 1], self.row_offsets[row]);
+        let mut here = here_first;
+        while above < here_first && here < self.row_offsets[row + 1] {
+            let (a, b) = (self.runs[above], self.runs[here]);
+            if u32::from(a.start) < u32::from(b.end) + reach && u32::from(b.start) < u32::from(a.end) + reach
+            {
+                let (first, second) = (self.root(above), self.root(here));
+                // The smaller index stands for both, so that labels do not depend on the order.
+                self.parents[first.max(second)] = first.min(second) as u32;
+            }
+            if a.end <= b.end {
+                above += 1;
+            } else {
+                here += 1;
+            }
+        }
+    }
+
+    fn root(&mut self, mut at: usize) -> usize {
+        while self.parents[at] as usize != at {
+            self.parents[at] = self.parents[self.parents[at] as usize];
+            at = self.parents[at] as usize;
+        }
+        at
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn drawn(rows: &[&str]) -> BitImage {
+        let mut image = BitImage::new(rows[0].len() as u32, rows.len() as u32);
+        for (row, text) in rows.iter().enumerate() {
+            let pixels: Vec<u8> = text.bytes().map(|c| u8::from(c == b'#')).collect();
+            image.set_row(row, &pixels);
+        }
+        image
+    }
+
+    const MESS: [&str; 7] = [
+        "#......##...", //
+        ".#.....##...",
+        "..#.........",
+        "...####...##",
+        "...#..#...##",
+        "...#.##...##",
+        "...###......",
+    ];
+
+    #[test]
+    fn corners_join_a_component_and_small_ones_go() {
+        let mut image = drawn(&MESS);
+        Blobs::default().remove_specks(&mut image, 7, 5, None);
+        let mut expected = MESS;
+        expected[0] = "#...........";
+        expected[1] = ".#..........";
+        assert_eq!(image, drawn(&expected));
+    }
+
+    #[test]
+    fn only_the_largest_are_kept() {
+        let mut image = drawn(&MESS);
+        Blobs::default().remove_specks(&mut image, 7, 0, Some(1));
+        let kept: Vec<String> = MESS
+            .iter()
+            .enumerate()
+            .map(|(row, text)| format!("{}.....", if row < 2 { &text[..7] } else { &text[..7] }))
+            .collect();
+        let kept: Vec<&str> = kept.iter().map(String::as_str).collect();
+        assert_eq!(image, drawn(&kept));
+        Blobs::default().remove_specks(&mut image, 7, 0, Some(3));
+        assert_eq!(image, drawn(&kept), "fewer than asked for are all kept");
+    }
+
+    #[test]
+    fn holes_are_filled_but_not_bays_of_the_border_nor_large_ones() {
+        let ring = ["#####..", "#...#..", "#.#.#..", "#...###", "#####.."];
+        let mut image = drawn(&ring);
+        Blobs::default().fill_holes(&mut image, 7, 5, 7);
+        assert_eq!(image, drawn(&ring), "the hole has eight pixels");
+        Blobs::default().fill_holes(&mut image, 7, 5, 8);
+        assert_eq!(image, drawn(&["#####..", "#####..", "#####..", "#######", "#####.."]));
+    }
+
+    #[test]
+    fn a_hole_does_not_leak_through_a_corner() {
+        let mut image = drawn(&["......", "..#...", ".#.#..", "..#...", "......"]);
+        Blobs::default().fill_holes(&mut image, 6, 5, 1);
+        assert_eq!(image.count(), 5);
+    }
+
+    proptest! {
+        #[test]
+        fn components_are_those_of_a_flood(mask in prop::collection::vec(0u8..2, 12 * 9), least in 1u32..12) {
+            let (width, height) = (12usize, 9usize);
+            let mut image = BitImage::new(12, 9);
+            mask.chunks(width).enumerate().for_each(|(row, pixels)| image.set_row(row, pixels));
+            Blobs::default().remove_specks(&mut image, height, least, None);
+            let mut expected = mask.clone();
+            let mut seen = vec![false; mask.len()];
+            for seed in 0..mask.len() {
+                let mut blob = if mask[seed] == 1 && !seen[seed] { vec![seed] } else { continue };
+                seen[seed] = true;
+                let mut next = 0;
+                while next < blob.len() {
+                    let (row, column) = ((blob[next] / width) as i32, (blob[next] % width) as i32);
+                    next += 1;
+                    for (r, c) in (row - 1..=row + 1).flat_map(|r| (column - 1..=column + 1).map(move |c| (r, c))) {
+                        let on = (0..height as i32).contains(&r) && (0..width as i32).contains(&c);
+                        let at = (r.max(0) * width as i32 + c.max(0)) as usize;
+                        if on && mask[at] == 1 && !seen[at] {
+                            seen[at] = true;
+                            blob.push(at);
+                        }
+                    }
+                }
+                if (blob.len() as u32) < least {
+                    blob.iter().for_each(|&at| expected[at] = 0);
+                }
+            }
+            let mut again = BitImage::new(12, 9);
+            expected.chunks(width).enumerate().for_each(|(row, pixels)| again.set_row(row, pixels));
+            prop_assert_eq!(image, again);
+        }
+    }
+}

@@ -1,0 +1,210 @@
+//! What can be set, its defaults and its ranges.
+
+use serde::Deserialize;
+use thiserror::Error;
+
+/// How foreground is told from background.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Method {
+    /// By the difference to a model of the empty room.
+    #[default]
+    Difference,
+    /// By not being green; needs no model.
+    Chroma,
+}
+
+/// Which change of exposure between model and frame is taken out before they are compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum GainMode {
+    /// None: exposure and white balance are fixed.
+    Off,
+    /// One factor per frame for all channels: exposure drifts.
+    Brightness,
+    /// One factor per frame and channel: white balance drifts too.
+    #[default]
+    Colour,
+}
+
+/// Settings of a segmenter, as they stand in a cluster file; every key may be left out.
+///
+/// Levels are 0 to 255 per channel, distances between colours Euclidean over the three channels
+/// (so up to 441). Lengths and areas in pixels that are left out scale with the image.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SegmentSettings {
+    /// Difference to a background, or chroma key.
+    pub method: Method,
+    /// Colour distance under which a pixel is background; left out, it is estimated from the noise
+    /// of the empty clip. Per pixel it rises with `sigma_factor` and `edge_px`.
+    pub low: Option<f64>,
+    /// Colour distance over which a pixel is foreground, whatever its colour angle.
+    pub high: f64,
+    /// The low threshold is at least so many deviations of the pixel.
+    pub sigma_factor: f64,
+    /// Shake of the camera or error of the picture that contours of the background must bear, pixels: the
+    /// low threshold is at least the change of the background over that distance.
+    pub edge_px: f64,
+    /// Cosine of the colour angle from which a darker pixel is the same surface in shadow.
+    pub shadow_cosine: f64,
+    /// The darkest shadow: the share of the background's brightness that it leaves.
+    pub shadow_darkest: f64,
+    /// Colours shorter than this have no angle worth measuring: one threshold, the low one, decides.
+    pub dark: f64,
+    /// Which changes of exposure are taken out.
+    pub gain: GainMode,
+    /// Chroma key: a pixel is foreground if green is less than this share of red + green + blue.
+    pub green_share: f64,
+    /// Side of the square that foreground must hold not to be noise, pixels; 1 leaves all.
+    pub open_px: Option<u32>,
+    /// Side of the square that gaps must hold to stay open, pixels; 1 leaves all.
+    pub close_px: Option<u32>,
+    /// Connected foreground of fewer pixels is removed.
+    pub speck_px: Option<u32>,
+    /// Enclosed background of at most so many pixels is filled.
+    pub hole_px: Option<u32>,
+    /// Only so many connected pieces are kept, the largest.
+    pub keep_largest: Option<u32>,
+}
+
+impl Default for SegmentSettings {
+    fn default() -> SegmentSettings {
+        SegmentSettings {
+            method: Method::Difference,
+            low: None,
+            high: 110.0,
+            sigma_factor: 3.0,
+            edge_px: 0.5,
+            shadow_cosine: 0.998,
+            shadow_darkest: 0.5,
+            dark: 20.0,
+            gain: GainMode::Colour,
+            green_share: 0.42,
+            open_px: None,
+            close_px: None,
+            speck_px: None,
+            hole_px: None,
+            keep_largest: None,
+        }
+    }
+}
+
+/// A setting out of its range.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[error("{key} is {found}, expected {expected}")]
+pub struct SettingsError {
+    /// The key.
+    pub key: &'static str,
+    /// Its value.
+    pub found: f64,
+    /// What it may be.
+    pub expected: &'static str,
+}
+
+/// The longest side of a cleaning square: beyond it, it is no noise that is cleaned.
+const MAX_SQUARE_PX: u32 = 64;
+
+impl SegmentSettings {
+    /// Settings within their ranges, or the first key that is not.
+    pub fn validate(&self) -> Result<(), SettingsError> {
+        let within = |key, found: f64, least: f64, most: f64, expected| {
+            let good = (least..=most).contains(&found);
+            if good { Ok(()) } else { Err(SettingsError { key, found, expected }) }
+        };
+        if let Some(low) = self.low {
+            within("low", low, 1.0, 255.0, "1 to 255")?;
+        }
+        within("high", self.high, 1.0, 255.0, "1 to 255")?;
+        if self.low.is_some_and(|low| low > self.high) {
+            return Err(SettingsError { key: "high", found: self.high, expected: "at least `low`" });
+        }
+        within("sigma_factor", self.sigma_factor, 0.0, 100.0, "0 to 100")?;
+        within("edge_px", self.edge_px, 0.0, 16.0, "0 to 16")?;
+        within("shadow_cosine", self.shadow_cosine, 0.0, 1.0, "0 to 1")?;
+        within("shadow_darkest", self.shadow_darkest, 0.0, 1.0, "0 to 1")?;
+        within("dark", self.dark, 0.0, 441.0, "0 to 441")?;
+        within("green_share", self.green_share, 0.0, 1.0, "0 to 1")?;
+        for (key, side) in [("open_px", self.open_px), ("close_px", self.close_px)] {
+            let side = f64::from(side.unwrap_or(1));
+            within(key, side, 1.0, f64::from(MAX_SQUARE_PX), "1 to 64")?;
+        }
+        if self.keep_largest == Some(0) {
+            return Err(SettingsError { key: "keep_largest", found: 0.0, expected: "at least 1" });
+        }
+        Ok(())
+    }
+
+    /// What clean-up does on an image of that size.
+    pub(crate) fn cleanup(&self, width: u32, height: u32) -> Cleanup {
+        let pixels = u64::from(width) * u64::from(height);
+        let long = u64::from(width.max(height));
+        // Squares keep their share of the longer side, areas their share of the image.
+        let side = |set: Option<u32>, at_640: u64| {
+            set.map_or_else(
+                || ((at_640 * long + 320) / 640).clamp(1, MAX_SQUARE_PX.into()) as usize,
+                |px| px as usize,
+            )
+        };
+        // A 2,048th of the image is 150 pixels at 640 x 480, about a hand.
+        let area = |set: Option<u32>| set.unwrap_or((pixels / 2048) as u32);
+        Cleanup {
+            open_px: side(self.open_px, 2),
+            close_px: side(self.close_px, 4),
+            speck_px: area(self.speck_px),
+            hole_px: area(self.hole_px),
+            keep: self.keep_largest.map(|keep| keep as usize),
+        }
+    }
+}
+
+/// Clean-up with its lengths and areas in pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Cleanup {
+    pub(crate) open_px: usize,
+    pub(crate) close_px: usize,
+    pub(crate) speck_px: u32,
+    pub(crate) hole_px: u32,
+    pub(crate) keep: Option<usize>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_empty_table_is_the_default() {
+        assert_eq!(toml::from_str::<SegmentSettings>("").expect("empty"), SegmentSettings::default());
+        SegmentSettings::default().validate().expect("defaults are within range");
+    }
+
+    #[test]
+    fn keys_are_read_and_unknown_ones_refused() {
+        let settings: SegmentSettings =
+            toml::from_str("method = \"chroma\"\ngain = \"off\"\nlow = 18\nkeep_largest = 2").expect("keys");
+        assert_eq!((settings.method, settings.gain), (Method::Chroma, GainMode::Off));
+        assert_eq!((settings.low, settings.keep_largest), (Some(18.0), Some(2)));
+        let error = toml::from_str::<SegmentSettings>("hihg = 100").expect_err("a slip").to_string();
+        assert!(error.contains("hihg") && error.contains("high"), "{error}");
+    }
+
+    #[test]
+    fn values_out_of_range_are_named() {
+        let error = |text: &str| {
+            let settings: SegmentSettings = toml::from_str(text).expect("well formed");
+            settings.validate().expect_err(text).to_string()
+        };
+        assert_eq!(error("high = 300.0"), "high is 300, expected 1 to 255");
+        assert_eq!(error("low = 60.0\nhigh = 50.0"), "high is 50, expected at least `low`");
+        assert_eq!(error("shadow_cosine = nan"), "shadow_cosine is NaN, expected 0 to 1");
+        assert_eq!(error("open_px = 65"), "open_px is 65, expected 1 to 64");
+        assert_eq!(error("keep_largest = 0"), "keep_largest is 0, expected at least 1");
+    }
+
+    #[test]
+    fn cleaning_scales_with_the_image() {
+        let at = |width, height| SegmentSettings::default().cleanup(width, height);
+        assert_eq!((at(640, 480).open_px, at(640, 480).close_px, at(640, 480).hole_px), (2, 4, 150));
+        assert_eq!((at(1080, 1920).open_px, at(1080, 1920).close_px, at(1080, 1920).hole_px), (6, 12, 1012));
+    }
+}
