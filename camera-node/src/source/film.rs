@@ -1,0 +1,186 @@
+//! What films share, wherever their bytes come from: numbers, checks, and the plain `.y4m` file.
+
+use std::fs::File;
+use std::io::BufReader;
+use std::num::NonZeroU64;
+use std::path::PathBuf;
+
+use hull::Camera;
+
+use super::y4m::{Header, Reader};
+use super::yuv::rgb_from_planes;
+use super::{FileConfig, Image, Kind, OpenContext, Source, SourceError, Taken};
+
+/// How indices in a film become numbers in the cluster.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Numbering {
+    start_frame: u64,
+    frame_step: NonZeroU64,
+}
+
+impl Numbering {
+    /// Index `start_frame` becomes number 0, every `frame_step`-th after it the next.
+    pub fn new(start_frame: u64, frame_step: NonZeroU64) -> Numbering {
+        Numbering { start_frame, frame_step }
+    }
+
+    /// The number of the frame with that index in the film, if it has one.
+    pub fn number(self, index: u64) -> Option<u64> {
+        let past = index.checked_sub(self.start_frame)?;
+        past.is_multiple_of(self.frame_step.get()).then(|| past / self.frame_step)
+    }
+
+    /// How fast the film must run to give `fps` numbered frames a second.
+    pub fn film_fps(self, fps: f64) -> f64 {
+        fps * self.frame_step.get() as f64
+    }
+}
+
+/// The camera that a source must fit.
+#[derive(Clone, Debug)]
+pub struct Fit {
+    camera: String,
+    size: (u32, u32),
+}
+
+impl Fit {
+    /// Frames must have this camera's size.
+    pub fn new(camera: &Camera) -> Fit {
+        Fit { camera: camera.name().to_owned(), size: (camera.width(), camera.height()) }
+    }
+
+    /// Refuses another size, naming both.
+    pub fn check(&self, source_name: &str, found: (u32, u32)) -> Result<(), SourceError> {
+        if found == self.size {
+            return Ok(());
+        }
+        Err(SourceError::Size {
+            source_name: source_name.to_owned(),
+            found,
+            camera: self.camera.clone(),
+            expected: self.size,
+        })
+    }
+}
+
+/// Refuses a film whose header names another speed. A program that drops or repeats frames to keep
+/// a speed of its own is noticed here, and not by a person moving at half speed.
+pub fn check_rate(source_name: &str, header: &Header, expected: f64) -> Result<(), SourceError> {
+    let Some((top, bottom)) = header.rate else { return Ok(()) };
+    let found = f64::from(top) / f64::from(bottom);
+    // 29.97 passes for 30.
+    if (found / expected - 1.0).abs() < 0.005 {
+        return Ok(());
+    }
+    Err(SourceError::Rate { source_name: source_name.to_owned(), found, expected })
+}
+
+/// Writes planes into an image.
+pub fn fill_rgb(header: &Header, planes: &[u8], image: &mut Image) {
+    (image.width, image.height, image.kind) = (header.width, header.height, Kind::Rgb);
+    rgb_from_planes(header, planes, &mut image.data);
+}
+
+/// A film in one YUV4MPEG2 file.
+pub struct FileFilm {
+    path: PathBuf,
+    reader: Reader<BufReader<File>>,
+    numbering: Numbering,
+    fps: f64,
+    index: u64,
+    planes: Vec<u8>,
+}
+
+impl FileFilm {
+    /// Opens the file and checks its header against camera and cluster.
+    pub fn open(
+        config: &FileConfig,
+        camera: &Camera,
+        context: &OpenContext,
+    ) -> Result<FileFilm, SourceError> {
+        let path = config.path.clone();
+        let refused = |problem: String| SourceError::File { path: path.clone(), problem };
+        let file = File::open(&path).map_err(|error| refused(error.to_string()))?;
+        let reader = Reader::new(BufReader::new(file)).map_err(|error| refused(error.to_string()))?;
+        let (header, name) = (reader.header(), path.display().to_string());
+        Fit::new(camera).check(&name, (header.width, header.height))?;
+        let numbering = Numbering::new(config.start_frame, config.frame_step);
+        check_rate(&name, header, numbering.film_fps(context.fps))?;
+        Ok(FileFilm { path, reader, numbering, fps: context.fps, index: 0, planes: Vec::new() })
+    }
+}
+
+impl Source for FileFilm {
+    fn next(&mut self, at_least: u64, image: &mut Image) -> Result<Option<Taken>, SourceError> {
+        let mut skipped = 0;
+        loop {
+            let read = self.reader.read(&mut self.planes);
+            match read {
+                Ok(true) => {}
+                Ok(false) => return Ok(None),
+                Err(error) => {
+                    return Err(SourceError::File { path: self.path.clone(), problem: error.to_string() });
+                }
+            }
+            let number = self.numbering.number(self.index);
+            self.index += 1;
+            match number {
+                None => {}
+                Some(number) if number < at_least => skipped += 1,
+                Some(number) => {
+                    fill_rgb(self.reader.header(), &self.planes, image);
+                    return Ok(Some(Taken { number, capture_time_s: number as f64 / self.fps, skipped }));
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{camera, context, numbers};
+    use super::*;
+
+    fn film(
+        folder: &tempfile::TempDir,
+        start_frame: u64,
+        frame_step: u64,
+        fps: f64,
+    ) -> Result<FileFilm, SourceError> {
+        let path = folder.path().join("film.y4m");
+        let mut bytes = b"YUV4MPEG2 W2 H1 F60:1 Cmono XCOLORRANGE=FULL\n".to_vec();
+        for frame in 0..10 {
+            bytes.extend_from_slice(b"FRAME\n");
+            bytes.extend([frame, 100]);
+        }
+        std::fs::write(&path, bytes).expect("written");
+        let config = FileConfig { path, start_frame, frame_step: frame_step.try_into().expect("not zero") };
+        FileFilm::open(&config, &camera(2, 1), &context(fps))
+    }
+
+    #[test]
+    fn the_index_is_the_number_and_start_and_step_choose_frames() {
+        let folder = tempfile::tempdir().expect("folder");
+        let mut source = film(&folder, 3, 2, 30.0).expect("opens");
+        let mut image = Image::default();
+        let taken = source.next(0, &mut image).expect("read").expect("a frame");
+        assert_eq!(taken, Taken { number: 0, capture_time_s: 0.0, skipped: 0 });
+        assert_eq!(image, Image { width: 2, height: 1, kind: Kind::Rgb, data: vec![3, 3, 3, 100, 100, 100] });
+        let taken = source.next(2, &mut image).expect("read").expect("a frame");
+        assert_eq!(taken, Taken { number: 2, capture_time_s: 2.0 / 30.0, skipped: 1 });
+        assert_eq!(image.data[0], 7);
+        assert_eq!(numbers(&mut source), [3]);
+    }
+
+    #[test]
+    fn a_film_of_another_speed_is_refused() {
+        let folder = tempfile::tempdir().expect("folder");
+        let error = film(&folder, 0, 1, 30.0).err().expect("refused").to_string();
+        assert!(
+            error.ends_with(
+                "film.y4m says 60 frames/s, expected 30 (fps times frame_step of the cluster file)"
+            ),
+            "{error}"
+        );
+    }
+}

@@ -1,0 +1,448 @@
+//! Film from any program that writes YUV4MPEG2 to its standard output: webcams, network cameras
+//! and video files through ffmpeg or GStreamer.
+//!
+//! YUV4MPEG2 has no timestamps. In a film the index is the number; a live camera's frames are
+//! numbered by their arrival minus a configured latency.
+
+use std::io::BufReader;
+use std::process::ChildStdout;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::Duration;
+
+use hull::Camera;
+
+use super::film::{Fit, Numbering, check_rate, fill_rgb};
+use super::mailbox::{Mailbox, Received, WhenFull};
+use super::program::{Ending, Program};
+use super::y4m::{Header, Reader, Y4mError};
+use super::{Clock, Image, OpenContext, PipeConfig, Source, SourceError, Taken};
+
+/// Frames read ahead of use: one being used, one ready, and no more memory than that.
+const FRAMES_AHEAD: usize = 2;
+/// How long a program may take to end after its last frame before it is killed.
+const END_GRACE: Duration = Duration::from_secs(2);
+/// How long one that wrote garbage may take: most have ended by then and say why, but garbage can
+/// be endless.
+const GARBAGE_GRACE: Duration = Duration::from_millis(300);
+/// Room for the pipe reader's line parsing; planes bypass it.
+const BUFFER_BYTES: usize = 64 * 1024;
+
+/// A program's film. Dropping it ends the program.
+pub struct PipeSource {
+    program: Program,
+    mailbox: Arc<Mailbox<Letter>>,
+    empties: Sender<Vec<u8>>,
+    rule: Rule,
+    fps: f64,
+    timeout: Duration,
+    frames: u64,
+    /// The newest number given out; numbers only grow.
+    last: Option<u64>,
+    over: Option<Result<(), SourceError>>,
+}
+
+/// How frames get their numbers.
+#[derive(Clone, Copy, Debug)]
+enum Rule {
+    Index(Numbering),
+    Arrival { latency_s: f64 },
+}
+
+enum Letter {
+    Frame {
+        header: Header,
+        index: u64,
+        arrival_s: f64,
+        planes: Vec<u8>,
+    },
+    /// The last one: what is wrong, and the pipe. While it is open the program dies of nothing but
+    /// its own faults, and its last words are not about us.
+    Wrong(Wrong, ChildStdout),
+}
+
+enum Wrong {
+    Misfit(SourceError),
+    Garbage(String),
+}
+
+impl PipeSource {
+    /// Starts the program.
+    pub fn open(
+        config: &PipeConfig,
+        camera: &Camera,
+        context: &OpenContext,
+    ) -> Result<PipeSource, SourceError> {
+        let (program, stdout) = Program::start(&config.command, &config.folder)?;
+        let numbering = Numbering::new(config.start_frame, config.frame_step);
+        let (rule, when_full, capacity, film_fps) = if config.live {
+            (Rule::Arrival { latency_s: config.latency_s }, WhenFull::DropOldest, 1, None)
+        } else {
+            (Rule::Index(numbering), WhenFull::Wait, FRAMES_AHEAD, Some(numbering.film_fps(context.fps)))
+        };
+        let mailbox = Arc::new(Mailbox::new(capacity, when_full));
+        let (empties, returned) = channel();
+        let reading = Reading {
+            mailbox: Arc::clone(&mailbox),
+            returned,
+            clock: Arc::clone(&context.clock),
+            name: format!("the film of {:?}", program.command()),
+            fit: Fit::new(camera),
+            film_fps,
+        };
+        // Ends with the pipe, which ends with the program, which ends with the source.
+        std::thread::spawn(move || reading.run(stdout));
+        Ok(PipeSource {
+            program,
+            mailbox,
+            empties,
+            rule,
+            fps: context.fps,
+            timeout: Duration::from_secs_f64(config.timeout_s),
+            frames: 0,
+            last: None,
+            over: None,
+        })
+    }
+
+    /// Number and capture time of a frame; `None` if it has no place in the count.
+    fn number(&self, index: u64, arrival_s: f64) -> Option<(u64, f64)> {
+        let (number, capture_time_s) = match self.rule {
+            Rule::Index(numbering) => {
+                let number = numbering.number(index)?;
+                (number, number as f64 / self.fps)
+            }
+            Rule::Arrival { latency_s } => {
+                let capture_time_s = arrival_s - latency_s;
+                // The nearest tick of the count; before the epoch there is none.
+                let tick = (capture_time_s * self.fps + 0.5).floor();
+                (tick >= 0.0).then_some((tick as u64, capture_time_s))?
+            }
+        };
+        Some((number, capture_time_s))
+    }
+
+    fn ended(&mut self) -> Result<(), SourceError> {
+        match self.program.finish(END_GRACE) {
+            Ending::Exited(status) if !status.success() => {
+                Err(self.program.failure(format!("failed after {} frames", self.frames), END_GRACE))
+            }
+            // One that has closed its output but will not go has given all its frames.
+            Ending::Exited(_) | Ending::Killed => Ok(()),
+        }
+    }
+
+    fn over(&mut self, result: Result<(), SourceError>) -> Result<Option<Taken>, SourceError> {
+        self.mailbox.close();
+        self.over = Some(result.clone());
+        result.map(|()| None)
+    }
+}
+
+impl Source for PipeSource {
+    fn next(&mut self, at_least: u64, image: &mut Image) -> Result<Option<Taken>, SourceError> {
+        if let Some(over) = &self.over {
+            return over.clone().map(|()| None);
+        }
+        let at_least = at_least.max(self.last.map_or(0, |last| last + 1));
+        let mut skipped = 0;
+        loop {
+            let received = self.mailbox.receive(self.timeout);
+            skipped += self.mailbox.take_dropped();
+            let (header, index, arrival_s, planes) = match received {
+                Received::Letter(Letter::Frame { header, index, arrival_s, planes }) => {
+                    (header, index, arrival_s, planes)
+                }
+                Received::Letter(Letter::Wrong(wrong, _open_pipe)) => {
+                    let error = match wrong {
+                        Wrong::Misfit(error) => error,
+                        Wrong::Garbage(problem) => self.program.failure(problem, GARBAGE_GRACE),
+                    };
+                    self.program.finish(Duration::ZERO);
+                    return self.over(Err(error));
+                }
+                Received::Closed => {
+                    let result = self.ended();
+                    return self.over(result);
+                }
+                Received::TimedOut => {
+                    let problem = format!(
+                        "wrote no frame for {} s after {} frames",
+                        self.timeout.as_secs_f64(),
+                        self.frames
+                    );
+                    let error = self.program.failure(problem, Duration::ZERO);
+                    return self.over(Err(error));
+                }
+            };
+            self.frames = index + 1;
+            let taken = match self.number(index, arrival_s) {
+                Some((number, capture_time_s)) if number >= at_least => {
+                    fill_rgb(&header, &planes, image);
+                    self.last = Some(number);
+                    Some(Taken { number, capture_time_s, skipped })
+                }
+                Some(_) => {
+                    skipped += 1;
+                    None
+                }
+                None => None,
+            };
+            // The reader may have ended; then nobody needs the buffer.
+            let _ = self.empties.send(planes);
+            if taken.is_some() {
+                return Ok(taken);
+            }
+        }
+    }
+}
+
+impl Drop for PipeSource {
+    fn drop(&mut self) {
+        self.mailbox.close();
+    }
+}
+
+/// The thread that reads the pipe, so that a live camera is never waited for by its own driver.
+struct Reading {
+    mailbox: Arc<Mailbox<Letter>>,
+    returned: Receiver<Vec<u8>>,
+    clock: Clock,
+    name: String,
+    fit: Fit,
+    film_fps: Option<f64>,
+}
+
+impl Reading {
+    fn run(self, mut stdout: ChildStdout) {
+        if let Err(wrong) = self.frames(&mut stdout) {
+            // Nobody reads any more if this fails.
+            let _ = self.mailbox.send(Letter::Wrong(wrong, stdout));
+        }
+        self.mailbox.close();
+    }
+
+    /// Reads to the film's end, or to what is wrong with it.
+    fn frames(&self, stdout: &mut ChildStdout) -> Result<(), Wrong> {
+        let garbage = |error: Y4mError| Wrong::Garbage(error.to_string());
+        let mut reader = Reader::new(BufReader::with_capacity(BUFFER_BYTES, stdout)).map_err(garbage)?;
+        let header = *reader.header();
+        self.fit.check(&self.name, (header.width, header.height)).map_err(Wrong::Misfit)?;
+        if let Some(film_fps) = self.film_fps {
+            check_rate(&self.name, &header, film_fps).map_err(Wrong::Misfit)?;
+        }
+        for index in 0.. {
+            let mut planes = self.returned.try_recv().unwrap_or_default();
+            if !reader.read(&mut planes).map_err(garbage)? {
+                break;
+            }
+            let arrival_s = (self.clock)();
+            if self.mailbox.send(Letter::Frame { header, index, arrival_s, planes }).is_err() {
+                break;
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::process::Command;
+    use std::sync::atomic::{AtomicU64, Ordering};
+    use std::time::Instant;
+
+    use super::super::SourceConfig;
+    use super::super::tests::{camera, context, numbers};
+    use super::*;
+
+    fn config(command: &[&str], more: &str) -> PipeConfig {
+        let words: Vec<String> = command.iter().map(|word| format!("{word:?}")).collect();
+        let text = format!("kind = \"pipe\"\ncommand = [{}]\n{more}", words.join(", "));
+        match toml::from_str(&text).expect("valid") {
+            SourceConfig::Pipe(config) => config,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    /// A 2 x 1 film from a shell script, in which `h` writes the header and `f` a frame.
+    fn shell(script: &str, more: &str) -> PipeSource {
+        let script = format!(
+            "h() {{ printf 'YUV4MPEG2 W2 H1 F30:1 Cmono\\n'; }}; f() {{ printf 'FRAME\\nab'; }}; {script}"
+        );
+        PipeSource::open(&config(&["sh", "-c", &script], more), &camera(2, 1), &context(30.0))
+            .expect("starts")
+    }
+
+    /// Reads to the error; its text must hold all of `parts`.
+    #[track_caller]
+    fn check_fails(mut source: PipeSource, frames: usize, parts: &[&str]) {
+        let mut image = Image::default();
+        for _ in 0..frames {
+            source.next(0, &mut image).expect("reads").expect("a frame");
+        }
+        let error = source.next(0, &mut image).expect_err("fails");
+        let text = error.to_string();
+        assert!(parts.iter().all(|part| text.contains(part)), "{text}");
+        assert!(!text.contains('\n'));
+        assert_eq!(source.next(0, &mut image), Err(error), "and again");
+    }
+
+    const TEST_FILM: [&str; 8] =
+        ["ffmpeg", "-v", "error", "-f", "lavfi", "-i", "testsrc=size=33x17:rate=30", "-frames:v"];
+
+    fn ffmpeg(last: &[&str]) -> Vec<u8> {
+        let output = Command::new("ffmpeg").args(&TEST_FILM[1..]).args(last).output();
+        output.expect("this test needs ffmpeg (Debian package ffmpeg)").stdout
+    }
+
+    #[test]
+    fn a_film_through_ffmpeg_is_read_exactly() {
+        // The same planes as raw bytes, through our conversion; and ffmpeg's own colours, nearly.
+        for (format, chroma) in [
+            ("yuv420p", "C420jpeg"),
+            ("yuvj422p", "C422"),
+            ("yuv444p", "C444"),
+            ("yuv411p", "C411"),
+            ("gray", "Cmono"),
+        ] {
+            let range = if ["yuvj422p", "gray"].contains(&format) { "FULL" } else { "LIMITED" };
+            let line = format!("YUV4MPEG2 W33 H17 {chroma} XCOLORRANGE={range}");
+            let header = Header::parse(line.as_bytes()).expect("valid");
+            let raw = ffmpeg(&["7", "-pix_fmt", format, "-f", "rawvideo", "-"]);
+            assert_eq!(raw.len(), 7 * header.frame_bytes());
+            let command = [&TEST_FILM[..], &["7", "-pix_fmt", format, "-f", "yuv4mpegpipe", "-"]].concat();
+            let mut source =
+                PipeSource::open(&config(&command, ""), &camera(33, 17), &context(30.0)).expect("starts");
+            let (mut image, mut expected) = (Image::default(), Image::default());
+            for (number, planes) in raw.chunks(header.frame_bytes()).enumerate() {
+                let taken = source.next(0, &mut image).expect("reads").expect("a frame");
+                assert_eq!((taken.number, taken.skipped), (number as u64, 0));
+                fill_rgb(&header, planes, &mut expected);
+                assert!(image == expected, "{format}, frame {number}");
+            }
+            assert_eq!(source.next(0, &mut image), Ok(None));
+            assert_eq!(source.next(0, &mut image), Ok(None), "and again");
+        }
+    }
+
+    #[test]
+    fn colours_are_those_that_ffmpeg_itself_would_show() {
+        let rgb = ffmpeg(&["1", "-pix_fmt", "rgb24", "-f", "rawvideo", "-"]);
+        for format in ["yuv444p", "yuvj444p"] {
+            let command = [&TEST_FILM[..], &["1", "-pix_fmt", format, "-f", "yuv4mpegpipe", "-"]].concat();
+            let mut source =
+                PipeSource::open(&config(&command, ""), &camera(33, 17), &context(30.0)).expect("starts");
+            let mut image = Image::default();
+            source.next(0, &mut image).expect("reads").expect("a frame");
+            let worst = image.data.iter().zip(&rgb).map(|(a, b)| a.abs_diff(*b)).max();
+            assert!(worst <= Some(4), "{format} {worst:?}");
+        }
+    }
+
+    #[test]
+    fn start_step_and_asking_for_later_frames_choose_by_index() {
+        let ten = "h; for i in 1 2 3 4 5 6 7 8 9 0; do f; done";
+        assert_eq!(numbers(&mut shell(ten, "")), (0..10).collect::<Vec<u64>>());
+        let taken = shell(ten, "").next(4, &mut Image::default()).expect("reads").expect("a frame");
+        assert_eq!(taken, Taken { number: 4, capture_time_s: 4.0 / 30.0, skipped: 4 });
+        let two = config(
+            &["sh", "-c", "printf 'YUV4MPEG2 W2 H1 F60:1 Cmono\\nFRAME\\nabFRAME\\nabFRAME\\nabFRAME\\nab'"],
+            "start_frame = 1\nframe_step = 2",
+        );
+        let mut source = PipeSource::open(&two, &camera(2, 1), &context(30.0)).expect("starts");
+        assert_eq!(numbers(&mut source), [0, 1]);
+    }
+
+    #[test]
+    fn a_program_that_fails_is_quoted_with_its_status() {
+        check_fails(
+            shell("echo no such camera >&2; exit 3", ""),
+            0,
+            &["found no bytes at all", "(exit status 3; its last words: no such camera)"],
+        );
+        check_fails(
+            shell("h; f; f; echo unplugged >&2; exit 4", ""),
+            2,
+            &["failed after 2 frames (exit status 4; its last words: unplugged)"],
+        );
+        check_fails(
+            shell("h; f; printf 'FRAME\\na'", ""),
+            1,
+            &["stopped in the middle of frame 1: found 1 bytes of it, expected 2 (exit status 0)"],
+        );
+        check_fails(
+            shell("h; f; printf 'FRAME\\na'; kill -9 $$", ""),
+            1,
+            &["middle of frame 1", "(ended by signal 9)"],
+        );
+    }
+
+    #[test]
+    fn endless_garbage_is_one_error_and_the_end_of_the_program() {
+        check_fails(shell("while :; do echo hello; done", ""), 0, &["starts with \"hello\"", "was killed"]);
+        check_fails(
+            shell("h; f; while :; do printf 0123456789; done", ""),
+            1,
+            &["frame 1 starts with \"0123", "was killed"],
+        );
+        check_fails(shell("cat /dev/zero", ""), 0, &["starts with \"\\0\\0", "was killed"]);
+    }
+
+    #[test]
+    fn silence_is_not_waited_for() {
+        check_fails(
+            shell("h; f; sleep 100", "timeout_s = 0.2"),
+            1,
+            &["wrote no frame for 0.2 s after 1 frames", "was killed"],
+        );
+    }
+
+    #[test]
+    fn other_sizes_and_speeds_are_refused() {
+        let open = |command: &str, size: (u32, u32)| {
+            let config = config(&["sh", "-c", command], "");
+            let mut source =
+                PipeSource::open(&config, &camera(size.0, size.1), &context(30.0)).expect("starts");
+            source.next(0, &mut Image::default()).expect_err("refused").to_string()
+        };
+        let text = open("printf 'YUV4MPEG2 W9000 H9000\\nFRAME\\n'; cat /dev/zero", (2, 1));
+        assert!(
+            text.ends_with("is 9000 x 9000 pixels, expected 2 x 1 as camera \"cam\" of the rig"),
+            "{text}"
+        );
+        let text = open("printf 'YUV4MPEG2 W2 H1 F25:1\\n'; sleep 100", (2, 1));
+        assert!(text.contains("says 25 frames/s, expected 30"), "{text}");
+    }
+
+    #[test]
+    fn live_frames_are_numbered_by_arrival_and_old_ones_dropped() {
+        // The clock moves a tenth of a second a frame: numbers 3 apart, the latency one frame back.
+        let ticks = AtomicU64::new(0);
+        let clock: Clock = Arc::new(move || ticks.fetch_add(1, Ordering::Relaxed) as f64 / 10.0);
+        let context = OpenContext { fps: 30.0, clock };
+        let script = "printf 'YUV4MPEG2 W2 H1 F30:1 Cmono\\n'; for i in 0 1 2 3 4 5; do printf 'FRAME\\nab'; sleep 0.05; done; sleep 100";
+        let live = config(&["sh", "-c", script], "live = true\nlatency_s = 0.1");
+        let mut source = PipeSource::open(&live, &camera(2, 1), &context).expect("starts");
+        let mut image = Image::default();
+        let mut taken = Vec::new();
+        while taken.last().is_none_or(|taken: &Taken| taken.number < 12) {
+            taken.push(source.next(4, &mut image).expect("reads").expect("a frame"));
+        }
+        // The frame before the epoch and the one too old are not given; slow as this machine may
+        // be, each of the others is either taken or counted.
+        assert!(taken.iter().all(|taken| taken.number % 3 == 0 && taken.number >= 6));
+        assert!(taken.iter().all(|taken| (taken.capture_time_s * 30.0 - taken.number as f64).abs() < 1e-9));
+        assert!(taken.windows(2).all(|pair| pair[0].number < pair[1].number));
+        let gone = taken.iter().map(|taken| taken.skipped).sum::<u64>() + taken.len() as u64;
+        assert!((5..=6).contains(&gone), "{taken:?}");
+    }
+
+    #[test]
+    fn dropping_a_source_that_waits_to_write_ends_it_at_once() {
+        let mut source = shell("h; while :; do f; done", "");
+        source.next(1000, &mut Image::default()).expect("reads").expect("a frame");
+        let started = Instant::now();
+        drop(source);
+        assert!(started.elapsed() < Duration::from_secs(5));
+    }
+}

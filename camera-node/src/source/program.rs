@@ -1,0 +1,196 @@
+//! A child program whose standard output is read: started, listened to, and never left behind.
+
+use std::io::Read;
+use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
+use std::path::Path;
+use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use rustix::process::{Pid, Signal, kill_process_group};
+
+use super::SourceError;
+
+/// How much of its standard error is kept, bytes; enough for the lines before a failure.
+const KEPT_STDERR_BYTES: usize = 4096;
+/// How many of its last lines an error quotes, and how long they may get together.
+const QUOTED_LINES: usize = 3;
+const QUOTED_CHARS: usize = 400;
+/// How often the end of a program is looked for.
+const POLL: Duration = Duration::from_millis(2);
+
+/// A running program. Dropping it kills it, and all it started, and waits for it.
+#[derive(Debug)]
+pub struct Program {
+    command: String,
+    child: Child,
+    ended: Option<Ending>,
+    stderr: Arc<Mutex<Vec<u8>>>,
+    listener: Option<JoinHandle<()>>,
+}
+
+/// How a program ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ending {
+    /// By itself.
+    Exited(ExitStatus),
+    /// It was still running, and was killed.
+    Killed,
+}
+
+impl Program {
+    /// Starts `command` (program and arguments) in `folder`, with nothing on its standard input.
+    pub fn start(command: &[String], folder: &Path) -> Result<(Program, ChildStdout), SourceError> {
+        let shown = shown(command);
+        let refused = |problem: String| SourceError::Start { command: shown.clone(), problem };
+        let (program, arguments) =
+            command.split_first().ok_or_else(|| refused("the command is empty".to_owned()))?;
+        // A bare name is looked for in PATH, anything else from the folder.
+        let found = if program.contains('/') { folder.join(program) } else { program.into() };
+        let mut child = Command::new(found)
+            .args(arguments)
+            .current_dir(folder)
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            // A group of its own: Ctrl-C is for us to pass on, and children's children end too.
+            .process_group(0)
+            .spawn()
+            .map_err(|error| refused(format!("{error} (in folder {})", folder.display())))?;
+        let stdout = child.stdout.take();
+        let kept = Arc::new(Mutex::new(Vec::new()));
+        let listener = child.stderr.take().map(|stderr| {
+            let kept = Arc::clone(&kept);
+            std::thread::spawn(move || listen(stderr, &kept))
+        });
+        let program = Program { command: shown.clone(), child, ended: None, stderr: kept, listener };
+        // Both were asked for above; an error beats a panic all the same.
+        let stdout = stdout.ok_or_else(|| refused("it has no standard output".to_owned()))?;
+        Ok((program, stdout))
+    }
+
+    /// The command line, shortened.
+    pub fn command(&self) -> &str {
+        &self.command
+    }
+
+    /// Waits up to `grace` for the program to end by itself, then kills it.
+    pub fn finish(&mut self, grace: Duration) -> Ending {
+        if let Some(ended) = self.ended {
+            return ended;
+        }
+        let deadline = Instant::now() + grace;
+        let ended = loop {
+            match self.child.try_wait() {
+                Ok(Some(status)) => break Ending::Exited(status),
+                Ok(None) if Instant::now() < deadline => std::thread::sleep(POLL),
+                Ok(None) | Err(_) => {
+                    self.kill();
+                    break Ending::Killed;
+                }
+            }
+        };
+        self.ended = Some(ended);
+        ended
+    }
+
+    /// The error for a program that did not do its work, with how it ended and its last words.
+    pub fn failure(&mut self, problem: String, grace: Duration) -> SourceError {
+        let status = match self.finish(grace) {
+            Ending::Killed => "it was still running and was killed".to_owned(),
+            Ending::Exited(status) => match (status.code(), status.signal()) {
+                (Some(code), _) => format!("exit status {code}"),
+                (None, signal) => format!("ended by signal {}", signal.unwrap_or_default()),
+            },
+        };
+        SourceError::Program { command: self.command.clone(), problem, status, last_words: self.last_words() }
+    }
+
+    fn kill(&mut self) {
+        // Not waited for yet, so the number is still this child's and nobody else's. Killing can
+        // only fail if the group is gone, which is what we want.
+        let _ = kill_process_group(Pid::from_child(&self.child), Signal::KILL);
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+
+    fn last_words(&mut self) -> String {
+        // A grandchild may hold the pipe open for ever; what came in this time is enough.
+        let deadline = Instant::now() + Duration::from_millis(500);
+        while self.listener.as_ref().is_some_and(|thread| !thread.is_finished()) && Instant::now() < deadline
+        {
+            std::thread::sleep(POLL);
+        }
+        quoted(&self.stderr.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+impl Drop for Program {
+    fn drop(&mut self) {
+        self.finish(Duration::ZERO);
+    }
+}
+
+/// Drains standard error, so that a talkative program never waits for us, and keeps its end.
+fn listen(mut stderr: impl Read, kept: &Mutex<Vec<u8>>) {
+    let mut chunk = [0; 1024];
+    while let Ok(count @ 1..) = stderr.read(&mut chunk) {
+        let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.extend_from_slice(&chunk[..count]);
+        let excess = kept.len().saturating_sub(KEPT_STDERR_BYTES);
+        kept.drain(..excess);
+    }
+}
+
+/// The last lines in one; progress lines that end in a carriage return are lines too.
+fn quoted(stderr: &[u8]) -> String {
+    let text = String::from_utf8_lossy(stderr);
+    let lines: Vec<&str> = text.split(['\n', '\r']).map(str::trim).filter(|line| !line.is_empty()).collect();
+    let last = lines[lines.len().saturating_sub(QUOTED_LINES)..].join(" | ");
+    let printable: Vec<char> = last.chars().filter(|c| !c.is_control()).collect();
+    let excess = printable.len().saturating_sub(QUOTED_CHARS);
+    printable[excess..].iter().collect()
+}
+
+fn shown(command: &[String]) -> String {
+    let text = command.join(" ");
+    if text.chars().count() <= 120 { text } else { text.chars().take(119).chain("…".chars()).collect() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shell(script: &str) -> (Program, ChildStdout) {
+        Program::start(&["sh", "-c", script].map(str::to_owned), Path::new("/")).expect("starts")
+    }
+
+    #[test]
+    fn last_words_are_the_last_lines_of_much_more() {
+        let (mut program, _stdout) = shell(
+            "i=0; while [ $i -lt 3000 ]; do echo line $i >&2; i=$((i+1)); done; printf 'a\\rb\\n\\n' >&2; exit 7",
+        );
+        let error = program.failure("failed".to_owned(), Duration::from_secs(20)).to_string();
+        assert!(error.ends_with("failed (exit status 7; its last words: line 2999 | a | b)"), "{error}");
+    }
+
+    #[test]
+    fn dropping_kills_children_of_children_at_once() {
+        let (program, mut stdout) = shell("sleep 100 & echo $!; sleep 100; true");
+        let mut byte = [0];
+        stdout.read_exact(&mut byte).expect("started");
+        let started = Instant::now();
+        drop(program);
+        // The pipe ends only when nobody holds it any more.
+        stdout.read_to_end(&mut Vec::new()).expect("ends");
+        assert!(started.elapsed() < Duration::from_secs(10));
+    }
+
+    #[test]
+    fn what_cannot_start_says_so() {
+        let error = Program::start(&["no-such-program-7".to_owned()], Path::new("/")).expect_err("refused");
+        let text = error.to_string();
+        assert!(text.starts_with("cannot start \"no-such-program-7\": No such file"), "{text}");
+    }
+}
