@@ -1,1 +1,33 @@
 //! A synthetic studio: an actor, props and a room, rendered for every camera, with ground truth.
+//!
+//! World: metres, right-handed, +Y up, the floor at y = 0; the person stands at the origin and faces +Z, so
+//! its left is at +X. Frames depend on (settings, camera, index, frame number) to the byte, on every
+//! machine: sines come from `libm`, and nothing runs in parallel.
+//!
+//! - [`StageSettings`] and [`Stage`]: who does what; [`Actor`] and [`Prop`]: where things are at a time.
+//! - [`CameraStage`]: the film of one camera, and its true silhouettes. [`studio_rig`]: the cameras.
+//! - [`Truth`]: signed distance to everything real.
+
+mod camera_stage;
+mod figure;
+mod material;
+mod maths;
+mod motion;
+mod motions;
+mod noise;
+pub mod props;
+mod rig;
+mod room;
+mod shadow;
+mod skeleton;
+mod solid;
+mod studio;
+mod trace;
+
+pub use camera_stage::CameraStage;
+pub use motion::{Motion, NEUTRAL_S, UnknownMotion};
+pub use noise::NOISE_SIGMA;
+pub use props::{Prop, UnknownProp};
+pub use rig::{AIM_M, FIELD_OF_VIEW_RAD, RIG_RADIUS_M, studio_rig};
+pub use skeleton::Joint;
+pub use studio::{Actor, Stage, StageSettings, Truth};

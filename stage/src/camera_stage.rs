@@ -1,0 +1,160 @@
+//! The film of one camera: the empty room once, then per frame only what moves, its shadow and the noise.
+
+use hull::{Camera, Silhouette};
+use nalgebra::Vector3;
+
+use crate::noise::Noise;
+use crate::room;
+use crate::shadow::{LAMP_M, MapPlace, SHADOW_FACTOR, ShadowMap};
+use crate::solid::Solid;
+use crate::studio::{Stage, StageSettings};
+use crate::trace::{Rect, View, rect_of_quad};
+
+/// No solid on this pixel.
+const NOTHING: u8 = u8::MAX;
+
+/// One camera's view of the stage. The bytes it renders depend on settings, camera, index and frame
+/// alone: not on what was rendered before, nor on the machine.
+pub struct CameraStage {
+    stage: Stage,
+    camera: Camera,
+    camera_index: usize,
+    rays: Vec<[f32; 2]>,
+    room_rgb: Vec<u8>,
+    floor: Vec<MapPlace>,
+    shadow: ShadowMap,
+    depths: Vec<f32>,
+    parts: Vec<u8>,
+    /// Where `depths` and `parts` are not clear.
+    drawn: Rect,
+}
+
+impl CameraStage {
+    /// Looks at the empty room once; `camera_index` chooses this camera's noise.
+    pub fn new(settings: &StageSettings, camera: &Camera, camera_index: usize) -> CameraStage {
+        let rays = room::rays(camera);
+        let (room_rgb, floor) = room::picture(camera, &rays);
+        CameraStage {
+            stage: Stage::new(settings),
+            camera: camera.clone(),
+            camera_index,
+            room_rgb,
+            floor,
+            shadow: ShadowMap::new(),
+            depths: vec![f32::INFINITY; rays.len()],
+            parts: vec![NOTHING; rays.len()],
+            rays,
+            drawn: Rect::EMPTY,
+        }
+    }
+
+    /// The camera.
+    pub fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// Bytes of one frame: width × height × 3.
+    pub fn frame_bytes(&self) -> usize {
+        self.room_rgb.len()
+    }
+
+    /// Renders a frame as red, green, blue bytes, row by row from the top left.
+    ///
+    /// # Panics
+    /// If `rgb` is not of [`Self::frame_bytes`].
+    pub fn render(&mut self, frame: u64, rgb: &mut [u8]) {
+        rgb.copy_from_slice(&self.room_rgb);
+        let solids = self.stage.solids(self.stage.settings().time_s(frame));
+        self.darken(&solids, rgb);
+        let views = self.trace(&solids);
+        self.shade(&views, rgb);
+        self.add_noise(frame, 0, rgb);
+    }
+
+    /// Renders a frame of the empty room: neither person nor props. Its noise is other than that of the film.
+    ///
+    /// # Panics
+    /// If `rgb` is not of [`Self::frame_bytes`].
+    pub fn render_empty(&self, frame: u64, rgb: &mut [u8]) {
+        rgb.copy_from_slice(&self.room_rgb);
+        self.add_noise(frame, 1, rgb);
+    }
+
+    /// The true silhouette at a time of the film, seconds: 255 where a pixel's viewing ray meets person or
+    /// props, else 0, row by row. The very test that [`Self::render`] draws by.
+    pub fn mask(&mut self, time_s: f64) -> Vec<u8> {
+        let solids = self.stage.solids(time_s);
+        self.trace(&solids);
+        self.parts.iter().map(|&part| if part == NOTHING { 0 } else { 255 }).collect()
+    }
+
+    /// [`Self::mask`] as a silhouette.
+    pub fn silhouette(&mut self, time_s: f64) -> Result<Silhouette, hull::silhouette::SilhouetteError> {
+        let mask = self.mask(time_s);
+        Silhouette::from_mask(self.camera.width(), self.camera.height(), &mask)
+    }
+
+    /// Finds the nearest solid of every pixel.
+    fn trace(&mut self, solids: &[Solid]) -> Vec<View> {
+        let width = self.camera.width() as usize;
+        for row in self.drawn.rows.0..self.drawn.rows.1 {
+            let span = row * width + self.drawn.columns.0..row * width + self.drawn.columns.1;
+            self.depths[span.clone()].fill(f32::INFINITY);
+            self.parts[span].fill(NOTHING);
+        }
+        let lamp = Vector3::from(LAMP_M);
+        let views: Vec<View> =
+            solids.iter().filter_map(|solid| View::new(solid, &self.camera, &lamp)).collect();
+        self.drawn = views.iter().fold(Rect::EMPTY, |all, view| all.union(view.rect));
+        // A stage has far fewer solids than a byte counts.
+        for (part, view) in views.iter().enumerate() {
+            for row in view.rect.rows.0..view.rect.rows.1 {
+                let span = row * width + view.rect.columns.0..row * width + view.rect.columns.1;
+                let (depths, parts) = (&mut self.depths[span.clone()], &mut self.parts[span.clone()]);
+                view.trace_row(&self.rays[span], depths, parts, part as u8);
+            }
+        }
+        views
+    }
+
+    fn shade(&self, views: &[View], rgb: &mut [u8]) {
+        let width = self.camera.width() as usize;
+        for row in self.drawn.rows.0..self.drawn.rows.1 {
+            for at in row * width + self.drawn.columns.0..row * width + self.drawn.columns.1 {
+                let part = self.parts[at];
+                if part != NOTHING {
+                    let colour = views[usize::from(part)].colour(self.rays[at], self.depths[at]);
+                    rgb[3 * at..3 * at + 3].copy_from_slice(&colour.map(|channel| (channel + 0.5) as u8));
+                }
+            }
+        }
+    }
+
+    /// The cast shadow on the floor: all channels by one factor.
+    fn darken(&mut self, solids: &[Solid], rgb: &mut [u8]) {
+        const DEPTH: u32 = ((1.0 - SHADOW_FACTOR) * 256.0) as u32;
+        self.shadow.draw(solids);
+        let Some(corners) = self.shadow.corners_world() else { return };
+        let rect = rect_of_quad(&self.camera, &corners);
+        let width = self.camera.width() as usize;
+        for row in rect.rows.0..rect.rows.1 {
+            let (from, to) = (row * width + rect.columns.0, row * width + rect.columns.1);
+            for (place, pixel) in self.floor[from..to].iter().zip(rgb[3 * from..3 * to].chunks_exact_mut(3)) {
+                let hidden = self.shadow.hidden(*place);
+                if hidden > 0 {
+                    let factor = 65_536 - hidden * DEPTH * 256 / 255;
+                    for channel in pixel {
+                        *channel = ((u32::from(*channel) * factor + 32_768) >> 16) as u8;
+                    }
+                }
+            }
+        }
+    }
+
+    fn add_noise(&self, frame: u64, clip: u64, rgb: &mut [u8]) {
+        let noise = Noise::new(self.stage.settings().seed, self.camera_index, frame, clip);
+        for (row, bytes) in rgb.chunks_mut(3 * self.camera.width() as usize).enumerate() {
+            noise.add(row, bytes);
+        }
+    }
+}

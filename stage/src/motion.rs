@@ -1,0 +1,110 @@
+//! What the person does: the names of the motions and their timing.
+
+use std::fmt;
+use std::str::FromStr;
+
+use thiserror::Error;
+
+/// Seconds of film for which every motion first holds the neutral pose (arms at the sides).
+pub const NEUTRAL_S: f64 = 1.0;
+
+/// A looped motion of the person. Each holds the neutral pose for [`NEUTRAL_S`] first.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Motion {
+    /// Stands and breathes.
+    Idle,
+    /// Raises the right arm and waves it beside the head.
+    #[default]
+    Wave,
+    /// Walks a circle of 0.6 m radius about (0.6, 0, 0), first towards +Z, turning left.
+    Walk,
+    /// Takes guard and punches to the front, right and left in turn.
+    Punch,
+    /// Bends and sweeps the right arm from the left front round to the right, at table height.
+    Sweep,
+    /// Lifts the box of [`crate::props`] off the table, holds it, tilts it, sets it down.
+    Lift,
+}
+
+/// A motion's name is not one of those known.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("motion {found:?}, expected one of idle, wave, walk, punch, sweep, lift")]
+pub struct UnknownMotion {
+    /// What was given.
+    pub found: String,
+}
+
+impl Motion {
+    /// All motions.
+    pub const ALL: [Motion; 6] =
+        [Motion::Idle, Motion::Wave, Motion::Walk, Motion::Punch, Motion::Sweep, Motion::Lift];
+
+    /// The name used on command lines and in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Motion::Idle => "idle",
+            Motion::Wave => "wave",
+            Motion::Walk => "walk",
+            Motion::Punch => "punch",
+            Motion::Sweep => "sweep",
+            Motion::Lift => "lift",
+        }
+    }
+
+    /// Film time, seconds, from which on the motion repeats itself every [`Self::period_s`].
+    pub fn loop_start_s(self) -> f64 {
+        NEUTRAL_S
+            + match self {
+                Motion::Idle | Motion::Sweep | Motion::Lift => 0.0,
+                Motion::Wave => crate::motions::calm::RAISE_S,
+                Motion::Walk => crate::motions::walk::RAMP_S,
+                Motion::Punch => crate::motions::strike::GUARD_S,
+            }
+    }
+
+    /// Seconds after which the pose returns, once looping.
+    pub fn period_s(self) -> f64 {
+        match self {
+            Motion::Idle => crate::motions::calm::BREATH_S,
+            Motion::Wave => crate::motions::calm::WAVE_S,
+            Motion::Walk => crate::motions::walk::LAP_S,
+            Motion::Punch => crate::motions::strike::PUNCHES_S,
+            Motion::Sweep => crate::motions::strike::SWEEP_PERIOD_S,
+            Motion::Lift => crate::motions::lift::LIFT_PERIOD_S,
+        }
+    }
+}
+
+impl fmt::Display for Motion {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.pad(self.name())
+    }
+}
+
+impl FromStr for Motion {
+    type Err = UnknownMotion;
+
+    fn from_str(text: &str) -> Result<Motion, UnknownMotion> {
+        Motion::ALL
+            .into_iter()
+            .find(|motion| motion.name() == text)
+            .ok_or_else(|| UnknownMotion { found: text.to_owned() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_read_back_and_others_are_refused() {
+        for motion in Motion::ALL {
+            assert_eq!(motion.to_string().parse(), Ok(motion));
+        }
+        let error = "jump".parse::<Motion>().expect_err("unknown");
+        assert_eq!(
+            error.to_string(),
+            "motion \"jump\", expected one of idle, wave, walk, punch, sweep, lift"
+        );
+    }
+}

@@ -1,0 +1,132 @@
+//! Real things in the studio that cameras see as foreground: a table, and the box that is lifted.
+
+use std::fmt;
+use std::str::FromStr;
+
+use hull::body::{BodyError, Pose};
+use nalgebra::{Matrix3, Vector3};
+use thiserror::Error;
+
+use crate::maths::turn_z;
+use crate::motion::{Motion, NEUTRAL_S};
+use crate::motions::lift;
+use crate::solid::{Material, Solid};
+
+/// The table's top face is this high, metres.
+pub const TABLE_HEIGHT_M: f64 = 0.80;
+/// The table's top: across (x), thick (y), deep (z), metres.
+pub const TABLE_TOP_M: [f64; 3] = [0.80, 0.04, 0.60];
+/// The middle of the table on the floor.
+pub const TABLE_PLACE_M: [f64; 3] = [0.0, 0.0, 0.52];
+/// The lifted box: across (x), high (y), deep (z), metres.
+pub const BOX_SIZE_M: [f64; 3] = [0.50, 0.35, 0.40];
+/// The middle of the box while it rests on the table.
+pub const BOX_REST_M: [f64; 3] = [0.0, TABLE_HEIGHT_M + 0.5 * BOX_SIZE_M[1], 0.46];
+/// How far the box is lifted, metres.
+pub const BOX_RISE_M: f64 = 0.35;
+
+/// A real thing in the studio. Without the person all stay where they are at time 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Prop {
+    /// A table in front of the person: [`TABLE_TOP_M`] on four legs, at [`TABLE_PLACE_M`].
+    Table,
+    /// A cardboard box of [`BOX_SIZE_M`] at [`BOX_REST_M`]; the motion `lift` moves it.
+    LiftedBox,
+}
+
+/// A prop's name is not one of those known.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("prop {found:?}, expected one of table, box")]
+pub struct UnknownProp {
+    /// What was given.
+    pub found: String,
+}
+
+impl Prop {
+    /// The name used on command lines and in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Prop::Table => "table",
+            Prop::LiftedBox => "box",
+        }
+    }
+
+    /// The pose of the prop at a time of the film, seconds: the middle of the table's foot, or of the box. `moving`
+    /// is false in a studio without the person.
+    pub fn pose(self, motion: Motion, moving: bool, time_s: f64) -> Result<Pose, BodyError> {
+        match self {
+            Prop::Table => Pose::new(TABLE_PLACE_M, [0.0, 0.0, 0.0, 1.0]),
+            Prop::LiftedBox => {
+                let state = BoxState::at(motion, moving, time_s);
+                let (s, c) = libm::sincos(0.5 * state.tilt_rad);
+                Pose::new(state.centre_world_m(), [0.0, 0.0, s, c])
+            }
+        }
+    }
+
+    /// The solids of the prop at that time, in the world.
+    pub(crate) fn solids(self, motion: Motion, moving: bool, time_s: f64, solids: &mut Vec<Solid>) {
+        match self {
+            Prop::Table => table(solids),
+            Prop::LiftedBox => {
+                let state = BoxState::at(motion, moving, time_s);
+                let centre = Vector3::from(state.centre_world_m());
+                let half = Vector3::from(BOX_SIZE_M) * 0.5;
+                solids.push(Solid::cuboid(centre, turn_z(state.tilt_rad), half, Material::Cardboard));
+            }
+        }
+    }
+}
+
+impl fmt::Display for Prop {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.pad(self.name())
+    }
+}
+
+impl FromStr for Prop {
+    type Err = UnknownProp;
+
+    fn from_str(text: &str) -> Result<Prop, UnknownProp> {
+        [Prop::Table, Prop::LiftedBox]
+            .into_iter()
+            .find(|prop| prop.name() == text)
+            .ok_or_else(|| UnknownProp { found: text.to_owned() })
+    }
+}
+
+/// Where the lifted box is: up from its rest, and turned about the axis through its middle along +Z.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct BoxState {
+    pub rise_m: f64,
+    pub tilt_rad: f64,
+}
+
+impl BoxState {
+    pub fn at(motion: Motion, moving: bool, time_s: f64) -> BoxState {
+        if motion == Motion::Lift && moving {
+            lift::box_state((time_s - NEUTRAL_S).max(0.0) % lift::LIFT_PERIOD_S)
+        } else {
+            BoxState { rise_m: 0.0, tilt_rad: 0.0 }
+        }
+    }
+
+    pub fn centre_world_m(self) -> [f64; 3] {
+        [BOX_REST_M[0], BOX_REST_M[1] + self.rise_m, BOX_REST_M[2]]
+    }
+}
+
+fn table(solids: &mut Vec<Solid>) {
+    let place = Vector3::from(TABLE_PLACE_M);
+    let mut push = |centre: Vector3<f64>, half: Vector3<f64>| {
+        solids.push(Solid::cuboid(place + centre, Matrix3::identity(), half, Material::Wood));
+    };
+    let half = Vector3::from(TABLE_TOP_M) * 0.5;
+    push(Vector3::new(0.0, TABLE_HEIGHT_M - half.y, 0.0), half);
+    let leg_half = 0.025;
+    let height_m = TABLE_HEIGHT_M - TABLE_TOP_M[1];
+    for (x, z) in [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)] {
+        let centre = Vector3::new(x * (half.x - 0.05), 0.5 * height_m, z * (half.z - 0.05));
+        push(centre, Vector3::new(leg_half, 0.5 * height_m, leg_half));
+    }
+}
