@@ -1,0 +1,138 @@
+//! What is kept of a run: a hash over every pose, and a few figures per body.
+
+use crate::rotation;
+use core::fmt;
+use hull::Pose;
+use nalgebra::Vector3;
+
+/// A hash over every body's pose at the start and after every step: equal digests, equal runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TrajectoryDigest(pub [u8; 32]);
+
+impl fmt::Display for TrajectoryDigest {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+    }
+}
+
+/// The digest as it grows.
+#[derive(Clone, Default)]
+pub(crate) struct Trajectory(blake3::Hasher);
+
+impl Trajectory {
+    /// Takes in the poses of one step, in body order.
+    pub(crate) fn add<'a>(&mut self, poses: impl Iterator<Item = &'a Pose>) {
+        let mut bytes = vec![];
+        for pose in poses {
+            for number in pose.position_m().into_iter().chain(pose.rotation_xyzw()) {
+                bytes.extend_from_slice(&number.to_bits().to_le_bytes());
+            }
+        }
+        self.0.update(&bytes);
+    }
+
+    /// The digest so far.
+    pub(crate) fn digest(&self) -> TrajectoryDigest {
+        TrajectoryDigest(*self.0.finalize().as_bytes())
+    }
+}
+
+/// What one body did so far.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BodyRecord {
+    /// The body's name.
+    pub name: String,
+    /// Where it was at time 0.
+    pub start: Pose,
+    /// Where it is now.
+    pub end: Pose,
+    /// From start to end, as the crow flies, metres.
+    pub moved_m: f64,
+    /// The lengths of all responses that were applied, metres.
+    pub hull_moved_m: f64,
+    /// The end of the first step that had a response or a sample inside the hull, seconds.
+    pub first_touch_s: Option<f64>,
+    /// The farthest it was from its start before that, metres.
+    pub moved_before_touch_m: f64,
+    /// The highest speed at the end of any step, m/s.
+    pub max_speed_m_s: f64,
+    /// The largest angle between up and the body's direction that pointed up at the start, degrees.
+    pub max_tilt_deg: f64,
+}
+
+impl BodyRecord {
+    /// The record of a body that has just been put down.
+    pub(crate) fn new(name: &str, start: Pose) -> BodyRecord {
+        BodyRecord {
+            name: name.to_owned(),
+            start,
+            end: start,
+            moved_m: 0.0,
+            hull_moved_m: 0.0,
+            first_touch_s: None,
+            moved_before_touch_m: 0.0,
+            max_speed_m_s: 0.0,
+            max_tilt_deg: 0.0,
+        }
+    }
+
+    /// Takes in the end of a step.
+    pub(crate) fn add(&mut self, pose: Pose, speed_m_s: f64, up: Vector3<f64>) {
+        self.end = pose;
+        self.moved_m = (Vector3::from(pose.position_m()) - Vector3::from(self.start.position_m())).norm();
+        if self.first_touch_s.is_none() {
+            self.moved_before_touch_m = self.moved_before_touch_m.max(self.moved_m);
+        }
+        self.max_speed_m_s = self.max_speed_m_s.max(speed_m_s);
+        let up_body = self.start.rotation().transpose() * up;
+        self.max_tilt_deg = self.max_tilt_deg.max(rotation::angle_deg(pose.rotation() * up_body, up));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pose(position_m: [f64; 3], turn: nalgebra::UnitQuaternion<f64>) -> Pose {
+        let q = turn.quaternion();
+        Pose::new(position_m, [q.i, q.j, q.k, q.w]).expect("a pose")
+    }
+
+    #[test]
+    fn tilt_is_measured_against_up_and_yaw_is_none() {
+        let lying = rotation::about(Vector3::x(), 90f64.to_radians());
+        let yawed = rotation::about(Vector3::y(), 1.0) * lying;
+        let tilted = rotation::about(Vector3::x(), 30f64.to_radians()) * lying;
+        let mut record = BodyRecord::new("b", pose([0.0; 3], lying));
+        record.add(pose([0.0; 3], yawed), 0.0, Vector3::y());
+        assert!(record.max_tilt_deg < 1e-9, "{}", record.max_tilt_deg);
+        record.add(pose([0.0; 3], tilted), 0.0, Vector3::y());
+        record.add(pose([0.0; 3], lying), 0.0, Vector3::y());
+        assert!((record.max_tilt_deg - 30.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn what_moves_before_a_touch_is_told_from_what_moves_after() {
+        let still = nalgebra::UnitQuaternion::identity();
+        let mut record = BodyRecord::new("b", pose([0.0; 3], still));
+        record.add(pose([0.0, 0.01, 0.0], still), 2.0, Vector3::y());
+        record.first_touch_s = Some(0.5);
+        record.add(pose([0.0, 0.5, 0.0], still), 1.0, Vector3::y());
+        assert_eq!((record.moved_before_touch_m, record.moved_m, record.max_speed_m_s), (0.01, 0.5, 2.0));
+    }
+
+    #[test]
+    fn the_digest_knows_every_step() {
+        let still = nalgebra::UnitQuaternion::identity();
+        let (a, b) = (pose([0.0; 3], still), pose([1.0, 0.0, 0.0], still));
+        let digest = |steps: &[Pose]| {
+            let mut trajectory = Trajectory::default();
+            steps.iter().for_each(|step| trajectory.add([step].into_iter()));
+            trajectory.digest()
+        };
+        assert_eq!(digest(&[a, b]), digest(&[a, b]));
+        assert_ne!(digest(&[a, b]), digest(&[b, a]));
+        assert_ne!(digest(&[a]), digest(&[a, a]));
+        assert_eq!(digest(&[a]).to_string().len(), 64);
+    }
+}

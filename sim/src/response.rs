@@ -1,0 +1,68 @@
+//! What the hull says about a body, and the paper's answer to it (paper §3, spec §5).
+//!
+//! The paper's system "moves the virtual object out of the visual hull and flips its velocity over the
+//! tangent plane". Read literally, and so it is here: the body is translated by its response, and the
+//! part of its own velocity that points into the hull is mirrored. Nothing else changes: the spin
+//! stays, and the speed of the surface is not handed on, so a body at rest that is pushed is displaced
+//! and still at rest. What it loses by that (its support, its balance) the solver finds out.
+//!
+//! A perfect mirror never lets a body come to rest; `restitution` is the share of the speed that is
+//! mirrored. The paper's own picture is a restitution of 1.
+
+use nalgebra::Vector3;
+
+/// How a body answers the hull.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ResponseMode {
+    /// The paper's: translate, and mirror the velocity.
+    #[default]
+    Paper,
+}
+
+/// What a pass found for one moving body.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct BodyResponse {
+    /// The world vector that moves the body out of the hull, metres; `None` if it is outside, or has no
+    /// way out.
+    pub response_m: Option<[f64; 3]>,
+    /// How many of its samples are inside the hull.
+    pub inside_samples: usize,
+}
+
+impl BodyResponse {
+    /// A body that the hull does not touch.
+    pub const UNTOUCHED: BodyResponse = BodyResponse { response_m: None, inside_samples: 0 };
+
+    /// Whether the hull touches the body.
+    pub fn touches(&self) -> bool {
+        self.response_m.is_some() || self.inside_samples > 0
+    }
+}
+
+/// A velocity mirrored at a surface whose outward normal is `outward` (of any length): `None` if it
+/// does not point into the surface.
+pub fn mirrored(velocity: [f64; 3], outward: [f64; 3], restitution: f64) -> Option<[f64; 3]> {
+    let velocity = Vector3::from(velocity);
+    let normal = Vector3::from(outward).try_normalize(0.0)?;
+    let speed_out = velocity.dot(&normal);
+    (speed_out < 0.0).then(|| (velocity - normal * (1.0 + restitution) * speed_out).into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_the_part_that_points_in_is_mirrored() {
+        assert_eq!(mirrored([1.0, -2.0, 3.0], [0.0, 0.1, 0.0], 1.0), Some([1.0, 2.0, 3.0]));
+        assert_eq!(mirrored([1.0, -2.0, 3.0], [0.0, 5.0, 0.0], 0.5), Some([1.0, 1.0, 3.0]));
+        assert_eq!(mirrored([1.0, -2.0, 3.0], [0.0, 1.0, 0.0], 0.0), Some([1.0, 0.0, 3.0]));
+    }
+
+    #[test]
+    fn a_velocity_that_points_out_or_along_stays() {
+        assert_eq!(mirrored([1.0, 2.0, 3.0], [0.0, 1.0, 0.0], 1.0), None);
+        assert_eq!(mirrored([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], 1.0), None);
+        assert_eq!(mirrored([1.0, 0.0, 0.0], [0.0, 0.0, 0.0], 1.0), None);
+    }
+}

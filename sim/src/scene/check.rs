@@ -1,0 +1,266 @@
+//! From keys to a scene whose every value can be.
+
+use super::file::{BodyFile, FloorFile, PlaceFile, SceneFile, ShapeFile};
+use super::{Floor, Group, Heft, MAX_BODIES, Place, Scene, SceneError, StageHint};
+use crate::solid::{ConvexHull, MAX_EXTENT_M, MIN_EXTENT_M, Solid};
+use core::fmt::Display;
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+/// Cardboard boxes with something in them, kg/m³.
+const DEFAULT_DENSITY_KG_M3: f64 = 120.0;
+const DEFAULT_FRICTION: f64 = 0.6;
+const DEFAULT_RESTITUTION: f64 = 0.1;
+/// No position, height or spacing is farther from the origin, metres: `f32` keeps a tenth of a
+/// millimetre there.
+const MAX_POSITION_M: f64 = 1000.0;
+
+/// Checks the file's values.
+pub(super) fn scene(name: &str, file: SceneFile) -> Result<Scene, SceneError> {
+    let checker = Checker { scene: name };
+    let gravity_m_s2 = checker.gravity(file.gravity.unwrap_or([0.0, -9.81, 0.0]))?;
+    let floor = checker.floor(&file.floor)?;
+    let groups = file.bodies.into_iter().map(|body| checker.group(body)).collect::<Result<Vec<_>, _>>()?;
+    checker.names(&groups)?;
+    let stage = file.stage.map(|stage| StageHint { motion: stage.motion, props: stage.props });
+    Ok(Scene { name: name.to_owned(), gravity_m_s2, floor, stage, groups })
+}
+
+/// Makes errors that name the scene and the key.
+pub(super) struct Checker<'a> {
+    pub(super) scene: &'a str,
+}
+
+impl Checker<'_> {
+    /// Gravity in m/s²: finite, and no more than on any planet.
+    pub(super) fn gravity(&self, gravity_m_s2: [f64; 3]) -> Result<[f64; 3], SceneError> {
+        for component in gravity_m_s2 {
+            self.within("gravity", component, -100.0, 100.0)?;
+        }
+        Ok(gravity_m_s2)
+    }
+
+    fn floor(&self, file: &FloorFile) -> Result<Option<Floor>, SceneError> {
+        let floor = Floor {
+            height_m: self.within("floor.height", file.height, -MAX_POSITION_M, MAX_POSITION_M)?,
+            friction: self.within("floor.friction", file.friction, 0.0, 10.0)?,
+            restitution: self.within("floor.restitution", file.restitution, 0.0, 1.0)?,
+        };
+        Ok(file.enabled.then_some(floor))
+    }
+
+    fn group(&self, file: BodyFile) -> Result<Group, SceneError> {
+        if file.name.is_empty() || file.name.chars().any(char::is_control) {
+            return Err(self.wrong("bodies.name", format!("{:?}", file.name), "a printable name"));
+        }
+        let key = |key: &str| format!("body `{}`, {key}", file.name);
+        let count = file.count.unwrap_or(1);
+        if !(1..=MAX_BODIES).contains(&count) {
+            return Err(self.wrong(key("count"), count, format!("1 to {MAX_BODIES}")));
+        }
+        if let (PlaceFile::At(_), 2..) = (&file.place, count) {
+            return Err(self.wrong(key("count"), count, "1 with place.at, or place.stack, .pile or .rain"));
+        }
+        for component in file.rotation_deg.into_iter().flatten() {
+            self.within(&key("rotation_deg"), component, -360.0, 360.0)?;
+        }
+        for component in file.color.into_iter().flatten() {
+            self.within(&key("color"), component, 0.0, 1.0)?;
+        }
+        Ok(Group {
+            solid: self.solid(&file.name, file.shape)?,
+            place: self.place(&file.name, &file.place)?,
+            heft: self.heft(&file.name, file.mass, file.density)?,
+            friction: self.within(&key("friction"), file.friction.unwrap_or(DEFAULT_FRICTION), 0.0, 10.0)?,
+            restitution: self.within(
+                &key("restitution"),
+                file.restitution.unwrap_or(DEFAULT_RESTITUTION),
+                0.0,
+                1.0,
+            )?,
+            count,
+            rotation_deg: file.rotation_deg,
+            fixed: file.fixed,
+            color: file.color.map(|color| color.map(|c| c as f32)),
+            name: file.name,
+        })
+    }
+
+    fn solid(&self, body: &str, file: ShapeFile) -> Result<Solid, SceneError> {
+        let extent = |key: &str, value: f64, least_m: f64| {
+            self.within(&format!("body `{body}`, shape.{key}"), value, least_m, MAX_EXTENT_M)
+        };
+        // A radius is half an extent.
+        let radius = |key: &str, value: f64| extent(key, value, 0.5 * MIN_EXTENT_M);
+        Ok(match file {
+            ShapeFile::Box { size } => {
+                for edge in size {
+                    extent("box.size", edge, MIN_EXTENT_M)?;
+                }
+                Solid::Box { size_m: size }
+            }
+            ShapeFile::Ball { radius: r } => Solid::Ball { radius_m: radius("ball.radius", r)? },
+            ShapeFile::Capsule { radius: r, length } => Solid::Capsule {
+                radius_m: radius("capsule.radius", r)?,
+                length_m: extent("capsule.length", length, MIN_EXTENT_M)?,
+            },
+            ShapeFile::Cylinder { radius: r, height } => Solid::Cylinder {
+                radius_m: radius("cylinder.radius", r)?,
+                height_m: extent("cylinder.height", height, MIN_EXTENT_M)?,
+            },
+            ShapeFile::Cone { radius: r, height } => Solid::Cone {
+                radius_m: radius("cone.radius", r)?,
+                height_m: extent("cone.height", height, MIN_EXTENT_M)?,
+            },
+            ShapeFile::Hull { points } => {
+                Solid::Hull(Arc::new(ConvexHull::new(&points).map_err(|problem| SceneError::Hull {
+                    scene: self.scene.to_owned(),
+                    body: body.to_owned(),
+                    problem,
+                })?))
+            }
+        })
+    }
+
+    fn place(&self, body: &str, file: &PlaceFile) -> Result<Place, SceneError> {
+        let number = |key: &str, value: f64, low: f64| {
+            self.within(&format!("body `{body}`, place.{key}"), value, low, MAX_POSITION_M)
+        };
+        let point = |key: &str, point_m: [f64; 3]| {
+            for component in point_m {
+                number(key, component, -MAX_POSITION_M)?;
+            }
+            Ok(point_m)
+        };
+        Ok(match *file {
+            PlaceFile::At(origin) => Place::At { origin_m: point("at", origin)? },
+            PlaceFile::Stack { foot, gap } => {
+                Place::Stack { foot_m: point("stack.foot", foot)?, gap_m: number("stack.gap", gap, 0.0)? }
+            }
+            PlaceFile::Pile { foot, radius } => Place::Column {
+                foot_m: point("pile.foot", foot)?,
+                radius_m: number("pile.radius", radius, 0.0)?,
+                spacing_m: 0.0,
+            },
+            PlaceFile::Rain { foot, radius, spacing } => Place::Column {
+                foot_m: point("rain.foot", foot)?,
+                radius_m: number("rain.radius", radius, 0.0)?,
+                spacing_m: number("rain.spacing", spacing, 0.0)?,
+            },
+        })
+    }
+
+    fn heft(&self, body: &str, mass: Option<f64>, density: Option<f64>) -> Result<Heft, SceneError> {
+        let key = |key: &str| format!("body `{body}`, {key}");
+        match (mass, density) {
+            (Some(mass), None) => Ok(Heft::MassKg(self.within(&key("mass"), mass, 1e-3, 1e4)?)),
+            (None, density) => {
+                let density = density.unwrap_or(DEFAULT_DENSITY_KG_M3);
+                Ok(Heft::DensityKgM3(self.within(&key("density"), density, 1.0, 3e4)?))
+            }
+            (Some(_), Some(_)) => Err(self.wrong(key("mass"), "mass and density", "one of the two")),
+        }
+    }
+
+    /// All bodies together: not too many, and no name twice.
+    fn names(&self, groups: &[Group]) -> Result<(), SceneError> {
+        let total: usize = groups.iter().map(|group| group.count).sum();
+        if total > MAX_BODIES {
+            return Err(self.wrong("bodies", format!("{total} bodies"), format!("at most {MAX_BODIES}")));
+        }
+        let mut seen = BTreeSet::new();
+        for name in groups.iter().flat_map(Group::names) {
+            if let Some(twice) = seen.replace(name) {
+                return Err(self.wrong("bodies.name", format!("`{twice}` twice"), "every name once"));
+            }
+        }
+        Ok(())
+    }
+
+    fn within(&self, key: &str, found: f64, low: f64, high: f64) -> Result<f64, SceneError> {
+        if (low..=high).contains(&found) {
+            Ok(found)
+        } else {
+            Err(self.wrong(key, found, format!("a number from {low} to {high}")))
+        }
+    }
+
+    fn wrong(&self, key: impl Display, found: impl Display, expected: impl Display) -> SceneError {
+        SceneError::Value {
+            scene: self.scene.to_owned(),
+            key: key.to_string(),
+            found: found.to_string(),
+            expected: expected.to_string(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn error_of(text: &str) -> String {
+        let error = Scene::from_toml("test", text).expect_err(text).to_string();
+        assert_eq!(error.lines().count(), 1, "{error}");
+        error
+    }
+
+    fn body(keys: &str) -> String {
+        format!("[[bodies]]\nname = \"b\"\n{keys}\n")
+    }
+
+    #[test]
+    fn bad_keys_and_types_give_one_line_with_key_found_and_expected() {
+        for (text, parts) in [
+            ("gravty = [0, 0, 0]", &["line 1", "unknown field `gravty`", "`gravity`"][..]),
+            ("gravity = [0.0, 1.0]", &["line 1", "gravity", "length 2", "3"]),
+            (&body("shape.ball.radius = \"big\"\nplace.at = [0, 1, 0]"), &["line 3", "\"big\"", "f64"]),
+            (&body("shape.bal.radius = 0.1\nplace.at = [0, 1, 0]"), &["line 3", "`bal`", "`ball`"]),
+            (&body("shape.ball.radius = 0.1"), &["line 1", "bodies", "missing field `place`"]),
+            (
+                &body("shape.ball = { radius = 0.1, size = 1 }\nplace.at = [0, 1, 0]"),
+                &["keys in table: size", "available keys: radius"],
+            ),
+            ("[[bodies\n", &["line 1", "[[bodies"]),
+        ] {
+            let error = error_of(text);
+            for part in parts {
+                assert!(error.contains(part), "{error} lacks {part}");
+            }
+        }
+    }
+
+    #[test]
+    fn values_that_cannot_be_are_named() {
+        let ball = "shape.ball.radius = 0.1";
+        let at = "place.at = [0, 1, 0]";
+        for (text, expected) in [
+            (
+                body(&format!("shape.ball.radius = -0.1\n{at}")),
+                "scene test, body `b`, shape.ball.radius: -0.1, expected a number from 0.005 to 5",
+            ),
+            (
+                body(&format!("{ball}\nplace.at = [0, nan, 0]")),
+                "scene test, body `b`, place.at: NaN, expected a number from -1000 to 1000",
+            ),
+            (
+                body(&format!("{ball}\n{at}\nmass = 1.0\ndensity = 100.0")),
+                "scene test, body `b`, mass: mass and density, expected one of the two",
+            ),
+            (
+                body(&format!("{ball}\n{at}\ncount = 3")),
+                "scene test, body `b`, count: 3, expected 1 with place.at, or place.stack, .pile or .rain",
+            ),
+            (
+                body(&format!("{ball}\n{at}")).repeat(2),
+                "scene test, bodies.name: `b` twice, expected every name once",
+            ),
+            (
+                body(&format!("shape.hull.points = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\n{at}")),
+                "scene test, body `b`, shape.hull.points: 3 points, expected 4 to 256",
+            ),
+        ] {
+            assert_eq!(error_of(&text), expected);
+        }
+    }
+}

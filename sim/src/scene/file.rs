@@ -1,0 +1,101 @@
+//! The scene file's keys as serde reads them; `check` gives them meaning.
+
+use super::SceneError;
+use serde::Deserialize;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SceneFile {
+    pub gravity: Option<[f64; 3]>,
+    #[serde(default)]
+    pub floor: FloorFile,
+    pub stage: Option<StageFile>,
+    #[serde(default)]
+    pub bodies: Vec<BodyFile>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct FloorFile {
+    pub enabled: bool,
+    pub height: f64,
+    pub friction: f64,
+    pub restitution: f64,
+}
+
+impl Default for FloorFile {
+    fn default() -> Self {
+        FloorFile { enabled: true, height: 0.0, friction: 0.8, restitution: 0.1 }
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct StageFile {
+    pub motion: String,
+    #[serde(default)]
+    pub props: Vec<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct BodyFile {
+    pub name: String,
+    pub shape: ShapeFile,
+    pub place: PlaceFile,
+    pub count: Option<usize>,
+    pub rotation_deg: Option<[f64; 3]>,
+    pub mass: Option<f64>,
+    pub density: Option<f64>,
+    pub friction: Option<f64>,
+    pub restitution: Option<f64>,
+    #[serde(default)]
+    pub fixed: bool,
+    pub color: Option<[f64; 3]>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub(super) enum ShapeFile {
+    Box { size: [f64; 3] },
+    Ball { radius: f64 },
+    Capsule { radius: f64, length: f64 },
+    Cylinder { radius: f64, height: f64 },
+    Cone { radius: f64, height: f64 },
+    Hull { points: Vec<[f64; 3]> },
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub(super) enum PlaceFile {
+    At([f64; 3]),
+    Stack {
+        foot: [f64; 3],
+        #[serde(default)]
+        gap: f64,
+    },
+    Pile {
+        foot: [f64; 3],
+        radius: f64,
+    },
+    Rain {
+        foot: [f64; 3],
+        radius: f64,
+        spacing: f64,
+    },
+}
+
+/// Reads the keys; the error is one line that holds the offending one.
+pub(super) fn parse(scene: &str, text: &str) -> Result<SceneFile, SceneError> {
+    toml::from_str(text).map_err(|error| {
+        let start = error.span().map_or(0, |span| span.start.min(text.len()));
+        let before = &text.as_bytes()[..start];
+        let line = before.iter().filter(|byte| **byte == b'\n').count();
+        SceneError::Text {
+            scene: scene.to_owned(),
+            line: line + 1,
+            text: text.lines().nth(line).unwrap_or_default().trim().chars().take(80).collect(),
+            problem: error.message().lines().collect::<Vec<_>>().join(", "),
+        }
+    })
+}

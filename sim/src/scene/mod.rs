@@ -1,0 +1,273 @@
+//! What a world starts from: gravity, a floor and bodies, read from a TOML file.
+//!
+//! ```toml
+//! gravity = [0.0, -9.81, 0.0]        # m/s², the default; up is against it
+//! [floor]                            # the default; `enabled = false` for none
+//! height = 0.0                       # along up, metres
+//! friction = 0.8
+//! restitution = 0.1
+//! [stage]                            # for the program that builds the synthetic studio
+//! motion = "punch"
+//! props = ["table"]
+//! [[bodies]]
+//! name = "box"                       # of several: box_0, box_1 …
+//! shape.box.size = [0.28, 0.28, 0.28] # or ball.radius; capsule.radius, .length; cylinder or
+//!                                    # cone.radius, .height; hull.points = [[x, y, z], …]
+//! count = 4
+//! place.stack.foot = [-0.5, 0.0, 0.5] # or at = centre; pile or rain = { foot, radius, spacing }
+//! rotation_deg = [0.0, 30.0, 0.0]    # axis × angle
+//! density = 120.0                    # kg/m³, or mass = kg
+//! friction = 0.6
+//! restitution = 0.1
+//! fixed = false                      # true: never moves, and the hull is not asked about it
+//! color = [0.8, 0.3, 0.2]            # sRGB, 0 to 1
+//! ```
+
+mod check;
+mod expand;
+mod file;
+
+use crate::solid::{HullError, Solid};
+use hull::Pose;
+use nalgebra::Vector3;
+use thiserror::Error;
+
+/// The most bodies one scene may have.
+pub const MAX_BODIES: usize = 1000;
+
+/// The scenes that come with the program: name and text.
+const SHIPPED: [(&str, &str); 3] = [
+    ("topple", include_str!("../../scenes/topple.toml")),
+    ("lift", include_str!("../../scenes/lift.toml")),
+    ("crowd", include_str!("../../scenes/crowd.toml")),
+];
+
+/// Why there is no scene. Every message is one line.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum SceneError {
+    /// No shipped scene has this name.
+    #[error("no scene is called `{found}`, expected one of {expected}")]
+    Name {
+        /// The name that was asked for.
+        found: String,
+        /// The names there are.
+        expected: String,
+    },
+    /// The text is no TOML, or has keys or types that a scene has not.
+    #[error("scene {scene}, line {line} (`{text}`): {problem}")]
+    Text {
+        /// The scene's name.
+        scene: String,
+        /// Where, counted from 1.
+        line: usize,
+        /// That line.
+        text: String,
+        /// What was found and expected.
+        problem: String,
+    },
+    /// A value that cannot be.
+    #[error("scene {scene}, {key}: {found}, expected {expected}")]
+    Value {
+        /// The scene's name.
+        scene: String,
+        /// Which key of which table.
+        key: String,
+        /// Its value.
+        found: String,
+        /// What would be right.
+        expected: String,
+    },
+    /// Points that have no convex hull.
+    #[error("scene {scene}, body `{body}`, shape.hull.points: {problem}")]
+    Hull {
+        /// The scene's name.
+        scene: String,
+        /// Whose points.
+        body: String,
+        /// What was found and expected.
+        problem: HullError,
+    },
+}
+
+/// A floor: the half of space below a height along up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Floor {
+    /// Height along up, metres.
+    pub height_m: f64,
+    /// Coulomb friction coefficient.
+    pub friction: f64,
+    /// Share of the speed that a bounce returns.
+    pub restitution: f64,
+}
+
+/// What the scene asks of a synthetic studio; this crate only carries it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StageHint {
+    /// What the actor does.
+    pub motion: String,
+    /// Real things in the room.
+    pub props: Vec<String>,
+}
+
+/// How heavy a body is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Heft {
+    /// Kilograms.
+    MassKg(f64),
+    /// Kilograms per cubic metre.
+    DensityKgM3(f64),
+}
+
+/// One body as it starts.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BodySpec {
+    /// Unique in the scene.
+    pub name: String,
+    /// Its geometry.
+    pub solid: Solid,
+    /// Where it starts, world from body.
+    pub pose: Pose,
+    /// How heavy it is.
+    pub heft: Heft,
+    /// Coulomb friction coefficient.
+    pub friction: f64,
+    /// Share of the speed that a bounce returns.
+    pub restitution: f64,
+    /// Whether it never moves; the hull is not asked about such bodies.
+    pub fixed: bool,
+    /// sRGB, 0 to 1.
+    pub color: [f32; 3],
+}
+
+/// A checked scene. Bodies get their start poses from a seed: [`Scene::bodies`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scene {
+    name: String,
+    gravity_m_s2: [f64; 3],
+    floor: Option<Floor>,
+    stage: Option<StageHint>,
+    groups: Vec<Group>,
+}
+
+/// Bodies of one kind, as one table of the file gives them.
+#[derive(Clone, Debug, PartialEq)]
+struct Group {
+    name: String,
+    count: usize,
+    solid: Solid,
+    place: Place,
+    rotation_deg: Option<[f64; 3]>,
+    heft: Heft,
+    friction: f64,
+    restitution: f64,
+    fixed: bool,
+    color: Option<[f32; 3]>,
+}
+
+/// Where a group's bodies start.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Place {
+    /// The origin of the one body.
+    At { origin_m: [f64; 3] },
+    /// Upon one another; the lowest stands on the foot.
+    Stack { foot_m: [f64; 3], gap_m: f64 },
+    /// In the air over a disc, each as low as others leave room, and at least `spacing_m` higher per
+    /// body: a pile without spacing, rain with.
+    Column { foot_m: [f64; 3], radius_m: f64, spacing_m: f64 },
+}
+
+impl Scene {
+    /// The names of the scenes that come with the program.
+    pub fn names() -> impl Iterator<Item = &'static str> {
+        SHIPPED.iter().map(|(name, _)| *name)
+    }
+
+    /// A scene that comes with the program; the error lists them.
+    pub fn named(name: &str) -> Result<Scene, SceneError> {
+        match SHIPPED.iter().find(|(shipped, _)| *shipped == name) {
+            Some((name, text)) => Scene::from_toml(name, text),
+            None => {
+                let expected = Scene::names().collect::<Vec<_>>().join(", ");
+                Err(SceneError::Name { found: name.to_owned(), expected })
+            }
+        }
+    }
+
+    /// The scene of a TOML text; `name` stands in error messages.
+    pub fn from_toml(name: &str, text: &str) -> Result<Scene, SceneError> {
+        check::scene(name, file::parse(name, text)?)
+    }
+
+    /// The same scene under another gravity, m/s², for rigs whose world has another up. Positions stay.
+    pub fn with_gravity(mut self, gravity_m_s2: [f64; 3]) -> Result<Scene, SceneError> {
+        self.gravity_m_s2 = check::Checker { scene: &self.name }.gravity(gravity_m_s2)?;
+        Ok(self)
+    }
+
+    /// The name it was read under.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Gravity, m/s².
+    pub fn gravity_m_s2(&self) -> [f64; 3] {
+        self.gravity_m_s2
+    }
+
+    /// The unit vector against gravity; +Y where there is none.
+    pub fn up(&self) -> [f64; 3] {
+        Vector3::from(self.gravity_m_s2).try_normalize(0.0).map_or([0.0, 1.0, 0.0], |down| (-down).into())
+    }
+
+    /// The floor, if any.
+    pub fn floor(&self) -> Option<Floor> {
+        self.floor
+    }
+
+    /// What it asks of a synthetic studio, if anything.
+    pub fn stage(&self) -> Option<&StageHint> {
+        self.stage.as_ref()
+    }
+
+    /// Every body where it starts, in the file's order. The seed moves bodies that were placed by half
+    /// a millimetre and turns them by under a degree about up; it decides where those of piles and rain
+    /// start. Fixed bodies stand where the file says.
+    pub fn bodies(&self, seed: u64) -> Vec<BodySpec> {
+        expand::bodies(self, seed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shipped_scenes_are_scenes() {
+        for name in Scene::names() {
+            let scene = Scene::named(name).expect("a shipped scene is right");
+            assert_eq!(scene.name(), name);
+            assert!(scene.stage().is_some_and(|stage| !stage.motion.is_empty()), "{name} has no motion");
+            assert!(scene.bodies(1).iter().filter(|body| !body.fixed).count() >= 3, "{name}");
+        }
+        assert_eq!(Scene::named("crowd").expect("crowd").bodies(1).len(), 40);
+        assert_eq!(Scene::named("topple").expect("topple").bodies(1).len(), 4);
+    }
+
+    #[test]
+    fn an_unknown_name_is_told_the_names_there_are() {
+        let error = Scene::named("tople").expect_err("no such scene").to_string();
+        assert_eq!(error, "no scene is called `tople`, expected one of topple, lift, crowd");
+    }
+
+    #[test]
+    fn up_is_against_gravity() {
+        let scene = Scene::from_toml("empty", "").expect("nothing is needed");
+        assert_eq!((scene.gravity_m_s2(), scene.up()), ([0.0, -9.81, 0.0], [0.0, 1.0, 0.0]));
+        assert_eq!(scene.floor().map(|floor| floor.height_m), Some(0.0));
+        let turned = scene.with_gravity([0.0, 0.0, -9.81]).expect("finite");
+        assert_eq!(turned.up(), [0.0, 0.0, 1.0]);
+        let weightless = turned.with_gravity([0.0; 3]).expect("finite");
+        assert_eq!(weightless.up(), [0.0, 1.0, 0.0]);
+        assert!(weightless.with_gravity([0.0, f64::NAN, 0.0]).is_err());
+    }
+}

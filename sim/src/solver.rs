@@ -1,0 +1,173 @@
+//! The rigid-body solver. No other file knows rapier's worlds, and none of its types leave the crate.
+
+use crate::scene::{BodySpec, Heft, Scene};
+use crate::solid::Solid;
+use hull::Pose;
+use rapier3d::prelude::{
+    ColliderBuilder, PhysicsWorld, RigidBodyBuilder, RigidBodyHandle, Rotation, SharedShape, Vector,
+};
+
+/// Deep overlaps (a response may push a body centimetres into a neighbour) are pushed apart no faster
+/// than this, m/s. A resting body that is overlapped is never thrown: it glides out at this speed.
+const MAX_CORRECTIVE_SPEED_M_S: f32 = 1.0;
+/// Solver iterations per step: twice the default, for stacks.
+const SOLVER_ITERATIONS: usize = 8;
+
+/// Bodies in rapier, known by their index.
+pub(crate) struct Solver {
+    physics: PhysicsWorld,
+    handles: Vec<RigidBodyHandle>,
+}
+
+/// A body's state as the solver has it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct State {
+    pub(crate) position_m: [f32; 3],
+    pub(crate) rotation_xyzw: [f32; 4],
+    pub(crate) velocity_m_s: [f32; 3],
+    pub(crate) spin_rad_s: [f32; 3],
+}
+
+impl State {
+    /// The pose, widened; `None` unless position, rotation and velocities are numbers.
+    pub(crate) fn pose(&self) -> Option<Pose> {
+        let finite = self.velocity_m_s.iter().chain(&self.spin_rad_s).all(|v| v.is_finite());
+        let pose = Pose::new(self.position_m.map(f64::from), self.rotation_xyzw.map(f64::from));
+        pose.ok().filter(|_| finite)
+    }
+}
+
+impl Solver {
+    /// A solver with the scene's gravity and floor, and the bodies in order. The error is the index of
+    /// a body whose geometry rapier does not take.
+    pub(crate) fn new(scene: &Scene, specs: &[BodySpec], dt_s: f64) -> Result<Solver, usize> {
+        let mut physics = PhysicsWorld { gravity: vector(scene.gravity_m_s2()), ..PhysicsWorld::default() };
+        let parameters = &mut physics.integration_parameters;
+        parameters.dt = dt_s as f32;
+        parameters.num_solver_iterations = SOLVER_ITERATIONS;
+        parameters.normalized_max_corrective_velocity = MAX_CORRECTIVE_SPEED_M_S;
+        // Contacts that are kept while bodies move less than 5 cm would be wrong after a response.
+        parameters.contact_recycling = false;
+        if let Some(floor) = scene.floor() {
+            let up = vector(scene.up());
+            let ground = ColliderBuilder::new(SharedShape::halfspace(up))
+                .translation(up * floor.height_m as f32)
+                .friction(floor.friction as f32)
+                .restitution(floor.restitution as f32);
+            physics.insert_collider(ground, None);
+        }
+        let mut handles = vec![];
+        for (index, spec) in specs.iter().enumerate() {
+            let collider = collider(spec).ok_or(index)?;
+            handles.push(physics.insert(body(spec), collider).0);
+        }
+        Ok(Solver { physics, handles })
+    }
+
+    /// Advances all bodies by one step; what the solver itself switched off is switched on again, so
+    /// that the caller decides.
+    pub(crate) fn step(&mut self) {
+        self.physics.step();
+        let switched_off: Vec<_> = self.physics.quarantine().bodies().to_vec();
+        for handle in switched_off {
+            self.physics.bodies[handle].set_enabled(true);
+        }
+    }
+
+    /// Whether a body went out of the numbers in the last step: the solver has then stopped it.
+    pub(crate) fn failed(&self, index: usize) -> bool {
+        self.physics.quarantine().bodies().contains(&self.handles[index])
+    }
+
+    /// A body's state now.
+    pub(crate) fn state(&self, index: usize) -> State {
+        let body = &self.physics.bodies[self.handles[index]];
+        let rotation = body.rotation();
+        State {
+            position_m: body.translation().to_array(),
+            rotation_xyzw: [rotation.x, rotation.y, rotation.z, rotation.w],
+            velocity_m_s: body.linvel().to_array(),
+            spin_rad_s: body.angvel().to_array(),
+        }
+    }
+
+    /// Puts a body elsewhere, metres: the pose changes, no velocity does.
+    pub(crate) fn set_position(&mut self, index: usize, position_m: [f32; 3]) {
+        self.physics.bodies[self.handles[index]].set_translation(Vector::from_array(position_m), true);
+    }
+
+    /// Gives a body another velocity, m/s; its spin stays.
+    pub(crate) fn set_velocity(&mut self, index: usize, velocity_m_s: [f64; 3]) {
+        self.physics.bodies[self.handles[index]].set_linvel(vector(velocity_m_s), true);
+    }
+
+    /// Wakes a body that sleeps.
+    pub(crate) fn wake(&mut self, index: usize) {
+        self.physics.bodies[self.handles[index]].wake_up(true);
+    }
+
+    /// Puts a body to rest in a pose.
+    pub(crate) fn put_to_rest(&mut self, index: usize, pose: &Pose) {
+        let body = &mut self.physics.bodies[self.handles[index]];
+        body.set_position(rapier_pose(pose), true);
+        body.set_linvel(Vector::ZERO, true);
+        body.set_angvel(Vector::ZERO, true);
+    }
+}
+
+fn body(spec: &BodySpec) -> RigidBodyBuilder {
+    let builder = if spec.fixed { RigidBodyBuilder::fixed() } else { RigidBodyBuilder::dynamic() };
+    builder.pose(rapier_pose(&spec.pose))
+}
+
+fn collider(spec: &BodySpec) -> Option<ColliderBuilder> {
+    let builder = match &spec.solid {
+        Solid::Box { size_m } => {
+            let [x, y, z] = size_m.map(|edge| (0.5 * edge) as f32);
+            ColliderBuilder::cuboid(x, y, z)
+        }
+        Solid::Ball { radius_m } => ColliderBuilder::ball(*radius_m as f32),
+        Solid::Capsule { radius_m, length_m } => {
+            ColliderBuilder::capsule_y((0.5 * length_m) as f32, *radius_m as f32)
+        }
+        Solid::Cylinder { radius_m, height_m } => {
+            ColliderBuilder::cylinder((0.5 * height_m) as f32, *radius_m as f32)
+        }
+        Solid::Cone { radius_m, height_m } => {
+            ColliderBuilder::cone((0.5 * height_m) as f32, *radius_m as f32)
+        }
+        Solid::Hull(hull) => {
+            let corners: Vec<Vector> = hull.corners_m().iter().map(|corner| vector(*corner)).collect();
+            ColliderBuilder::convex_hull(&corners)?
+        }
+    };
+    let builder = match spec.heft {
+        Heft::MassKg(mass_kg) => builder.mass(mass_kg as f32),
+        Heft::DensityKgM3(density) => builder.density(density as f32),
+    };
+    Some(builder.friction(spec.friction as f32).restitution(spec.restitution as f32))
+}
+
+fn rapier_pose(pose: &Pose) -> rapier3d::math::Pose {
+    let [x, y, z, w] = pose.rotation_xyzw().map(|q| q as f32);
+    let rotation = Rotation::from_xyzw(x, y, z, w).normalize();
+    rapier3d::math::Pose::from_parts(vector(pose.position_m()), rotation)
+}
+
+fn vector(components: [f64; 3]) -> Vector {
+    Vector::from_array(components.map(|component| component as f32))
+}
+
+#[cfg(test)]
+impl Solver {
+    /// Gives a body a velocity that is no number, as a defect in the solver would.
+    pub(crate) fn poison(&mut self, index: usize) {
+        let velocity = Vector::new(f32::NAN, 0.0, 0.0);
+        self.physics.bodies[self.handles[index]].set_linvel(velocity, true);
+    }
+
+    /// Whether a body sleeps.
+    pub(crate) fn sleeps(&self, index: usize) -> bool {
+        self.physics.bodies[self.handles[index]].is_sleeping()
+    }
+}

@@ -1,0 +1,154 @@
+//! The world: bodies, and one step of all of them with the hull's answers applied (paper §3).
+//!
+//! Step k (counted from 1) ends at k · dt. The caller asks the hull about the bodies as they are before
+//! the step, with the film of the step's end, and hands in the answers; the step applies them and then
+//! lets the solver move all bodies by dt.
+
+mod settings;
+mod step;
+#[cfg(test)]
+mod tests;
+
+pub use settings::{WorldError, WorldSettings};
+pub use step::{Fault, FaultKind, StepReport};
+
+use crate::record::{BodyRecord, Trajectory, TrajectoryDigest};
+use crate::samples;
+use crate::scene::{BodySpec, Scene};
+use crate::solid::Solid;
+use crate::solver::Solver;
+use hull::{Pose, Shape};
+use nalgebra::Vector3;
+use std::sync::Arc;
+
+/// One body as it is now, with what a renderer needs.
+#[derive(Clone, Debug)]
+pub struct Body {
+    /// Unique in the world.
+    pub name: String,
+    /// Its samples; bodies of the same solid share one shape.
+    pub shape: Arc<Shape>,
+    /// Its geometry, body frame.
+    pub solid: Solid,
+    /// sRGB, 0 to 1.
+    pub color: [f32; 3],
+    /// Whether it never moves; such bodies have no part in the responses.
+    pub fixed: bool,
+    /// Where it is, world from body: the solver's numbers, widened.
+    pub pose: Pose,
+    /// Velocity of its origin in the world, m/s.
+    pub velocity_m_s: [f64; 3],
+    /// Angular velocity in the world, rad/s.
+    pub spin_rad_s: [f64; 3],
+}
+
+/// All bodies of a scene and the solver that moves them.
+pub struct World {
+    settings: WorldSettings,
+    up: Vector3<f64>,
+    solver: Solver,
+    bodies: Vec<Body>,
+    records: Vec<BodyRecord>,
+    /// Indices of the bodies that are not fixed.
+    moving: Vec<usize>,
+    trajectory: Trajectory,
+    steps: u64,
+}
+
+impl World {
+    /// The scene's bodies at time 0. Fails on settings that cannot be and on geometry that the solver or
+    /// the sampling does not take.
+    pub fn new(scene: &Scene, settings: WorldSettings) -> Result<World, WorldError> {
+        settings.check()?;
+        let specs = scene.bodies(settings.seed);
+        let solver = Solver::new(scene, &specs, settings.dt_s)
+            .map_err(|index| WorldError::Solid { body: specs[index].name.clone() })?;
+        let shapes = shapes(&specs, settings.covering_radius_m)?;
+        let moving = (0..specs.len()).filter(|index| !specs[*index].fixed).collect();
+        let mut bodies = vec![];
+        for (index, (spec, shape)) in specs.into_iter().zip(shapes).enumerate() {
+            // The pose as the solver has it, so that what is asked and what is stepped are the same.
+            let pose = solver.state(index).pose().unwrap_or(spec.pose);
+            bodies.push(Body {
+                name: spec.name,
+                shape,
+                solid: spec.solid,
+                color: spec.color,
+                fixed: spec.fixed,
+                pose,
+                velocity_m_s: [0.0; 3],
+                spin_rad_s: [0.0; 3],
+            });
+        }
+        let records = bodies.iter().map(|body| BodyRecord::new(&body.name, body.pose)).collect();
+        let mut trajectory = Trajectory::default();
+        trajectory.add(bodies.iter().map(|body| &body.pose));
+        Ok(World { settings, up: scene.up().into(), solver, bodies, records, moving, trajectory, steps: 0 })
+    }
+
+    /// Every body as it is now, fixed ones too, in the scene's order.
+    pub fn bodies(&self) -> &[Body] {
+        &self.bodies
+    }
+
+    /// The bodies that are not fixed: the hull is asked about these, and responses come in this order.
+    pub fn moving_bodies(&self) -> impl ExactSizeIterator<Item = &Body> {
+        self.moving.iter().map(|&index| &self.bodies[index])
+    }
+
+    /// What every body did so far, in the order of [`World::bodies`].
+    pub fn records(&self) -> &[BodyRecord] {
+        &self.records
+    }
+
+    /// The hash over every pose so far.
+    pub fn digest(&self) -> TrajectoryDigest {
+        self.trajectory.digest()
+    }
+
+    /// What the world was made with.
+    pub fn settings(&self) -> &WorldSettings {
+        &self.settings
+    }
+
+    /// The unit vector against gravity.
+    pub fn up(&self) -> [f64; 3] {
+        self.up.into()
+    }
+
+    /// How many steps were made.
+    pub fn steps(&self) -> u64 {
+        self.steps
+    }
+
+    /// The end of the last step, seconds.
+    pub fn time_s(&self) -> f64 {
+        self.steps as f64 * self.settings.dt_s
+    }
+
+    /// The end of the next step, seconds: the film of this instant answers for it.
+    pub fn next_time_s(&self) -> f64 {
+        (self.steps + 1) as f64 * self.settings.dt_s
+    }
+}
+
+/// One shape per body; bodies of equal solids get the same one.
+fn shapes(specs: &[BodySpec], covering_radius_m: f64) -> Result<Vec<Arc<Shape>>, WorldError> {
+    let mut known: Vec<(&Solid, Arc<Shape>)> = vec![];
+    let mut shapes = vec![];
+    for spec in specs {
+        let shared = known.iter().find(|(solid, _)| **solid == spec.solid).map(|(_, shape)| shape.clone());
+        let shape = match shared {
+            Some(shape) => shape,
+            None => {
+                let shape = samples::shape(&spec.solid, covering_radius_m)
+                    .map_err(|source| WorldError::Samples { body: spec.name.clone(), source })?;
+                let shape = Arc::new(shape);
+                known.push((&spec.solid, shape.clone()));
+                shape
+            }
+        };
+        shapes.push(shape);
+    }
+    Ok(shapes)
+}

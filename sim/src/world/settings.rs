@@ -1,0 +1,88 @@
+//! What a world is made with, and why there is none.
+
+use crate::response::ResponseMode;
+use crate::samples::DEFAULT_COVERING_RADIUS_M;
+use hull::body::BodyError;
+use thiserror::Error;
+
+/// What a run may choose about a world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WorldSettings {
+    /// Length of a step, seconds.
+    pub dt_s: f64,
+    /// Decides the start poses within what the scene leaves open.
+    pub seed: u64,
+    /// How bodies answer the hull.
+    pub response: ResponseMode,
+    /// The share of the speed into the hull that is mirrored: 1 is the paper's flip, 0 stops the body.
+    pub mirror_restitution: f64,
+    /// No surface point is farther from a sample, metres.
+    pub covering_radius_m: f64,
+}
+
+impl Default for WorldSettings {
+    fn default() -> Self {
+        WorldSettings {
+            dt_s: 1.0 / 120.0,
+            seed: 1,
+            response: ResponseMode::Paper,
+            mirror_restitution: 0.3,
+            covering_radius_m: DEFAULT_COVERING_RADIUS_M,
+        }
+    }
+}
+
+impl WorldSettings {
+    /// Whether the numbers are possible.
+    pub(super) fn check(&self) -> Result<(), WorldError> {
+        for (key, found, low, high) in [
+            ("dt_s", self.dt_s, 1e-4, 0.1),
+            ("mirror_restitution", self.mirror_restitution, 0.0, 1.0),
+            ("covering_radius_m", self.covering_radius_m, 0.005, 0.5),
+        ] {
+            if !(low..=high).contains(&found) {
+                return Err(WorldError::Setting { key, found, low, high });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Why there is no world, or no step.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum WorldError {
+    /// A setting out of its range.
+    #[error("{key} is {found}, expected {low} to {high}")]
+    Setting {
+        /// Which.
+        key: &'static str,
+        /// Its value.
+        found: f64,
+        /// The least it may be.
+        low: f64,
+        /// The most it may be.
+        high: f64,
+    },
+    /// Geometry that the solver refuses.
+    #[error("body `{body}` has a hull that is no closed convex surface, expected points well apart")]
+    Solid {
+        /// Whose.
+        body: String,
+    },
+    /// Geometry that cannot be sampled.
+    #[error("body `{body}`: {source}")]
+    Samples {
+        /// Whose.
+        body: String,
+        /// Why.
+        source: BodyError,
+    },
+    /// Responses for another set of bodies.
+    #[error("{found} responses, expected {expected}: one per moving body")]
+    ResponseCount {
+        /// How many came.
+        found: usize,
+        /// How many bodies move.
+        expected: usize,
+    },
+}

@@ -1,0 +1,124 @@
+//! One step: the hull's answers, then the solver.
+
+use super::{World, WorldError};
+use crate::response::{BodyResponse, ResponseMode, mirrored};
+use nalgebra::Vector3;
+
+/// What happened in one step.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StepReport {
+    /// Bodies with a response or a sample inside the hull.
+    pub touched: usize,
+    /// Samples inside the hull, of all bodies.
+    pub inside_samples: usize,
+    /// Bodies that were translated.
+    pub translated: usize,
+    /// Bodies whose velocity was mirrored.
+    pub mirrored: usize,
+    /// Numbers that were none. What they would have done has not been done.
+    pub faults: Vec<Fault>,
+}
+
+/// Numbers that are not finite, and where.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Fault {
+    /// The body's name.
+    pub body: String,
+    /// Where they came from.
+    pub kind: FaultKind,
+}
+
+/// Where numbers that are not finite came from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FaultKind {
+    /// The response that was handed in; the body was left where it was.
+    Response,
+    /// The solver; the body was put to rest where it was before the step.
+    Solver,
+}
+
+impl World {
+    /// Applies one response per moving body (in the order of [`World::moving_bodies`]) and moves all
+    /// bodies by one step. Fails, and does nothing, if the number of responses is another. Numbers that
+    /// are not finite are reported and do no harm.
+    pub fn step(&mut self, responses: &[BodyResponse]) -> Result<StepReport, WorldError> {
+        if responses.len() != self.moving.len() {
+            return Err(WorldError::ResponseCount { found: responses.len(), expected: self.moving.len() });
+        }
+        let mut report = StepReport::default();
+        for (slot, response) in responses.iter().enumerate() {
+            if response.touches() {
+                self.touch(self.moving[slot], response, &mut report);
+            }
+        }
+        self.solver.step();
+        self.steps += 1;
+        for slot in 0..self.moving.len() {
+            self.take_over(self.moving[slot], &mut report);
+        }
+        self.trajectory.add(self.bodies.iter().map(|body| &body.pose));
+        Ok(report)
+    }
+
+    /// Applies what the hull says about one body.
+    fn touch(&mut self, index: usize, response: &BodyResponse, report: &mut StepReport) {
+        let time_s = self.next_time_s();
+        report.touched += 1;
+        report.inside_samples += response.inside_samples;
+        self.solver.wake(index);
+        if let Some(response_m) = response.response_m {
+            let ResponseMode::Paper = self.settings.response;
+            if !self.answer_as_paper(index, response_m, report) {
+                let body = self.bodies[index].name.clone();
+                report.faults.push(Fault { body, kind: FaultKind::Response });
+                if response.inside_samples == 0 {
+                    report.touched -= 1;
+                    return;
+                }
+            }
+        }
+        self.records[index].first_touch_s.get_or_insert(time_s);
+    }
+
+    /// Translates a body and mirrors its velocity; does nothing and says `false` if the response is not
+    /// finite, or leads where the solver has no numbers.
+    fn answer_as_paper(&mut self, index: usize, response_m: [f64; 3], report: &mut StepReport) -> bool {
+        let state = self.solver.state(index);
+        let position_m: [f32; 3] =
+            core::array::from_fn(|axis| (f64::from(state.position_m[axis]) + response_m[axis]) as f32);
+        let length_m = Vector3::from(response_m).norm();
+        if !length_m.is_finite() || position_m.iter().any(|coordinate| !coordinate.is_finite()) {
+            return false;
+        }
+        self.solver.set_position(index, position_m);
+        self.records[index].hull_moved_m += length_m;
+        report.translated += 1;
+        let velocity_m_s = state.velocity_m_s.map(f64::from);
+        if let Some(mirrored) = mirrored(velocity_m_s, response_m, self.settings.mirror_restitution) {
+            self.solver.set_velocity(index, mirrored);
+            report.mirrored += 1;
+        }
+        true
+    }
+
+    /// Takes over what the solver made of a body, or puts the body back to where it was.
+    fn take_over(&mut self, index: usize, report: &mut StepReport) {
+        let state = self.solver.state(index);
+        let body = &mut self.bodies[index];
+        match state.pose().filter(|_| !self.solver.failed(index)) {
+            Some(pose) => {
+                body.pose = pose;
+                body.velocity_m_s = state.velocity_m_s.map(f64::from);
+                body.spin_rad_s = state.spin_rad_s.map(f64::from);
+            }
+            None => {
+                self.solver.put_to_rest(index, &body.pose);
+                body.velocity_m_s = [0.0; 3];
+                body.spin_rad_s = [0.0; 3];
+                report.faults.push(Fault { body: body.name.clone(), kind: FaultKind::Solver });
+            }
+        }
+        let speed_m_s = Vector3::from(body.velocity_m_s).norm();
+        self.records[index].add(body.pose, speed_m_s, self.up);
+    }
+}
