@@ -1,1 +1,21 @@
-//! The wire between coordinator and nodes, and its conversions to and from the hull's own types.
+//! The wire between coordinator and nodes (`hulltouch.v1`), and its conversions to and from the hull's
+//! own types. Generated types go no farther than the two files that speak the protocol: the node's
+//! service and the coordinator's client.
+
+/// Generated from `proto/hulltouch/v1`.
+pub mod v1 {
+    #![allow(missing_docs, clippy::all, unused_qualifications, clippy::semicolon_if_nothing_returned)]
+    tonic::include_proto!("hulltouch.v1");
+
+    /// The protocol's own description, for reflection.
+    pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/hulltouch_v1.bin"));
+}
+
+pub mod convert;
+
+/// The most points one question may hold: a million body samples are 24 MB once placed in the world,
+/// and half a second of work for a node.
+pub const MAX_POINTS: usize = 1_000_000;
+
+/// The largest message either side accepts, bytes: [`MAX_POINTS`] raw points with room for directions.
+pub const MAX_MESSAGE_BYTES: usize = 48 << 20;

@@ -1,0 +1,302 @@
+//! Messages to our types; nothing that arrives is trusted.
+
+use std::sync::Arc;
+
+use hull::camera::Pixel;
+use hull::probe::exit::Exit;
+use hull::question::{Answer, Batch, Directions, Edge, Points, Question, Standing};
+use hull::silhouette::PixelRect;
+use hull::{HullRule, NormalWindow, OutOfView, Pose, ProbeSettings, Shape};
+
+use super::ConvertError;
+use super::bulk::{Field, unpack, unpack_bits, unpack_f32x3, unpack_f64x3, unpack_indices};
+use crate::{MAX_POINTS, v1};
+
+/// A node's reply to a question.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ProbeAnswer {
+    /// It answered.
+    Answer(Answer),
+    /// It did not, and why.
+    Refused(v1::refusal::Reason, String),
+}
+
+/// A shape to register; its samples must have the digest it claims.
+pub fn shape_from_wire(shape: &v1::Shape) -> Result<Shape, ConvertError> {
+    let v1::Shape { digest, samples } = shape;
+    let samples = unpack_f32x3(samples, Field("Shape", "samples"))?;
+    let shape = Shape::new(samples).map_err(|error| Field("Shape", "samples").value(error.to_string()))?;
+    if shape.digest()[..] != digest[..] {
+        return Err(Field("Shape", "digest").value("is not that of the samples"));
+    }
+    Ok(shape)
+}
+
+/// A rectangle of pixels, not empty.
+pub fn pixel_rect_from_wire(rect: &v1::PixelRect) -> Result<PixelRect, ConvertError> {
+    let &v1::PixelRect { left, top, right, bottom } = rect;
+    if left >= right || top >= bottom {
+        let what = format!("is {left}..{right} x {top}..{bottom}, expected pixels");
+        return Err(Field("CameraFrame", "admitted").value(what));
+    }
+    Ok(PixelRect { left, top, right, bottom })
+}
+
+/// The settings of the probes.
+pub fn settings_from_wire(settings: &v1::ProbeSettings) -> Result<ProbeSettings, ConvertError> {
+    let &v1::ProbeSettings { abstain, min_views, normal_window, max_depth_m } = settings;
+    let out_of_view = if abstain { OutOfView::Abstain } else { OutOfView::Outside };
+    let window = if normal_window == 0 { NormalWindow::Auto } else { NormalWindow::Pixels(normal_window) };
+    ProbeSettings::new(HullRule { out_of_view, min_views }, window, max_depth_m)
+        .map_err(|error| Field("DescribeReply", "settings").value(error.to_string()))
+}
+
+/// A question; `shape` finds registered shapes by their key.
+pub fn question_from_wire(
+    request: v1::ProbeRequest,
+    shape: impl Fn(u64) -> Option<Arc<Shape>>,
+) -> Result<Question, ConvertError> {
+    use v1::probe_request::Question as Wire;
+    let v1::ProbeRequest { id: _, frame: _, question } = request;
+    let missing = ConvertError::Missing { message: "ProbeRequest", field: "question" };
+    let batches = |batches: Vec<v1::Batch>| {
+        batches.into_iter().map(|batch| batch_from_wire(batch, &shape)).collect::<Result<Vec<_>, _>>()
+    };
+    let question = match question.ok_or(missing)? {
+        Wire::Classes(v1::Classes { batches: all }) => Question::Classes(batches(all)?),
+        Wire::Edges(v1::Edges { batches: all }) => Question::Edges(batches(all)?),
+        Wire::Exits(v1::Exits { batches: all }) => {
+            let exits = all.into_iter().map(|batch| exit_batch_from_wire(batch, &shape));
+            Question::Exits(exits.collect::<Result<_, _>>()?)
+        }
+    };
+    let found = question.len();
+    if found > MAX_POINTS {
+        return Err(ConvertError::TooManyPoints { found, limit: MAX_POINTS });
+    }
+    Ok(question)
+}
+
+fn batch_from_wire(
+    batch: v1::Batch,
+    shape: &impl Fn(u64) -> Option<Arc<Shape>>,
+) -> Result<Batch, ConvertError> {
+    let v1::Batch { points, picked } = batch;
+    let points = match points.ok_or(ConvertError::Missing { message: "Batch", field: "points" })? {
+        v1::batch::Points::Body(v1::Body { shape: key, pose }) => {
+            let field = Field("Body", "pose");
+            let p = unpack(&pose, 7, field, f64::from_le_bytes)?;
+            let pose = Pose::new([p[0], p[1], p[2]], [p[3], p[4], p[5], p[6]])
+                .map_err(|error| field.value(error.to_string()))?;
+            Points::Body { shape: shape(key).ok_or(ConvertError::UnknownShape(key))?, pose }
+        }
+        v1::batch::Points::World(points) => {
+            Points::World(unpack_f64x3(&points, Field("Batch", "world"))?.into())
+        }
+    };
+    let picked =
+        picked.map(|picked| unpack_indices(&picked, points.len(), Field("Batch", "picked"))).transpose()?;
+    Ok(Batch { points, picked })
+}
+
+fn exit_batch_from_wire(
+    batch: v1::ExitBatch,
+    shape: &impl Fn(u64) -> Option<Arc<Shape>>,
+) -> Result<(Batch, Directions), ConvertError> {
+    let v1::ExitBatch { batch, directions } = batch;
+    let missing = ConvertError::Missing { message: "ExitBatch", field: "batch" };
+    let batch = batch_from_wire(batch.ok_or(missing)?, shape)?;
+    let field = Field("ExitBatch", "directions");
+    let directions = unpack_f32x3(&directions, field)?;
+    let unit = |d: &[f32; 3]| (d.iter().map(|c| c * c).sum::<f32>() - 1.0).abs() < 1e-3;
+    if let Some(long) = directions.iter().find(|direction| !unit(direction)) {
+        return Err(field.value(format!("holds {long:?}, expected unit vectors")));
+    }
+    match directions[..] {
+        [shared] => Ok((batch, Directions::Shared(shared))),
+        _ => {
+            field.check_length(directions.len() * 12, batch.len() * 12)?;
+            Ok((batch, Directions::Each(directions)))
+        }
+    }
+}
+
+/// A node's reply: its id, the answer, and the milliseconds it took to compute.
+pub fn answer_from_wire(reply: v1::ProbeReply) -> Result<(u64, ProbeAnswer, f64), ConvertError> {
+    use v1::probe_reply::Answer as Wire;
+    let v1::ProbeReply { id, answer, compute_ms } = reply;
+    let missing = ConvertError::Missing { message: "ProbeReply", field: "answer" };
+    let answer = match answer.ok_or(missing)? {
+        Wire::Classes(classes) => ProbeAnswer::Answer(Answer::Classes(classes_from_wire(&classes)?)),
+        Wire::Edges(edges) => ProbeAnswer::Answer(Answer::Edges(edges_from_wire(&edges)?)),
+        Wire::Exits(exits) => ProbeAnswer::Answer(Answer::Exits(exits_from_wire(&exits)?)),
+        Wire::Refusal(refusal) => ProbeAnswer::Refused(refusal.reason(), refusal.message),
+    };
+    Ok((id, answer, compute_ms))
+}
+
+fn classes_from_wire(answer: &v1::ClassesAnswer) -> Result<Vec<Standing>, ConvertError> {
+    let v1::ClassesAnswer { count, not_outside, inside_counts, cameras } = answer;
+    let bits = unpack_bits(not_outside, *count as usize, Field("ClassesAnswer", "not_outside"))?;
+    let all = Standing::inside(*cameras as usize);
+    if inside_counts.is_empty() {
+        return Ok(bits.into_iter().map(|bit| if bit { all } else { Standing::OUTSIDE }).collect());
+    }
+    let set = bits.iter().filter(|&&bit| bit).count();
+    Field("ClassesAnswer", "inside_counts").check_length(inside_counts.len(), set)?;
+    let mut counts = inside_counts.iter();
+    let standing = |bit: bool| match bit.then(|| counts.next()).flatten() {
+        Some(&count) => Standing::inside(usize::from(count)),
+        None => Standing::OUTSIDE,
+    };
+    Ok(bits.into_iter().map(standing).collect())
+}
+
+fn edges_from_wire(answer: &v1::EdgesAnswer) -> Result<Vec<Option<Edge>>, ConvertError> {
+    let v1::EdgesAnswer { count, present, distances, normals, cameras, pixels } = answer;
+    let field = |name| Field("EdgesAnswer", name);
+    let bits = unpack_bits(present, *count as usize, field("present"))?;
+    let set = bits.iter().filter(|&&bit| bit).count();
+    let distances = unpack(distances, set, field("distances"), f32::from_le_bytes)?;
+    if let Some(distance) = distances.iter().find(|distance| !distance.is_finite()) {
+        return Err(field("distances").value(format!("holds {distance}, expected finite metres")));
+    }
+    let normals = unpack_f32x3(normals, field("normals"))?;
+    field("normals").check_length(normals.len() * 12, set * 12)?;
+    let cameras = unpack(cameras, set, field("cameras"), u16::from_le_bytes)?;
+    let pixels = unpack(pixels, set * 2, field("pixels"), i16::from_le_bytes)?;
+    let mut next = 0;
+    let edge = |bit: bool| {
+        bit.then(|| {
+            let at = next;
+            next += 1;
+            let pixel = Pixel { column: i32::from(pixels[2 * at]), row: i32::from(pixels[2 * at + 1]) };
+            Edge { distance_m: distances[at], camera: cameras[at], pixel, normal_world: normals[at] }
+        })
+    };
+    Ok(bits.into_iter().map(edge).collect())
+}
+
+fn exits_from_wire(answer: &v1::ExitsAnswer) -> Result<Vec<Exit>, ConvertError> {
+    let v1::ExitsAnswer { outside, changes } = answer;
+    let field = Field("ExitsAnswer", "outside");
+    let outside = unpack(outside, outside.len() / 4, field, f32::from_le_bytes)?;
+    if let Some(t) = outside.iter().find(|t| t.is_nan() || **t < 0.0) {
+        return Err(field.value(format!("holds {t}, expected metres")));
+    }
+    let mut exits: Vec<Exit> = outside
+        .into_iter()
+        .map(|t| Exit { outside_m: t.is_finite().then_some(t), changes: Vec::new() })
+        .collect();
+    for v1::ExitChanges { point, changes } in changes {
+        let field = Field("ExitsAnswer", "changes");
+        let count = exits.len();
+        let exit = exits
+            .get_mut(*point as usize)
+            .ok_or_else(|| field.value(format!("names point {point} of {count}")))?;
+        let pair = |bytes: [u8; 8]| {
+            let [a, b, c, d, e, f, g, h] = bytes;
+            (f32::from_le_bytes([a, b, c, d]), i32::from_le_bytes([e, f, g, h]))
+        };
+        exit.changes = unpack(changes, changes.len() / 8, field, pair)?;
+        if exit.changes.iter().any(|(t, delta)| !t.is_finite() || delta.abs() > 1) {
+            return Err(field.value("holds a change that is none"));
+        }
+    }
+    Ok(exits)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::to_wire::*;
+    use super::*;
+    use proptest::prelude::*;
+
+    fn shape() -> Arc<Shape> {
+        let samples = (0..40).map(|at| [at as f32 * 0.01, 0.5, -0.25]).collect();
+        Arc::new(Shape::new(samples).expect("finite"))
+    }
+
+    fn find(key: u64) -> Option<Arc<Shape>> {
+        Some(shape()).filter(|shape| shape_key(&shape.digest()) == key)
+    }
+
+    #[test]
+    fn questions_survive_the_wire() {
+        let pose = Pose::new([0.1, -2.0, 3.0], [0.0, 0.6, 0.0, 0.8]).expect("unit");
+        let body = Points::Body { shape: shape(), pose };
+        let some = Batch { points: body.clone(), picked: Some(vec![0, 3, 39]) };
+        let all = Batch { points: Points::World([[1.0, 2.0, 3.0]].into()), picked: None };
+        let each = Directions::Each(vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]]);
+        for question in [
+            Question::Classes(vec![Batch { points: body, picked: None }, all.clone()]),
+            Question::Edges(vec![some.clone()]),
+            Question::Exits(vec![(some, each), (all, Directions::Shared([0.6, 0.8, 0.0]))]),
+        ] {
+            let wire = question_to_wire(7, 3, &question);
+            assert_eq!((wire.id, wire.frame), (7, 3));
+            assert_eq!(question_from_wire(wire, find), Ok(question));
+        }
+    }
+
+    #[test]
+    fn answers_survive_the_wire() {
+        let edge = Edge {
+            distance_m: 0.25,
+            camera: 3,
+            pixel: Pixel { column: -1, row: 479 },
+            normal_world: [0.0, 1.0, 0.0],
+        };
+        let exit = Exit { outside_m: Some(0.125), changes: vec![(0.1, -1), (0.11, 1)] };
+        for answer in [
+            Answer::Classes(vec![Standing::OUTSIDE, Standing::inside(2), Standing::OUTSIDE]),
+            Answer::Classes(vec![Standing::OUTSIDE, Standing::inside(2), Standing::inside(1)]),
+            Answer::Edges(vec![None, Some(edge), None]),
+            Answer::Exits(vec![Exit::default(), exit]),
+        ] {
+            let wire = answer_to_wire(9, &answer, 2, 0.5);
+            assert_eq!(answer_from_wire(wire), Ok((9, ProbeAnswer::Answer(answer), 0.5)));
+        }
+    }
+
+    #[test]
+    fn lies_are_refused_by_field() {
+        let mut wrong = shape_to_wire(&shape());
+        wrong.digest = vec![0; 32].into();
+        let error = shape_from_wire(&wrong).expect_err("another digest");
+        assert_eq!(error.to_string(), "Shape.digest: is not that of the samples");
+        let body = Points::Body { shape: shape(), pose: Pose::IDENTITY };
+        let question = Question::Classes(vec![Batch { points: body, picked: None }]);
+        let error = question_from_wire(question_to_wire(1, 1, &question), |_| None).expect_err("unknown");
+        assert!(matches!(error, ConvertError::UnknownShape(_)));
+        let nan = Question::Classes(vec![Batch {
+            points: Points::World([[f64::NAN, 0.0, 0.0]].into()),
+            picked: None,
+        }]);
+        let error = question_from_wire(question_to_wire(1, 1, &nan), find).expect_err("NaN");
+        assert_eq!(error.to_string(), "Batch.world: holds NaN, expected finite numbers");
+    }
+
+    proptest! {
+        #[test]
+        fn any_bytes_make_an_answer_or_an_error(
+            count in 0u32..80, a in proptest::collection::vec(any::<u8>(), 0..40),
+            b in proptest::collection::vec(any::<u8>(), 0..100), kind in 0..3,
+        ) {
+            use v1::probe_reply::Answer as Wire;
+            let (a, b) = (bytes::Bytes::from(a), bytes::Bytes::from(b));
+            let answer = match kind {
+                0 => Wire::Classes(v1::ClassesAnswer {
+                    count, not_outside: a, inside_counts: b, cameras: 3,
+                }),
+                1 => Wire::Edges(v1::EdgesAnswer {
+                    count, present: a, distances: b.clone(), normals: b.clone(), cameras: b.clone(), pixels: b,
+                }),
+                _ => Wire::Exits(v1::ExitsAnswer {
+                    outside: b, changes: vec![v1::ExitChanges { point: count, changes: a }],
+                }),
+            };
+            let _ = answer_from_wire(v1::ProbeReply { id: 0, answer: Some(answer), compute_ms: 0.0 });
+        }
+    }
+}

@@ -1,0 +1,62 @@
+//! Both directions of every message. Messages are taken apart field by field, so that a new field
+//! breaks the build here. Errors name message and field.
+
+mod bulk;
+mod from_wire;
+mod to_wire;
+
+pub use from_wire::{
+    ProbeAnswer, answer_from_wire, pixel_rect_from_wire, question_from_wire, settings_from_wire,
+    shape_from_wire,
+};
+pub use to_wire::{
+    answer_to_wire, pixel_rect_to_wire, question_to_wire, refusal, settings_to_wire, shape_key, shape_to_wire,
+};
+
+use thiserror::Error;
+
+/// Why a message makes no value.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum ConvertError {
+    /// A field that must be there is not.
+    #[error("{message}.{field} is missing")]
+    Missing {
+        /// Which message.
+        message: &'static str,
+        /// Which field.
+        field: &'static str,
+    },
+    /// A packed field of the wrong length.
+    #[error("{message}.{field} holds {found} bytes, expected {expected}")]
+    Length {
+        /// Which message.
+        message: &'static str,
+        /// Which field.
+        field: &'static str,
+        /// Bytes found.
+        found: usize,
+        /// Bytes expected.
+        expected: usize,
+    },
+    /// A value that cannot be.
+    #[error("{message}.{field}: {what}")]
+    Value {
+        /// Which message.
+        message: &'static str,
+        /// Which field.
+        field: &'static str,
+        /// What was found and what was expected.
+        what: String,
+    },
+    /// A shape that is not registered.
+    #[error("shape {0:016x} is not registered")]
+    UnknownShape(u64),
+    /// More points than a question may hold.
+    #[error("question of {found} points, at most {limit} are taken")]
+    TooManyPoints {
+        /// Points asked.
+        found: usize,
+        /// The limit.
+        limit: usize,
+    },
+}
