@@ -1,1 +1,3 @@
 //! Calibration: other programs' camera files to rigs, and how well a rig fits its silhouettes.
+
+pub mod check;

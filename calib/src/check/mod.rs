@@ -1,0 +1,331 @@
+//! Does a rig fit its silhouettes, and which single camera, moved, would mend most?
+//!
+//! The visual hull rule is the default one: off the image and behind the camera count as outside.
+
+mod explained;
+mod field;
+mod mend;
+mod ray;
+
+use hull::{Camera, Rig, Silhouette};
+use nalgebra::Point2;
+use serde::Serialize;
+use thiserror::Error;
+
+use explained::Share;
+use field::Field;
+use mend::{Gaps, Mended, OutlineRay};
+use ray::Other;
+
+/// Foreground pixels looked at per camera, over all frames: the share is good to half a percent.
+const PIXELS_PER_CAMERA: u64 = 4000;
+/// Outline pixels whose rays are fitted, per camera over all frames.
+const OUTLINE_RAYS_PER_CAMERA: usize = 1200;
+/// A camera is named only if its own correction takes away this share of the outline's cost …
+pub const MEND_SHARE: f64 = 0.35;
+/// … and moves the picture of the subject by at least this share of the image's longer side.
+pub const MEND_SHIFT: f64 = 0.005;
+
+/// Why a rig cannot be checked against silhouettes.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum CheckError {
+    /// No frame at all.
+    #[error("no frames of silhouettes given, expected at least one")]
+    NoFrames,
+    /// A frame has more or fewer silhouettes than the rig cameras.
+    #[error("frame {frame} has {found} silhouettes, expected one for each of {expected} cameras")]
+    Count {
+        /// Which frame, counted from 0.
+        frame: usize,
+        /// Silhouettes given.
+        found: usize,
+        /// Cameras of the rig.
+        expected: usize,
+    },
+    /// A silhouette is not of its camera's size.
+    #[error(
+        "silhouette of camera {camera:?} in frame {frame} is {found_width} x {found_height}, expected {expected_width} x {expected_height}"
+    )]
+    Size {
+        /// The camera's name.
+        camera: String,
+        /// Which frame, counted from 0.
+        frame: usize,
+        /// Pixels across, of the silhouette.
+        found_width: u32,
+        /// Pixels down, of the silhouette.
+        found_height: u32,
+        /// Pixels across, of the camera.
+        expected_width: u32,
+        /// Pixels down, of the camera.
+        expected_height: u32,
+    },
+    /// A camera has no foreground in any frame.
+    #[error("camera {0:?} has no foreground in any frame, expected some")]
+    Empty(String),
+}
+
+/// What one camera's own correction would do.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Mend {
+    /// Mean cost of an outline ray, of all cameras, with this camera corrected (see
+    /// [`CheckReport::cost`]).
+    pub cost: f64,
+    /// Where the subject's picture would move to, pixels right and down.
+    pub shift_px: [f64; 2],
+    /// Turn to the right about the camera's y axis, degrees, if it is a turn.
+    pub pan_deg: f64,
+    /// Turn upwards about the camera's x axis, degrees.
+    pub tilt_deg: f64,
+    /// Turn about the optical axis, degrees, the picture's right side moving down.
+    pub roll_deg: f64,
+    /// Move of the camera along its own x and y, metres.
+    pub move_m: [f64; 2],
+}
+
+/// How one camera fits.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CameraCheck {
+    /// The camera's name.
+    pub camera: String,
+    /// Share of the foreground pixels looked at whose viewing ray meets the hull of all cameras, 0 to 1.
+    pub explained: f64,
+    /// Foreground pixels looked at, over all frames.
+    pub pixels: u64,
+    /// The correction of this camera alone that mends most.
+    pub mend: Mend,
+}
+
+/// How a rig fits its silhouettes.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CheckReport {
+    /// Per camera, in rig order.
+    pub cameras: Vec<CameraCheck>,
+    /// Mean cost of an outline ray as the rig stands: the squared gap to the others' hull, in pixels of
+    /// an image 640 wide, large gaps counting linearly.
+    pub cost: f64,
+    /// The camera (by rig order) whose correction mends most, if that is significant: it takes away at
+    /// least [`MEND_SHARE`] of the cost and shifts the subject by at least [`MEND_SHIFT`] of the image.
+    pub moved: Option<usize>,
+}
+
+/// Silhouettes made ready for checking any rig of their sizes.
+pub struct Prepared<'a> {
+    frames: &'a [Vec<Silhouette>],
+    fields: Vec<Vec<Option<Field>>>,
+    spacings_px: Vec<u32>,
+    outlines: Vec<Vec<(usize, Point2<f64>)>>,
+    scale_px: f64,
+}
+
+/// Checks a rig against silhouettes, one list per frame in rig order.
+pub fn check(rig: &Rig, frames: &[Vec<Silhouette>]) -> Result<CheckReport, CheckError> {
+    Prepared::new(frames)?.check(rig)
+}
+
+impl<'a> Prepared<'a> {
+    /// Distance fields and outlines of all silhouettes (the slow part that no rig changes).
+    pub fn new(frames: &'a [Vec<Silhouette>]) -> Result<Prepared<'a>, CheckError> {
+        let first = frames.first().ok_or(CheckError::NoFrames)?;
+        let count = first.len();
+        if let Some((frame, other)) = frames.iter().enumerate().find(|(_, other)| other.len() != count) {
+            return Err(CheckError::Count { frame, found: other.len(), expected: count });
+        }
+        let side = |silhouette: &Silhouette| silhouette.width().max(silhouette.height());
+        let scale_px = f64::from(first.iter().map(side).max().unwrap_or(1)) / 640.0;
+        let spacings_px: Vec<u32> = first.iter().map(|silhouette| (side(silhouette) / 600).max(1)).collect();
+        let margin_px = (mend::CAP_PX * scale_px) as u32 + 2;
+        let jobs: Vec<(usize, usize)> =
+            (0..frames.len()).flat_map(|frame| (0..count).map(move |index| (frame, index))).collect();
+        let made = in_parallel(&jobs, |&(frame, index)| {
+            let silhouette = &frames[frame][index];
+            let stride_rays = OUTLINE_RAYS_PER_CAMERA / frames.len();
+            (Field::new(silhouette, spacings_px[index], margin_px), outline(silhouette, stride_rays.max(1)))
+        });
+        let mut fields: Vec<Vec<Option<Field>>> = vec![Vec::new(); frames.len()];
+        let mut outlines: Vec<Vec<(usize, Point2<f64>)>> = vec![Vec::new(); frames.len()];
+        for ((frame, index), (field, outline)) in jobs.into_iter().zip(made) {
+            fields[frame].push(field);
+            outlines[frame].extend(outline.into_iter().map(|pixel| (index, pixel)));
+        }
+        Ok(Prepared { frames, fields, spacings_px, outlines, scale_px })
+    }
+
+    /// Checks one rig: a second or two for four cameras and ten frames.
+    pub fn check(&self, rig: &Rig) -> Result<CheckReport, CheckError> {
+        let cameras = rig.cameras();
+        self.fits(cameras)?;
+        let shares = self.shares(cameras);
+        let frames: Vec<usize> = (0..self.frames.len()).collect();
+        let outlines: Vec<Vec<OutlineRay>> =
+            in_parallel(&frames, |&frame| outline_rays(self, cameras, frame));
+        let subject_m: Vec<f64> = cameras.iter().map(|camera| subject_distance_m(camera, cameras)).collect();
+        let gaps = Gaps { prepared: self, outlines: &outlines, subject_m: &subject_m };
+        let cost = gaps.cost(cameras);
+        let mut report = CheckReport { cameras: Vec::new(), cost, moved: None };
+        for (index, camera) in cameras.iter().enumerate() {
+            let mended =
+                gaps.mend(cameras, index).unwrap_or(Mended { correction: mend::Correction::zeros(), cost });
+            let Share { pixels, explained } = shares[index];
+            report.cameras.push(CameraCheck {
+                camera: camera.name().to_owned(),
+                explained: explained as f64 / pixels.max(1) as f64,
+                pixels,
+                mend: described(camera, &mended, subject_m[index]),
+            });
+        }
+        report.moved = significant(&report, cameras);
+        Ok(report)
+    }
+
+    fn fits(&self, cameras: &[Camera]) -> Result<(), CheckError> {
+        for (frame, silhouettes) in self.frames.iter().enumerate() {
+            if silhouettes.len() != cameras.len() {
+                let (found, expected) = (silhouettes.len(), cameras.len());
+                return Err(CheckError::Count { frame, found, expected });
+            }
+            for (silhouette, camera) in silhouettes.iter().zip(cameras) {
+                if (silhouette.width(), silhouette.height()) != (camera.width(), camera.height()) {
+                    return Err(CheckError::Size {
+                        camera: camera.name().to_owned(),
+                        frame,
+                        found_width: silhouette.width(),
+                        found_height: silhouette.height(),
+                        expected_width: camera.width(),
+                        expected_height: camera.height(),
+                    });
+                }
+            }
+        }
+        for (index, camera) in cameras.iter().enumerate() {
+            if self.frames.iter().all(|silhouettes| silhouettes[index].area() == 0) {
+                return Err(CheckError::Empty(camera.name().to_owned()));
+            }
+        }
+        Ok(())
+    }
+
+    fn shares(&self, cameras: &[Camera]) -> Vec<Share> {
+        let jobs: Vec<(usize, usize, u64)> = (0..cameras.len())
+            .flat_map(|index| {
+                let area: u64 = self.frames.iter().map(|silhouettes| silhouettes[index].area()).sum();
+                // Odd, so that it has no factor in common with widths that are powers of two.
+                let stride = area.div_ceil(PIXELS_PER_CAMERA).max(1) | 1;
+                (0..self.frames.len()).map(move |frame| (frame, index, stride))
+            })
+            .collect();
+        let parts = in_parallel(&jobs, |&(frame, index, stride)| {
+            explained::share(self, cameras, frame, index, stride)
+        });
+        let mut shares = vec![Share::default(); cameras.len()];
+        for ((_, index, _), part) in jobs.into_iter().zip(parts) {
+            shares[index].pixels += part.pixels;
+            shares[index].explained += part.explained;
+        }
+        shares
+    }
+
+    /// All cameras but one as its rays see them; `None` if one of them sees nothing in that frame.
+    fn others<'b>(&'b self, frame: usize, index: usize, cameras: &'b [Camera]) -> Option<Vec<Other<'b>>> {
+        (0..cameras.len())
+            .filter(|&other| other != index)
+            .map(|other| {
+                Some(Other {
+                    index: other,
+                    camera: &cameras[other],
+                    silhouette: &self.frames[frame][other],
+                    field: self.fields[frame][other].as_ref()?,
+                    spacing_px: f64::from(self.spacings_px[other]),
+                })
+            })
+            .collect()
+    }
+}
+
+/// Evenly chosen outline pixels: foreground with background beside, above or below, on the image.
+fn outline(silhouette: &Silhouette, count: usize) -> Vec<Point2<f64>> {
+    let (width, height) = (silhouette.width() as i32, silhouette.height() as i32);
+    let mut pixels = Vec::new();
+    for row in 0..height {
+        for run in silhouette.row(row as u32) {
+            for column in i32::from(run.start)..i32::from(run.end) {
+                let open = (column > 0 && column == i32::from(run.start))
+                    || (column + 1 < width && column + 1 == i32::from(run.end))
+                    || (row > 0 && !silhouette.contains(column, row - 1))
+                    || (row + 1 < height && !silhouette.contains(column, row + 1));
+                if open {
+                    pixels.push(Point2::new(f64::from(column), f64::from(row)));
+                }
+            }
+        }
+    }
+    let step = pixels.len().div_ceil(count).max(1);
+    pixels.into_iter().step_by(step).collect()
+}
+
+/// The rays of one frame's outline pixels, each with the depth where it lies deepest in the hull.
+fn outline_rays(prepared: &Prepared, cameras: &[Camera], frame: usize) -> Vec<OutlineRay> {
+    let cap_px = mend::CAP_PX * prepared.scale_px;
+    let others: Vec<_> = (0..cameras.len()).map(|index| prepared.others(frame, index, cameras)).collect();
+    let ray = |&(camera, pixel): &(usize, Point2<f64>)| {
+        let others = others[camera].as_ref()?;
+        let direction_camera = cameras[camera].ray_camera(&pixel)?;
+        let mut ray = OutlineRay { camera, direction_camera, depth_m: f64::INFINITY };
+        let in_world = mend::ray_of(&cameras[camera], &ray);
+        ray.depth_m = ray::nearest(&in_world, others, (-cap_px, cap_px), f64::INFINITY).depth_m;
+        Some(ray)
+    };
+    prepared.outlines[frame].iter().filter_map(ray).collect()
+}
+
+/// How far the point that all optical axes pass nearest is from a camera, metres.
+fn subject_distance_m(camera: &Camera, cameras: &[Camera]) -> f64 {
+    let mut normal = nalgebra::Matrix3::identity() * 1e-6;
+    let mut right = nalgebra::Vector3::zeros();
+    for other in cameras {
+        let axis = other.rotation().row(2).transpose();
+        let across = nalgebra::Matrix3::identity() - axis * axis.transpose();
+        normal += across;
+        right += across * other.centre_world().coords;
+    }
+    let subject = normal.try_inverse().map_or(right, |inverse| inverse * right);
+    (subject - camera.centre_world().coords).norm().max(0.1)
+}
+
+fn described(camera: &Camera, mended: &Mended, subject_m: f64) -> Mend {
+    let [tilt, pan, roll, right, down] = <[f64; 5]>::from(mended.correction);
+    let k = camera.intrinsics();
+    Mend {
+        cost: mended.cost,
+        shift_px: [k[(0, 0)] * (pan - right), k[(1, 1)] * (-tilt - down)],
+        pan_deg: pan.to_degrees(),
+        tilt_deg: tilt.to_degrees(),
+        roll_deg: roll.to_degrees(),
+        move_m: [right * subject_m, down * subject_m],
+    }
+}
+
+fn significant(report: &CheckReport, cameras: &[Camera]) -> Option<usize> {
+    let cost = |index: usize| report.cameras[index].mend.cost;
+    let best = (0..cameras.len()).min_by(|&a, &b| cost(a).total_cmp(&cost(b)))?;
+    let side = f64::from(cameras[best].width().max(cameras[best].height()));
+    let [right, down] = report.cameras[best].mend.shift_px;
+    let shifts = right.hypot(down) >= MEND_SHIFT * side;
+    (shifts && cost(best) <= (1.0 - MEND_SHARE) * report.cost).then_some(best)
+}
+
+/// Maps over jobs on the machine's cores; results are in the order of the jobs, whatever ran where.
+fn in_parallel<J: Sync, T: Send>(jobs: &[J], work: impl Fn(&J) -> T + Sync) -> Vec<T> {
+    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(8);
+    let work = &work;
+    std::thread::scope(|scope| {
+        let running: Vec<_> = jobs
+            .chunks(jobs.len().div_ceil(threads).max(1))
+            .map(|chunk| scope.spawn(move || chunk.iter().map(work).collect::<Vec<T>>()))
+            .collect();
+        running
+            .into_iter()
+            .flat_map(|thread| thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+            .collect()
+    })
+}
