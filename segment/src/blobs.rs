@@ -169,12 +169,8 @@ mod tests {
     fn only_the_largest_are_kept() {
         let mut image = drawn(&MESS);
         Blobs::default().remove_specks(&mut image, 7, 0, Some(1));
-        let kept: Vec<String> = MESS
-            .iter()
-            .enumerate()
-            .map(|(row, text)| format!("{}.....", if row < 2 { &text[..7] } else { &text[..7] }))
-            .collect();
-        let kept: Vec<&str> = kept.iter().map(String::as_str).collect();
+        let kept = MESS.map(|row| format!("{}.....", &row[..7]));
+        let kept = kept.each_ref().map(String::as_str);
         assert_eq!(image, drawn(&kept));
         Blobs::default().remove_specks(&mut image, 7, 0, Some(3));
         assert_eq!(image, drawn(&kept), "fewer than asked for are all kept");

@@ -217,13 +217,16 @@ impl Segmenter {
 /// The least low threshold, levels: the rounding of cameras and codecs alone reaches it.
 const LEAST_LOW: f64 = 15.0;
 
-/// The low threshold where nothing is known of the noise, and the most that is estimated from it.
+/// The most that is estimated from the noise of a clip.
 const MOST_LOW: f64 = 30.0;
+
+/// The low threshold of a single picture, of whose noise nothing is known.
+const PLATE_LOW: f64 = 20.0;
 
 /// Low and high threshold per pixel.
 fn thresholds(settings: &SegmentSettings, model: &BackgroundModel) -> (Vec<u8>, Vec<u8>) {
     let floor = settings.low.unwrap_or_else(|| {
-        model.median_deviation().map_or(MOST_LOW, |deviation| (6.0 * deviation).clamp(LEAST_LOW, MOST_LOW))
+        model.median_deviation().map_or(PLATE_LOW, |deviation| (6.0 * deviation).clamp(LEAST_LOW, MOST_LOW))
     });
     let pixels = (0..model.height()).flat_map(|row| (0..model.width()).map(move |column| (column, row)));
     let low = pixels.map(|(column, row)| {

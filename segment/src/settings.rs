@@ -75,7 +75,7 @@ impl Default for SegmentSettings {
             low: None,
             high: 110.0,
             sigma_factor: 3.0,
-            edge_px: 0.5,
+            edge_px: 0.25,
             shadow_cosine: 0.998,
             shadow_darkest: 0.5,
             dark: 20.0,
@@ -139,18 +139,14 @@ impl SegmentSettings {
     pub(crate) fn cleanup(&self, width: u32, height: u32) -> Cleanup {
         let pixels = u64::from(width) * u64::from(height);
         let long = u64::from(width.max(height));
-        // Squares keep their share of the longer side, areas their share of the image.
-        let side = |set: Option<u32>, at_640: u64| {
-            set.map_or_else(
-                || ((at_640 * long + 320) / 640).clamp(1, MAX_SQUARE_PX.into()) as usize,
-                |px| px as usize,
-            )
-        };
+        // Noise grows slower than the image, gaps between limbs as fast as it.
+        let side =
+            |set: Option<u32>, auto: u64| set.map_or(auto.clamp(1, MAX_SQUARE_PX.into()), u64::from) as usize;
         // A 2,048th of the image is 150 pixels at 640 x 480, about a hand.
         let area = |set: Option<u32>| set.unwrap_or((pixels / 2048) as u32);
         Cleanup {
-            open_px: side(self.open_px, 2),
-            close_px: side(self.close_px, 4),
+            open_px: side(self.open_px, 1 + (long + 320) / 640),
+            close_px: side(self.close_px, (4 * long + 320) / 640),
             speck_px: area(self.speck_px),
             hole_px: area(self.hole_px),
             keep: self.keep_largest.map(|keep| keep as usize),
@@ -205,6 +201,6 @@ mod tests {
     fn cleaning_scales_with_the_image() {
         let at = |width, height| SegmentSettings::default().cleanup(width, height);
         assert_eq!((at(640, 480).open_px, at(640, 480).close_px, at(640, 480).hole_px), (2, 4, 150));
-        assert_eq!((at(1080, 1920).open_px, at(1080, 1920).close_px, at(1080, 1920).hole_px), (6, 12, 1012));
+        assert_eq!((at(1080, 1920).open_px, at(1080, 1920).close_px, at(1080, 1920).hole_px), (4, 12, 1012));
     }
 }

@@ -1,0 +1,35 @@
+//! Where the recordings of real people are, and how their frames are decoded.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// The folder of the recordings: `HULLTOUCH_DATASETS`, or `../shared/datasets` beside the workspace.
+/// `None`, with the reason printed, if the variable is not set and the folder is not there.
+pub fn datasets() -> Option<PathBuf> {
+    if let Some(set) = std::env::var_os("HULLTOUCH_DATASETS") {
+        let folder = PathBuf::from(set);
+        assert!(folder.is_dir(), "HULLTOUCH_DATASETS is {}, which is no folder", folder.display());
+        return Some(folder);
+    }
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/datasets");
+    if !folder.is_dir() {
+        println!("skipped: HULLTOUCH_DATASETS is not set and {} is not there", folder.display());
+        return None;
+    }
+    Some(folder)
+}
+
+/// Decoded frames, RGB triples, of the size asked for.
+pub fn frames(video: &Path, (width, height): (u32, u32), filter: &str) -> Vec<Vec<u8>> {
+    let output = Command::new("ffmpeg")
+        .args(["-v", "error", "-nostdin", "-i"])
+        .arg(video)
+        .args(["-vf", filter, "-fps_mode", "passthrough", "-f", "rawvideo", "-pix_fmt", "rgb24", "-"])
+        .output()
+        .expect("ffmpeg is needed where the recordings are (Debian package ffmpeg)");
+    let complaint = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "ffmpeg on {}: {complaint}", video.display());
+    let size = 3 * width as usize * height as usize;
+    assert_eq!(output.stdout.len() % size, 0, "{} is not {width} x {height}", video.display());
+    output.stdout.chunks_exact(size).map(<[u8]>::to_vec).collect()
+}
