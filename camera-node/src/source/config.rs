@@ -1,24 +1,33 @@
 //! What a cluster file says about a source, and opening it.
 
+use std::fmt::Display;
 use std::num::NonZeroU64;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use hull::Camera;
 use serde::{Deserialize, Deserializer, de::Error as _};
+use stage::{Motion, Prop, StageSettings};
 
 use super::files::FileFrames;
 use super::film::FileFilm;
 use super::pipe::PipeSource;
+use super::stage_source::StageSource;
 use super::{Kind, OpenContext, Source, SourceError};
 
 /// The largest span of time that a source may be told to wait or to lag, seconds. Any more is a
 /// slip of units.
 const MAX_SPAN_S: f64 = 3600.0;
 
+/// The length of the studio's background clip: the deviation of a pixel is then good to an eighth.
+const EMPTY_ROOM_FRAMES: u64 = 32;
+
 /// One source, as `{ kind = "…", … }`.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum SourceConfig {
+    /// The synthetic studio.
+    Stage(StageConfig),
     /// Numbered colour images.
     Images(FileConfig),
     /// Numbered masks, 8 bits: over 127 is foreground.
@@ -27,6 +36,40 @@ pub enum SourceConfig {
     Video(FileConfig),
     /// A program that writes YUV4MPEG2 to its standard output.
     Pipe(PipeConfig),
+}
+
+/// A film of the synthetic studio.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct StageConfig {
+    /// What the person does.
+    #[serde(deserialize_with = "named")]
+    pub motion: Motion,
+    /// What stands there beside the person.
+    #[serde(deserialize_with = "all_named")]
+    pub props: Vec<Prop>,
+    /// Chooses the sensor noise.
+    pub seed: u64,
+    /// False for the same scene without the person.
+    pub person: bool,
+    /// True for the room alone, neither person nor props: a background clip.
+    pub empty: bool,
+    /// The film's length; left out, it has no end.
+    pub frames: Option<u64>,
+}
+
+impl Default for StageConfig {
+    fn default() -> StageConfig {
+        let stage = StageSettings::default();
+        StageConfig {
+            motion: stage.motion,
+            props: stage.props,
+            seed: stage.seed,
+            person: stage.person,
+            empty: false,
+            frames: None,
+        }
+    }
 }
 
 /// Frames in files.
@@ -82,6 +125,7 @@ impl SourceConfig {
         text: impl Fn(&str) -> Result<String, E>,
     ) -> Result<(), E> {
         match self {
+            SourceConfig::Stage(_) => {}
             SourceConfig::Images(files) | SourceConfig::Masks(files) | SourceConfig::Video(files) => {
                 files.path = path(&files.path.to_string_lossy())?;
             }
@@ -103,8 +147,8 @@ impl SourceConfig {
         camera_index: usize,
         context: &OpenContext,
     ) -> Result<Box<dyn Source>, SourceError> {
-        let _ = camera_index;
         Ok(match self {
+            SourceConfig::Stage(stage) => Box::new(StageSource::new(stage, camera, camera_index, context)),
             SourceConfig::Images(files) => Box::new(FileFrames::open(files, Kind::Rgb, camera, context)?),
             SourceConfig::Masks(files) => Box::new(FileFrames::open(files, Kind::Mask, camera, context)?),
             SourceConfig::Video(file) => Box::new(FileFilm::open(file, camera, context)?),
@@ -112,10 +156,44 @@ impl SourceConfig {
         })
     }
 
+    /// The empty room of a source that knows its own: a clip of the studio, long enough to tell its
+    /// noise. Any other source needs a background of its own, or none.
+    pub fn empty_room(&self) -> Option<SourceConfig> {
+        let SourceConfig::Stage(stage) = self else { return None };
+        let frames = Some(EMPTY_ROOM_FRAMES);
+        Some(SourceConfig::Stage(StageConfig { empty: true, frames, ..stage.clone() }))
+    }
+
+    /// Does it give frames for ever?
+    pub fn is_endless(&self) -> bool {
+        match self {
+            SourceConfig::Stage(stage) => stage.frames.is_none(),
+            other => other.is_live(),
+        }
+    }
+
     /// Does it run at its own pace, so that frames which are not taken are lost?
     pub fn is_live(&self) -> bool {
         matches!(self, SourceConfig::Pipe(PipeConfig { live: true, .. }))
     }
+}
+
+impl FileConfig {
+    /// All frames under `path`, numbered as they are.
+    pub fn new(path: impl Into<PathBuf>) -> FileConfig {
+        FileConfig { path: path.into(), start_frame: 0, frame_step: one() }
+    }
+}
+
+fn named<'de, D: Deserializer<'de>, T: FromStr<Err: Display>>(deserializer: D) -> Result<T, D::Error> {
+    String::deserialize(deserializer)?.parse().map_err(D::Error::custom)
+}
+
+fn all_named<'de, D: Deserializer<'de>, T: FromStr<Err: Display>>(
+    deserializer: D,
+) -> Result<Vec<T>, D::Error> {
+    let names = Vec::<String>::deserialize(deserializer)?;
+    names.iter().map(|name| name.parse().map_err(D::Error::custom)).collect()
 }
 
 fn one() -> NonZeroU64 {

@@ -11,6 +11,7 @@ mod film;
 mod mailbox;
 mod pipe;
 mod program;
+mod stage_source;
 pub mod y4m;
 pub mod yuv;
 
@@ -19,7 +20,7 @@ use std::sync::Arc;
 
 use thiserror::Error;
 
-pub use config::{FileConfig, PipeConfig, SourceConfig};
+pub use config::{FileConfig, PipeConfig, SourceConfig, StageConfig};
 
 /// What an image's bytes are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -135,13 +136,10 @@ pub enum SourceError {
         /// The last lines of its standard error, in one line.
         last_words: String,
     },
-    /// The synthetic studio refuses its settings.
-    #[error("stage: {0}")]
-    Stage(String),
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use nalgebra::{Matrix3, Vector3};
 
     use super::*;
