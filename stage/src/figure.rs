@@ -49,18 +49,18 @@ fn trunk(skeleton: &Skeleton, solids: &mut Vec<Solid>) {
         Material::Shirt,
     ));
     solids.push(Solid::limb(
-        (high(-0.125, 0.315, -0.012), high(0.125, 0.315, -0.012)),
+        (high(-0.125, 0.297, -0.012), high(0.125, 0.297, -0.012)),
         (0.072, 0.072),
         (chest.column(1).into_owned(), 1.08),
-        Material::Shirt,
+        Material::Yoke,
     ));
     for sign in [1.0, -1.0] {
         solids.push(
             Solid::limb(
-                (high(0.035 * sign, 0.372, -0.012), high(0.15 * sign, 0.335, -0.01)),
-                (0.052, 0.052),
+                (high(0.035 * sign, 0.372, -0.012), high(0.155 * sign, 0.312, -0.01)),
+                (0.050, 0.054),
                 (left, 1.0),
-                Material::Shirt,
+                Material::Yoke,
             )
             .without_shadow(),
         );
@@ -140,7 +140,7 @@ fn hand(arm: &Arm, sign: f64, solids: &mut Vec<Solid>) {
 fn leg(leg: &Leg, solids: &mut Vec<Solid>) {
     let along = (leg.ankle - leg.knee).normalize();
     let left = leg.foot.column(0).into_owned();
-    solids.push(Solid::limb((leg.hip, leg.knee), (0.090, 0.062), (left, 1.0), Material::Trousers));
+    solids.push(Solid::limb((leg.hip, leg.knee), (0.084, 0.062), (left, 1.0), Material::Trousers));
     // The calf behind the shin, and the trousers' straight end.
     let calf = leg.knee + along * 0.12 - leg.foot.column(2) * 0.012;
     solids.push(
@@ -152,6 +152,10 @@ fn leg(leg: &Leg, solids: &mut Vec<Solid>) {
     let [x, y, z] = TOE_FOOT;
     let sole = |from, to, radii, flat| Solid::limb((from, to), radii, (left, flat), Material::Shoe);
     solids.push(sole(at(0.0, -0.044, -0.035), at(x, y, z), (0.044, 0.046), 0.72));
-    solids.push(sole(at(x, y, z), at(0.0, -0.060, 0.165), (0.046, 0.036), 0.70).without_shadow());
+    // The toes stay flat on the floor while the heel lifts.
+    let ahead = foot.column(2);
+    let flat = Vector3::new(ahead.x, ahead.y.max(0.0), ahead.z).normalize();
+    let tip = at(x, y, z) + flat * 0.04 - Vector3::new(0.0, 0.004, 0.0);
+    solids.push(sole(at(x, y, z), tip, (0.046, 0.036), 0.70).without_shadow());
     solids.push(sole(at(0.0, -0.005, -0.012), at(0.0, -0.045, 0.075), (0.045, 0.038), 0.9).without_shadow());
 }

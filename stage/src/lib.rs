@@ -24,8 +24,14 @@ mod solid;
 mod studio;
 mod trace;
 
+#[cfg(test)]
+mod tests;
+
 pub use camera_stage::CameraStage;
-pub use motion::{Motion, NEUTRAL_S, UnknownMotion};
+pub use motion::{
+    LIFT_GRIP_S, LIFT_RISE_S, LIFT_SINK_S, LIFT_TILT_RAD, LIFT_TILT_S, Motion, NEUTRAL_S, SWEEP_POINT_M,
+    SWEEP_S, UnknownMotion,
+};
 pub use noise::NOISE_SIGMA;
 pub use props::{Prop, UnknownProp};
 pub use rig::{AIM_M, FIELD_OF_VIEW_RAD, RIG_RADIUS_M, studio_rig};

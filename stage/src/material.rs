@@ -23,8 +23,15 @@ pub(crate) fn albedo(material: Material, p: [f32; 3], length_m: f32) -> Colour {
         Material::Hair => scaled([62.0, 40.0, 27.0], 0.75 + 0.5 * grain(cell(p[0], 220.0), cell(p[1], 40.0))),
         Material::Shirt => shirt(p[1] + 0.02 * p[0] * p[0], p),
         Material::Sleeve => shirt(p[1] + 0.03, p),
+        // A plain yoke over the shoulders, where the stripes of the pieces would not meet.
+        Material::Yoke => {
+            scaled([188.0, 46.0, 48.0], 0.92 + 0.1 * grain(cell(p[0], 180.0), cell(p[1], 180.0)))
+        }
         Material::Belted => {
-            if p[1] > length_m - 0.035 && p[1] < length_m + 0.002 {
+            let over_belt_m = p[1] - length_m;
+            if over_belt_m > 0.002 {
+                scaled([188.0, 46.0, 48.0], 0.97)
+            } else if over_belt_m > -0.034 {
                 let buckle = p[0].abs() < 0.022 && p[2] > 0.0;
                 if buckle { [190.0, 175.0, 120.0] } else { [58.0, 38.0, 28.0] }
             } else {
@@ -35,7 +42,7 @@ pub(crate) fn albedo(material: Material, p: [f32; 3], length_m: f32) -> Colour {
         Material::Shoe => shoe(p),
         Material::Cardboard => cardboard(p),
         Material::Wood => {
-            let ring = p[2] * 30.0 + 0.6 * wobble(p[0] * 9.0) + 3.0 * p[1];
+            let ring = p[2] * 30.0 + 0.6 * wobble(p[0] * 9.0) + 0.4 * p[1];
             let line = ring - ring.floor();
             scaled([158.0, 104.0, 62.0], 0.88 + 0.2 * line * (1.0 - line) * 4.0)
         }
@@ -109,7 +116,7 @@ fn shirt(height_m: f32, p: [f32; 3]) -> Colour {
 #[inline]
 fn denim(p: [f32; 3]) -> Colour {
     let thread = grain(cell(p[0] + p[1], 260.0), cell(p[1] - p[0], 90.0));
-    let fold = 1.0 + 0.07 * wobble(p[1] * 13.0 + 3.0 * p[0]);
+    let fold = 1.0 + 0.04 * wobble(p[1] * 11.0 + 3.0 * p[0]);
     scaled([48.0, 66.0, 124.0], (0.82 + 0.32 * thread) * fold)
 }
 

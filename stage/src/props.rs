@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, Vector3};
 use thiserror::Error;
 
 use crate::maths::turn_z;
-use crate::motion::{Motion, NEUTRAL_S};
+use crate::motion::Motion;
 use crate::motions::lift;
 use crate::solid::{Material, Solid};
 
@@ -105,7 +105,7 @@ pub(crate) struct BoxState {
 impl BoxState {
     pub fn at(motion: Motion, moving: bool, time_s: f64) -> BoxState {
         if motion == Motion::Lift && moving {
-            lift::box_state((time_s - NEUTRAL_S).max(0.0) % lift::LIFT_PERIOD_S)
+            lift::box_state(motion.since_s(time_s) % lift::LIFT_PERIOD_S)
         } else {
             BoxState { rise_m: 0.0, tilt_rad: 0.0 }
         }

@@ -1,6 +1,6 @@
 //! The studio's cameras.
 
-use std::f64::consts::{FRAC_PI_4, TAU};
+use std::f64::consts::{PI, TAU};
 
 use hull::{Camera, Rig, RigError};
 use nalgebra::{Matrix3, Vector3};
@@ -8,11 +8,11 @@ use nalgebra::{Matrix3, Vector3};
 use crate::maths::turn_y;
 
 /// Cameras stand this far from [`AIM_M`], metres.
-pub const RIG_RADIUS_M: f64 = 3.4;
+pub const RIG_RADIUS_M: f64 = 3.5;
 /// What all cameras look at.
-pub const AIM_M: [f64; 3] = [0.0, 1.03, 0.0];
-/// Opening angle of the image's shorter side, radians (54°).
-pub const FIELD_OF_VIEW_RAD: f64 = 0.3 * std::f64::consts::PI;
+pub const AIM_M: [f64; 3] = [0.0, 0.95, 0.0];
+/// Opening angle of the image's shorter side, radians (57°).
+pub const FIELD_OF_VIEW_RAD: f64 = 57.0 / 180.0 * PI;
 
 /// `camera_count` cameras, `cam_0` and on, of `size` pixels, evenly round a hemisphere about the person: 0.9 to
 /// 2.6 m high, and with more than eight every fourth up to 3.4 m. `cam_0` sees the face. The whole person and what
@@ -51,5 +51,3 @@ fn camera(index: usize, camera_count: usize, size: (u32, u32)) -> Result<Camera,
 fn reversed(index: usize) -> f64 {
     f64::from((index as u32).reverse_bits()) / 4_294_967_296.0
 }
-
-const _: () = assert!(FIELD_OF_VIEW_RAD < 2.0 * FRAC_PI_4);

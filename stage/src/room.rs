@@ -161,7 +161,7 @@ fn wall(along: f32, y: f32, across_x: bool, positive: bool) -> Colour {
         return lit([150.0, 166.0, 164.0], 0.82 + 0.3 * fold);
     }
     let plaster =
-        0.95 + 0.06 * cloud(along * 2.0, y * 2.0 + salt as f32) + 0.04 * cloud(along * 23.0, y * 23.0);
+        0.965 + 0.03 * cloud(along * 1.3, y * 1.3 + salt as f32) + 0.04 * cloud(along * 23.0, y * 23.0);
     lit([152.0, 164.0, 148.0], plaster)
 }
 

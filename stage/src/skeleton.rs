@@ -23,8 +23,8 @@ pub(crate) const THIGH_M: f64 = 0.43;
 /// Metres from knee to ankle.
 pub(crate) const SHIN_M: f64 = 0.40;
 /// Shoulder and hip joints in the frames of chest (from the waist) and pelvis, left side.
-const SHOULDER: [f64; 3] = [0.178, 0.335, -0.005];
-const HIP: [f64; 3] = [0.092, -0.03, 0.0];
+const SHOULDER: [f64; 3] = [0.175, 0.314, -0.005];
+const HIP: [f64; 3] = [0.088, -0.03, 0.0];
 
 /// A joint, or the end of a limb, of the person. Left is the person's left: +X while it faces +Z.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -107,7 +107,7 @@ impl Targets {
     /// Standing at the origin, arms at the sides.
     pub fn neutral() -> Targets {
         let arm = |side: usize| ArmTarget {
-            wrist: Vector3::new(0.232 * side_sign(side), 0.893, 0.035),
+            wrist: Vector3::new(0.232 * side_sign(side), 0.873, 0.035),
             elbow_hint: Vector3::new(0.35 * side_sign(side), 0.0, -1.0),
             hand: Vector3::zeros(),
             palm: Vector3::new(-side_sign(side), 0.0, -0.25),

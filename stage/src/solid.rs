@@ -13,6 +13,7 @@ pub(crate) enum Material {
     Hair,
     Shirt,
     Sleeve,
+    Yoke,
     Belted,
     Trousers,
     Shoe,
@@ -55,7 +56,7 @@ impl Solid {
         let up = if length_m > 1e-9 { offset / length_m } else { Vector3::y() };
         let left = across(&up, &side);
         // A ball inside the other would make no cone.
-        let end_m = radii_m.1.clamp(radii_m.0 - 0.95 * length_m, radii_m.0 + 0.95 * length_m);
+        let end_m = radii_m.1.max(radii_m.0 - 0.95 * length_m).min(radii_m.0 + 0.95 * length_m);
         Solid {
             form: Form::RoundCone { length_m, start_m: radii_m.0, end_m },
             origin: start,

@@ -21,7 +21,7 @@ pub struct StageSettings {
     pub person: bool,
     /// What stands there beside the person; foreground, as the person is.
     pub props: Vec<Prop>,
-    /// Frames a second: frame `n` shows time `n / fps`. Must be finite and above zero to make sense.
+    /// Frames a second: frame `n` shows time `n / fps`; one that is not above zero shows the neutral pose.
     pub fps: f64,
 }
 

@@ -31,7 +31,7 @@ pub(crate) fn wave(since_s: f64) -> Targets {
     let raised = ease(since_s, 0.0, RAISE_S);
     // Starts at an end of the swing, so that it fades in at rest.
     let swing = libm::cos(TAU * (since_s - RAISE_S).max(0.0) / WAVE_S);
-    let elbow = at(-0.40, 1.50, 0.10);
+    let elbow = at(-0.40, 1.49, 0.10);
     let forearm = turn_z(0.42 * swing + 0.06) * at(0.0, 0.255, 0.06);
     let up = ArmTarget {
         wrist: elbow + forearm,

@@ -57,7 +57,7 @@ fn grip(side: usize, state: BoxState) -> ArmTarget {
     let wrist_box = at(sign * (0.5 * BOX_SIZE_M[0] + 0.021), 0.0, -0.13);
     ArmTarget {
         wrist: Vector3::from(state.centre_world_m()) + tilt * wrist_box,
-        elbow_hint: at(sign, -0.55, -0.35),
+        elbow_hint: at(0.55 * sign, -1.0, -0.3),
         hand,
         palm: tilt * at(-sign, 0.0, 0.0),
         curl: 0.0,

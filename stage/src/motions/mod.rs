@@ -7,12 +7,12 @@ pub(crate) mod walk;
 
 use nalgebra::Vector3;
 
-use crate::motion::{Motion, NEUTRAL_S};
+use crate::motion::Motion;
 use crate::skeleton::{ArmTarget, Targets};
 
-/// The targets of a motion at a time of the film, seconds; neutral before [`NEUTRAL_S`].
+/// The targets of a motion at a time of the film, seconds; neutral before [`crate::NEUTRAL_S`].
 pub(crate) fn targets(motion: Motion, time_s: f64) -> Targets {
-    let since_s = (time_s - NEUTRAL_S).max(0.0);
+    let since_s = motion.since_s(time_s);
     match motion {
         Motion::Idle => calm::idle(since_s),
         Motion::Wave => calm::wave(since_s),

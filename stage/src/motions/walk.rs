@@ -9,8 +9,8 @@ use crate::maths::{smooth, turn_x, turn_y};
 use crate::skeleton::{LegTarget, Targets, side_sign};
 
 /// Metres from the circle's centre, which is at (+radius, 0, 0).
-const RADIUS_M: f64 = 0.6;
-const SPEED_M_PER_S: f64 = 0.88;
+const RADIUS_M: f64 = 0.5;
+const SPEED_M_PER_S: f64 = 0.76;
 /// Two steps; a lap is four strides.
 const STRIDE_M: f64 = TAU * RADIUS_M / 4.0;
 /// Seconds from standing to walking at full speed.
@@ -41,7 +41,7 @@ pub(crate) fn walk(since_s: f64) -> Targets {
     for side in [0, 1] {
         let swing = -side_sign(side) * c * weight;
         let arm = &mut targets.arms[side];
-        let shoulder = at(arm.wrist.x, 1.40, 0.02);
+        let shoulder = at(arm.wrist.x, 1.385, 0.02);
         arm.wrist = shoulder + turn_x(-0.44 * swing - 0.06 * weight) * (arm.wrist - shoulder);
         arm.wrist.y += (0.02 + 0.045 * swing.max(0.0)) * weight;
         let gait = foot(side, path_m, &targets);

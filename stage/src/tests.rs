@@ -1,0 +1,347 @@
+//! What the stage promises to those who build on it.
+
+use hull::Camera;
+use nalgebra::{Point3, Vector3};
+
+use crate::maths::mixed;
+use crate::props::{BOX_REST_M, BOX_RISE_M, BOX_SIZE_M};
+use crate::{
+    Actor, CameraStage, Joint, Motion, NEUTRAL_S, Prop, SWEEP_POINT_M, SWEEP_S, Stage, StageSettings, Truth,
+    studio_rig,
+};
+
+fn settings(motion: Motion) -> StageSettings {
+    let props = if motion == Motion::Lift { vec![Prop::Table, Prop::LiftedBox] } else { Vec::new() };
+    StageSettings { motion, props, ..StageSettings::default() }
+}
+
+fn camera(index: usize) -> Camera {
+    studio_rig(8, (320, 240)).expect("a rig").cameras()[index].clone()
+}
+
+fn film(settings: &StageSettings, index: usize, frame: u64) -> Vec<u8> {
+    let mut stage = CameraStage::new(settings, &camera(index), index);
+    let mut rgb = vec![0; stage.frame_bytes()];
+    stage.render(frame, &mut rgb);
+    rgb
+}
+
+/// Numbers in 0..1, ever the same.
+fn shares() -> impl FnMut() -> f64 {
+    let mut count = 0;
+    move || {
+        count += 1;
+        (mixed(count) >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+const BONES: [(Joint, Joint); 18] = [
+    (Joint::Pelvis, Joint::Waist),
+    (Joint::Waist, Joint::Neck),
+    (Joint::Neck, Joint::SkullBase),
+    (Joint::SkullBase, Joint::Head),
+    (Joint::LeftShoulder, Joint::LeftElbow),
+    (Joint::LeftElbow, Joint::LeftWrist),
+    (Joint::LeftWrist, Joint::LeftHand),
+    (Joint::RightShoulder, Joint::RightElbow),
+    (Joint::RightElbow, Joint::RightWrist),
+    (Joint::RightWrist, Joint::RightHand),
+    (Joint::LeftShoulder, Joint::RightShoulder),
+    (Joint::LeftHip, Joint::LeftKnee),
+    (Joint::LeftKnee, Joint::LeftAnkle),
+    (Joint::LeftAnkle, Joint::LeftToe),
+    (Joint::RightHip, Joint::RightKnee),
+    (Joint::RightKnee, Joint::RightAnkle),
+    (Joint::RightAnkle, Joint::RightToe),
+    (Joint::LeftHip, Joint::RightHip),
+];
+
+#[test]
+fn frames_depend_on_settings_camera_and_number_alone() {
+    let wave = settings(Motion::Wave);
+    let first = film(&wave, 0, 70);
+    assert_eq!(film(&wave, 0, 70), first);
+    // What was rendered before does not matter.
+    let mut stage = CameraStage::new(&wave, &camera(0), 0);
+    let mut rgb = vec![0; stage.frame_bytes()];
+    for frame in [3, 200, 70] {
+        stage.render(frame, &mut rgb);
+    }
+    assert_eq!(rgb, first);
+    assert_ne!(film(&wave, 0, 71), first);
+    assert_ne!(film(&wave, 1, 70), first);
+    assert_ne!(film(&StageSettings { seed: 2, ..wave }, 0, 70), first);
+}
+
+#[test]
+fn a_frame_is_the_same_bytes_on_every_machine() {
+    let lift = settings(Motion::Lift);
+    let digest = film(&lift, 3, 250).iter().fold(0, |digest, &byte| mixed(digest ^ u64::from(byte)));
+    assert_eq!(digest, 0, "the film has changed: right if the picture was meant to, else a platform differs");
+}
+
+#[test]
+fn bones_keep_their_lengths() {
+    for motion in Motion::ALL {
+        let actor = Actor::new(motion);
+        for (a, b) in BONES {
+            let length_m = |time_s| (actor.joint_world(a, time_s) - actor.joint_world(b, time_s)).norm();
+            let at_rest_m = length_m(0.0);
+            for step in 0..300 {
+                let time_s = 0.05 * f64::from(step);
+                let change_m = (length_m(time_s) - at_rest_m).abs();
+                assert!(change_m < 1e-9, "{motion} {a:?} to {b:?} by {change_m} at {time_s}");
+            }
+        }
+    }
+}
+
+#[test]
+fn motions_start_neutral_and_loop() {
+    for motion in Motion::ALL {
+        let actor = Actor::new(motion);
+        for (_, joint) in BONES {
+            let neutral = Actor::new(Motion::Idle).joint_world(joint, 0.0);
+            for time_s in [0.0, 0.5, NEUTRAL_S] {
+                let away_m = (actor.joint_world(joint, time_s) - neutral).norm();
+                assert!(away_m < 0.01, "{motion} {joint:?} {away_m} from neutral at {time_s}");
+            }
+            for share in [0.0, 0.13, 0.5, 0.77] {
+                let time_s = motion.loop_start_s() + share * motion.period_s();
+                let here = actor.joint_world(joint, time_s);
+                let later = actor.joint_world(joint, time_s + 3.0 * motion.period_s());
+                assert!((here - later).norm() < 1e-9, "{motion} {joint:?} at {time_s}");
+            }
+        }
+    }
+}
+
+#[test]
+fn nothing_moves_faster_than_a_person_or_sinks_into_the_floor() {
+    let step_s = 1.0 / 120.0;
+    for motion in Motion::ALL {
+        let actor = Actor::new(motion);
+        for (_, joint) in BONES {
+            for step in 0..(120 * 16) {
+                let time_s = f64::from(step) * step_s;
+                let (here, next) =
+                    (actor.joint_world(joint, time_s), actor.joint_world(joint, time_s + step_s));
+                let speed = (next - here).norm() / step_s;
+                assert!(speed < 3.2, "{motion} {joint:?} {speed} m/s at {time_s}");
+                assert!(here.y > 0.02, "{motion} {joint:?} at height {} at {time_s}", here.y);
+            }
+        }
+    }
+}
+
+#[test]
+fn points_inside_fall_on_the_mask_and_rays_that_miss_do_not() {
+    let mut share = shares();
+    for (motion, time_s) in
+        [(Motion::Wave, 2.4), (Motion::Walk, 4.1), (Motion::Lift, 5.0), (Motion::Punch, 2.3)]
+    {
+        let stage = Stage::new(&settings(motion));
+        let truth = Truth::new(&stage, time_s);
+        let (low, high) = stage.bounds_world(time_s).expect("a person");
+        for index in [0, 3, 6] {
+            let camera = camera(index);
+            let mask = CameraStage::new(&settings(motion), &camera, index).mask(time_s);
+            let mut inside = 0;
+            for _ in 0..20_000 {
+                let place = Vector3::new(share(), share(), share());
+                let point = Point3::from(low.coords + (high - low).component_mul(&place));
+                if truth.signed_distance_m(&point) < -0.01 {
+                    inside += 1;
+                    let pixel = camera.pixel(&point).expect("on the image");
+                    let at = pixel.row as usize * 320 + pixel.column as usize;
+                    assert_eq!(mask[at], 255, "{motion} {} at {point}", camera.name());
+                }
+            }
+            assert!(inside > 100, "{inside} points inside");
+            check_edge_rays(&camera, &truth, &mask);
+        }
+    }
+}
+
+/// Marches the viewing rays of pixels along the mask's edge: the mask must say what the march says.
+#[track_caller]
+fn check_edge_rays(camera: &Camera, truth: &Truth, mask: &[u8]) {
+    let mut checked = 0;
+    for (at, pair) in mask.windows(2).enumerate().filter(|(_, pair)| pair[0] != pair[1]).step_by(5) {
+        for (at, value) in [(at, pair[0]), (at + 1, pair[1])] {
+            let image = nalgebra::Point2::new((at % 320) as f64, (at / 320) as f64);
+            let ray = camera.ray_world(&image).expect("a ray");
+            let (mut along_m, mut least_m) = (1.0, f64::INFINITY);
+            while along_m < 6.0 && least_m > 1e-5 {
+                let distance_m = truth.signed_distance_m(&(camera.centre_world() + ray * along_m));
+                least_m = least_m.min(distance_m);
+                along_m += distance_m.max(1e-5);
+            }
+            checked += 1;
+            // Rays that graze within a tenth of a millimetre may go either way.
+            assert!((least_m <= 1e-4) || value == 0, "mask set at {image}, ray {least_m} m away");
+            assert!(
+                least_m > 1e-5 || value == 255 || grazes(truth, camera, &ray, along_m),
+                "mask clear at {image}"
+            );
+        }
+    }
+    assert!(checked > 50, "{checked} rays");
+}
+
+fn grazes(truth: &Truth, camera: &Camera, ray: &Vector3<f64>, along_m: f64) -> bool {
+    let depth = |more_m: f64| truth.signed_distance_m(&(camera.centre_world() + ray * (along_m + more_m)));
+    (0..100).all(|step| depth(0.0005 * f64::from(step)) > -2e-4)
+}
+
+#[test]
+fn a_bent_lens_shows_the_same_person() {
+    let straight = camera(1);
+    let bent = Camera::new(
+        "bent",
+        (320, 240),
+        *straight.intrinsics(),
+        [-0.25, 0.08, 0.001, -0.002, 0.0],
+        *straight.rotation_rad(),
+        *straight.translation_m(),
+    )
+    .expect("valid");
+    let walk = settings(Motion::Walk);
+    let truth = Truth::new(&Stage::new(&walk), 4.0);
+    let mask = CameraStage::new(&walk, &bent, 0).mask(4.0);
+    check_edge_rays(&bent, &truth, &mask);
+    assert!(mask.iter().filter(|&&value| value == 255).count() > 1000);
+}
+
+#[test]
+fn the_person_covers_as_much_of_the_picture_as_a_person_would() {
+    for index in 0..8 {
+        let mut stage = CameraStage::new(&settings(Motion::Idle), &camera(index), index);
+        let area = stage.silhouette(0.0).expect("a mask").area();
+        let focal = stage.camera().intrinsics()[(0, 0)];
+        let square_metres = area as f64 * (3.5 / focal) * (3.5 / focal);
+        assert!((0.3..0.75).contains(&square_metres), "{square_metres} m² in camera {index}");
+    }
+}
+
+#[test]
+fn the_empty_room_shows_neither_person_nor_props() {
+    let lift = settings(Motion::Lift);
+    let mut stage = CameraStage::new(&lift, &camera(2), 2);
+    let mut empty = [vec![0; stage.frame_bytes()], vec![0; stage.frame_bytes()]];
+    stage.render_empty(0, &mut empty[0]);
+    stage.render_empty(1, &mut empty[1]);
+    assert_ne!(empty[0], empty[1], "noise is new in every frame");
+    let apart = |a: &[u8], b: &[u8]| {
+        (0..a.len() / 3).filter(|&at| (0..3).any(|c| a[3 * at + c].abs_diff(b[3 * at + c]) > 22)).count()
+    };
+    assert_eq!(apart(&empty[0], &empty[1]), 0);
+    let mut rgb = vec![0; stage.frame_bytes()];
+    stage.render(90, &mut rgb);
+    let mask = stage.mask(3.0);
+    let covered = mask.iter().filter(|&&value| value == 255).count();
+    let clear = (0..mask.len()).filter(|&at| {
+        let far =
+            (0..3).map(|c| f64::from(rgb[3 * at + c].abs_diff(empty[0][3 * at + c])).powi(2)).sum::<f64>();
+        mask[at] == 255 && far.sqrt() < 35.0
+    });
+    let clear = clear.count();
+    assert!(clear * 100 < covered * 3, "{clear} of {covered} pixels look like the room");
+}
+
+#[test]
+fn a_shadow_darkens_without_another_hue() {
+    let idle = settings(Motion::Idle);
+    let mut stage = CameraStage::new(&idle, &camera(5), 5);
+    let (mut rgb, mut empty) = (vec![0; stage.frame_bytes()], vec![0; stage.frame_bytes()]);
+    stage.render(0, &mut rgb);
+    stage.render_empty(0, &mut empty);
+    let mask = stage.mask(0.0);
+    let mut darker = 0;
+    for at in (0..mask.len()).filter(|&at| mask[at] == 0) {
+        let pixel = |bytes: &[u8]| Vector3::from_fn(|c, _| f64::from(bytes[3 * at + c]));
+        let (here, room) = (pixel(&rgb), pixel(&empty));
+        if here.norm() < 0.85 * room.norm() {
+            darker += 1;
+            assert!(here.norm() > 0.55 * room.norm());
+            assert!(here.dot(&room) / here.norm() / room.norm() > 0.995);
+        }
+    }
+    assert!(darker > 200, "{darker} pixels in shadow");
+}
+
+#[test]
+fn the_box_rises_with_the_hands_on_its_sides() {
+    let stage = Stage::new(&settings(Motion::Lift));
+    let actor = stage.actor().expect("a person");
+    let centre =
+        |time_s| Vector3::from(stage.prop_pose(Prop::LiftedBox, time_s).expect("a pose").position_m());
+    assert_eq!(centre(2.5), Vector3::from(BOX_REST_M));
+    assert!((centre(4.5).y - BOX_REST_M[1] - BOX_RISE_M).abs() < 1e-12);
+    assert_eq!(centre(13.5), Vector3::from(BOX_REST_M));
+    for step in 0..100 {
+        let time_s = 2.3 + 0.1 * f64::from(step);
+        let pose = stage.prop_pose(Prop::LiftedBox, time_s).expect("a pose");
+        for (joint, sign) in [(Joint::LeftHand, 1.0), (Joint::RightHand, -1.0)] {
+            let away = actor.joint_world(joint, time_s).coords - Vector3::from(pose.position_m());
+            let local = pose.rotation().tr_mul(&away);
+            let gap_m = sign * local.x - 0.5 * BOX_SIZE_M[0];
+            assert!((0.01..0.03).contains(&gap_m), "{joint:?} {gap_m} m off the side at {time_s}");
+            assert!(local.y.abs() < 0.5 * BOX_SIZE_M[1] && local.z.abs() < 0.5 * BOX_SIZE_M[2]);
+        }
+    }
+}
+
+#[test]
+fn the_sweeping_hand_passes_where_it_is_said_to() {
+    let hand = |time_s| Actor::new(Motion::Sweep).joint_world(Joint::RightHand, time_s).coords;
+    let middle_s = 0.5 * (SWEEP_S.0 + SWEEP_S.1);
+    let away_m = (hand(middle_s) - Vector3::from(SWEEP_POINT_M)).norm();
+    assert!(away_m < 0.005, "{:?}", hand(middle_s));
+    let velocity = (hand(middle_s + 0.005) - hand(middle_s - 0.005)) * 100.0;
+    assert!(velocity.x < -1.5 && velocity.norm() < 2.5, "{velocity:?}");
+    // Before it sets out, it stays well away.
+    for step in 0..=100 {
+        let before = hand(SWEEP_S.0 * f64::from(step) / 100.0);
+        assert!((before - Vector3::from(SWEEP_POINT_M)).norm() > 0.35, "{before:?}");
+    }
+}
+
+#[test]
+fn without_the_person_the_box_stays() {
+    let stage = Stage::new(&StageSettings { person: false, ..settings(Motion::Lift) });
+    let pose = stage.prop_pose(Prop::LiftedBox, 5.0).expect("a pose");
+    assert_eq!(pose.position_m(), BOX_REST_M);
+    assert!(stage.actor().is_none());
+    let nothing = StageSettings { person: false, ..settings(Motion::Walk) };
+    assert_eq!(Stage::new(&nothing).bounds_world(2.0), None);
+    let mask = CameraStage::new(&nothing, &camera(0), 0).mask(2.0);
+    assert!(mask.iter().all(|&value| value == 0));
+}
+
+#[test]
+fn every_camera_sees_all_that_can_happen() {
+    for count in [1, 2, 3, 5, 8, 13, 32, 64] {
+        for size in [(640, 480), (1920, 1080)] {
+            let rig = studio_rig(count, size).expect("a rig");
+            for camera in rig.cameras() {
+                for motion in Motion::ALL {
+                    let stage = Stage::new(&settings(motion));
+                    for step in 0..16 {
+                        let (low, high) = stage.bounds_world(f64::from(step)).expect("a person");
+                        for corner in 0..8 {
+                            let pick =
+                                |axis: usize| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] };
+                            let point = Point3::new(pick(0), pick(1), pick(2));
+                            assert!(
+                                camera.pixel(&point).is_some(),
+                                "{motion} at {step} s: {point} is out of view of {} of {count}",
+                                camera.name()
+                            );
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
