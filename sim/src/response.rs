@@ -6,6 +6,11 @@
 //! stays, and the speed of the surface is not handed on, so a body at rest that is pushed is displaced
 //! and still at rest. What it loses by that (its support, its balance) the solver finds out.
 //!
+//! That has two consequences that belong to the paper and not to this code. A body that the hull pushes
+//! gets no torque and no friction from it, so a box on a surface of the hull keeps whatever tilt and drift
+//! its neighbours give it: boxes lie well next to each other on a lifted lid, and stacks on it do not last.
+//! And a body is carried by being displaced every step, so its velocity is not that of what carries it.
+//!
 //! A perfect mirror never lets a body come to rest; `restitution` is the share of the speed that is
 //! mirrored. The paper's own picture is a restitution of 1.
 

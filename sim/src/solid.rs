@@ -90,7 +90,8 @@ impl ConvexHull {
         if points_m.len() < 4 || points_m.len() > MAX_HULL_POINTS {
             return Err(HullError::PointCount { found: points_m.len() });
         }
-        if let Some(&found) = points_m.iter().flatten().find(|c| !(c.abs() <= MAX_EXTENT_M)) {
+        if let Some(&found) = points_m.iter().flatten().find(|c| !(-MAX_EXTENT_M..=MAX_EXTENT_M).contains(*c))
+        {
             return Err(HullError::Coordinate { found });
         }
         let points: Vec<Vector> = points_m.iter().map(|p| Vector::from_array(p.map(|c| c as f32))).collect();
@@ -176,6 +177,11 @@ impl Solid {
             Solid::Cone { .. } => "cone",
             Solid::Hull(_) => "hull",
         }
+    }
+
+    /// Whether the solid is round somewhere, so that it rolls.
+    pub(crate) fn rolls(&self) -> bool {
+        self.has_axis() || matches!(self, Solid::Ball { .. })
     }
 
     /// Whether body Y is the solid's own axis, which stands upright unless the scene turns it.

@@ -10,6 +10,9 @@ use rapier3d::prelude::{
 /// Deep overlaps (a response may push a body centimetres into a neighbour) are pushed apart no faster
 /// than this, m/s. A resting body that is overlapped is never thrown: it glides out at this speed.
 const MAX_CORRECTIVE_SPEED_M_S: f32 = 1.0;
+/// What rolls loses its spin at this rate: the solver knows no rolling resistance, and balls would roll
+/// out of the room.
+const ROLLING_DAMPING_PER_S: f32 = 1.5;
 /// Solver iterations per step: twice the default, for stacks.
 const SOLVER_ITERATIONS: usize = 8;
 
@@ -117,7 +120,8 @@ impl Solver {
 
 fn body(spec: &BodySpec) -> RigidBodyBuilder {
     let builder = if spec.fixed { RigidBodyBuilder::fixed() } else { RigidBodyBuilder::dynamic() };
-    builder.pose(rapier_pose(&spec.pose))
+    let damping = if spec.solid.rolls() { ROLLING_DAMPING_PER_S } else { 0.0 };
+    builder.pose(rapier_pose(&spec.pose)).angular_damping(damping)
 }
 
 fn collider(spec: &BodySpec) -> Option<ColliderBuilder> {

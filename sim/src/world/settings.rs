@@ -86,3 +86,28 @@ pub enum WorldError {
         expected: usize,
     },
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_that_cannot_be_are_named() {
+        let right = WorldSettings::default();
+        assert_eq!(right.check(), Ok(()));
+        for (wrong, message) in [
+            (WorldSettings { dt_s: 0.0, ..right }, "dt_s is 0, expected 0.0001 to 0.1"),
+            (WorldSettings { dt_s: f64::NAN, ..right }, "dt_s is NaN, expected 0.0001 to 0.1"),
+            (
+                WorldSettings { mirror_restitution: 1.5, ..right },
+                "mirror_restitution is 1.5, expected 0 to 1",
+            ),
+            (
+                WorldSettings { covering_radius_m: 0.0, ..right },
+                "covering_radius_m is 0, expected 0.005 to 0.5",
+            ),
+        ] {
+            assert_eq!(wrong.check().expect_err("wrong").to_string(), message);
+        }
+    }
+}
