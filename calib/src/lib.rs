@@ -1,3 +1,4 @@
 //! Calibration: other programs' camera files to rigs, and how well a rig fits its silhouettes.
 
 pub mod check;
+pub mod import;

@@ -1,0 +1,245 @@
+//! Other programs' calibration files to rigs: metres, OpenCV camera axes, pixel centres at integers.
+//!
+//! [`import`] reads a file or a folder. The functions behind it take texts and are pure. Every format
+//! ends in the same place: cameras of the source's world and unit, then [`ImportOptions`] scales them to
+//! metres and, when told which axis is up, turns them to +Y up.
+
+mod axes;
+mod folder;
+mod opencv;
+mod projection;
+mod qualisys;
+mod refit;
+mod svoboda;
+mod xml;
+mod yaml;
+
+use hull::{Camera, CameraError, Rig, RigError};
+use thiserror::Error;
+
+pub use axes::{Axis, UnknownAxis};
+pub use folder::{detect, import};
+pub use opencv::from_opencv;
+pub use projection::from_matrices;
+pub use qualisys::from_qualisys;
+pub use svoboda::from_svoboda;
+
+/// A text file with the path that messages and camera names are taken from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TextFile {
+    /// The path, with `/` between folders; for files of a folder, relative to that folder.
+    pub path: String,
+    /// What it holds.
+    pub text: String,
+}
+
+/// The known formats.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// OpenCV FileStorage, XML or YAML: one file, or a folder of one file (or folder) per camera.
+    OpenCv,
+    /// Qualisys `.qca.txt` (XML).
+    Qualisys,
+    /// The rig TOML of aniposelib, Pose2Sim, FreeMoCap and Caliscope: Hulltouch's own.
+    Aniposelib,
+    /// A folder of Svoboda's MultiCamSelfCal.
+    Svoboda,
+    /// Plain 3×4 projection matrices: one text file per camera.
+    Matrices,
+}
+
+impl Format {
+    /// All formats, in the order in which they are looked for.
+    pub const ALL: [Format; 5] =
+        [Format::Aniposelib, Format::Qualisys, Format::OpenCv, Format::Svoboda, Format::Matrices];
+
+    /// The name on a command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Format::OpenCv => "opencv",
+            Format::Qualisys => "qualisys",
+            Format::Aniposelib => "aniposelib",
+            Format::Svoboda => "svoboda",
+            Format::Matrices => "matrices",
+        }
+    }
+}
+
+/// What a source file does not say about itself.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ImportOptions {
+    /// Which axis of the source's world points up; the rig is turned to +Y up. `None` keeps the axes.
+    pub up: Option<Axis>,
+    /// The source's unit of length in metres. `None`: the format's own (Qualisys: millimetres), else 1.
+    pub scale: Option<f64>,
+    /// Image size, width and height in pixels, for sources that do not say it.
+    pub size: Option<(u32, u32)>,
+    /// The source's coordinates of the top left pixel's centre: 0 (OpenCV), 0.5 (OpenGL) or 1 (MATLAB).
+    /// `None`: the format's own (MultiCamSelfCal: 1), else 0.
+    pub pixel_origin: Option<f64>,
+}
+
+/// A rig and what its reader should know.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Imported {
+    /// The cameras, in metres.
+    pub rig: Rig,
+    /// One line each: guesses made, fits that failed in the source, values ignored.
+    pub warnings: Vec<String>,
+}
+
+/// Why a calibration was not imported.
+#[derive(Debug, Error)]
+pub enum ImportError {
+    /// A file or folder cannot be read.
+    #[error("{file}: {error}")]
+    Read {
+        /// Which.
+        file: String,
+        /// Why.
+        error: std::io::Error,
+    },
+    /// The content is of no known format.
+    #[error("{file}: found no calibration, expected {expected}")]
+    Unknown {
+        /// Which file or folder.
+        file: String,
+        /// What would do.
+        expected: &'static str,
+    },
+    /// A file is not even of its kind.
+    #[error("{file}: line {line}: found {found}, expected {expected}")]
+    Syntax {
+        /// Which file.
+        file: String,
+        /// Where, from 1.
+        line: usize,
+        /// What stands there.
+        found: String,
+        /// What should.
+        expected: &'static str,
+    },
+    /// A key is missing or holds the wrong thing.
+    #[error("{file}: {key}: found {found}, expected {expected}")]
+    Key {
+        /// Which file.
+        file: String,
+        /// Which key.
+        key: String,
+        /// What stands there.
+        found: String,
+        /// What should.
+        expected: &'static str,
+    },
+    /// The world is mirrored: no rotation and translation describe the camera.
+    #[error(
+        "{file}: found a mirrored world ({detail}), expected a right-handed one: swap two axes or negate \
+         one in the points that the calibration was aligned to"
+    )]
+    Mirrored {
+        /// Which file.
+        file: String,
+        /// The number that shows it.
+        detail: String,
+    },
+    /// The numbers make no camera.
+    #[error("{file}: {error}")]
+    Camera {
+        /// Which file.
+        file: String,
+        /// What is wrong.
+        error: CameraError,
+    },
+    /// The cameras make no rig.
+    #[error("{file}: {error}")]
+    Rig {
+        /// Which file or folder.
+        file: String,
+        /// What is wrong.
+        error: RigError,
+    },
+    /// An option that makes no sense.
+    #[error("option {option}: found {found}, expected {expected}")]
+    Option {
+        /// Which.
+        option: &'static str,
+        /// What was given.
+        found: String,
+        /// What would do.
+        expected: &'static str,
+    },
+}
+
+impl ImportError {
+    pub(self) fn key(file: &str, key: &str, found: impl Into<String>, expected: &'static str) -> ImportError {
+        let mut found = found.into();
+        if found.chars().count() > 60 {
+            found = found.chars().take(57).chain("...".chars()).collect();
+        }
+        ImportError::Key { file: file.to_owned(), key: key.to_owned(), found, expected }
+    }
+
+    pub(self) fn camera(file: &str, error: CameraError) -> ImportError {
+        ImportError::Camera { file: file.to_owned(), error }
+    }
+}
+
+/// Reads a rig TOML of another program.
+pub fn from_aniposelib(file: &TextFile, options: &ImportOptions) -> Result<Imported, ImportError> {
+    let rig =
+        Rig::from_toml(&file.text).map_err(|error| ImportError::Rig { file: file.path.clone(), error })?;
+    let shift = options.pixel_origin.unwrap_or(0.0);
+    let cameras = rig
+        .cameras()
+        .iter()
+        .map(|camera| {
+            let mut k = *camera.intrinsics();
+            (k[(0, 2)], k[(1, 2)]) = (k[(0, 2)] - shift, k[(1, 2)] - shift);
+            let size = (camera.width(), camera.height());
+            let lens = camera.lens().coefficients();
+            Camera::new(camera.name(), size, k, lens, *camera.rotation_rad(), *camera.translation_m())
+                .map_err(|error| ImportError::camera(&file.path, error))
+        })
+        .collect::<Result<Vec<Camera>, ImportError>>()?;
+    axes::finished(&file.path, cameras, 1.0, options, Vec::new())
+}
+
+/// The size that the file says, or the option; the file wins, with a warning.
+fn size_of(
+    file: &str,
+    said: Option<(u32, u32)>,
+    options: &ImportOptions,
+    warnings: &mut Vec<String>,
+) -> Result<(u32, u32), ImportError> {
+    match (said, options.size) {
+        (Some(said), Some(given)) if said != given => {
+            warnings.push(format!(
+                "{file}: says {} x {}, the given size {} x {} is not used",
+                said.0, said.1, given.0, given.1
+            ));
+            Ok(said)
+        }
+        (Some(said), _) => Ok(said),
+        (None, Some(given)) => Ok(given),
+        (None, None) => Err(ImportError::key(
+            file,
+            "image size",
+            "nothing",
+            "a width and a height in pixels: give the size",
+        )),
+    }
+}
+
+/// Numbers between blanks and commas; the error is the first word that is none.
+fn numbers(text: &str) -> Result<Vec<f64>, &str> {
+    text.split(|c: char| c.is_whitespace() || c == ',' || c == ';')
+        .filter(|word| !word.is_empty())
+        .map(|word| word.parse().map_err(|_| word))
+        .collect()
+}
+
+/// The name part of a path: no folders, no endings.
+fn stem(path: &str) -> &str {
+    let name = path.rsplit('/').next().unwrap_or(path);
+    name.split('.').find(|part| !part.is_empty()).unwrap_or(name)
+}

@@ -1,0 +1,183 @@
+//! Qualisys `.qca.txt`: XML, millimetres, camera positions and a matrix Q whose first row is r11 r12
+//! r13; x_camera = diag(1, −1, −1) Q (X − C). Focal lengths and principal points are in 1/64 pixel; the
+//! lens coefficients are not, whatever some converters do to them.
+
+use hull::Camera;
+use nalgebra::{Matrix3, Vector3};
+
+use super::projection::{Placement, placed};
+use super::xml::{self, Element};
+use super::{ImportError, ImportOptions, Imported, TextFile, axes, size_of};
+
+const SUBPIXELS: f64 = 64.0;
+const MILLIMETRE: f64 = 0.001;
+
+/// Reads a Qualisys calibration. Cameras that are not active are left out, with a warning.
+pub fn from_qualisys(file: &TextFile, options: &ImportOptions) -> Result<Imported, ImportError> {
+    let root = xml::parse(file)?;
+    let list = root.child("cameras").filter(|_| root.name == "calibration").ok_or_else(|| {
+        let (found, expected) = (format!("<{}>", root.name), "<calibration> with <cameras>");
+        ImportError::Syntax { file: file.path.clone(), line: 1, found, expected }
+    })?;
+    let mut warnings = Vec::new();
+    let mut cameras = Vec::new();
+    for (index, element) in list.children.iter().filter(|child| child.name == "camera").enumerate() {
+        let name = element.attribute("serial").map_or_else(|| format!("camera{}", index + 1), str::to_owned);
+        if element.attribute("active") == Some("0") {
+            warnings.push(format!("{}: camera {name} is not active, left out", file.path));
+            continue;
+        }
+        if let Some(turn) = element.attribute("viewrotation").filter(|&turn| turn != "0") {
+            warnings.push(format!(
+                "{}: camera {name} has viewrotation {turn}: the calibration is for pictures as the sensor sees \
+                 them, unturned",
+                file.path
+            ));
+        }
+        cameras.push(Source { file, name: &name, element }.camera(options, &mut warnings)?);
+    }
+    axes::finished(&file.path, cameras, MILLIMETRE, options, warnings)
+}
+
+/// One camera's element.
+struct Source<'a> {
+    file: &'a TextFile,
+    name: &'a str,
+    element: &'a Element,
+}
+
+impl Source<'_> {
+    fn camera(&self, options: &ImportOptions, warnings: &mut Vec<String>) -> Result<Camera, ImportError> {
+        let transform = |key| self.number("transform", key);
+        let q = Matrix3::new(
+            transform("r11")?,
+            transform("r12")?,
+            transform("r13")?,
+            transform("r21")?,
+            transform("r22")?,
+            transform("r23")?,
+            transform("r31")?,
+            transform("r32")?,
+            transform("r33")?,
+        );
+        let centre = Vector3::new(transform("x")?, transform("y")?, transform("z")?);
+        let rotation = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0)) * q;
+        let lens = |key| self.number("intrinsic", key);
+        let subpixels = |key| lens(key).map(|value| value / SUBPIXELS);
+        let (left, top, size) = self.field(options, warnings)?;
+        let origin = options.pixel_origin.unwrap_or(0.0);
+        let k = Matrix3::new(
+            subpixels("focalLengthU")?,
+            subpixels("skew").unwrap_or(0.0),
+            subpixels("centerPointU")? - left - origin,
+            0.0,
+            subpixels("focalLengthV")?,
+            subpixels("centerPointV")? - top - origin,
+            0.0,
+            0.0,
+            1.0,
+        );
+        // The format spells "tangental".
+        let distortion = [
+            lens("radialDistortion1")?,
+            lens("radialDistortion2")?,
+            lens("tangentalDistortion1")?,
+            lens("tangentalDistortion2")?,
+            lens("radialDistortion3").unwrap_or(0.0),
+        ];
+        let placement = Placement { file: &self.file.path, key: "transform", name: self.name, size };
+        placed(&placement, k, distortion, &rotation, -(rotation * centre), warnings)
+    }
+
+    /// Left and top of the video's field on the sensor, and its size.
+    fn field(
+        &self,
+        options: &ImportOptions,
+        warnings: &mut Vec<String>,
+    ) -> Result<(f64, f64, (u32, u32)), ImportError> {
+        let field = ["fov_video", "fov_marker"].into_iter().find(|name| self.element.child(name).is_some());
+        let Some(field) = field else {
+            return Ok((0.0, 0.0, size_of(&self.file.path, None, options, warnings)?));
+        };
+        let side = |key| self.number(field, key);
+        let (left, right, top, bottom) = (side("left")?, side("right")?, side("top")?, side("bottom")?);
+        // The last column and row belong to the picture.
+        let (width, height) = (right - left + 1.0, bottom - top + 1.0);
+        let whole = |side: f64| side.fract() == 0.0 && (1.0..1e6).contains(&side);
+        if !whole(width) || !whole(height) {
+            let found = format!("{left}..{right} x {top}..{bottom}");
+            let key = format!("camera {} {field}", self.name);
+            return Err(ImportError::key(&self.file.path, &key, found, "a field of whole pixels"));
+        }
+        let size = size_of(&self.file.path, Some((width as u32, height as u32)), options, warnings)?;
+        Ok((left, top, size))
+    }
+
+    fn number(&self, element: &str, key: &str) -> Result<f64, ImportError> {
+        let value = self.element.child(element).and_then(|element| element.attribute(key));
+        value.and_then(|text| text.trim().parse().ok()).ok_or_else(|| {
+            let shown = format!("camera {} {element} {key}", self.name);
+            let found = value.map_or_else(|| "nothing".to_owned(), |text| format!("{text:?}"));
+            ImportError::key(&self.file.path, &shown, found, "a number")
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Point3;
+
+    /// A camera 4 m up the y axis of a world with z up, looking back along −y: its x axis is −x of the
+    /// world, its y axis (down) −z. So the rows of Q = diag(1, −1, −1) R are (−1 0 0), (0 0 1), (0 1 0).
+    const TEXT: &str = r#"<?xml version='1.0' encoding='ASCII'?>
+<calibration type="regular"><cameras>
+<camera active="1" serial="left" viewrotation="0"><fov_video bottom="479" left="0" right="639" top="0"/>
+<transform r11="-1" r12="0" r13="0" r21="0" r22="0" r23="1" r31="0" r32="1" r33="0" x="0" y="4000" z="1000"/>
+<intrinsic centerPointU="20480" centerPointV="15360" focalLengthU="32000" focalLengthV="25600" skew="0"
+ radialDistortion1="-0.1" radialDistortion2="0" radialDistortion3="0" tangentalDistortion1="0" tangentalDistortion2="0"/>
+</camera><camera active="0" serial="broken"/></cameras></calibration>"#;
+
+    fn import(text: &str) -> Result<Imported, ImportError> {
+        let file = TextFile { path: "Calib.qca.txt".to_owned(), text: text.to_owned() };
+        from_qualisys(&file, &ImportOptions::default())
+    }
+
+    #[test]
+    fn a_point_lands_on_the_pixel_worked_by_hand() {
+        let imported = import(TEXT).expect("a rig");
+        let camera = &imported.rig.cameras()[0];
+        // (0.4, 0, 1.8) m is 0.4 to the left, 0.8 above, 4 ahead: x/z = −0.1, y/z = −0.2, bend 0.995.
+        let found = camera.project(&Point3::new(0.4, 0.0, 1.8)).expect("in front");
+        let expected = nalgebra::Point2::new(320.0 - 500.0 * 0.0995, 240.0 - 400.0 * 0.199);
+        assert!((found - expected).norm() < 1e-9, "{found}");
+        assert_eq!((camera.name(), camera.width(), camera.height()), ("left", 640, 480));
+        assert_eq!(imported.warnings, ["Calib.qca.txt: camera broken is not active, left out"]);
+    }
+
+    #[test]
+    fn a_cropped_field_moves_the_principal_point() {
+        let imported = import(&TEXT.replace("left=\"0\" right=\"639\"", "left=\"100\" right=\"539\""));
+        let rig = imported.expect("a rig").rig;
+        assert_eq!((rig.cameras()[0].width(), rig.cameras()[0].intrinsics()[(0, 2)]), (440, 220.0));
+    }
+
+    #[test]
+    fn what_is_missing_or_mirrored_is_named() {
+        let message = |from, to| import(&TEXT.replacen(from, to, 1)).expect_err("refused").to_string();
+        assert_eq!(
+            message("r21=\"0\"", "r21=\"o\""),
+            "Calib.qca.txt: camera left transform r21: found \"o\", expected a number"
+        );
+        assert_eq!(
+            message("focalLengthU", "focal"),
+            "Calib.qca.txt: camera left intrinsic focalLengthU: found nothing, expected a number"
+        );
+        let mirrored = message("r11=\"-1\"", "r11=\"1\"");
+        assert!(
+            mirrored.starts_with("Calib.qca.txt: found a mirrored world (transform of camera left"),
+            "{mirrored}"
+        );
+        assert!(message("<cameras>", "<cams>").contains("Calib.qca.txt: line"));
+    }
+}

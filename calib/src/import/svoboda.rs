@@ -1,0 +1,214 @@
+//! Svoboda's MultiCamSelfCal (the paper's own calibration tool): a folder with `camera%d.Pmat.cal`,
+//! perhaps `<base>%d.rad`, `camera_order.txt` and `Res.dat`.
+//!
+//! The K and R that the tool saves have flipped signs, so P alone is read. Each P's sign is chosen so
+//! that the point all cameras look at lies in front; then its left 3×3 must have a positive
+//! determinant, or the world is mirrored.
+
+use hull::Camera;
+use nalgebra::{Matrix3, Matrix3x4, Vector3};
+
+use super::projection::{Parts, Placement, matrix_from, placed, taken_apart};
+use super::refit::Chain;
+use super::{ImportError, ImportOptions, Imported, TextFile, axes, numbers, size_of};
+
+/// MATLAB's point finder counts pixels from 1.
+const MATLAB_ORIGIN: f64 = 1.0;
+/// Refits worse than this are told, pixels.
+const TOLD_PX: f64 = 0.05;
+
+/// Reads the files of a MultiCamSelfCal folder (others among them are left alone).
+pub fn from_svoboda(files: &[TextFile], options: &ImportOptions) -> Result<Imported, ImportError> {
+    let mut found: Vec<(u32, &TextFile)> = files
+        .iter()
+        .filter_map(|file| number_before(&file.path, ".Pmat.cal").map(|number| (number, file)))
+        .collect();
+    found.sort_by_key(|&(number, _)| number);
+    if found.is_empty() {
+        let file = files.first().map_or(String::new(), |file| file.path.clone());
+        return Err(ImportError::Unknown { file, expected: "camera1.Pmat.cal and so on" });
+    }
+    let mut warnings = Vec::new();
+    if options.pixel_origin.is_none() {
+        warnings.push(
+            "MultiCamSelfCal: top left pixel taken as (1, 1), MATLAB's; give the pixel origin 0 if the points \
+             came from Python"
+                .to_owned(),
+        );
+    }
+    if options.scale.is_none() || options.up.is_none() {
+        warnings.push(
+            "MultiCamSelfCal: scale and axes are arbitrary unless the calibration was aligned: give the scale \
+             and which axis is up"
+                .to_owned(),
+        );
+    }
+    let matrices = signed(&found)?;
+    let folder = Folder { files, order: named(files, "camera_order.txt"), sizes: sizes(files)? };
+    let mut cameras = Vec::new();
+    for (rank, ((number, file), p)) in found.iter().zip(&matrices).enumerate() {
+        let parts = taken_apart(&file.path, p)?;
+        if parts.r.determinant() < 0.0 {
+            let determinant = p.fixed_columns::<3>(0).determinant();
+            let detail = format!("the left 3 x 3 of P has determinant {determinant:.3e}");
+            return Err(ImportError::Mirrored { file: file.path.clone(), detail });
+        }
+        let size = size_of(&file.path, folder.size(*number, rank, found.len()), options, &mut warnings)?;
+        let name = folder.name(*number);
+        let placement = Placement { file: &file.path, key: "P", name: &name, size };
+        cameras.push(folder.camera(&placement, *number, parts, options, &mut warnings)?);
+    }
+    let place = found.first().map_or("", |(_, file)| file.path.as_str());
+    axes::finished(place, cameras, 1.0, options, warnings)
+}
+
+/// The digits right before an ending: 12 for `camera12.Pmat.cal`.
+fn number_before(path: &str, ending: &str) -> Option<u32> {
+    let name = path.rsplit('/').next()?.strip_suffix(ending)?;
+    let digits = name.len() - name.bytes().rev().take_while(u8::is_ascii_digit).count();
+    name[digits..].parse().ok()
+}
+
+fn named<'a>(files: &'a [TextFile], name: &str) -> Option<&'a TextFile> {
+    files.iter().find(|file| file.path.rsplit('/').next() == Some(name))
+}
+
+/// `Res.dat`: a width and a height per line.
+fn sizes(files: &[TextFile]) -> Result<Vec<(u32, u32)>, ImportError> {
+    let Some(file) = named(files, "Res.dat") else { return Ok(Vec::new()) };
+    let expected = "a width and a height in whole pixels per line";
+    file.text
+        .lines()
+        .map(str::trim)
+        .filter(|line| !line.is_empty() && !line.starts_with('#'))
+        .map(|line| match numbers(line).as_deref() {
+            Ok(&[w, h]) if [w, h].iter().all(|s| s.fract() == 0.0 && (1.0..1e6).contains(s)) => {
+                Ok((w as u32, h as u32))
+            }
+            _ => Err(ImportError::key(&file.path, "size", format!("{line:?}"), expected)),
+        })
+        .collect()
+}
+
+/// The projection matrices, each with the sign that puts the subject in front of the camera.
+fn signed(found: &[(u32, &TextFile)]) -> Result<Vec<Matrix3x4<f64>>, ImportError> {
+    let mut matrices = found.iter().map(|(_, file)| matrix_from(file)).collect::<Result<Vec<_>, _>>()?;
+    let subject = subject(&matrices);
+    for p in &mut matrices {
+        let depth = subject.map_or(1.0, |subject| (*p * subject.push(1.0)).z);
+        if depth < 0.0 {
+            *p = -*p;
+        }
+    }
+    Ok(matrices)
+}
+
+/// The point that all optical axes (lines, so signs do not matter) pass nearest; `None` if they are
+/// nearly parallel or there is one camera.
+fn subject(matrices: &[Matrix3x4<f64>]) -> Option<Vector3<f64>> {
+    let mut normal = Matrix3::zeros();
+    let mut right = Vector3::zeros();
+    for p in matrices {
+        let centre = p.fixed_columns::<3>(0).try_inverse()? * -p.column(3);
+        let axis = Vector3::new(p[(2, 0)], p[(2, 1)], p[(2, 2)]).normalize();
+        let across = Matrix3::identity() - axis * axis.transpose();
+        normal += across;
+        right += across * centre;
+    }
+    let spread = normal.symmetric_eigenvalues().min() / matrices.len() as f64;
+    if spread < 1e-3 { None } else { normal.try_inverse().map(|inverse| inverse * right) }
+}
+
+/// What stands beside the projection matrices.
+struct Folder<'a> {
+    files: &'a [TextFile],
+    order: Option<&'a TextFile>,
+    sizes: Vec<(u32, u32)>,
+}
+
+impl Folder<'_> {
+    /// The id that `camera_order.txt` gives camera `number` (line 1 is camera 1).
+    fn name(&self, number: u32) -> String {
+        let id = self.order.and_then(|file| {
+            let mut ids = file.text.lines().map(str::trim).filter(|line| !line.is_empty());
+            ids.nth((number as usize).checked_sub(1)?)
+        });
+        id.map_or_else(|| format!("camera{number}"), str::to_owned)
+    }
+
+    /// By camera number, or by rank where `Res.dat` lists only the cameras in use.
+    fn size(&self, number: u32, rank: usize, cameras: usize) -> Option<(u32, u32)> {
+        let line = if self.sizes.len() == cameras { rank } else { (number as usize).checked_sub(1)? };
+        self.sizes.get(line).copied()
+    }
+
+    fn camera(
+        &self,
+        placement: &Placement,
+        number: u32,
+        mut parts: Parts,
+        options: &ImportOptions,
+        warnings: &mut Vec<String>,
+    ) -> Result<Camera, ImportError> {
+        let origin = options.pixel_origin.unwrap_or(MATLAB_ORIGIN);
+        let moved = |mut k: Matrix3<f64>| {
+            (k[(0, 2)], k[(1, 2)]) = (k[(0, 2)] - origin, k[(1, 2)] - origin);
+            k
+        };
+        parts.k = moved(parts.k);
+        let radial = self.files.iter().find(|file| number_before(&file.path, ".rad") == Some(number));
+        let Some(radial) = radial else {
+            return placed(placement, parts.k, [0.0; 5], &parts.r, parts.t, warnings);
+        };
+        let (k_lens, distortion) = read_radial(radial)?;
+        if k_lens == FAILED && distortion == [0.0; 5] {
+            warnings.push(format!(
+                "{}: the radial fit of camera {} failed (the tool's default K, no distortion): pictures of that \
+                 camera will be off towards the corners",
+                radial.path, placement.name
+            ));
+        }
+        let chain = Chain { k_projection: parts.k, k_lens: moved(k_lens), distortion, size: placement.size };
+        let refit = chain.refit();
+        if refit.error_px > TOLD_PX {
+            warnings.push(format!(
+                "{}: P and the lens of camera {} have different intrinsics; the nearest single camera is up to \
+                 {:.2} px off",
+                radial.path, placement.name, refit.error_px
+            ));
+        }
+        let (rotation, translation) = (refit.turn * parts.r, refit.turn * parts.t);
+        placed(placement, refit.k, refit.distortion, &rotation, translation, warnings)
+    }
+}
+
+/// What the tool leaves when its radial fit fails.
+const FAILED: Matrix3<f64> = Matrix3::new(700.0, 0.0, 320.0, 0.0, 700.0, 240.0, 0.0, 0.0, 1.0);
+
+/// `K11 = …` to `K33`, `kc1 = …` to `kc4` (k1 k2 p1 p2), perhaps with `;` at the end.
+fn read_radial(file: &TextFile) -> Result<(Matrix3<f64>, [f64; 5]), ImportError> {
+    let value = |key: &str| {
+        let line = file.text.lines().find_map(|line| {
+            let (name, value) = line.split_once('=')?;
+            (name.trim() == key).then(|| value.trim().trim_end_matches(';').trim())
+        });
+        let found: Option<f64> =
+            line.and_then(|text| text.parse().ok()).filter(|value: &f64| value.is_finite());
+        let shown = line.map_or_else(|| "nothing".to_owned(), |text| format!("{text:?}"));
+        found.ok_or_else(|| ImportError::key(&file.path, key, shown, "a number"))
+    };
+    let mut k = Matrix3::zeros();
+    for row in 0..3 {
+        for column in 0..3 {
+            k[(row, column)] = value(&format!("K{}{}", row + 1, column + 1))?;
+        }
+    }
+    if k[(0, 0)] <= 0.0 || k[(1, 1)] <= 0.0 || k[(2, 2)] != 1.0 {
+        let found = format!("{} {} {}", k[(0, 0)], k[(1, 1)], k[(2, 2)]);
+        return Err(ImportError::key(&file.path, "K11, K22, K33", found, "two focal lengths and 1"));
+    }
+    Ok((k, [value("kc1")?, value("kc2")?, value("kc3")?, value("kc4")?, 0.0]))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,111 @@
+//! A small XML file as a tree: what calibration files need of XML.
+
+use quick_xml::Reader;
+use quick_xml::events::{BytesStart, Event};
+
+use super::{ImportError, TextFile};
+
+/// Calibration files nest four deep; a bound keeps hostile ones off the stack.
+const MAX_DEPTH: usize = 32;
+
+/// An element with its attributes, text and child elements.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Element {
+    pub(super) name: String,
+    pub(super) attributes: Vec<(String, String)>,
+    pub(super) text: String,
+    pub(super) children: Vec<Element>,
+}
+
+impl Element {
+    pub(super) fn child(&self, name: &str) -> Option<&Element> {
+        self.children.iter().find(|child| child.name == name)
+    }
+
+    pub(super) fn attribute(&self, name: &str) -> Option<&str> {
+        self.attributes.iter().find(|(key, _)| key == name).map(|(_, value)| value.as_str())
+    }
+}
+
+/// The document's root element.
+pub(super) fn parse(file: &TextFile) -> Result<Element, ImportError> {
+    let mut reader = Reader::from_str(&file.text);
+    let mut open = vec![Element::default()];
+    loop {
+        let event = reader.read_event();
+        let at = usize::try_from(reader.buffer_position()).unwrap_or(usize::MAX);
+        let wrong = |found: String| {
+            let before = file.text.get(..at).unwrap_or(&file.text);
+            let line = before.matches('\n').count() + 1;
+            ImportError::Syntax { file: file.path.clone(), line, found, expected: "well-formed XML" }
+        };
+        match event.map_err(|error| wrong(error.to_string()))? {
+            Event::Start(tag) => {
+                if open.len() > MAX_DEPTH {
+                    return Err(wrong(format!("elements nested more than {MAX_DEPTH} deep")));
+                }
+                open.push(element(&tag).map_err(wrong)?);
+            }
+            Event::Empty(tag) => {
+                let child = element(&tag).map_err(wrong)?;
+                if let Some(parent) = open.last_mut() {
+                    parent.children.push(child);
+                }
+            }
+            Event::End(_) => {
+                if let (Some(child), Some(parent)) = (open.pop(), open.last_mut()) {
+                    parent.children.push(child);
+                }
+            }
+            Event::Text(text) => {
+                let text = text.decode().map_err(|error| wrong(error.to_string()))?;
+                if let Some(parent) = open.last_mut() {
+                    parent.text.push_str(&text);
+                }
+            }
+            Event::Eof if open.len() > 1 => return Err(wrong("the end inside an element".to_owned())),
+            Event::Eof => {
+                let root = open.pop().and_then(|mut document| document.children.pop());
+                return root.ok_or_else(|| wrong("no element".to_owned()));
+            }
+            _ => {}
+        }
+    }
+}
+
+fn element(tag: &BytesStart) -> Result<Element, String> {
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    let mut element = Element { name: text(tag.name().as_ref()), ..Element::default() };
+    for attribute in tag.attributes() {
+        let attribute = attribute.map_err(|error| error.to_string())?;
+        let value = attribute.unescape_value().map_err(|error| error.to_string())?;
+        element.attributes.push((text(attribute.key.as_ref()), value.into_owned()));
+    }
+    Ok(element)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<Element, ImportError> {
+        parse(&TextFile { path: "f.xml".to_owned(), text: text.to_owned() })
+    }
+
+    #[test]
+    fn elements_attributes_and_text_are_found() {
+        let root =
+            read("<?xml version=\"1.0\"?>\n<a><b k=\"1 &lt; 2\"/><c>\n 3 4</c></a>").expect("well-formed");
+        assert_eq!(root.child("b").and_then(|b| b.attribute("k")), Some("1 < 2"));
+        assert_eq!(root.child("c").map(|c| c.text.trim()), Some("3 4"));
+    }
+
+    #[test]
+    fn broken_files_are_refused_with_the_line() {
+        let cut = read("<a>\n<b>1</b>\n").expect_err("cut off").to_string();
+        assert!(cut.starts_with("f.xml: line 3: found the end inside an element"), "{cut}");
+        assert!(read("<a>\n</b>").expect_err("wrong end").to_string().starts_with("f.xml: line 2: "));
+        assert!(read("").is_err());
+        assert!(read(&"<a>".repeat(1000)).expect_err("too deep").to_string().contains("nested"));
+    }
+}
