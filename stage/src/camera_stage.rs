@@ -4,11 +4,12 @@ use hull::{Camera, Silhouette};
 use nalgebra::Vector3;
 
 use crate::noise::Noise;
+use crate::rect::{Rect, rect_of_quad};
 use crate::room;
 use crate::shadow::{LAMP_M, MapPlace, SHADOW_FACTOR, ShadowMap};
 use crate::solid::Solid;
 use crate::studio::{Stage, StageSettings};
-use crate::trace::{Rect, View, rect_of_quad};
+use crate::trace::View;
 
 /// No solid on this pixel.
 const NOTHING: u8 = u8::MAX;

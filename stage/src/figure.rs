@@ -94,7 +94,7 @@ fn arm(arm: &Arm, sign: f64, solids: &mut Vec<Solid>) {
     let bend = (arm.elbow - arm.shoulder).cross(&(arm.wrist - arm.elbow));
     let side = if bend.norm_squared() > 1e-10 { bend } else { arm.palm };
     let sleeve_end = arm.shoulder.lerp(&arm.elbow, 0.72);
-    solids.push(Solid::limb((arm.shoulder, sleeve_end), (0.063, 0.054), (side, 1.0), Material::Sleeve));
+    solids.push(Solid::limb((arm.shoulder, sleeve_end), (0.059, 0.053), (side, 1.0), Material::Sleeve));
     solids.push(Solid::limb((arm.shoulder, arm.elbow), (0.052, 0.040), (side, 1.0), Material::Skin));
     // The forearm is thickest a third of the way down.
     let belly = arm.elbow + along * 0.075;

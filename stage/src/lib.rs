@@ -16,6 +16,7 @@ mod motion;
 mod motions;
 mod noise;
 pub mod props;
+mod rect;
 mod rig;
 mod room;
 mod shadow;

@@ -22,7 +22,8 @@ pub(crate) fn albedo(material: Material, p: [f32; 3], length_m: f32) -> Colour {
         Material::Face => face(p),
         Material::Hair => scaled([62.0, 40.0, 27.0], 0.75 + 0.5 * grain(cell(p[0], 220.0), cell(p[1], 40.0))),
         Material::Shirt => shirt(p[1] + 0.02 * p[0] * p[0], p),
-        Material::Sleeve => shirt(p[1] + 0.03, p),
+        // The stripes of a sleeve begin below the shoulder.
+        Material::Sleeve => shirt(if p[1] > 0.045 { p[1] + 0.03 } else { 0.03 }, p),
         // A plain yoke over the shoulders, where the stripes of the pieces would not meet.
         Material::Yoke => {
             scaled([188.0, 46.0, 48.0], 0.92 + 0.1 * grain(cell(p[0], 180.0), cell(p[1], 180.0)))
@@ -105,7 +106,7 @@ fn shirt(height_m: f32, p: [f32; 3]) -> Colour {
     let weave = 0.92 + 0.14 * grain(cell(p[0], 180.0), cell(p[1], 180.0)) * (0.6 + 0.4 * wobble(p[0] * 60.0));
     let base = if share < 0.62 {
         [188.0, 46.0, 48.0]
-    } else if share < 0.70 || share > 0.92 {
+    } else if !(0.70..=0.92).contains(&share) {
         [120.0, 26.0, 36.0]
     } else {
         [232.0, 172.0, 60.0]

@@ -132,7 +132,7 @@ impl ShadowMap {
             })
             .collect();
         let soft_m = cast(&solid.origin).2;
-        let lines = outline(corners.clone());
+        let lines = outline(&corners);
         let reach = Vector2::repeat(soft_m);
         let low = corners.iter().fold(corners[0], |low, corner| low.inf(corner)) - reach;
         let high = corners.iter().fold(corners[0], |high, corner| high.sup(corner)) + reach;
@@ -163,10 +163,10 @@ fn cast(point: &Vector3<f64>) -> (Vector2<f64>, f64, f64) {
 
 /// The lines around the points, `[nx, nz, offset]`, normals outward: from each point of the hull to the
 /// next, always the one that leaves all others on one side.
-fn outline(points: Vec<Vector2<f64>>) -> Vec<[f32; 3]> {
+fn outline(points: &[Vector2<f64>]) -> Vec<[f32; 3]> {
     let mut lines = Vec::new();
-    for a in &points {
-        for b in &points {
+    for a in points {
+        for b in points {
             let along = b - a;
             if along.norm() < 1e-9 {
                 continue;
