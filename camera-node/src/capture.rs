@@ -1,0 +1,343 @@
+//! Film: a thread a camera that takes frames when they are due, segments them and offers them to the
+//! ring. In real time a frame that comes too late is passed over; in lock-step every frame is made, as
+//! far ahead as credits allow.
+
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use hull::{Observer, Silhouette};
+use segment::{BackgroundBuilder, BackgroundModel, Segmenter};
+use thiserror::Error;
+
+use crate::frames::{CameraFrame, FrameRing, Stamp};
+use crate::source::{Image, Kind, OpenContext, Source, SourceError};
+use crate::{NodeCamera, NodeConfig};
+
+/// How long a thread sleeps at most before it looks whether it should stop.
+const NAP: Duration = Duration::from_millis(20);
+
+/// Why a camera's film cannot begin, or ends early.
+#[derive(Debug, Error)]
+pub enum CaptureError {
+    /// The source.
+    #[error("camera {camera:?}: {error}")]
+    Source {
+        /// Which camera.
+        camera: String,
+        /// What happened.
+        error: SourceError,
+    },
+    /// The background clip or the segmentation's settings.
+    #[error("camera {camera:?}: {what}: {problem}")]
+    Segment {
+        /// Which camera.
+        camera: String,
+        /// Background or segmentation.
+        what: &'static str,
+        /// What was found and expected.
+        problem: String,
+    },
+}
+
+/// Wall clock, unix seconds.
+pub fn unix_now_s() -> f64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64())
+}
+
+/// When a run began and how it is paced.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pace {
+    /// Unix seconds at which film time is zero.
+    pub epoch_unix_s: f64,
+    /// Every frame, as credits allow, instead of in real time.
+    pub lock_step: bool,
+}
+
+/// A camera ready to film: its background is learnt.
+pub struct ReadyCamera {
+    config: NodeCamera,
+    observer: Arc<Observer>,
+    segmenter: Option<Segmenter>,
+}
+
+/// The film of all cameras of a node.
+pub struct Film {
+    fps: f64,
+    ring: Arc<FrameRing>,
+    cameras: Vec<Arc<Mutex<ReadyCamera>>>,
+    run: Mutex<Option<Run>>,
+}
+
+struct Run {
+    pace: Pace,
+    gate: Arc<Gate>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+/// What stops a run, and how far it may go ahead.
+struct Gate {
+    stop: AtomicBool,
+    up_to_frame: Mutex<u64>,
+    raised: Condvar,
+    newest: AtomicU64,
+}
+
+impl Film {
+    /// Learns every camera's background, all at once. Blocks until done.
+    pub fn prepare(config: &NodeConfig, ring: Arc<FrameRing>) -> Result<Film, CaptureError> {
+        let observers = config.observers();
+        let prepared: Vec<Result<ReadyCamera, CaptureError>> = std::thread::scope(|scope| {
+            let threads: Vec<_> = config
+                .cameras
+                .iter()
+                .zip(observers)
+                .map(|(camera, observer)| scope.spawn(move || ready(camera, observer, config.fps)))
+                .collect();
+            threads.into_iter().map(|thread| thread.join().unwrap_or_else(|_| Err(panicked()))).collect()
+        });
+        let cameras = prepared
+            .into_iter()
+            .map(|camera| camera.map(|camera| Arc::new(Mutex::new(camera))))
+            .collect::<Result<_, _>>()?;
+        Ok(Film { fps: config.fps, ring, cameras, run: Mutex::new(None) })
+    }
+
+    /// Begins a run. The pace it runs at already changes nothing; another one begins film anew. Blocks
+    /// while sources open and an earlier run stops.
+    pub fn start(&self, pace: Pace) -> Result<(), CaptureError> {
+        let mut run = self.run.lock().unwrap_or_else(PoisonError::into_inner);
+        if run.as_ref().is_some_and(|run| run.pace == pace) {
+            return Ok(());
+        }
+        if let Some(before) = run.take() {
+            before.stop();
+        }
+        self.ring.clear();
+        let clock = move || unix_now_s() - pace.epoch_unix_s;
+        let context = OpenContext { fps: self.fps, clock: Arc::new(clock) };
+        let gate = Arc::new(Gate {
+            stop: AtomicBool::new(false),
+            up_to_frame: Mutex::new(0),
+            raised: Condvar::new(),
+            newest: AtomicU64::new(0),
+        });
+        let mut threads = Vec::new();
+        for (index, camera) in self.cameras.iter().enumerate() {
+            let ready = camera.lock().unwrap_or_else(PoisonError::into_inner);
+            let config = &ready.config;
+            let source = config
+                .source
+                .open(&config.camera, usize::from(config.rig_index), &context)
+                .map_err(|error| CaptureError::Source { camera: config.camera.name().into(), error })?;
+            let roll = Roll {
+                index,
+                pace,
+                fps: self.fps,
+                live: config.source.is_live(),
+                source,
+                ring: Arc::clone(&self.ring),
+                gate: Arc::clone(&gate),
+            };
+            drop(ready);
+            let camera = Arc::clone(camera);
+            threads.push(std::thread::spawn(move || {
+                let mut camera = camera.lock().unwrap_or_else(PoisonError::into_inner);
+                let ring = Arc::clone(&roll.ring);
+                let outcome =
+                    std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| roll.film(&mut camera)));
+                match outcome.unwrap_or_else(|_| Err(panicked())) {
+                    Ok(()) => ring.end(index),
+                    Err(error) => {
+                        tracing::error!("{error}");
+                        ring.fail(error.to_string());
+                    }
+                }
+            }));
+        }
+        *run = Some(Run { pace, gate, threads });
+        Ok(())
+    }
+
+    /// Lets a lock-step run go on up to this frame.
+    pub fn credit(&self, up_to_frame: u64) {
+        let run = self.run.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(run) = run.as_ref() {
+            let mut allowed = run.gate.up_to_frame.lock().unwrap_or_else(PoisonError::into_inner);
+            *allowed = (*allowed).max(up_to_frame);
+            run.gate.raised.notify_all();
+        }
+    }
+}
+
+impl Drop for Film {
+    fn drop(&mut self) {
+        if let Some(run) = self.run.lock().unwrap_or_else(PoisonError::into_inner).take() {
+            run.stop();
+        }
+    }
+}
+
+impl Run {
+    fn stop(self) {
+        self.gate.stop.store(true, Ordering::Relaxed);
+        self.gate.raised.notify_all();
+        for thread in self.threads {
+            // A panic of the thread was caught and told inside it.
+            let _ = thread.join();
+        }
+    }
+}
+
+impl Gate {
+    /// Waits until a frame may be made; false if the run stops.
+    fn wait_for(&self, frame: u64) -> bool {
+        let mut allowed = self.up_to_frame.lock().unwrap_or_else(PoisonError::into_inner);
+        while !self.stop.load(Ordering::Relaxed) {
+            if frame <= *allowed {
+                return true;
+            }
+            let (next, _) = self.raised.wait_timeout(allowed, NAP).unwrap_or_else(PoisonError::into_inner);
+            allowed = next;
+        }
+        false
+    }
+
+    /// Sleeps until a moment of the wall clock; false if the run stops.
+    fn sleep_until(&self, unix_s: f64) -> bool {
+        loop {
+            if self.stop.load(Ordering::Relaxed) {
+                return false;
+            }
+            let left = unix_s - unix_now_s();
+            if left <= 0.0 {
+                return true;
+            }
+            std::thread::sleep(Duration::from_secs_f64(left).min(NAP));
+        }
+    }
+}
+
+/// One camera's film of one run.
+struct Roll {
+    index: usize,
+    pace: Pace,
+    fps: f64,
+    live: bool,
+    source: Box<dyn Source>,
+    ring: Arc<FrameRing>,
+    gate: Arc<Gate>,
+}
+
+impl Roll {
+    fn film(mut self, camera: &mut ReadyCamera) -> Result<(), CaptureError> {
+        let name = camera.config.camera.name().to_owned();
+        let mut image = Image::default();
+        let mut next = 0u64;
+        loop {
+            let Some(at_least) = self.await_turn(next) else { return Ok(()) };
+            let began = Instant::now();
+            let taken = self
+                .source
+                .next(at_least, &mut image)
+                .map_err(|error| CaptureError::Source { camera: name.clone(), error })?;
+            let Some(taken) = taken else { return Ok(()) };
+            let silhouette = silhouette(camera, &image).map_err(|problem| CaptureError::Segment {
+                camera: name.clone(),
+                what: "segmentation",
+                problem,
+            })?;
+            let film_s = self.pace.epoch_unix_s + taken.capture_time_s;
+            let stamp = Stamp {
+                number: taken.number,
+                capture_time_s: taken.capture_time_s,
+                captured_unix_s: if self.pace.lock_step { unix_now_s() } else { film_s },
+                skipped: taken.number.saturating_sub(next),
+            };
+            let segment_ms = began.elapsed().as_secs_f64() * 1e3;
+            self.gate.newest.fetch_max(taken.number, Ordering::Relaxed);
+            self.ring.offer(self.index, stamp, CameraFrame::new(&camera.observer, silhouette, segment_ms));
+            next = taken.number + 1;
+        }
+    }
+
+    /// Waits until frame `next` is due, and says which is the oldest frame still of use; `None` if the
+    /// run stops.
+    fn await_turn(&self, next: u64) -> Option<u64> {
+        if self.pace.lock_step {
+            return self.gate.wait_for(next).then_some(next);
+        }
+        if self.live {
+            return (!self.gate.stop.load(Ordering::Relaxed)).then_some(next);
+        }
+        let due_unix_s = self.pace.epoch_unix_s + next as f64 / self.fps;
+        self.gate.sleep_until(due_unix_s).then(|| {
+            // A frame is still of use while it is the newest one due; older ones are too late.
+            let due = ((unix_now_s() - self.pace.epoch_unix_s) * self.fps).floor().max(0.0) as u64;
+            next.max(due)
+        })
+    }
+}
+
+fn silhouette(camera: &mut ReadyCamera, image: &Image) -> Result<Silhouette, String> {
+    match (image.kind, &mut camera.segmenter) {
+        (Kind::Mask, _) => {
+            let mask: Vec<u8> = image.data.iter().map(|&pixel| u8::from(pixel > 127)).collect();
+            Silhouette::from_mask(image.width, image.height, &mask).map_err(|error| error.to_string())
+        }
+        (Kind::Rgb, Some(segmenter)) => {
+            segmenter.segment(&image.data).map(|found| found.silhouette).map_err(|error| error.to_string())
+        }
+        (Kind::Rgb, None) => Err("colour frames and no segmenter, expected masks".into()),
+    }
+}
+
+fn ready(config: &NodeCamera, observer: Arc<Observer>, fps: f64) -> Result<ReadyCamera, CaptureError> {
+    let wrong =
+        |what, problem: String| CaptureError::Segment { camera: config.camera.name().into(), what, problem };
+    let segmenter = if matches!(config.source, crate::SourceConfig::Masks(_)) {
+        None
+    } else {
+        let background = config.background.clone().or_else(|| config.source.empty_room());
+        let model = match background {
+            Some(background) => Some(learn(config, &background, fps)?),
+            None => None,
+        };
+        let (width, height) = (config.camera.width(), config.camera.height());
+        let segmenter = Segmenter::new(&config.segmentation, width, height, model.as_ref())
+            .map_err(|error| wrong("segmentation", error.to_string()))?;
+        Some(segmenter)
+    };
+    Ok(ReadyCamera { config: config.clone(), observer, segmenter })
+}
+
+/// Reads the whole clip of the empty room.
+fn learn(
+    config: &NodeCamera,
+    background: &crate::SourceConfig,
+    fps: f64,
+) -> Result<BackgroundModel, CaptureError> {
+    let camera = &config.camera;
+    let context = OpenContext { fps, clock: Arc::new(|| 0.0) };
+    let source_error = |error| CaptureError::Source { camera: camera.name().into(), error };
+    let wrong = |problem: segment::ModelError| CaptureError::Segment {
+        camera: camera.name().into(),
+        what: "background",
+        problem: problem.to_string(),
+    };
+    let mut source =
+        background.open(camera, usize::from(config.rig_index), &context).map_err(source_error)?;
+    let mut builder = BackgroundBuilder::new(camera.width(), camera.height()).map_err(wrong)?;
+    let mut image = Image::default();
+    let mut next = 0;
+    while let Some(taken) = source.next(next, &mut image).map_err(source_error)? {
+        builder.push(&image.data).map_err(wrong)?;
+        next = taken.number + 1;
+    }
+    builder.finish().map_err(wrong)
+}
+
+fn panicked() -> CaptureError {
+    CaptureError::Segment { camera: String::new(), what: "film", problem: "a thread panicked".into() }
+}

@@ -1,0 +1,306 @@
+//! The ring of recent frames: silhouettes ready to be probed, each frame complete over all cameras of
+//! the node. It is the only thing that film and service share.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use bytes::Bytes;
+use hull::silhouette::PixelRect;
+use hull::{Observer, Silhouette, View, ViewSet};
+use thiserror::Error;
+use tokio::sync::watch;
+
+/// How many frames are kept: enough for a coordinator that lags by a quarter of a second at 30
+/// frames/s, little enough that eight 8K silhouettes stay within 100 MB.
+pub const RING_FRAMES: usize = 8;
+
+/// One camera's part of a frame.
+#[derive(Clone, Debug)]
+pub struct CameraFrame {
+    /// Place in the rig.
+    pub rig_index: u16,
+    /// The silhouette.
+    pub silhouette: Arc<Silhouette>,
+    /// The silhouette as compact bytes.
+    pub bytes: Bytes,
+    /// Least rectangle of what the camera does not reject; `None` if it rejects all it sees.
+    pub admitted: Option<PixelRect>,
+    /// From capture to silhouette, milliseconds.
+    pub segment_ms: f64,
+    view: View,
+}
+
+impl CameraFrame {
+    /// Prepares a camera's silhouette for probing and sending.
+    pub fn new(observer: &Arc<Observer>, silhouette: Silhouette, segment_ms: f64) -> CameraFrame {
+        CameraFrame {
+            rig_index: observer.rig_index(),
+            bytes: silhouette.encode().into(),
+            admitted: observer.admitted(silhouette.bounds()),
+            view: View::new(Arc::clone(observer), &silhouette),
+            silhouette: Arc::new(silhouette),
+            segment_ms,
+        }
+    }
+}
+
+/// One frame over all cameras of the node.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    /// Its number in the cluster's count.
+    pub number: u64,
+    /// Film time since the epoch, seconds.
+    pub capture_time_s: f64,
+    /// When it was captured by the wall clock, unix seconds.
+    pub captured_unix_s: f64,
+    /// Frames passed over since the one before because they came too late, the most of any camera.
+    pub skipped: u64,
+    /// Each camera's part, in rig order.
+    pub cameras: Vec<CameraFrame>,
+    /// The cameras ready to answer together.
+    pub views: ViewSet,
+}
+
+/// When a frame was taken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stamp {
+    /// Its number.
+    pub number: u64,
+    /// Film time since the epoch, seconds.
+    pub capture_time_s: f64,
+    /// The wall clock at capture, unix seconds.
+    pub captured_unix_s: f64,
+    /// Frames passed over just before.
+    pub skipped: u64,
+}
+
+/// Why a frame is not there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum FrameError {
+    /// It has left the ring, or was missed.
+    #[error("frame {asked} is gone: the ring holds {oldest} to {newest}")]
+    Gone {
+        /// The frame asked for.
+        asked: u64,
+        /// The oldest there is.
+        oldest: u64,
+        /// The newest there is.
+        newest: u64,
+    },
+    /// It has not come yet.
+    #[error("frame {asked} has not come yet: the newest is {newest:?}")]
+    NotYet {
+        /// The frame asked for.
+        asked: u64,
+        /// The newest there is, if any.
+        newest: Option<u64>,
+    },
+}
+
+/// How a film stands.
+#[derive(Clone, Debug, PartialEq, Eq, Default)]
+pub enum FilmState {
+    /// It runs, or has not begun.
+    #[default]
+    Running,
+    /// Every frame there is has come.
+    Ended,
+    /// It failed, and why; no more frames come.
+    Failed(String),
+}
+
+struct Parts {
+    stamp: Stamp,
+    cameras: Vec<Option<CameraFrame>>,
+}
+
+#[derive(Default)]
+struct Inner {
+    ring: VecDeque<Arc<Frame>>,
+    /// Frames that some cameras have delivered and others not; bounded like the ring.
+    pending: BTreeMap<u64, Parts>,
+    ended: Vec<bool>,
+    state: FilmState,
+    skipped: u64,
+}
+
+/// The ring; shared by film threads, the service and, in process, the coordinator.
+pub struct FrameRing {
+    camera_count: usize,
+    inner: Mutex<Inner>,
+    version: watch::Sender<u64>,
+}
+
+impl FrameRing {
+    /// An empty ring for a node of so many cameras.
+    pub fn new(camera_count: usize) -> FrameRing {
+        let inner = Inner { ended: vec![false; camera_count], ..Inner::default() };
+        FrameRing { camera_count, inner: Mutex::new(inner), version: watch::Sender::new(0) }
+    }
+
+    /// Forgets all frames: a new run begins.
+    pub fn clear(&self) {
+        *self.lock() = Inner { ended: vec![false; self.camera_count], ..Inner::default() };
+        self.changed();
+    }
+
+    /// Hands in one camera's part of a frame (`camera` counts within the node); the frame appears once
+    /// all cameras have delivered theirs.
+    pub fn offer(&self, camera: usize, stamp: Stamp, part: CameraFrame) {
+        let mut inner = self.lock();
+        if inner.ring.back().is_some_and(|newest| stamp.number <= newest.number) {
+            return;
+        }
+        let count = self.camera_count;
+        let parts =
+            inner.pending.entry(stamp.number).or_insert_with(|| Parts { stamp, cameras: vec![None; count] });
+        parts.stamp.skipped = parts.stamp.skipped.max(stamp.skipped);
+        parts.cameras[camera] = Some(part);
+        if parts.cameras.iter().all(Option::is_some) {
+            self.publish(&mut inner, stamp.number);
+        } else if inner.pending.len() > RING_FRAMES {
+            // A camera that missed its frame must not hold the others' parts for ever.
+            inner.pending.pop_first();
+            inner.skipped += 1;
+        }
+        drop(inner);
+        self.changed();
+    }
+
+    fn publish(&self, inner: &mut Inner, number: u64) {
+        let Some(Parts { stamp, cameras }) = inner.pending.remove(&number) else { return };
+        let incomplete = inner.pending.range(..number).count() as u64;
+        inner.pending = inner.pending.split_off(&number);
+        let cameras: Vec<CameraFrame> = cameras.into_iter().flatten().collect();
+        let views = ViewSet::new(cameras.iter().map(|camera| camera.view.clone()).collect());
+        let skipped = stamp.skipped + incomplete + std::mem::take(&mut inner.skipped);
+        inner.ring.push_back(Arc::new(Frame {
+            number,
+            capture_time_s: stamp.capture_time_s,
+            captured_unix_s: stamp.captured_unix_s,
+            skipped,
+            cameras,
+            views,
+        }));
+        if inner.ring.len() > RING_FRAMES {
+            inner.ring.pop_front();
+        }
+    }
+
+    /// Says that a camera's film has ended; when all have, the film has.
+    pub fn end(&self, camera: usize) {
+        let mut inner = self.lock();
+        inner.ended[camera] = true;
+        if inner.ended.iter().all(|&ended| ended) && inner.state == FilmState::Running {
+            inner.state = FilmState::Ended;
+        }
+        drop(inner);
+        self.changed();
+    }
+
+    /// Says that the film has failed.
+    pub fn fail(&self, why: String) {
+        let mut inner = self.lock();
+        if !matches!(inner.state, FilmState::Failed(_)) {
+            inner.state = FilmState::Failed(why);
+        }
+        drop(inner);
+        self.changed();
+    }
+
+    /// How the film stands.
+    pub fn state(&self) -> FilmState {
+        self.lock().state.clone()
+    }
+
+    /// The frame of that number.
+    pub fn get(&self, number: u64) -> Result<Arc<Frame>, FrameError> {
+        let inner = self.lock();
+        let (oldest, newest) = match (inner.ring.front(), inner.ring.back()) {
+            (Some(oldest), Some(newest)) => (oldest.number, newest.number),
+            _ => return Err(FrameError::NotYet { asked: number, newest: None }),
+        };
+        if number > newest {
+            return Err(FrameError::NotYet { asked: number, newest: Some(newest) });
+        }
+        let found = inner.ring.iter().find(|frame| frame.number == number);
+        found.cloned().ok_or(FrameError::Gone { asked: number, oldest, newest })
+    }
+
+    /// All frames newer than `number`, oldest first.
+    pub fn since(&self, number: Option<u64>) -> Vec<Arc<Frame>> {
+        let inner = self.lock();
+        inner.ring.iter().filter(|frame| number.is_none_or(|number| frame.number > number)).cloned().collect()
+    }
+
+    /// Wakes whenever a frame, an end or a failure has come.
+    pub fn watch(&self) -> watch::Receiver<u64> {
+        self.version.subscribe()
+    }
+
+    fn changed(&self) {
+        self.version.send_modify(|version| *version += 1);
+    }
+
+    fn lock(&self) -> std::sync::MutexGuard<'_, Inner> {
+        // A panic elsewhere leaves the ring whole: nothing here is half done between two statements
+        // that can panic.
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hull::ProbeSettings;
+
+    fn observer(rig_index: u16) -> Arc<Observer> {
+        let camera = crate::source::tests::camera(8, 4);
+        Arc::new(Observer::new(camera, rig_index, ProbeSettings::default(), None))
+    }
+
+    fn offer(ring: &FrameRing, camera: usize, number: u64) {
+        let stamp = Stamp { number, capture_time_s: 0.0, captured_unix_s: 0.0, skipped: 0 };
+        let silhouette = Silhouette::empty(8, 4).expect("size");
+        ring.offer(camera, stamp, CameraFrame::new(&observer(camera as u16), silhouette, 0.0));
+    }
+
+    #[test]
+    fn frames_appear_when_all_cameras_have_them_and_leave_in_order() {
+        let ring = FrameRing::new(2);
+        offer(&ring, 0, 0);
+        assert!(matches!(ring.get(0), Err(FrameError::NotYet { asked: 0, newest: None })));
+        offer(&ring, 1, 0);
+        assert_eq!(ring.get(0).expect("complete").cameras.len(), 2);
+        for number in 1..=RING_FRAMES as u64 {
+            offer(&ring, 1, number);
+            offer(&ring, 0, number);
+        }
+        assert!(matches!(ring.get(0), Err(FrameError::Gone { asked: 0, oldest: 1, newest: 8 })));
+        assert!(matches!(ring.get(9), Err(FrameError::NotYet { .. })));
+    }
+
+    #[test]
+    fn a_frame_that_one_camera_missed_is_counted_and_forgotten() {
+        let ring = FrameRing::new(2);
+        offer(&ring, 0, 4);
+        offer(&ring, 0, 5);
+        offer(&ring, 1, 5);
+        assert_eq!(ring.get(5).expect("complete").skipped, 1);
+        assert!(matches!(ring.get(4), Err(FrameError::Gone { .. })));
+    }
+
+    #[test]
+    fn film_ends_when_every_camera_ends_and_fails_when_one_does() {
+        let ring = FrameRing::new(2);
+        ring.end(0);
+        assert_eq!(ring.state(), FilmState::Running);
+        ring.end(1);
+        assert_eq!(ring.state(), FilmState::Ended);
+        ring.clear();
+        ring.fail("no".into());
+        ring.end(0);
+        ring.end(1);
+        assert_eq!(ring.state(), FilmState::Failed("no".into()));
+    }
+}

@@ -1,0 +1,361 @@
+//! The node's gRPC service: the only place of this crate that speaks the protocol. Probes are computed
+//! on a thread of their own; async code moves bytes.
+
+use std::net::SocketAddr;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::time::{Duration, Instant};
+
+use hull::view_set::Scratch;
+use proto::convert::{answer_to_wire, pixel_rect_to_wire, question_from_wire, refusal, settings_to_wire};
+use proto::v1::camera_node_server::{CameraNode, CameraNodeServer};
+use proto::v1::refusal::Reason;
+use proto::{MAX_MESSAGE_BYTES, v1};
+use thiserror::Error;
+use tokio::net::TcpListener;
+use tokio::sync::mpsc;
+use tokio_stream::wrappers::ReceiverStream;
+use tokio_stream::{Stream, StreamExt};
+use tonic::transport::server::TcpIncoming;
+use tonic::{Request, Response, Status, Streaming};
+
+use crate::NodeConfig;
+use crate::capture::{CaptureError, Film, Pace};
+use crate::frames::{FilmState, Frame, FrameError, FrameRing};
+use crate::shapes::Shapes;
+
+/// Questions that wait at most: more than the bodies of a pass ever overlap; beyond, the node says busy
+/// instead of growing.
+const MAX_WAITING: usize = 64;
+
+/// A silent peer is noticed within twice this.
+const KEEP_ALIVE: Duration = Duration::from_secs(5);
+
+/// Why a node cannot serve.
+#[derive(Debug, Error)]
+pub enum ServeError {
+    /// Film cannot begin.
+    #[error(transparent)]
+    Capture(#[from] CaptureError),
+    /// A port that others reach, without being told so.
+    #[error(
+        "listen address {0} is reachable from other machines and the protocol is not encrypted: \
+         expected a loopback address, or --insecure"
+    )]
+    Exposed(SocketAddr),
+    /// The address cannot be had.
+    #[error("cannot listen on {address}: {error}")]
+    Listen {
+        /// Which address.
+        address: SocketAddr,
+        /// What the system says.
+        error: std::io::Error,
+    },
+    /// The transport broke.
+    #[error("serving failed: {0}")]
+    Transport(#[from] tonic::transport::Error),
+}
+
+/// A node that holds its port and has learnt its backgrounds, ready to serve.
+pub struct Node {
+    listener: TcpListener,
+    service: Service,
+    ring: Arc<FrameRing>,
+}
+
+impl Node {
+    /// Binds the address (port 0: any free one) and learns the backgrounds. Must run within a tokio
+    /// runtime. Any address but a loopback one needs `insecure`.
+    pub async fn open(config: NodeConfig, address: SocketAddr, insecure: bool) -> Result<Node, ServeError> {
+        if !address.ip().is_loopback() {
+            if !insecure {
+                return Err(ServeError::Exposed(address));
+            }
+            tracing::warn!(
+                "listening on {address} without encryption or passwords: anyone who reaches it may ask"
+            );
+        }
+        let listen = |error| ServeError::Listen { address, error };
+        let listener = TcpListener::bind(address).await.map_err(listen)?;
+        let ring = Arc::new(FrameRing::new(config.cameras.len()));
+        let service = Service::new(config, Arc::clone(&ring))?;
+        Ok(Node { listener, service, ring })
+    }
+
+    /// The address it listens on.
+    pub fn address(&self) -> std::io::Result<SocketAddr> {
+        self.listener.local_addr()
+    }
+
+    /// Its frames.
+    pub fn ring(&self) -> Arc<FrameRing> {
+        Arc::clone(&self.ring)
+    }
+
+    /// Serves until `stop` completes.
+    pub async fn serve(self, stop: impl Future<Output = ()>) -> Result<(), ServeError> {
+        let (reporter, health) = tonic_health::server::health_reporter();
+        reporter.set_serving::<CameraNodeServer<Service>>().await;
+        let reflection = || {
+            tonic_reflection::server::Builder::configure()
+                .register_encoded_file_descriptor_set(v1::DESCRIPTORS)
+        };
+        let describe_error = "the protocol's own description is valid";
+        let incoming = TcpIncoming::from(self.listener).with_nodelay(Some(true));
+        let service = CameraNodeServer::new(self.service)
+            .max_decoding_message_size(MAX_MESSAGE_BYTES)
+            .max_encoding_message_size(MAX_MESSAGE_BYTES);
+        tonic::transport::Server::builder()
+            .max_frame_size(256 * 1024)
+            .http2_keepalive_interval(Some(KEEP_ALIVE))
+            .http2_keepalive_timeout(Some(KEEP_ALIVE))
+            .add_service(health)
+            .add_service(reflection().build_v1().expect(describe_error))
+            .add_service(reflection().build_v1alpha().expect(describe_error))
+            .add_service(service)
+            .serve_with_incoming_shutdown(incoming, stop)
+            .await?;
+        Ok(())
+    }
+}
+
+/// A question on its way to the worker, and where its reply goes.
+struct Job {
+    request: v1::ProbeRequest,
+    replies: mpsc::Sender<Result<v1::ProbeReply, Status>>,
+}
+
+/// The state behind every call.
+pub struct Service {
+    config: NodeConfig,
+    film: Arc<Film>,
+    ring: Arc<FrameRing>,
+    shapes: Arc<Shapes>,
+    jobs: SyncSender<Job>,
+}
+
+impl Service {
+    fn new(config: NodeConfig, ring: Arc<FrameRing>) -> Result<Service, CaptureError> {
+        let film = Arc::new(Film::prepare(&config, Arc::clone(&ring))?);
+        let shapes = Arc::new(Shapes::default());
+        let (jobs, waiting) = sync_channel(MAX_WAITING);
+        let worker =
+            Worker { ring: Arc::clone(&ring), shapes: Arc::clone(&shapes), scratch: Scratch::default() };
+        // The thread ends when the last sender is gone.
+        std::thread::spawn(move || worker.work(&waiting));
+        Ok(Service { config, film, ring, shapes, jobs })
+    }
+}
+
+/// Computes answers, one question at a time.
+struct Worker {
+    ring: Arc<FrameRing>,
+    shapes: Arc<Shapes>,
+    scratch: Scratch,
+}
+
+impl Worker {
+    fn work(mut self, jobs: &Receiver<Job>) {
+        while let Ok(Job { request, replies }) = jobs.recv() {
+            let id = request.id;
+            let answered = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| self.answer(request)));
+            let reply = answered.unwrap_or_else(|_| {
+                // No message may end the node, not even one that finds a bug.
+                tracing::error!("a question made the computation panic");
+                self.scratch = Scratch::default();
+                refusal(id, Reason::Malformed, "the computation panicked")
+            });
+            // The asker may have gone.
+            let _ = replies.blocking_send(Ok(reply));
+        }
+    }
+
+    fn answer(&mut self, request: v1::ProbeRequest) -> v1::ProbeReply {
+        let began = Instant::now();
+        let (id, number) = (request.id, request.frame);
+        let frame = match self.ring.get(number) {
+            Ok(frame) => frame,
+            Err(error) => {
+                let reason = match error {
+                    FrameError::Gone { .. } => Reason::Gone,
+                    FrameError::NotYet { .. } => Reason::NotYet,
+                };
+                return refusal(id, reason, error.to_string());
+            }
+        };
+        let question = match question_from_wire(request, |key| self.shapes.get(key)) {
+            Ok(question) => question,
+            Err(error) => return refusal(id, Reason::from(&error), error.to_string()),
+        };
+        let answer = frame.views.answer(&question, &mut self.scratch);
+        let camera_count = frame.views.views().len();
+        answer_to_wire(id, &answer, camera_count, began.elapsed().as_secs_f64() * 1e3)
+    }
+}
+
+type Replies<T> = Pin<Box<dyn Stream<Item = Result<T, Status>> + Send>>;
+
+#[tonic::async_trait]
+impl CameraNode for Service {
+    async fn describe(&self, _: Request<v1::DescribeRequest>) -> Result<Response<v1::DescribeReply>, Status> {
+        let describe = |camera: &crate::NodeCamera| v1::CameraDescription {
+            name: camera.camera.name().into(),
+            rig_index: camera.rig_index.into(),
+            width: camera.camera.width(),
+            height: camera.camera.height(),
+            calibration_digest: camera.camera.digest().to_vec().into(),
+        };
+        Ok(Response::new(v1::DescribeReply {
+            version: env!("CARGO_PKG_VERSION").into(),
+            cameras: self.config.cameras.iter().map(describe).collect(),
+            settings: Some(settings_to_wire(&self.config.settings)),
+            frames_per_s: self.config.fps,
+        }))
+    }
+
+    async fn start(&self, request: Request<v1::StartRequest>) -> Result<Response<v1::StartReply>, Status> {
+        let v1::StartRequest { epoch_unix_s, lock_step } = request.into_inner();
+        if !epoch_unix_s.is_finite() {
+            let found = format!("StartRequest.epoch_unix_s is {epoch_unix_s}, expected unix seconds");
+            return Err(Status::invalid_argument(found));
+        }
+        let film = Arc::clone(&self.film);
+        // Opening sources blocks: programs start, files are read.
+        tokio::task::spawn_blocking(move || film.start(Pace { epoch_unix_s, lock_step }))
+            .await
+            .map_err(|error| Status::internal(error.to_string()))?
+            .map_err(|error| Status::failed_precondition(error.to_string()))?;
+        Ok(Response::new(v1::StartReply {}))
+    }
+
+    type WatchFramesStream = Replies<v1::FrameInfo>;
+
+    async fn watch_frames(
+        &self,
+        request: Request<Streaming<v1::FrameCredit>>,
+    ) -> Result<Response<Self::WatchFramesStream>, Status> {
+        let mut credits = request.into_inner();
+        let film = Arc::clone(&self.film);
+        tokio::spawn(async move {
+            while let Some(Ok(v1::FrameCredit { up_to_frame })) = credits.next().await {
+                film.credit(up_to_frame);
+            }
+        });
+        // A reader that lags by more than the ring has lost frames anyway.
+        let (sender, receiver) = mpsc::channel(crate::frames::RING_FRAMES);
+        tokio::spawn(tell_frames(Arc::clone(&self.ring), sender));
+        Ok(Response::new(Box::pin(ReceiverStream::new(receiver))))
+    }
+
+    async fn register_shapes(
+        &self,
+        request: Request<v1::RegisterShapesRequest>,
+    ) -> Result<Response<v1::RegisterShapesReply>, Status> {
+        let v1::RegisterShapesRequest { shapes } = request.into_inner();
+        for shape in &shapes {
+            let shape = proto::convert::shape_from_wire(shape)
+                .map_err(|error| Status::invalid_argument(error.to_string()))?;
+            self.shapes.register(shape).map_err(|error| Status::resource_exhausted(error.to_string()))?;
+        }
+        Ok(Response::new(v1::RegisterShapesReply {}))
+    }
+
+    type ProbeStream = Replies<v1::ProbeReply>;
+
+    async fn probe(
+        &self,
+        request: Request<Streaming<v1::ProbeRequest>>,
+    ) -> Result<Response<Self::ProbeStream>, Status> {
+        let mut requests = request.into_inner();
+        let (replies, receiver) = mpsc::channel(MAX_WAITING);
+        let jobs = self.jobs.clone();
+        tokio::spawn(async move {
+            while let Some(Ok(request)) = requests.next().await {
+                let id = request.id;
+                match jobs.try_send(Job { request, replies: replies.clone() }) {
+                    Ok(()) => {}
+                    Err(TrySendError::Full(_)) => {
+                        let busy = format!("{MAX_WAITING} questions wait");
+                        if replies.send(Ok(refusal(id, Reason::Busy, busy))).await.is_err() {
+                            break;
+                        }
+                    }
+                    Err(TrySendError::Disconnected(_)) => break,
+                }
+            }
+        });
+        Ok(Response::new(Box::pin(ReceiverStream::new(receiver))))
+    }
+
+    async fn fetch_silhouettes(
+        &self,
+        request: Request<v1::FetchSilhouettesRequest>,
+    ) -> Result<Response<v1::FetchSilhouettesReply>, Status> {
+        let number = request.into_inner().frame;
+        let frame = self.ring.get(number).map_err(|error| match error {
+            FrameError::Gone { .. } => Status::out_of_range(error.to_string()),
+            FrameError::NotYet { .. } => Status::unavailable(error.to_string()),
+        })?;
+        let silhouettes = frame
+            .cameras
+            .iter()
+            .map(|camera| v1::Silhouette { rig_index: camera.rig_index.into(), runs: camera.bytes.clone() });
+        Ok(Response::new(v1::FetchSilhouettesReply { silhouettes: silhouettes.collect() }))
+    }
+}
+
+/// Sends every frame as it comes, then how the film ended.
+async fn tell_frames(ring: Arc<FrameRing>, sender: mpsc::Sender<Result<v1::FrameInfo, Status>>) {
+    let mut changes = ring.watch();
+    let mut last: Option<u64> = None;
+    let mut told_end = false;
+    loop {
+        let frames = ring.since(last);
+        // Read after the frames: an end that is seen here comes after all of them.
+        let state = ring.state();
+        if frames.is_empty() && state == FilmState::Running && ring.since(None).is_empty() {
+            // A new run has begun; its numbers start over.
+            last = None;
+            told_end = false;
+        }
+        for frame in ring.since(last) {
+            last = Some(frame.number);
+            if sender.send(Ok(frame_to_wire(&frame))).await.is_err() {
+                return;
+            }
+        }
+        if state != FilmState::Running && !told_end && ring.since(last).is_empty() {
+            told_end = true;
+            let failure = if let FilmState::Failed(why) = state { why } else { String::new() };
+            let frame = last.unwrap_or(0);
+            let info = v1::FrameInfo { frame, ended: true, failure, ..v1::FrameInfo::default() };
+            if sender.send(Ok(info)).await.is_err() {
+                return;
+            }
+        }
+        tokio::select! {
+            changed = changes.changed() => if changed.is_err() { return },
+            () = sender.closed() => return,
+        }
+    }
+}
+
+fn frame_to_wire(frame: &Frame) -> v1::FrameInfo {
+    let camera = |camera: &crate::frames::CameraFrame| v1::CameraFrame {
+        rig_index: camera.rig_index.into(),
+        admitted: camera.admitted.map(pixel_rect_to_wire),
+        area: camera.silhouette.area(),
+        silhouette_bytes: camera.bytes.len() as u32,
+        segment_ms: camera.segment_ms,
+    };
+    v1::FrameInfo {
+        frame: frame.number,
+        capture_time_s: frame.capture_time_s,
+        captured_unix_s: frame.captured_unix_s,
+        cameras: frame.cameras.iter().map(camera).collect(),
+        skipped: frame.skipped,
+        ended: false,
+        failure: String::new(),
+    }
+}
