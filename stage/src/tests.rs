@@ -355,3 +355,34 @@ fn every_camera_sees_all_that_can_happen() {
         }
     }
 }
+
+/// Colour distance and angle alone, with no clean-up, tell person and props from room and shadow.
+#[test]
+fn plain_background_subtraction_finds_the_silhouette() {
+    for motion in [Motion::Walk, Motion::Lift] {
+        for index in [0, 2, 5, 7] {
+            let mut stage = CameraStage::new(&settings(motion), &camera(index), index);
+            let mut rgb = vec![0; stage.frame_bytes()];
+            let mut mean = vec![0.0; stage.frame_bytes()];
+            for frame in 0..12 {
+                stage.render_empty(frame, &mut rgb);
+                mean.iter_mut().zip(&rgb).for_each(|(mean, &byte)| *mean += f64::from(byte) / 12.0);
+            }
+            stage.render(135, &mut rgb);
+            let mask = stage.mask(4.5);
+            let (mut both, mut either) = (0, 0);
+            for (at, (pixel, room)) in rgb.chunks(3).zip(mean.chunks(3)).enumerate() {
+                let image = Vector3::from_fn(|c, _| f64::from(pixel[c]));
+                let room = Vector3::from_column_slice(room);
+                let apart = (image - room).norm();
+                let cosine = image.dot(&room) / (image.norm() * room.norm()).max(1.0);
+                let shaded = cosine > 0.996 && image.norm() < room.norm();
+                let found = apart > 110.0 || (apart > 20.0 && !shaded);
+                both += usize::from(found && mask[at] == 255);
+                either += usize::from(found || mask[at] == 255);
+            }
+            let overlap = both as f64 / either as f64;
+            assert!(overlap > 0.96, "{motion} camera {index}: {overlap:.3}");
+        }
+    }
+}
