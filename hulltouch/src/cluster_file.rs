@@ -1,0 +1,245 @@
+//! The cluster file: everything about a set-up that is not calibration. Read, checked and turned
+//! into types before any port opens.
+//!
+//! ```toml
+//! folder = "${STUDIO:-../studio}"      # rig, sources and masks are relative to it; commands run in it
+//! rig = "rig.toml"                     # aniposelib's format
+//! scene = "topple"                     # a name, or a file beside this one
+//! fps = 30                             # frames of the cluster per second
+//! latency_s = 0.0                      # from capture to use
+//! hold_s = 1.0                         # how long the last frame of a film is held
+//! seed = 1
+//! gravity = [0.0, 0.0, -9.81]          # m/s²; left out, the scene's
+//! out_of_view = "outside"              # or "abstain"
+//! min_views = 2
+//! normal_window = "auto"               # or k, pixels
+//! max_depth_m = 1.0
+//! unused_cameras = ["cam4"]            # cameras of the rig that take no part
+//! [segmentation]                       # for all cameras; each may override single keys
+//! high = 110
+//! [[camera]]
+//! name = "cam1"                        # as in the rig
+//! node = "192.0.2.11:7001"             # cameras of one address share a process; local runs need none
+//! source = { kind = "pipe", command = ["ffmpeg", "-i", "cam1.mp4", "-f", "yuv4mpegpipe", "-"] }
+//! background = { kind = "images", path = "empty/cam1.png" }
+//! segmentation = { low = 20 }
+//! ignore_mask = "pillar/cam1.png"
+//! ```
+//!
+//! `${NAME}` and `${NAME:-default}` in any text stand for variables of the environment; `$${` is a
+//! plain `${`. A path that is not absolute starts at `folder`, and that at this file; one that
+//! begins with a variable's value starts where the program was started, as in a shell.
+
+mod check;
+#[cfg(test)]
+mod tests;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use camera_node::source::SourceConfig;
+use hull::Rig;
+use hull::rule::ProbeSettings;
+use segment::SegmentSettings;
+use serde::Deserialize;
+use sim::Scene;
+use thiserror::Error;
+use toml::{Table, Value};
+
+use crate::expand::Variables;
+
+/// A checked cluster file.
+#[derive(Clone, Debug)]
+pub struct ClusterFile {
+    /// The file, absolute.
+    pub path: PathBuf,
+    /// The cameras that take part, in the order of the rig file.
+    pub rig: Rig,
+    /// What happens in the room.
+    pub scene: SceneChoice,
+    /// Frames of the cluster per second.
+    pub fps: f64,
+    /// From capture to use, seconds.
+    pub latency_s: f64,
+    /// How long the last frame is held when film ends, seconds.
+    pub hold_s: f64,
+    /// Decides what a run leaves to chance, if set.
+    pub seed: Option<u64>,
+    /// Gravity in the rig's world, m/s², if not the scene's.
+    pub gravity_m_s2: Option<[f64; 3]>,
+    /// The hull rule and the probes' settings.
+    pub probes: ProbeSettings,
+    /// One entry per camera of `rig`, in its order.
+    pub cameras: Vec<CameraEntry>,
+}
+
+/// A scene by name or by file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum SceneChoice {
+    /// One that comes with the program.
+    Named(String),
+    /// A scene file, absolute; it existed when the cluster file was read.
+    File(PathBuf),
+}
+
+/// What the cluster file says of one camera.
+#[derive(Clone, Debug)]
+pub struct CameraEntry {
+    /// Its name in the rig.
+    pub name: String,
+    /// Its place in [`ClusterFile::rig`].
+    pub rig_index: usize,
+    /// `host:port` of the process that serves it.
+    pub node: Option<String>,
+    /// Its film.
+    pub source: SourceConfig,
+    /// The empty room; `None` only if segmentation needs none.
+    pub background: Option<SourceConfig>,
+    /// How foreground is found.
+    pub segmentation: SegmentSettings,
+    /// A mask image of static occluders, over 127 is ignored; it existed when the file was read.
+    pub ignore_mask: Option<PathBuf>,
+}
+
+/// Why a cluster file was refused; one line each.
+#[derive(Debug, Error)]
+pub enum ClusterFileError {
+    /// It cannot be read.
+    #[error("{}: {problem}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        problem: String,
+    },
+    /// Not TOML, or keys and types that a cluster file has not.
+    #[error("{}, line {line} (`{text}`): {problem}", path.display())]
+    Text {
+        /// The file.
+        path: PathBuf,
+        /// Where, counted from 1.
+        line: usize,
+        /// That line.
+        text: String,
+        /// What was found and expected.
+        problem: String,
+    },
+    /// A value that cannot be.
+    #[error("{}, {key}: {problem}", path.display())]
+    Value {
+        /// The file.
+        path: PathBuf,
+        /// Which key, of which camera.
+        key: String,
+        /// What was found and expected.
+        problem: String,
+    },
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    folder: Option<String>,
+    rig: String,
+    scene: String,
+    fps: f64,
+    #[serde(default)]
+    latency_s: f64,
+    #[serde(default = "one_second")]
+    hold_s: f64,
+    seed: Option<u64>,
+    gravity: Option<[f64; 3]>,
+    #[serde(default)]
+    out_of_view: OutOfViewKey,
+    min_views: Option<u32>,
+    normal_window: Option<Value>,
+    max_depth_m: Option<f64>,
+    #[serde(default)]
+    unused_cameras: Vec<String>,
+    #[serde(default)]
+    segmentation: Table,
+    #[serde(default)]
+    camera: Vec<CameraKeys>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CameraKeys {
+    name: String,
+    node: Option<String>,
+    source: SourceConfig,
+    background: Option<SourceConfig>,
+    #[serde(default)]
+    segmentation: Table,
+    ignore_mask: Option<String>,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum OutOfViewKey {
+    #[default]
+    Outside,
+    Abstain,
+}
+
+fn one_second() -> f64 {
+    1.0
+}
+
+impl ClusterFile {
+    /// Reads a cluster file and the rig it names; `variables` is the environment.
+    pub fn read(path: &Path, variables: Variables<'_>) -> Result<ClusterFile, ClusterFileError> {
+        let refused = |error: std::io::Error| ClusterFileError::Read {
+            path: path.to_owned(),
+            problem: error.to_string(),
+        };
+        let absolute = std::path::absolute(path).map_err(refused)?;
+        let text = fs::read_to_string(path).map_err(refused)?;
+        let file: File = toml::from_str(&text).map_err(|error| text_error(path, &text, &error))?;
+        check::Checker { path, absolute: &absolute, variables }.cluster(file)
+    }
+
+    /// Reads the scene, under the gravity of this file if it has one.
+    pub fn load_scene(&self) -> Result<Scene, ClusterFileError> {
+        let refused =
+            |path: &Path, problem: String| ClusterFileError::Read { path: path.to_owned(), problem };
+        let (path, scene) = match &self.scene {
+            SceneChoice::Named(name) => (&self.path, Scene::named(name)),
+            SceneChoice::File(path) => {
+                let text = fs::read_to_string(path).map_err(|error| refused(path, error.to_string()))?;
+                let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+                (path, Scene::from_toml(&name, &text))
+            }
+        };
+        let turned = scene.and_then(|scene| match self.gravity_m_s2 {
+            Some(gravity_m_s2) => scene.with_gravity(gravity_m_s2),
+            None => Ok(scene),
+        });
+        turned.map_err(|error| refused(path, error.to_string()))
+    }
+
+    /// Which cameras each process serves: addresses in file order, each with the places of its
+    /// cameras in the rig. A camera without an address has a process of its own.
+    pub fn nodes(&self) -> Vec<(Option<&str>, Vec<usize>)> {
+        let mut nodes: Vec<(Option<&str>, Vec<usize>)> = Vec::new();
+        for entry in &self.cameras {
+            let node = entry.node.as_deref();
+            match nodes.iter_mut().find(|(known, _)| known.is_some() && *known == node) {
+                Some((_, cameras)) => cameras.push(entry.rig_index),
+                None => nodes.push((node, vec![entry.rig_index])),
+            }
+        }
+        nodes
+    }
+}
+
+fn text_error(path: &Path, text: &str, error: &toml::de::Error) -> ClusterFileError {
+    let start = error.span().map_or(0, |span| span.start.min(text.len()));
+    let line = text.as_bytes()[..start].iter().filter(|byte| **byte == b'\n').count();
+    ClusterFileError::Text {
+        path: path.to_owned(),
+        line: line + 1,
+        text: text.lines().nth(line).unwrap_or_default().trim().chars().take(80).collect(),
+        problem: error.message().lines().collect::<Vec<_>>().join(", "),
+    }
+}

@@ -1,0 +1,247 @@
+//! From the cluster file's keys to values that can be trusted.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use camera_node::source::SourceConfig;
+use hull::Rig;
+use hull::rule::{HullRule, NormalWindow, OutOfView, ProbeSettings};
+use segment::{Method, SegmentSettings};
+use toml::{Table, Value};
+
+use super::{CameraEntry, CameraKeys, ClusterFile, ClusterFileError, File, OutOfViewKey, SceneChoice};
+use crate::expand::{Variables, expand};
+
+/// Gives the keys their meaning, and errors their place.
+pub(super) struct Checker<'a> {
+    /// As the user named it, for messages.
+    pub path: &'a Path,
+    pub absolute: &'a Path,
+    pub variables: Variables<'a>,
+}
+
+impl Checker<'_> {
+    pub fn cluster(&self, file: File) -> Result<ClusterFile, ClusterFileError> {
+        let beside = self.absolute.parent().unwrap_or(Path::new("/"));
+        let folder = match &file.folder {
+            Some(folder) => self.existing("folder", beside, folder, Path::is_dir, "a folder")?,
+            None => beside.to_owned(),
+        };
+        let whole = self.rig(&folder, &file.rig)?;
+        let rig = self.used(&whole, &file.unused_cameras)?;
+        let mut cameras: Vec<CameraEntry> = Vec::new();
+        for keys in &file.camera {
+            let entry = self.camera(&folder, &whole, &rig, &file.segmentation, keys)?;
+            if cameras.iter().any(|other| other.name == entry.name) {
+                return Err(
+                    self.wrong("camera", format!("found {:?} twice, expected every name once", entry.name))
+                );
+            }
+            cameras.push(entry);
+        }
+        if let Some(missing) =
+            rig.cameras().iter().find(|camera| cameras.iter().all(|e| e.name != camera.name()))
+        {
+            let problem = "found no [[camera]] entry, expected one, or its name in unused_cameras";
+            return Err(self.wrong(&format!("camera {:?} of the rig", missing.name()), problem));
+        }
+        cameras.sort_by_key(|entry| entry.rig_index);
+        Ok(ClusterFile {
+            path: self.absolute.to_owned(),
+            rig,
+            scene: self.scene(beside, &file.scene)?,
+            fps: self.within("fps", file.fps, 0.01, 1000.0)?,
+            latency_s: self.within("latency_s", file.latency_s, 0.0, 60.0)?,
+            hold_s: self.within("hold_s", file.hold_s, 0.0, 3600.0)?,
+            seed: file.seed,
+            gravity_m_s2: file.gravity.map(|gravity| self.gravity(gravity)).transpose()?,
+            probes: self.probes(&file)?,
+            cameras,
+        })
+    }
+
+    fn rig(&self, folder: &Path, text: &str) -> Result<Rig, ClusterFileError> {
+        let path = self.existing("rig", folder, text, Path::is_file, "a rig file")?;
+        let refused = |problem: String| self.wrong("rig", format!("{}: {problem}", path.display()));
+        let text = fs::read_to_string(&path).map_err(|error| refused(error.to_string()))?;
+        Rig::from_toml(&text).map_err(|error| refused(error.to_string()))
+    }
+
+    /// The rig without the cameras that take no part.
+    fn used(&self, rig: &Rig, unused: &[String]) -> Result<Rig, ClusterFileError> {
+        if let Some(unknown) = unused.iter().find(|name| rig.index_of(name).is_none()) {
+            return Err(self.wrong("unused_cameras", unknown_camera(rig, unknown)));
+        }
+        let used = rig.cameras().iter().filter(|camera| unused.iter().all(|name| name != camera.name()));
+        Rig::new(used.cloned().collect())
+            .map_err(|_| self.wrong("unused_cameras", "found all cameras of the rig, expected some left"))
+    }
+
+    fn camera(
+        &self,
+        folder: &Path,
+        whole: &Rig,
+        rig: &Rig,
+        defaults: &Table,
+        keys: &CameraKeys,
+    ) -> Result<CameraEntry, ClusterFileError> {
+        let name = self.text("camera name", &keys.name)?;
+        let key = |key: &str| format!("camera {name:?}, {key}");
+        let rig_index = rig.index_of(&name).ok_or_else(|| match whole.index_of(&name) {
+            Some(_) => self.wrong(&key("name"), "found in unused_cameras too, expected one of the two"),
+            None => self.wrong(&key("name"), unknown_camera(whole, &name)),
+        })?;
+        let node = keys.node.as_deref().map(|node| self.node(&key("node"), node)).transpose()?;
+        let segmentation = self.segmentation(&key("segmentation"), defaults, &keys.segmentation)?;
+        let source = self.source(&key("source"), folder, &keys.source)?;
+        let background = match &keys.background {
+            Some(background) => Some(self.background(&key("background"), folder, background)?),
+            None => source.empty_room(),
+        };
+        let needs_none = matches!(source, SourceConfig::Masks(_)) || segmentation.method == Method::Chroma;
+        if background.is_none() && !needs_none {
+            let problem = "found nothing, expected a source of the empty room (only masks and method = \"chroma\" \
+                           do without)";
+            return Err(self.wrong(&key("background"), problem));
+        }
+        let mask = |mask| self.existing(&key("ignore_mask"), folder, mask, Path::is_file, "a mask image");
+        let ignore_mask = keys.ignore_mask.as_deref().map(mask).transpose()?;
+        Ok(CameraEntry { rig_index, node, source, background, segmentation, ignore_mask, name: name.clone() })
+    }
+
+    fn source(
+        &self,
+        key: &str,
+        folder: &Path,
+        config: &SourceConfig,
+    ) -> Result<SourceConfig, ClusterFileError> {
+        let mut config = config.clone();
+        config.resolve(folder, |path| self.resolved(key, folder, path), |text| self.text(key, text))?;
+        Ok(config)
+    }
+
+    fn background(
+        &self,
+        key: &str,
+        folder: &Path,
+        config: &SourceConfig,
+    ) -> Result<SourceConfig, ClusterFileError> {
+        if matches!(config, SourceConfig::Masks(_)) {
+            return Err(self.wrong(key, "found masks, expected colour images of the empty room"));
+        }
+        if config.is_endless() {
+            return Err(self.wrong(key, "found a source without end, expected a clip"));
+        }
+        self.source(key, folder, config)
+    }
+
+    fn segmentation(
+        &self,
+        key: &str,
+        defaults: &Table,
+        own: &Table,
+    ) -> Result<SegmentSettings, ClusterFileError> {
+        let mut merged = defaults.clone();
+        merged.extend(own.clone());
+        let settings: SegmentSettings = Value::Table(merged)
+            .try_into()
+            .map_err(|error: toml::de::Error| self.wrong(key, error.message().replace('\n', ", ")))?;
+        settings.validate().map_err(|error| self.wrong(key, error.to_string()))?;
+        Ok(settings)
+    }
+
+    fn node(&self, key: &str, text: &str) -> Result<String, ClusterFileError> {
+        let node = self.text(key, text)?;
+        let good = node.rsplit_once(':').is_some_and(|(host, port)| {
+            !host.is_empty()
+                && !host.contains(char::is_whitespace)
+                && port.parse::<u16>().is_ok_and(|port| port > 0)
+        });
+        if good { Ok(node) } else { Err(self.wrong(key, format!("found {node:?}, expected \"host:port\""))) }
+    }
+
+    fn scene(&self, beside: &Path, text: &str) -> Result<SceneChoice, ClusterFileError> {
+        let is_file = text.contains(['/', '$']) || text.ends_with(".toml");
+        Ok(if is_file {
+            SceneChoice::File(self.existing("scene", beside, text, Path::is_file, "a scene file")?)
+        } else {
+            SceneChoice::Named(text.to_owned())
+        })
+    }
+
+    fn probes(&self, file: &File) -> Result<ProbeSettings, ClusterFileError> {
+        let defaults = ProbeSettings::default();
+        let out_of_view = match file.out_of_view {
+            OutOfViewKey::Outside => OutOfView::Outside,
+            OutOfViewKey::Abstain => OutOfView::Abstain,
+        };
+        let rule = HullRule { out_of_view, min_views: file.min_views.unwrap_or(defaults.rule().min_views) };
+        let window = match &file.normal_window {
+            None => defaults.normal_window(),
+            Some(Value::String(auto)) if auto == "auto" => NormalWindow::Auto,
+            Some(Value::Integer(k)) => NormalWindow::Pixels(u32::try_from(*k).unwrap_or(0)),
+            Some(other) => {
+                return Err(
+                    self.wrong("normal_window", format!("found {other}, expected \"auto\" or pixels"))
+                );
+            }
+        };
+        ProbeSettings::new(rule, window, file.max_depth_m.unwrap_or(defaults.max_depth_m()))
+            .map_err(|error| self.wrong("the hull rule", error.to_string()))
+    }
+
+    fn gravity(&self, gravity_m_s2: [f64; 3]) -> Result<[f64; 3], ClusterFileError> {
+        for component in gravity_m_s2 {
+            self.within("gravity", component, -100.0, 100.0)?;
+        }
+        Ok(gravity_m_s2)
+    }
+
+    fn within(&self, key: &str, found: f64, low: f64, high: f64) -> Result<f64, ClusterFileError> {
+        if (low..=high).contains(&found) {
+            return Ok(found);
+        }
+        Err(self.wrong(key, format!("found {found}, expected a number from {low} to {high}")))
+    }
+
+    fn text(&self, key: &str, text: &str) -> Result<String, ClusterFileError> {
+        expand(text, self.variables)
+            .map(|expanded| expanded.text)
+            .map_err(|error| self.wrong(key, error.to_string()))
+    }
+
+    fn resolved(&self, key: &str, folder: &Path, text: &str) -> Result<PathBuf, ClusterFileError> {
+        let refused = |problem: String| self.wrong(key, problem);
+        let expanded = expand(text, self.variables).map_err(|error| refused(error.to_string()))?;
+        if !expanded.starts_with_variable {
+            return Ok(folder.join(expanded.text));
+        }
+        std::path::absolute(&expanded.text).map_err(|error| refused(format!("{:?}: {error}", expanded.text)))
+    }
+
+    fn existing(
+        &self,
+        key: &str,
+        folder: &Path,
+        text: &str,
+        is_right: impl Fn(&Path) -> bool,
+        expected: &str,
+    ) -> Result<PathBuf, ClusterFileError> {
+        let path = self.resolved(key, folder, text)?;
+        if is_right(&path) {
+            return Ok(path);
+        }
+        let found = if path.exists() { "something else" } else { "nothing" };
+        Err(self
+            .wrong(key, format!("found {found} at {} (from {text:?}), expected {expected}", path.display())))
+    }
+
+    fn wrong(&self, key: &str, problem: impl Into<String>) -> ClusterFileError {
+        ClusterFileError::Value { path: self.path.to_owned(), key: key.to_owned(), problem: problem.into() }
+    }
+}
+
+fn unknown_camera(rig: &Rig, name: &str) -> String {
+    let known: Vec<&str> = rig.cameras().iter().map(hull::Camera::name).collect();
+    format!("found {name:?}, expected a camera of the rig: {}", known.join(", "))
+}
