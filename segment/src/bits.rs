@@ -35,14 +35,16 @@ impl BitImage {
 
     /// Sets or clears the pixels of a run.
     pub(crate) fn set_run(&mut self, row: usize, run: Run, value: bool) {
-        let (start, end) = (usize::from(run.start), usize::from(run.end));
         let words = &mut self.words[row * self.words_per_row..][..self.words_per_row];
-        for (at, word) in words.iter_mut().enumerate().take(end.div_ceil(64)).skip(start / 64) {
-            let from = start.max(64 * at) - 64 * at;
-            let to = end.min(64 * at + 64) - 64 * at;
-            let bits = (u64::MAX >> (64 - (to - from))) << from;
-            *word = if value { *word | bits } else { *word & !bits };
+        for (at, bits) in run_words(run) {
+            words[at] = if value { words[at] | bits } else { words[at] & !bits };
         }
+    }
+
+    /// Number of pixels set within a run.
+    pub(crate) fn count_run(&self, row: usize, run: Run) -> u32 {
+        let words = &self.words[row * self.words_per_row..][..self.words_per_row];
+        run_words(run).map(|(at, bits)| (words[at] & bits).count_ones()).sum()
     }
 
     /// Clears every pixel that is set in `other`, of the same size.
@@ -54,15 +56,31 @@ impl BitImage {
 
     /// Flips every pixel.
     pub(crate) fn invert(&mut self) {
-        let last = self.width % 64;
-        for row in self.words.chunks_exact_mut(self.words_per_row) {
-            for word in row.iter_mut() {
-                *word = !*word;
-            }
-            if let (Some(word), 1..) = (row.last_mut(), last) {
-                *word &= (1 << last) - 1;
-            }
+        for word in &mut self.words {
+            *word = !*word;
         }
+        self.clear_padding();
+    }
+
+    fn clear_padding(&mut self) {
+        let used = self.width % 64;
+        if used == 0 {
+            return;
+        }
+        for row in self.words.chunks_exact_mut(self.words_per_row) {
+            row[self.words_per_row - 1] &= (1 << used) - 1;
+        }
+    }
+
+    /// Takes over the pixels of an image of the same size.
+    pub(crate) fn copy_from(&mut self, other: &BitImage) {
+        self.words.copy_from_slice(&other.words);
+    }
+
+    /// Grows every pixel to a square of `side` pixels, down and to the right.
+    pub(crate) fn grow(&mut self, side: usize) {
+        self.dilate(side);
+        self.clear_padding();
     }
 
     /// Number of pixels set.
@@ -153,6 +171,16 @@ impl BitImage {
     }
 }
 
+/// The words that hold a run, and its bits in each.
+fn run_words(run: Run) -> impl Iterator<Item = (usize, u64)> {
+    let (start, end) = (usize::from(run.start), usize::from(run.end));
+    (start / 64..end.div_ceil(64)).map(move |at| {
+        let from = start.max(64 * at) - 64 * at;
+        let to = end.min(64 * at + 64) - 64 * at;
+        (at, (u64::MAX >> (64 - (to - from))) << from)
+    })
+}
+
 /// Shifts that, one after the other, spread over `side` neighbours: 1, 2, 4, …, and the rest.
 fn doubling(side: usize) -> impl Iterator<Item = usize> {
     let mut covered = 1;
@@ -239,6 +267,7 @@ mod tests {
             prop_assert_eq!(&again, &bits);
             prop_assert_eq!(bits.count(), mask.iter().map(|&pixel| u64::from(pixel)).sum::<u64>());
             prop_assert!(runs.windows(2).all(|pair| pair[0].end < pair[1].start));
+            runs.iter().for_each(|&run| assert_eq!(bits.count_run(0, run), u32::from(run.end - run.start)));
             runs.iter().for_each(|&run| again.set_run(0, run, false));
             prop_assert_eq!(again.count(), 0);
         }

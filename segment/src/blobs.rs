@@ -18,29 +18,40 @@ pub(crate) struct Blobs {
 }
 
 impl Blobs {
-    /// Clears components (pixels that touch, also at corners) of fewer than `least_px` pixels, and
-    /// all but the `keep` largest, if given (of equal ones the upper).
-    pub(crate) fn remove_specks(
+    /// Clears components (pixels that touch, also at corners) of fewer than `least_px` pixels.
+    pub(crate) fn remove_specks(&mut self, image: &mut BitImage, height: usize, least_px: u32) {
+        self.label(image, height, 1);
+        self.paint(image, height, false, |blobs, root| blobs.areas[root] < least_px);
+    }
+
+    /// Clears all but the `keep` largest groups (of equal ones the upper stay). What is one component
+    /// in `grown`, an image that covers this one, is one group here.
+    pub(crate) fn keep_largest(
         &mut self,
         image: &mut BitImage,
+        grown: &BitImage,
         height: usize,
-        least_px: u32,
-        keep: Option<usize>,
+        keep: usize,
     ) {
-        self.label(image, height, 1);
-        let mut least = (least_px, 0);
-        if let Some(keep) = keep {
-            self.by_area.clear();
-            for (run, &parent) in self.parents.iter().enumerate() {
-                if parent as usize == run {
-                    self.by_area.push((self.areas[run], u32::MAX - parent));
-                }
-            }
-            if self.by_area.len() > keep {
-                let last = self.by_area.len() - keep;
-                least = least.max(*self.by_area.select_nth_unstable(last).1);
+        self.label(grown, height, 1);
+        self.areas.fill(0);
+        for row in 0..height {
+            for at in self.row_offsets[row]..self.row_offsets[row + 1] {
+                let root = self.root(at);
+                self.areas[root] += image.count_run(row, self.runs[at]);
             }
         }
+        self.by_area.clear();
+        for (run, &parent) in self.parents.iter().enumerate() {
+            if parent as usize == run {
+                self.by_area.push((self.areas[run], u32::MAX - parent));
+            }
+        }
+        if self.by_area.len() <= keep {
+            return;
+        }
+        let last = self.by_area.len() - keep;
+        let least = *self.by_area.select_nth_unstable(last).1;
         self.paint(image, height, false, |blobs, root| (blobs.areas[root], u32::MAX - root as u32) < least);
     }
 
@@ -158,7 +169,7 @@ mod tests {
     #[test]
     fn corners_join_a_component_and_small_ones_go() {
         let mut image = drawn(&MESS);
-        Blobs::default().remove_specks(&mut image, 7, 5, None);
+        Blobs::default().remove_specks(&mut image, 7, 5);
         let mut expected = MESS;
         expected[0] = "#...........";
         expected[1] = ".#..........";
@@ -168,12 +179,24 @@ mod tests {
     #[test]
     fn only_the_largest_are_kept() {
         let mut image = drawn(&MESS);
-        Blobs::default().remove_specks(&mut image, 7, 0, Some(1));
+        let unjoined = image.clone();
+        Blobs::default().keep_largest(&mut image, &unjoined, 7, 1);
         let kept = MESS.map(|row| format!("{}.....", &row[..7]));
         let kept = kept.each_ref().map(String::as_str);
         assert_eq!(image, drawn(&kept));
-        Blobs::default().remove_specks(&mut image, 7, 0, Some(3));
+        let unjoined = image.clone();
+        Blobs::default().keep_largest(&mut image, &unjoined, 7, 3);
         assert_eq!(image, drawn(&kept), "fewer than asked for are all kept");
+    }
+
+    #[test]
+    fn pieces_that_are_near_each_other_are_kept_together() {
+        let rows = ["##.....###", "##.....###", "..........", ".###......", ".###......"];
+        let mut image = drawn(&rows);
+        let mut grown = image.clone();
+        grown.grow(2);
+        Blobs::default().keep_largest(&mut image, &grown, 5, 1);
+        assert_eq!(image, drawn(&["##........", "##........", "..........", ".###......", ".###......"]));
     }
 
     #[test]
@@ -199,7 +222,7 @@ mod tests {
             let (width, height) = (12usize, 9usize);
             let mut image = BitImage::new(12, 9);
             mask.chunks(width).enumerate().for_each(|(row, pixels)| image.set_row(row, pixels));
-            Blobs::default().remove_specks(&mut image, height, least, None);
+            Blobs::default().remove_specks(&mut image, height, least);
             let mut expected = mask.clone();
             let mut seen = vec![false; mask.len()];
             for seed in 0..mask.len() {

@@ -1,6 +1,6 @@
 //! The change of exposure between the model and a frame.
 //!
-//! Per channel, the median over a grid of pixels of the ratio between frame and model. The person
+//! Per channel (or over all), the median over a grid of pixels of the ratio between frame and model. The person
 //! covers less than half of the image, so the median is a ratio of background pixels. It is estimated from the
 //! frame alone, so that a frame's silhouette does not depend on the frames before it.
 
@@ -14,6 +14,9 @@ const BINS: usize = 4 * ONE;
 
 /// Pixels looked at per channel: the median of 10,000 is good to a few thousandths.
 const SAMPLES: usize = 10_000;
+
+/// Gains closer to one than this are left alone: four levels at white, well under any threshold.
+const STILL: usize = ONE / 64;
 
 /// Ratios of darker levels are too coarse, those of brighter ones hit the ceiling.
 const USABLE: std::ops::RangeInclusive<u8> = 32..=235;
@@ -92,7 +95,7 @@ impl Tones {
         });
         match median {
             // Too few pixels in range (a black or burnt frame) say nothing of the exposure.
-            Some(median) if count >= 16 && median >= ONE / 4 => median,
+            Some(median) if count >= 16 && median >= ONE / 4 && median.abs_diff(ONE) > STILL => median,
             _ => ONE,
         }
     }

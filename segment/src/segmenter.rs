@@ -80,6 +80,7 @@ pub struct Segmenter {
     squares: Vec<u16>,
     foreground: Vec<u8>,
     bits: BitImage,
+    grown: BitImage,
     blobs: Blobs,
     row_runs: Vec<Run>,
 }
@@ -128,6 +129,7 @@ impl Segmenter {
             squares: vec![0; 3 * row],
             foreground: vec![0; row],
             bits: BitImage::new(width, height),
+            grown: BitImage::new(width, height),
             blobs: Blobs::default(),
             row_runs: Vec::new(),
         })
@@ -192,11 +194,16 @@ impl Segmenter {
     }
 
     fn clean(&mut self) {
-        let Cleanup { open_px, close_px, speck_px, hole_px, keep } = self.cleanup;
+        let Cleanup { open_px, close_px, speck_px, hole_px, join_px, keep } = self.cleanup;
         let height = self.height as usize;
         self.bits.open(open_px);
         self.bits.close(close_px);
-        self.blobs.remove_specks(&mut self.bits, height, speck_px, keep);
+        self.blobs.remove_specks(&mut self.bits, height, speck_px);
+        if let Some(keep) = keep {
+            self.grown.copy_from(&self.bits);
+            self.grown.grow(join_px);
+            self.blobs.keep_largest(&mut self.bits, &self.grown, height, keep);
+        }
         self.blobs.fill_holes(&mut self.bits, self.width, height, hole_px);
         if let Some(never) = &self.never {
             self.bits.clear_where(never);

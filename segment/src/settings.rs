@@ -50,6 +50,9 @@ pub struct SegmentSettings {
     pub shadow_cosine: f64,
     /// The darkest shadow: the share of the background's brightness that it leaves.
     pub shadow_darkest: f64,
+    /// The brightest reflection of a person or lamp on a surface that is still background, as a
+    /// share of the background's brightness; 1 lets surfaces only darken.
+    pub glow_brightest: f64,
     /// Colours shorter than this have no angle worth measuring: one threshold, the low one, decides.
     pub dark: f64,
     /// Which changes of exposure are taken out.
@@ -64,8 +67,11 @@ pub struct SegmentSettings {
     pub speck_px: Option<u32>,
     /// Enclosed background of at most so many pixels is filled.
     pub hole_px: Option<u32>,
-    /// Only so many connected pieces are kept, the largest.
+    /// Only so many pieces are kept, the largest; left out, all are.
     pub keep_largest: Option<u32>,
+    /// For `keep_largest`, pieces with a gap of fewer pixels between them count as one: a person
+    /// whose belt is as black as the wall behind is still one person.
+    pub join_px: Option<u32>,
 }
 
 impl Default for SegmentSettings {
@@ -78,6 +84,7 @@ impl Default for SegmentSettings {
             edge_px: 0.25,
             shadow_cosine: 0.998,
             shadow_darkest: 0.5,
+            glow_brightest: 1.2,
             dark: 20.0,
             gain: GainMode::Colour,
             green_share: 0.42,
@@ -86,6 +93,7 @@ impl Default for SegmentSettings {
             speck_px: None,
             hole_px: None,
             keep_largest: None,
+            join_px: None,
         }
     }
 }
@@ -105,6 +113,9 @@ pub struct SettingsError {
 /// The longest side of a cleaning square: beyond it, it is no noise that is cleaned.
 const MAX_SQUARE_PX: u32 = 64;
 
+/// The widest gap that can be bridged.
+const MAX_JOIN_PX: u32 = 1024;
+
 impl SegmentSettings {
     /// Settings within their ranges, or the first key that is not.
     pub fn validate(&self) -> Result<(), SettingsError> {
@@ -123,12 +134,15 @@ impl SegmentSettings {
         within("edge_px", self.edge_px, 0.0, 16.0, "0 to 16")?;
         within("shadow_cosine", self.shadow_cosine, 0.0, 1.0, "0 to 1")?;
         within("shadow_darkest", self.shadow_darkest, 0.0, 1.0, "0 to 1")?;
+        within("glow_brightest", self.glow_brightest, 1.0, 4.0, "1 to 4")?;
         within("dark", self.dark, 0.0, 441.0, "0 to 441")?;
         within("green_share", self.green_share, 0.0, 1.0, "0 to 1")?;
         for (key, side) in [("open_px", self.open_px), ("close_px", self.close_px)] {
             let side = f64::from(side.unwrap_or(1));
             within(key, side, 1.0, f64::from(MAX_SQUARE_PX), "1 to 64")?;
         }
+        let join = f64::from(self.join_px.unwrap_or(1));
+        within("join_px", join, 1.0, f64::from(MAX_JOIN_PX), "1 to 1024")?;
         if self.keep_largest == Some(0) {
             return Err(SettingsError { key: "keep_largest", found: 0.0, expected: "at least 1" });
         }
@@ -149,6 +163,7 @@ impl SegmentSettings {
             close_px: side(self.close_px, (4 * long + 320) / 640),
             speck_px: area(self.speck_px),
             hole_px: area(self.hole_px),
+            join_px: self.join_px.map_or(long / 40, u64::from).max(1) as usize,
             keep: self.keep_largest.map(|keep| keep as usize),
         }
     }
@@ -161,6 +176,7 @@ pub(crate) struct Cleanup {
     pub(crate) close_px: usize,
     pub(crate) speck_px: u32,
     pub(crate) hole_px: u32,
+    pub(crate) join_px: usize,
     pub(crate) keep: Option<usize>,
 }
 

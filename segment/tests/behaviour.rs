@@ -149,6 +149,32 @@ fn a_bystander_is_left_out_by_size_or_by_mask() {
 }
 
 #[test]
+fn a_person_with_a_belt_like_the_wall_is_one_piece() {
+    let belt = |column: u32, row: u32| is_person(column, row) && (55..58).contains(&row);
+    let bystander = |column: u32, row: u32| (130..145).contains(&column) && (30..80).contains(&row);
+    let colour = |column, row| {
+        if bystander(column, row) {
+            [20.0, 60.0, 30.0]
+        } else if belt(column, row) {
+            room(column, row)
+        } else {
+            with_person(column, row)
+        }
+    };
+    let settings = SegmentSettings {
+        keep_largest: Some(1),
+        join_px: Some(5),
+        close_px: Some(1),
+        ..SegmentSettings::default()
+    };
+    let found = silhouette(&settings, &frame(12, colour));
+    assert_eq!(found, mask(|column, row| is_person(column, row) && !belt(column, row)));
+    let alone = SegmentSettings { join_px: Some(1), ..settings };
+    let found = silhouette(&alone, &frame(12, colour));
+    assert_eq!(found, mask(|column, row| is_person(column, row) && row >= 58), "only her larger part");
+}
+
+#[test]
 fn a_green_room_needs_no_clip() {
     let settings = SegmentSettings { method: Method::Chroma, ..SegmentSettings::default() };
     let green = |column: u32, row: u32| {

@@ -3,16 +3,14 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// The folder of the recordings: `HULLTOUCH_DATASETS`, or `../shared/datasets` beside the workspace.
-/// `None`, with the reason printed, if the variable is not set and the folder is not there.
+/// The folder of the recordings: `HULLTOUCH_DATASETS`, or else `../shared/datasets`, both from the
+/// workspace's root. `None`, with the reason printed, if the variable is not set and the folder is not there.
 pub fn datasets() -> Option<PathBuf> {
-    if let Some(set) = std::env::var_os("HULLTOUCH_DATASETS") {
-        let folder = PathBuf::from(set);
-        assert!(folder.is_dir(), "HULLTOUCH_DATASETS is {}, which is no folder", folder.display());
-        return Some(folder);
-    }
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/datasets");
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let set = std::env::var_os("HULLTOUCH_DATASETS");
+    let folder = root.join(set.clone().unwrap_or_else(|| "../shared/datasets".into()));
     if !folder.is_dir() {
+        assert!(set.is_none(), "HULLTOUCH_DATASETS leads to {}, which is no folder", folder.display());
         println!("skipped: HULLTOUCH_DATASETS is not set and {} is not there", folder.display());
         return None;
     }
