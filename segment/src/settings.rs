@@ -156,13 +156,14 @@ impl SegmentSettings {
         // Noise grows slower than the image, gaps between limbs as fast as it.
         let side =
             |set: Option<u32>, auto: u64| set.map_or(auto.clamp(1, MAX_SQUARE_PX.into()), u64::from) as usize;
-        // A 2,048th of the image is 150 pixels at 640 x 480, about a hand.
-        let area = |set: Option<u32>| set.unwrap_or((pixels / 2048) as u32);
+        // At 640 x 480 a speck is under 150 pixels, half a hand, and a hole up to 300: a hole in one
+        // camera bores through the hull, a speck is cut off by the other cameras.
+        let area = |set: Option<u32>, auto: u64| set.unwrap_or(auto as u32);
         Cleanup {
             open_px: side(self.open_px, 1 + (long + 320) / 640),
             close_px: side(self.close_px, (4 * long + 320) / 640),
-            speck_px: area(self.speck_px),
-            hole_px: area(self.hole_px),
+            speck_px: area(self.speck_px, pixels / 2048),
+            hole_px: area(self.hole_px, pixels / 1024),
             join_px: self.join_px.map_or(long / 40, u64::from).max(1) as usize,
             keep: self.keep_largest.map(|keep| keep as usize),
         }
@@ -216,7 +217,7 @@ mod tests {
     #[test]
     fn cleaning_scales_with_the_image() {
         let at = |width, height| SegmentSettings::default().cleanup(width, height);
-        assert_eq!((at(640, 480).open_px, at(640, 480).close_px, at(640, 480).hole_px), (2, 4, 150));
-        assert_eq!((at(1080, 1920).open_px, at(1080, 1920).close_px, at(1080, 1920).hole_px), (4, 12, 1012));
+        assert_eq!((at(640, 480).open_px, at(640, 480).close_px, at(640, 480).hole_px), (2, 4, 300));
+        assert_eq!((at(1080, 1920).open_px, at(1080, 1920).close_px, at(1080, 1920).hole_px), (4, 12, 2025));
     }
 }
