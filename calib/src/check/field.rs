@@ -55,6 +55,13 @@ impl Field {
         Some(Field { bounds, left: left as f64, top: top as f64, spacing, columns, rows, distances_px })
     }
 
+    /// A field that knows only the silhouette's rectangle: zero within it.
+    pub(super) fn of_rectangle(silhouette: &Silhouette) -> Option<Field> {
+        let bounds = silhouette.bounds()?;
+        let distances_px = Vec::new();
+        Some(Field { bounds, left: 0.0, top: 0.0, spacing: 1.0, columns: 1, rows: 1, distances_px })
+    }
+
     /// The signed distance at image coordinates; beyond the margin, the distance to the silhouette's
     /// rectangle, which is not more than the true one.
     #[inline]

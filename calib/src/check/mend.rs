@@ -8,15 +8,14 @@
 
 use hull::rotation::matrix_from_rodrigues;
 use hull::{Camera, CameraError};
-use nalgebra::{Matrix5, Vector3, Vector5};
+use nalgebra::{Matrix6, Vector3, Vector6};
 
 use super::Prepared;
 use super::ray::{Miss, Other, Ray, distance_px, nearest};
 
 /// Turn about the camera's x axis (tilt), y axis (pan) and z axis (roll), radians, then shifts along
-/// its x and y, in units of the distance to the subject. Moves along the axis are left out: a camera
-/// that backs off widens its cone and explains everything.
-pub(super) type Correction = Vector5<f64>;
+/// its x, y and z, in units of the distance to the subject.
+pub(super) type Correction = Vector6<f64>;
 
 /// Gaps beyond this many pixels (at 640 pixels a side) count linearly: a wrong limb must not decide.
 const HUBER_PX: f64 = 3.0;
@@ -54,15 +53,15 @@ pub(super) struct Mended {
 #[derive(Clone, Copy)]
 struct System {
     cost: f64,
-    normal: Matrix5<f64>,
-    slope: Vector5<f64>,
+    normal: Matrix6<f64>,
+    slope: Vector6<f64>,
 }
 
 impl System {
     const ZERO: System = System {
         cost: 0.0,
-        normal: Matrix5::from_array_storage(nalgebra::ArrayStorage([[0.0; 5]; 5])),
-        slope: Vector5::new(0.0, 0.0, 0.0, 0.0, 0.0),
+        normal: Matrix6::from_array_storage(nalgebra::ArrayStorage([[0.0; 6]; 6])),
+        slope: Vector6::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     };
 
     fn add(self, other: &System) -> System {
@@ -94,9 +93,9 @@ impl Gaps<'_> {
         let mut damping = 1e-3;
         let total = |system: &System, at: &Correction| system.cost + stiffness * at.norm_squared();
         for _ in 0..MAX_ROUNDS {
-            let mut normal = system.normal + Matrix5::identity() * stiffness;
+            let mut normal = system.normal + Matrix6::identity() * stiffness;
             let diagonal = normal.diagonal();
-            for k in 0..5 {
+            for k in 0..6 {
                 normal[(k, k)] += damping * diagonal[k];
             }
             let Some(inverse) = normal.try_inverse() else { break };
@@ -114,7 +113,7 @@ impl Gaps<'_> {
                 }
             } else {
                 damping *= 8.0;
-                if damping > 1e4 {
+                if damping > 10.0 {
                     break;
                 }
             }
@@ -124,7 +123,7 @@ impl Gaps<'_> {
 
     fn system(&self, cameras: &[Camera], moved: Option<usize>) -> System {
         let nudged: Vec<Camera> = moved
-            .map(|moved| (0..5).filter_map(|k| self.nudged(&cameras[moved], moved, k)).collect())
+            .map(|moved| (0..6).filter_map(|k| self.nudged(&cameras[moved], moved, k)).collect())
             .unwrap_or_default();
         let frames: Vec<usize> = (0..self.outlines.len()).collect();
         let parts = super::in_parallel(&frames, |&frame| self.frame_system(frame, cameras, moved, &nudged));
@@ -190,8 +189,8 @@ fn gap_slope(
     found: &Miss,
     moved: usize,
     nudged: &[Camera],
-) -> Vector5<f64> {
-    let mut slope = Vector5::zeros();
+) -> Vector6<f64> {
+    let mut slope = Vector6::zeros();
     for (active, share) in active(ray, others, found).into_iter().flatten() {
         let other = &others[active];
         let here = distance_px(other, &ray.at(found.depth_m));
@@ -247,7 +246,7 @@ pub(super) fn corrected(
     subject_m: f64,
 ) -> Result<Camera, CameraError> {
     let turn = matrix_from_rodrigues(&Vector3::new(correction[0], correction[1], correction[2]));
-    let shift_camera = Vector3::new(correction[3], correction[4], 0.0) * subject_m;
+    let shift_camera = Vector3::new(correction[3], correction[4], correction[5]) * subject_m;
     let centre = camera.centre_world() + camera.rotation().tr_mul(&shift_camera);
     let rotation = turn * camera.rotation();
     let translation_m = -(rotation * centre.coords);
