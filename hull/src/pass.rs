@@ -346,12 +346,11 @@ impl PassBody {
 }
 
 fn standings(answers: &[Answer]) -> Vec<&[Standing]> {
-    let pick =
-        |answer| if let &Answer::Classes(ref standings) = answer { Some(&standings[..]) } else { None };
+    let pick = |answer| if let Answer::Classes(standings) = answer { Some(&standings[..]) } else { None };
     answers.iter().filter_map(pick).collect()
 }
 
 fn exits(answers: &[Answer]) -> Vec<&[crate::probe::exit::Exit]> {
-    let pick = |answer| if let &Answer::Exits(ref exits) = answer { Some(&exits[..]) } else { None };
+    let pick = |answer| if let Answer::Exits(exits) = answer { Some(&exits[..]) } else { None };
     answers.iter().filter_map(pick).collect()
 }

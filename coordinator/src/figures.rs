@@ -1,0 +1,160 @@
+//! What a run measured.
+
+use hull::pass::{BodyResult, Round};
+
+/// Figures in milliseconds, kept to tell percentiles.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Percentiles {
+    values_ms: Vec<f64>,
+}
+
+impl Percentiles {
+    /// Adds a figure.
+    pub fn add(&mut self, value_ms: f64) {
+        self.values_ms.push(value_ms);
+    }
+
+    /// How many figures there are.
+    pub fn count(&self) -> usize {
+        self.values_ms.len()
+    }
+
+    /// The figure that a share (0 to 1) of all do not exceed; `None` without any.
+    pub fn at(&self, share: f64) -> Option<f64> {
+        let mut sorted = self.values_ms.clone();
+        sorted.sort_by(f64::total_cmp);
+        let last = sorted.len().checked_sub(1)?;
+        Some(sorted[(share * last as f64).round() as usize])
+    }
+
+    /// The median.
+    pub fn p50(&self) -> Option<f64> {
+        self.at(0.5)
+    }
+
+    /// The figure of the slowest hundredth.
+    pub fn p99(&self) -> Option<f64> {
+        self.at(0.99)
+    }
+
+    /// The largest figure.
+    pub fn max(&self) -> Option<f64> {
+        self.values_ms.iter().copied().reduce(f64::max)
+    }
+}
+
+/// The stages of a step, in the order they happen.
+pub const STAGES: [&str; 8] =
+    ["segment", "cull", "classes", "edges", "exits", "body_exits", "check", "physics"];
+
+/// Everything a run measured.
+#[derive(Clone, Debug, Default)]
+pub struct Figures {
+    /// Wall time from the first step to the last, seconds.
+    pub wall_s: f64,
+    /// Distinct frames used.
+    pub frames: u64,
+    /// Frames that the film of the run held.
+    pub frames_expected: u64,
+    /// Steps made.
+    pub steps: u64,
+    /// Samples of all moving bodies.
+    pub samples: usize,
+    /// Samples inside the hull, summed over steps.
+    pub inside_samples: u64,
+    /// Bodies with samples inside the hull, summed over steps.
+    pub contacts: u64,
+    /// Of the inside samples, those that no response freed.
+    pub left_samples: u64,
+    /// A step with its pass.
+    pub step_ms: Percentiles,
+    /// Capture of the film to the response it caused.
+    pub response_age_ms: Percentiles,
+    /// Each of [`STAGES`].
+    pub stage_ms: [Percentiles; STAGES.len()],
+    /// Bytes written to nodes.
+    pub bytes_to_nodes: u64,
+    /// Bytes read from nodes.
+    pub bytes_from_nodes: u64,
+    /// Of these, silhouettes fetched to answer probes.
+    pub bytes_silhouettes: u64,
+    /// Steps that used an older frame than theirs because theirs was late.
+    pub late_steps: u64,
+    /// Steps without a hull because a node was not there or refused.
+    pub blind_steps: u64,
+    /// Film time given up because steps took longer than real time, seconds.
+    pub slipped_s: f64,
+    /// Responses or bodies that were not finite.
+    pub faults: u64,
+}
+
+impl Figures {
+    /// Takes in what a pass found.
+    pub(crate) fn add_results(&mut self, results: &[BodyResult]) {
+        for result in results {
+            self.inside_samples += result.touches.len() as u64;
+            self.contacts += u64::from(!result.touches.is_empty());
+            self.left_samples += result.left_inside as u64;
+        }
+    }
+
+    pub(crate) fn add_stage(&mut self, stage: &str, value_ms: f64) {
+        if let Some(index) = STAGES.iter().position(|&name| name == stage) {
+            self.stage_ms[index].add(value_ms);
+        }
+    }
+
+    /// The share of inside samples that a response did not free.
+    pub fn left_inside(&self) -> f64 {
+        self.left_samples as f64 / self.inside_samples.max(1) as f64
+    }
+}
+
+/// The stage that a round is.
+pub(crate) fn stage_of(round: Round) -> &'static str {
+    match round {
+        Round::Classes => "classes",
+        Round::Edges => "edges",
+        Round::Exits => "exits",
+        Round::BodyExits => "body_exits",
+        Round::Check | Round::Done => "check",
+    }
+}
+
+/// How a run stands, for a live line.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Progress {
+    /// Film time, seconds.
+    pub film_s: f64,
+    /// The frame in use, if any.
+    pub frame: Option<u64>,
+    /// Steps a second of wall time since the last report.
+    pub passes_per_s: f64,
+    /// The median step since the last report, milliseconds.
+    pub p50_ms: f64,
+    /// The slowest hundredth since the last report, milliseconds.
+    pub p99_ms: f64,
+    /// Samples of all moving bodies.
+    pub samples: usize,
+    /// Bodies that touch the hull now.
+    pub contacts: usize,
+    /// Bytes at the sockets a second since the last report.
+    pub bytes_per_s: f64,
+    /// Why there is no hull now, if so.
+    pub blind: Option<String>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn percentiles_are_those_of_the_sorted_figures() {
+        let mut figures = Percentiles::default();
+        assert_eq!(figures.p50(), None);
+        for value in [5.0, 1.0, 4.0, 2.0, 3.0] {
+            figures.add(value);
+        }
+        assert_eq!((figures.p50(), figures.max(), figures.at(0.0)), (Some(3.0), Some(5.0), Some(1.0)));
+    }
+}

@@ -1,0 +1,325 @@
+//! The three layouts behind one face: which frames there are, and a pass over one of them.
+
+use std::sync::{Arc, PoisonError};
+use std::time::{Duration, Instant};
+
+use hull::pass::{Pass, Round};
+use hull::view_set::Scratch;
+use hull::{Observer, ProbeSettings, Shape, Silhouette, View, ViewSet};
+use tokio::sync::{Notify, mpsc, watch};
+
+use crate::camera_client::{Common, ExpectedNode, Link};
+use crate::counting::{ByteCounters, ByteCounts};
+use crate::facts::{FilmState, FrameFacts, Pace};
+use crate::fanout::Fanout;
+
+/// Which layout.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TransportKind {
+    /// Questions travel, nodes compute, silhouettes stay.
+    Cluster,
+    /// Silhouettes travel, one machine computes: the paper's layout.
+    Gather,
+    /// Nothing travels.
+    InProcess,
+}
+
+/// The frames of cameras that are filmed in this very process.
+pub trait LocalFrames: Send {
+    /// Begins a run.
+    fn start(&self, pace: Pace) -> Result<(), String>;
+    /// Lets a lock-step run go on up to a frame.
+    fn credit(&self, up_to_frame: u64);
+    /// Wakes whenever a frame, an end or a failure has come.
+    fn watch(&self) -> watch::Receiver<u64>;
+    /// The frames there are, ascending.
+    fn frames(&self) -> Vec<u64>;
+    /// What is known of a frame.
+    fn facts(&self, frame: u64) -> Option<FrameFacts>;
+    /// How film stands.
+    fn film(&self) -> FilmState;
+    /// Calls `use_views` with the views of a frame; false if the frame is gone.
+    fn with_views(&self, frame: u64, use_views: &mut dyn FnMut(&ViewSet)) -> bool;
+    /// The silhouettes of a frame in rig order.
+    fn silhouettes(&self, frame: u64) -> Option<Vec<Arc<Silhouette>>>;
+}
+
+/// A layout, connected.
+pub enum Transport {
+    /// Nodes that are asked.
+    Cluster(Nodes),
+    /// Nodes whose silhouettes are fetched.
+    Gather(Box<Gather>),
+    /// Cameras of this process.
+    InProcess {
+        /// Their frames.
+        frames: Box<dyn LocalFrames>,
+        /// Buffers for probing.
+        scratch: Scratch,
+        /// What of the news has been seen.
+        news: watch::Receiver<u64>,
+    },
+}
+
+/// The nodes of a cluster.
+pub struct Nodes {
+    fanout: Fanout,
+    told: Arc<Notify>,
+    common: Arc<Common>,
+}
+
+/// Nodes whose silhouettes are fetched, and the frame that was fetched last.
+pub struct Gather {
+    nodes: Nodes,
+    observers: Vec<Arc<Observer>>,
+    fetched: Option<(u64, ViewSet)>,
+    silhouette_bytes: u64,
+    scratch: Scratch,
+}
+
+impl Transport {
+    /// Connects to nodes; must run within a tokio runtime. Gathering needs the observers of the whole
+    /// rig, in rig order.
+    pub fn connect(
+        nodes: Vec<ExpectedNode>,
+        gather: Option<Vec<Arc<Observer>>>,
+        settings: ProbeSettings,
+        fps: f64,
+        shapes: Vec<Arc<Shape>>,
+    ) -> Transport {
+        let told = Arc::new(Notify::new());
+        let common = Arc::new(Common {
+            settings,
+            fps,
+            shapes,
+            counters: Arc::new(ByteCounters::default()),
+            pace: std::sync::Mutex::default(),
+            told: Arc::clone(&told),
+        });
+        // Each node has one question at a time; room for its reply and the news that it is down.
+        let (sender, events) = mpsc::channel(4 * nodes.len().max(1));
+        let links = nodes
+            .into_iter()
+            .enumerate()
+            .map(|(index, node)| Link::spawn(node, index, Arc::clone(&common), sender.clone()))
+            .collect();
+        let nodes = Nodes { fanout: Fanout::new(links, events), told, common };
+        match gather {
+            None => Transport::Cluster(nodes),
+            Some(observers) => Transport::Gather(Box::new(Gather {
+                nodes,
+                observers,
+                fetched: None,
+                silhouette_bytes: 0,
+                scratch: Scratch::default(),
+            })),
+        }
+    }
+
+    /// Cameras of this process.
+    pub fn in_process(frames: Box<dyn LocalFrames>) -> Transport {
+        let news = frames.watch();
+        Transport::InProcess { frames, scratch: Scratch::default(), news }
+    }
+
+    /// How many groups a pass asks.
+    pub fn group_count(&self) -> usize {
+        match self {
+            Transport::Cluster(nodes) => nodes.fanout.links.len(),
+            Transport::Gather(_) | Transport::InProcess { .. } => 1,
+        }
+    }
+
+    fn nodes(&self) -> Option<&Nodes> {
+        match self {
+            Transport::Cluster(nodes) => Some(nodes),
+            Transport::Gather(gather) => Some(&gather.nodes),
+            Transport::InProcess { .. } => None,
+        }
+    }
+
+    fn links(&self) -> &[Arc<Link>] {
+        self.nodes().map_or(&[], |nodes| &nodes.fanout.links)
+    }
+
+    /// The nodes that are not there, and why.
+    pub fn missing(&self) -> Vec<String> {
+        let down = self.links().iter().filter(|link| !link.is_up());
+        let told = down.map(|link| match link.problem() {
+            Some(problem) => format!("node {}: {problem}", link.node.address),
+            None => format!("node {} does not answer", link.node.address),
+        });
+        told.collect()
+    }
+
+    /// Waits until every node is there; after `patience`, says which are not and why.
+    pub async fn ready(&mut self, patience: Duration) -> Result<(), String> {
+        let deadline = tokio::time::Instant::now() + patience;
+        loop {
+            let missing = self.missing();
+            if missing.is_empty() {
+                return Ok(());
+            }
+            if tokio::time::Instant::now() >= deadline {
+                return Err(missing.join("; "));
+            }
+            self.told(Duration::from_millis(50)).await;
+        }
+    }
+
+    /// Begins a run everywhere.
+    pub async fn start(&self, pace: Pace) -> Result<(), String> {
+        if let Some(nodes) = self.nodes() {
+            *nodes.common.pace.lock().unwrap_or_else(PoisonError::into_inner) = Some(pace);
+        }
+        let starts = self.links().iter().map(|link| async move {
+            let said = |status: tonic::Status| format!("node {}: {}", link.node.address, status.message());
+            link.start(pace).await.map_err(said)
+        });
+        for started in futures::future::join_all(starts).await {
+            started?;
+        }
+        match self {
+            Transport::InProcess { frames, .. } => frames.start(pace),
+            _ => Ok(()),
+        }
+    }
+
+    /// Lets a lock-step run go on up to a frame.
+    pub fn credit(&self, up_to_frame: u64) {
+        self.links().iter().for_each(|link| link.credit(up_to_frame));
+        if let Transport::InProcess { frames, .. } = self {
+            frames.credit(up_to_frame);
+        }
+    }
+
+    /// Waits for news of frames since the last call, at most so long.
+    pub async fn told(&mut self, at_most: Duration) {
+        let waited = match self {
+            Transport::InProcess { news, .. } => {
+                tokio::time::timeout(at_most, async { drop(news.changed().await) }).await
+            }
+            Transport::Cluster(nodes) => tokio::time::timeout(at_most, nodes.told.notified()).await,
+            Transport::Gather(gather) => tokio::time::timeout(at_most, gather.nodes.told.notified()).await,
+        };
+        // Whether news or the clock woke us is for the caller to see.
+        drop(waited);
+    }
+
+    /// The newest frame that all have and that is not newer than `wanted`.
+    pub fn newest_common(&self, wanted: u64) -> Option<u64> {
+        if let Transport::InProcess { frames, .. } = self {
+            return frames.frames().into_iter().rfind(|&frame| frame <= wanted);
+        }
+        let mut lists = self.links().iter().map(|link| link.frames());
+        let mut common = lists.next()?;
+        for list in lists {
+            common.retain(|frame| list.contains(frame));
+        }
+        common.into_iter().rfind(|&frame| frame <= wanted)
+    }
+
+    /// What all cameras told of a frame.
+    pub fn facts(&self, frame: u64) -> Option<Vec<FrameFacts>> {
+        match self {
+            Transport::InProcess { frames, .. } => frames.facts(frame).map(|facts| vec![facts]),
+            _ => self.links().iter().map(|link| link.facts(frame)).collect(),
+        }
+    }
+
+    /// The worst of all films: failed before ended before running.
+    pub fn film(&self) -> FilmState {
+        let mut states: Vec<FilmState> = match self {
+            Transport::InProcess { frames, .. } => vec![frames.film()],
+            _ => self.links().iter().map(|link| link.film()).collect(),
+        };
+        let failed = states.iter().position(|state| matches!(state, FilmState::Failed(_)));
+        let worst = failed.or_else(|| states.iter().position(|state| *state == FilmState::Ended));
+        states.swap_remove(worst.unwrap_or(0))
+    }
+
+    /// Answers a pass over a frame. `took` is told each round and its milliseconds; `Err` says why there
+    /// is no result.
+    pub async fn run_pass(
+        &mut self,
+        pass: &mut Pass,
+        frame: u64,
+        patience: Duration,
+        took: &mut dyn FnMut(Round, f64),
+    ) -> Result<(), String> {
+        match self {
+            Transport::Cluster(nodes) => {
+                nodes.fanout.run(pass, frame, patience, took).await.map_err(|error| error.to_string())
+            }
+            Transport::Gather(gather) => {
+                if pass.question().is_some() {
+                    gather.fetch(frame).await?;
+                }
+                if let Some((_, views)) = &gather.fetched {
+                    run_locally(pass, views, &mut gather.scratch, took);
+                }
+                Ok(())
+            }
+            Transport::InProcess { frames, scratch, .. } => {
+                let found = frames.with_views(frame, &mut |views| run_locally(pass, views, scratch, took));
+                if found { Ok(()) } else { Err(format!("frame {frame} is gone")) }
+            }
+        }
+    }
+
+    /// The silhouettes of a frame in rig order, fetched if need be: for pictures, not for probes.
+    pub async fn silhouettes(&self, frame: u64) -> Result<Vec<Arc<Silhouette>>, String> {
+        if let Transport::InProcess { frames, .. } = self {
+            return frames.silhouettes(frame).ok_or_else(|| format!("frame {frame} is gone"));
+        }
+        let (silhouettes, _) = fetch(self.links(), frame).await?;
+        Ok(silhouettes.into_iter().map(Arc::new).collect())
+    }
+
+    /// Bytes at the sockets so far.
+    pub fn bytes(&self) -> ByteCounts {
+        self.nodes().map_or_else(ByteCounts::default, |nodes| nodes.common.counters.read())
+    }
+
+    /// Bytes of silhouettes fetched to answer probes.
+    pub fn silhouette_bytes(&self) -> u64 {
+        if let Transport::Gather(gather) = self { gather.silhouette_bytes } else { 0 }
+    }
+}
+
+impl Gather {
+    async fn fetch(&mut self, frame: u64) -> Result<(), String> {
+        if self.fetched.as_ref().is_some_and(|(fetched, _)| *fetched == frame) {
+            return Ok(());
+        }
+        let (silhouettes, bytes) = fetch(&self.nodes.fanout.links, frame).await?;
+        self.silhouette_bytes += bytes;
+        let views = self.observers.iter().zip(&silhouettes);
+        let views = views.map(|(observer, silhouette)| View::new(Arc::clone(observer), silhouette));
+        self.fetched = Some((frame, ViewSet::new(views.collect())));
+        Ok(())
+    }
+}
+
+/// Silhouettes of all links in rig order, and the bytes they travelled as.
+async fn fetch(links: &[Arc<Link>], frame: u64) -> Result<(Vec<Silhouette>, u64), String> {
+    let asked = links.iter().map(|link| link.silhouettes(frame));
+    let mut all = Vec::new();
+    let mut bytes = 0;
+    for (link, fetched) in links.iter().zip(futures::future::join_all(asked).await) {
+        let (silhouettes, more) = fetched.map_err(|error| format!("node {}: {error}", link.node.address))?;
+        all.extend(silhouettes);
+        bytes += more;
+    }
+    all.sort_by_key(|(rig_index, _)| *rig_index);
+    Ok((all.into_iter().map(|(_, silhouette)| silhouette).collect(), bytes))
+}
+
+fn run_locally(pass: &mut Pass, views: &ViewSet, scratch: &mut Scratch, took: &mut dyn FnMut(Round, f64)) {
+    while let Some(question) = pass.question() {
+        let (round, began) = (pass.round(), Instant::now());
+        let answer = views.answer(question, scratch);
+        pass.answer(0, answer).expect("the one group answers every question once");
+        took(round, began.elapsed().as_secs_f64() * 1e3);
+    }
+}
