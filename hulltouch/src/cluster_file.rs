@@ -196,7 +196,7 @@ impl ClusterFile {
         let absolute = std::path::absolute(path).map_err(refused)?;
         let text = fs::read_to_string(path).map_err(refused)?;
         let file: File = toml::from_str(&text).map_err(|error| text_error(path, &text, &error))?;
-        check::Checker { path, absolute: &absolute, variables }.cluster(file)
+        check::Checker { path, absolute: &absolute, variables }.cluster(&file)
     }
 
     /// Reads the scene, under the gravity of this file if it has one.

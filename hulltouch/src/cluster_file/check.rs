@@ -21,7 +21,7 @@ pub(super) struct Checker<'a> {
 }
 
 impl Checker<'_> {
-    pub fn cluster(&self, file: File) -> Result<ClusterFile, ClusterFileError> {
+    pub fn cluster(&self, file: &File) -> Result<ClusterFile, ClusterFileError> {
         let beside = self.absolute.parent().unwrap_or(Path::new("/"));
         let folder = match &file.folder {
             Some(folder) => self.existing("folder", beside, folder, Path::is_dir, "a folder")?,
@@ -55,7 +55,7 @@ impl Checker<'_> {
             hold_s: self.within("hold_s", file.hold_s, 0.0, 3600.0)?,
             seed: file.seed,
             gravity_m_s2: file.gravity.map(|gravity| self.gravity(gravity)).transpose()?,
-            probes: self.probes(&file)?,
+            probes: self.probes(file)?,
             cameras,
         })
     }
