@@ -8,6 +8,7 @@ use thiserror::Error;
 
 use crate::cull::WorldBox;
 use crate::merge::{merge_edges, merge_exits, merge_standings};
+use crate::probe::exit::Exit;
 use crate::question::{Answer, Batch, Directions, Edge, Points, Question, Standing};
 use crate::response::body_direction;
 use crate::rule::ProbeSettings;
@@ -239,10 +240,7 @@ impl Pass {
     }
 
     fn after_edges(&mut self, answers: &[Answer]) {
-        let groups: Vec<&[Option<Edge>]> = answers
-            .iter()
-            .filter_map(|answer| if let Answer::Edges(edges) = answer { Some(&edges[..]) } else { None })
-            .collect();
+        let groups: Vec<&[Option<Edge>]> = answers.iter().filter_map(Answer::edges).collect();
         let mut at = 0;
         for &index in &self.asked {
             for touch in &mut self.bodies[index].result.touches {
@@ -264,7 +262,7 @@ impl Pass {
         }
     }
 
-    fn after_exits(&mut self, groups: &[&[crate::probe::exit::Exit]]) {
+    fn after_exits(&mut self, groups: &[&[Exit]]) {
         let rule = self.settings.rule();
         let mut at = 0;
         for &index in &self.asked {
@@ -290,7 +288,7 @@ impl Pass {
         self.pose(Round::BodyExits, question);
     }
 
-    fn after_body_exits(&mut self, groups: &[&[crate::probe::exit::Exit]]) {
+    fn after_body_exits(&mut self, groups: &[&[Exit]]) {
         let rule = self.settings.rule();
         let mut at = 0;
         for &index in &self.asked {
@@ -346,11 +344,9 @@ impl PassBody {
 }
 
 fn standings(answers: &[Answer]) -> Vec<&[Standing]> {
-    let pick = |answer| if let Answer::Classes(standings) = answer { Some(&standings[..]) } else { None };
-    answers.iter().filter_map(pick).collect()
+    answers.iter().filter_map(Answer::classes).collect()
 }
 
-fn exits(answers: &[Answer]) -> Vec<&[crate::probe::exit::Exit]> {
-    let pick = |answer| if let Answer::Exits(exits) = answer { Some(&exits[..]) } else { None };
-    answers.iter().filter_map(pick).collect()
+fn exits(answers: &[Answer]) -> Vec<&[Exit]> {
+    answers.iter().filter_map(Answer::exits).collect()
 }

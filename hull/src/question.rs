@@ -192,4 +192,19 @@ impl Answer {
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
+
+    /// The standings, if it has these.
+    pub fn classes(&self) -> Option<&[Standing]> {
+        if let Answer::Classes(standings) = self { Some(standings) } else { None }
+    }
+
+    /// The edges, if it has these.
+    pub fn edges(&self) -> Option<&[Option<Edge>]> {
+        if let Answer::Edges(edges) = self { Some(edges) } else { None }
+    }
+
+    /// The exits, if it has these.
+    pub fn exits(&self) -> Option<&[Exit]> {
+        if let Answer::Exits(exits) = self { Some(exits) } else { None }
+    }
 }

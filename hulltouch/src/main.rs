@@ -1,1 +1,71 @@
-fn main() {}
+//! Virtual rigid bodies collide with people on film.
+//!
+//! One module a subcommand. Exit status 0: done; 1: ran and failed; 2: bad input, with one line that says
+//! which file, which key, what was found and what was expected.
+
+mod bench;
+mod cluster_file;
+mod coordinator_command;
+mod demo;
+mod expand;
+mod failure;
+mod local;
+mod node;
+mod picture;
+mod query;
+mod report;
+mod rig;
+mod run;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use crate::failure::Outcome;
+
+/// Virtual rigid bodies collide with people on film.
+#[derive(Debug, Parser)]
+#[command(name = "hulltouch", version, max_term_width = 100)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Demo(demo::DemoArguments),
+    Node(node::NodeArguments),
+    Coordinator(coordinator_command::CoordinatorArguments),
+    Rig(rig::RigArguments),
+    Query(query::QueryArguments),
+    Bench(bench::BenchArguments),
+}
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    log_to_stderr();
+    let outcome: Outcome = match arguments.command {
+        Command::Demo(arguments) => demo::run(arguments),
+        Command::Node(arguments) => node::run(&arguments),
+        Command::Coordinator(arguments) => coordinator_command::run(&arguments),
+        Command::Rig(arguments) => rig::run(&arguments),
+        Command::Query(arguments) => query::run(&arguments),
+        Command::Bench(arguments) => bench::run(&arguments),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            use std::io::Write as _;
+            // A closed standard error is no reason to fail differently.
+            let _ = writeln!(std::io::stderr(), "hulltouch: {failure}");
+            failure.exit_code()
+        }
+    }
+}
+
+/// Logs go to standard error; `RUST_LOG` chooses, warnings by default.
+fn log_to_stderr() {
+    use tracing_subscriber::EnvFilter;
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("warn"));
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).without_time().init();
+}
