@@ -1,4 +1,5 @@
 //! Imports of the recordings' own calibration files.
+#![allow(clippy::print_stdout, reason = "differences are the result")]
 
 mod common;
 

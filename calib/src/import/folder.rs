@@ -149,4 +149,69 @@ mod tests {
         assert!(!is_matrix("1 2 3 4 5 6 7 8 9 10 11 12 13"));
         assert!(!is_matrix("a b c d e f g h i j k l"));
     }
+
+    /// A camera 4 m from the origin, as a plain matrix.
+    const P: &str = "500 0 320 1280\n0 500 240 960\n0 0 1 4\n";
+
+    fn folder(files: &[(&str, &str)]) -> tempfile::TempDir {
+        let folder = tempfile::tempdir().expect("a folder");
+        for (name, text) in files {
+            let path = folder.path().join(name);
+            fs::create_dir_all(path.parent().expect("a parent")).expect("made");
+            fs::write(path, text).expect("written");
+        }
+        folder
+    }
+
+    const SIZE: ImportOptions =
+        ImportOptions { up: None, scale: None, size: Some((640, 480)), pixel_origin: None };
+
+    fn names(path: &Path, format: Option<Format>) -> Vec<String> {
+        let imported = import(path, format, &SIZE).expect("a rig");
+        imported.rig.cameras().iter().map(|camera| camera.name().to_owned()).collect()
+    }
+
+    #[test]
+    fn folders_are_known_by_their_files() {
+        let tool =
+            folder(&[("camera2.Pmat.cal", P), ("camera10.Pmat.cal", P), ("Res.dat", "640 480\n640 480\n")]);
+        assert_eq!(detect(tool.path()).expect("known"), Format::Svoboda);
+        assert_eq!(names(tool.path(), None), ["camera2", "camera10"]);
+        let plain =
+            folder(&[("b.txt", P), ("a.P", P), ("notes.txt", "taken on Monday"), ("a.png", "no text")]);
+        assert_eq!(detect(plain.path()).expect("known"), Format::Matrices);
+        assert_eq!(names(plain.path(), None), ["a", "b"]);
+        // The same files read as plain matrices, when told.
+        assert_eq!(names(tool.path(), Some(Format::Matrices)), ["camera2", "camera10"]);
+    }
+
+    #[test]
+    fn what_cannot_be_read_or_known_is_named() {
+        let other = folder(&[("notes.txt", "taken on Monday"), ("bytes.txt.gz", "x")]);
+        let message = |path: &Path| import(path, None, &SIZE).expect_err("refused").to_string();
+        let found = message(other.path());
+        assert!(found.contains(": found no calibration, expected OpenCV FileStorage files, "), "{found}");
+        let found = message(&other.path().join("notes.txt"));
+        assert!(
+            found.ends_with(
+                "notes.txt: found no calibration, expected OpenCV FileStorage, Qualisys .qca.txt, \
+            a rig .toml, or a 3 x 4 matrix"
+            ),
+            "{found}"
+        );
+        let found = message(&other.path().join("nothing.toml"));
+        assert!(found.contains("nothing.toml: "), "{found}");
+        assert!(import(other.path(), Some(Format::Qualisys), &SIZE).is_err());
+    }
+
+    #[test]
+    fn formats_are_found_by_their_names() {
+        for format in Format::ALL {
+            assert_eq!(format.name().parse(), Ok(format));
+        }
+        assert_eq!(
+            "svb".parse::<Format>().expect_err("none").to_string(),
+            "found \"svb\", expected a format: opencv, qualisys, aniposelib, svoboda or matrices"
+        );
+    }
 }

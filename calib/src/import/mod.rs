@@ -14,6 +14,8 @@ mod svoboda;
 mod xml;
 mod yaml;
 
+use std::str::FromStr;
+
 use hull::{Camera, CameraError, Rig, RigError};
 use thiserror::Error;
 
@@ -62,6 +64,20 @@ impl Format {
             Format::Svoboda => "svoboda",
             Format::Matrices => "matrices",
         }
+    }
+}
+
+/// Text that names no format.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("found {0:?}, expected a format: opencv, qualisys, aniposelib, svoboda or matrices")]
+pub struct UnknownFormat(String);
+
+impl FromStr for Format {
+    type Err = UnknownFormat;
+
+    fn from_str(text: &str) -> Result<Format, UnknownFormat> {
+        let found = Format::ALL.into_iter().find(|format| format.name() == text);
+        found.ok_or_else(|| UnknownFormat(text.to_owned()))
     }
 }
 
@@ -171,7 +187,7 @@ pub enum ImportError {
 }
 
 impl ImportError {
-    pub(self) fn key(file: &str, key: &str, found: impl Into<String>, expected: &'static str) -> ImportError {
+    fn key(file: &str, key: &str, found: impl Into<String>, expected: &'static str) -> ImportError {
         let mut found = found.into();
         if found.chars().count() > 60 {
             found = found.chars().take(57).chain("...".chars()).collect();
@@ -179,7 +195,7 @@ impl ImportError {
         ImportError::Key { file: file.to_owned(), key: key.to_owned(), found, expected }
     }
 
-    pub(self) fn camera(file: &str, error: CameraError) -> ImportError {
+    fn camera(file: &str, error: CameraError) -> ImportError {
         ImportError::Camera { file: file.to_owned(), error }
     }
 }

@@ -71,7 +71,8 @@ pub(super) fn taken_apart(file: &str, p: &Matrix3x4<f64>) -> Result<Parts, Impor
     let row = |r: usize| Vector3::new(p[(r, 0)], p[(r, 1)], p[(r, 2)]);
     let scale = row(2).norm();
     let m = p.fixed_columns::<3>(0) / scale;
-    if !(scale > 0.0 && m.determinant().abs() > 1e-12 * m.norm().powi(3)) {
+    let size = m.norm();
+    if !(scale > 0.0 && m.determinant().abs() > 1e-12 * size * size * size) {
         let found = format!("determinant {:e}", p.fixed_columns::<3>(0).determinant());
         return Err(ImportError::key(file, "P", found, "an invertible left 3 x 3"));
     }
@@ -114,17 +115,23 @@ pub(super) fn placed(
     let defect = rotation_defect(rotation);
     let mut rotation = *rotation;
     if defect > 1e-6 && defect <= ROUNDED {
-        let svd = rotation.svd(true, true);
-        if let (Some(u), Some(v)) = (svd.u, svd.v_t) {
-            rotation = u * v;
-            warnings.push(format!(
-                "{file}: {} of camera {} is off from a rotation by {defect:.1e}, the nearest one is taken",
-                placement.key, placement.name
-            ));
-        }
+        rotation = nearest_rotation(rotation);
+        warnings.push(format!(
+            "{file}: {} of camera {} is off from a rotation by {defect:.1e}, the nearest one is taken",
+            placement.key, placement.name
+        ));
     }
     Camera::from_matrices(placement.name, placement.size, k, distortion, &rotation, translation)
         .map_err(|error| ImportError::camera(file, error))
+}
+
+/// The rotation nearest to a matrix that nearly is one (Newton's iteration for the polar factor).
+fn nearest_rotation(mut matrix: Matrix3<f64>) -> Matrix3<f64> {
+    for _ in 0..6 {
+        let Some(inverse) = matrix.try_inverse() else { break };
+        matrix = (matrix + inverse.transpose()) * 0.5;
+    }
+    matrix
 }
 
 #[cfg(test)]
