@@ -8,7 +8,8 @@ use super::mend::Mended;
 /// A camera is named only if its own correction takes away this share of the outline's cost …
 pub const MEND_SHARE: f64 = 0.3;
 /// … and this much of it: a root mean square gap of 0.3 pixels in an image 640 wide, over all outline
-/// rays of all cameras. Silhouettes cut by hand or by a good background model are noisier than that.
+/// rays of all cameras. On real silhouettes of rigs that fit (four cameras, ten frames), moving the best
+/// camera mends 0.03 to 0.06; turning any one by 1.5° or moving it 8 cm across its axis, 0.5 to 8.
 pub const MEND_COST: f64 = 0.1;
 
 /// What one camera's own correction would do. The outlines fix the shift of the picture well; how much
