@@ -14,6 +14,6 @@ mod transport;
 pub use camera_client::{ExpectedCamera, ExpectedNode};
 pub use counting::ByteCounts;
 pub use facts::{CameraFacts, FilmState, FrameFacts, Pace};
-pub use figures::{Figures, Percentiles, Progress};
+pub use figures::{Figures, Percentiles, Progress, STAGES};
 pub use run::{Coordinator, RunError, RunSettings, Snapshot, Watcher};
-pub use transport::{LocalFrames, Transport, TransportKind};
+pub use transport::{LocalFrames, Transport};

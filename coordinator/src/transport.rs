@@ -13,17 +13,6 @@ use crate::counting::{ByteCounters, ByteCounts};
 use crate::facts::{FilmState, FrameFacts, Pace};
 use crate::fanout::Fanout;
 
-/// Which layout.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TransportKind {
-    /// Questions travel, nodes compute, silhouettes stay.
-    Cluster,
-    /// Silhouettes travel, one machine computes: the paper's layout.
-    Gather,
-    /// Nothing travels.
-    InProcess,
-}
-
 /// The frames of cameras that are filmed in this very process.
 pub trait LocalFrames: Send {
     /// Begins a run.

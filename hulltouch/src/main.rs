@@ -16,6 +16,7 @@ mod query;
 mod report;
 mod rig;
 mod run;
+mod snapshot;
 
 use std::process::ExitCode;
 

@@ -1,0 +1,167 @@
+//! `hulltouch demo`: a whole cluster on this machine.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use sim::Scene;
+use stage::{Motion, Prop, studio_rig};
+
+use crate::cluster_file::ClusterFile;
+use crate::coordinator_command::checked_seconds;
+use crate::failure::{Failure, Outcome};
+use crate::node::read_cluster_file;
+use crate::run::{ResponseName, Setup, TransportName, check_response, run_locally};
+
+/// From capture to the step that sees it: rendering and segmenting eight cameras on two cores takes
+/// most of a frame's time.
+const DEMO_LATENCY_S: f64 = 0.06;
+/// How long the empty room of a recording is looked at when nothing else says so.
+const EMPTY_RECORDING_S: f64 = 4.0;
+
+/// A whole cluster on this machine: camera nodes as processes, coordinator, physics.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  hulltouch demo\n  \
+    hulltouch demo --scene crowd --seconds 10 --snapshot pics\n  \
+    hulltouch demo --recording deploy/uu_horseman.cluster.toml --unpaced --headless --json out.json")]
+pub struct DemoArguments {
+    /// A scene by name (topple, lift, crowd) or a scene file [default: topple, or the recording's].
+    #[arg(long, value_name = "NAME|FILE")]
+    scene: Option<String>,
+    /// How many cameras the studio has.
+    #[arg(long, default_value_t = 8, conflicts_with = "recording")]
+    cameras: usize,
+    /// The size of their images.
+    #[arg(long, default_value = "640x480", value_name = "WxH", value_parser = parse_size, conflicts_with = "recording")]
+    size: (u32, u32),
+    /// Frames per second.
+    #[arg(long, default_value_t = 30.0, value_name = "F", conflicts_with = "recording")]
+    fps: f64,
+    /// End after so many seconds of film [default: on Ctrl-C, or when a recording ends].
+    #[arg(long, value_name = "S")]
+    seconds: Option<f64>,
+    /// Show nothing while it runs.
+    #[arg(long)]
+    headless: bool,
+    /// Use every frame, as fast as frames can be made: two runs of one seed are the same run.
+    #[arg(long)]
+    unpaced: bool,
+    /// Where probes are computed.
+    #[arg(long, value_enum, default_value = "cluster")]
+    transport: TransportName,
+    /// How bodies answer the hull.
+    #[arg(long, value_enum, default_value = "paper")]
+    response: ResponseName,
+    /// Decides what a run leaves to chance [default: 1, or the recording's].
+    #[arg(long, value_name = "K")]
+    seed: Option<u64>,
+    /// Play a cluster file (rig, a source for each camera, background, scene) instead of the studio.
+    #[arg(long, value_name = "CLUSTER.toml")]
+    recording: Option<PathBuf>,
+    /// The same scene without the person.
+    #[arg(long)]
+    empty: bool,
+    /// Write the run's figures.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Write pictures from a viewpoint between the cameras, one a second of film.
+    #[arg(long, value_name = "DIR")]
+    snapshot: Option<PathBuf>,
+}
+
+/// Runs until film or time ends, or Ctrl-C.
+pub fn run(arguments: DemoArguments) -> Outcome {
+    check_response(arguments.response)?;
+    let seconds = checked_seconds(arguments.seconds)?;
+    if cfg!(debug_assertions) {
+        tracing::warn!("this is a debug build and slow: build with --release, or run `cargo demo`");
+    }
+    let studio = tempfile::tempdir().map_err(Failure::run)?;
+    let (file, scene) = match &arguments.recording {
+        Some(path) => recording(path, &arguments)?,
+        None => synthetic(studio.path(), &arguments)?,
+    };
+    let setup = Setup {
+        seed: arguments.seed.or(file.seed).unwrap_or(1),
+        file,
+        scene,
+        transport: arguments.transport,
+        lock_step: arguments.unpaced,
+        empty: arguments.empty,
+        seconds,
+        live_line: !arguments.headless,
+        json: arguments.json,
+        snapshots: arguments.snapshot,
+    };
+    run_locally(&setup)
+}
+
+fn recording(path: &Path, arguments: &DemoArguments) -> Outcome<(ClusterFile, Scene)> {
+    let mut file = read_cluster_file(path)?;
+    let scene = match &arguments.scene {
+        Some(scene) => load_scene(scene)?,
+        None => file.load_scene().map_err(Failure::input)?,
+    };
+    if arguments.empty {
+        // A background clip may be a single plate: it is held for as long as the run is to last.
+        file.hold_s = arguments.seconds.unwrap_or(EMPTY_RECORDING_S);
+    }
+    Ok((file, scene))
+}
+
+/// Writes the studio's cluster file into a folder of its own, for the node processes to read.
+fn synthetic(folder: &Path, arguments: &DemoArguments) -> Outcome<(ClusterFile, Scene)> {
+    let scene = load_scene(arguments.scene.as_deref().unwrap_or("topple"))?;
+    if !(1..=64).contains(&arguments.cameras) {
+        let found = arguments.cameras;
+        return Err(Failure::input(format_args!("--cameras is {found}, expected 1 to 64")));
+    }
+    if !(arguments.fps >= 1.0 && arguments.fps <= 1000.0) {
+        return Err(Failure::input(format_args!("--fps is {}, expected 1 to 1000", arguments.fps)));
+    }
+    let rig = studio_rig(arguments.cameras, arguments.size)
+        .map_err(|error| Failure::input(format_args!("--size: {error}")))?;
+    let stage = scene.stage().cloned().unwrap_or_default();
+    let motion: Motion = if stage.motion.is_empty() {
+        Motion::default()
+    } else {
+        stage.motion.parse().map_err(|error| Failure::input(format_args!("scene, stage.motion: {error}")))?
+    };
+    for prop in &stage.props {
+        prop.parse::<Prop>().map_err(|error| Failure::input(format_args!("scene, stage.props: {error}")))?;
+    }
+    let seed = arguments.seed.unwrap_or(1);
+    let mut text = format!(
+        "rig = \"rig.toml\"\nscene = \"topple\"\nfps = {:?}\nlatency_s = {DEMO_LATENCY_S}\n",
+        arguments.fps
+    );
+    for camera in rig.cameras() {
+        text += &format!(
+            "[[camera]]\nname = {:?}\nsource = {{ kind = \"stage\", motion = \"{motion}\", props = {:?}, seed = {seed} }}\n",
+            camera.name(),
+            stage.props,
+        );
+    }
+    let path = folder.join("studio.cluster.toml");
+    std::fs::write(folder.join("rig.toml"), rig.to_toml())
+        .map_err(|error| Failure::unwritable(folder, error))?;
+    std::fs::write(&path, text).map_err(|error| Failure::unwritable(&path, error))?;
+    Ok((read_cluster_file(&path)?, scene))
+}
+
+/// A scene by name, or from a file.
+fn load_scene(name: &str) -> Outcome<Scene> {
+    let path = Path::new(name);
+    if path.extension().is_none_or(|extension| extension != "toml") {
+        return Scene::named(name).map_err(|error| Failure::input(format_args!("--scene: {error}")));
+    }
+    let text = std::fs::read_to_string(path).map_err(|error| Failure::unreadable(path, error))?;
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    Scene::from_toml(&name, &text).map_err(|error| Failure::unreadable(path, error))
+}
+
+/// `WxH` in pixels.
+pub fn parse_size(text: &str) -> Result<(u32, u32), String> {
+    let wrong = || format!("found {text:?}, expected WxH in pixels, like 640x480");
+    let (width, height) = text.split_once('x').ok_or_else(wrong)?;
+    Ok((width.parse().map_err(|_| wrong())?, height.parse().map_err(|_| wrong())?))
+}

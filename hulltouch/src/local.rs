@@ -1,0 +1,263 @@
+//! Clusters on this machine: node processes of this very program, or cameras in this process.
+
+use std::collections::VecDeque;
+use std::io::{BufRead as _, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use camera_node::NodeConfig;
+use camera_node::capture::{Film, Pace};
+use camera_node::frames::{FilmState, FrameRing};
+use coordinator::{CameraFacts, ExpectedCamera, ExpectedNode, FrameFacts, LocalFrames};
+use hull::{Silhouette, ViewSet};
+use tokio::sync::watch;
+
+use crate::cluster_file::ClusterFile;
+use crate::failure::{Failure, Outcome};
+
+/// Learning the background of a long clip at 4K takes a while on a slow machine.
+const START_PATIENCE: Duration = Duration::from_secs(300);
+/// After this a node that was asked to end is ended.
+const END_PATIENCE: Duration = Duration::from_secs(2);
+/// Lines of a child's standard error that are kept to explain its end.
+const LAST_WORDS: usize = 4;
+
+/// Node processes of this program. They end with it, however it ends: their standard input is a pipe
+/// that closes.
+pub struct LocalCluster {
+    children: Vec<NodeProcess>,
+    nodes: Vec<ExpectedNode>,
+}
+
+struct NodeProcess {
+    child: Child,
+    cameras: String,
+    announced: Receiver<String>,
+    last_words: Arc<Mutex<VecDeque<String>>>,
+}
+
+impl LocalCluster {
+    /// Starts a process for each of the cluster file's nodes on a free port and waits until all listen.
+    pub fn start(file: &ClusterFile, empty: bool) -> Outcome<LocalCluster> {
+        let mut cluster = LocalCluster { children: Vec::new(), nodes: Vec::new() };
+        let nodes = file.nodes();
+        for (_, indices) in &nodes {
+            cluster.children.push(NodeProcess::start(file, indices, empty)?);
+        }
+        let deadline = Instant::now() + START_PATIENCE;
+        for (process, (_, indices)) in cluster.children.iter_mut().zip(&nodes) {
+            let address = process.address(deadline)?;
+            cluster.nodes.push(expected_node(file, address, indices));
+        }
+        Ok(cluster)
+    }
+
+    /// The nodes with the addresses that they found.
+    pub fn nodes(&self) -> &[ExpectedNode] {
+        &self.nodes
+    }
+}
+
+impl Drop for LocalCluster {
+    fn drop(&mut self) {
+        for process in &mut self.children {
+            // Closing the pipe asks it to end.
+            drop(process.child.stdin.take());
+        }
+        let deadline = Instant::now() + END_PATIENCE;
+        for process in &mut self.children {
+            while Instant::now() < deadline && matches!(process.child.try_wait(), Ok(None)) {
+                std::thread::sleep(Duration::from_millis(5));
+            }
+            // Neither call fails on a child that is not yet reaped.
+            let _ = process.child.kill();
+            let _ = process.child.wait();
+        }
+    }
+}
+
+impl NodeProcess {
+    fn start(file: &ClusterFile, indices: &[usize], empty: bool) -> Outcome<NodeProcess> {
+        let names: Vec<&str> = indices.iter().map(|&index| &file.cameras[index].name[..]).collect();
+        let program = std::env::current_exe().map_err(Failure::run)?;
+        let mut command = Command::new(&program);
+        command.arg("node").arg(&file.path).args(["--listen", "127.0.0.1:0", "--stop-with-stdin"]);
+        for name in &names {
+            command.args(["--camera", name]);
+        }
+        if empty {
+            command.arg("--empty");
+        }
+        let cameras = names.join(", ");
+        let mut child =
+            command
+                .stdin(Stdio::piped())
+                .stdout(Stdio::piped())
+                .stderr(Stdio::piped())
+                .spawn()
+                .map_err(|error| Failure::run(format_args!("cannot start the node of {cameras}: {error}")))?;
+        let (sender, announced) = channel();
+        if let Some(stdout) = child.stdout.take() {
+            std::thread::spawn(move || {
+                for line in BufReader::new(stdout).lines().map_while(Result::ok) {
+                    // The parent stops listening after the first line.
+                    let _ = sender.send(line);
+                }
+            });
+        }
+        let last_words = Arc::new(Mutex::new(VecDeque::new()));
+        if let Some(stderr) = child.stderr.take() {
+            let (last_words, cameras) = (Arc::clone(&last_words), cameras.clone());
+            std::thread::spawn(move || pass_on(stderr, &cameras, &last_words));
+        }
+        Ok(NodeProcess { child, cameras, announced, last_words })
+    }
+
+    /// Waits for the line that tells where the node listens.
+    fn address(&mut self, deadline: Instant) -> Outcome<String> {
+        let patience = deadline.saturating_duration_since(Instant::now());
+        if let Ok(line) = self.announced.recv_timeout(patience)
+            && let Some(address) = line.strip_prefix("listening on ")
+        {
+            return Ok(address.to_owned());
+        }
+        let ended = self.child.wait_timeout(END_PATIENCE);
+        // Its last line is on its way through a thread.
+        std::thread::sleep(Duration::from_millis(50));
+        let words = self.last_words.lock().unwrap_or_else(PoisonError::into_inner);
+        let told = words.iter().rev().find_map(|line| line.strip_prefix("hulltouch: "));
+        let told = told.map_or_else(|| "it said nothing".to_owned(), ToOwned::to_owned);
+        let problem = format!("node of {}: {told}", self.cameras);
+        Err(if ended == Some(2) { Failure::Input(problem) } else { Failure::Run(problem) })
+    }
+}
+
+trait WaitTimeout {
+    fn wait_timeout(&mut self, patience: Duration) -> Option<i32>;
+}
+
+impl WaitTimeout for Child {
+    fn wait_timeout(&mut self, patience: Duration) -> Option<i32> {
+        let deadline = Instant::now() + patience;
+        while Instant::now() < deadline {
+            if let Ok(Some(status)) = self.try_wait() {
+                return status.code();
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        None
+    }
+}
+
+/// Passes a child's complaints on, and keeps the last. Its final line is for the parent to tell.
+fn pass_on(stderr: impl std::io::Read, cameras: &str, last_words: &Mutex<VecDeque<String>>) {
+    use std::io::Write as _;
+    for line in BufReader::new(stderr).lines().map_while(Result::ok) {
+        if !line.starts_with("hulltouch: ") {
+            // A closed standard error is no reason to stop draining the child's.
+            let _ = writeln!(std::io::stderr(), "[{cameras}] {line}");
+        }
+        let mut words = last_words.lock().unwrap_or_else(PoisonError::into_inner);
+        words.push_back(line);
+        if words.len() > LAST_WORDS {
+            words.pop_front();
+        }
+    }
+}
+
+/// What a coordinator must find at an address.
+pub fn expected_node(file: &ClusterFile, address: String, indices: &[usize]) -> ExpectedNode {
+    let camera = |&index: &usize| {
+        let camera = &file.rig.cameras()[index];
+        ExpectedCamera {
+            name: camera.name().to_owned(),
+            rig_index: index as u16,
+            size: (camera.width(), camera.height()),
+            calibration_digest: camera.digest(),
+        }
+    };
+    ExpectedNode { address, cameras: indices.iter().map(camera).collect() }
+}
+
+/// Cameras filmed in this process.
+pub struct InProcess {
+    film: Film,
+    ring: Arc<FrameRing>,
+}
+
+impl InProcess {
+    /// Learns the backgrounds of all cameras.
+    pub fn prepare(config: &NodeConfig) -> Outcome<InProcess> {
+        let ring = Arc::new(FrameRing::new(config.cameras.len()));
+        let film = Film::prepare(config, Arc::clone(&ring)).map_err(Failure::run)?;
+        Ok(InProcess { film, ring })
+    }
+}
+
+impl LocalFrames for InProcess {
+    fn start(&self, pace: coordinator::Pace) -> Result<(), String> {
+        let coordinator::Pace { epoch_unix_s, lock_step } = pace;
+        self.film.start(Pace { epoch_unix_s, lock_step }).map_err(|error| error.to_string())
+    }
+
+    fn credit(&self, up_to_frame: u64) {
+        self.film.credit(up_to_frame);
+    }
+
+    fn watch(&self) -> watch::Receiver<u64> {
+        self.ring.watch()
+    }
+
+    fn frames(&self) -> Vec<u64> {
+        self.ring.since(None).iter().map(|frame| frame.number).collect()
+    }
+
+    fn facts(&self, frame: u64) -> Option<FrameFacts> {
+        let frame = self.ring.get(frame).ok()?;
+        let camera = |camera: &camera_node::frames::CameraFrame| CameraFacts {
+            rig_index: camera.rig_index,
+            admitted: camera.admitted,
+            area: camera.silhouette.area(),
+            silhouette_bytes: camera.bytes.len() as u32,
+            segment_ms: camera.segment_ms,
+        };
+        Some(FrameFacts {
+            frame: frame.number,
+            capture_time_s: frame.capture_time_s,
+            captured_unix_s: frame.captured_unix_s,
+            cameras: frame.cameras.iter().map(camera).collect(),
+            skipped: frame.skipped,
+        })
+    }
+
+    fn film(&self) -> coordinator::FilmState {
+        match self.ring.state() {
+            FilmState::Running => coordinator::FilmState::Running,
+            FilmState::Ended => coordinator::FilmState::Ended,
+            FilmState::Failed(why) => coordinator::FilmState::Failed(why),
+        }
+    }
+
+    fn with_views(&self, frame: u64, use_views: &mut dyn FnMut(&ViewSet)) -> bool {
+        let found = self.ring.get(frame);
+        found.is_ok_and(|frame| {
+            use_views(&frame.views);
+            true
+        })
+    }
+
+    fn silhouettes(&self, frame: u64) -> Option<Vec<Arc<Silhouette>>> {
+        let frame = self.ring.get(frame).ok()?;
+        Some(frame.cameras.iter().map(|camera| Arc::clone(&camera.silhouette)).collect())
+    }
+}
+
+/// True if a path is on a file system that has room: asked before a long run, not after it.
+pub fn check_writable(path: &Path) -> Outcome {
+    let beside = path.with_extension("partial");
+    let tried = std::fs::write(&beside, b"").and_then(|()| std::fs::remove_file(&beside));
+    tried.map_err(|error| Failure::input(format_args!("--json {}: {error}", path.display())))
+}

@@ -1,0 +1,186 @@
+//! `hulltouch node`: one camera PC.
+
+use std::io::Write as _;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+
+use camera_node::service::{Node, ServeError};
+use camera_node::source::{FileConfig, Image, OpenContext};
+use camera_node::{NodeCamera, NodeConfig, SourceConfig};
+use clap::Args;
+use hull::Silhouette;
+use tokio::io::AsyncReadExt as _;
+
+use crate::cluster_file::{CameraEntry, ClusterFile};
+use crate::failure::{Failure, Outcome};
+
+/// Serve cameras of a cluster file: film them, keep their silhouettes, answer probes.
+#[derive(Debug, Args)]
+#[command(after_help = "Example, on the PC of the cameras `left` and `top`:\n  \
+    hulltouch node studio.cluster.toml --camera left --camera top --insecure")]
+pub struct NodeArguments {
+    /// The cluster file.
+    cluster: PathBuf,
+    /// A camera of the cluster file that this process serves; give it once for each.
+    #[arg(long = "camera", required = true, value_name = "NAME")]
+    cameras: Vec<String>,
+    /// Address and port to listen on [default: the cameras' `node` in the cluster file].
+    #[arg(long, value_name = "IP:PORT")]
+    listen: Option<SocketAddr>,
+    /// Allow an address that other machines reach: there is no encryption and no password.
+    #[arg(long)]
+    insecure: bool,
+    /// Film the scene without the person: the studio empty, or a recording's background clip.
+    #[arg(long)]
+    empty: bool,
+    /// End when standard input does: for a parent that may die without saying so.
+    #[arg(long)]
+    stop_with_stdin: bool,
+}
+
+/// Serves until Ctrl-C.
+pub fn run(arguments: &NodeArguments) -> Outcome {
+    let file = read_cluster_file(&arguments.cluster)?;
+    let indices = camera_indices(&file, &arguments.cameras)?;
+    let address = match arguments.listen {
+        Some(address) => address,
+        None => address_in_file(&file, &indices)?,
+    };
+    let config = node_config(&file, &indices, arguments.empty)?;
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::run)?;
+    runtime.block_on(async {
+        let node = Node::open(config, address, arguments.insecure).await.map_err(serve_failure)?;
+        let address = node.address().map_err(Failure::run)?;
+        announce(address)?;
+        node.serve(stopped(arguments.stop_with_stdin)).await.map_err(serve_failure)
+    })
+}
+
+/// Tells on standard output where the node listens: a parent that gave port 0 waits for this line.
+fn announce(address: SocketAddr) -> Outcome {
+    let mut stdout = std::io::stdout().lock();
+    writeln!(stdout, "listening on {address}").and_then(|()| stdout.flush()).map_err(Failure::run)
+}
+
+fn serve_failure(error: ServeError) -> Failure {
+    match error {
+        ServeError::Exposed(_) => Failure::input(error),
+        ServeError::Capture(_) | ServeError::Listen { .. } | ServeError::Transport(_) => Failure::run(error),
+    }
+}
+
+/// Completes on Ctrl-C, on a request to terminate, and if asked for at the end of standard input.
+pub async fn stopped(with_stdin: bool) {
+    let stdin_ended = async {
+        if !with_stdin {
+            return std::future::pending().await;
+        }
+        let mut stdin = tokio::io::stdin();
+        let mut bytes = [0; 64];
+        while stdin.read(&mut bytes).await.is_ok_and(|count| count > 0) {}
+    };
+    tokio::select! {
+        () = interrupted() => {},
+        () = stdin_ended => {},
+    }
+}
+
+/// Completes on Ctrl-C or a request to terminate.
+pub async fn interrupted() {
+    use tokio::signal::unix::{SignalKind, signal};
+    let terminate = async {
+        match signal(SignalKind::terminate()) {
+            Ok(mut terminate) => drop(terminate.recv().await),
+            Err(_) => std::future::pending().await,
+        }
+    };
+    tokio::select! {
+        _ = tokio::signal::ctrl_c() => {},
+        () = terminate => {},
+    }
+}
+
+/// Reads a cluster file with the environment's variables.
+pub fn read_cluster_file(path: &std::path::Path) -> Outcome<ClusterFile> {
+    ClusterFile::read(path, &|name| std::env::var(name).ok()).map_err(Failure::input)
+}
+
+fn camera_indices(file: &ClusterFile, names: &[String]) -> Outcome<Vec<usize>> {
+    let mut indices = Vec::new();
+    for name in names {
+        let index = file.rig.index_of(name).ok_or_else(|| {
+            let known: Vec<&str> = file.cameras.iter().map(|entry| &entry.name[..]).collect();
+            let path = file.path.display();
+            Failure::input(format_args!("--camera {name:?}: {path} has {}", known.join(", ")))
+        })?;
+        if indices.contains(&index) {
+            return Err(Failure::input(format_args!("--camera {name:?} is given twice")));
+        }
+        indices.push(index);
+    }
+    indices.sort_unstable();
+    Ok(indices)
+}
+
+fn address_in_file(file: &ClusterFile, indices: &[usize]) -> Outcome<SocketAddr> {
+    let mut addresses = indices.iter().map(|&index| file.cameras[index].node.as_deref());
+    let first = addresses.next().flatten().ok_or_else(|| {
+        let name = &file.cameras[indices[0]].name;
+        Failure::input(format_args!(
+            "{}, camera {name:?} has no node, expected one or --listen",
+            file.path.display()
+        ))
+    })?;
+    if addresses.any(|address| address != Some(first)) {
+        return Err(Failure::input(
+            "the cameras have different nodes in the cluster file, expected --listen",
+        ));
+    }
+    let port = first.rsplit(':').next().unwrap_or_default();
+    first.parse().map_err(|_| {
+        Failure::input(format_args!("node {first:?} is no IP address with port: give --listen IP:{port}"))
+    })
+}
+
+/// A node's configuration from the cluster file's entries at `indices`, ascending.
+pub fn node_config(file: &ClusterFile, indices: &[usize], empty: bool) -> Outcome<NodeConfig> {
+    let camera = |&index: &usize| {
+        let entry = &file.cameras[index];
+        let camera = file.rig.cameras()[index].clone();
+        Ok(NodeCamera {
+            ignored: ignored(entry, &camera)?,
+            camera,
+            rig_index: index as u16,
+            source: if empty { emptied(entry)? } else { entry.source.clone() },
+            background: entry.background.clone(),
+            segmentation: entry.segmentation.clone(),
+        })
+    };
+    let cameras = indices.iter().map(camera).collect::<Outcome<_>>()?;
+    Ok(NodeConfig { cameras, settings: file.probes, fps: file.fps })
+}
+
+/// The scene without the person.
+fn emptied(entry: &CameraEntry) -> Outcome<SourceConfig> {
+    if let SourceConfig::Stage(stage) = &entry.source {
+        let mut stage = stage.clone();
+        stage.person = false;
+        return Ok(SourceConfig::Stage(stage));
+    }
+    entry.background.clone().ok_or_else(|| {
+        Failure::input(format_args!("--empty: camera {:?} has no background to film instead", entry.name))
+    })
+}
+
+fn ignored(entry: &CameraEntry, camera: &hull::Camera) -> Outcome<Option<Silhouette>> {
+    let Some(path) = &entry.ignore_mask else { return Ok(None) };
+    let context = OpenContext { fps: 1.0, clock: std::sync::Arc::new(|| 0.0) };
+    let mut image = Image::default();
+    let mut source = SourceConfig::Masks(FileConfig::new(path))
+        .open(camera, entry.rig_index, &context)
+        .map_err(Failure::input)?;
+    source.next(0, &mut image).map_err(Failure::input)?;
+    let mask: Vec<u8> = image.data.iter().map(|&pixel| u8::from(pixel > 127)).collect();
+    let silhouette = Silhouette::from_mask(image.width, image.height, &mask);
+    silhouette.map(Some).map_err(|error| Failure::unreadable(path, error))
+}

@@ -1,0 +1,132 @@
+//! What a run prints and writes: the JSON of spec'd keys, and a few lines for people.
+
+use coordinator::{Figures, Percentiles};
+use serde_json::{Value, json};
+use sim::World;
+
+use crate::run::Setup;
+
+/// The intersection over union of the hull drawn into real cameras, at one picture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Overlap {
+    /// Film time, seconds.
+    pub film_s: f64,
+    /// The frame.
+    pub frame: u64,
+    /// Each camera's name and figure.
+    pub cameras: Vec<(String, f64)>,
+}
+
+/// The run's figures as JSON.
+pub fn json(setup: &Setup, figures: &Figures, world: &World, overlaps: &[Overlap]) -> Value {
+    let sizes = setup.file.rig.cameras().iter().map(|camera| (camera.width(), camera.height()));
+    let (width, height) = sizes.max().unwrap_or((0, 0));
+    let bytes = figures.bytes_to_nodes + figures.bytes_from_nodes;
+    let stages = coordinator::STAGES.iter().zip(&figures.stage_ms);
+    let stage_ms: serde_json::Map<String, Value> =
+        stages.map(|(name, stage)| ((*name).to_owned(), percentiles(stage))).collect();
+    let missed = figures.frames_expected.saturating_sub(figures.frames);
+    json!({
+        "cameras": setup.file.rig.cameras().len(),
+        "width": width,
+        "height": height,
+        "fps": setup.file.fps,
+        "transport": setup.transport.name(),
+        "response": "paper",
+        "scene": setup.scene.name(),
+        "seed": setup.seed,
+        "lock_step": setup.lock_step,
+        "wall_s": figures.wall_s,
+        "frames": figures.frames,
+        "steps": figures.steps,
+        "samples": figures.samples,
+        "inside_samples": figures.inside_samples,
+        "contacts": figures.contacts,
+        "left_inside": figures.left_inside(),
+        "step_ms": percentiles(&figures.step_ms),
+        "response_age_ms": percentiles(&figures.response_age_ms),
+        "stage_ms": stage_ms,
+        "steps_per_s": figures.steps as f64 / figures.wall_s.max(1e-9),
+        "bytes": {
+            "to_nodes": figures.bytes_to_nodes,
+            "from_nodes": figures.bytes_from_nodes,
+            "per_step": bytes as f64 / figures.steps.max(1) as f64,
+            "silhouettes": figures.bytes_silhouettes,
+        },
+        "missed": {
+            "frames": missed,
+            "frames_expected": figures.frames_expected,
+            "share": missed as f64 / figures.frames_expected.max(1) as f64,
+            "late_steps": figures.late_steps,
+            "blind_steps": figures.blind_steps,
+            "slipped_s": figures.slipped_s,
+        },
+        "faults": figures.faults,
+        "trajectory_digest": world.digest().to_string(),
+        "bodies": world.bodies().iter().zip(world.records()).map(body).collect::<Vec<Value>>(),
+        "hull_overlap": overlaps.iter().map(overlap).collect::<Vec<Value>>(),
+    })
+}
+
+fn body((body, record): (&sim::Body, &sim::BodyRecord)) -> Value {
+    json!({
+        "name": record.name,
+        "fixed": body.fixed,
+        "start": pose(&record.start),
+        "end": pose(&record.end),
+        "moved_m": record.moved_m,
+        "hull_moved_m": record.hull_moved_m,
+        "first_touch_s": record.first_touch_s,
+        "moved_before_touch_m": record.moved_before_touch_m,
+        "max_speed_m_s": record.max_speed_m_s,
+        "max_tilt_deg": record.max_tilt_deg,
+    })
+}
+
+fn pose(pose: &hull::Pose) -> Value {
+    json!({ "position_m": pose.position_m(), "rotation_xyzw": pose.rotation_xyzw() })
+}
+
+fn overlap(overlap: &Overlap) -> Value {
+    let cameras: serde_json::Map<String, Value> =
+        overlap.cameras.iter().map(|(name, figure)| (name.clone(), json!(figure))).collect();
+    json!({ "film_s": overlap.film_s, "frame": overlap.frame, "cameras": cameras })
+}
+
+fn percentiles(figures: &Percentiles) -> Value {
+    json!({ "p50": figures.p50(), "p99": figures.p99(), "max": figures.max() })
+}
+
+/// The run in a few lines.
+pub fn summary(setup: &Setup, figures: &Figures, world: &World) -> String {
+    let ms = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.2}"));
+    let missed = figures.frames_expected.saturating_sub(figures.frames);
+    let mut text = format!(
+        "{} frames of {} cameras ({} missed), {} steps in {:.1} s\n\
+         step p50 {} ms, p99 {} ms; response age p50 {} ms\n\
+         {} samples inside over all steps, {:.1} % not freed by their response\n",
+        figures.frames,
+        setup.file.rig.cameras().len(),
+        missed,
+        figures.steps,
+        figures.wall_s,
+        ms(figures.step_ms.p50()),
+        ms(figures.step_ms.p99()),
+        ms(figures.response_age_ms.p50()),
+        figures.inside_samples,
+        100.0 * figures.left_inside(),
+    );
+    if figures.blind_steps > 0 {
+        text += &format!("{} steps without a hull\n", figures.blind_steps);
+    }
+    for record in world.records().iter().filter(|record| record.first_touch_s.is_some()) {
+        text += &format!(
+            "  {:<16} touched at {:.2} s, moved {:.2} m, by the hull {:.2} m\n",
+            record.name,
+            record.first_touch_s.unwrap_or_default(),
+            record.moved_m,
+            record.hull_moved_m,
+        );
+    }
+    text
+}

@@ -1,0 +1,234 @@
+//! A run from a cluster file: what `demo` and `coordinator` share.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+
+use clap::ValueEnum;
+use coordinator::{Coordinator, ExpectedNode, Progress, RunSettings, Snapshot, Transport, Watcher};
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::Value;
+use sim::{ResponseMode, Scene, World, WorldSettings};
+
+use crate::cluster_file::ClusterFile;
+use crate::failure::{Failure, Outcome, write_whole};
+use crate::local::{InProcess, LocalCluster, expected_node};
+use crate::node::{interrupted, node_config};
+use crate::report::{self, Overlap};
+use crate::snapshot;
+
+/// Where probes are computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum TransportName {
+    /// At the nodes: questions travel, silhouettes stay.
+    Cluster,
+    /// Here: silhouettes travel (the paper's layout).
+    Gather,
+    /// Here, and cameras are filmed here too.
+    Inprocess,
+}
+
+impl TransportName {
+    /// As on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            TransportName::Cluster => "cluster",
+            TransportName::Gather => "gather",
+            TransportName::Inprocess => "inprocess",
+        }
+    }
+}
+
+/// How bodies answer the hull.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ResponseName {
+    /// The paper's: translate, and mirror the velocity.
+    Paper,
+    /// Contacts for the physics solver.
+    Contacts,
+}
+
+/// Everything a run needs, checked.
+pub struct Setup {
+    /// Rig, cameras and rules.
+    pub file: ClusterFile,
+    /// What happens.
+    pub scene: Scene,
+    /// Decides what is left to chance.
+    pub seed: u64,
+    /// Where probes are computed.
+    pub transport: TransportName,
+    /// Every frame, as fast as it can be made.
+    pub lock_step: bool,
+    /// The scene without the person.
+    pub empty: bool,
+    /// The run ends after so much film.
+    pub seconds: Option<f64>,
+    /// A live line of figures on a terminal.
+    pub live_line: bool,
+    /// Where figures go.
+    pub json: Option<PathBuf>,
+    /// Where pictures go.
+    pub snapshots: Option<PathBuf>,
+}
+
+/// Refuses what is not there yet.
+pub fn check_response(response: ResponseName) -> Outcome {
+    if response == ResponseName::Contacts {
+        return Err(Failure::input("--response contacts is not in this version, expected paper"));
+    }
+    Ok(())
+}
+
+/// Runs on this machine: nodes as processes, or everything in this one.
+pub fn run_locally(setup: &Setup) -> Outcome {
+    prepare_outputs(setup)?;
+    match setup.transport {
+        TransportName::Inprocess => {
+            let all: Vec<usize> = (0..setup.file.cameras.len()).collect();
+            let config = node_config(&setup.file, &all, setup.empty)?;
+            let frames = InProcess::prepare(&config)?;
+            run(setup, |_| Transport::in_process(Box::new(frames)), Duration::ZERO)
+        }
+        TransportName::Cluster | TransportName::Gather => {
+            let cluster = LocalCluster::start(&setup.file, setup.empty)?;
+            let nodes = cluster.nodes().to_vec();
+            run(setup, |world| connect(setup, nodes, world), Duration::from_secs(20))
+        }
+    }
+}
+
+/// Runs against the nodes at the addresses of the cluster file.
+pub fn run_deployed(setup: &Setup, patience: Duration) -> Outcome {
+    prepare_outputs(setup)?;
+    let mut nodes = Vec::new();
+    for (address, indices) in setup.file.nodes() {
+        let address = address.ok_or_else(|| {
+            let (path, name) = (setup.file.path.display(), &setup.file.cameras[indices[0]].name);
+            Failure::input(format_args!("{path}, camera {name:?}: no node, expected host:port"))
+        })?;
+        nodes.push(expected_node(&setup.file, address.to_owned(), &indices));
+    }
+    run(setup, |world| connect(setup, nodes, world), patience)
+}
+
+/// Says now what would fail at the end.
+fn prepare_outputs(setup: &Setup) -> Outcome {
+    if let Some(json) = &setup.json {
+        crate::local::check_writable(json)?;
+    }
+    if let Some(folder) = &setup.snapshots {
+        std::fs::create_dir_all(folder)
+            .map_err(|error| Failure::input(format_args!("--snapshot {}: {error}", folder.display())))?;
+    }
+    Ok(())
+}
+
+fn connect(setup: &Setup, nodes: Vec<ExpectedNode>, world: &World) -> Transport {
+    let gather = (setup.transport == TransportName::Gather).then(|| observers(setup));
+    let mut shapes: Vec<Arc<hull::Shape>> =
+        world.moving_bodies().map(|body| Arc::clone(&body.shape)).collect();
+    shapes.sort_by_key(|shape| shape.digest());
+    shapes.dedup_by_key(|shape| shape.digest());
+    Transport::connect(nodes, gather, setup.file.probes, setup.file.fps, shapes)
+}
+
+fn observers(setup: &Setup) -> Vec<Arc<hull::Observer>> {
+    let all: Vec<usize> = (0..setup.file.cameras.len()).collect();
+    // The ignore masks were read before; what cannot be read twice is told by the nodes.
+    node_config(&setup.file, &all, false).map(|config| config.observers()).unwrap_or_default()
+}
+
+fn run(setup: &Setup, transport: impl FnOnce(&World) -> Transport, connect_patience: Duration) -> Outcome {
+    let settings =
+        WorldSettings { seed: setup.seed, response: ResponseMode::Paper, ..WorldSettings::default() };
+    let world = World::new(&setup.scene, settings).map_err(Failure::input)?;
+    let observers = observers(setup);
+    let run_settings = RunSettings {
+        probes: setup.file.probes,
+        fps: setup.file.fps,
+        latency_s: setup.file.latency_s,
+        hold_s: setup.file.hold_s,
+        seconds: setup.seconds,
+        lock_step: setup.lock_step,
+        connect_patience,
+    };
+    let mut watcher = Console::new(setup, observers.clone());
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::run)?;
+    let ran = runtime.block_on(async {
+        let transport = transport(&world);
+        let coordinator = Coordinator::new(transport, world, observers, run_settings);
+        coordinator.run(&mut watcher, interrupted()).await
+    });
+    watcher.line.finish_and_clear();
+    let (figures, world) = ran.map_err(Failure::run)?;
+    if let Some(problem) = watcher.problem {
+        return Err(problem);
+    }
+    let figures_json: Value = report::json(setup, &figures, &world, &watcher.overlaps);
+    if let Some(path) = &setup.json {
+        let text = serde_json::to_string_pretty(&figures_json).map_err(Failure::run)?;
+        write_whole(path, text.as_bytes())?;
+    }
+    use std::io::Write as _;
+    let summary = report::summary(setup, &figures, &world);
+    // A closed standard output is no reason to fail a run that went well.
+    let _ = std::io::stdout().write_all(summary.as_bytes());
+    Ok(())
+}
+
+/// The live line and the pictures.
+struct Console<'a> {
+    setup: &'a Setup,
+    observers: Vec<Arc<hull::Observer>>,
+    line: ProgressBar,
+    next_picture_s: f64,
+    overlaps: Vec<Overlap>,
+    problem: Option<Failure>,
+}
+
+/// Film time between pictures, seconds.
+const PICTURE_EVERY_S: f64 = 1.0;
+
+impl<'a> Console<'a> {
+    fn new(setup: &'a Setup, observers: Vec<Arc<hull::Observer>>) -> Console<'a> {
+        let line = if setup.live_line { ProgressBar::new_spinner() } else { ProgressBar::hidden() };
+        if let Ok(style) = ProgressStyle::with_template("{msg}") {
+            line.set_style(style);
+        }
+        Console { setup, observers, line, next_picture_s: 0.5, overlaps: Vec::new(), problem: None }
+    }
+}
+
+impl Watcher for Console<'_> {
+    fn progress(&mut self, progress: &Progress) {
+        let hull = progress.blind.as_ref().map_or_else(String::new, |why| format!("  NO HULL: {why}"));
+        self.line.set_message(format!(
+            "{:6.1} s  frame {}  {:4.0} passes/s  p50 {:.2} ms  p99 {:.2} ms  {} samples  {} contacts  {:.0} KB/s{hull}",
+            progress.film_s,
+            progress.frame.map_or_else(|| "-".to_owned(), |frame| frame.to_string()),
+            progress.passes_per_s,
+            progress.p50_ms,
+            progress.p99_ms,
+            progress.samples,
+            progress.contacts,
+            progress.bytes_per_s / 1e3,
+        ));
+    }
+
+    fn wants_snapshot(&mut self, film_s: f64) -> bool {
+        let wants = self.setup.snapshots.is_some() && self.problem.is_none() && film_s >= self.next_picture_s;
+        if wants {
+            self.next_picture_s += PICTURE_EVERY_S;
+        }
+        wants
+    }
+
+    fn snapshot(&mut self, snapshot: Snapshot<'_>) {
+        let Some(folder) = &self.setup.snapshots else { return };
+        match snapshot::take(self.setup, &self.observers, &snapshot, folder) {
+            Ok(overlap) => self.overlaps.push(overlap),
+            Err(problem) => self.problem = Some(problem),
+        }
+    }
+}
