@@ -1,0 +1,259 @@
+//! How far each pixel of a view is from the silhouette's edge: lets rays take long steps through what a
+//! camera calls outside, and gives edges a smooth 2D normal.
+
+use hull::camera::Pixel;
+use hull::{Class, View};
+use nalgebra::{Point2, Vector2, Vector3};
+
+/// Straight and diagonal neighbours count 3 and 4: thirds of a pixel.
+const STRAIGHT: u16 = 3;
+const DIAGONAL: u16 = 4;
+/// Farther than any pixel of an image.
+const FAR: u16 = 30_000;
+/// The counts over this are never more than the true distance, pixels.
+const COUNTS_PER_PIXEL: f64 = 3.17;
+/// A point may lie so far from its pixel's centre, and the edge from its own, pixels together.
+const CENTRES_PIXELS: f64 = 1.42;
+/// The shortest step beside an edge, pixels: what is thinner may be missed.
+const SHORTEST_PIXELS: f64 = 0.5;
+/// The step where nothing is known of a camera's image, metres.
+const BLIND_STEP_M: f64 = 0.01;
+
+/// A ray in one camera's frame, metres.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct CameraRay {
+    pub start: Vector3<f64>,
+    pub direction: Vector3<f64>,
+}
+
+/// What a camera says of a point of a ray.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Verdict {
+    Inside,
+    Unknown,
+    /// Outside, and so is all of the ray for so many metres more (or half a pixel).
+    Outside { step_m: f64 },
+}
+
+/// Signed distances to the edge of what one view does not reject.
+pub(super) struct Field<'a> {
+    view: &'a View,
+    left: i32,
+    top: i32,
+    columns: i32,
+    rows: i32,
+    /// Thirds of a pixel, above zero outside.
+    thirds: Vec<i16>,
+    always_judges: bool,
+    /// Bounds, in normalised coordinates, of all that is not outside.
+    seen: Option<(Point2<f64>, Point2<f64>)>,
+}
+
+impl<'a> Field<'a> {
+    pub fn new(view: &'a View) -> Field<'a> {
+        let (map, camera) = (view.foreground(), view.camera());
+        let always_judges = view.observer().always_judges();
+        let (left, top, right, bottom) = if always_judges {
+            (map.left(), map.top(), map.right(), map.bottom())
+        } else {
+            (0, 0, camera.width() as i32, camera.height() as i32)
+        };
+        let (columns, rows) = (right - left, bottom - top);
+        let pixels = (top..bottom).flat_map(|row| (left..right).map(move |column| Pixel { column, row }));
+        let kept: Vec<bool> = if always_judges {
+            pixels.map(|pixel| map.get(pixel)).collect()
+        } else {
+            pixels.map(|pixel| view.class_at(Some(pixel)) != Class::Outside).collect()
+        };
+        // Where cameras may be silent, what is off the image is not outside.
+        let to_kept = distances(&kept, columns as usize, true, !always_judges);
+        let to_outside = distances(&kept, columns as usize, false, always_judges);
+        let thirds = to_kept.iter().zip(&to_outside).map(|(&out, &within)| out as i16 - within as i16);
+        let thirds = thirds.collect();
+        let seen = if always_judges { normalised_bounds(view, [left, top, right, bottom]) } else { None };
+        Field { view, left, top, columns, rows, thirds, always_judges, seen }
+    }
+
+    pub fn view(&self) -> &'a View {
+        self.view
+    }
+
+    /// Narrows `range_m` of the ray to where this camera may see something; `false` if nothing is left.
+    pub fn clip(&self, ray: &CameraRay, range_m: &mut (f64, f64)) -> bool {
+        if !self.always_judges {
+            return true;
+        }
+        let (o, d) = (&ray.start, &ray.direction);
+        let mut keep = |value: f64, slope: f64| {
+            if slope > 0.0 {
+                range_m.0 = range_m.0.max(-value / slope);
+            } else if slope < 0.0 {
+                range_m.1 = range_m.1.min(-value / slope);
+            } else if value < 0.0 {
+                range_m.1 = f64::NEG_INFINITY;
+            }
+        };
+        keep(o.z, d.z);
+        if let Some((low, high)) = &self.seen {
+            keep(o.x - low.x * o.z, d.x - low.x * d.z);
+            keep(high.x * o.z - o.x, high.x * d.z - d.x);
+            keep(o.y - low.y * o.z, d.y - low.y * d.z);
+            keep(high.y * o.z - o.y, high.y * d.z - d.y);
+        }
+        range_m.0 <= range_m.1
+    }
+
+    /// What the camera says of the ray's point at `t_m`.
+    pub fn verdict(&self, ray: &CameraRay, t_m: f64) -> Verdict {
+        let point = ray.start + ray.direction * t_m;
+        let camera = self.view.camera();
+        let Some(image) = camera.image_from_camera(&point) else {
+            return if self.always_judges {
+                Verdict::Outside { step_m: BLIND_STEP_M }
+            } else {
+                self.asked(None, BLIND_STEP_M)
+            };
+        };
+        let pixel = Pixel::holding(image.x, image.y);
+        let (thirds, beyond) = self.at(pixel);
+        if thirds <= 0 && beyond == 0.0 {
+            if self.always_judges {
+                return Verdict::Inside;
+            }
+            return self.asked(Some(pixel), BLIND_STEP_M);
+        }
+        if !self.always_judges && beyond > 0.0 {
+            return self.asked(Some(pixel), BLIND_STEP_M);
+        }
+        let clear = (f64::from(thirds) / COUNTS_PER_PIXEL).max(beyond) - CENTRES_PIXELS;
+        Verdict::Outside { step_m: self.step_m(&point, &ray.direction, clear.max(SHORTEST_PIXELS)) }
+    }
+
+    fn asked(&self, pixel: Option<Pixel>, step_m: f64) -> Verdict {
+        match self.view.class_at(pixel) {
+            Class::Inside => Verdict::Inside,
+            Class::Unknown => Verdict::Unknown,
+            Class::Outside => Verdict::Outside { step_m },
+        }
+    }
+
+    /// How far a point may go without its image moving by more than so many pixels.
+    fn step_m(&self, point: &Vector3<f64>, direction: &Vector3<f64>, pixels: f64) -> f64 {
+        let reach = pixels / self.view.observer().stretch_pixels();
+        let (x, y) = (point.x / point.z, point.y / point.z);
+        let across = Vector2::new(direction.x - x * direction.z, direction.y - y * direction.z).norm();
+        let slope = across - reach * direction.z;
+        if slope > 0.0 { reach * point.z / slope } else { f64::INFINITY }
+    }
+
+    /// The distance at a pixel, thirds, and how many pixels it lies beyond the field.
+    fn at(&self, pixel: Pixel) -> (i16, f64) {
+        let (column, row) = (pixel.column.saturating_sub(self.left), pixel.row.saturating_sub(self.top));
+        let (c, r) = (column.clamp(0, self.columns - 1), row.clamp(0, self.rows - 1));
+        let thirds = self.thirds[r as usize * self.columns as usize + c as usize];
+        if c == column && r == row {
+            return (thirds, 0.0);
+        }
+        (thirds, Vector2::new(f64::from(column - c), f64::from(row - r)).norm())
+    }
+
+    /// How deep within the silhouette a pixel is, and the slope of the distance there, averaged over the
+    /// view's window for normals: points out of the silhouette, length about one.
+    pub fn depth_and_slope(&self, pixel: Pixel) -> (f64, Vector2<f64>) {
+        let half = (self.view.observer().window_pixels() as i32 * 3 / 2).max(2);
+        let stride = (half / 4).max(1);
+        let (mut slope, mut sum, mut weight) = (Vector2::zeros(), 0.0, 0.0);
+        let mut dy = -half;
+        while dy <= half {
+            let mut dx = -half;
+            while dx <= half {
+                let near = Pixel { column: pixel.column + dx, row: pixel.row + dy };
+                let value = f64::from(self.at(near).0) / f64::from(STRAIGHT);
+                slope += Vector2::new(f64::from(dx), f64::from(dy)) * value;
+                sum += value;
+                weight += 1.0;
+                dx += stride;
+            }
+            dy += stride;
+        }
+        let steps = f64::from(half / stride);
+        let spread = f64::from(stride * stride) * weight * steps * (steps + 1.0) / 3.0;
+        (-sum / weight, slope / spread)
+    }
+}
+
+/// Chamfer distances, thirds of a pixel, to the nearest pixel of that value; beyond the borders all are
+/// of that value or none.
+fn distances(values: &[bool], columns: usize, wanted: bool, beyond: bool) -> Vec<u16> {
+    let mut found: Vec<u16> = values.iter().map(|&value| if value == wanted { 0 } else { FAR }).collect();
+    let rows = values.len() / columns;
+    let off = if beyond { 0 } else { FAR };
+    for row in 0..rows {
+        let (above, here) = found.split_at_mut(row * columns);
+        let above = row.checked_sub(1).map(|before| &above[before * columns..]);
+        relax(&mut here[..columns], above, off, false);
+    }
+    for row in (0..rows).rev() {
+        let (here, below) = found.split_at_mut((row + 1) * columns);
+        let below = (row + 1 < rows).then(|| &below[..columns]);
+        relax(&mut here[row * columns..], below, off, true);
+    }
+    found
+}
+
+/// Lowers a row's distances by way of the row before and of the pixel before in the row.
+fn relax(here: &mut [u16], before: Option<&[u16]>, off: u16, backwards: bool) {
+    let columns = here.len();
+    let pick = |column: usize| before.map_or(off, |before| before[column]);
+    let mut last = off;
+    for index in 0..columns {
+        let column = if backwards { columns - 1 - index } else { index };
+        let left = if column > 0 { pick(column - 1) } else { off };
+        let right = if column + 1 < columns { pick(column + 1) } else { off };
+        let straight = last.min(pick(column)) + STRAIGHT;
+        last = here[column].min(straight).min(left.min(right) + DIAGONAL);
+        here[column] = last;
+    }
+}
+
+/// The box of normalised coordinates around pixels `left, top, right, bottom`; `None` where part of
+/// their border has no ray.
+fn normalised_bounds(view: &View, rect: [i32; 4]) -> Option<(Point2<f64>, Point2<f64>)> {
+    const STEPS: i32 = 64;
+    let [left, top, right, bottom] = rect.map(|side| f64::from(side) - 0.5);
+    let corners = [(left, top), (right, top), (right, bottom), (left, bottom)];
+    let mut bounds: Option<(Point2<f64>, Point2<f64>)> = None;
+    let mut margin: f64 = 0.0;
+    let mut before: Option<Vector2<f64>> = None;
+    for side in 0..4 {
+        let (from, to) = (corners[side], corners[(side + 1) % 4]);
+        for step in 0..STEPS {
+            let share = f64::from(step) / f64::from(STEPS);
+            let image = Point2::new(from.0 + (to.0 - from.0) * share, from.1 + (to.1 - from.1) * share);
+            let seen = view.camera().normalised(&image)?;
+            margin = before.map_or(margin, |before| margin.max((seen - before).norm()));
+            before = Some(seen);
+            let point = Point2::from(seen);
+            bounds = Some(bounds.map_or((point, point), |(low, high)| (low.inf(&point), high.sup(&point))));
+        }
+    }
+    // Between two samples a bent border strays less than their distance.
+    let margin = if view.camera().lens().is_straight() { 1e-9 } else { margin };
+    bounds.map(|(low, high)| (low.map(|value| value - margin), high.map(|value| value + margin)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn distances_count_thirds_of_pixels() {
+        let values: Vec<bool> = (0..35).map(|at| at == 17).collect();
+        let found = distances(&values, 7, true, false);
+        assert_eq!(&found[14..21], [9, 6, 3, 0, 3, 6, 9]);
+        assert_eq!(&found[..7], [11, 8, 7, 6, 7, 8, 11]);
+        let bordered = distances(&values, 7, true, true);
+        assert_eq!(&bordered[14..21], [3, 6, 3, 0, 3, 6, 3]);
+        assert_eq!(&bordered[..7], [3; 7]);
+    }
+}
