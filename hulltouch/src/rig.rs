@@ -1,14 +1,30 @@
-//! `hulltouch rig`.
+//! `hulltouch rig`: calibrations from elsewhere, and whether they fit.
 
-use clap::Args;
+mod check;
+mod import;
+pub mod progress;
+
+use clap::{Args, Subcommand};
 
 use crate::failure::Outcome;
 
-/// To be written.
+/// Imports other programs' calibrations, and checks a rig against silhouettes.
 #[derive(Debug, Args)]
-pub struct RigArguments {}
+pub struct RigArguments {
+    #[command(subcommand)]
+    command: RigCommand,
+}
+
+#[derive(Debug, Subcommand)]
+enum RigCommand {
+    Import(import::ImportArguments),
+    Check(check::CheckArguments),
+}
 
 /// Runs it.
-pub fn run(_: &RigArguments) -> Outcome {
-    Ok(())
+pub fn run(arguments: &RigArguments) -> Outcome {
+    match &arguments.command {
+        RigCommand::Import(arguments) => import::run(arguments),
+        RigCommand::Check(arguments) => check::run(arguments),
+    }
 }

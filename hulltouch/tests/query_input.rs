@@ -1,0 +1,112 @@
+//! Bad input to `hulltouch query` and `hulltouch rig`: one line, exit status 2, nothing written.
+
+use std::fs;
+use std::path::Path;
+
+use assert_cmd::Command;
+
+const RIG: &str = "\
+[a]
+name = \"left\"
+size = [8, 6]
+matrix = [[10.0, 0.0, 4.0], [0.0, 10.0, 3.0], [0.0, 0.0, 1.0]]
+distortions = [0.0, 0.0, 0.0, 0.0]
+rotation = [0.0, 0.0, 0.0]
+translation = [0.0, 0.0, 2.0]
+";
+
+/// A folder in which a query answers.
+fn good() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path();
+    fs::create_dir(path.join("sil")).expect("a folder");
+    image::GrayImage::from_pixel(8, 6, image::Luma([255])).save(path.join("sil/left.png")).expect("written");
+    fs::write(path.join("rig.toml"), RIG).expect("written");
+    fs::write(path.join("points.csv"), "x,y,z\n0,0,0\n").expect("written");
+    folder
+}
+
+fn query(folder: &Path, options: &[&str]) -> assert_cmd::assert::Assert {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_hulltouch"));
+    command.current_dir(folder).args(["query", "--rig", "rig.toml", "--silhouettes", "sil"]);
+    command.args(["--points", "points.csv", "--json", "answers.json"]).args(options).assert()
+}
+
+#[track_caller]
+fn refused(folder: &Path, options: &[&str], expected: &str) {
+    let output = query(folder, options).code(2).get_output().clone();
+    assert_eq!(String::from_utf8_lossy(&output.stderr), format!("hulltouch: {expected}\n"));
+    assert!(!folder.join("answers.json").exists());
+}
+
+#[test]
+fn good_input_is_answered_and_summed_up_in_a_line() {
+    let folder = good();
+    let output = query(folder.path(), &["--min-views", "1"]).success().get_output().clone();
+    let summary = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(summary.starts_with("1 points, 1 inside, 1 cameras, "), "{summary}");
+    assert_eq!(summary.lines().count(), 1);
+    assert!(folder.path().join("answers.json").exists());
+}
+
+#[test]
+fn silhouettes_that_are_not_the_rigs_are_refused() {
+    let folder = good();
+    let path = folder.path();
+    let image = |width, height| image::GrayImage::from_pixel(width, height, image::Luma([255]));
+    image(8, 6).save(path.join("sil/right.png")).expect("written");
+    let stranger = "sil/right.png: found camera \"right\", expected one of the rig: left";
+    refused(path, &[], stranger);
+    fs::remove_file(path.join("sil/right.png")).expect("removed");
+
+    image(8, 7).save(path.join("sil/left.png")).expect("written");
+    let size = "sil/left.png: size: found 8 x 7, expected 8 x 6 as camera \"left\" of the rig";
+    refused(path, &[], size);
+
+    let deep = image::ImageBuffer::<image::Luma<u16>, Vec<u16>>::new(8, 6);
+    deep.save(path.join("sil/left.png")).expect("written");
+    refused(path, &[], "sil/left.png: found pixels of L16, expected 8 bits a channel");
+
+    fs::remove_file(path.join("sil/left.png")).expect("removed");
+    let missing = "found no such file, expected the silhouette of camera \"left\" of the rig";
+    refused(path, &[], &format!("sil/left.png: {missing}"));
+
+    fs::create_dir(path.join("sil/left")).expect("a folder");
+    image(8, 6).save(path.join("sil/left/000007.png")).expect("written");
+    refused(path, &["--frame", "6"], &format!("sil/left/6.png: {missing}"));
+    query(path, &["--frame", "7"]).success();
+}
+
+#[test]
+fn rig_points_and_options_are_refused_by_name() {
+    let folder = good();
+    let path = folder.path();
+    let none = "options: min_views is 0, expected at least 1";
+    refused(path, &["--min-views", "0"], none);
+    refused(path, &["--max-depth=-1"], "options: max_depth is -1 m, expected more than 0 and at most 1000");
+    fs::write(path.join("points.csv"), "x,y,z\n0,0,NaN\n").expect("written");
+    refused(path, &[], "points.csv: line 2, z: found \"NaN\", expected a finite number, metres");
+    fs::write(path.join("rig.toml"), RIG.replace("[8, 6]", "[0, 6]")).expect("written");
+    refused(path, &[], "rig.toml: [a] size is 0 x 6, expected 1 to 16384 pixels a side");
+}
+
+#[test]
+fn rig_import_and_check_say_what_is_wrong() {
+    let folder = good();
+    let path = folder.path();
+    let run = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_hulltouch"));
+        let output = command.current_dir(path).arg("rig").args(arguments).assert().get_output().clone();
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let (status, said) = run(&["import", "points.csv", "--out", "other.toml"]);
+    assert_eq!((status, said.lines().count()), (Some(2), 1), "{said}");
+    assert!(said.contains("points.csv") && said.contains("expected"), "{said}");
+    assert!(!path.join("other.toml").exists());
+    let (status, said) = run(&["check", "--rig", "rig.toml", "--silhouettes", "nowhere"]);
+    assert_eq!((status, said.lines().count()), (Some(2), 1), "{said}");
+    assert!(said.contains("nowhere"), "{said}");
+    let (status, said) = run(&["import", "rig.toml", "--up", "z", "--out", "other.toml"]);
+    assert_eq!((status, said.as_str()), (Some(0), ""));
+    assert!(path.join("other.toml").exists());
+}
