@@ -8,9 +8,10 @@ use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::time::{Duration, Instant};
 
 use hull::view_set::Scratch;
-use proto::convert::{answer_to_wire, pixel_rect_to_wire, question_from_wire, refusal, settings_to_wire};
+use proto::convert::{
+    RefusalReason, answer_to_wire, pixel_rect_to_wire, question_from_wire, refusal, settings_to_wire,
+};
 use proto::v1::camera_node_server::{CameraNode, CameraNodeServer};
-use proto::v1::refusal::Reason;
 use proto::{MAX_MESSAGE_BYTES, v1};
 use thiserror::Error;
 use tokio::net::TcpListener;
@@ -164,7 +165,7 @@ impl Worker {
                 // No message may end the node, not even one that finds a bug.
                 tracing::error!("a question made the computation panic");
                 self.scratch = Scratch::default();
-                refusal(id, Reason::Malformed, "the computation panicked")
+                refusal(id, RefusalReason::Malformed, "the computation panicked")
             });
             // The asker may have gone.
             let _ = replies.blocking_send(Ok(reply));
@@ -178,15 +179,15 @@ impl Worker {
             Ok(frame) => frame,
             Err(error) => {
                 let reason = match error {
-                    FrameError::Gone { .. } => Reason::Gone,
-                    FrameError::NotYet { .. } => Reason::NotYet,
+                    FrameError::Gone { .. } => RefusalReason::Gone,
+                    FrameError::NotYet { .. } => RefusalReason::NotYet,
                 };
                 return refusal(id, reason, error.to_string());
             }
         };
         let question = match question_from_wire(request, |key| self.shapes.get(key)) {
             Ok(question) => question,
-            Err(error) => return refusal(id, Reason::from(&error), error.to_string()),
+            Err(error) => return refusal(id, RefusalReason::from(&error), error.to_string()),
         };
         let answer = frame.views.answer(&question, &mut self.scratch);
         let camera_count = frame.views.views().len();
@@ -277,7 +278,7 @@ impl CameraNode for Service {
                     Ok(()) => {}
                     Err(TrySendError::Full(_)) => {
                         let busy = format!("{MAX_WAITING} questions wait");
-                        if replies.send(Ok(refusal(id, Reason::Busy, busy))).await.is_err() {
+                        if replies.send(Ok(refusal(id, RefusalReason::Busy, busy))).await.is_err() {
                             break;
                         }
                     }

@@ -8,7 +8,9 @@ use std::time::Duration;
 use hull::question::Question;
 use hull::{ProbeSettings, Shape, Silhouette};
 use hyper_util::rt::TokioIo;
-use proto::convert::{pixel_rect_from_wire, question_to_wire, settings_from_wire, shape_to_wire};
+use proto::convert::{
+    ProbeAnswer, answer_from_wire, pixel_rect_from_wire, question_to_wire, settings_from_wire, shape_to_wire,
+};
 use proto::v1::camera_node_client::CameraNodeClient;
 use proto::{MAX_MESSAGE_BYTES, v1};
 use tokio::net::TcpStream;
@@ -53,8 +55,8 @@ pub struct ExpectedNode {
 
 /// What a link tells the pass in flight.
 pub(crate) enum Event {
-    /// A reply of a node.
-    Reply(usize, v1::ProbeReply),
+    /// A node's reply to the question of that id.
+    Reply(usize, u64, ProbeAnswer),
     /// A node's connection broke.
     Down(usize),
 }
@@ -293,7 +295,11 @@ impl Link {
         loop {
             match replies.next().await {
                 Some(Ok(reply)) => {
-                    if self.events.send(Event::Reply(self.index, reply)).await.is_err() {
+                    let (id, answer, _) = match answer_from_wire(reply) {
+                        Ok(converted) => converted,
+                        Err(error) => return format!("it answers nonsense: {error}"),
+                    };
+                    if self.events.send(Event::Reply(self.index, id, answer)).await.is_err() {
                         return "the run is over".into();
                     }
                 }

@@ -4,8 +4,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use hull::pass::{AnswerError, Pass, Round};
-use proto::convert::{ConvertError, ProbeAnswer, answer_from_wire};
-use proto::v1::refusal::Reason;
+use proto::convert::{ProbeAnswer, RefusalReason};
 use thiserror::Error;
 use tokio::sync::mpsc;
 
@@ -20,8 +19,6 @@ pub(crate) enum PassError {
     Late { node: String, waited_ms: u128 },
     #[error("node {node} refused: {message}")]
     Refused { node: String, message: String },
-    #[error("node {node} answered nonsense: {error}")]
-    Reply { node: String, error: ConvertError },
     #[error("node {node}: {error}")]
     Answer { node: String, error: AnswerError },
 }
@@ -69,23 +66,21 @@ impl Fanout {
         while let Some(first) = waiting.iter().position(|&waits| waits) {
             let event = tokio::time::timeout_at(deadline, self.events.recv()).await;
             let late = || PassError::Late { node: name(&self.links, first), waited_ms: patience.as_millis() };
-            let (index, reply) = match event.map_err(|_| late())?.ok_or_else(late)? {
+            let (index, answer) = match event.map_err(|_| late())?.ok_or_else(late)? {
                 Event::Down(index) if waiting[index] => {
                     return Err(PassError::Down(name(&self.links, index)));
                 }
                 Event::Down(_) => continue,
-                Event::Reply(_, reply) if reply.id != id => continue,
-                Event::Reply(index, reply) => (index, reply),
+                Event::Reply(_, of, _) if of != id => continue,
+                Event::Reply(index, _, answer) => (index, answer),
             };
             let node = || name(&self.links, index);
-            let (_, answer, _) =
-                answer_from_wire(reply).map_err(|error| PassError::Reply { node: node(), error })?;
             match answer {
                 ProbeAnswer::Answer(answer) => {
                     pass.answer(index, answer).map_err(|error| PassError::Answer { node: node(), error })?;
                     waiting[index] = false;
                 }
-                ProbeAnswer::Refused(Reason::UnknownShape, _) => {
+                ProbeAnswer::Refused(RefusalReason::UnknownShape, _) => {
                     // The node began anew since the shapes were registered.
                     let refused = |message| PassError::Refused { node: node(), message };
                     let link = &self.links[index];

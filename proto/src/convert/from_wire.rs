@@ -8,8 +8,8 @@ use hull::question::{Answer, Batch, Directions, Edge, Points, Question, Standing
 use hull::silhouette::PixelRect;
 use hull::{HullRule, NormalWindow, OutOfView, Pose, ProbeSettings, Shape};
 
-use super::ConvertError;
 use super::bulk::{Field, unpack, unpack_bits, unpack_f32x3, unpack_f64x3, unpack_indices};
+use super::{ConvertError, RefusalReason};
 use crate::{MAX_POINTS, v1};
 
 /// A node's reply to a question.
@@ -18,7 +18,7 @@ pub enum ProbeAnswer {
     /// It answered.
     Answer(Answer),
     /// It did not, and why.
-    Refused(v1::refusal::Reason, String),
+    Refused(RefusalReason, String),
 }
 
 /// A shape to register; its samples must have the digest it claims.
@@ -130,9 +130,22 @@ pub fn answer_from_wire(reply: v1::ProbeReply) -> Result<(u64, ProbeAnswer, f64)
         Wire::Classes(classes) => ProbeAnswer::Answer(Answer::Classes(classes_from_wire(&classes)?)),
         Wire::Edges(edges) => ProbeAnswer::Answer(Answer::Edges(edges_from_wire(&edges)?)),
         Wire::Exits(exits) => ProbeAnswer::Answer(Answer::Exits(exits_from_wire(&exits)?)),
-        Wire::Refusal(refusal) => ProbeAnswer::Refused(refusal.reason(), refusal.message),
+        Wire::Refusal(refusal) => ProbeAnswer::Refused(reason_from_wire(&refusal), refusal.message),
     };
     Ok((id, answer, compute_ms))
+}
+
+/// A reason that this version does not know is the message's fault.
+fn reason_from_wire(refusal: &v1::Refusal) -> RefusalReason {
+    use v1::refusal::Reason;
+    match refusal.reason() {
+        Reason::Gone => RefusalReason::Gone,
+        Reason::NotYet => RefusalReason::NotYet,
+        Reason::UnknownShape => RefusalReason::UnknownShape,
+        Reason::TooManyPoints => RefusalReason::TooManyPoints,
+        Reason::Busy => RefusalReason::Busy,
+        Reason::Malformed | Reason::Unspecified => RefusalReason::Malformed,
+    }
 }
 
 fn classes_from_wire(answer: &v1::ClassesAnswer) -> Result<Vec<Standing>, ConvertError> {

@@ -15,6 +15,23 @@ pub use to_wire::{
 
 use thiserror::Error;
 
+/// Why a node does not answer a question.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RefusalReason {
+    /// The frame has left the ring.
+    Gone,
+    /// The frame has not come yet.
+    NotYet,
+    /// A shape is not registered there.
+    UnknownShape,
+    /// More points than a question may hold.
+    TooManyPoints,
+    /// The message makes no question.
+    Malformed,
+    /// Too many questions wait.
+    Busy,
+}
+
 /// Why a message makes no value.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum ConvertError {

@@ -7,8 +7,8 @@ use hull::question::{Answer, Batch, Directions, Edge, Points, Question, Standing
 use hull::silhouette::PixelRect;
 use hull::{NormalWindow, OutOfView, ProbeSettings};
 
-use super::ConvertError;
 use super::bulk::{pack_bits, pack_f32, pack_f64, pack_indices};
+use super::{ConvertError, RefusalReason};
 use crate::v1;
 
 /// What a question names a registered shape by: the first eight bytes of its digest.
@@ -130,18 +130,27 @@ fn exits_to_wire(exits: &[Exit]) -> v1::ExitsAnswer {
 }
 
 /// A question that is not answered, and why.
-pub fn refusal(id: u64, reason: v1::refusal::Reason, message: impl Into<String>) -> v1::ProbeReply {
+pub fn refusal(id: u64, reason: RefusalReason, message: impl Into<String>) -> v1::ProbeReply {
+    use v1::refusal::Reason;
+    let reason = match reason {
+        RefusalReason::Gone => Reason::Gone,
+        RefusalReason::NotYet => Reason::NotYet,
+        RefusalReason::UnknownShape => Reason::UnknownShape,
+        RefusalReason::TooManyPoints => Reason::TooManyPoints,
+        RefusalReason::Malformed => Reason::Malformed,
+        RefusalReason::Busy => Reason::Busy,
+    };
     let refusal = v1::Refusal { reason: reason.into(), message: message.into() };
     v1::ProbeReply { id, answer: Some(v1::probe_reply::Answer::Refusal(refusal)), compute_ms: 0.0 }
 }
 
-impl From<&ConvertError> for v1::refusal::Reason {
-    fn from(error: &ConvertError) -> v1::refusal::Reason {
+impl From<&ConvertError> for RefusalReason {
+    fn from(error: &ConvertError) -> RefusalReason {
         match error {
-            ConvertError::UnknownShape(_) => v1::refusal::Reason::UnknownShape,
-            ConvertError::TooManyPoints { .. } => v1::refusal::Reason::TooManyPoints,
+            ConvertError::UnknownShape(_) => RefusalReason::UnknownShape,
+            ConvertError::TooManyPoints { .. } => RefusalReason::TooManyPoints,
             ConvertError::Missing { .. } | ConvertError::Length { .. } | ConvertError::Value { .. } => {
-                v1::refusal::Reason::Malformed
+                RefusalReason::Malformed
             }
         }
     }
