@@ -1,6 +1,7 @@
 //! Pictures of one frame from any viewpoint: the visual hull of the silhouettes, ray-marched and shaded
 //! by its normal, with the bodies in their colours, the samples inside the hull, and the floor.
 
+mod distance;
 mod field;
 mod hull_ray;
 mod mask;
@@ -15,12 +16,12 @@ use image::{Rgb, RgbImage};
 use nalgebra::{Point2, Point3, Vector3};
 use sim::Body;
 
-use self::field::CameraRay;
-use self::hull_ray::{HullTracer, Ray};
+use self::field::Outline;
+use self::hull_ray::{HullTracer, Ray, Scratch};
 use self::shade::{Colour, Light};
 use self::solid_ray::SolidTracer;
 
-pub use self::mask::{hull_mask, overlap, overlaps};
+pub use self::mask::overlaps;
 pub use self::overview::{interest, overview_camera};
 
 /// Radius of a sample's dot over the picture's height.
@@ -96,7 +97,7 @@ struct Painter<'a> {
     light: Light,
     floor_axes: [Vector3<f64>; 2],
     centre: Point3<f64>,
-    scratch: Vec<CameraRay>,
+    scratch: Scratch,
 }
 
 impl<'a> Painter<'a> {
@@ -109,12 +110,12 @@ impl<'a> Painter<'a> {
         Painter {
             camera,
             scene,
-            hull: HullTracer::new(scene.views),
+            hull: HullTracer::new(scene.views, Outline::Smooth),
             solids: scene.bodies.iter().map(SolidTracer::new).collect(),
             light: Light::new(scene.up, &axis(0), &-axis(2)),
             floor_axes: [along, scene.up.cross(&along)],
             centre: nalgebra::center(&Point3::from(shown.min), &Point3::from(shown.max)),
-            scratch: Vec::new(),
+            scratch: Scratch::default(),
         }
     }
 
@@ -147,7 +148,7 @@ impl<'a> Painter<'a> {
     fn body_seen(&mut self, ray: &Ray, index: usize, hit: solid_ray::SolidHit) -> Seen {
         let lit = self.lit(&ray.at(hit.t_m), &hit.normal_world);
         let colour = shade::linear(self.solids[index].color);
-        let colour = self.light.matte(&colour, &hit.normal_world, f64::from(u8::from(lit)));
+        let colour = self.light.matte(&colour, &hit.normal_world, lit);
         // Edges are drawn a pixel and a half wide, whatever the distance.
         let edge_m = 1.5 * hit.t_m / self.camera.intrinsics()[(0, 0)];
         let darkened = 0.45 + 0.55 * (hit.edge_m / edge_m).min(1.0);
@@ -156,7 +157,7 @@ impl<'a> Painter<'a> {
 
     fn hull_seen(&mut self, ray: &Ray, t_m: f64) -> Seen {
         let normal = self.hull.normal(&ray.at(t_m)).unwrap_or(-ray.direction);
-        let colour = self.light.matte(&shade::linear(shade::HULL_SRGB), &normal, 1.0);
+        let colour = self.light.matte(&shade::linear(shade::HULL_SRGB), &normal, true);
         Seen { thing: Thing::Hull, t_m, colour }
     }
 
@@ -175,7 +176,7 @@ impl<'a> Painter<'a> {
             }
         }
         let away_m = (point - self.centre).norm();
-        let colour = shade::floor(place_m, footprint_m, away_m, f64::from(u8::from(lit)), background);
+        let colour = shade::floor(place_m, footprint_m, away_m, lit, background);
         Seen { thing: Thing::Floor { lit }, t_m, colour }
     }
 
@@ -214,7 +215,10 @@ impl<'a> Painter<'a> {
             for y in (row - reach).max(0)..=(row + reach).min(height - 1) {
                 for x in (column - reach).max(0)..=(column + reach).min(width - 1) {
                     let off = Point2::new(f64::from(x), f64::from(y)) - image;
-                    blend(picture.get_pixel_mut(x as u32, y as u32), (radius + 0.5 - off.norm()).clamp(0.0, 1.0));
+                    blend(
+                        picture.get_pixel_mut(x as u32, y as u32),
+                        (radius + 0.5 - off.norm()).clamp(0.0, 1.0),
+                    );
                 }
             }
         }
@@ -251,7 +255,12 @@ fn is_edge(seen: &[Seen], at: usize, width: usize) -> bool {
 fn crease(seen: &[Seen], at: usize, width: usize) -> f64 {
     let here = &seen[at];
     let behind = here.thing == Thing::Hull
-        && neighbours(at, width, seen.len())
-            .any(|next| seen[next].thing == Thing::Hull && here.t_m - seen[next].t_m > STEP_M);
+        && neighbours(at, width, seen.len()).any(|next| {
+            let jump_m = here.t_m - seen[next].t_m;
+            // Where the surface is seen at a grazing angle, it falls away on the other side too.
+            let other = (2 * at).checked_sub(next).and_then(|other| seen.get(other));
+            let slope_m = other.map_or(0.0, |other| (other.t_m - here.t_m).abs());
+            seen[next].thing == Thing::Hull && jump_m > STEP_M.max(2.0 * slope_m)
+        });
     if behind { 0.7 } else { 1.0 }
 }

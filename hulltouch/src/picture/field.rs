@@ -5,17 +5,16 @@ use hull::camera::Pixel;
 use hull::{Class, View};
 use nalgebra::{Point2, Vector2, Vector3};
 
-/// Straight and diagonal neighbours count 3 and 4: thirds of a pixel.
-const STRAIGHT: u16 = 3;
-const DIAGONAL: u16 = 4;
-/// Farther than any pixel of an image.
-const FAR: u16 = 30_000;
+use super::distance::{STRAIGHT, averaged, distances};
+
 /// The counts over this are never more than the true distance, pixels.
 const COUNTS_PER_PIXEL: f64 = 3.17;
 /// A point may lie so far from its pixel's centre, and the edge from its own, pixels together.
 const CENTRES_PIXELS: f64 = 1.42;
 /// The shortest step beside an edge, pixels: what is thinner may be missed.
-const SHORTEST_PIXELS: f64 = 0.5;
+const SHORTEST_PIXELS: f64 = 0.4;
+/// No smoothed edge strays farther from the pixels' own, pixels.
+const STRAY_PIXELS: f64 = 1.0;
 /// The step where nothing is known of a camera's image, metres.
 const BLIND_STEP_M: f64 = 0.01;
 
@@ -31,26 +30,42 @@ pub(super) struct CameraRay {
 pub(super) enum Verdict {
     Inside,
     Unknown,
-    /// Outside, and so is all of the ray for so many metres more (or half a pixel).
-    Outside { step_m: f64 },
+    /// Outside, and so is all of the ray for so many metres more (or what is shortest).
+    Outside {
+        step_m: f64,
+    },
+}
+
+/// Where a silhouette ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Outline {
+    /// Between pixels, as the hull rule has it.
+    Exact,
+    /// Along a line through the stairs of the pixels, never more than a pixel off: for the eye.
+    Smooth,
 }
 
 /// Signed distances to the edge of what one view does not reject.
 pub(super) struct Field<'a> {
     view: &'a View,
+    outline: Outline,
     left: i32,
     top: i32,
     columns: i32,
     rows: i32,
     /// Thirds of a pixel, above zero outside.
     thirds: Vec<i16>,
+    /// The same to the line between pixels, averaged over three pixels each way; empty unless wanted.
+    smooth: Vec<f32>,
     always_judges: bool,
+    /// The image moves by at most so many pixels per unit of normalised coordinates.
+    stretch_pixels: f64,
     /// Bounds, in normalised coordinates, of all that is not outside.
     seen: Option<(Point2<f64>, Point2<f64>)>,
 }
 
 impl<'a> Field<'a> {
-    pub fn new(view: &'a View) -> Field<'a> {
+    pub fn new(view: &'a View, outline: Outline) -> Field<'a> {
         let (map, camera) = (view.foreground(), view.camera());
         let always_judges = view.observer().always_judges();
         let (left, top, right, bottom) = if always_judges {
@@ -69,28 +84,36 @@ impl<'a> Field<'a> {
         let to_kept = distances(&kept, columns as usize, true, !always_judges);
         let to_outside = distances(&kept, columns as usize, false, always_judges);
         let thirds = to_kept.iter().zip(&to_outside).map(|(&out, &within)| out as i16 - within as i16);
-        let thirds = thirds.collect();
-        let seen = if always_judges { normalised_bounds(view, [left, top, right, bottom]) } else { None };
-        Field { view, left, top, columns, rows, thirds, always_judges, seen }
+        let thirds: Vec<i16> = thirds.collect();
+        let smooth = match outline {
+            Outline::Exact => Vec::new(),
+            Outline::Smooth => averaged(&thirds, columns as usize),
+        };
+        let seen = normalised_bounds(view, [left, top, right, bottom]);
+        let stretch_pixels = stretch_pixels(view, [left, top, right, bottom]);
+        Field { view, outline, left, top, columns, rows, thirds, smooth, always_judges, stretch_pixels, seen }
+    }
+
+    /// How many metres a pixel spans at a depth, at least.
+    pub fn pixel_m(&self, depth_m: f64) -> f64 {
+        depth_m / self.stretch_pixels
     }
 
     pub fn view(&self) -> &'a View {
         self.view
     }
 
-    /// Narrows `range_m` of the ray to where this camera may see something; `false` if nothing is left.
-    pub fn clip(&self, ray: &CameraRay, range_m: &mut (f64, f64)) -> bool {
-        if !self.always_judges {
-            return true;
-        }
+    /// From where to where on the ray this camera may say inside, metres; empty if the end comes first.
+    pub fn span_m(&self, ray: &CameraRay) -> (f64, f64) {
         let (o, d) = (&ray.start, &ray.direction);
+        let mut span_m = (0.0f64, f64::INFINITY);
         let mut keep = |value: f64, slope: f64| {
             if slope > 0.0 {
-                range_m.0 = range_m.0.max(-value / slope);
+                span_m.0 = span_m.0.max(-value / slope);
             } else if slope < 0.0 {
-                range_m.1 = range_m.1.min(-value / slope);
+                span_m.1 = span_m.1.min(-value / slope);
             } else if value < 0.0 {
-                range_m.1 = f64::NEG_INFINITY;
+                span_m.1 = f64::NEG_INFINITY;
             }
         };
         keep(o.z, d.z);
@@ -100,7 +123,7 @@ impl<'a> Field<'a> {
             keep(o.y - low.y * o.z, d.y - low.y * d.z);
             keep(high.y * o.z - o.y, high.y * d.z - d.y);
         }
-        range_m.0 <= range_m.1
+        span_m
     }
 
     /// What the camera says of the ray's point at `t_m`.
@@ -116,17 +139,38 @@ impl<'a> Field<'a> {
         };
         let pixel = Pixel::holding(image.x, image.y);
         let (thirds, beyond) = self.at(pixel);
-        if thirds <= 0 && beyond == 0.0 {
-            if self.always_judges {
-                return Verdict::Inside;
+        if !self.always_judges && (thirds <= 0 || beyond > 0.0) {
+            let class = self.view.class_at(Some(pixel));
+            if class == Class::Unknown || beyond > 0.0 {
+                return self.asked(Some(pixel), BLIND_STEP_M);
             }
-            return self.asked(Some(pixel), BLIND_STEP_M);
         }
-        if !self.always_judges && beyond > 0.0 {
-            return self.asked(Some(pixel), BLIND_STEP_M);
+        let mut clear = (f64::from(thirds) / COUNTS_PER_PIXEL).max(beyond) - CENTRES_PIXELS;
+        let inside = match self.outline {
+            Outline::Exact => thirds <= 0 && beyond == 0.0,
+            Outline::Smooth => {
+                clear -= STRAY_PIXELS;
+                clear < SHORTEST_PIXELS && self.smoothed(&image) <= 0.0
+            }
+        };
+        if inside {
+            return Verdict::Inside;
         }
-        let clear = (f64::from(thirds) / COUNTS_PER_PIXEL).max(beyond) - CENTRES_PIXELS;
         Verdict::Outside { step_m: self.step_m(&point, &ray.direction, clear.max(SHORTEST_PIXELS)) }
+    }
+
+    /// The smoothed distance at a point of the image, between the pixels around it.
+    fn smoothed(&self, image: &Point2<f64>) -> f64 {
+        let (x, y) = (image.x - f64::from(self.left), image.y - f64::from(self.top));
+        let (column, row) = (x.floor(), y.floor());
+        let (right, down) = (x - column, y - row);
+        let at = |column: f64, row: f64| {
+            let (c, r) = ((column as i32).clamp(0, self.columns - 1), (row as i32).clamp(0, self.rows - 1));
+            f64::from(self.smooth[r as usize * self.columns as usize + c as usize])
+        };
+        let upper = at(column, row) * (1.0 - right) + at(column + 1.0, row) * right;
+        let lower = at(column, row + 1.0) * (1.0 - right) + at(column + 1.0, row + 1.0) * right;
+        upper * (1.0 - down) + lower * down
     }
 
     fn asked(&self, pixel: Option<Pixel>, step_m: f64) -> Verdict {
@@ -139,7 +183,7 @@ impl<'a> Field<'a> {
 
     /// How far a point may go without its image moving by more than so many pixels.
     fn step_m(&self, point: &Vector3<f64>, direction: &Vector3<f64>, pixels: f64) -> f64 {
-        let reach = pixels / self.view.observer().stretch_pixels();
+        let reach = pixels / self.stretch_pixels;
         let (x, y) = (point.x / point.z, point.y / point.z);
         let across = Vector2::new(direction.x - x * direction.z, direction.y - y * direction.z).norm();
         let slope = across - reach * direction.z;
@@ -157,10 +201,15 @@ impl<'a> Field<'a> {
         (thirds, Vector2::new(f64::from(column - c), f64::from(row - r)).norm())
     }
 
-    /// How deep within the silhouette a pixel is, and the slope of the distance there, averaged over the
+    /// How deep within the silhouette a pixel is, pixels; below zero outside.
+    pub fn depth_pixels(&self, pixel: Pixel) -> f64 {
+        -f64::from(self.at(pixel).0) / f64::from(STRAIGHT)
+    }
+
+    /// The same averaged, and the slope of the distance there, averaged over the
     /// view's window for normals: points out of the silhouette, length about one.
     pub fn depth_and_slope(&self, pixel: Pixel) -> (f64, Vector2<f64>) {
-        let half = (self.view.observer().window_pixels() as i32 * 3 / 2).max(2);
+        let half = 2 * self.view.observer().window_pixels() as i32 + 1;
         let stride = (half / 4).max(1);
         let (mut slope, mut sum, mut weight) = (Vector2::zeros(), 0.0, 0.0);
         let mut dy = -half;
@@ -182,38 +231,25 @@ impl<'a> Field<'a> {
     }
 }
 
-/// Chamfer distances, thirds of a pixel, to the nearest pixel of that value; beyond the borders all are
-/// of that value or none.
-fn distances(values: &[bool], columns: usize, wanted: bool, beyond: bool) -> Vec<u16> {
-    let mut found: Vec<u16> = values.iter().map(|&value| if value == wanted { 0 } else { FAR }).collect();
-    let rows = values.len() / columns;
-    let off = if beyond { 0 } else { FAR };
-    for row in 0..rows {
-        let (above, here) = found.split_at_mut(row * columns);
-        let above = row.checked_sub(1).map(|before| &above[before * columns..]);
-        relax(&mut here[..columns], above, off, false);
+/// The most that the image moves per unit of normalised coordinates on pixels `left, top, right, bottom`,
+/// which the lens's tightest bound alone would overrate: a grid finds it, and a little more covers what lies between.
+fn stretch_pixels(view: &View, rect: [i32; 4]) -> f64 {
+    const STEPS: i32 = 24;
+    const MORE: f64 = 1.05;
+    let camera = view.camera();
+    let bound = view.observer().stretch_pixels();
+    if camera.lens().is_straight() {
+        return bound;
     }
-    for row in (0..rows).rev() {
-        let (here, below) = found.split_at_mut((row + 1) * columns);
-        let below = (row + 1 < rows).then(|| &below[..columns]);
-        relax(&mut here[row * columns..], below, off, true);
-    }
-    found
-}
-
-/// Lowers a row's distances by way of the row before and of the pixel before in the row.
-fn relax(here: &mut [u16], before: Option<&[u16]>, off: u16, backwards: bool) {
-    let columns = here.len();
-    let pick = |column: usize| before.map_or(off, |before| before[column]);
-    let mut last = off;
-    for index in 0..columns {
-        let column = if backwards { columns - 1 - index } else { index };
-        let left = if column > 0 { pick(column - 1) } else { off };
-        let right = if column + 1 < columns { pick(column + 1) } else { off };
-        let straight = last.min(pick(column)) + STRAIGHT;
-        last = here[column].min(straight).min(left.min(right) + DIAGONAL);
-        here[column] = last;
-    }
+    let [left, top, right, bottom] = rect.map(f64::from);
+    let grid = (0..=STEPS).flat_map(|row| (0..=STEPS).map(move |column| (column, row)));
+    let found = grid.filter_map(|(column, row)| {
+        let share = |step: i32| f64::from(step) / f64::from(STEPS);
+        let image = Point2::new(left + (right - left) * share(column), top + (bottom - top) * share(row));
+        let jacobian = camera.image_jacobian(&camera.normalised(&image)?);
+        Some(jacobian.fixed_columns::<2>(0).into_owned().singular_values().max())
+    });
+    (found.fold(0.0, f64::max) * MORE).min(bound)
 }
 
 /// The box of normalised coordinates around pixels `left, top, right, bottom`; `None` where part of
@@ -240,20 +276,4 @@ fn normalised_bounds(view: &View, rect: [i32; 4]) -> Option<(Point2<f64>, Point2
     // Between two samples a bent border strays less than their distance.
     let margin = if view.camera().lens().is_straight() { 1e-9 } else { margin };
     bounds.map(|(low, high)| (low.map(|value| value - margin), high.map(|value| value + margin)))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn distances_count_thirds_of_pixels() {
-        let values: Vec<bool> = (0..35).map(|at| at == 17).collect();
-        let found = distances(&values, 7, true, false);
-        assert_eq!(&found[14..21], [9, 6, 3, 0, 3, 6, 9]);
-        assert_eq!(&found[..7], [11, 8, 7, 6, 7, 8, 11]);
-        let bordered = distances(&values, 7, true, true);
-        assert_eq!(&bordered[14..21], [3, 6, 3, 0, 3, 6, 3]);
-        assert_eq!(&bordered[..7], [3; 7]);
-    }
 }

@@ -3,12 +3,14 @@
 use hull::camera::Pixel;
 use hull::{Camera, Class, View};
 
-use super::hull_ray::{HullTracer, Ray};
+use super::field::Outline;
+use super::hull_ray::{HullTracer, Ray, Scratch};
 
-/// The hull ray-marched from a camera with its lens: one byte per pixel, row by row, 255 where the
-/// viewing ray through the pixel's centre meets the hull of `views`.
-pub fn hull_mask(views: &[View], camera: &Camera) -> Vec<u8> {
-    mask(&HullTracer::new(views), views, camera)
+/// For each view, in the order given: intersection over union of the hull of all, ray-marched from its
+/// camera with its lens, with its own silhouette; over the pixels that are not ignored.
+pub fn overlaps(views: &[View]) -> Vec<f64> {
+    let tracer = HullTracer::new(views, Outline::Exact);
+    views.iter().map(|view| overlap(&mask(&tracer, views, view.camera()), view)).collect()
 }
 
 /// Intersection over union of a mask of the view's camera and its foreground, over the pixels that are not
@@ -16,7 +18,7 @@ pub fn hull_mask(views: &[View], camera: &Camera) -> Vec<u8> {
 ///
 /// # Panics
 /// If the mask is not of the camera's size.
-pub fn overlap(mask: &[u8], view: &View) -> f64 {
+pub(super) fn overlap(mask: &[u8], view: &View) -> f64 {
     let (width, height) = (view.camera().width() as usize, view.camera().height() as usize);
     assert_eq!(mask.len(), width * height, "a mask of the camera's size");
     let (mut both, mut either) = (0u64, 0u64);
@@ -32,19 +34,14 @@ pub fn overlap(mask: &[u8], view: &View) -> f64 {
     if either == 0 { 1.0 } else { both as f64 / either as f64 }
 }
 
-/// For each view, in the order given: [`overlap`] of the hull of all, drawn into its camera, with its own
-/// silhouette.
-pub fn overlaps(views: &[View]) -> Vec<f64> {
-    let tracer = HullTracer::new(views);
-    views.iter().map(|view| overlap(&mask(&tracer, views, view.camera()), view)).collect()
-}
-
-fn mask(tracer: &HullTracer, views: &[View], camera: &Camera) -> Vec<u8> {
+/// One byte per pixel, row by row: 255 where the viewing ray through the pixel's centre meets the hull of
+/// `views`, whose tracer this is.
+pub(super) fn mask(tracer: &HullTracer, views: &[View], camera: &Camera) -> Vec<u8> {
     let width = camera.width() as usize;
     let mut mask = vec![0; width * camera.height() as usize];
     // All of a viewing ray falls on its pixel: what the camera itself rejects need not be followed.
     let own = views.iter().find(|view| view.camera() == camera);
-    let mut scratch = Vec::new();
+    let mut scratch = Scratch::default();
     for (row, pixels) in mask.chunks_exact_mut(width).enumerate() {
         for (column, drawn) in pixels.iter_mut().enumerate() {
             let pixel = Pixel { column: column as i32, row: row as i32 };

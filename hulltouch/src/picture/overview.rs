@@ -10,7 +10,7 @@ use super::hull_ray::{HullTracer, bounds};
 /// Points along the longest side of the hull's box when looking for the hull within it.
 const GRID: f64 = 56.0;
 /// Bodies farther than this from the person are let go, metres.
-const COMPANY_M: f64 = 2.0;
+const COMPANY_M: f64 = 1.6;
 /// Bodies larger than this are furniture of the room and frame nothing, metres.
 const LARGEST_RADIUS_M: f64 = 1.5;
 /// Focal length over image height: about 41° from top to bottom.
@@ -18,9 +18,12 @@ const FOCAL: f64 = 1.35;
 /// How much the viewpoint rises for each metre that it is away: 17°.
 const RISE: f64 = 0.3;
 /// Person and bodies fill at most this share of the picture, either way.
-const FILL: f64 = 0.88;
+const FILL: f64 = 0.98;
 /// Cameras closer in azimuth than this cosine (11°) leave no room between them.
 const BESIDE_COSINE: f64 = 0.98;
+/// Cosine and sine of the most that the viewpoint turns away from the first camera (20°): a hull looks
+/// best near a camera.
+const ASIDE: (f64, f64) = (0.94, 0.34);
 
 /// The box of the world that a picture should show: the hull itself, closer than its frusta tell, and the
 /// bodies near it; metres.
@@ -63,7 +66,7 @@ fn hull_extent(views: &[View]) -> Option<WorldBox> {
     found
 }
 
-/// A camera of `size` pixels half-way between the rig's first camera and its neighbour, a little higher
+/// A camera of `size` pixels between the rig's first camera and its neighbour, a little higher
 /// than what it looks at, and as far as it takes to have all of `interest` in the picture. Up is a unit vector of the world.
 /// Fails only for a size that no camera has.
 pub fn overview_camera(
@@ -96,7 +99,7 @@ pub fn overview_camera(
     Camera::from_matrices("overview", size, intrinsics, [0.0; 5], &rotation, -(rotation * eye.coords))
 }
 
-/// The horizontal unit vector from the centre to half-way between the first camera and the one next to it.
+/// The horizontal unit vector from the centre to between the first camera and the one next to it.
 fn towards_viewer(rig: &Rig, centre: &Point3<f64>, up: &Vector3<f64>) -> Vector3<f64> {
     let level = |v: Vector3<f64>| (v - up * up.dot(&v)).try_normalize(1e-6);
     let around: Vec<Vector3<f64>> =
@@ -107,9 +110,13 @@ fn towards_viewer(rig: &Rig, centre: &Point3<f64>, up: &Vector3<f64>) -> Vector3
     };
     let beside = around.iter().filter(|other| first.dot(other) < BESIDE_COSINE);
     let beside = beside.max_by(|a, b| first.dot(a).total_cmp(&first.dot(b)));
-    let aside = up.cross(first);
-    let direction = beside.map_or(first * 0.9 + aside * 0.44, |beside| first + beside);
-    direction.try_normalize(1e-3).unwrap_or(aside)
+    let half_way = beside.and_then(|beside| (first + beside).try_normalize(1e-3));
+    if let Some(half_way) = half_way.filter(|half_way| half_way.dot(first) > ASIDE.0) {
+        return half_way;
+    }
+    let to_left = up.cross(first);
+    let side = beside.map_or(1.0, |beside| to_left.dot(beside).signum());
+    (first * ASIDE.0 + to_left * (side * ASIDE.1)).normalize()
 }
 
 fn centre(bounds: &WorldBox) -> Point3<f64> {

@@ -41,9 +41,9 @@ impl Light {
         }
     }
 
-    /// The light that a matte surface sends back; `lit` is the share of the lamp that reaches it.
-    pub fn matte(&self, colour: &Colour, normal: &Vector3<f64>, lit: f64) -> Colour {
-        let lamp = normal.dot(&self.towards_lamp).max(0.0) * lit;
+    /// The light that a matte surface sends back; `lit` if the lamp reaches it.
+    pub fn matte(&self, colour: &Colour, normal: &Vector3<f64>, lit: bool) -> Colour {
+        let lamp = if lit { normal.dot(&self.towards_lamp).max(0.0) } else { 0.0 };
         let fill = normal.dot(&self.towards_fill).max(0.0);
         let sky = 0.5 + 0.5 * normal.dot(&self.up);
         let light = Vector3::new(0.95, 0.91, 0.84) * lamp
@@ -76,7 +76,7 @@ pub(super) fn floor(
     place_m: [f64; 2],
     footprint_m: [f64; 2],
     away_m: f64,
-    lit: f64,
+    lit: bool,
     background: &Colour,
 ) -> Colour {
     let mut line: f64 = 0.0;
@@ -88,7 +88,7 @@ pub(super) fn floor(
         line = line.max(covered.clamp(0.0, (LINE_M / footprint_m).min(1.0)));
     }
     let plain = linear(FLOOR_SRGB).lerp(&linear(LINE_SRGB), line);
-    let shown = plain * (SHADOW + (1.0 - SHADOW) * lit);
+    let shown = if lit { plain } else { plain * SHADOW };
     let fade = 1.0 / (1.0 + (away_m / FLOOR_FADE_M).powi(4));
     background.lerp(&shown, fade)
 }

@@ -169,13 +169,12 @@ fn wall(o: &Vector3<f64>, d: &Vector3<f64>, radius_m: f64, slope: f64) -> Option
     }
     let root = discriminant.sqrt();
     let (first, second) = ((-b - root) / a, (-b + root) / a);
-    let entry = [first.min(second), first.max(second)].into_iter().find_map(|t| {
+    [first.min(second), first.max(second)].into_iter().find_map(|t| {
         let p = o + d * t;
         let radius_m = radius_m - slope * p.y;
         let normal = Vector3::new(p.x, slope * radius_m, p.z);
         (radius_m >= 0.0 && normal.dot(d) < 0.0).then_some((t, normal))
-    });
-    entry
+    })
 }
 
 fn disc(o: &Vector3<f64>, d: &Vector3<f64>, y: f64, radius_m: f64) -> Option<Local> {
@@ -186,4 +185,70 @@ fn disc(o: &Vector3<f64>, d: &Vector3<f64>, y: f64, radius_m: f64) -> Option<Loc
     let (x, z) = (o.x + d.x * t, o.z + d.z * t);
     let room = radius_m - (x * x + z * z).sqrt();
     (room >= 0.0).then(|| (t, Vector3::y() * y, room))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hull::{Pose, Shape};
+    use sim::solid::ConvexHull;
+    use std::sync::Arc;
+
+    fn body(solid: Solid) -> Body {
+        Body {
+            name: "body".to_owned(),
+            shape: Arc::new(Shape::new(vec![[0.0; 3]]).expect("a sample")),
+            solid,
+            color: [1.0; 3],
+            fixed: true,
+            pose: Pose::new([0.3, -0.2, 0.5], [0.36, 0.48, 0.64, 0.48]).expect("a pose"),
+            velocity_m_s: [0.0; 3],
+            spin_rad_s: [0.0; 3],
+        }
+    }
+
+    /// Numbers in −1..1, ever the same.
+    fn shares() -> impl FnMut() -> f64 {
+        let mut state = 7u64;
+        move || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+        }
+    }
+
+    #[track_caller]
+    fn check(solid: Solid) {
+        let body = body(solid);
+        let tracer = SolidTracer::new(&body);
+        let centre = Point3::from(body.pose.position_m());
+        let mut share = shares();
+        for _ in 0..2000 {
+            let aim = centre + Vector3::new(share(), share(), share()) * 0.02;
+            let Some(away) = Vector3::new(share(), share(), share()).try_normalize(0.1) else { continue };
+            let ray = Ray { start: aim + away * 3.0, direction: -away };
+            let hit = tracer.hit(&ray).expect("aimed at the middle");
+            assert!(hit.normal_world.dot(&away) > 0.0 && hit.edge_m >= -1e-9, "{hit:?}");
+            // A convex solid lies behind the plane through each point of its surface.
+            let rotation = body.pose.rotation();
+            let normal_body = rotation.tr_mul(&hit.normal_world);
+            let point_body = rotation.tr_mul(&(ray.at(hit.t_m) - centre));
+            let reach_m = body.solid.reach_m(normal_body);
+            assert!((normal_body.dot(&point_body) - reach_m).abs() < 1e-6, "{:?} {hit:?}", body.solid);
+        }
+        let past = Ray { start: centre + Vector3::new(3.0, 1.0, 0.0), direction: -Vector3::x() };
+        assert!(tracer.hit(&past).is_none());
+        let behind = Ray { start: centre + Vector3::new(3.0, 0.0, 0.0), direction: Vector3::x() };
+        assert!(tracer.hit(&behind).is_none());
+    }
+
+    #[test]
+    fn rays_meet_the_surface_of_every_solid() {
+        check(Solid::Box { size_m: [0.2, 0.3, 0.4] });
+        check(Solid::Ball { radius_m: 0.1 });
+        check(Solid::Capsule { radius_m: 0.1, length_m: 0.3 });
+        check(Solid::Cylinder { radius_m: 0.1, height_m: 0.3 });
+        check(Solid::Cone { radius_m: 0.15, height_m: 0.3 });
+        let corners = [[0.2, -0.1, 0.0], [-0.1, -0.1, 0.15], [-0.1, -0.1, -0.15], [0.0, 0.3, 0.0]];
+        check(Solid::Hull(Arc::new(ConvexHull::new(&corners).expect("a tetrahedron"))));
+    }
 }
