@@ -14,8 +14,8 @@ use crate::cluster_file::ClusterFile;
 use crate::failure::{Failure, Outcome, write_whole};
 use crate::local::{InProcess, LocalCluster, expected_node};
 use crate::node::{interrupted, node_config};
-use crate::report::{self, Overlap};
-use crate::snapshot;
+use crate::report;
+use crate::snapshot::Album;
 
 /// Where probes are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -153,7 +153,7 @@ fn run(setup: &Setup, transport: impl FnOnce(&World) -> Transport, connect_patie
         lock_step: setup.lock_step,
         connect_patience,
     };
-    let mut watcher = Console::new(setup, observers.clone());
+    let mut watcher = Console::new(setup, &observers);
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::run)?;
     let ran = runtime.block_on(async {
         let transport = transport(&world);
@@ -161,11 +161,9 @@ fn run(setup: &Setup, transport: impl FnOnce(&World) -> Transport, connect_patie
         coordinator.run(&mut watcher, interrupted()).await
     });
     watcher.line.finish_and_clear();
+    let overlaps = watcher.album.map_or_else(|| Ok(Vec::new()), Album::finish)?;
     let (figures, world) = ran.map_err(Failure::run)?;
-    if let Some(problem) = watcher.problem {
-        return Err(problem);
-    }
-    let figures_json: Value = report::json(setup, &figures, &world, &watcher.overlaps);
+    let figures_json: Value = report::json(setup, &figures, &world, &overlaps);
     if let Some(path) = &setup.json {
         let text = serde_json::to_string_pretty(&figures_json).map_err(Failure::run)?;
         write_whole(path, text.as_bytes())?;
@@ -178,29 +176,29 @@ fn run(setup: &Setup, transport: impl FnOnce(&World) -> Transport, connect_patie
 }
 
 /// The live line and the pictures.
-struct Console<'a> {
-    setup: &'a Setup,
-    observers: Vec<Arc<hull::Observer>>,
+struct Console {
     line: ProgressBar,
+    album: Option<Album>,
     next_picture_s: f64,
-    overlaps: Vec<Overlap>,
-    problem: Option<Failure>,
 }
 
 /// Film time between pictures, seconds.
 const PICTURE_EVERY_S: f64 = 1.0;
 
-impl<'a> Console<'a> {
-    fn new(setup: &'a Setup, observers: Vec<Arc<hull::Observer>>) -> Console<'a> {
+impl Console {
+    fn new(setup: &Setup, observers: &[Arc<hull::Observer>]) -> Console {
         let line = if setup.live_line { ProgressBar::new_spinner() } else { ProgressBar::hidden() };
         if let Ok(style) = ProgressStyle::with_template("{msg}") {
             line.set_style(style);
         }
-        Console { setup, observers, line, next_picture_s: 0.5, overlaps: Vec::new(), problem: None }
+        let floor_m = setup.scene.floor().map(|floor| floor.height_m);
+        let begin =
+            |folder: &PathBuf| Album::begin(folder, setup.file.rig.clone(), observers.to_vec(), floor_m);
+        Console { line, album: setup.snapshots.as_ref().map(begin), next_picture_s: 0.5 }
     }
 }
 
-impl Watcher for Console<'_> {
+impl Watcher for Console {
     fn progress(&mut self, progress: &Progress) {
         let hull = progress.blind.as_ref().map_or_else(String::new, |why| format!("  NO HULL: {why}"));
         self.line.set_message(format!(
@@ -217,7 +215,7 @@ impl Watcher for Console<'_> {
     }
 
     fn wants_snapshot(&mut self, film_s: f64) -> bool {
-        let wants = self.setup.snapshots.is_some() && self.problem.is_none() && film_s >= self.next_picture_s;
+        let wants = self.album.is_some() && film_s >= self.next_picture_s;
         if wants {
             self.next_picture_s += PICTURE_EVERY_S;
         }
@@ -225,10 +223,8 @@ impl Watcher for Console<'_> {
     }
 
     fn snapshot(&mut self, snapshot: Snapshot<'_>) {
-        let Some(folder) = &self.setup.snapshots else { return };
-        match snapshot::take(self.setup, &self.observers, &snapshot, folder) {
-            Ok(overlap) => self.overlaps.push(overlap),
-            Err(problem) => self.problem = Some(problem),
+        if let Some(album) = &self.album {
+            album.add(snapshot);
         }
     }
 }

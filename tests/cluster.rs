@@ -1,0 +1,171 @@
+//! The whole program on this machine: equal runs over all transports, and what happens when nodes or
+//! the program itself are killed.
+
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+fn hulltouch() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_hulltouch"))
+}
+
+/// A short lock-step run of a small studio; returns its figures.
+fn lock_step(folder: &Path, transport: &str, seed: &str) -> Value {
+    let json = folder.join(format!("{transport}-{seed}.json"));
+    let output = hulltouch()
+        .args(["demo", "--cameras", "4", "--size", "320x240", "--seconds", "4", "--unpaced", "--headless"])
+        .args(["--transport", transport, "--seed", seed, "--json"])
+        .arg(&json)
+        .output()
+        .expect("runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_str(&std::fs::read_to_string(json).expect("written")).expect("JSON")
+}
+
+#[test]
+fn one_seed_is_one_run_over_every_transport() {
+    let folder = tempfile::tempdir().expect("folder");
+    let runs = ["inprocess", "gather", "cluster", "cluster"].map(|t| lock_step(folder.path(), t, "1"));
+    for run in &runs {
+        assert_eq!(run["trajectory_digest"], runs[0]["trajectory_digest"], "{}", run["transport"]);
+        assert_eq!(run["inside_samples"], runs[0]["inside_samples"]);
+        assert_eq!((&run["frames"], &run["missed"]["frames"]), (&Value::from(121), &Value::from(0)));
+    }
+    assert!(runs[0]["inside_samples"].as_u64().expect("a number") > 50, "bodies meet the person");
+    assert_eq!(runs[2]["bytes"]["silhouettes"], 0, "no silhouette crosses the network in a cluster");
+    assert!(runs[1]["bytes"]["silhouettes"].as_u64().expect("a number") > 10_000);
+    let other = lock_step(folder.path(), "inprocess", "2");
+    assert_ne!(other["trajectory_digest"], runs[0]["trajectory_digest"], "another seed, another run");
+}
+
+/// A live demo in the background.
+struct Live {
+    child: Child,
+    json: PathBuf,
+    _folder: tempfile::TempDir,
+}
+
+impl Live {
+    fn start(seconds: &str) -> Live {
+        let folder = tempfile::tempdir().expect("folder");
+        let json = folder.path().join("out.json");
+        let child = hulltouch()
+            .args([
+                "demo",
+                "--cameras",
+                "3",
+                "--size",
+                "160x120",
+                "--headless",
+                "--seconds",
+                seconds,
+                "--json",
+            ])
+            .arg(&json)
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("starts");
+        Live { child, json, _folder: folder }
+    }
+
+    /// Its node processes, once all are there.
+    fn nodes(&self) -> Vec<u32> {
+        let deadline = Instant::now() + Duration::from_secs(60);
+        loop {
+            let nodes = children_of(self.child.id());
+            if nodes.len() == 3 {
+                return nodes;
+            }
+            assert!(Instant::now() < deadline, "three nodes, found {nodes:?}");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    /// Waits for its end: figures and what it said.
+    fn finish(self) -> (Value, String) {
+        let output = self.child.wait_with_output().expect("ends");
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{said}");
+        let figures = std::fs::read_to_string(self.json).expect("written");
+        (serde_json::from_str(&figures).expect("JSON"), said)
+    }
+}
+
+/// The process ids of a process's children, from `/proc`.
+fn children_of(parent: u32) -> Vec<u32> {
+    let entries = std::fs::read_dir("/proc").expect("Linux").flatten();
+    let ids = entries.filter_map(|entry| entry.file_name().to_str()?.parse::<u32>().ok());
+    let is_child = |id: &u32| {
+        let status = std::fs::read_to_string(format!("/proc/{id}/status")).unwrap_or_default();
+        status.lines().any(|line| line == format!("PPid:\t{parent}"))
+    };
+    ids.filter(is_child).collect()
+}
+
+fn is_running(id: u32) -> bool {
+    let status = std::fs::read_to_string(format!("/proc/{id}/status")).unwrap_or_default();
+    // A zombie has ended; only its parent has not asked yet.
+    !status.is_empty() && !status.contains("State:\tZ")
+}
+
+fn signal(id: u32, signal: &str) {
+    let sent = Command::new("kill").args([&format!("-{signal}"), &id.to_string()]).status().expect("runs");
+    assert!(sent.success());
+}
+
+fn gone_within(ids: &[u32], patience: Duration) -> bool {
+    let deadline = Instant::now() + patience;
+    while ids.iter().any(|&id| is_running(id)) {
+        if Instant::now() > deadline {
+            return false;
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    true
+}
+
+#[test]
+fn a_demo_that_is_killed_leaves_no_process() {
+    for how in ["KILL", "TERM"] {
+        let mut live = Live::start("60");
+        let nodes = live.nodes();
+        signal(live.child.id(), how);
+        live.child.wait().expect("reaped");
+        assert!(gone_within(&nodes, Duration::from_secs(10)), "nodes outlive a demo ended by {how}");
+    }
+}
+
+#[test]
+fn a_node_that_dies_leaves_a_coordinator_that_steps_on_and_says_so() {
+    let live = Live::start("4");
+    let nodes = live.nodes();
+    std::thread::sleep(Duration::from_secs(2));
+    signal(nodes[0], "KILL");
+    let (figures, said) = live.finish();
+    assert!(said.contains("no hull"), "{said}");
+    let number = |key: &str| figures["missed"][key].as_u64().expect("a number");
+    assert!(number("blind_steps") > 0, "{figures}");
+    let made = figures["steps"].as_f64().expect("a number") / 120.0;
+    let slipped = figures["missed"]["slipped_s"].as_f64().expect("a number");
+    assert!(made + slipped > 3.9, "the world went on to the end: {made} s made, {slipped} s slipped");
+    assert!(gone_within(&nodes, Duration::from_secs(5)));
+}
+
+#[test]
+fn a_node_that_stalls_is_missed_and_comes_back() {
+    let live = Live::start("7");
+    let nodes = live.nodes();
+    std::thread::sleep(Duration::from_secs(2));
+    signal(nodes[1], "STOP");
+    std::thread::sleep(Duration::from_millis(2500));
+    signal(nodes[1], "CONT");
+    let (figures, said) = live.finish();
+    assert!(said.contains("no hull"), "{said}");
+    let missed = figures["missed"]["frames"].as_u64().expect("a number");
+    let used = figures["frames"].as_u64().expect("a number");
+    assert!(missed > 30, "frames were missed while it stood still: {figures}");
+    assert!(used > 60, "and film was used before and after: {figures}");
+}
