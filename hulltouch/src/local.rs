@@ -2,7 +2,6 @@
 
 use std::collections::VecDeque;
 use std::io::{BufRead as _, BufReader};
-use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -253,11 +252,4 @@ impl LocalFrames for InProcess {
         let frame = self.ring.get(frame).ok()?;
         Some(frame.cameras.iter().map(|camera| Arc::clone(&camera.silhouette)).collect())
     }
-}
-
-/// True if a path is on a file system that has room: asked before a long run, not after it.
-pub fn check_writable(path: &Path) -> Outcome {
-    let beside = path.with_extension("partial");
-    let tried = std::fs::write(&beside, b"").and_then(|()| std::fs::remove_file(&beside));
-    tried.map_err(|error| Failure::input(format_args!("--json {}: {error}", path.display())))
 }

@@ -11,7 +11,7 @@ use serde_json::Value;
 use sim::{ResponseMode, Scene, World, WorldSettings};
 
 use crate::cluster_file::ClusterFile;
-use crate::failure::{Failure, Outcome, write_whole};
+use crate::failure::{Failure, Outcome, check_writable, write_whole};
 use crate::local::{InProcess, LocalCluster, expected_node};
 use crate::node::{interrupted, node_config};
 use crate::report;
@@ -115,7 +115,7 @@ pub fn run_deployed(setup: &Setup, patience: Duration) -> Outcome {
 /// Says now what would fail at the end.
 fn prepare_outputs(setup: &Setup) -> Outcome {
     if let Some(json) = &setup.json {
-        crate::local::check_writable(json)?;
+        check_writable("--json", json)?;
     }
     if let Some(folder) = &setup.snapshots {
         std::fs::create_dir_all(folder)

@@ -1,0 +1,118 @@
+//! Bad input gets one clear line, and the right exit status: 2 for what was given, 1 for a run that
+//! failed.
+
+use std::net::TcpListener;
+use std::path::Path;
+use std::process::Command;
+
+fn hulltouch() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_hulltouch"))
+}
+
+/// Runs it; it must end with `status` and one line that holds all of `words`.
+#[track_caller]
+fn check(arguments: &[&str], status: i32, words: &[&str]) {
+    let output = hulltouch().args(arguments).env_remove("RUST_LOG").output().expect("runs");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(status), "{arguments:?} said {said}");
+    let lines: Vec<&str> = said.lines().filter(|line| line.starts_with("hulltouch: ")).collect();
+    assert_eq!(lines.len(), 1, "one line says why: {said}");
+    for word in words {
+        assert!(lines[0].contains(word), "expected {word:?} in {:?}", lines[0]);
+    }
+}
+
+/// A rig and a cluster file of two small cameras; `source` is the text of every camera's source.
+fn write_cluster(folder: &Path, source: &str) -> String {
+    let rig = stage::studio_rig(2, (160, 120)).expect("a rig");
+    std::fs::write(folder.join("rig.toml"), rig.to_toml()).expect("written");
+    let mut text = "rig = \"rig.toml\"\nscene = \"topple\"\nfps = 30\n".to_owned();
+    for camera in rig.cameras() {
+        text += &format!("[[camera]]\nname = {:?}\nnode = \"127.0.0.1:1\"\n{source}\n", camera.name());
+    }
+    let path = folder.join("cluster.toml");
+    std::fs::write(&path, text).expect("written");
+    path.to_string_lossy().into_owned()
+}
+
+#[test]
+fn wrong_words_of_demo() {
+    check(&["demo", "--scene", "nosuch"], 2, &["--scene", "nosuch", "topple, lift, crowd"]);
+    check(&["demo", "--cameras", "0"], 2, &["--cameras is 0", "1 to 64"]);
+    check(&["demo", "--size", "0x480"], 2, &["--size", "0 x 480"]);
+    check(&["demo", "--fps", "nan"], 2, &["--fps is NaN"]);
+    check(&["demo", "--seconds=-1"], 2, &["--seconds is -1"]);
+    check(&["demo", "--response", "contacts"], 2, &["contacts", "expected paper"]);
+    check(&["demo", "--recording", "/no/such.toml"], 2, &["/no/such.toml"]);
+    check(&["demo", "--json", "/no/such/folder/out.json"], 2, &["--json /no/such/folder/out.json"]);
+}
+
+#[test]
+fn wrong_words_of_node_and_coordinator() {
+    let folder = tempfile::tempdir().expect("folder");
+    let cluster = write_cluster(folder.path(), "source = { kind = \"stage\" }");
+    check(&["node", &cluster, "--camera", "cam_7"], 2, &["cam_7", "cam_0, cam_1"]);
+    check(&["node", &cluster, "--camera", "cam_0", "--camera", "cam_0"], 2, &["given twice"]);
+    let open = ["node", &cluster, "--camera", "cam_0", "--listen", "0.0.0.0:0"];
+    check(&open, 2, &["0.0.0.0:0", "--insecure"]);
+    check(&["coordinator", &cluster, "--patience=-3"], 2, &["--patience -3"]);
+    check(&["coordinator", &cluster, "--patience", "0.2"], 1, &["127.0.0.1:1"]);
+}
+
+#[test]
+fn a_port_in_use_is_named() {
+    let folder = tempfile::tempdir().expect("folder");
+    let cluster = write_cluster(folder.path(), "source = { kind = \"stage\" }");
+    let taken = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let address = taken.local_addr().expect("bound").to_string();
+    check(&["node", &cluster, "--camera", "cam_0", "--listen", &address], 1, &[&address, "in use"]);
+}
+
+#[test]
+fn a_program_that_fails_ends_a_lock_step_run_with_its_last_words() {
+    let folder = tempfile::tempdir().expect("folder");
+    let failing = "source = { kind = \"pipe\", command = [\"sh\", \"-c\", \"echo lens cap on >&2; exit 3\"] }\n\
+                   segmentation = { method = \"chroma\" }";
+    let cluster = write_cluster(folder.path(), failing);
+    for transport in ["inprocess", "cluster"] {
+        let demo = ["demo", "--recording", &cluster, "--unpaced", "--headless", "--transport", transport];
+        check(&demo, 1, &["cam_", "lens cap on", "3"]);
+    }
+}
+
+#[test]
+fn a_full_disk_is_told_and_leaves_nothing_half_written() {
+    let demo = ["demo", "--cameras", "2", "--size", "160x120", "--seconds", "0.2", "--unpaced", "--headless"];
+    let full = [&demo[..], &["--transport", "inprocess", "--json", "/dev/full"]].concat();
+    check(&full, 1, &["/dev/full", "No space left"]);
+}
+
+#[test]
+fn a_node_with_another_calibration_is_refused_by_name() {
+    let folder = tempfile::tempdir().expect("folder");
+    let cluster = write_cluster(folder.path(), "source = { kind = \"stage\" }");
+    let address = TcpListener::bind("127.0.0.1:0").and_then(|free| free.local_addr()).expect("a free port");
+    let text = std::fs::read_to_string(&cluster).expect("text").replace("127.0.0.1:1", &address.to_string());
+    std::fs::write(&cluster, &text).expect("written");
+    let mut node = hulltouch()
+        .args(["node", &cluster, "--camera", "cam_0", "--camera", "cam_1", "--stop-with-stdin"])
+        .stdin(std::process::Stdio::piped())
+        .stdout(std::process::Stdio::piped())
+        .spawn()
+        .expect("starts");
+    let mut line = String::new();
+    let stdout = node.stdout.take().expect("piped");
+    std::io::BufRead::read_line(&mut std::io::BufReader::new(stdout), &mut line).expect("announces");
+    // The coordinator's rig has since been calibrated anew.
+    let rig = stage::studio_rig(3, (160, 120)).expect("a rig");
+    let moved = hull::Rig::new(rig.cameras()[1..].iter().enumerate().map(renamed).collect()).expect("a rig");
+    std::fs::write(folder.path().join("rig.toml"), moved.to_toml()).expect("written");
+    let coordinator = ["coordinator", &cluster, "--patience", "1"];
+    check(&coordinator, 1, &["calibration", "cam_0", "not the rig's", &address.to_string()]);
+    drop(node.stdin.take());
+    assert!(node.wait().expect("reaped").success(), "the node went on serving");
+}
+
+fn renamed((index, camera): (usize, &hull::Camera)) -> hull::Camera {
+    camera.clone().renamed(format!("cam_{index}"))
+}
