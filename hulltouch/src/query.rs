@@ -16,7 +16,7 @@ use hull::rule::{HullRule, NormalWindow, OutOfView, ProbeSettings};
 use hull::view_set::Scratch;
 use hull::{Observer, Rig, Silhouette, View, ViewSet};
 
-use crate::failure::{Failure, Outcome, write_whole};
+use crate::failure::{Failure, Outcome, check_writable, write_whole};
 use crate::rig::progress::while_working;
 use points::PointsFile;
 
@@ -26,9 +26,9 @@ use points::PointsFile;
 Example:
   hulltouch query --rig rig.toml --silhouettes masks --points points.csv --json answers.json
 
-masks/NAME.png (with --frame 12: masks/NAME/12.png or masks/NAME/000012.png) is the silhouette of the
-camera NAME: 8 bits, over 127 is foreground, of the rig's size. points.csv begins with the line x,y,z or
-x,y,z,body; metres. Points of one body need not stand together.")]
+masks/NAME.png (with --frame 12: masks/NAME/12.png or masks/NAME/000012.png) is the silhouette of
+the camera NAME: 8 bits, over 127 is foreground, of the rig's size. points.csv begins with the
+line x,y,z or x,y,z,body; metres. Points of one body need not stand together.")]
 pub struct QueryArguments {
     /// The rig: calibrated cameras.
     #[arg(long, value_name = "FILE")]
@@ -83,6 +83,7 @@ struct Query {
 #[allow(clippy::print_stdout, reason = "the summary is the command's output")]
 pub fn run(arguments: &QueryArguments) -> Outcome {
     let query = Query::read(arguments)?;
+    check_writable("--json", &arguments.json)?;
     let began = Instant::now();
     let results = while_working("answering", || {
         if arguments.cluster { through_nodes::results(&query) } else { query.results() }

@@ -49,13 +49,13 @@ impl PointsFile {
         let mut known: HashMap<String, usize> = HashMap::new();
         let mut record = StringRecord::new();
         while reader.read_record(&mut record).map_err(refused)? {
-            let index = file.points_m.len();
+            let (index, line) = (file.points_m.len(), line(bytes, &record));
             if index == MAX_POINTS {
-                let problem = format_args!("line {}: found more than {MAX_POINTS} points", line(&record));
+                let problem = format_args!("line {line}: found more than {MAX_POINTS} points");
                 return Err(Failure::unreadable(path, format_args!("{problem}, expected at most so many")));
             }
-            file.points_m.push(point(path, &record)?);
-            let group = if has_bodies { file.group(path, &record, &mut known)? } else { 0 };
+            file.points_m.push(point(path, line, &record)?);
+            let group = if has_bodies { file.group(path, line, &record[3], &mut known)? } else { 0 };
             file.groups[group].1.push(index);
         }
         Ok(file)
@@ -64,12 +64,12 @@ impl PointsFile {
     fn group(
         &mut self,
         path: &Path,
-        record: &StringRecord,
+        line: u64,
+        name: &str,
         known: &mut HashMap<String, usize>,
     ) -> Outcome<usize> {
-        let name = &record[3];
         if name.is_empty() {
-            let problem = format_args!("line {}, body: found nothing, expected a name", line(record));
+            let problem = format_args!("line {line}, body: found nothing, expected a name");
             return Err(Failure::unreadable(path, problem));
         }
         if let Some(&group) = known.get(name) {
@@ -90,22 +90,26 @@ impl PointsFile {
     }
 }
 
-fn point(path: &Path, record: &StringRecord) -> Outcome<[f64; 3]> {
+fn point(path: &Path, line: u64, record: &StringRecord) -> Outcome<[f64; 3]> {
     let mut point_m = [0.0; 3];
     for (axis, key) in ["x", "y", "z"].into_iter().enumerate() {
         let text = &record[axis];
         let number = text.parse().ok().filter(|number: &f64| number.is_finite());
         point_m[axis] = number.ok_or_else(|| {
             let found = if text.is_empty() { "nothing".to_owned() } else { format!("{:?}", cut(text)) };
-            let problem = format_args!("line {}, {key}: found {found}", line(record));
+            let problem = format_args!("line {line}, {key}: found {found}");
             Failure::unreadable(path, format_args!("{problem}, expected a finite number, metres"))
         })?;
     }
     Ok(point_m)
 }
 
-fn line(record: &StringRecord) -> u64 {
-    record.position().map_or(0, csv::Position::line)
+/// The line of a record, from 1: the reader counts empty lines before a record as part of it.
+fn line(bytes: &[u8], record: &StringRecord) -> u64 {
+    let Some(position) = record.position() else { return 0 };
+    let rest = bytes.get(position.byte() as usize..).unwrap_or_default();
+    let empty = rest.iter().take_while(|byte| matches!(byte, b'\r' | b'\n'));
+    position.line() + empty.filter(|&&byte| byte == b'\n').count() as u64
 }
 
 fn cut(text: &str) -> String {

@@ -9,7 +9,7 @@ use hull::{Rig, Silhouette};
 use serde::Serialize;
 
 use super::progress::{Progress, while_working};
-use crate::failure::{Failure, Outcome, write_whole};
+use crate::failure::{Failure, Outcome, check_writable, write_whole};
 use crate::query::{masks, read_rig};
 
 /// Says how well a rig fits silhouettes, and which camera, moved, would mend most.
@@ -21,8 +21,9 @@ use crate::query::{masks, read_rig};
 Example:
   hulltouch rig check --rig rig.toml --silhouettes masks
 
-masks/NAME/*.png with numbers for names are the frames of the camera NAME, or masks/NAME.png is its only
-one: 8 bits, over 127 is foreground, of the rig's size. Frames that some camera lacks are left out.")]
+masks/NAME/*.png with numbers for names are the frames of the camera NAME, or masks/NAME.png is
+its only one: 8 bits, over 127 is foreground, of the rig's size. Frames that some camera lacks are
+left out.")]
 pub struct CheckArguments {
     /// The rig: calibrated cameras.
     #[arg(long, value_name = "FILE")]
@@ -60,6 +61,9 @@ struct Film {
 #[allow(clippy::print_stdout, reason = "the table is the command's output")]
 pub fn run(arguments: &CheckArguments) -> Outcome {
     let rig = read_rig(&arguments.rig)?;
+    if let Some(path) = &arguments.json {
+        check_writable("--json", path)?;
+    }
     let film = Film::read(&arguments.silhouettes, &rig)?;
     let report = while_working("checking", || Prepared::new(&film.frames)?.check(&rig))
         .map_err(|error| Failure::unreadable(&arguments.silhouettes, error))?;
@@ -120,15 +124,14 @@ fn common_frames(paths: &[BTreeMap<u64, PathBuf>]) -> Vec<u64> {
 fn table(report: &CheckReport) -> String {
     let names = report.cameras.iter().map(|camera| camera.camera.chars().count());
     let width = names.max().unwrap_or(0).max("camera".len());
-    let mut text = format!(
-        "{:width$}  explained  misfit left if it alone is moved: picture, px      pan  tilt  roll, deg\n",
-        "camera"
-    );
+    let mut text = format!("{:width$}             if it alone were moved:\n", "");
+    text +=
+        &format!("{:width$}  explained  misfit  less  right  down, px    pan   tilt   roll, deg\n", "camera");
     for camera in &report.cameras {
         let mend = &camera.mend;
         let [right, down] = mend.shift_px;
         text += &format!(
-            "{:width$}  {:9.3}  {:10.3} {:>23} {right:6.1} {down:6.1}  {:10.2} {:5.2} {:5.2}\n",
+            "{:width$}  {:9.3}  {:6.3}  {:>4} {right:6.1}  {down:8.1} {:6.2} {:6.2}  {:10.2}\n",
             camera.camera,
             camera.explained,
             mend.cost,
@@ -144,7 +147,7 @@ fn table(report: &CheckReport) -> String {
 /// How much of the misfit a camera's correction takes away.
 fn share(report: &CheckReport, camera: &CameraCheck) -> String {
     let share = if report.cost > 0.0 { 1.0 - camera.mend.cost / report.cost } else { 0.0 };
-    format!("{:.0} % less", 100.0 * share.max(0.0))
+    format!("{:.0} %", 100.0 * share.max(0.0))
 }
 
 fn verdict(report: &CheckReport) -> String {
@@ -153,7 +156,7 @@ fn verdict(report: &CheckReport) -> String {
         let mend = &camera.mend;
         let ([right, down], [x, y, z]) = (mend.shift_px, mend.move_m);
         return format!(
-            "{} is out of its place: moved, it would mend most ({} misfit). Its picture would move {right:.1} px \
+            "{} is out of its place: moved, it would mend most ({} less misfit). Its picture would move {right:.1} px \
              right and {down:.1} px down; the camera would turn {:.2}° right, {:.2}° up, {:.2}° clockwise and \
              move {x:.3} m right, {y:.3} m down, {z:.3} m ahead",
             camera.camera,
@@ -166,7 +169,7 @@ fn verdict(report: &CheckReport) -> String {
     let best = report.cameras.iter().min_by(|a, b| a.mend.cost.total_cmp(&b.mend.cost));
     best.map_or_else(String::new, |camera| {
         format!(
-            "no camera is clearly out of its place: moving {} would mend most ({} misfit)",
+            "no camera is clearly out of its place: moving {} would mend most ({} less misfit)",
             camera.camera,
             share(report, camera)
         )

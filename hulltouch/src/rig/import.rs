@@ -16,8 +16,9 @@ Examples:
   hulltouch rig import --up z Calib.qca.txt --out rig.toml
   hulltouch rig import --format opencv --scale 0.001 --size 644x486 calibration/ --out rig.toml
 
-opencv: a FileStorage file (XML or YAML), or a folder of one file or folder per camera. svoboda: the data
-folder of MultiCamSelfCal. matrices: a 3 x 4 matrix, or a folder of one text file per camera.")]
+opencv: a FileStorage file (XML or YAML), or a folder of one file or folder per camera.
+svoboda: the data folder of MultiCamSelfCal. matrices: a 3 x 4 matrix, or a folder of one text
+file per camera.")]
 pub struct ImportArguments {
     /// A calibration file or folder.
     input: PathBuf,
