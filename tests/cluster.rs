@@ -169,3 +169,71 @@ fn a_node_that_stalls_is_missed_and_comes_back() {
     assert!(missed > 30, "frames were missed while it stood still: {figures}");
     assert!(used > 60, "and film was used before and after: {figures}");
 }
+
+/// A free port: taken and given back, so that a node can have it twice.
+fn free_address() -> String {
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");
+    listener.local_addr().expect("bound").to_string()
+}
+
+/// A node of one camera at the address that the cluster file gives it.
+fn start_node(cluster: &Path, camera: &str) -> Child {
+    let mut node = hulltouch()
+        .arg("node")
+        .arg(cluster)
+        .args(["--camera", camera, "--stop-with-stdin"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("starts");
+    let mut line = String::new();
+    let stdout = node.stdout.take().expect("piped");
+    std::io::BufRead::read_line(&mut std::io::BufReader::new(stdout), &mut line).expect("announces");
+    assert!(line.starts_with("listening on "), "{line}");
+    node
+}
+
+#[test]
+fn a_node_that_is_started_again_is_taken_back_without_help() {
+    let folder = tempfile::tempdir().expect("folder");
+    let rig = stage::studio_rig(2, (160, 120)).expect("a rig");
+    std::fs::write(folder.path().join("rig.toml"), rig.to_toml()).expect("written");
+    let mut text = "rig = \"rig.toml\"\nscene = \"crowd\"\nfps = 30\nlatency_s = 0.05\n".to_owned();
+    for camera in rig.cameras() {
+        let (name, address) = (camera.name(), free_address());
+        text +=
+            &format!("[[camera]]\nname = {name:?}\nnode = {address:?}\nsource = {{ kind = \"stage\" }}\n");
+    }
+    let cluster = folder.path().join("cluster.toml");
+    std::fs::write(&cluster, text).expect("written");
+    let json = folder.path().join("out.json");
+    let mut first = start_node(&cluster, "cam_0");
+    let mut second = start_node(&cluster, "cam_1");
+    let coordinator = hulltouch()
+        .arg("coordinator")
+        .arg(&cluster)
+        .args(["--seconds", "7", "--json"])
+        .arg(&json)
+        .env("RUST_LOG", "info")
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("starts");
+    std::thread::sleep(Duration::from_secs(2));
+    second.kill().expect("killed");
+    second.wait().expect("reaped");
+    std::thread::sleep(Duration::from_millis(700));
+    let mut second = start_node(&cluster, "cam_1");
+    let output = coordinator.wait_with_output().expect("ends");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{said}");
+    assert!(said.contains("no hull") && said.contains("the hull is back"), "{said}");
+    let figures: Value =
+        serde_json::from_str(&std::fs::read_to_string(json).expect("written")).expect("JSON");
+    assert!(figures["missed"]["blind_steps"].as_u64().expect("a number") > 20, "{figures}");
+    assert!(figures["frames"].as_u64().expect("a number") > 90, "film was used before and after: {figures}");
+    for node in [&mut first, &mut second] {
+        drop(node.stdin.take());
+        assert!(node.wait().expect("reaped").success());
+    }
+}

@@ -60,6 +60,7 @@ pub struct ReadyCamera {
     config: NodeCamera,
     observer: Arc<Observer>,
     segmenter: Option<Segmenter>,
+    background_doubted: bool,
 }
 
 /// The film of all cameras of a node.
@@ -280,6 +281,9 @@ impl Roll {
     }
 }
 
+/// More raw foreground than this share of an image is no person: the camera was moved, or the light.
+const DOUBTFUL_SHARE: f64 = 0.5;
+
 fn silhouette(camera: &mut ReadyCamera, image: &Image) -> Result<Silhouette, String> {
     match (image.kind, &mut camera.segmenter) {
         (Kind::Mask, _) => {
@@ -287,7 +291,17 @@ fn silhouette(camera: &mut ReadyCamera, image: &Image) -> Result<Silhouette, Str
             Silhouette::from_mask(image.width, image.height, &mask).map_err(|error| error.to_string())
         }
         (Kind::Rgb, Some(segmenter)) => {
-            segmenter.segment(&image.data).map(|found| found.silhouette).map_err(|error| error.to_string())
+            let found = segmenter.segment(&image.data).map_err(|error| error.to_string())?;
+            let doubted = found.raw_share > DOUBTFUL_SHARE;
+            if doubted && !camera.background_doubted {
+                tracing::warn!(
+                    "camera {:?}: {:.0} % of the image differ from the background, is it still true?",
+                    camera.config.camera.name(),
+                    100.0 * found.raw_share
+                );
+            }
+            camera.background_doubted = doubted;
+            Ok(found.silhouette)
         }
         (Kind::Rgb, None) => Err("colour frames and no segmenter, expected masks".into()),
     }
@@ -309,7 +323,7 @@ fn ready(config: &NodeCamera, observer: Arc<Observer>, fps: f64) -> Result<Ready
             .map_err(|error| wrong("segmentation", error.to_string()))?;
         Some(segmenter)
     };
-    Ok(ReadyCamera { config: config.clone(), observer, segmenter })
+    Ok(ReadyCamera { config: config.clone(), observer, segmenter, background_doubted: false })
 }
 
 /// Reads the whole clip of the empty room.

@@ -72,8 +72,10 @@ fn body((body, record): (&sim::Body, &sim::BodyRecord)) -> Value {
     json!({
         "name": record.name,
         "fixed": body.fixed,
-        "start": pose(&record.start),
-        "end": pose(&record.end),
+        "start": record.start.position_m(),
+        "end": record.end.position_m(),
+        "start_rotation_xyzw": record.start.rotation_xyzw(),
+        "end_rotation_xyzw": record.end.rotation_xyzw(),
         "moved_m": record.moved_m,
         "hull_moved_m": record.hull_moved_m,
         "first_touch_s": record.first_touch_s,
@@ -81,10 +83,6 @@ fn body((body, record): (&sim::Body, &sim::BodyRecord)) -> Value {
         "max_speed_m_s": record.max_speed_m_s,
         "max_tilt_deg": record.max_tilt_deg,
     })
-}
-
-fn pose(pose: &hull::Pose) -> Value {
-    json!({ "position_m": pose.position_m(), "rotation_xyzw": pose.rotation_xyzw() })
 }
 
 fn overlap(overlap: &Overlap) -> Value {
