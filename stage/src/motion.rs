@@ -11,11 +11,11 @@ use crate::motions::strike::{SWEEP_FROM_S, SWEEP_TO_S};
 /// Seconds of film for which every motion first holds the neutral pose (arms at the sides).
 pub const NEUTRAL_S: f64 = 1.0;
 
-/// The right arm of the first sweep sets out at the first of these film times, seconds, and is through at the second.
+/// The arms of the first sweep set out at the first of these film times, seconds, and are through at the second.
 pub const SWEEP_S: (f64, f64) = (NEUTRAL_S + SWEEP_FROM_S, NEUTRAL_S + SWEEP_TO_S);
 /// Where the knuckles of the sweeping right hand are in the middle of [`SWEEP_S`], world, metres; they pass
-/// there at 2.1 m/s, to the person's right and a little back. The fingers reach 8 cm further out.
-pub const SWEEP_POINT_M: [f64; 3] = [-0.386, 0.775, 0.571];
+/// there at 0.5 m/s, to the person's right. The fingers hang 8 cm further down, and the left hand is at +x.
+pub const SWEEP_POINT_M: [f64; 3] = [-0.32, 0.744, 0.456];
 /// The hands are on the box of the first lift from this film time on, seconds.
 pub const LIFT_GRIP_S: f64 = NEUTRAL_S + GRIP_S;
 /// The box of the first lift rises between these film times, seconds, by [`crate::props::BOX_RISE_M`].
@@ -40,7 +40,7 @@ pub enum Motion {
     Walk,
     /// Takes guard and punches to the front, right and left in turn.
     Punch,
-    /// Bends and sweeps the right arm from the left front round to the right, at table height.
+    /// Bends, lets the arms hang in front, and sweeps them apart, each to its own side.
     Sweep,
     /// Lifts the box of [`crate::props`] off the table, holds it, tilts it, sets it down.
     Lift,

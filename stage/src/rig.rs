@@ -25,7 +25,9 @@ pub fn studio_rig(camera_count: usize, size: (u32, u32)) -> Result<Rig, RigError
 }
 
 fn camera(index: usize, camera_count: usize, size: (u32, u32)) -> Result<Camera, RigError> {
-    let share = reversed(index);
+    // Left and right of the person are alike: cameras that look along a level face from unequal heights
+    // would see the hull's roof over it slope to one side, and what rests there would slide off.
+    let share = reversed(index.min(camera_count - 1 - index));
     let high = camera_count > 8 && index % 4 == 3;
     let height_m = if high { 2.7 + 0.7 * share } else { 0.9 + 1.7 * share };
     // Opposite cameras would draw the same outline: each is a little off its even place.

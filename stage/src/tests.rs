@@ -78,7 +78,7 @@ fn a_frame_is_the_same_bytes_on_every_machine() {
     let lift = settings(Motion::Lift);
     let digest = film(&lift, 3, 250).iter().fold(0, |digest, &byte| mixed(digest ^ u64::from(byte)));
     assert_eq!(
-        digest, 18_126_622_412_748_249_595,
+        digest, 15_223_773_770_147_867_346,
         "the film has changed: right if the picture was meant to, else a platform differs"
     );
 }
@@ -153,7 +153,8 @@ fn points_inside_fall_on_the_mask_and_rays_that_miss_do_not() {
             for _ in 0..20_000 {
                 let place = Vector3::new(share(), share(), share());
                 let point = Point3::from(low.coords + (high - low).component_mul(&place));
-                if truth.signed_distance_m(&point) < -0.01 {
+                // A pixel shows what is at its centre: up to half its diagonal away, 1.5 cm here.
+                if truth.signed_distance_m(&point) < -0.015 {
                     inside += 1;
                     let pixel = camera.pixel(&point).expect("on the image");
                     let at = pixel.row as usize * 320 + pixel.column as usize;
@@ -279,11 +280,11 @@ fn the_box_rises_with_the_hands_on_its_sides() {
     let actor = stage.actor().expect("a person");
     let centre =
         |time_s| Vector3::from(stage.prop_pose(Prop::LiftedBox, time_s).expect("a pose").position_m());
-    assert_eq!(centre(2.5), Vector3::from(BOX_REST_M));
-    assert!((centre(4.5).y - BOX_REST_M[1] - BOX_RISE_M).abs() < 1e-12);
-    assert_eq!(centre(13.5), Vector3::from(BOX_REST_M));
+    assert_eq!(centre(1.9), Vector3::from(BOX_REST_M));
+    assert!((centre(3.5).y - BOX_REST_M[1] - BOX_RISE_M).abs() < 1e-12);
+    assert_eq!(centre(11.5), Vector3::from(BOX_REST_M));
     for step in 0..100 {
-        let time_s = 2.3 + 0.1 * f64::from(step);
+        let time_s = 1.95 + 0.09 * f64::from(step);
         let pose = stage.prop_pose(Prop::LiftedBox, time_s).expect("a pose");
         for (joint, sign) in [(Joint::LeftHand, 1.0), (Joint::RightHand, -1.0)] {
             let away = actor.joint_world(joint, time_s).coords - Vector3::from(pose.position_m());
@@ -302,11 +303,11 @@ fn the_sweeping_hand_passes_where_it_is_said_to() {
     let away_m = (hand(middle_s) - Vector3::from(SWEEP_POINT_M)).norm();
     assert!(away_m < 0.005, "{:?}", hand(middle_s));
     let velocity = (hand(middle_s + 0.005) - hand(middle_s - 0.005)) * 100.0;
-    assert!(velocity.x < -1.5 && velocity.norm() < 2.5, "{velocity:?}");
+    assert!(velocity.x < -0.4 && velocity.norm() < 0.7, "{velocity:?}");
     // Before it sets out, it stays well away.
     for step in 0..=100 {
         let before = hand(SWEEP_S.0 * f64::from(step) / 100.0);
-        assert!((before - Vector3::from(SWEEP_POINT_M)).norm() > 0.35, "{before:?}");
+        assert!((before - Vector3::from(SWEEP_POINT_M)).norm() > 0.25, "{before:?}");
     }
 }
 

@@ -8,15 +8,15 @@ use crate::props::{BOX_RISE_M, BOX_SIZE_M, BoxState};
 use crate::skeleton::{ArmTarget, Targets, side_sign};
 
 /// Seconds of the whole lift, from neutral to neutral.
-pub(crate) const LIFT_PERIOD_S: f64 = 14.0;
+pub(crate) const LIFT_PERIOD_S: f64 = 12.0;
 /// The hands are on the box from here on, seconds into the loop.
-pub(crate) const GRIP_S: f64 = 1.2;
+pub(crate) const GRIP_S: f64 = 0.9;
 /// The box rises between these.
-pub(crate) const RISE_S: (f64, f64) = (1.5, 3.5);
+pub(crate) const RISE_S: (f64, f64) = (1.0, 2.2);
 /// It tilts to its right side between the first two and back between the last two.
-pub(crate) const TILT_S: [f64; 4] = [6.0, 7.5, 8.2, 9.7];
+pub(crate) const TILT_S: [f64; 4] = [4.2, 5.7, 6.4, 7.9];
 /// It sinks back between these, and the hands let go at the second.
-pub(crate) const SINK_S: (f64, f64) = (10.2, 12.2);
+pub(crate) const SINK_S: (f64, f64) = (8.4, 10.2);
 /// How far it tilts, radians.
 pub(crate) const TILT_RAD: f64 = 0.42;
 

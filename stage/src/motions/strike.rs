@@ -1,4 +1,4 @@
-//! Punching to the front, and sweeping an arm round.
+//! Punching to the front, and sweeping both arms apart.
 
 use super::{at, mix_arms};
 use crate::maths::ease;
@@ -10,9 +10,9 @@ pub(crate) const GUARD_S: f64 = 0.8;
 pub(crate) const PUNCHES_S: f64 = 2.4;
 /// Seconds of the whole sweep, from neutral to neutral.
 pub(crate) const SWEEP_PERIOD_S: f64 = 4.5;
-/// Seconds after the start of the loop at which the arm begins to sweep, and at which it is through.
+/// Seconds after the start of the loop at which the arms begin to sweep, and at which they are through.
 pub(crate) const SWEEP_FROM_S: f64 = 1.1;
-pub(crate) const SWEEP_TO_S: f64 = 2.0;
+pub(crate) const SWEEP_TO_S: f64 = 3.1;
 
 pub(crate) fn punch(since_s: f64) -> Targets {
     let guard = ease(since_s, 0.0, GUARD_S);
@@ -59,33 +59,29 @@ pub(crate) fn punch(since_s: f64) -> Targets {
 /// `loop_s` is below [`SWEEP_PERIOD_S`].
 pub(crate) fn sweep(loop_s: f64) -> Targets {
     let mut targets = Targets::neutral();
-    let bent = ease(loop_s, 0.05, 1.0) - ease(loop_s, 2.2, 3.5);
+    let bent = ease(loop_s, 0.05, 1.0) - ease(loop_s, 3.0, 4.3);
     let through = ease(loop_s, SWEEP_FROM_S, SWEEP_TO_S);
-    let back = ease(loop_s, 2.2, 3.4);
-    let angle_rad = 0.62 - 2.35 * through;
-    let (s, c) = libm::sincos(angle_rad);
-    let outward = at(s, 0.0, c);
-    let arc = ArmTarget {
-        wrist: at(-0.16, 0.80, 0.20) + outward * 0.385,
-        elbow_hint: at(-1.0, 0.3, -0.4),
-        hand: outward * 0.5 + at(0.0, -0.2, 0.0),
-        palm: at(c, -0.4, -s),
-        curl: 0.1,
-    };
     let wind_up = ease(loop_s, 0.1, 1.05);
-    let neutral = targets.arms[1];
-    let mut arm = mix_arms(&neutral, &arc, wind_up - back);
-    // Up close to the belly on the way to the left, out to the side on the way back.
-    arm.wrist += at(0.02, 0.16, 0.02) * (4.0 * wind_up * (1.0 - wind_up));
-    arm.wrist += at(-0.12, 0.06, 0.0) * (4.0 * back * (1.0 - back));
-    targets.arms[1] = arm;
-    targets.arms[0].wrist += at(0.05, 0.06, -0.06) * bent;
+    let back = ease(loop_s, 3.0, 4.2);
+    for side in [0, 1] {
+        let sign = side_sign(side);
+        // The arms hang from the shoulders, so that each comes at once against all that stands beside it.
+        let arc = ArmTarget {
+            wrist: at(sign * (0.52 * through + 0.05), 0.83, 0.40 + 0.16 * through * (1.0 - through)),
+            elbow_hint: at(0.5 * sign, 0.0, 1.0),
+            hand: at(0.1 * sign, -0.8, 0.15),
+            palm: at(sign, 0.0, 0.0),
+            curl: 0.1,
+        };
+        let mut arm = mix_arms(&targets.arms[side], &arc, wind_up - back);
+        // Up close to the belly on the way to the middle, out to the side on the way back.
+        arm.wrist += at(-0.02 * sign, 0.16, 0.02) * (4.0 * wind_up * (1.0 - wind_up));
+        arm.wrist += at(0.12 * sign, 0.06, 0.0) * (4.0 * back * (1.0 - back));
+        targets.arms[side] = arm;
+        targets.legs[side].ankle.x += 0.03 * sign * bent;
+    }
     targets.lean_rad += 0.70 * bent;
-    targets.twist_rad = (0.42 - 0.95 * through) * bent;
-    targets.bend_rad = 0.08 * bent;
     targets.nod_rad = 0.1 * bent;
-    targets.look_rad = (0.25 - 0.7 * through) * bent;
-    targets.pelvis += at(0.03, -0.115, -0.10) * bent;
-    targets.legs[0].ankle.x += 0.03 * bent;
+    targets.pelvis += at(0.0, -0.115, -0.10) * bent;
     targets
 }
