@@ -4,6 +4,7 @@
 
 use nalgebra::{Point3, Vector2, Vector3};
 
+use crate::camera::Pixel;
 use crate::cull::{WorldBox, hull_box};
 use crate::probe::classify::{BLOCK, Block};
 use crate::probe::edge_normal::sum_of_background;
@@ -13,12 +14,17 @@ use crate::question::{Answer, Batch, Edge, Points, Question, Standing};
 use crate::rule::HullRule;
 use crate::view::{Class, View};
 
+/// Up to here, squared pixels, looking at the whole square first costs less than the search.
+const NEAR_SQUARED: i64 = 64 * 64;
+
 /// Cameras of one process at one instant.
 #[derive(Clone, Debug)]
 pub struct ViewSet {
     views: Vec<View>,
     always_judge: bool,
     hull_box: Option<WorldBox>,
+    /// The views as they reject most: each looks as far across those before it as any left does.
+    rejecting: Vec<usize>,
 }
 
 /// Buffers kept between questions.
@@ -48,7 +54,8 @@ impl ViewSet {
         } else {
             Some(WorldBox::EVERYWHERE)
         };
-        ViewSet { views, always_judge, hull_box }
+        let rejecting = rejecting_order(&views);
+        ViewSet { views, always_judge, hull_box, rejecting }
     }
 
     /// The views in rig order.
@@ -128,8 +135,8 @@ impl ViewSet {
         let all = Standing::inside(self.views.len());
         for (index, chunk) in points.chunks(BLOCK).enumerate() {
             block.load(chunk, (first + index * BLOCK) as u32);
-            for view in &self.views {
-                block.keep_foreground(view);
+            for &view in &self.rejecting {
+                block.keep_foreground(&self.views[view]);
             }
             for &place in block.places() {
                 standings[place as usize] = all;
@@ -176,13 +183,21 @@ impl ViewSet {
         let camera = view.camera();
         let a_camera = camera.camera_from_world(a);
         let image = camera.image_from_camera(&a_camera)?;
-        let start = crate::Pixel::holding(image.x, image.y);
+        let start = Pixel::holding(image.x, image.y);
         if view.class_at(Some(start)) != Class::Inside {
             return None;
         }
         let limit = best.map_or(i64::MAX, |best| {
             pixel_limit(&a_camera, f64::from(best.distance_m), view.observer().stretch_pixels())
         });
+        // Deep inside, nothing is as near as the best so far: rows of words say so at once.
+        if limit < NEAR_SQUARED {
+            let reach = (limit as f64).sqrt() as i32;
+            let corner = |sign| Pixel { column: start.column + sign * reach, row: start.row + sign * reach };
+            if view.edge_candidates().all_ones(corner(-1), corner(1)) {
+                return None;
+            }
+        }
         let pixel = nearest_edge(view.edge_candidates(), start, limit)?.pixel;
         let normalised = camera.normalised(&pixel.centre())?;
         let ray = Vector3::new(normalised.x, normalised.y, 1.0).normalize();
@@ -220,6 +235,24 @@ impl ViewSet {
         exit.changes.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         exit
     }
+}
+
+/// An order in which neighbours, who reject the same points, come late. It decides what is tested, never
+/// what is found.
+fn rejecting_order(views: &[View]) -> Vec<usize> {
+    let forward = |view: &View| view.camera().rotation().row(2).transpose();
+    let mut left: Vec<usize> = (0..views.len()).collect();
+    let mut order: Vec<usize> = Vec::with_capacity(views.len());
+    while !left.is_empty() {
+        let across = |&view: &usize| {
+            let sines =
+                order.iter().map(|&before| forward(&views[view]).cross(&forward(&views[before])).norm());
+            sines.fold(f64::INFINITY, f64::min)
+        };
+        let best = (0..left.len()).rev().max_by(|&a, &b| across(&left[a]).total_cmp(&across(&left[b])));
+        order.push(left.remove(best.unwrap_or(0)));
+    }
+    order
 }
 
 /// The squared pixel distance beyond which no pixel's ray comes as near as `distance_m` to a point.

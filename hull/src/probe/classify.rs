@@ -10,6 +10,9 @@ use crate::view::{Class, View};
 /// to fill vectors.
 pub const BLOCK: usize = 256;
 
+/// Points per vector of the widest instructions there are, twice.
+const LANES: usize = 16;
+
 const MISSED: u32 = u32::MAX;
 
 impl View {
@@ -65,7 +68,10 @@ impl Block {
     pub fn keep_foreground(&mut self, view: &View) {
         let map = view.foreground();
         let frame = Frame::of(view);
-        addresses(&frame, &self.x, &self.y, &self.z, &mut self.address);
+        // Whole vectors, but not those that hold no point any more.
+        let lanes = self.len.next_multiple_of(LANES);
+        let (x, y, z) = (&self.x[..lanes], &self.y[..lanes], &self.z[..lanes]);
+        addresses(&frame, x, y, z, &mut self.address[..lanes]);
         let mut kept = 0;
         for index in 0..self.len {
             let address = self.address[index];
@@ -120,18 +126,14 @@ impl Frame {
 /// The address of each point's pixel in the view's bit map, or [`MISSED`]. The same operations in the
 /// same order as [`crate::Camera::pixel`], so the same bits.
 #[multiversion(targets("x86_64+avx512f+avx512dq+avx512vl+avx512bw+avx2", "x86_64+avx2"))]
-fn addresses(
-    frame: &Frame,
-    x: &[f64; BLOCK],
-    y: &[f64; BLOCK],
-    z: &[f64; BLOCK],
-    address: &mut [u32; BLOCK],
-) {
+fn addresses(frame: &Frame, x: &[f64], y: &[f64], z: &[f64], address: &mut [u32]) {
+    let count = address.len();
+    let (x, y, z) = (&x[..count], &y[..count], &z[..count]);
     let [r0, r1, r2] = frame.rotation;
     let [tx, ty, tz] = frame.translation;
     let [fx, skew, cx, fy, cy] = frame.affine;
     let [k1, k2, p1, p2, k3] = frame.lens;
-    for i in 0..BLOCK {
+    for i in 0..count {
         let xc = r0[0] * x[i] + r0[1] * y[i] + r0[2] * z[i] + tx;
         let yc = r1[0] * x[i] + r1[1] * y[i] + r1[2] * z[i] + ty;
         let zc = r2[0] * x[i] + r2[1] * y[i] + r2[2] * z[i] + tz;

@@ -87,30 +87,38 @@ impl View {
         let mut pixel = Pixel::holding(image.x, image.y);
         let row_of = |v: &Vector3<f64>| k[(1, 1)] * v.y + k[(1, 2)] * v.z;
         let column_of = |v: &Vector3<f64>| k[(0, 0)] * v.x + k[(0, 1)] * v.y + k[(0, 2)] * v.z;
-        let columns = Axis::new(column_of(&start), column_of(&step), start.z, step.z);
-        let rows = Axis::new(row_of(&start), row_of(&step), start.z, step.z);
         let behind = if step.z < 0.0 { -start.z / step.z } else { f64::INFINITY };
         let limit = limit_m.min(behind);
         let foreground = self.foreground();
+        if limit < self.observer().settings().max_depth_m() {
+            // Most cameras see nothing but foreground as far as the ray is wanted.
+            let end = camera.image_from_camera(&(start + step * limit));
+            let end = end.map(|image| Pixel::holding(image.x, image.y));
+            if end.is_some_and(|end| foreground.all_ones(pixel, end)) {
+                return None;
+            }
+        }
+        let columns = Axis::new(column_of(&start), column_of(&step), start.z, step.z);
+        let rows = Axis::new(row_of(&start), row_of(&step), start.z, step.z);
         let mut next_column = columns.crossing(pixel.column);
         let mut next_row = rows.crossing(pixel.row);
         loop {
-            let t;
-            if next_column <= next_row {
-                t = next_column;
+            let crossed;
+            if next_column.is_not_after(&next_row) {
+                crossed = next_column;
                 pixel.column += columns.direction;
                 next_column = columns.crossing(pixel.column);
             } else {
-                t = next_row;
+                crossed = next_row;
                 pixel.row += rows.direction;
                 next_row = rows.crossing(pixel.row);
             }
             // Also true when neither axis moves any more.
-            if t >= limit {
+            if crossed.over >= limit * crossed.under {
                 return (behind <= limit_m).then_some(behind);
             }
             if !foreground.get(pixel) {
-                return Some(t.max(0.0));
+                return Some((crossed.over / crossed.under).max(0.0));
             }
         }
     }
@@ -254,13 +262,33 @@ impl Axis {
         Axis { q, qn, z, zn, direction }
     }
 
-    /// Where the ray leaves pixel `index` of this axis; infinity if it never does.
+    /// Where the ray leaves pixel `index` of this axis.
     #[inline]
-    fn crossing(&self, index: i32) -> f64 {
-        let edge = f64::from(index) + 0.5 * f64::from(self.direction);
-        let divisor = self.qn - edge * self.zn;
-        let t = (edge * self.z - self.q) / divisor;
+    fn crossing(&self, index: i32) -> Crossing {
+        let direction = f64::from(self.direction);
+        let edge = f64::from(index) + 0.5 * direction;
+        let under = (self.qn - edge * self.zn) * direction;
         // Past the vanishing point the divisor's sign no longer is the direction's.
-        if divisor * f64::from(self.direction) > 0.0 { t } else { f64::INFINITY }
+        if under > 0.0 {
+            Crossing { over: (edge * self.z - self.q) * direction, under }
+        } else {
+            Crossing::NEVER
+        }
+    }
+}
+
+/// A crossing at `t = over / under`: divided only when it is wanted.
+#[derive(Clone, Copy)]
+struct Crossing {
+    over: f64,
+    under: f64,
+}
+
+impl Crossing {
+    const NEVER: Crossing = Crossing { over: 1.0, under: 0.0 };
+
+    #[inline]
+    fn is_not_after(&self, other: &Crossing) -> bool {
+        self.over * other.under <= other.over * self.under
     }
 }

@@ -90,6 +90,27 @@ impl BitMap {
         self.words[address / 64] >> (address % 64) & 1 != 0
     }
 
+    /// True if all bits between two pixels, both included, are ones; false if the rectangle does not hold
+    /// them all.
+    pub fn all_ones(&self, a: Pixel, b: Pixel) -> bool {
+        let (left, right) = (a.column.min(b.column) - self.left, a.column.max(b.column) - self.left);
+        let (top, bottom) = (a.row.min(b.row) - self.top, a.row.max(b.row) - self.top);
+        if left < 0 || top < 0 || right as usize >= self.words_per_row * 64 || bottom as usize >= self.rows {
+            return false;
+        }
+        let (first, last) = (left as usize / 64, right as usize / 64);
+        let (head, tail) = (u64::MAX << (left % 64), u64::MAX >> (63 - right % 64));
+        (top as usize..=bottom as usize).all(|row| {
+            let words = &self.words[row * self.words_per_row..][..self.words_per_row];
+            if first == last {
+                return !words[first] & head & tail == 0;
+            }
+            !words[first] & head == 0
+                && !words[last] & tail == 0
+                && words[first + 1..last].iter().all(|&word| word == u64::MAX)
+        })
+    }
+
     /// First row of the rectangle.
     pub fn top(&self) -> i32 {
         self.top
