@@ -187,7 +187,7 @@ impl Coordinator {
             clock.slip(film_s);
         }
         let newest = self.transport.newest_common(wanted);
-        let ended = self.transport.film() == FilmState::Ended;
+        let ended = self.transport.film(wanted) == FilmState::Ended;
         if ended && newest.is_none_or(|newest| newest < wanted) {
             let last_s = newest.map_or(0.0, |newest| (newest + 1) as f64 / self.settings.fps);
             self.figures.frames_expected = newest.map_or(0, |newest| newest + 1);
@@ -216,7 +216,7 @@ impl Coordinator {
         self.transport.credit(wanted + FRAMES_AHEAD);
         let deadline = Instant::now() + LOCK_STEP_PATIENCE;
         loop {
-            match self.transport.film() {
+            match self.transport.film(wanted) {
                 FilmState::Failed(why) => return Err(RunError::Film(why)),
                 FilmState::Ended => return Ok(()),
                 FilmState::Running => {}
@@ -287,7 +287,7 @@ impl Coordinator {
         if let Some(missing) = self.transport.missing().into_iter().next() {
             return Some(missing);
         }
-        if let FilmState::Failed(why) = self.transport.film() {
+        if let FilmState::Failed(why) = self.transport.film(0) {
             return Some(format!("film failed: {why}"));
         }
         let Some(frame) = self.frame else { return Some("no frame has come yet".into()) };

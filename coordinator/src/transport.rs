@@ -216,15 +216,22 @@ impl Transport {
         }
     }
 
-    /// The worst of all films: failed before ended before running.
-    pub fn film(&self) -> FilmState {
-        let mut states: Vec<FilmState> = match self {
-            Transport::InProcess { frames, .. } => vec![frames.film()],
-            _ => self.links().iter().map(|link| link.film()).collect(),
+    /// How film stands for whoever wants a frame: failed, or ended, or running. It has ended once some
+    /// camera's has without that frame. A node that is done early must not cut off what the others
+    /// have yet to tell: in lock-step a fast node ends several frames ahead of the one in use.
+    pub fn film(&self, wanted: u64) -> FilmState {
+        // The state is read before the frames: a film that has ended has all its frames.
+        let films: Vec<(FilmState, Option<u64>)> = match self {
+            Transport::InProcess { frames, .. } => vec![(frames.film(), frames.frames().last().copied())],
+            _ => self.links().iter().map(|link| (link.film(), link.frames().last().copied())).collect(),
         };
-        let failed = states.iter().position(|state| matches!(state, FilmState::Failed(_)));
-        let worst = failed.or_else(|| states.iter().position(|state| *state == FilmState::Ended));
-        states.swap_remove(worst.unwrap_or(0))
+        if let Some((failed, _)) = films.iter().find(|(film, _)| matches!(film, FilmState::Failed(_))) {
+            return failed.clone();
+        }
+        let ended_before_it = |(film, last): &(FilmState, Option<u64>)| {
+            *film == FilmState::Ended && last.is_none_or(|last| last < wanted)
+        };
+        if films.iter().any(ended_before_it) { FilmState::Ended } else { FilmState::Running }
     }
 
     /// Answers a pass over a frame. `took` is told each round and its milliseconds; `Err` says why there

@@ -44,7 +44,7 @@ async fn asked(transport: &mut Transport, pass: &mut Pass) -> Result<(), String>
     transport.credit(FRAME);
     let deadline = Instant::now() + START_PATIENCE;
     while transport.newest_common(FRAME).is_none() {
-        if let FilmState::Failed(problem) = transport.film() {
+        if let FilmState::Failed(problem) = transport.film(FRAME) {
             return Err(problem);
         }
         if Instant::now() > deadline {
