@@ -360,7 +360,8 @@ pub(crate) mod tests {
     fn bad_numbers_are_refused_by_name() {
         let k = Matrix3::new(500.0, 0.0, 320.0, 0.0, 500.0, 240.0, 0.0, 0.0, 1.0);
         let zero = Vector3::zeros();
-        let new = |size, k, d: [f64; 5], t| Camera::new("c", size, k, d, zero, t).map(|_| ()).unwrap_err();
+        let new =
+            |size, k, d: [f64; 5], t| Camera::new("c", size, k, d, zero, t).map(|_| ()).expect_err("refused");
         assert!(matches!(new((0, 480), k, [0.0; 5], zero), CameraError::Size { .. }));
         let nan = Vector3::new(f64::NAN, 0.0, 0.0);
         assert!(matches!(
@@ -369,7 +370,7 @@ pub(crate) mod tests {
         ));
         assert!(matches!(new((640, 480), -k, [0.0; 5], zero), CameraError::Matrix { .. }));
         let mirror = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, -1.0));
-        let error = Camera::from_matrices("c", (640, 480), k, [0.0; 5], &mirror, zero).unwrap_err();
+        let error = Camera::from_matrices("c", (640, 480), k, [0.0; 5], &mirror, zero).expect_err("refused");
         assert!(matches!(error, CameraError::Rotation { .. }));
     }
 

@@ -123,7 +123,7 @@ impl<'a> HullTracer<'a> {
                 Verdict::Inside => inside_count += 1,
                 Verdict::Unknown => {}
                 Verdict::Outside { step_m } => {
-                    safe_m = Some(safe_m.map_or(step_m, |so_far| so_far.max(step_m)))
+                    safe_m = Some(safe_m.map_or(step_m, |so_far| so_far.max(step_m)));
                 }
             }
         }
