@@ -238,12 +238,12 @@ impl Roll {
         let mut next = 0u64;
         loop {
             let Some(at_least) = self.await_turn(next) else { return Ok(()) };
-            let began = Instant::now();
             let taken = self
                 .source
                 .next(at_least, &mut image)
                 .map_err(|error| CaptureError::Source { camera: name.clone(), error })?;
             let Some(taken) = taken else { return Ok(()) };
+            let began = Instant::now();
             let silhouette = silhouette(camera, &image).map_err(|problem| CaptureError::Segment {
                 camera: name.clone(),
                 what: "segmentation",

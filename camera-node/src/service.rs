@@ -33,6 +33,9 @@ const MAX_WAITING: usize = 64;
 /// A silent peer is noticed within twice this.
 const KEEP_ALIVE: Duration = Duration::from_secs(5);
 
+/// A node that is asked to end lets calls finish for so long; streams would go on for ever.
+const LAST_WORDS: Duration = Duration::from_millis(300);
+
 /// Why a node cannot serve.
 #[derive(Debug, Error)]
 pub enum ServeError {
@@ -107,7 +110,8 @@ impl Node {
         let service = CameraNodeServer::new(self.service)
             .max_decoding_message_size(MAX_MESSAGE_BYTES)
             .max_encoding_message_size(MAX_MESSAGE_BYTES);
-        tonic::transport::Server::builder()
+        let (tell, told) = tokio::sync::oneshot::channel::<()>();
+        let serving = tonic::transport::Server::builder()
             .max_frame_size(256 * 1024)
             .http2_keepalive_interval(Some(KEEP_ALIVE))
             .http2_keepalive_timeout(Some(KEEP_ALIVE))
@@ -115,9 +119,16 @@ impl Node {
             .add_service(reflection().build_v1().expect(describe_error))
             .add_service(reflection().build_v1alpha().expect(describe_error))
             .add_service(service)
-            .serve_with_incoming_shutdown(incoming, stop)
-            .await?;
-        Ok(())
+            .serve_with_incoming_shutdown(incoming, async { drop(told.await) });
+        let end = async {
+            stop.await;
+            drop(tell);
+            tokio::time::sleep(LAST_WORDS).await;
+        };
+        tokio::select! {
+            served = serving => served.map_err(ServeError::from),
+            () = end => Ok(()),
+        }
     }
 }
 

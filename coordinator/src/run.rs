@@ -25,8 +25,10 @@ const FRAMES_AHEAD: u64 = 4;
 const LIVE_PATIENCE: Duration = Duration::from_millis(500);
 /// Lock-step: as long as a node may take over a frame or an answer before the run is given up.
 const LOCK_STEP_PATIENCE: Duration = Duration::from_secs(30);
-/// Live steps that lag by more than this give up film time: nodes keep a quarter of a second.
+/// Live steps never lag by more than this behind film.
 const MAX_LAG_S: f64 = 0.15;
+/// How many frames back a node surely still has: its ring, less the one that is being replaced.
+const FRAMES_KEPT: f64 = 7.0;
 /// Live film that is older than this has stopped.
 const STALE_S: f64 = 1.0;
 const REPORT_EVERY: Duration = Duration::from_millis(250);
@@ -143,7 +145,9 @@ impl Coordinator {
         let pace = Pace { epoch_unix_s, lock_step };
         self.transport.start(pace).await.map_err(RunError::Nodes)?;
         let began = Instant::now();
-        let mut clock = Clock { pace, latency_s: self.settings.latency_s, slipped_s: 0.0 };
+        let latency_s = self.settings.latency_s;
+        let max_lag_s = (FRAMES_KEPT / self.settings.fps - latency_s).clamp(0.02, MAX_LAG_S);
+        let mut clock = Clock { pace, latency_s, max_lag_s, slipped_s: 0.0 };
         tokio::pin!(stop);
         loop {
             let film_s = self.world.next_time_s() + clock.slipped_s;
@@ -168,6 +172,9 @@ impl Coordinator {
         self.figures.bytes_silhouettes = self.transport.silhouette_bytes();
         self.figures.slipped_s = clock.slipped_s;
         self.figures.steps = self.world.steps();
+        if let Some(why) = self.blind.filter(|_| self.figures.frames == 0) {
+            return Err(RunError::Film(why));
+        }
         Ok((self.figures, self.world))
     }
 
@@ -270,7 +277,7 @@ impl Coordinator {
         match self.transport.run_pass(&mut pass, frame, patience, &mut took).await {
             Ok(()) => {
                 if let Some(before) = self.blind.take() {
-                    tracing::info!("the hull is back (it was gone: {before})");
+                    tracing::warn!("the hull is back (it was gone: {before})");
                 }
                 let results = pass.into_results();
                 self.figures.add_results(&results);
@@ -290,7 +297,10 @@ impl Coordinator {
         if let FilmState::Failed(why) = self.transport.film(0) {
             return Some(format!("film failed: {why}"));
         }
-        let Some(frame) = self.frame else { return Some("no frame has come yet".into()) };
+        let Some(frame) = self.frame else {
+            // At the beginning nothing is lost yet.
+            return (film_s > STALE_S).then(|| "no frame has come yet".into());
+        };
         let age_s = film_s - frame as f64 / self.settings.fps;
         let stale = !self.settings.lock_step && !ended && age_s > STALE_S;
         stale.then(|| format!("film has stopped at frame {frame}, {age_s:.1} s ago"))
@@ -298,10 +308,6 @@ impl Coordinator {
 
     /// Says once that there is no hull; the world goes on.
     fn go_blind(&mut self, why: String) {
-        // Before the first frame nothing is lost.
-        if self.frame.is_none() {
-            return;
-        }
         self.figures.blind_steps += 1;
         if self.blind.is_none() {
             tracing::error!("no hull, bodies meet nobody: {why}");
@@ -416,6 +422,8 @@ fn box_around(facts: &[FrameFacts], observers: &[Arc<Observer>], probes: &ProbeS
 struct Clock {
     pace: Pace,
     latency_s: f64,
+    /// Beyond this lag nodes may have dropped the frame of a step.
+    max_lag_s: f64,
     slipped_s: f64,
 }
 
@@ -430,7 +438,7 @@ impl Clock {
     /// Gives up film time that steps can no longer make good.
     fn slip(&mut self, film_s: f64) {
         let lag_s = unix_now_s() - (self.pace.epoch_unix_s + film_s + self.latency_s);
-        if lag_s > MAX_LAG_S {
+        if lag_s > self.max_lag_s {
             tracing::warn!("steps lag {lag_s:.2} s behind film, which goes on without them");
             self.slipped_s += lag_s;
         }

@@ -14,7 +14,7 @@ use crate::cluster_file::ClusterFile;
 use crate::failure::{Failure, Outcome, check_writable, write_whole};
 use crate::local::{InProcess, LocalCluster, expected_node};
 use crate::node::{interrupted, node_config};
-use crate::report;
+use crate::report::{self, Overlap};
 use crate::snapshot::Album;
 
 /// Where probes are computed.
@@ -161,7 +161,10 @@ fn run(setup: &Setup, transport: impl FnOnce(&World) -> Transport, connect_patie
         coordinator.run(&mut watcher, interrupted()).await
     });
     watcher.line.finish_and_clear();
-    let overlaps = watcher.album.map_or_else(|| Ok(Vec::new()), Album::finish)?;
+    let overlaps = match watcher.album {
+        Some(album) => runtime.block_on(finish(album))?,
+        None => Vec::new(),
+    };
     let (figures, world) = ran.map_err(Failure::run)?;
     let figures_json: Value = report::json(setup, &figures, &world, &overlaps);
     if let Some(path) = &setup.json {
@@ -173,6 +176,20 @@ fn run(setup: &Setup, transport: impl FnOnce(&World) -> Transport, connect_patie
     // A closed standard output is no reason to fail a run that went well.
     let _ = std::io::stdout().write_all(summary.as_bytes());
     Ok(())
+}
+
+/// Waits for the pictures; an interrupt leaves out those not yet begun.
+async fn finish(album: Album) -> Outcome<Vec<Overlap>> {
+    let hurry = album.hurry();
+    let mut drawn = tokio::task::spawn_blocking(|| album.finish());
+    let drawn = tokio::select! {
+        drawn = &mut drawn => drawn,
+        () = interrupted() => {
+            hurry.store(true, std::sync::atomic::Ordering::Relaxed);
+            drawn.await
+        }
+    };
+    drawn.map_err(Failure::run)?
 }
 
 /// The live line and the pictures.

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 
@@ -32,6 +33,7 @@ struct Moment {
 /// Draws moments into a folder.
 pub struct Album {
     moments: SyncSender<Moment>,
+    hurry: Arc<AtomicBool>,
     artist: JoinHandle<Outcome<Vec<Overlap>>>,
 }
 
@@ -39,8 +41,10 @@ impl Album {
     /// Begins an album in a folder that exists.
     pub fn begin(folder: &Path, rig: Rig, observers: Vec<Arc<Observer>>, floor_m: Option<f64>) -> Album {
         let (moments, waiting) = sync_channel(MAX_WAITING);
-        let artist = Artist { folder: folder.to_owned(), rig, observers, floor_m, camera: None };
-        Album { moments, artist: std::thread::spawn(move || artist.draw_all(&waiting)) }
+        let hurry = Arc::new(AtomicBool::new(false));
+        let folder = folder.to_owned();
+        let artist = Artist { folder, rig, observers, floor_m, camera: None, hurry: Arc::clone(&hurry) };
+        Album { moments, hurry, artist: std::thread::spawn(move || artist.draw_all(&waiting)) }
     }
 
     /// Hands in a moment; waits if too many wait already.
@@ -57,6 +61,11 @@ impl Album {
         let _ = self.moments.send(moment);
     }
 
+    /// Set it, and pictures that still wait are left out.
+    pub fn hurry(&self) -> Arc<AtomicBool> {
+        Arc::clone(&self.hurry)
+    }
+
     /// Waits until all is drawn; the overlaps of hull and silhouettes at each moment.
     pub fn finish(self) -> Outcome<Vec<Overlap>> {
         drop(self.moments);
@@ -71,12 +80,16 @@ struct Artist {
     floor_m: Option<f64>,
     /// One viewpoint for all pictures, chosen at the first.
     camera: Option<Camera>,
+    hurry: Arc<AtomicBool>,
 }
 
 impl Artist {
     fn draw_all(mut self, moments: &Receiver<Moment>) -> Outcome<Vec<Overlap>> {
         let mut overlaps = Vec::new();
         while let Ok(moment) = moments.recv() {
+            if self.hurry.load(Ordering::Relaxed) {
+                break;
+            }
             overlaps.push(self.draw(&moment)?);
         }
         Ok(overlaps)

@@ -2,12 +2,14 @@
 //!
 //! The paper's system "moves the virtual object out of the visual hull and flips its velocity over the
 //! tangent plane". Read literally, and so it is here: the body is translated by its response, and the
-//! part of its own velocity that points into the hull is mirrored. Nothing else changes: the spin
-//! stays, and the speed of the surface is not handed on, so a body at rest that is pushed is displaced
+//! part of its own velocity that points into the hull is mirrored. The mirror is a collision, and as
+//! in any collision friction brakes what slides along: the paper is silent on it, but without it a box
+//! “lying in rest on top of a real one” slides off the roof of a few percent that the hull has over every
+//! level face (`hull_friction`, 0 for none). Nothing else changes: the spin stays, and the speed of the surface is not handed on, so a body at rest that is pushed is displaced
 //! and still at rest. What it loses by that (its support, its balance) the solver finds out.
 //!
 //! That has two consequences that belong to the paper and not to this code. A body that the hull pushes
-//! gets no torque and no friction from it, so a box on a surface of the hull keeps whatever tilt and drift
+//! gets no torque from it, so a box on a surface of the hull keeps whatever tilt and drift
 //! its neighbours give it: boxes lie well next to each other on a lifted lid, and stacks on it do not last.
 //! And a body is carried by being displaced every step, so its velocity is not that of what carries it.
 //!
@@ -45,12 +47,19 @@ impl BodyResponse {
 }
 
 /// A velocity mirrored at a surface whose outward normal is `outward` (of any length): `None` if it
-/// does not point into the surface.
-pub fn mirrored(velocity: [f64; 3], outward: [f64; 3], restitution: f64) -> Option<[f64; 3]> {
+/// does not point into the surface. `friction` (Coulomb's coefficient) takes from the velocity along
+/// the surface at most that share of what the mirror turned round.
+pub fn mirrored(velocity: [f64; 3], outward: [f64; 3], restitution: f64, friction: f64) -> Option<[f64; 3]> {
     let velocity = Vector3::from(velocity);
     let normal = Vector3::from(outward).try_normalize(0.0)?;
     let speed_out = velocity.dot(&normal);
-    (speed_out < 0.0).then(|| (velocity - normal * (1.0 + restitution) * speed_out).into())
+    if speed_out >= 0.0 {
+        return None;
+    }
+    let along = velocity - normal * speed_out;
+    let braked = friction * (1.0 + restitution) * -speed_out;
+    let kept = along.try_normalize(0.0).map_or(along, |unit| unit * (along.norm() - braked).max(0.0));
+    Some((kept - normal * restitution * speed_out).into())
 }
 
 #[cfg(test)]
@@ -59,15 +68,21 @@ mod tests {
 
     #[test]
     fn only_the_part_that_points_in_is_mirrored() {
-        assert_eq!(mirrored([1.0, -2.0, 3.0], [0.0, 0.1, 0.0], 1.0), Some([1.0, 2.0, 3.0]));
-        assert_eq!(mirrored([1.0, -2.0, 3.0], [0.0, 5.0, 0.0], 0.5), Some([1.0, 1.0, 3.0]));
-        assert_eq!(mirrored([1.0, -2.0, 3.0], [0.0, 1.0, 0.0], 0.0), Some([1.0, 0.0, 3.0]));
+        assert_eq!(mirrored([1.0, -2.0, 3.0], [0.0, 0.1, 0.0], 1.0, 0.0), Some([1.0, 2.0, 3.0]));
+        assert_eq!(mirrored([1.0, -2.0, 3.0], [0.0, 5.0, 0.0], 0.5, 0.0), Some([1.0, 1.0, 3.0]));
+        assert_eq!(mirrored([1.0, -2.0, 3.0], [0.0, 1.0, 0.0], 0.0, 0.0), Some([1.0, 0.0, 3.0]));
     }
 
     #[test]
     fn a_velocity_that_points_out_or_along_stays() {
-        assert_eq!(mirrored([1.0, 2.0, 3.0], [0.0, 1.0, 0.0], 1.0), None);
-        assert_eq!(mirrored([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], 1.0), None);
-        assert_eq!(mirrored([1.0, 0.0, 0.0], [0.0, 0.0, 0.0], 1.0), None);
+        assert_eq!(mirrored([1.0, 2.0, 3.0], [0.0, 1.0, 0.0], 1.0, 0.5), None);
+        assert_eq!(mirrored([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], 1.0, 0.5), None);
+        assert_eq!(mirrored([1.0, 0.0, 0.0], [0.0, 0.0, 0.0], 1.0, 0.5), None);
+    }
+
+    #[test]
+    fn friction_brakes_along_the_surface_and_never_turns_round() {
+        assert_eq!(mirrored([3.0, -2.0, 0.0], [0.0, 1.0, 0.0], 0.0, 0.5), Some([2.0, 0.0, 0.0]));
+        assert_eq!(mirrored([0.5, -2.0, 0.0], [0.0, 1.0, 0.0], 1.0, 0.5), Some([0.0, 2.0, 0.0]));
     }
 }

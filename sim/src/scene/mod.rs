@@ -250,7 +250,7 @@ mod tests {
             assert!(scene.bodies(1).iter().filter(|body| !body.fixed).count() >= 3, "{name}");
         }
         assert_eq!(Scene::named("crowd").expect("crowd").bodies(1).len(), 40);
-        assert_eq!(Scene::named("topple").expect("topple").bodies(1).len(), 4);
+        assert_eq!(Scene::named("topple").expect("topple").bodies(1).len(), 12);
     }
 
     #[test]

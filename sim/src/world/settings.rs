@@ -16,6 +16,8 @@ pub struct WorldSettings {
     pub response: ResponseMode,
     /// The share of the speed into the hull that is mirrored: 1 is the paper's flip, 0 stops the body.
     pub mirror_restitution: f64,
+    /// Coulomb friction of the hull, which is taken to be at rest: 0 is the paper's.
+    pub hull_friction: f64,
     /// No surface point is farther from a sample, metres.
     pub covering_radius_m: f64,
 }
@@ -27,6 +29,7 @@ impl Default for WorldSettings {
             seed: 1,
             response: ResponseMode::Paper,
             mirror_restitution: 0.3,
+            hull_friction: 0.5,
             covering_radius_m: DEFAULT_COVERING_RADIUS_M,
         }
     }
@@ -38,6 +41,7 @@ impl WorldSettings {
         for (key, found, low, high) in [
             ("dt_s", self.dt_s, 1e-4, 0.1),
             ("mirror_restitution", self.mirror_restitution, 0.0, 1.0),
+            ("hull_friction", self.hull_friction, 0.0, 10.0),
             ("covering_radius_m", self.covering_radius_m, 0.005, 0.5),
         ] {
             if !(low..=high).contains(&found) {

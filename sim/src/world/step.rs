@@ -94,7 +94,9 @@ impl World {
         self.records[index].hull_moved_m += length_m;
         report.translated += 1;
         let velocity_m_s = state.velocity_m_s.map(f64::from);
-        if let Some(mirrored) = mirrored(velocity_m_s, response_m, self.settings.mirror_restitution) {
+        if let Some(mirrored) =
+            mirrored(velocity_m_s, response_m, self.settings.mirror_restitution, self.settings.hull_friction)
+        {
             self.solver.set_velocity(index, mirrored);
             report.mirrored += 1;
         }

@@ -147,3 +147,21 @@ fn what_rains_on_the_person_is_thrown_off_and_stays_around() {
     let near = bodies.iter().filter(|body| body.end_m.x.hypot(body.end_m.z) < 1.5).count();
     assert!(near >= 20, "{near} bodies lie around him");
 }
+
+#[test]
+fn boxes_rest_on_a_real_box_and_rise_with_it() {
+    // The lid rises by 0.35 m until 3.2 s, and tilts from 5.2 s on.
+    let rest = play("lift", 1.9, 1, &[]);
+    let top = play("lift", 4.5, 1, &[]);
+    check_sound("lift", &top);
+    let (before, after) = (bodies(&rest), bodies(&top));
+    assert!(stage::LIFT_RISE_S.0 >= 1.9 && stage::LIFT_RISE_S.1 < 4.5 && stage::LIFT_TILT_S[0] > 4.5);
+    for (before, after) in before.iter().zip(&after) {
+        let drift_m = before.moved_m;
+        assert!(drift_m < 0.04, "{} drifted {drift_m} m before the lift", before.name);
+        let rise_m = after.end_m.y - before.end_m.y;
+        assert!((0.3..0.4).contains(&rise_m), "{} rose {rise_m} m", after.name);
+        let aside_m = (after.end_m - before.end_m).xz().norm();
+        assert!(aside_m < 0.1, "{} slid {aside_m} m on the lid", after.name);
+    }
+}

@@ -3,7 +3,7 @@
 //! tested in `segment`.
 #![allow(clippy::print_stdout, reason = "a test that is skipped says so, and figures are worth seeing")]
 
-#[path = "../../segment/tests/common/mod.rs"]
+#[path = "../segment/tests/common/mod.rs"]
 #[allow(dead_code, reason = "only the folder is wanted here")]
 mod common;
 
