@@ -140,8 +140,14 @@ fn observers(setup: &Setup) -> Vec<Arc<hull::Observer>> {
 }
 
 fn run(setup: &Setup, transport: impl FnOnce(&World) -> Transport, connect_patience: Duration) -> Outcome {
-    let settings =
-        WorldSettings { seed: setup.seed, response: ResponseMode::Paper, ..WorldSettings::default() };
+    let surface = setup.scene.hull();
+    let settings = WorldSettings {
+        seed: setup.seed,
+        response: ResponseMode::Paper,
+        mirror_restitution: surface.restitution,
+        hull_friction: surface.friction,
+        ..WorldSettings::default()
+    };
     let world = World::new(&setup.scene, settings).map_err(Failure::input)?;
     let observers = observers(setup);
     let run_settings = RunSettings {

@@ -20,6 +20,6 @@ pub mod world;
 
 pub use record::{BodyRecord, TrajectoryDigest};
 pub use response::{BodyResponse, ResponseMode};
-pub use scene::{BodySpec, Floor, Heft, Scene, SceneError, StageHint};
+pub use scene::{BodySpec, Floor, Heft, HullSurface, Scene, SceneError, StageHint};
 pub use solid::Solid;
 pub use world::{Body, Fault, FaultKind, StepReport, World, WorldError, WorldSettings};

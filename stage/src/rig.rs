@@ -15,7 +15,7 @@ pub const AIM_M: [f64; 3] = [0.0, 0.95, 0.0];
 pub const FIELD_OF_VIEW_RAD: f64 = 57.0 / 180.0 * PI;
 
 /// `camera_count` cameras, `cam_0` and on, of `size` pixels, evenly round a hemisphere about the person:
-/// 0.9 to 2.6 m high, and with more than eight every fourth up to 3.4 m. `cam_0` sees the face. All that the
+/// 0.9 to 2.6 m high (2.2 with eight), alike left and right, and with more than eight every fourth up to 3.4 m. `cam_0` sees the face. All that the
 /// motions and props fill is in every camera's view, and so is 0.3 to 1.3 m of height within 1.5 m of the
 /// origin. An error for no camera, or for a size that no camera has.
 pub fn studio_rig(camera_count: usize, size: (u32, u32)) -> Result<Rig, RigError> {

@@ -1,7 +1,7 @@
 //! From keys to a scene whose every value can be.
 
 use super::file::{BodyFile, FloorFile, PlaceFile, SceneFile, ShapeFile};
-use super::{Floor, Group, Heft, MAX_BODIES, Place, Scene, SceneError, StageHint};
+use super::{Floor, Group, Heft, HullSurface, MAX_BODIES, Place, Scene, SceneError, StageHint};
 use crate::solid::{ConvexHull, MAX_EXTENT_M, MIN_EXTENT_M, Solid};
 use core::fmt::Display;
 use std::collections::BTreeSet;
@@ -20,10 +20,14 @@ pub(super) fn scene(name: &str, file: SceneFile) -> Result<Scene, SceneError> {
     let checker = Checker { scene: name };
     let gravity_m_s2 = checker.gravity(file.gravity.unwrap_or([0.0, -9.81, 0.0]))?;
     let floor = checker.floor(&file.floor)?;
+    let hull = HullSurface {
+        restitution: checker.within("hull.restitution", file.hull.restitution, 0.0, 1.0)?,
+        friction: checker.within("hull.friction", file.hull.friction, 0.0, 10.0)?,
+    };
     let groups = file.bodies.into_iter().map(|body| checker.group(body)).collect::<Result<Vec<_>, _>>()?;
     checker.names(&groups)?;
     let stage = file.stage.map(|stage| StageHint { motion: stage.motion, props: stage.props });
-    Ok(Scene { name: name.to_owned(), gravity_m_s2, floor, stage, groups })
+    Ok(Scene { name: name.to_owned(), gravity_m_s2, floor, hull, stage, groups })
 }
 
 /// Makes errors that name the scene and the key.

@@ -9,6 +9,8 @@ pub(super) struct SceneFile {
     pub gravity: Option<[f64; 3]>,
     #[serde(default)]
     pub floor: FloorFile,
+    #[serde(default)]
+    pub hull: HullFile,
     pub stage: Option<StageFile>,
     #[serde(default)]
     pub bodies: Vec<BodyFile>,
@@ -26,6 +28,20 @@ pub(super) struct FloorFile {
 impl Default for FloorFile {
     fn default() -> Self {
         FloorFile { enabled: true, height: 0.0, friction: 0.8, restitution: 0.1 }
+    }
+}
+
+/// How the hull's surface takes a body that runs into it.
+#[derive(Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(super) struct HullFile {
+    pub restitution: f64,
+    pub friction: f64,
+}
+
+impl Default for HullFile {
+    fn default() -> HullFile {
+        HullFile { restitution: 0.3, friction: 0.5 }
     }
 }
 

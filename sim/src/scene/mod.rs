@@ -6,6 +6,9 @@
 //! height = 0.0                       # along up, metres
 //! friction = 0.8
 //! restitution = 0.1
+//! [hull]                             # the person's surface; restitution 1 and friction 0 are the
+//! restitution = 0.3                  # paper's words taken literally
+//! friction = 0.5
 //! [stage]                            # for the program that builds the synthetic studio
 //! motion = "punch"
 //! props = ["table"]
@@ -100,6 +103,15 @@ pub struct Floor {
     pub restitution: f64,
 }
 
+/// How the hull's surface takes a body that runs into it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HullSurface {
+    /// The share of the speed into the hull that is mirrored: 1 is the paper's flip, 0 stops the body.
+    pub restitution: f64,
+    /// Coulomb friction coefficient: 0 is the paper's.
+    pub friction: f64,
+}
+
 /// What the scene asks of a synthetic studio; this crate only carries it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StageHint {
@@ -145,6 +157,7 @@ pub struct Scene {
     name: String,
     gravity_m_s2: [f64; 3],
     floor: Option<Floor>,
+    hull: HullSurface,
     stage: Option<StageHint>,
     groups: Vec<Group>,
 }
@@ -224,6 +237,11 @@ impl Scene {
         self.floor
     }
 
+    /// How the hull's surface takes bodies.
+    pub fn hull(&self) -> HullSurface {
+        self.hull
+    }
+
     /// What it asks of a synthetic studio, if anything.
     pub fn stage(&self) -> Option<&StageHint> {
         self.stage.as_ref()
@@ -240,6 +258,15 @@ impl Scene {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_hulls_surface_can_be_the_papers() {
+        let text = "[hull]\nrestitution = 1.0\nfriction = 0\n[[bodies]]\nname = \"b\"\nshape.ball.radius = 0.1\nplace.at = [0, 1, 0]\n";
+        let scene = Scene::from_toml("s", text).expect("a scene");
+        assert_eq!(scene.hull(), HullSurface { restitution: 1.0, friction: 0.0 });
+        let error = Scene::from_toml("s", &text.replace("1.0", "1.5")).expect_err("too much").to_string();
+        assert!(error.contains("hull.restitution") && error.contains("1.5"), "{error}");
+    }
 
     #[test]
     fn shipped_scenes_are_scenes() {
