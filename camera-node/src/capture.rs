@@ -124,7 +124,8 @@ impl Film {
             raised: Condvar::new(),
             newest: AtomicU64::new(0),
         });
-        let mut threads = Vec::new();
+        // All sources open before any thread begins: a source that cannot leaves nothing running.
+        let mut rolls = Vec::new();
         for (index, camera) in self.cameras.iter().enumerate() {
             let ready = camera.lock().unwrap_or_else(PoisonError::into_inner);
             let config = &ready.config;
@@ -141,11 +142,14 @@ impl Film {
                 ring: Arc::clone(&self.ring),
                 gate: Arc::clone(&gate),
             };
-            drop(ready);
+            rolls.push(roll);
+        }
+        let mut threads = Vec::new();
+        for (roll, camera) in rolls.into_iter().zip(&self.cameras) {
             let camera = Arc::clone(camera);
             threads.push(std::thread::spawn(move || {
                 let mut camera = camera.lock().unwrap_or_else(PoisonError::into_inner);
-                let ring = Arc::clone(&roll.ring);
+                let (ring, index) = (Arc::clone(&roll.ring), roll.index);
                 let outcome =
                     std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| roll.film(&mut camera)));
                 match outcome.unwrap_or_else(|_| Err(panicked())) {

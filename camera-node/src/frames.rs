@@ -119,9 +119,27 @@ struct Inner {
     ring: VecDeque<Arc<Frame>>,
     /// Frames that some cameras have delivered and others not; bounded like the ring.
     pending: BTreeMap<u64, Parts>,
+    /// Which cameras' films have ended, and the newest frame that each has delivered.
     ended: Vec<bool>,
+    delivered: Vec<Option<u64>>,
     state: FilmState,
     skipped: u64,
+}
+
+impl Inner {
+    fn new(camera_count: usize) -> Inner {
+        Inner { ended: vec![false; camera_count], delivered: vec![None; camera_count], ..Inner::default() }
+    }
+
+    fn note_end(&mut self) {
+        let cameras = || self.ended.iter().zip(&self.delivered);
+        let shortest = cameras().filter(|(ended, _)| **ended).map(|(_, last)| *last).min();
+        let Some(shortest) = shortest else { return };
+        let all_have_it = cameras().all(|(ended, last)| *ended || *last >= shortest);
+        if all_have_it && self.state == FilmState::Running {
+            self.state = FilmState::Ended;
+        }
+    }
 }
 
 /// The ring; shared by film threads, the service and, in process, the coordinator.
@@ -134,13 +152,16 @@ pub struct FrameRing {
 impl FrameRing {
     /// An empty ring for a node of so many cameras.
     pub fn new(camera_count: usize) -> FrameRing {
-        let inner = Inner { ended: vec![false; camera_count], ..Inner::default() };
-        FrameRing { camera_count, inner: Mutex::new(inner), version: watch::Sender::new(0) }
+        FrameRing {
+            camera_count,
+            inner: Mutex::new(Inner::new(camera_count)),
+            version: watch::Sender::new(0),
+        }
     }
 
     /// Forgets all frames: a new run begins.
     pub fn clear(&self) {
-        *self.lock() = Inner { ended: vec![false; self.camera_count], ..Inner::default() };
+        *self.lock() = Inner::new(self.camera_count);
         self.changed();
     }
 
@@ -148,6 +169,8 @@ impl FrameRing {
     /// all cameras have delivered theirs.
     pub fn offer(&self, camera: usize, stamp: Stamp, part: CameraFrame) {
         let mut inner = self.lock();
+        inner.delivered[camera] = Some(stamp.number);
+        inner.note_end();
         if inner.ring.back().is_some_and(|newest| stamp.number <= newest.number) {
             return;
         }
@@ -187,13 +210,12 @@ impl FrameRing {
         }
     }
 
-    /// Says that a camera's film has ended; when all have, the film has.
+    /// Says that a camera's film has ended. The film has ended with the shortest: once the others have
+    /// delivered what it had.
     pub fn end(&self, camera: usize) {
         let mut inner = self.lock();
         inner.ended[camera] = true;
-        if inner.ended.iter().all(|&ended| ended) && inner.state == FilmState::Running {
-            inner.state = FilmState::Ended;
-        }
+        inner.note_end();
         drop(inner);
         self.changed();
     }
@@ -291,11 +313,12 @@ mod tests {
     }
 
     #[test]
-    fn film_ends_when_every_camera_ends_and_fails_when_one_does() {
+    fn film_ends_with_the_shortest_and_fails_when_one_does() {
         let ring = FrameRing::new(2);
+        offer(&ring, 0, 0);
         ring.end(0);
-        assert_eq!(ring.state(), FilmState::Running);
-        ring.end(1);
+        assert_eq!(ring.state(), FilmState::Running, "the other has yet to deliver frame 0");
+        offer(&ring, 1, 0);
         assert_eq!(ring.state(), FilmState::Ended);
         ring.clear();
         ring.fail("no".into());

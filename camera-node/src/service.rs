@@ -56,6 +56,9 @@ pub enum ServeError {
         /// What the system says.
         error: std::io::Error,
     },
+    /// Learning the backgrounds panicked.
+    #[error("learning the backgrounds failed: {0}")]
+    Panicked(String),
     /// The transport broke.
     #[error("serving failed: {0}")]
     Transport(#[from] tonic::transport::Error),
@@ -83,7 +86,11 @@ impl Node {
         let listen = |error| ServeError::Listen { address, error };
         let listener = TcpListener::bind(address).await.map_err(listen)?;
         let ring = Arc::new(FrameRing::new(config.cameras.len()));
-        let service = Service::new(config, Arc::clone(&ring))?;
+        let shared = Arc::clone(&ring);
+        // Learning reads whole clips; meanwhile the runtime must hear that it should end.
+        let service = tokio::task::spawn_blocking(move || Service::new(config, shared))
+            .await
+            .map_err(|error| ServeError::Panicked(error.to_string()))??;
         Ok(Node { listener, service, ring })
     }
 
@@ -178,8 +185,10 @@ impl Worker {
                 self.scratch = Scratch::default();
                 refusal(id, RefusalReason::Malformed, "the computation panicked")
             });
-            // The asker may have gone.
-            let _ = replies.blocking_send(Ok(reply));
+            // The asker may have gone, or read nothing: that is no reason to keep others waiting.
+            if replies.try_send(Ok(reply)).is_err() {
+                tracing::debug!("a reply found no reader");
+            }
         }
     }
 

@@ -30,6 +30,8 @@ const CONNECT_TIMEOUT: Duration = Duration::from_secs(2);
 const FIRST_BACKOFF: Duration = Duration::from_millis(50);
 const LONGEST_BACKOFF: Duration = Duration::from_secs(2);
 const KEEP_ALIVE: Duration = Duration::from_secs(5);
+/// All calls of a connection's beginning together: sources open, programs start.
+const CALLS_TIMEOUT: Duration = Duration::from_secs(30);
 
 /// A camera that a node must serve.
 #[derive(Clone, Debug, PartialEq)]
@@ -196,11 +198,12 @@ impl Link {
         let mut backoff = FIRST_BACKOFF;
         // The loop ends with the run: then nobody receives events any more.
         while !self.events.is_closed() {
-            match self.connect().await {
+            let connected = tokio::time::timeout(CALLS_TIMEOUT, self.connect()).await;
+            match connected.unwrap_or_else(|_| Err("it took too long to answer".into())) {
                 Ok((connection, replies, frames)) => {
                     backoff = FIRST_BACKOFF;
-                    self.state().problem = None;
-                    self.state().connection = Some(connection);
+                    // What it told before it went is no longer true.
+                    *self.state() = LinkState { connection: Some(connection), ..LinkState::default() };
                     self.common.told.notify_one();
                     tracing::debug!("node {} is up", self.node.address);
                     let problem = tokio::select! {
@@ -209,7 +212,8 @@ impl Link {
                     };
                     self.state().connection = None;
                     self.state().problem = Some(problem);
-                    let _ = self.events.send(Event::Down(self.index)).await;
+                    // Whoever asks next finds it missing anyway; only a pass in flight must hear of it.
+                    let _ = self.events.try_send(Event::Down(self.index));
                 }
                 Err(problem) => self.state().problem = Some(problem),
             }

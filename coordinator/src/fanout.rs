@@ -55,6 +55,8 @@ impl Fanout {
         let Some(question) = pass.question().cloned() else { return Ok(()) };
         let id = self.next_id;
         self.next_id += 1;
+        // What was told before this question is no answer to it.
+        while self.events.try_recv().is_ok() {}
         let name = |links: &[Arc<Link>], index: usize| links[index].node.address.clone();
         for (index, link) in self.links.iter().enumerate() {
             if !link.ask(id, frame, &question) {
@@ -84,7 +86,9 @@ impl Fanout {
                     // The node began anew since the shapes were registered.
                     let refused = |message| PassError::Refused { node: node(), message };
                     let link = &self.links[index];
-                    link.register_shapes().await.map_err(|status| refused(status.message().to_owned()))?;
+                    let registered = tokio::time::timeout_at(deadline, link.register_shapes());
+                    let registered = registered.await.map_err(|_| refused("took too long".into()))?;
+                    registered.map_err(|status| refused(status.message().to_owned()))?;
                     if !link.ask(id, frame, &question) {
                         return Err(PassError::Down(node()));
                     }

@@ -2,21 +2,37 @@
 
 use hull::pass::{BodyResult, Round};
 
-/// Figures in milliseconds, kept to tell percentiles.
+/// Figures kept at most: beyond, every second one is dropped, and of what comes only so many are taken.
+const MAX_KEPT: usize = 1 << 16;
+
+/// Figures in milliseconds, kept to tell percentiles; of a very long run an even selection.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Percentiles {
     values_ms: Vec<f64>,
+    count: usize,
+    max_ms: Option<f64>,
+    /// Every 2ⁿ-th figure is kept.
+    halvings: u32,
 }
 
 impl Percentiles {
     /// Adds a figure.
     pub fn add(&mut self, value_ms: f64) {
-        self.values_ms.push(value_ms);
+        self.max_ms = Some(self.max_ms.map_or(value_ms, |max_ms| max_ms.max(value_ms)));
+        if self.count.is_multiple_of(1 << self.halvings) {
+            self.values_ms.push(value_ms);
+        }
+        self.count += 1;
+        if self.values_ms.len() >= MAX_KEPT {
+            let mut kept = 0..self.values_ms.len();
+            self.values_ms.retain(|_| kept.next().is_some_and(|index| index % 2 == 0));
+            self.halvings += 1;
+        }
     }
 
     /// How many figures there are.
     pub fn count(&self) -> usize {
-        self.values_ms.len()
+        self.count
     }
 
     /// The figure that a share (0 to 1) of all do not exceed; `None` without any.
@@ -39,7 +55,7 @@ impl Percentiles {
 
     /// The largest figure.
     pub fn max(&self) -> Option<f64> {
-        self.values_ms.iter().copied().reduce(f64::max)
+        self.max_ms
     }
 }
 
@@ -86,6 +102,8 @@ pub struct Figures {
     pub slipped_s: f64,
     /// Responses or bodies that were not finite.
     pub faults: u64,
+    /// Why film failed, if it did.
+    pub film_failure: Option<String>,
 }
 
 impl Figures {
@@ -156,5 +174,16 @@ mod tests {
             figures.add(value);
         }
         assert_eq!((figures.p50(), figures.max(), figures.at(0.0)), (Some(3.0), Some(5.0), Some(1.0)));
+    }
+
+    #[test]
+    fn a_very_long_run_keeps_an_even_selection() {
+        let mut figures = Percentiles::default();
+        let all = 5 * MAX_KEPT;
+        (0..all).for_each(|value| figures.add(value as f64));
+        assert!(figures.values_ms.len() < MAX_KEPT && figures.count() == all);
+        assert_eq!(figures.max(), Some((all - 1) as f64));
+        let middle = figures.p50().expect("figures") / all as f64;
+        assert!((middle - 0.5).abs() < 0.01, "{middle}");
     }
 }

@@ -31,6 +31,8 @@ const MAX_LAG_S: f64 = 0.15;
 const FRAMES_KEPT: f64 = 7.0;
 /// Live film that is older than this has stopped.
 const STALE_S: f64 = 1.0;
+/// Lock-step: how long a node that has gone is waited for before steps go on without a hull.
+const RETURN_PATIENCE: Duration = Duration::from_secs(2);
 const REPORT_EVERY: Duration = Duration::from_millis(250);
 
 /// How a run goes.
@@ -100,6 +102,7 @@ pub struct Coordinator {
     hull_box: Option<(u64, Option<WorldBox>)>,
     frame: Option<u64>,
     blind: Option<String>,
+    missing_since: Option<Instant>,
     recent: Recent,
 }
 
@@ -129,6 +132,7 @@ impl Coordinator {
             hull_box: None,
             frame: None,
             blind: None,
+            missing_since: None,
             recent: Recent { since, steps_ms: Percentiles::default(), bytes: 0, contacts: 0 },
         }
     }
@@ -172,9 +176,13 @@ impl Coordinator {
         self.figures.bytes_silhouettes = self.transport.silhouette_bytes();
         self.figures.slipped_s = clock.slipped_s;
         self.figures.steps = self.world.steps();
-        if let Some(why) = self.blind.filter(|_| self.figures.frames == 0) {
-            return Err(RunError::Film(why));
-        }
+        self.figures.film_failure = match self.transport.film(0) {
+            FilmState::Failed(why) => Some(why),
+            FilmState::Ended if self.figures.frames == 0 => {
+                Some("it ended without a frame that all cameras have".into())
+            }
+            FilmState::Running | FilmState::Ended => self.blind.filter(|_| self.figures.frames == 0),
+        };
         Ok((self.figures, self.world))
     }
 
@@ -233,9 +241,17 @@ impl Coordinator {
                 return Ok(());
             }
             let missing = self.transport.missing();
-            if !missing.is_empty() {
-                // Dead cameras make no hull, and no reason to wait.
-                return Ok(());
+            if missing.is_empty() {
+                self.missing_since = None;
+            } else {
+                // A node may come back; a dead one makes no hull, and no reason to wait for ever.
+                let gone = self.missing_since.get_or_insert_with(Instant::now).elapsed();
+                if gone > LOCK_STEP_PATIENCE {
+                    return Err(RunError::Nodes(missing.join("; ")));
+                }
+                if gone > RETURN_PATIENCE {
+                    return Ok(());
+                }
             }
             if Instant::now() > deadline {
                 return Err(RunError::Film(format!(

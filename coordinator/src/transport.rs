@@ -13,6 +13,9 @@ use crate::counting::{ByteCounters, ByteCounts};
 use crate::facts::{FilmState, FrameFacts, Pace};
 use crate::fanout::Fanout;
 
+/// A picture is not worth more of a step's time.
+const PICTURE_PATIENCE: Duration = Duration::from_secs(2);
+
 /// The frames of cameras that are filmed in this very process.
 pub trait LocalFrames: Send {
     /// Begins a run.
@@ -249,7 +252,8 @@ impl Transport {
             }
             Transport::Gather(gather) => {
                 if pass.question().is_some() {
-                    gather.fetch(frame).await?;
+                    let fetched = tokio::time::timeout(patience, gather.fetch(frame)).await;
+                    fetched.map_err(|_| format!("silhouettes of frame {frame} did not come in time"))??;
                 }
                 if let Some((_, views)) = &gather.fetched {
                     run_locally(pass, views, &mut gather.scratch, took);
@@ -268,7 +272,8 @@ impl Transport {
         if let Transport::InProcess { frames, .. } = self {
             return frames.silhouettes(frame).ok_or_else(|| format!("frame {frame} is gone"));
         }
-        let (silhouettes, _) = fetch(self.links(), frame).await?;
+        let fetched = tokio::time::timeout(PICTURE_PATIENCE, fetch(self.links(), frame)).await;
+        let (silhouettes, _) = fetched.map_err(|_| "silhouettes did not come in time".to_owned())??;
         Ok(silhouettes.into_iter().map(Arc::new).collect())
     }
 

@@ -131,8 +131,9 @@ fn synthetic(folder: &Path, arguments: &DemoArguments) -> Outcome<(ClusterFile, 
     }
     let seed = arguments.seed.unwrap_or(1);
     let mut text = format!(
-        "rig = \"rig.toml\"\nscene = \"topple\"\nfps = {:?}\nlatency_s = {DEMO_LATENCY_S}\n",
-        arguments.fps
+        "rig = \"rig.toml\"\nscene = \"topple\"\nfps = {:?}\nlatency_s = {DEMO_LATENCY_S}\nmin_views = {}\n",
+        arguments.fps,
+        arguments.cameras.min(2),
     );
     for camera in rig.cameras() {
         text += &format!(

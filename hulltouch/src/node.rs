@@ -48,12 +48,18 @@ pub fn run(arguments: &NodeArguments) -> Outcome {
     };
     let config = node_config(&file, &indices, arguments.empty)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::run)?;
-    runtime.block_on(async {
-        let node = Node::open(config, address, arguments.insecure).await.map_err(serve_failure)?;
+    let served = runtime.block_on(async {
+        let node = tokio::select! {
+            node = Node::open(config, address, arguments.insecure) => node.map_err(serve_failure)?,
+            () = stopped(arguments.stop_with_stdin) => return Ok(()),
+        };
         let address = node.address().map_err(Failure::run)?;
         announce(address)?;
         node.serve(stopped(arguments.stop_with_stdin)).await.map_err(serve_failure)
-    })
+    });
+    // A clip that is still being read, or a read of standard input, must not hold the process.
+    runtime.shutdown_background();
+    served
 }
 
 /// Tells on standard output where the node listens: a parent that gave port 0 waits for this line.
@@ -65,7 +71,10 @@ fn announce(address: SocketAddr) -> Outcome {
 fn serve_failure(error: ServeError) -> Failure {
     match error {
         ServeError::Exposed(_) => Failure::input(error),
-        ServeError::Capture(_) | ServeError::Listen { .. } | ServeError::Transport(_) => Failure::run(error),
+        ServeError::Capture(_)
+        | ServeError::Listen { .. }
+        | ServeError::Panicked(_)
+        | ServeError::Transport(_) => Failure::run(error),
     }
 }
 

@@ -88,12 +88,12 @@ pub fn run_locally(setup: &Setup) -> Outcome {
             let all: Vec<usize> = (0..setup.file.cameras.len()).collect();
             let config = node_config(&setup.file, &all, setup.empty)?;
             let frames = InProcess::prepare(&config)?;
-            run(setup, |_| Transport::in_process(Box::new(frames)), Duration::ZERO)
+            run(setup, |_, _| Transport::in_process(Box::new(frames)), Duration::ZERO)
         }
         TransportName::Cluster | TransportName::Gather => {
             let cluster = LocalCluster::start(&setup.file, setup.empty)?;
             let nodes = cluster.nodes().to_vec();
-            run(setup, |world| connect(setup, nodes, world), Duration::from_secs(20))
+            run(setup, |world, gather| connect(setup, nodes, world, gather), Duration::from_secs(20))
         }
     }
 }
@@ -109,7 +109,7 @@ pub fn run_deployed(setup: &Setup, patience: Duration) -> Outcome {
         })?;
         nodes.push(expected_node(&setup.file, address.to_owned(), &indices));
     }
-    run(setup, |world| connect(setup, nodes, world), patience)
+    run(setup, |world, gather| connect(setup, nodes, world, gather), patience)
 }
 
 /// Says now what would fail at the end.
@@ -124,8 +124,12 @@ fn prepare_outputs(setup: &Setup) -> Outcome {
     Ok(())
 }
 
-fn connect(setup: &Setup, nodes: Vec<ExpectedNode>, world: &World) -> Transport {
-    let gather = (setup.transport == TransportName::Gather).then(|| observers(setup));
+fn connect(
+    setup: &Setup,
+    nodes: Vec<ExpectedNode>,
+    world: &World,
+    gather: Option<Vec<Arc<hull::Observer>>>,
+) -> Transport {
     let mut shapes: Vec<Arc<hull::Shape>> =
         world.moving_bodies().map(|body| Arc::clone(&body.shape)).collect();
     shapes.sort_by_key(|shape| shape.digest());
@@ -133,13 +137,24 @@ fn connect(setup: &Setup, nodes: Vec<ExpectedNode>, world: &World) -> Transport 
     Transport::connect(nodes, gather, setup.file.probes, setup.file.fps, shapes)
 }
 
-fn observers(setup: &Setup) -> Vec<Arc<hull::Observer>> {
+/// The whole rig's observers; refuses a rule that no point could ever meet.
+fn observers(setup: &Setup) -> Outcome<Vec<Arc<hull::Observer>>> {
     let all: Vec<usize> = (0..setup.file.cameras.len()).collect();
-    // The ignore masks were read before; what cannot be read twice is told by the nodes.
-    node_config(&setup.file, &all, false).map(|config| config.observers()).unwrap_or_default()
+    let min_views = setup.file.probes.rule().min_views;
+    if min_views as usize > all.len() {
+        let found = all.len();
+        return Err(Failure::input(format_args!(
+            "min_views is {min_views}, expected at most the {found} cameras"
+        )));
+    }
+    node_config(&setup.file, &all, false).map(|config| config.observers())
 }
 
-fn run(setup: &Setup, transport: impl FnOnce(&World) -> Transport, connect_patience: Duration) -> Outcome {
+fn run(
+    setup: &Setup,
+    transport: impl FnOnce(&World, Option<Vec<Arc<hull::Observer>>>) -> Transport,
+    connect_patience: Duration,
+) -> Outcome {
     let surface = setup.scene.hull();
     let settings = WorldSettings {
         seed: setup.seed,
@@ -149,7 +164,7 @@ fn run(setup: &Setup, transport: impl FnOnce(&World) -> Transport, connect_patie
         ..WorldSettings::default()
     };
     let world = World::new(&setup.scene, settings).map_err(Failure::input)?;
-    let observers = observers(setup);
+    let observers = observers(setup)?;
     let run_settings = RunSettings {
         probes: setup.file.probes,
         fps: setup.file.fps,
@@ -160,9 +175,10 @@ fn run(setup: &Setup, transport: impl FnOnce(&World) -> Transport, connect_patie
         connect_patience,
     };
     let mut watcher = Console::new(setup, &observers);
+    let for_gather = (setup.transport == TransportName::Gather).then(|| observers.clone());
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::run)?;
     let ran = runtime.block_on(async {
-        let transport = transport(&world);
+        let transport = transport(&world, for_gather);
         let coordinator = Coordinator::new(transport, world, observers, run_settings);
         coordinator.run(&mut watcher, interrupted()).await
     });
@@ -181,7 +197,10 @@ fn run(setup: &Setup, transport: impl FnOnce(&World) -> Transport, connect_patie
     let summary = report::summary(setup, &figures, &world);
     // A closed standard output is no reason to fail a run that went well.
     let _ = std::io::stdout().write_all(summary.as_bytes());
-    Ok(())
+    match &figures.film_failure {
+        Some(why) => Err(Failure::run(format_args!("film failed: {why}"))),
+        None => Ok(()),
+    }
 }
 
 /// Waits for the pictures; an interrupt leaves out those not yet begun.

@@ -140,6 +140,8 @@ impl View {
         let mut here = at(0.0);
         let mut step = 0.001;
         let depth_m = self.observer().settings().max_depth_m();
+        // An earlier exit, rounded up to single precision, may lie beyond the depth.
+        let limit_m = limit_m.min(depth_m);
         while here.t < limit_m {
             if here.pixel.is_none() {
                 // Nothing tells how far the image is: no step may jump over it.
