@@ -6,9 +6,9 @@ use nalgebra::Point3;
 use crate::camera::floor;
 use crate::view::{Class, View};
 
-/// Points are classified in blocks of this many: small enough for the first-level cache, large enough
-/// to fill vectors.
-pub const BLOCK: usize = 256;
+/// Points are classified in blocks of this many: large enough that a camera's bit map is read while it is
+/// in the cache, small enough that the points stay there too.
+pub const BLOCK: usize = 1024;
 
 /// Points per vector of the widest instructions there are, twice.
 const LANES: usize = 16;
