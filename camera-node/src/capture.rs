@@ -2,7 +2,7 @@
 //! ring. In real time a frame that comes too late is passed over; in lock-step every frame is made, as
 //! far ahead as credits allow.
 
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -82,7 +82,6 @@ struct Gate {
     stop: AtomicBool,
     up_to_frame: Mutex<u64>,
     raised: Condvar,
-    newest: AtomicU64,
 }
 
 impl Film {
@@ -122,7 +121,6 @@ impl Film {
             stop: AtomicBool::new(false),
             up_to_frame: Mutex::new(0),
             raised: Condvar::new(),
-            newest: AtomicU64::new(0),
         });
         // All sources open before any thread begins: a source that cannot leaves nothing running.
         let mut rolls = Vec::new();
@@ -261,7 +259,6 @@ impl Roll {
                 skipped: taken.number.saturating_sub(next),
             };
             let segment_ms = began.elapsed().as_secs_f64() * 1e3;
-            self.gate.newest.fetch_max(taken.number, Ordering::Relaxed);
             self.ring.offer(self.index, stamp, CameraFrame::new(&camera.observer, silhouette, segment_ms));
             next = taken.number + 1;
         }
