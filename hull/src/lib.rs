@@ -18,6 +18,7 @@ pub mod oracle;
 pub mod pass;
 pub mod probe;
 pub mod question;
+pub mod reach;
 pub mod response;
 pub mod rig;
 pub mod rotation;
@@ -28,6 +29,7 @@ pub mod view_set;
 
 pub use body::{Pose, Shape};
 pub use camera::{Camera, CameraError, Pixel};
+pub use reach::Reach;
 pub use rig::{Rig, RigError};
 pub use rule::{HullRule, NormalWindow, OutOfView, ProbeSettings};
 pub use silhouette::Silhouette;

@@ -3,15 +3,25 @@
 //!
 //! The paper's round of classes and nearest edges is asked in two: classes of every sample first, then
 //! edges of those inside the hull alone. The answers are the same and far fewer edges are searched.
+//!
+//! Cameras in different groups cannot spare each other work. So several groups are asked for edges and
+//! exits within a reach only, and for all of them where nothing was found within it: what is found within
+//! a reach is nearer than all that was left out. Classes may be asked of some groups first and of the
+//! others for the points that are left. Neither changes an answer.
+
+use std::ops::Range;
 
 use thiserror::Error;
 
 use crate::cull::WorldBox;
-use crate::merge::{merge_edges, merge_exits, merge_standings};
-use crate::probe::exit::Exit;
-use crate::question::{Answer, Batch, Directions, Edge, Points, Question, Standing};
-use crate::response::body_direction;
+use crate::merge::{first_exit, inside_count};
+use crate::question::{Answer, Batch, Edge, Kind, NO_EXIT_M, Points, Question, Standing};
+use crate::reach::Reach;
+use crate::response::BodyDirection;
 use crate::rule::ProbeSettings;
+
+/// How far the edges of a body of which nothing is known are searched at first.
+pub const FIRST_REACH: Reach = Reach::from_code(110);
 
 /// The rounds of a pass, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -73,6 +83,21 @@ pub struct BodyResult {
     pub left_inside: usize,
 }
 
+impl Default for BodyResult {
+    fn default() -> BodyResult {
+        BodyResult { touches: Vec::new(), response_m: Err(NoResponse::Clear), left_inside: 0 }
+    }
+}
+
+impl BodyResult {
+    /// How far the edges of this body are worth searching at first a moment later.
+    pub fn reach(&self) -> Reach {
+        let distances = self.touches.iter().filter_map(|touch| touch.edge).map(|edge| edge.distance_m);
+        let deepest_m = distances.fold(0.0, f32::max);
+        if deepest_m == 0.0 { FIRST_REACH } else { Reach::covering(1.5 * f64::from(deepest_m) + 0.01) }
+    }
+}
+
 /// Why a group's answer was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum AnswerError {
@@ -102,25 +127,47 @@ pub enum AnswerError {
     },
 }
 
-/// One pass. Ask every group [`Pass::question`], hand each answer to [`Pass::answer`], repeat until
-/// there is no question.
+/// One pass. Ask every group that it [asks](Pass::asks) its [`Pass::question`], hand each answer to
+/// [`Pass::answer`], repeat until there is no question. Buffers are kept from pass to pass.
 #[derive(Clone, Debug)]
 pub struct Pass {
     settings: ProbeSettings,
     bodies: Vec<PassBody>,
+    results: Vec<BodyResult>,
+    /// Bodies of this pass: there may be buffers of more.
+    count: usize,
     round: Round,
-    question: Option<Question>,
-    /// The bodies of the question's batches.
-    asked: Vec<usize>,
-    answers: Vec<Option<Answer>>,
+    question: Question,
+    /// What the question's points are, in its order.
+    targets: Targets,
+    /// The answers so far. Merging does not depend on their order.
+    merged: Answer,
+    groups: Vec<Group>,
+    changes_sorted: bool,
 }
 
 #[derive(Clone, Debug)]
 struct PassBody {
     points: Points,
+    reach: Reach,
     direction: Option<[f32; 3]>,
-    result: BodyResult,
+    longest_m: f32,
+    has_exits: bool,
+    /// Its box meets the hull's.
+    is_near: bool,
 }
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Group {
+    /// Asked for classes before the others.
+    is_first: bool,
+    is_asked: bool,
+    has_answered: bool,
+}
+
+/// The body of each of the question's points, and which of its samples or touches it is.
+#[derive(Clone, Debug, Default)]
+struct Targets(Vec<(u32, u32)>);
 
 impl Pass {
     /// Starts a pass over bodies, to be asked of `group_count` groups. Bodies whose box does not meet
@@ -131,27 +178,63 @@ impl Pass {
         settings: ProbeSettings,
         group_count: usize,
     ) -> Pass {
-        let meets_hull = |points: &Points| match (hull_box, points) {
-            (None, _) => false,
-            (Some(hull_box), Points::Body { shape, pose }) => hull_box.meets(&WorldBox::of_body(shape, pose)),
-            (Some(_), Points::World(_)) => true,
-        };
-        let survivors = bodies.iter().enumerate().filter(|(_, points)| meets_hull(points));
-        let asked: Vec<usize> = survivors.map(|(index, _)| index).collect();
-        let batches: Vec<Batch> =
-            asked.iter().map(|&index| Batch { points: bodies[index].clone(), picked: None }).collect();
-        let clear = BodyResult { touches: vec![], response_m: Err(NoResponse::Clear), left_inside: 0 };
-        let start = |points| PassBody { points, direction: None, result: clear.clone() };
         let mut pass = Pass {
             settings,
-            bodies: bodies.into_iter().map(start).collect(),
-            round: Round::Classes,
-            question: None,
-            asked,
-            answers: vec![None; group_count],
+            bodies: Vec::new(),
+            results: Vec::new(),
+            count: 0,
+            round: Round::Done,
+            question: Question::default(),
+            targets: Targets::default(),
+            merged: Answer::default(),
+            groups: vec![Group::default(); group_count],
+            changes_sorted: true,
         };
-        pass.pose(Round::Classes, Question::Classes(batches));
+        pass.restart(bodies.into_iter().map(|points| (points, FIRST_REACH)), hull_box);
         pass
+    }
+
+    /// Starts another pass with the same groups, settings and buffers. With each body goes how far its
+    /// edges are worth searching at first, best [`BodyResult::reach`] of the pass before.
+    pub fn restart(&mut self, bodies: impl Iterator<Item = (Points, Reach)>, hull_box: Option<&WorldBox>) {
+        self.count = 0;
+        for (points, reach) in bodies {
+            let is_near = match (hull_box, &points) {
+                (None, _) => false,
+                (Some(hull_box), Points::Body { shape, pose }) => {
+                    hull_box.meets(&WorldBox::of_body(shape, pose))
+                }
+                (Some(_), Points::World(_)) => true,
+            };
+            let body = PassBody { points, reach, direction: None, longest_m: 0.0, has_exits: true, is_near };
+            if self.count < self.bodies.len() {
+                self.bodies[self.count] = body;
+            } else {
+                self.bodies.push(body);
+                self.results.push(BodyResult::default());
+            }
+            let result = &mut self.results[self.count];
+            result.touches.clear();
+            result.response_m = Err(NoResponse::Clear);
+            result.left_inside = 0;
+            self.count += 1;
+        }
+        self.question.restart(Kind::Classes);
+        self.targets.0.clear();
+        for body in self.bodies[..self.count].iter().filter(|body| body.is_near) {
+            self.question.batches.push(Batch::all(body.points.clone()));
+        }
+        let has_first = self.groups.iter().any(|group| group.is_first);
+        self.ask(Round::Classes, |group| !has_first || group.is_first);
+    }
+
+    /// From the next pass on, asks these groups for classes first, and the others about what they leave;
+    /// with none, all at once.
+    pub fn ask_first(&mut self, groups: &[usize]) {
+        let count = self.groups.len();
+        for (index, group) in self.groups.iter_mut().enumerate() {
+            group.is_first = groups.len() < count && groups.contains(&index);
+        }
     }
 
     /// The round that is being asked.
@@ -159,194 +242,365 @@ impl Pass {
         self.round
     }
 
-    /// The question of this round to every group; `None` when the pass is done.
+    /// The question of this round; `None` when the pass is done.
     pub fn question(&self) -> Option<&Question> {
-        self.question.as_ref()
+        (self.round != Round::Done).then_some(&self.question)
     }
 
-    /// Takes a group's answer; when all have answered, the next question is there.
-    pub fn answer(&mut self, group: usize, answer: Answer) -> Result<(), AnswerError> {
-        let expected = self.answers.len();
-        let question = self.question.as_ref().ok_or(AnswerError::Twice(group))?;
-        let slot = self.answers.get_mut(group).ok_or(AnswerError::Group { found: group, expected })?;
-        if slot.is_some() {
+    /// True if the question is to be asked of this group, and it has not answered.
+    pub fn asks(&self, group: usize) -> bool {
+        let open = |group: &Group| group.is_asked && !group.has_answered;
+        self.round != Round::Done && self.groups.get(group).is_some_and(open)
+    }
+
+    /// Takes a group's answer; when all that are asked have answered, the next question is there.
+    pub fn answer(&mut self, group: usize, answer: &Answer) -> Result<(), AnswerError> {
+        let expected = self.groups.len();
+        let asked = *self.groups.get(group).ok_or(AnswerError::Group { found: group, expected })?;
+        if self.round == Round::Done || !asked.is_asked || asked.has_answered {
             return Err(AnswerError::Twice(group));
         }
-        let kinds_match = matches!(
-            (question, &answer),
-            (Question::Classes(_), Answer::Classes(_))
-                | (Question::Edges(_), Answer::Edges(_))
-                | (Question::Exits(_), Answer::Exits(_))
-        );
-        if !kinds_match {
+        if answer.kind != self.question.kind {
             return Err(AnswerError::Kind(group));
         }
-        if answer.len() != question.len() {
-            return Err(AnswerError::Count { group, found: answer.len(), expected: question.len() });
+        if answer.len() != self.merged.len() {
+            return Err(AnswerError::Count { group, found: answer.len(), expected: self.merged.len() });
         }
-        *slot = Some(answer);
-        if self.answers.iter().all(Option::is_some) {
+        self.merge(answer);
+        self.groups[group].has_answered = true;
+        if self.groups.iter().all(|group| group.has_answered || !group.is_asked) {
             self.advance();
         }
         Ok(())
     }
 
     /// What was found for each body, in the order given. Complete once there is no question.
-    pub fn into_results(self) -> Vec<BodyResult> {
-        self.bodies.into_iter().map(|body| body.result).collect()
+    pub fn results(&self) -> &[BodyResult] {
+        &self.results[..self.count]
     }
 
-    /// Asks a question, or goes on at once if it is empty.
-    fn pose(&mut self, round: Round, question: Question) {
-        self.round = round;
-        if question.is_empty() {
-            self.question = None;
-            self.round = Round::Done;
-            return;
+    /// The same, to keep.
+    pub fn into_results(mut self) -> Vec<BodyResult> {
+        self.results.truncate(self.count);
+        self.results
+    }
+
+    /// Asks the question that stands there, or ends if it is empty.
+    fn ask(&mut self, round: Round, asks: impl Fn(&Group) -> bool) {
+        let count = self.question.len();
+        self.round = if count == 0 { Round::Done } else { round };
+        for group in &mut self.groups {
+            group.is_asked = asks(group);
+            group.has_answered = false;
         }
-        self.question = Some(question);
-        self.answers.fill(None);
+        let merged = &mut self.merged;
+        merged.restart(self.question.kind);
+        self.changes_sorted = true;
+        match self.question.kind {
+            Kind::Classes => merged.standings.resize(count, Standing::inside(0)),
+            Kind::Edges => merged.edges.resize(count, None),
+            Kind::Exits | Kind::SharedExits => merged.exits_m.resize(count, NO_EXIT_M),
+        }
+    }
+
+    fn merge(&mut self, answer: &Answer) {
+        let merged = &mut self.merged;
+        for (merged, &standing) in merged.standings.iter_mut().zip(&answer.standings) {
+            *merged = merged.and(standing);
+        }
+        for (merged, &edge) in merged.edges.iter_mut().zip(&answer.edges) {
+            *merged = match (*merged, edge) {
+                (Some(a), Some(b)) => Some(a.nearer(b)),
+                (a, b) => a.or(b),
+            };
+        }
+        for (merged, &exit_m) in merged.exits_m.iter_mut().zip(&answer.exits_m) {
+            *merged = merged.min(exit_m);
+        }
+        self.changes_sorted &= merged.changes.is_empty() || answer.changes.is_empty();
+        merged.changes.extend_from_slice(&answer.changes);
     }
 
     fn advance(&mut self) {
-        let answers: Vec<Answer> = self.answers.iter_mut().filter_map(Option::take).collect();
+        if !self.changes_sorted {
+            self.merged.changes.sort_by(|a, b| a.point.cmp(&b.point).then(a.t_m.total_cmp(&b.t_m)));
+        }
         match self.round {
-            Round::Classes => self.after_classes(&standings(&answers)),
-            Round::Edges => self.after_edges(&answers),
-            Round::Exits => self.after_exits(&exits(&answers)),
-            Round::BodyExits => self.after_body_exits(&exits(&answers)),
-            Round::Check => self.after_check(&standings(&answers)),
+            Round::Classes => self.after_classes(),
+            Round::Edges => self.after_edges(),
+            Round::Exits => self.after_exits(),
+            Round::BodyExits => self.after_body_exits(),
+            Round::Check => self.after_check(),
             Round::Done => {}
         }
     }
 
-    fn after_classes(&mut self, standings: &[&[Standing]]) {
+    fn after_classes(&mut self) {
+        let silent: bool = self.groups.iter().any(|group| !group.is_asked);
+        if silent && self.targets.0.is_empty() {
+            return self.ask_the_others();
+        }
         let rule = self.settings.rule();
-        let mut at = 0;
-        for &index in &self.asked {
-            let body = &mut self.bodies[index];
-            for sample in 0..body.points.len() as u32 {
-                let merged = merge_standings(standings.iter().map(|group| group[at]), rule);
-                at += 1;
-                if let Some(count) = merged {
-                    let inside_count = count as u32;
-                    body.result.touches.push(Touch { sample, inside_count, edge: None, exit_m: None });
+        let Pass { targets, merged, results, bodies, count, .. } = self;
+        if targets.0.is_empty() {
+            let mut standings = merged.standings.iter();
+            for (body, result) in bodies[..*count].iter().zip(results).filter(|(body, _)| body.is_near) {
+                for (sample, &standing) in standings.by_ref().take(body.points.len()).enumerate() {
+                    let found = inside_count(standing, rule).map(|count| Touch::new(sample as u32, count));
+                    result.touches.extend(found);
                 }
             }
-        }
-        self.asked.retain(|&index| !self.bodies[index].result.touches.is_empty());
-        let batches = self.asked.iter().map(|&index| self.bodies[index].touching(|_| true)).collect();
-        self.pose(Round::Edges, Question::Edges(batches));
-    }
-
-    fn after_edges(&mut self, answers: &[Answer]) {
-        let groups: Vec<&[Option<Edge>]> = answers.iter().filter_map(Answer::edges).collect();
-        let mut at = 0;
-        for &index in &self.asked {
-            for touch in &mut self.bodies[index].result.touches {
-                touch.edge = merge_edges(groups.iter().map(|group| group[at]));
-                at += 1;
+        } else {
+            for (&(body, sample), &standing) in targets.0.iter().zip(&merged.standings) {
+                let found = inside_count(standing, rule).map(|count| Touch::new(sample, count));
+                results[body as usize].touches.extend(found);
             }
         }
-        let batches = self.asked.iter().map(|&index| {
-            let body = &self.bodies[index];
-            let normals = body.result.touches.iter().filter_map(|touch| touch.edge);
-            let directions = Directions::Each(normals.map(|edge| edge.normal_world).collect());
-            (body.touching(|touch| touch.edge.is_some()), directions)
-        });
-        let question = Question::Exits(batches.collect());
-        let nothing = question.is_empty();
-        self.pose(Round::Exits, question);
-        if nothing {
-            self.after_exits(&[]);
-        }
+        self.ask_edges(|_| true);
     }
 
-    fn after_exits(&mut self, groups: &[&[Exit]]) {
-        let rule = self.settings.rule();
+    /// Asks the groups that were not asked first about the points that no other rejects.
+    fn ask_the_others(&mut self) {
+        let Pass { targets, merged, question, bodies, count, groups, .. } = self;
+        question.restart(Kind::Classes);
         let mut at = 0;
-        for &index in &self.asked {
-            let body = &mut self.bodies[index];
-            for touch in body.result.touches.iter_mut().filter(|touch| touch.edge.is_some()) {
-                let exits = groups.iter().map(|group| &group[at]);
-                touch.exit_m = merge_exits(exits, touch.inside_count as usize, rule);
-                at += 1;
-            }
-            let responses: Vec<[f64; 3]> = body.result.touches.iter().filter_map(Touch::response_m).collect();
-            body.direction = body_direction(&responses);
-            if body.direction.is_none() {
-                body.result.response_m = Err(NoResponse::NoDirection);
-                body.result.left_inside = body.result.touches.len();
-            }
-        }
-        self.asked.retain(|&index| self.bodies[index].direction.is_some());
-        let batches = self.asked.iter().filter_map(|&index| {
-            let body = &self.bodies[index];
-            Some((body.touching(|_| true), Directions::Shared(body.direction?)))
-        });
-        let question = Question::Exits(batches.collect());
-        self.pose(Round::BodyExits, question);
-    }
-
-    fn after_body_exits(&mut self, groups: &[&[Exit]]) {
-        let rule = self.settings.rule();
-        let mut at = 0;
-        for &index in &self.asked {
-            let body = &mut self.bodies[index];
-            let mut longest_m = Some(0.0f32);
-            for touch in &body.result.touches {
-                let exits = groups.iter().map(|group| &group[at]);
-                let exit_m = merge_exits(exits, touch.inside_count as usize, rule);
-                longest_m = longest_m.zip(exit_m).map(|(a, b)| a.max(b));
-                at += 1;
-            }
-            body.result.response_m = match (body.direction, longest_m) {
-                (Some(direction), Some(longest_m)) => {
-                    Ok(direction.map(|component| f64::from(component) * f64::from(longest_m)))
-                }
-                _ => Err(NoResponse::NoExit),
-            };
-            body.result.left_inside = body.result.touches.len();
-        }
-        self.asked.retain(|&index| self.bodies[index].result.response_m.is_ok());
-        let batches = self.asked.iter().filter_map(|&index| {
-            let body = &self.bodies[index];
-            let mut batch = body.touching(|_| true);
-            batch.points = batch.points.moved(body.result.response_m.ok()?);
-            Some(batch)
-        });
-        let question = Question::Classes(batches.collect());
-        self.pose(Round::Check, question);
-    }
-
-    fn after_check(&mut self, standings: &[&[Standing]]) {
-        let rule = self.settings.rule();
-        let mut at = 0;
-        for &index in &self.asked {
-            let result = &mut self.bodies[index].result;
-            let range = at..at + result.touches.len();
+        for (index, body) in bodies[..*count].iter().enumerate().filter(|(_, body)| body.is_near) {
+            let range = at..at + body.points.len();
             at = range.end;
-            result.left_inside = range
-                .filter(|&at| merge_standings(standings.iter().map(|group| group[at]), rule).is_some())
-                .count();
+            let left = (0..).zip(&merged.standings[range]);
+            let left = left.filter(|&(_, &standing)| standing != Standing::OUTSIDE);
+            let before = targets.0.len();
+            targets.0.extend(left.map(|(sample, _)| (index as u32, sample)));
+            let picks = &targets.0[before..];
+            if !picks.is_empty() {
+                question.pick(&body.points, [0.0; 3], picks.iter().map(|&(_, sample)| sample));
+            }
         }
-        self.question = None;
+        merged.standings.retain(|&standing| standing != Standing::OUTSIDE);
+        // What the first said stands; it is merged with what the others say.
+        let so_far = std::mem::take(&mut merged.standings);
+        for group in groups.iter_mut() {
+            (group.is_asked, group.has_answered) = (!group.is_first, false);
+        }
+        if question.is_empty() {
+            self.round = Round::Done;
+        }
+        self.merged.restart(Kind::Classes);
+        self.merged.standings = so_far;
+    }
+
+    /// Asks for edges of the touches that fit.
+    fn ask_edges(&mut self, fits: impl Fn(&Touch) -> bool) {
+        let alone = self.groups.len() == 1;
+        self.question.restart(Kind::Edges);
+        let again = self.round == Round::Edges;
+        self.pick_touches([0.0; 3], |_, touch| fits(touch));
+        let Pass { question, targets, bodies, .. } = self;
+        if !alone && !again {
+            question.within.extend(targets.0.iter().map(|&(body, _)| bodies[body as usize].reach));
+        }
+        self.ask(Round::Edges, |_| true);
+    }
+
+    fn after_edges(&mut self) {
+        let Pass { targets, merged, results, question, .. } = self;
+        let mut is_open = false;
+        for (at, (&(body, touch), &edge)) in targets.0.iter().zip(&merged.edges).enumerate() {
+            results[body as usize].touches[touch as usize].edge = edge;
+            is_open |= edge.is_none() && question.bounds(at);
+        }
+        if is_open {
+            return self.ask_edges(|touch| touch.edge.is_none());
+        }
+        self.ask_exits(|_| true);
+    }
+
+    /// Asks for exits of the touches with an edge that fit.
+    fn ask_exits(&mut self, fits: impl Fn(&Touch) -> bool) {
+        let alone = self.groups.len() == 1;
+        let again = self.round == Round::Exits;
+        self.question.restart(Kind::Exits);
+        self.pick_touches([0.0; 3], |_, touch| touch.edge.is_some() && fits(touch));
+        let Pass { question, targets, results, .. } = self;
+        for &(body, touch) in &targets.0 {
+            let Some(edge) = results[body as usize].touches[touch as usize].edge else { continue };
+            question.directions.push(edge.normal_world);
+            if alone {
+                question.hints.push(edge.camera);
+            } else if !again {
+                question.within.push(exit_reach(edge.distance_m));
+            }
+        }
+        self.ask(Round::Exits, |_| true);
+        if self.round == Round::Done {
+            self.ask_body_exits();
+        }
+    }
+
+    fn after_exits(&mut self) {
+        let rule = self.settings.rule();
+        let Pass { targets, merged, results, question, .. } = self;
+        let mut is_open = false;
+        let mut changes = 0..0;
+        for (at, (&(body, touch), &outside_m)) in targets.0.iter().zip(&merged.exits_m).enumerate() {
+            let touch = &mut results[body as usize].touches[touch as usize];
+            changes = changes_of(&merged.changes, at, changes.end);
+            touch.exit_m = first_exit(outside_m, &merged.changes[changes.clone()], touch.inside_count, rule);
+            is_open |= touch.exit_m.is_none() && question.bounds(at);
+        }
+        if is_open {
+            return self.ask_exits(|touch| touch.exit_m.is_none());
+        }
+        self.ask_body_exits();
+    }
+
+    /// Asks for exits along each body's mean response.
+    fn ask_body_exits(&mut self) {
+        let alone = self.groups.len() == 1;
+        self.question.restart(Kind::SharedExits);
+        let Pass { bodies, results, count, .. } = self;
+        for (body, result) in bodies[..*count].iter_mut().zip(results).filter(|(body, _)| body.is_near) {
+            let mut direction = BodyDirection::default();
+            result.touches.iter().filter_map(Touch::response_m).for_each(|m| direction.add(m));
+            body.direction = direction.unit();
+            body.longest_m = 0.0;
+            body.has_exits = true;
+            if !result.touches.is_empty() && body.direction.is_none() {
+                result.response_m = Err(NoResponse::NoDirection);
+                result.left_inside = result.touches.len();
+            }
+        }
+        self.pick_touches([0.0; 3], |body, _| body.direction.is_some());
+        let Pass { question, targets, bodies, results, count, .. } = self;
+        question.directions.extend(bodies[..*count].iter().filter_map(|body| body.direction));
+        question.longest_alone = alone;
+        if alone {
+            let hint = |&(body, touch): &(u32, u32)| {
+                results[body as usize].touches[touch as usize].edge.map_or(0, |edge| edge.camera)
+            };
+            question.hints.extend(targets.0.iter().map(hint));
+        } else {
+            let longest_m = |result: &BodyResult| {
+                result.touches.iter().filter_map(|touch| touch.exit_m).fold(0.0, f32::max)
+            };
+            let mut last = (u32::MAX, Reach::UNBOUNDED);
+            for &(body, _) in &targets.0 {
+                if last.0 != body {
+                    last = (body, exit_reach(longest_m(&results[body as usize])));
+                }
+                question.within.push(last.1);
+            }
+        }
+        self.ask(Round::BodyExits, |_| true);
+    }
+
+    fn after_body_exits(&mut self) {
+        let rule = self.settings.rule();
+        let Pass { targets, merged, results, question, bodies, .. } = self;
+        let mut is_open = false;
+        let mut changes = 0..0;
+        let mut open = 0;
+        for at in 0..targets.0.len() {
+            let (body, touch) = targets.0[at];
+            let inside_count = results[body as usize].touches[touch as usize].inside_count;
+            changes = changes_of(&merged.changes, at, changes.end);
+            let exit_m = first_exit(merged.exits_m[at], &merged.changes[changes.clone()], inside_count, rule);
+            let body_state = &mut bodies[body as usize];
+            match exit_m {
+                Some(exit_m) => body_state.longest_m = body_state.longest_m.max(exit_m),
+                None if question.bounds(at) => {
+                    is_open = true;
+                    targets.0[open] = (body, touch);
+                    open += 1;
+                }
+                None => body_state.has_exits = false,
+            }
+        }
+        if is_open {
+            targets.0.truncate(open);
+            return self.ask_open_body_exits();
+        }
+        self.ask_check();
+    }
+
+    /// Asks again, without a reach, for the exits that are not known.
+    fn ask_open_body_exits(&mut self) {
+        self.question.restart(Kind::SharedExits);
+        let Pass { question, targets, bodies, results, .. } = self;
+        for of_body in targets.0.chunk_by(|a, b| a.0 == b.0) {
+            let index = of_body[0].0 as usize;
+            let samples = of_body.iter().map(|&(_, touch)| results[index].touches[touch as usize].sample);
+            question.pick(&bodies[index].points, [0.0; 3], samples);
+            question.directions.extend(bodies[index].direction);
+        }
+        self.ask(Round::BodyExits, |_| true);
+    }
+
+    fn ask_check(&mut self) {
+        let Pass { bodies, results, count, question, targets, .. } = self;
+        question.restart(Kind::Classes);
+        targets.0.clear();
+        for (index, (body, result)) in bodies[..*count].iter().zip(results).enumerate() {
+            let Some(direction) = body.direction.filter(|_| body.is_near) else { continue };
+            result.left_inside = result.touches.len();
+            if !body.has_exits {
+                result.response_m = Err(NoResponse::NoExit);
+                continue;
+            }
+            let response_m = direction.map(|part| f64::from(part) * f64::from(body.longest_m));
+            result.response_m = Ok(response_m);
+            result.left_inside = 0;
+            targets.0.extend((0..result.touches.len() as u32).map(|touch| (index as u32, touch)));
+            question.pick(&body.points, response_m, result.touches.iter().map(|touch| touch.sample));
+        }
+        self.ask(Round::Check, |_| true);
+    }
+
+    fn after_check(&mut self) {
+        let rule = self.settings.rule();
+        for (&(body, _), &standing) in self.targets.0.iter().zip(&self.merged.standings) {
+            self.results[body as usize].left_inside += usize::from(inside_count(standing, rule).is_some());
+        }
         self.round = Round::Done;
     }
-}
 
-impl PassBody {
-    /// A batch of the touching samples that fit.
-    fn touching(&self, fits: impl Fn(&Touch) -> bool) -> Batch {
-        let touches = self.result.touches.iter().filter(|touch| fits(touch));
-        Batch { points: self.points.clone(), picked: Some(touches.map(|touch| touch.sample).collect()) }
+    /// Adds the touches that fit to the question and to its targets.
+    fn pick_touches(&mut self, offset_m: [f64; 3], fits: impl Fn(&PassBody, &Touch) -> bool) {
+        let Pass { bodies, results, count, question, targets, .. } = self;
+        targets.0.clear();
+        for (index, (body, result)) in bodies[..*count].iter().zip(results).enumerate() {
+            let before = targets.0.len();
+            let touches = (0..).zip(&result.touches).filter(|(_, touch)| fits(body, touch));
+            targets.0.extend(touches.map(|(touch, _)| (index as u32, touch)));
+            let picks = &targets.0[before..];
+            if !picks.is_empty() {
+                let samples = picks.iter().map(|&(_, touch)| result.touches[touch as usize].sample);
+                question.pick(&body.points, offset_m, samples);
+            }
+        }
     }
 }
 
-fn standings(answers: &[Answer]) -> Vec<&[Standing]> {
-    answers.iter().filter_map(Answer::classes).collect()
+impl Question {
+    /// True if a point's edge or exit may have been left out as too far away.
+    fn bounds(&self, point: usize) -> bool {
+        self.within.get(point).is_some_and(|&reach| reach != Reach::UNBOUNDED)
+    }
 }
 
-fn exits(answers: &[Answer]) -> Vec<&[Exit]> {
-    answers.iter().filter_map(Answer::exits).collect()
+impl Touch {
+    fn new(sample: u32, inside_count: usize) -> Touch {
+        Touch { sample, inside_count: inside_count as u32, edge: None, exit_m: None }
+    }
+}
+
+/// How far an exit is searched at first, from the distance that hints at it.
+fn exit_reach(distance_m: f32) -> Reach {
+    Reach::covering(3.0 * f64::from(distance_m) + 0.02)
+}
+
+/// The changes of a point, in a list sorted by point, from where those of the point before it end.
+fn changes_of(changes: &[crate::question::Change], point: usize, from: usize) -> Range<usize> {
+    let count = changes[from..].iter().take_while(|change| change.point as usize == point).count();
+    from..from + count
 }

@@ -1,13 +1,14 @@
-//! What a pass asks of every group of cameras, and what a group answers. Plain data: the same in
-//! process, gathered and over the network.
+//! What a pass asks of every group of cameras, and what a group answers. Plain data in flat arrays, whose
+//! buffers are kept from question to question: the same in process, gathered and over the network.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use nalgebra::Point3;
 
 use crate::body::{Pose, Shape};
 use crate::camera::Pixel;
-use crate::probe::exit::Exit;
+use crate::reach::Reach;
 
 /// Where a batch's points come from.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,18 +37,6 @@ impl Points {
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
-
-    /// The points moved by `offset_m`, metres.
-    pub fn moved(&self, offset_m: [f64; 3]) -> Points {
-        match self {
-            Points::Body { shape, pose } => {
-                Points::Body { shape: Arc::clone(shape), pose: pose.moved(offset_m) }
-            }
-            Points::World(points) => Points::World(
-                points.iter().map(|p| std::array::from_fn(|axis| p[axis] + offset_m[axis])).collect(),
-            ),
-        }
-    }
 }
 
 /// Some points of one body.
@@ -55,83 +44,119 @@ impl Points {
 pub struct Batch {
     /// All of the body's points.
     pub points: Points,
-    /// Which of them are asked about, ascending; `None` means all.
-    pub picked: Option<Vec<u32>>,
+    /// How far they are moved in the world before they are asked about, metres.
+    pub offset_m: [f64; 3],
+    /// Where [`Question::picked`] says which of them are asked about; `None` means all.
+    pub picked: Option<Range<usize>>,
 }
 
 impl Batch {
+    /// All points of a body.
+    pub fn all(points: Points) -> Batch {
+        Batch { points, offset_m: [0.0; 3], picked: None }
+    }
+
     /// How many points are asked about.
     pub fn len(&self) -> usize {
-        self.picked.as_ref().map_or(self.points.len(), Vec::len)
+        self.picked.as_ref().map_or(self.points.len(), Range::len)
     }
 
     /// True if nothing is asked.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
-
-    /// Appends the asked points in the world, metres.
-    pub fn append_world(&self, points_world: &mut Vec<Point3<f64>>) {
-        match (&self.points, &self.picked) {
-            (Points::Body { shape, pose }, None) => {
-                let world_from_body = pose.world_from_body();
-                points_world.extend(shape.samples_body().iter().map(|&sample| world_from_body(sample)));
-            }
-            (Points::Body { shape, pose }, Some(picked)) => {
-                let world_from_body = pose.world_from_body();
-                let samples = shape.samples_body();
-                points_world.extend(picked.iter().map(|&index| world_from_body(samples[index as usize])));
-            }
-            (Points::World(points), None) => points_world.extend(points.iter().map(|&p| Point3::from(p))),
-            (Points::World(points), Some(picked)) => {
-                points_world.extend(picked.iter().map(|&index| Point3::from(points[index as usize])));
-            }
-        }
-    }
 }
 
-/// The directions of a batch's exits: unit vectors of the world.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Directions {
-    /// One a point: its normal.
-    Each(Vec<[f32; 3]>),
-    /// One for all points of the batch: the body's mean response.
-    Shared([f32; 3]),
-}
-
-impl Directions {
-    /// The direction of a point of the batch.
-    pub fn of(&self, index: usize) -> [f32; 3] {
-        match self {
-            Directions::Each(each) => each[index],
-            Directions::Shared(shared) => *shared,
-        }
-    }
-}
-
-/// One round's question, the same to every group. Answers come in the order of batches and points.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Question {
+/// What is asked about every point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Kind {
     /// Inside, outside or unknown?
-    Classes(Vec<Batch>),
+    #[default]
+    Classes,
     /// The nearest edge of the cameras that say inside, and its normal?
-    Edges(Vec<Batch>),
-    /// Where does the ray leave?
-    Exits(Vec<(Batch, Directions)>),
+    Edges,
+    /// Where does the ray along the point's own direction leave?
+    Exits,
+    /// Where does the ray along its batch's direction leave?
+    SharedExits,
+}
+
+/// One round's question, the same to every group that is asked. Answers come in the order of batches and
+/// points.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Question {
+    /// What is asked.
+    pub kind: Kind,
+    /// Of which points.
+    pub batches: Vec<Batch>,
+    /// The points of the batches that pick some, ascending within each batch.
+    pub picked: Vec<u32>,
+    /// Unit vectors of the world: one a point for [`Kind::Exits`], one a batch for [`Kind::SharedExits`].
+    pub directions: Vec<[f32; 3]>,
+    /// How far each point's edge or exit matters: one farther away need not be found and is not told.
+    /// Empty: every one matters.
+    pub within: Vec<Reach>,
+    /// Of every batch of [`Kind::SharedExits`] the longest exit alone matters: others may be told longer
+    /// than they are, if not longer than that. Only for a group that is asked alone.
+    pub longest_alone: bool,
+    /// The camera whose edge each direction came from: worth trying first. May be empty.
+    pub hints: Vec<u16>,
 }
 
 impl Question {
     /// How many points are asked about.
     pub fn len(&self) -> usize {
-        match self {
-            Question::Classes(batches) | Question::Edges(batches) => batches.iter().map(Batch::len).sum(),
-            Question::Exits(batches) => batches.iter().map(|(batch, _)| batch.len()).sum(),
-        }
+        self.batches.iter().map(Batch::len).sum()
     }
 
     /// True if nothing is asked.
     pub fn is_empty(&self) -> bool {
-        self.len() == 0
+        self.batches.iter().all(Batch::is_empty)
+    }
+
+    /// Empties it for a question of another kind and keeps its buffers.
+    pub fn restart(&mut self, kind: Kind) {
+        let Question { kind: old, batches, picked, directions, within, longest_alone, hints } = self;
+        *old = kind;
+        *longest_alone = false;
+        batches.clear();
+        picked.clear();
+        directions.clear();
+        within.clear();
+        hints.clear();
+    }
+
+    /// Adds a batch of the points that `picks` yields, ascending.
+    pub fn pick(&mut self, points: &Points, offset_m: [f64; 3], picks: impl Iterator<Item = u32>) {
+        let first = self.picked.len();
+        self.picked.extend(picks);
+        let picked = Some(first..self.picked.len());
+        self.batches.push(Batch { points: points.clone(), offset_m, picked });
+    }
+
+    /// Appends the asked points of a batch in the world, metres.
+    pub fn append_world(&self, batch: &Batch, points_world: &mut Vec<Point3<f64>>) {
+        let picked = batch.picked.clone().map(|range| &self.picked[range]);
+        match &batch.points {
+            Points::Body { shape, pose } => {
+                let world_from_body = pose.moved(batch.offset_m).world_from_body();
+                let samples = shape.samples_body();
+                match picked {
+                    None => points_world.extend(samples.iter().map(|&sample| world_from_body(sample))),
+                    Some(picked) => points_world
+                        .extend(picked.iter().map(|&index| world_from_body(samples[index as usize]))),
+                }
+            }
+            Points::World(points) => {
+                let moved = |p: &[f64; 3]| Point3::from(std::array::from_fn(|i| p[i] + batch.offset_m[i]));
+                match picked {
+                    None => points_world.extend(points.iter().map(moved)),
+                    Some(picked) => {
+                        points_world.extend(picked.iter().map(|&index| moved(&points[index as usize])));
+                    }
+                }
+            }
+        }
     }
 }
 
@@ -152,6 +177,14 @@ impl Standing {
     pub fn inside_count(self) -> Option<usize> {
         (self != Standing::OUTSIDE).then_some(usize::from(self.0))
     }
+
+    /// What two groups say together.
+    pub fn and(self, other: Standing) -> Standing {
+        match (self.inside_count(), other.inside_count()) {
+            (Some(a), Some(b)) => Standing::inside(a + b),
+            _ => Standing::OUTSIDE,
+        }
+    }
 }
 
 /// The nearest edge of a group of cameras.
@@ -167,24 +200,59 @@ pub struct Edge {
     pub normal_world: [f32; 3],
 }
 
-/// A group's answer to a [`Question`].
-#[derive(Clone, Debug, PartialEq)]
-pub enum Answer {
-    /// To [`Question::Classes`].
-    Classes(Vec<Standing>),
-    /// To [`Question::Edges`]; `None` where no camera says inside or none has an edge.
-    Edges(Vec<Option<Edge>>),
-    /// To [`Question::Exits`].
-    Exits(Vec<Exit>),
+impl Edge {
+    /// The nearer of two; ties go to the lower camera.
+    pub fn nearer(self, other: Edge) -> Edge {
+        let order = self.distance_m.total_cmp(&other.distance_m).then(self.camera.cmp(&other.camera));
+        if order.is_le() { self } else { other }
+    }
+}
+
+/// A camera falls silent, or sees again, on a point's ray.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Change {
+    /// Which point of the question.
+    pub point: u32,
+    /// Where on the ray, metres.
+    pub t_m: f32,
+    /// By how much the number of cameras that say inside changes.
+    pub by: i32,
+}
+
+/// The exit of a ray that has none within the depth or the reach that was asked for.
+pub const NO_EXIT_M: f32 = f32::INFINITY;
+
+/// A group's answer to a [`Question`]. Only the arrays of its kind are filled, one value a point.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Answer {
+    /// What was asked.
+    pub kind: Kind,
+    /// To [`Kind::Classes`].
+    pub standings: Vec<Standing>,
+    /// To [`Kind::Edges`]; `None` where no camera says inside or none has an edge within reach.
+    pub edges: Vec<Option<Edge>>,
+    /// To [`Kind::Exits`] and [`Kind::SharedExits`]: the first `t` outside, metres, or [`NO_EXIT_M`].
+    pub exits_m: Vec<f32>,
+    /// What happens on the rays before, by point and then by `t`. Empty unless cameras may be silent.
+    pub changes: Vec<Change>,
 }
 
 impl Answer {
+    /// Empties it for an answer to a question of that kind and keeps its buffers.
+    pub fn restart(&mut self, kind: Kind) {
+        self.kind = kind;
+        self.standings.clear();
+        self.edges.clear();
+        self.exits_m.clear();
+        self.changes.clear();
+    }
+
     /// How many points it answers.
     pub fn len(&self) -> usize {
-        match self {
-            Answer::Classes(standings) => standings.len(),
-            Answer::Edges(edges) => edges.len(),
-            Answer::Exits(exits) => exits.len(),
+        match self.kind {
+            Kind::Classes => self.standings.len(),
+            Kind::Edges => self.edges.len(),
+            Kind::Exits | Kind::SharedExits => self.exits_m.len(),
         }
     }
 
@@ -193,18 +261,11 @@ impl Answer {
         self.len() == 0
     }
 
-    /// The standings, if it has these.
-    pub fn classes(&self) -> Option<&[Standing]> {
-        if let Answer::Classes(standings) = self { Some(standings) } else { None }
-    }
-
-    /// The edges, if it has these.
-    pub fn edges(&self) -> Option<&[Option<Edge>]> {
-        if let Answer::Edges(edges) = self { Some(edges) } else { None }
-    }
-
-    /// The exits, if it has these.
-    pub fn exits(&self) -> Option<&[Exit]> {
-        if let Answer::Exits(exits) = self { Some(exits) } else { None }
+    /// Appends the answer about the points that follow.
+    pub fn append(&mut self, next: &Answer) {
+        self.standings.extend_from_slice(&next.standings);
+        self.edges.extend_from_slice(&next.edges);
+        self.exits_m.extend_from_slice(&next.exits_m);
+        self.changes.extend_from_slice(&next.changes);
     }
 }

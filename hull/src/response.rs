@@ -5,27 +5,45 @@ use nalgebra::Vector3;
 /// Below this length, metres, the mean of the point responses has no direction.
 const VANISHING_M: f64 = 1e-6;
 
-/// The unit direction in which a body is moved out: that of the mean of its point responses
-/// `w = t n`, in sample order; if the mean vanishes, that of the longest (ties: lower sample). `None`
-/// without any response.
-pub fn body_direction(responses_m: &[[f64; 3]]) -> Option<[f32; 3]> {
-    let mut sum = Vector3::zeros();
-    let mut longest: Option<(f64, Vector3<f64>)> = None;
-    for response in responses_m {
-        let response = Vector3::from(*response);
-        sum += response;
+/// The direction in which a body is moved out, from the responses `w = t n` of its points in sample
+/// order.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct BodyDirection {
+    sum: Vector3<f64>,
+    count: u32,
+    longest: Option<(f64, Vector3<f64>)>,
+}
+
+impl BodyDirection {
+    /// Adds a point's response, metres.
+    pub fn add(&mut self, response_m: [f64; 3]) {
+        let response = Vector3::from(response_m);
+        self.sum += response;
+        self.count += 1;
         let squared = response.norm_squared();
-        if longest.is_none_or(|(most, _)| squared > most) {
-            longest = Some((squared, response));
+        if self.longest.is_none_or(|(most, _)| squared > most) {
+            self.longest = Some((squared, response));
         }
     }
-    let mean = sum / responses_m.len().max(1) as f64;
-    let chosen = if mean.norm() < VANISHING_M { longest?.1 } else { mean };
-    let length = chosen.norm();
-    (length > 0.0).then(|| {
-        let unit = chosen / length;
-        [unit.x as f32, unit.y as f32, unit.z as f32]
-    })
+
+    /// The unit direction of the mean; if it vanishes, that of the longest response (ties: the first).
+    /// `None` without any response.
+    pub fn unit(&self) -> Option<[f32; 3]> {
+        let mean = self.sum / f64::from(self.count.max(1));
+        let chosen = if mean.norm() < VANISHING_M { self.longest?.1 } else { mean };
+        let length = chosen.norm();
+        (length > 0.0).then(|| {
+            let unit = chosen / length;
+            [unit.x as f32, unit.y as f32, unit.z as f32]
+        })
+    }
+}
+
+/// [`BodyDirection`] of a list of responses.
+pub fn body_direction(responses_m: &[[f64; 3]]) -> Option<[f32; 3]> {
+    let mut direction = BodyDirection::default();
+    responses_m.iter().for_each(|&response_m| direction.add(response_m));
+    direction.unit()
 }
 
 #[cfg(test)]

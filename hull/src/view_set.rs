@@ -2,15 +2,16 @@
 //! other work: a camera is not searched farther than the best so far. The answers are those of the
 //! single cameras merged, bit for bit.
 
+use std::ops::Range;
+
 use nalgebra::{Point3, Vector2, Vector3};
 
 use crate::camera::Pixel;
 use crate::cull::{WorldBox, hull_box};
 use crate::probe::classify::{BLOCK, Block};
 use crate::probe::edge_normal::sum_of_background;
-use crate::probe::exit::Exit;
 use crate::probe::nearest_edge::nearest_edge;
-use crate::question::{Answer, Batch, Edge, Points, Question, Standing};
+use crate::question::{Answer, Batch, Change, Edge, Kind, NO_EXIT_M, Points, Question, Standing};
 use crate::rule::HullRule;
 use crate::view::{Class, View};
 
@@ -64,53 +65,70 @@ impl ViewSet {
     }
 
     /// Answers one round.
-    pub fn answer(&self, question: &Question, scratch: &mut Scratch) -> Answer {
-        match question {
-            Question::Classes(batches) => {
-                let mut standings = Vec::with_capacity(question.len());
-                for batch in batches {
-                    self.classes(batch, scratch, &mut standings);
-                }
-                Answer::Classes(standings)
+    pub fn answer(&self, question: &Question, scratch: &mut Scratch, answer: &mut Answer) {
+        answer.restart(question.kind);
+        self.answer_part(question, 0..question.batches.len(), scratch, answer);
+    }
+
+    /// Appends the answers about some of the question's batches: several threads may share the work.
+    pub fn answer_part(
+        &self,
+        question: &Question,
+        batches: Range<usize>,
+        scratch: &mut Scratch,
+        answer: &mut Answer,
+    ) {
+        let mut first_point: usize = question.batches[..batches.start].iter().map(Batch::len).sum();
+        for index in batches {
+            let batch = &question.batches[index];
+            let asked = Asked { question, index, first_point };
+            first_point += batch.len();
+            if question.kind == Kind::Classes && self.rejects(batch) {
+                let count = answer.standings.len() + batch.len();
+                answer.standings.resize(count, Standing::OUTSIDE);
+                continue;
             }
-            Question::Edges(batches) => {
-                let mut edges = Vec::with_capacity(question.len());
-                for batch in batches {
-                    scratch.points.clear();
-                    batch.append_world(&mut scratch.points);
-                    let mut first = 0;
-                    edges.extend(scratch.points.iter().map(|point| self.edge(point, &mut first)));
+            scratch.points.clear();
+            question.append_world(batch, &mut scratch.points);
+            match question.kind {
+                Kind::Classes => {
+                    self.standings(&scratch.points, &mut scratch.block, &mut answer.standings);
                 }
-                Answer::Edges(edges)
-            }
-            Question::Exits(batches) => {
-                let mut exits = Vec::with_capacity(question.len());
-                for (batch, directions) in batches {
-                    scratch.points.clear();
-                    batch.append_world(&mut scratch.points);
-                    let mut first = 0;
-                    for (index, point) in scratch.points.iter().enumerate() {
-                        let direction = Vector3::from(directions.of(index).map(f64::from));
-                        exits.push(self.exit(point, &direction, &mut first));
-                    }
-                }
-                Answer::Exits(exits)
+                Kind::Edges => self.edges(&asked, &scratch.points, answer),
+                Kind::Exits | Kind::SharedExits => self.exits(&asked, &scratch.points, answer),
             }
         }
     }
 
-    fn classes(&self, batch: &Batch, scratch: &mut Scratch, standings: &mut Vec<Standing>) {
-        let first = standings.len();
-        if let Points::Body { shape, pose } = &batch.points
-            && self.always_judge
-            && self.rejects_body(&WorldBox::of_body(shape, pose), &pose.position_m().into(), shape.radius_m())
-        {
-            standings.resize(first + batch.len(), Standing::OUTSIDE);
-            return;
+    /// True if every point of the batch is outside for a camera of this group.
+    fn rejects(&self, batch: &Batch) -> bool {
+        let Points::Body { shape, pose } = &batch.points else { return false };
+        let pose = pose.moved(batch.offset_m);
+        self.always_judge
+            && self.rejects_body(
+                &WorldBox::of_body(shape, &pose),
+                &pose.position_m().into(),
+                shape.radius_m(),
+            )
+    }
+
+    fn edges(&self, asked: &Asked, points: &[Point3<f64>], answer: &mut Answer) {
+        let mut first = 0;
+        for (at, point) in points.iter().enumerate() {
+            let edge = self.edge(point, asked.reach(at), &mut first);
+            answer.edges.push(edge);
         }
-        scratch.points.clear();
-        batch.append_world(&mut scratch.points);
-        self.standings(&scratch.points, &mut scratch.block, standings);
+    }
+
+    fn exits(&self, asked: &Asked, points: &[Point3<f64>], answer: &mut Answer) {
+        let mut first = 0;
+        for (at, point) in points.iter().enumerate() {
+            let direction = Vector3::from(asked.direction(at).map(f64::from));
+            let place = (asked.first_point + at) as u32;
+            let exit_m =
+                self.exit(point, &direction, asked.reach(at), &mut first, place, &mut answer.changes);
+            answer.exits_m.push(exit_m);
+        }
     }
 
     /// True if every point of the body is outside for a camera of this group (paper §5).
@@ -156,14 +174,14 @@ impl ViewSet {
         Standing::inside(count)
     }
 
-    /// The nearest edge of the cameras that say inside (spec §3.1, §3.2). `first` is the camera to begin
-    /// with, best the last winner: it decides what is searched, never what is found.
-    pub fn edge(&self, a: &Point3<f64>, first: &mut usize) -> Option<Edge> {
+    /// The nearest edge of the cameras that say inside (spec §3.1, §3.2), if it is within reach. `first` is
+    /// the camera to begin with, best the last winner: it decides what is searched, never what is found.
+    pub fn edge(&self, a: &Point3<f64>, reach_m: f32, first: &mut usize) -> Option<Edge> {
         let mut best: Option<Found> = None;
         let start = (*first).min(self.views.len() - 1);
         let others = (0..self.views.len()).filter(|&view| view != start);
         for view in std::iter::once(start).chain(others) {
-            if let Some(found) = self.camera_edge(view, a, best.as_ref().map(|best| best.edge)) {
+            if let Some(found) = self.camera_edge(view, a, reach_m, best.as_ref().map(|best| best.edge)) {
                 best = Some(found);
             }
         }
@@ -177,8 +195,8 @@ impl ViewSet {
         Some(edge)
     }
 
-    /// One camera's edge, if it beats `best`.
-    fn camera_edge(&self, index: usize, a: &Point3<f64>, best: Option<Edge>) -> Option<Found> {
+    /// One camera's edge, if it is within reach and beats `best`.
+    fn camera_edge(&self, index: usize, a: &Point3<f64>, reach_m: f32, best: Option<Edge>) -> Option<Found> {
         let view = &self.views[index];
         let camera = view.camera();
         let a_camera = camera.camera_from_world(a);
@@ -187,9 +205,8 @@ impl ViewSet {
         if view.class_at(Some(start)) != Class::Inside {
             return None;
         }
-        let limit = best.map_or(i64::MAX, |best| {
-            pixel_limit(&a_camera, f64::from(best.distance_m), view.observer().stretch_pixels())
-        });
+        let within_m = f64::from(best.map_or(reach_m, |best| best.distance_m));
+        let limit = pixel_limit(&a_camera, within_m, view.observer().stretch_pixels());
         // Deep inside, nothing is as near as the best so far: rows of words say so at once.
         if limit < NEAR_SQUARED {
             let reach = (limit as f64).sqrt() as i32;
@@ -203,37 +220,71 @@ impl ViewSet {
         let ray = Vector3::new(normalised.x, normalised.y, 1.0).normalize();
         let distance_m = a_camera.cross(&ray).norm() as f32;
         let rig_index = view.observer().rig_index();
-        let wins = best.is_none_or(|best| {
-            distance_m < best.distance_m || distance_m == best.distance_m && rig_index < best.camera
-        });
+        let wins = match best {
+            None => distance_m <= reach_m,
+            Some(best) => {
+                distance_m < best.distance_m || distance_m == best.distance_m && rig_index < best.camera
+            }
+        };
         let from_start = (pixel.centre() - start.centre()).cast();
         let edge = Edge { distance_m, camera: rig_index, pixel, normal_world: [0.0; 3] };
         wins.then_some(Found { view: index, edge, normalised, from_start })
     }
 
-    /// Where the ray from a point inside leaves, as far as this group knows (spec §3.3).
-    pub fn exit(&self, a: &Point3<f64>, n: &Vector3<f64>, first: &mut usize) -> Exit {
-        let mut exit = Exit::default();
+    /// Where the ray from a point inside leaves, as far as this group knows and within reach (spec §3.3);
+    /// what happens before goes to `changes`.
+    fn exit(
+        &self,
+        a: &Point3<f64>,
+        n: &Vector3<f64>,
+        reach_m: f32,
+        first: &mut usize,
+        point: u32,
+        changes: &mut Vec<Change>,
+    ) -> f32 {
+        let begin = changes.len();
+        let mut exit_m = NO_EXIT_M;
         let start = (*first).min(self.views.len() - 1);
         let others = (0..self.views.len()).filter(|&view| view != start);
         for index in std::iter::once(start).chain(others) {
             let view = &self.views[index];
             let depth_m = view.observer().settings().max_depth_m();
-            let limit_m = exit.outside_m.map_or(depth_m, f64::from);
-            if !self.always_judge {
-                view.exit_with_silence(a, n, limit_m, &mut exit);
-            } else if let Some(t) = view.first_outside(a, n, limit_m)
-                && exit.outside_m.is_none_or(|before| t < before)
-            {
-                exit.outside_m = Some(t);
+            // A little more than the reach, so that rounding leaves nothing out.
+            let limit_m = f64::from(exit_m.min(reach_m * 1.00001)).min(depth_m);
+            let found_m = if self.always_judge {
+                view.first_outside(a, n, limit_m).unwrap_or(NO_EXIT_M)
+            } else {
+                view.exit_with_silence(a, n, limit_m, point, changes)
+            };
+            if found_m < exit_m && found_m <= reach_m {
+                exit_m = found_m;
                 *first = index;
             }
         }
-        if let Some(end) = exit.outside_m {
-            exit.changes.retain(|&(t, _)| t < end);
+        if changes.len() > begin {
+            changes[begin..].sort_by(|a, b| a.t_m.total_cmp(&b.t_m).then(a.by.cmp(&b.by)));
+            let end = exit_m.min(reach_m.next_up());
+            changes.truncate(begin + changes[begin..].partition_point(|change| change.t_m < end));
         }
-        exit.changes.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        exit
+        exit_m
+    }
+}
+
+/// One batch of a question.
+struct Asked<'a> {
+    question: &'a Question,
+    index: usize,
+    first_point: usize,
+}
+
+impl Asked<'_> {
+    fn reach(&self, at: usize) -> f32 {
+        self.question.within.get(self.first_point + at).map_or(f32::INFINITY, |reach| reach.m())
+    }
+
+    fn direction(&self, at: usize) -> [f32; 3] {
+        let shared = self.question.kind == Kind::SharedExits;
+        self.question.directions[if shared { self.index } else { self.first_point + at }]
     }
 }
 
@@ -262,6 +313,9 @@ fn rejecting_order(views: &[View]) -> Vec<usize> {
 /// times the image's stretch, plus half a pixel's diagonal because the search starts from a centre.
 fn pixel_limit(a_camera: &Vector3<f64>, distance_m: f64, stretch_pixels: f64) -> i64 {
     let distance_m = distance_m * (1.0 + 1e-6) + 1e-9;
+    if distance_m == f64::INFINITY {
+        return i64::MAX;
+    }
     let depth_m = a_camera.z - distance_m;
     if depth_m <= 0.0 {
         return i64::MAX;

@@ -8,7 +8,7 @@ use common::{Dice, random_rig};
 use hull::cull::{WorldBox, hull_box};
 use hull::oracle::literal;
 use hull::pass::{BodyResult, Pass};
-use hull::question::Points;
+use hull::question::{Answer, Points};
 use hull::view_set::Scratch;
 use hull::{HullRule, NormalWindow, OutOfView, Pose, ProbeSettings, Shape, View, ViewSet};
 use nalgebra::Point3;
@@ -20,10 +20,10 @@ fn settings(out_of_view: OutOfView) -> ProbeSettings {
 fn run(views: &[View], bodies: Vec<Points>, bounds: Option<&WorldBox>) -> Vec<BodyResult> {
     let set = ViewSet::new(views.to_vec());
     let mut pass = Pass::new(bodies, bounds, *views[0].observer().settings(), 1);
-    let mut scratch = Scratch::default();
+    let (mut scratch, mut answer) = (Scratch::default(), Answer::default());
     while let Some(question) = pass.question() {
-        let answer = set.answer(question, &mut scratch);
-        pass.answer(0, answer).expect("a fitting answer");
+        set.answer(question, &mut scratch, &mut answer);
+        pass.answer(0, &answer).expect("a fitting answer");
     }
     pass.into_results()
 }

@@ -4,10 +4,11 @@
 mod common;
 
 use common::{Dice, random_rig};
+use hull::cull::WorldBox;
 use hull::oracle::brute;
-use hull::pass::{Pass, Touch};
+use hull::pass::{FIRST_REACH, Pass, Touch};
 use hull::probe::exit::along;
-use hull::question::Points;
+use hull::question::{Answer, Points};
 use hull::view_set::Scratch;
 use hull::{HullRule, NormalWindow, OutOfView, ProbeSettings, ViewSet};
 use nalgebra::{Point3, Vector3};
@@ -18,17 +19,17 @@ fn settings(out_of_view: OutOfView, min_views: u32) -> ProbeSettings {
     ProbeSettings::new(HullRule { out_of_view, min_views }, NormalWindow::Auto, 1.0).expect("in range")
 }
 
-fn run(sets: &[ViewSet], settings: ProbeSettings, points: &[[f64; 3]]) -> Vec<Touch> {
-    let mut pass = Pass::new(
-        vec![Points::World(points.into())],
-        Some(&hull::cull::WorldBox::EVERYWHERE),
-        settings,
-        sets.len(),
-    );
-    let mut scratch = Scratch::default();
+fn run(sets: &[ViewSet], settings: ProbeSettings, points: &[[f64; 3]], first: &[usize]) -> Vec<Touch> {
+    let mut pass =
+        Pass::new(vec![Points::World(points.into())], Some(&WorldBox::EVERYWHERE), settings, sets.len());
+    pass.ask_first(first);
+    pass.restart([(Points::World(points.into()), FIRST_REACH)].into_iter(), Some(&WorldBox::EVERYWHERE));
+    let (mut scratch, mut answer) = (Scratch::default(), Answer::default());
     while let Some(question) = pass.question().cloned() {
-        for (group, set) in sets.iter().enumerate().rev() {
-            pass.answer(group, set.answer(&question, &mut scratch)).expect("a fitting answer");
+        let asks: Vec<bool> = (0..sets.len()).map(|group| pass.asks(group)).collect();
+        for (group, set) in sets.iter().enumerate().rev().filter(|&(group, _)| asks[group]) {
+            set.answer(&question, &mut scratch, &mut answer);
+            pass.answer(group, &answer).expect("a fitting answer");
         }
     }
     pass.into_results().remove(0).touches
@@ -39,9 +40,10 @@ fn check(seed: u64, settings: ProbeSettings, with_ignored: bool) -> (usize, usiz
     let (dense, views) = random_rig(seed, settings, with_ignored);
     let mut dice = Dice(seed ^ 0xabcdef);
     let points: Vec<[f64; 3]> = (0..150).map(|_| std::array::from_fn(|_| dice.between(-0.9, 0.9))).collect();
-    let together = run(&[ViewSet::new(views.clone())], settings, &points);
+    let together = run(&[ViewSet::new(views.clone())], settings, &points, &[]);
     let alone: Vec<ViewSet> = views.iter().map(|view| ViewSet::new(vec![view.clone()])).collect();
-    assert_eq!(run(&alone, settings, &points), together, "one group or many, seed {seed}");
+    assert_eq!(run(&alone, settings, &points, &[]), together, "one group or many, seed {seed}");
+    assert_eq!(run(&alone, settings, &points, &[1]), together, "all at once or one first, seed {seed}");
 
     let mut grazes = 0;
     let mut touches = together.iter();

@@ -7,22 +7,13 @@
 use nalgebra::{Point3, Vector3};
 
 use crate::camera::Pixel;
+use crate::question::{Change, NO_EXIT_M};
 use crate::view::{Class, View};
 
 /// How finely a change of class is located on a curve, metres.
 const RESOLUTION_M: f64 = 1e-8;
 /// The longest step where the ray is behind the camera or beyond its lens, metres.
 const BLIND_STEP_M: f64 = 0.005;
-
-/// What one camera, or several together, know of a ray `a + t n`.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Exit {
-    /// The first `t` outside, metres; `None` if there is none within the search depth.
-    pub outside_m: Option<f32>,
-    /// The changes before it of how many cameras say inside: a camera falls silent (−1) or sees again
-    /// (+1). Empty unless cameras may be silent.
-    pub changes: Vec<(f32, i32)>,
-}
 
 /// The point `a + t n`; every machine must form it alike.
 #[inline]
@@ -46,22 +37,31 @@ impl View {
         found.map(|t| self.settled(a, n, t))
     }
 
-    /// All that this camera knows of the ray when cameras may be silent: the first outside and the
-    /// changes before it.
-    pub fn exit_with_silence(&self, a: &Point3<f64>, n: &Vector3<f64>, limit_m: f64, exit: &mut Exit) {
+    /// All that this camera knows of the ray when cameras may be silent: the first outside, and in
+    /// `changes` where the camera falls silent (−1) or sees again (+1) before it.
+    pub fn exit_with_silence(
+        &self,
+        a: &Point3<f64>,
+        n: &Vector3<f64>,
+        limit_m: f64,
+        point: u32,
+        changes: &mut Vec<Change>,
+    ) -> f32 {
+        let mut outside_m = NO_EXIT_M;
         self.follow(a, n, limit_m, &mut |t, from, to| {
-            let t = round_up(t);
+            let t_m = round_up(t);
             match (from, to) {
                 (_, Class::Outside) => {
-                    exit.outside_m = Some(exit.outside_m.map_or(t, |before| before.min(t)));
+                    outside_m = t_m;
                     return false;
                 }
-                (Class::Inside, _) => exit.changes.push((t, -1)),
-                (_, Class::Inside) => exit.changes.push((t, 1)),
+                (Class::Inside, _) => changes.push(Change { point, t_m, by: -1 }),
+                (_, Class::Inside) => changes.push(Change { point, t_m, by: 1 }),
                 _ => {}
             }
             true
         });
+        outside_m
     }
 
     /// `t` in single precision, not before the crossing: rounded up, and nudged until the point there
