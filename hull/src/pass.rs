@@ -260,7 +260,7 @@ impl Pass {
         if self.round == Round::Done || !asked.is_asked || asked.has_answered {
             return Err(AnswerError::Twice(group));
         }
-        if answer.kind != self.question.kind {
+        if !answer.kind.answers(self.question.kind) {
             return Err(AnswerError::Kind(group));
         }
         if answer.len() != self.merged.len() {

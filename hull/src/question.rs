@@ -81,6 +81,14 @@ pub enum Kind {
     SharedExits,
 }
 
+impl Kind {
+    /// True if an answer of this kind can be to a question of the other: exits are answered alike.
+    pub fn answers(self, question: Kind) -> bool {
+        let plain = |kind| if kind == Kind::SharedExits { Kind::Exits } else { kind };
+        plain(self) == plain(question)
+    }
+}
+
 /// One round's question, the same to every group that is asked. Answers come in the order of batches and
 /// points.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use hull::camera::Pixel;
-use hull::probe::exit::Exit;
-use hull::question::{Answer, Batch, Directions, Edge, Points, Question, Standing};
+use bytes::Bytes;
+use hull::question::{Answer, Batch, Change, Edge, Kind, Points, Question, Standing};
 use hull::silhouette::PixelRect;
-use hull::{HullRule, NormalWindow, OutOfView, Pose, ProbeSettings, Shape};
+use hull::{HullRule, NormalWindow, OutOfView, Pose, ProbeSettings, Reach, Shape};
 
 use super::bulk::{Field, unpack, unpack_bits, unpack_f32x3, unpack_f64x3, unpack_indices};
 use super::{ConvertError, RefusalReason};
@@ -59,28 +59,50 @@ pub fn question_from_wire(
     use v1::probe_request::Question as Wire;
     let v1::ProbeRequest { id: _, frame: _, question } = request;
     let missing = ConvertError::Missing { message: "ProbeRequest", field: "question" };
-    let batches = |batches: Vec<v1::Batch>| {
-        batches.into_iter().map(|batch| batch_from_wire(batch, &shape)).collect::<Result<Vec<_>, _>>()
-    };
-    let question = match question.ok_or(missing)? {
-        Wire::Classes(v1::Classes { batches: all }) => Question::Classes(batches(all)?),
-        Wire::Edges(v1::Edges { batches: all }) => Question::Edges(batches(all)?),
-        Wire::Exits(v1::Exits { batches: all }) => {
-            let exits = all.into_iter().map(|batch| exit_batch_from_wire(batch, &shape));
-            Question::Exits(exits.collect::<Result<_, _>>()?)
+    let (kind, batches, within, directions) = match question.ok_or(missing)? {
+        Wire::Classes(v1::Classes { batches }) => (Kind::Classes, batches, Bytes::new(), Bytes::new()),
+        Wire::Edges(v1::Edges { batches, within }) => (Kind::Edges, batches, within, Bytes::new()),
+        Wire::Exits(v1::Exits { batches, directions, shared, within }) => {
+            (if shared { Kind::SharedExits } else { Kind::Exits }, batches, within, directions)
         }
     };
+    let mut question = Question { kind, ..Question::default() };
+    for batch in batches {
+        add_batch(&mut question, batch, &shape)?;
+    }
     let found = question.len();
     if found > MAX_POINTS {
         return Err(ConvertError::TooManyPoints { found, limit: MAX_POINTS });
     }
+    if !within.is_empty() {
+        Field("ProbeRequest", "within").check_length(within.len(), found)?;
+        question.within.extend(within.iter().map(|&code| Reach::from_code(code)));
+    }
+    let expected = match kind {
+        Kind::Classes | Kind::Edges => 0,
+        Kind::Exits => found,
+        Kind::SharedExits => question.batches.len(),
+    };
+    question.directions = directions_from_wire(&directions, expected)?;
     Ok(question)
 }
 
-fn batch_from_wire(
+fn directions_from_wire(directions: &[u8], expected: usize) -> Result<Vec<[f32; 3]>, ConvertError> {
+    let field = Field("Exits", "directions");
+    field.check_length(directions.len(), expected * 12)?;
+    let directions = unpack_f32x3(directions, field)?;
+    let unit = |d: &[f32; 3]| (d.iter().map(|c| c * c).sum::<f32>() - 1.0).abs() < 1e-3;
+    match directions.iter().find(|direction| !unit(direction)) {
+        Some(long) => Err(field.value(format!("holds {long:?}, expected unit vectors"))),
+        None => Ok(directions),
+    }
+}
+
+fn add_batch(
+    question: &mut Question,
     batch: v1::Batch,
     shape: &impl Fn(u64) -> Option<Arc<Shape>>,
-) -> Result<Batch, ConvertError> {
+) -> Result<(), ConvertError> {
     let v1::Batch { points, picked } = batch;
     let points = match points.ok_or(ConvertError::Missing { message: "Batch", field: "points" })? {
         v1::batch::Points::Body(v1::Body { shape: key, pose }) => {
@@ -94,31 +116,14 @@ fn batch_from_wire(
             Points::World(unpack_f64x3(&points, Field("Batch", "world"))?.into())
         }
     };
-    let picked =
-        picked.map(|picked| unpack_indices(&picked, points.len(), Field("Batch", "picked"))).transpose()?;
-    Ok(Batch { points, picked })
-}
-
-fn exit_batch_from_wire(
-    batch: v1::ExitBatch,
-    shape: &impl Fn(u64) -> Option<Arc<Shape>>,
-) -> Result<(Batch, Directions), ConvertError> {
-    let v1::ExitBatch { batch, directions } = batch;
-    let missing = ConvertError::Missing { message: "ExitBatch", field: "batch" };
-    let batch = batch_from_wire(batch.ok_or(missing)?, shape)?;
-    let field = Field("ExitBatch", "directions");
-    let directions = unpack_f32x3(&directions, field)?;
-    let unit = |d: &[f32; 3]| (d.iter().map(|c| c * c).sum::<f32>() - 1.0).abs() < 1e-3;
-    if let Some(long) = directions.iter().find(|direction| !unit(direction)) {
-        return Err(field.value(format!("holds {long:?}, expected unit vectors")));
-    }
-    match directions[..] {
-        [shared] => Ok((batch, Directions::Shared(shared))),
-        _ => {
-            field.check_length(directions.len() * 12, batch.len() * 12)?;
-            Ok((batch, Directions::Each(directions)))
+    match picked {
+        None => question.batches.push(Batch::all(points)),
+        Some(picked) => {
+            let picked = unpack_indices(&picked, points.len(), Field("Batch", "picked"))?;
+            question.pick(&points, [0.0; 3], picked.into_iter());
         }
     }
+    Ok(())
 }
 
 /// A node's reply: its id, the answer, and the milliseconds it took to compute.
@@ -127,9 +132,15 @@ pub fn answer_from_wire(reply: v1::ProbeReply) -> Result<(u64, ProbeAnswer, f64)
     let v1::ProbeReply { id, answer, compute_ms } = reply;
     let missing = ConvertError::Missing { message: "ProbeReply", field: "answer" };
     let answer = match answer.ok_or(missing)? {
-        Wire::Classes(classes) => ProbeAnswer::Answer(Answer::Classes(classes_from_wire(&classes)?)),
-        Wire::Edges(edges) => ProbeAnswer::Answer(Answer::Edges(edges_from_wire(&edges)?)),
-        Wire::Exits(exits) => ProbeAnswer::Answer(Answer::Exits(exits_from_wire(&exits)?)),
+        Wire::Classes(classes) => {
+            let standings = classes_from_wire(&classes)?;
+            ProbeAnswer::Answer(Answer { kind: Kind::Classes, standings, ..Answer::default() })
+        }
+        Wire::Edges(edges) => {
+            let edges = edges_from_wire(&edges)?;
+            ProbeAnswer::Answer(Answer { kind: Kind::Edges, edges, ..Answer::default() })
+        }
+        Wire::Exits(exits) => ProbeAnswer::Answer(exits_from_wire(&exits)?),
         Wire::Refusal(refusal) => ProbeAnswer::Refused(reason_from_wire(&refusal), refusal.message),
     };
     Ok((id, answer, compute_ms))
@@ -190,33 +201,31 @@ fn edges_from_wire(answer: &v1::EdgesAnswer) -> Result<Vec<Option<Edge>>, Conver
     Ok(bits.into_iter().map(edge).collect())
 }
 
-fn exits_from_wire(answer: &v1::ExitsAnswer) -> Result<Vec<Exit>, ConvertError> {
+/// Whether they are shared is the question's matter: the answer is taken for either kind.
+fn exits_from_wire(answer: &v1::ExitsAnswer) -> Result<Answer, ConvertError> {
     let v1::ExitsAnswer { outside, changes } = answer;
     let field = Field("ExitsAnswer", "outside");
-    let outside = unpack(outside, outside.len() / 4, field, f32::from_le_bytes)?;
-    if let Some(t) = outside.iter().find(|t| t.is_nan() || **t < 0.0) {
+    let exits_m = unpack(outside, outside.len() / 4, field, f32::from_le_bytes)?;
+    if let Some(t) = exits_m.iter().find(|t| t.is_nan() || **t < 0.0) {
         return Err(field.value(format!("holds {t}, expected metres")));
     }
-    let mut exits: Vec<Exit> = outside
-        .into_iter()
-        .map(|t| Exit { outside_m: t.is_finite().then_some(t), changes: Vec::new() })
-        .collect();
-    for v1::ExitChanges { point, changes } in changes {
-        let field = Field("ExitsAnswer", "changes");
-        let count = exits.len();
-        let exit = exits
-            .get_mut(*point as usize)
-            .ok_or_else(|| field.value(format!("names point {point} of {count}")))?;
-        let pair = |bytes: [u8; 8]| {
-            let [a, b, c, d, e, f, g, h] = bytes;
-            (f32::from_le_bytes([a, b, c, d]), i32::from_le_bytes([e, f, g, h]))
-        };
-        exit.changes = unpack(changes, changes.len() / 8, field, pair)?;
-        if exit.changes.iter().any(|(t, delta)| !t.is_finite() || delta.abs() > 1) {
-            return Err(field.value("holds a change that is none"));
+    let field = Field("ExitsAnswer", "changes");
+    let change = |bytes: [u8; 12]| {
+        let [a, b, c, d, e, f, g, h, i, j, k, l] = bytes;
+        Change {
+            point: u32::from_le_bytes([a, b, c, d]),
+            t_m: f32::from_le_bytes([e, f, g, h]),
+            by: i32::from_le_bytes([i, j, k, l]),
         }
+    };
+    let changes = unpack(changes, changes.len() / 12, field, change)?;
+    let lies = |change: &Change| {
+        change.point as usize >= exits_m.len() || !change.t_m.is_finite() || change.by.abs() > 1
+    };
+    if changes.iter().any(lies) || !changes.is_sorted_by_key(|change| change.point) {
+        return Err(field.value("holds a change that is none"));
     }
-    Ok(exits)
+    Ok(Answer { kind: Kind::Exits, exits_m, changes, ..Answer::default() })
 }
 
 #[cfg(test)]
@@ -238,14 +247,19 @@ mod tests {
     fn questions_survive_the_wire() {
         let pose = Pose::new([0.1, -2.0, 3.0], [0.0, 0.6, 0.0, 0.8]).expect("unit");
         let body = Points::Body { shape: shape(), pose };
-        let some = Batch { points: body.clone(), picked: Some(vec![0, 3, 39]) };
-        let all = Batch { points: Points::World([[1.0, 2.0, 3.0]].into()), picked: None };
-        let each = Directions::Each(vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]]);
-        for question in [
-            Question::Classes(vec![Batch { points: body, picked: None }, all.clone()]),
-            Question::Edges(vec![some.clone()]),
-            Question::Exits(vec![(some, each), (all, Directions::Shared([0.6, 0.8, 0.0]))]),
-        ] {
+        let mut some = Question { kind: Kind::Edges, ..Question::default() };
+        some.pick(&body, [0.0; 3], [0, 3, 39].into_iter());
+        let mut all = Question::default();
+        all.batches = vec![Batch::all(body.clone()), Batch::all(Points::World([[1.0, 2.0, 3.0]].into()))];
+        let near = Question { within: vec![Reach::covering(0.02); 3], ..some.clone() };
+        let each = Question {
+            kind: Kind::Exits,
+            directions: vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]],
+            ..near.clone()
+        };
+        let shared =
+            Question { kind: Kind::SharedExits, directions: vec![[0.6, 0.8, 0.0]], ..some.clone() };
+        for question in [all, some, near, each, shared] {
             let wire = question_to_wire(7, 3, &question);
             assert_eq!((wire.id, wire.frame), (7, 3));
             assert_eq!(question_from_wire(wire, find), Ok(question));
@@ -260,12 +274,14 @@ mod tests {
             pixel: Pixel { column: -1, row: 479 },
             normal_world: [0.0, 1.0, 0.0],
         };
-        let exit = Exit { outside_m: Some(0.125), changes: vec![(0.1, -1), (0.11, 1)] };
+        let inside = Standing::inside;
+        let of = |kind| Answer { kind, ..Answer::default() };
+        let changes = vec![Change { point: 1, t_m: 0.1, by: -1 }, Change { point: 1, t_m: 0.11, by: 1 }];
         for answer in [
-            Answer::Classes(vec![Standing::OUTSIDE, Standing::inside(2), Standing::OUTSIDE]),
-            Answer::Classes(vec![Standing::OUTSIDE, Standing::inside(2), Standing::inside(1)]),
-            Answer::Edges(vec![None, Some(edge), None]),
-            Answer::Exits(vec![Exit::default(), exit]),
+            Answer { standings: vec![Standing::OUTSIDE, inside(2), Standing::OUTSIDE], ..of(Kind::Classes) },
+            Answer { standings: vec![Standing::OUTSIDE, inside(2), inside(1)], ..of(Kind::Classes) },
+            Answer { edges: vec![None, Some(edge), None], ..of(Kind::Edges) },
+            Answer { exits_m: vec![f32::INFINITY, 0.125], changes, ..of(Kind::Exits) },
         ] {
             let wire = answer_to_wire(9, &answer, 2, 0.5);
             assert_eq!(answer_from_wire(wire), Ok((9, ProbeAnswer::Answer(answer), 0.5)));
@@ -279,13 +295,11 @@ mod tests {
         let error = shape_from_wire(&wrong).expect_err("another digest");
         assert_eq!(error.to_string(), "Shape.digest: is not that of the samples");
         let body = Points::Body { shape: shape(), pose: Pose::IDENTITY };
-        let question = Question::Classes(vec![Batch { points: body, picked: None }]);
+        let question = Question { batches: vec![Batch::all(body)], ..Question::default() };
         let error = question_from_wire(question_to_wire(1, 1, &question), |_| None).expect_err("unknown");
         assert!(matches!(error, ConvertError::UnknownShape(_)));
-        let nan = Question::Classes(vec![Batch {
-            points: Points::World([[f64::NAN, 0.0, 0.0]].into()),
-            picked: None,
-        }]);
+        let nan = Points::World([[f64::NAN, 0.0, 0.0]].into());
+        let nan = Question { batches: vec![Batch::all(nan)], ..Question::default() };
         let error = question_from_wire(question_to_wire(1, 1, &nan), find).expect_err("NaN");
         assert_eq!(error.to_string(), "Batch.world: holds NaN, expected finite numbers");
     }
@@ -297,7 +311,7 @@ mod tests {
             b in proptest::collection::vec(any::<u8>(), 0..100), kind in 0..3,
         ) {
             use v1::probe_reply::Answer as Wire;
-            let (a, b) = (bytes::Bytes::from(a), bytes::Bytes::from(b));
+            let (a, b) = (Bytes::from(a), Bytes::from(b));
             let answer = match kind {
                 0 => Wire::Classes(v1::ClassesAnswer {
                     count, not_outside: a, inside_counts: b, cameras: 3,
@@ -306,7 +320,7 @@ mod tests {
                     count, present: a, distances: b.clone(), normals: b.clone(), cameras: b.clone(), pixels: b,
                 }),
                 _ => Wire::Exits(v1::ExitsAnswer {
-                    outside: b, changes: vec![v1::ExitChanges { point: count, changes: a }],
+                    outside: b, changes: a,
                 }),
             };
             let _ = answer_from_wire(v1::ProbeReply { id: 0, answer: Some(answer), compute_ms: 0.0 });

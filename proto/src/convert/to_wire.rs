@@ -2,8 +2,7 @@
 
 use hull::Shape;
 use hull::body::ShapeDigest;
-use hull::probe::exit::Exit;
-use hull::question::{Answer, Batch, Directions, Edge, Points, Question, Standing};
+use hull::question::{Answer, Batch, Change, Edge, Kind, Points, Question, Standing};
 use hull::silhouette::PixelRect;
 use hull::{NormalWindow, OutOfView, ProbeSettings};
 
@@ -47,42 +46,46 @@ pub fn settings_to_wire(settings: &ProbeSettings) -> v1::ProbeSettings {
 /// A question about a frame.
 pub fn question_to_wire(id: u64, frame: u64, question: &Question) -> v1::ProbeRequest {
     use v1::probe_request::Question as Wire;
-    let batches = |batches: &[Batch]| batches.iter().map(batch_to_wire).collect();
-    let question = match question {
-        Question::Classes(all) => Wire::Classes(v1::Classes { batches: batches(all) }),
-        Question::Edges(all) => Wire::Edges(v1::Edges { batches: batches(all) }),
-        Question::Exits(all) => {
-            let exit = |(batch, directions): &(Batch, Directions)| v1::ExitBatch {
-                batch: Some(batch_to_wire(batch)),
-                directions: match directions {
-                    Directions::Each(each) => pack_f32(each.iter().flatten().copied()),
-                    Directions::Shared(shared) => pack_f32(*shared),
-                },
-            };
-            Wire::Exits(v1::Exits { batches: all.iter().map(exit).collect() })
-        }
+    let batches = question.batches.iter().map(|batch| batch_to_wire(question, batch)).collect();
+    let within = question.within.iter().map(|reach| reach.code()).collect::<Vec<u8>>().into();
+    let wire = match question.kind {
+        Kind::Classes => Wire::Classes(v1::Classes { batches }),
+        Kind::Edges => Wire::Edges(v1::Edges { batches, within }),
+        Kind::Exits | Kind::SharedExits => Wire::Exits(v1::Exits {
+            batches,
+            directions: pack_f32(question.directions.iter().flatten().copied()),
+            shared: question.kind == Kind::SharedExits,
+            within,
+        }),
     };
-    v1::ProbeRequest { id, frame, question: Some(question) }
+    v1::ProbeRequest { id, frame, question: Some(wire) }
 }
 
-fn batch_to_wire(batch: &Batch) -> v1::Batch {
+fn batch_to_wire(question: &Question, batch: &Batch) -> v1::Batch {
+    let offset = batch.offset_m;
     let points = match &batch.points {
-        Points::Body { shape, pose } => v1::batch::Points::Body(v1::Body {
-            shape: shape_key(&shape.digest()),
-            pose: pack_f64(pose.position_m().into_iter().chain(pose.rotation_xyzw())),
-        }),
-        Points::World(points) => v1::batch::Points::World(pack_f64(points.iter().flatten().copied())),
+        Points::Body { shape, pose } => {
+            let pose = pose.moved(offset);
+            v1::batch::Points::Body(v1::Body {
+                shape: shape_key(&shape.digest()),
+                pose: pack_f64(pose.position_m().into_iter().chain(pose.rotation_xyzw())),
+            })
+        }
+        Points::World(points) => v1::batch::Points::World(pack_f64(
+            points.iter().flat_map(|p| std::array::from_fn::<f64, 3, _>(|axis| p[axis] + offset[axis])),
+        )),
     };
-    v1::Batch { points: Some(points), picked: batch.picked.as_deref().map(pack_indices) }
+    let picked = batch.picked.clone().map(|range| pack_indices(&question.picked[range]));
+    v1::Batch { points: Some(points), picked }
 }
 
 /// An answer of a node with `camera_count` cameras.
 pub fn answer_to_wire(id: u64, answer: &Answer, camera_count: usize, compute_ms: f64) -> v1::ProbeReply {
     use v1::probe_reply::Answer as Wire;
-    let answer = match answer {
-        Answer::Classes(standings) => Wire::Classes(classes_to_wire(standings, camera_count)),
-        Answer::Edges(edges) => Wire::Edges(edges_to_wire(edges)),
-        Answer::Exits(exits) => Wire::Exits(exits_to_wire(exits)),
+    let answer = match answer.kind {
+        Kind::Classes => Wire::Classes(classes_to_wire(&answer.standings, camera_count)),
+        Kind::Edges => Wire::Edges(edges_to_wire(&answer.edges)),
+        Kind::Exits | Kind::SharedExits => Wire::Exits(exits_to_wire(answer)),
     };
     v1::ProbeReply { id, answer: Some(answer), compute_ms }
 }
@@ -115,17 +118,13 @@ fn edges_to_wire(edges: &[Option<Edge>]) -> v1::EdgesAnswer {
     }
 }
 
-fn exits_to_wire(exits: &[Exit]) -> v1::ExitsAnswer {
-    let changed = exits.iter().enumerate().filter(|(_, exit)| !exit.changes.is_empty());
-    let change = |&(t, delta): &(f32, i32)| t.to_le_bytes().into_iter().chain(delta.to_le_bytes());
+fn exits_to_wire(answer: &Answer) -> v1::ExitsAnswer {
+    let change = |&Change { point, t_m, by }: &Change| {
+        point.to_le_bytes().into_iter().chain(t_m.to_le_bytes()).chain(by.to_le_bytes())
+    };
     v1::ExitsAnswer {
-        outside: pack_f32(exits.iter().map(|exit| exit.outside_m.unwrap_or(f32::INFINITY))),
-        changes: changed
-            .map(|(point, exit)| v1::ExitChanges {
-                point: point as u32,
-                changes: exit.changes.iter().flat_map(change).collect::<Vec<u8>>().into(),
-            })
-            .collect(),
+        outside: pack_f32(answer.exits_m.iter().copied()),
+        changes: answer.changes.iter().flat_map(change).collect::<Vec<u8>>().into(),
     }
 }
 
