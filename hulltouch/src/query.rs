@@ -12,6 +12,7 @@ use std::time::Instant;
 use clap::{Args, ValueEnum};
 use hull::cull::hull_box;
 use hull::pass::{BodyResult, Pass};
+use hull::question::Answer;
 use hull::rule::{HullRule, NormalWindow, OutOfView, ProbeSettings};
 use hull::view_set::Scratch;
 use hull::{Observer, Rig, Silhouette, View, ViewSet};
@@ -149,10 +150,10 @@ impl Query {
     fn results(&self) -> Outcome<Vec<BodyResult>> {
         let views = self.view_set();
         let mut pass = self.pass(&views, 1);
-        let mut scratch = Scratch::default();
+        let (mut scratch, mut answer) = (Scratch::default(), Answer::default());
         while let Some(question) = pass.question() {
-            let answer = views.answer(question, &mut scratch);
-            pass.answer(0, answer).map_err(Failure::run)?;
+            views.answer(question, &mut scratch, &mut answer);
+            pass.answer(0, &answer).map_err(Failure::run)?;
         }
         Ok(pass.into_results())
     }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use hull::cull::WorldBox;
 use hull::oracle::DenseView;
 use hull::pass::Pass;
-use hull::question::Points;
+use hull::question::{Answer, Points};
 use hull::view_set::Scratch;
 use hull::{Observer, ProbeSettings, Silhouette, View, ViewSet};
 use stage::{CameraStage, Stage, StageSettings, studio_rig};
@@ -101,9 +101,10 @@ impl Studio {
     /// A full pass in this process.
     pub fn pass(&self, bodies: Vec<Points>, scratch: &mut Scratch) -> Outcome<Vec<hull::pass::BodyResult>> {
         let mut pass = Pass::new(bodies, Some(&WorldBox::EVERYWHERE), self.settings, 1);
+        let mut answer = Answer::default();
         while let Some(question) = pass.question() {
-            let answer = self.views.answer(question, scratch);
-            pass.answer(0, answer).map_err(Failure::run)?;
+            self.views.answer(question, scratch, &mut answer);
+            pass.answer(0, &answer).map_err(Failure::run)?;
         }
         Ok(pass.into_results())
     }
