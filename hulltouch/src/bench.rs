@@ -1,6 +1,7 @@
 //! `hulltouch bench`: the tables of the README.
 
 mod loads;
+mod plot;
 mod query;
 mod table;
 
