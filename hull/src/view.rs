@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::camera::{Camera, Pixel};
 use crate::cull::Frustum;
 use crate::rule::{OutOfView, ProbeSettings};
-use crate::silhouette::{BitMap, PixelRect, Silhouette};
+use crate::silhouette::{BitMap, Index, PixelRect, Silhouette};
 
 /// What one camera says of a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -102,9 +102,9 @@ impl Observer {
 #[derive(Clone, Debug)]
 pub struct View {
     observer: Arc<Observer>,
-    foreground: BitMap,
+    foreground: Index,
     /// Zero where a pixel is a candidate for the background edge; `None` if that is the foreground.
-    candidates: Option<BitMap>,
+    candidates: Option<Index>,
     frustum: Option<Frustum>,
     has_foreground: bool,
 }
@@ -112,12 +112,11 @@ pub struct View {
 impl View {
     /// Prepares a frame for probing. The silhouette must have the camera's size.
     pub fn new(observer: Arc<Observer>, silhouette: &Silhouette) -> View {
-        let pad = observer.window_pixels + 1;
-        let foreground = BitMap::foreground(silhouette, pad);
+        let foreground = Index::foreground(silhouette, 1);
         let candidates = observer.blocked.as_ref().map(|blocked| {
             let mut map = blocked.clone();
             map.add(silhouette);
-            map
+            Index::new(map, silhouette.width().max(silhouette.height()))
         });
         let admitted = observer.admitted(silhouette.bounds());
         let frustum = admitted.map(|rect| Frustum::of(&observer.camera, rect));
@@ -135,12 +134,12 @@ impl View {
     }
 
     /// Ones at foreground pixels, zeros elsewhere.
-    pub fn foreground(&self) -> &BitMap {
+    pub fn foreground(&self) -> &Index {
         &self.foreground
     }
 
     /// Zeros at the pixels that count as background for the nearest edge and its normal (spec §3.1).
-    pub fn edge_candidates(&self) -> &BitMap {
+    pub fn edge_candidates(&self) -> &Index {
         self.candidates.as_ref().unwrap_or(&self.foreground)
     }
 
@@ -164,7 +163,7 @@ impl View {
             Some(pixel) if observer.ignored.as_ref().is_some_and(|ignored| ignored.get(pixel)) => {
                 Class::Unknown
             }
-            Some(pixel) if self.foreground.get(pixel) => Class::Inside,
+            Some(pixel) if self.foreground.map().get(pixel) => Class::Inside,
             Some(_) => Class::Outside,
         }
     }

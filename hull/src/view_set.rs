@@ -15,9 +15,6 @@ use crate::question::{Answer, Batch, Change, Edge, Kind, NO_EXIT_M, Points, Ques
 use crate::rule::HullRule;
 use crate::view::{Class, View};
 
-/// Up to here, squared pixels, looking at the whole square first costs less than the search.
-const NEAR_SQUARED: i64 = 64 * 64;
-
 /// Cameras of one process at one instant.
 #[derive(Clone, Debug)]
 pub struct ViewSet {
@@ -188,7 +185,8 @@ impl ViewSet {
         let Found { view, mut edge, normalised, from_start } = best?;
         *first = view;
         let view = &self.views[view];
-        let sum = sum_of_background(view.edge_candidates(), edge.pixel, view.observer().window_pixels());
+        let sum =
+            sum_of_background(view.edge_candidates().map(), edge.pixel, view.observer().window_pixels());
         let m = if sum == Vector2::zeros() { from_start } else { sum };
         let normal = view.camera().hull_normal_world(&normalised, &m)?;
         edge.normal_world = [normal.x as f32, normal.y as f32, normal.z as f32];
@@ -207,14 +205,6 @@ impl ViewSet {
         }
         let within_m = f64::from(best.map_or(reach_m, |best| best.distance_m));
         let limit = pixel_limit(&a_camera, within_m, view.observer().stretch_pixels());
-        // Deep inside, nothing is as near as the best so far: rows of words say so at once.
-        if limit < NEAR_SQUARED {
-            let reach = (limit as f64).sqrt() as i32;
-            let corner = |sign| Pixel { column: start.column + sign * reach, row: start.row + sign * reach };
-            if view.edge_candidates().all_ones(corner(-1), corner(1)) {
-                return None;
-            }
-        }
         let pixel = nearest_edge(view.edge_candidates(), start, limit)?.pixel;
         let normalised = camera.normalised(&pixel.centre())?;
         let ray = Vector3::new(normalised.x, normalised.y, 1.0).normalize();

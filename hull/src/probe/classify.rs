@@ -66,7 +66,7 @@ impl Block {
     /// Drops the points that are not on the view's foreground. For views that always judge, these are
     /// the points that the camera calls outside.
     pub fn keep_foreground(&mut self, view: &View) {
-        let map = view.foreground();
+        let map = view.foreground().map();
         let frame = Frame::of(view);
         // Whole vectors, but not those that hold no point any more.
         let lanes = self.len.next_multiple_of(LANES);
@@ -80,7 +80,9 @@ impl Block {
             self.y[kept] = self.y[index];
             self.z[kept] = self.z[index];
             self.place[kept] = self.place[index];
-            kept += usize::from(address != MISSED && map.bit(address as usize));
+            kept += usize::from(
+                address != MISSED && map.words()[(address >> 5) as usize] >> (address & 31) & 1 != 0,
+            );
         }
         self.len = kept;
     }
@@ -104,7 +106,7 @@ struct Frame {
 
 impl Frame {
     fn of(view: &View) -> Frame {
-        let (camera, map) = (view.camera(), view.foreground());
+        let (camera, map) = (view.camera(), view.foreground().map());
         let (r, t, k) = (camera.rotation(), camera.translation_m(), camera.intrinsics());
         Frame {
             rotation: std::array::from_fn(|row| std::array::from_fn(|column| r[(row, column)])),
@@ -116,7 +118,7 @@ impl Frame {
             left: map.left(),
             top: map.top(),
             columns: (map.right() - map.left()) as u32,
-            rows: (map.bottom() - map.top()) as u32,
+            rows: map.rows() as u32,
             width: camera.width(),
             height: camera.height(),
         }
@@ -157,7 +159,7 @@ fn addresses(frame: &Frame, x: &[f64], y: &[f64], z: &[f64], address: &mut [u32]
         let column = column.wrapping_sub(frame.left) as u32;
         let row = row.wrapping_sub(frame.top) as u32;
         seen &= column < frame.columns && row < frame.rows;
-        let at = row.wrapping_mul(frame.columns).wrapping_add(column);
+        let at = ((column >> 5) * frame.rows + row) << 5 | (column & 31);
         address[i] = if seen { at } else { MISSED };
     }
 }

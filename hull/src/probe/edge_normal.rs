@@ -1,59 +1,78 @@
 //! The silhouette's 2D normal at an edge pixel (paper §4.2): the average of the vectors to the
-//! background pixels of a window, from sums over runs of zeros.
+//! background pixels of a window, from sums over words.
+
+use std::ops::Range;
 
 use nalgebra::Vector2;
 
 use crate::camera::Pixel;
-use crate::silhouette::BitMap;
+use crate::silhouette::{BitMap, STRIP};
 
 /// The sum of the vectors from `centre` to every zero bit of the (2k + 1)² window around it, pixels.
 /// The average has the same direction.
+#[inline(always)]
 pub fn sum_of_background(candidates: &BitMap, centre: Pixel, k: u32) -> Vector2<f64> {
     let k = k as i32;
-    let (mut across, mut down) = (0i64, 0i64);
-    for row in centre.row - k..=centre.row + k {
-        let (sum, count) = zeros_of_row(candidates, row, centre.column - k, centre.column + k + 1);
-        across += sum - count * i64::from(centre.column);
-        down += count * i64::from(row - centre.row);
+    let (top, bottom) = (centre.row - k, centre.row + k + 1);
+    let (left, right) = (centre.column - k, centre.column + k + 1);
+    let (above, below) = (top.max(candidates.top()), bottom.min(candidates.bottom()));
+    let mut sum = Sum::default();
+    let first_strip = (left - candidates.left()).div_euclid(STRIP);
+    let last_strip = (right - 1 - candidates.left()).div_euclid(STRIP);
+    for strip in first_strip..=last_strip {
+        let base = candidates.left() + strip * STRIP;
+        let (from, to) = ((left - base).max(0), (right - base).min(STRIP));
+        let mask = (u32::MAX << from) & (u32::MAX >> (STRIP - to));
+        let across = base - centre.column;
+        if strip < 0 || strip as usize >= candidates.strips() || above >= below {
+            sum.add_same(candidates.beyond(), mask, across, top - centre.row..bottom - centre.row);
+            continue;
+        }
+        sum.add_same(candidates.beyond(), mask, across, top - centre.row..above - centre.row);
+        sum.add_same(candidates.beyond(), mask, across, below - centre.row..bottom - centre.row);
+        let first = (above - candidates.top()) as usize;
+        let words = &candidates.strip(strip as usize)[first..first + (below - above) as usize];
+        sum.add(words, mask, across, above - centre.row);
     }
-    Vector2::new(across as f64, down as f64)
+    Vector2::new(f64::from(sum.across), f64::from(sum.down))
 }
 
-/// The sum of columns and the number of zeros among columns `start..end` of a row.
-fn zeros_of_row(map: &BitMap, row: i32, start: i32, end: i32) -> (i64, i64) {
-    if row < map.top() || row >= map.bottom() || start < map.left() || end > map.right() {
-        return zeros_beyond(map, row, start, end);
-    }
-    let words = map.row_words(row);
-    let (mut sum, mut count) = (0, 0);
-    let (from, to) = ((start - map.left()) as usize, (end - map.left()) as usize);
-    for (word, &bits) in words.iter().enumerate().take((to - 1) / 64 + 1).skip(from / 64) {
-        let base = word * 64;
-        let mut zeros = !bits;
-        if base < from {
-            zeros &= u64::MAX << (from - base);
-        }
-        if to - base < 64 {
-            zeros &= (1 << (to - base)) - 1;
-        }
-        let first_column = i64::from(map.left()) + base as i64;
-        while zeros != 0 {
-            let begin = zeros.trailing_zeros();
-            let length = (!(zeros >> begin)).trailing_zeros();
-            let (begin_i64, length_i64) = (i64::from(begin), i64::from(length));
-            sum += length_i64 * (first_column + begin_i64) + length_i64 * (length_i64 - 1) / 2;
-            count += length_i64;
-            let done = begin + length;
-            zeros = if done == 64 { 0 } else { zeros & (u64::MAX << done) };
-        }
-    }
-    (sum, count)
+/// Columns and rows of zeros, from the centre.
+#[derive(Default)]
+struct Sum {
+    across: i32,
+    down: i32,
 }
 
-/// The same for the rare window that leaves the map.
-fn zeros_beyond(map: &BitMap, row: i32, start: i32, end: i32) -> (i64, i64) {
-    let zeros = (start..end).filter(|&column| !map.get(Pixel { column, row }));
-    zeros.fold((0, 0), |(sum, count), column| (sum + i64::from(column), count + 1))
+impl Sum {
+    /// Adds the zeros under the mask in words of consecutive rows; bit 0 is `across` from the centre, the
+    /// first row `down`.
+    #[inline(always)]
+    fn add(&mut self, words: &[u32], mask: u32, across: i32, down: i32) {
+        for (row, &word) in (down..).zip(words) {
+            let zeros = !word & mask;
+            let count = zeros.count_ones() as i32;
+            self.across += across * count + places(zeros);
+            self.down += row * count;
+        }
+    }
+
+    /// The same for rows beyond the map.
+    fn add_same(&mut self, value: bool, mask: u32, across: i32, rows: Range<i32>) {
+        let word = if value { u32::MAX } else { 0 };
+        rows.for_each(|row| self.add(&[word], mask, across, row));
+    }
+}
+
+/// The sum of the places of the ones.
+#[inline(always)]
+fn places(ones: u32) -> i32 {
+    const BITS: [u32; 5] = [0xaaaa_aaaa, 0xcccc_cccc, 0xf0f0_f0f0, 0xff00_ff00, 0xffff_0000];
+    let mut sum = 0;
+    for (power, bits) in BITS.iter().enumerate() {
+        sum += (ones & bits).count_ones() << power;
+    }
+    sum as i32
 }
 
 #[cfg(test)]
@@ -72,13 +91,13 @@ mod tests {
 
     proptest! {
         #[test]
-        fn sums_over_runs_are_sums_over_pixels(
+        fn sums_over_words_are_sums_over_pixels(
             width in 1u32..200, height in 1u32..60, seed in any::<u64>(), column in -3i32..203,
             row in -3i32..63, k in 1u32..40,
         ) {
             let silhouette =
                 Silhouette::from_mask(width, height, &random_mask(width, height, seed)).expect("size");
-            let map = BitMap::foreground(&silhouette, k + 1);
+            let map = BitMap::foreground(&silhouette, 1);
             let (column, row) = (column.min(width as i32), row.min(height as i32));
             let reach = k as i32;
             let mut expected = Vector2::zeros();

@@ -89,7 +89,7 @@ impl View {
         let column_of = |v: &Vector3<f64>| k[(0, 0)] * v.x + k[(0, 1)] * v.y + k[(0, 2)] * v.z;
         let behind = if step.z < 0.0 { -start.z / step.z } else { f64::INFINITY };
         let limit = limit_m.min(behind);
-        let foreground = self.foreground();
+        let foreground = self.foreground().map();
         if limit < self.observer().settings().max_depth_m() {
             // Most cameras see nothing but foreground as far as the ray is wanted.
             let end = camera.image_from_camera(&(start + step * limit));

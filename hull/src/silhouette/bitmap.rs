@@ -1,17 +1,27 @@
 //! One bit per pixel over a rectangle: what the probes look things up in.
+//!
+//! The bits lie in strips 32 columns wide, each stored row by row: the words of neighbouring rows are
+//! neighbours in memory, so that one load brings 32 columns of many rows.
 
 use super::{PixelRect, Silhouette};
 use crate::camera::Pixel;
 
-/// One bit per pixel of a rectangle whose left side is a multiple of 64; pixels beyond it all have
-/// the same value.
+/// Columns of a strip: the bits of a word.
+pub(crate) const STRIP: i32 = 32;
+
+/// Rows come in multiples of this, so that no square of pixels that is looked at as one is cut.
+const ROWS: i32 = 8;
+/// So many rows are looked at together.
+const LEAST_ROWS: usize = 16;
+
+/// One bit per pixel of a rectangle of whole strips; pixels beyond it all have the same value.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BitMap {
     left: i32,
     top: i32,
-    words_per_row: usize,
+    strips: usize,
     rows: usize,
-    words: Vec<u64>,
+    words: Vec<u32>,
     beyond: bool,
 }
 
@@ -19,13 +29,17 @@ impl BitMap {
     /// A map over at least the rectangle grown by `pad` pixels, all bits `value`; beyond it `beyond`.
     pub fn filled(rect: PixelRect, pad: u32, value: bool, beyond: bool) -> BitMap {
         let pad = pad as i32;
-        let left = (rect.left as i32 - pad).div_euclid(64) * 64;
-        let right = rect.right as i32 + pad;
-        let top = rect.top as i32 - pad;
-        let words_per_row = ((right - left) as usize).div_ceil(64);
-        let rows = (rect.bottom as i32 + pad - top) as usize;
-        let words = vec![if value { u64::MAX } else { 0 }; words_per_row * rows];
-        BitMap { left, top, words_per_row, rows, words, beyond }
+        let corner = |column: u32, row: u32, grow: i32| (column as i32 + grow, row as i32 + grow);
+        BitMap::over(corner(rect.left, rect.top, -pad), corner(rect.right, rect.bottom, pad), value, beyond)
+    }
+
+    /// A map over at least the pixels from `first` up to `end` (column, row), all bits `value`.
+    pub(crate) fn over(first: (i32, i32), end: (i32, i32), value: bool, beyond: bool) -> BitMap {
+        let (left, top) = (first.0.div_euclid(STRIP) * STRIP, first.1.div_euclid(ROWS) * ROWS);
+        let strips = ((end.0 - left) as usize).div_ceil(STRIP as usize);
+        let rows = ((end.1 - top) as usize).next_multiple_of(ROWS as usize).max(LEAST_ROWS);
+        let words = vec![if value { u32::MAX } else { 0 }; strips * rows];
+        BitMap { left, top, strips, rows, words, beyond }
     }
 
     /// The foreground of a silhouette as ones, with zeros at least `pad` pixels around and beyond.
@@ -48,21 +62,21 @@ impl BitMap {
 
     /// Sets the bits of columns `start..end` of a row, all within the rectangle.
     pub fn set(&mut self, row: i32, start: i32, end: i32, value: bool) {
-        let base = (row - self.top) as usize * self.words_per_row;
+        let row = (row - self.top) as usize;
         let (start, end) = ((start - self.left) as usize, (end - self.left) as usize);
         if start >= end {
             return;
         }
-        let (first, last) = (start / 64, (end - 1) / 64);
-        for word in first..=last {
-            let mut mask = u64::MAX;
-            if word == first {
-                mask &= u64::MAX << (start % 64);
+        let (first, last) = (start / 32, (end - 1) / 32);
+        for strip in first..=last {
+            let mut mask = u32::MAX;
+            if strip == first {
+                mask &= u32::MAX << (start % 32);
             }
-            if word == last {
-                mask &= u64::MAX >> (63 - (end - 1) % 64);
+            if strip == last {
+                mask &= u32::MAX >> (31 - (end - 1) % 32);
             }
-            let bits = &mut self.words[base + word];
+            let bits = &mut self.words[strip * self.rows + row];
             if value { *bits |= mask } else { *bits &= !mask }
         }
     }
@@ -70,53 +84,49 @@ impl BitMap {
     /// The bit of a pixel.
     #[inline]
     pub fn get(&self, pixel: Pixel) -> bool {
-        match self.address(pixel.column, pixel.row) {
-            Some(address) => self.bit(address),
-            None => self.beyond,
+        let column = pixel.column.wrapping_sub(self.left) as u32 as usize;
+        let row = pixel.row.wrapping_sub(self.top) as u32 as usize;
+        if column < self.strips * 32 && row < self.rows {
+            self.words[column / 32 * self.rows + row] >> (column % 32) & 1 != 0
+        } else {
+            self.beyond
         }
-    }
-
-    /// Where the rectangle holds a pixel's bit, counted in bits.
-    #[inline]
-    pub fn address(&self, column: i32, row: i32) -> Option<usize> {
-        let (column, row) = (column.wrapping_sub(self.left) as u32, row.wrapping_sub(self.top) as u32);
-        let within = (column as usize) < self.words_per_row * 64 && (row as usize) < self.rows;
-        within.then(|| row as usize * self.words_per_row * 64 + column as usize)
-    }
-
-    /// The bit at an address.
-    #[inline]
-    pub fn bit(&self, address: usize) -> bool {
-        self.words[address / 64] >> (address % 64) & 1 != 0
     }
 
     /// True if all bits between two pixels, both included, are ones; false if the rectangle does not hold
     /// them all.
+    #[inline]
     pub fn all_ones(&self, a: Pixel, b: Pixel) -> bool {
         let (left, right) = (a.column.min(b.column) - self.left, a.column.max(b.column) - self.left);
         let (top, bottom) = (a.row.min(b.row) - self.top, a.row.max(b.row) - self.top);
-        if left < 0 || top < 0 || right as usize >= self.words_per_row * 64 || bottom as usize >= self.rows {
+        if left < 0 || top < 0 || right as usize >= self.strips * 32 || bottom as usize >= self.rows {
             return false;
         }
-        let (first, last) = (left as usize / 64, right as usize / 64);
-        let (head, tail) = (u64::MAX << (left % 64), u64::MAX >> (63 - right % 64));
-        (top as usize..=bottom as usize).all(|row| {
-            let words = &self.words[row * self.words_per_row..][..self.words_per_row];
-            if first == last {
-                return !words[first] & head & tail == 0;
+        let (first, last) = (left as usize / 32, right as usize / 32);
+        (first..=last).all(|strip| {
+            let mut mask = u32::MAX;
+            if strip == first {
+                mask &= u32::MAX << (left % 32);
             }
-            !words[first] & head == 0
-                && !words[last] & tail == 0
-                && words[first + 1..last].iter().all(|&word| word == u64::MAX)
+            if strip == last {
+                mask &= u32::MAX >> (31 - right % 32);
+            }
+            let words = &self.strip(strip)[top as usize..=bottom as usize];
+            words.iter().fold(u32::MAX, |all, &word| all & word) & mask == mask
         })
     }
 
-    /// First row of the rectangle.
+    /// The value of the pixels beyond the rectangle.
+    pub fn beyond(&self) -> bool {
+        self.beyond
+    }
+
+    /// First row of the rectangle, a multiple of eight.
     pub fn top(&self) -> i32 {
         self.top
     }
 
-    /// First column of the rectangle, a multiple of 64.
+    /// First column of the rectangle, a multiple of the width of a strip.
     pub fn left(&self) -> i32 {
         self.left
     }
@@ -128,19 +138,41 @@ impl BitMap {
 
     /// Column after the last.
     pub fn right(&self) -> i32 {
-        self.left + (self.words_per_row * 64) as i32
+        self.left + self.strips as i32 * STRIP
     }
 
-    /// The words of a row within the rectangle; bit `b` of word `w` is column `left + 64 w + b`.
+    /// How many rows there are.
     #[inline]
-    pub fn row_words(&self, row: i32) -> &[u64] {
-        let base = (row - self.top) as usize * self.words_per_row;
-        &self.words[base..base + self.words_per_row]
+    pub(crate) fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// How many strips there are.
+    #[inline]
+    pub(crate) fn strips(&self) -> usize {
+        self.strips
+    }
+
+    /// The words of a strip, one a row from the top; bit `b` is column `left + 32 strip + b`.
+    #[inline]
+    pub(crate) fn strip(&self, strip: usize) -> &[u32] {
+        &self.words[strip * self.rows..][..self.rows]
+    }
+
+    /// All words, strip after strip.
+    #[inline]
+    pub(crate) fn words(&self) -> &[u32] {
+        &self.words
+    }
+
+    /// All words, to be changed.
+    pub(crate) fn words_mut(&mut self) -> &mut [u32] {
+        &mut self.words
     }
 
     /// Heap memory, bytes.
     pub fn heap_bytes(&self) -> usize {
-        self.words.capacity() * 8
+        self.words.capacity() * 4
     }
 }
 
@@ -161,6 +193,19 @@ mod tests {
                     prop_assert_eq!(map.get(Pixel { column, row }), silhouette.contains(column, row));
                 }
             }
+        }
+
+        #[test]
+        fn all_ones_is_every_bit(
+            seed in any::<u64>(), a in (-40i32..140, -4i32..30), b in (-40i32..140, -4i32..30),
+        ) {
+            let silhouette = Silhouette::from_mask(100, 25, &random_mask(100, 25, seed)).expect("size");
+            let map = BitMap::foreground(&silhouette, 1);
+            let pixel = |(column, row)| Pixel { column, row };
+            let columns = a.0.min(b.0)..=a.0.max(b.0);
+            let every = (a.1.min(b.1)..=a.1.max(b.1))
+                .all(|row| columns.clone().all(|column| map.get(Pixel { column, row })));
+            prop_assert_eq!(map.all_ones(pixel(a), pixel(b)), every);
         }
     }
 

@@ -2,9 +2,14 @@
 
 mod bitmap;
 mod bytes;
+mod depth;
+mod index;
 
 pub use bitmap::BitMap;
+pub(crate) use bitmap::STRIP;
 pub use bytes::DecodeError;
+pub use depth::Depth;
+pub use index::Index;
 
 use thiserror::Error;
 
