@@ -1,21 +1,23 @@
-//! One contract, two shells: the same suite drives a node served in this process and a real node
-//! process, over the wire.
+//! One contract, several shells: the same suite drives a node served in this process and a real node
+//! process, over TCP and over Unix sockets.
 
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::net::SocketAddr;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::time::Duration;
 
+use camera_node::listen::Listen;
 use camera_node::service::Node;
 use camera_node::source::{SourceConfig, StageConfig};
 use camera_node::{NodeCamera, NodeConfig};
-use hull::question::{Answer, Batch, Directions, Points, Question};
+use hull::question::{Answer, Batch, Kind, NO_EXIT_M, Points, Question};
 use hull::view_set::Scratch;
 use hull::{Pose, ProbeSettings, Rig, Shape, Silhouette, View, ViewSet};
 use proto::convert::{
-    ProbeAnswer, RefusalReason, answer_from_wire, pixel_rect_from_wire, question_to_wire, shape_to_wire,
+    ProbeAnswer, RefusalReason, SilhouetteEncoding, answer_from_wire, pixel_rect_from_wire, question_to_wire,
+    shape_to_wire, silhouette_from_data,
 };
 use proto::v1;
 use proto::v1::camera_node_client::CameraNodeClient;
@@ -51,9 +53,20 @@ fn config(rig: &Rig) -> NodeConfig {
 
 #[tokio::test]
 async fn a_node_in_this_process_keeps_the_contract() {
+    in_this_process(SocketAddr::from(([127, 0, 0, 1], 0)).into()).await;
+}
+
+#[tokio::test]
+async fn a_node_on_a_unix_socket_keeps_the_contract() {
+    let folder = tempfile::tempdir().expect("folder");
+    let path = folder.path().join("node.sock");
+    in_this_process(Listen::Unix(path.clone())).await;
+    assert!(!path.exists(), "it takes its socket with it");
+}
+
+async fn in_this_process(listen: Listen) {
     let rig = rig();
-    let loopback = SocketAddr::from(([127, 0, 0, 1], 0));
-    let node = Node::open(config(&rig), loopback, false).await.expect("opens");
+    let node = Node::open(config(&rig), listen, false).await.expect("opens");
     let address = node.address().expect("bound");
     let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
     let serving = tokio::spawn(node.serve(async { drop(stopped.await) }));
@@ -66,18 +79,33 @@ async fn a_node_in_this_process_keeps_the_contract() {
 async fn a_node_process_keeps_the_contract() {
     let rig = rig();
     let folder = tempfile::tempdir().expect("folder");
-    let process = NodeProcess::start(folder.path(), &rig);
-    suite(process.address, &rig).await;
+    let process = NodeProcess::start(folder.path(), &rig, "127.0.0.1:0");
+    suite(process.address.clone(), &rig).await;
+}
+
+#[tokio::test]
+async fn a_node_process_on_a_unix_socket_keeps_the_contract_and_cleans_up() {
+    let rig = rig();
+    let folder = tempfile::tempdir().expect("folder");
+    let path = folder.path().join("node.sock");
+    let listen = format!("unix:{}", path.display());
+    // What a killed process leaves behind is no obstacle.
+    drop(std::os::unix::net::UnixListener::bind(&path).expect("bound"));
+    let process = NodeProcess::start(folder.path(), &rig, &listen);
+    assert_eq!(process.address.to_string(), listen);
+    suite(process.address.clone(), &rig).await;
+    drop(process);
+    assert!(!path.exists(), "it takes its socket with it");
 }
 
 /// A node of this program; it ends with its standard input.
 struct NodeProcess {
     child: Child,
-    address: SocketAddr,
+    address: Listen,
 }
 
 impl NodeProcess {
-    fn start(folder: &Path, rig: &Rig) -> NodeProcess {
+    fn start(folder: &Path, rig: &Rig, listen: &str) -> NodeProcess {
         std::fs::write(folder.join("rig.toml"), rig.to_toml()).expect("written");
         let mut text = format!("rig = \"rig.toml\"\nscene = \"topple\"\nfps = {FPS:?}\n");
         for camera in rig.cameras() {
@@ -88,7 +116,7 @@ impl NodeProcess {
         let mut child = Command::new(env!("CARGO_BIN_EXE_hulltouch"))
             .arg("node")
             .arg(&file)
-            .args(["--camera", "cam_0", "--camera", "cam_1", "--listen", "127.0.0.1:0", "--stop-with-stdin"])
+            .args(["--camera", "cam_0", "--camera", "cam_1", "--listen", listen, "--stop-with-stdin"])
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .spawn()
@@ -110,6 +138,24 @@ impl Drop for NodeProcess {
 }
 
 type Client = CameraNodeClient<Channel>;
+
+async fn connect(address: &Listen) -> Channel {
+    match address {
+        Listen::Tcp(address) => {
+            let channel = Channel::from_shared(format!("http://{address}")).expect("a URI").connect().await;
+            channel.expect("connects")
+        }
+        Listen::Unix(path) => {
+            let path: PathBuf = path.clone();
+            let connector = tower::service_fn(move |_: tonic::transport::Uri| {
+                let path = path.clone();
+                async move { tokio::net::UnixStream::connect(path).await.map(hyper_util::rt::TokioIo::new) }
+            });
+            let endpoint = tonic::transport::Endpoint::from_static("http://node.invalid");
+            endpoint.connect_with_connector(connector).await.expect("connects")
+        }
+    }
+}
 
 /// One open probe stream.
 struct Probe {
@@ -152,14 +198,12 @@ impl Probe {
 }
 
 fn world_points(points: Vec<[f64; 3]>) -> Question {
-    Question::Classes(vec![Batch { points: Points::World(points.into()), picked: None }])
+    Question { batches: vec![Batch::all(Points::World(points.into()))], ..Question::default() }
 }
 
-async fn suite(address: SocketAddr, rig: &Rig) {
-    let mut client = CameraNodeClient::connect(format!("http://{address}"))
-        .await
-        .expect("connects")
-        .max_encoding_message_size(proto::MAX_MESSAGE_BYTES);
+async fn suite(address: Listen, rig: &Rig) {
+    let channel = connect(&address).await;
+    let mut client = CameraNodeClient::new(channel).max_encoding_message_size(proto::MAX_MESSAGE_BYTES);
     describes_its_cameras(&mut client, rig).await;
     let mut probe = Probe::open(&mut client).await;
     let one = world_points(vec![[0.0, 1.0, 0.0]]);
@@ -192,12 +236,13 @@ async fn suite(address: SocketAddr, rig: &Rig) {
         assert_eq!(next_frame(&mut frames).await.frame, number);
     }
     assert_eq!(probe.refused(0, &one).await, RefusalReason::Gone, "the ring has moved on");
-    let gone = client.fetch_silhouettes(v1::FetchSilhouettesRequest { frame: 0 }).await;
+    let gone = v1::FetchSilhouettesRequest { frame: 0, ..v1::FetchSilhouettesRequest::default() };
+    let gone = client.fetch_silhouettes(gone).await;
     assert_eq!(gone.expect_err("gone").code(), tonic::Code::OutOfRange);
 
-    survives_strangers(address).await;
+    survives_strangers(&address).await;
     assert!(matches!(probe.ask(12, &one).await, ProbeAnswer::Answer(_)), "it goes on serving");
-    tells_its_health_and_its_protocol(address).await;
+    tells_its_health_and_its_protocol(&address).await;
 }
 
 async fn next_frame(frames: &mut Streaming<v1::FrameInfo>) -> v1::FrameInfo {
@@ -214,46 +259,68 @@ async fn describes_its_cameras(client: &mut Client, rig: &Rig) {
     }
 }
 
+/// The silhouettes of frame 1, which are the same however they travel.
+async fn silhouettes(client: &mut Client, rig: &Rig) -> Vec<Silhouette> {
+    let mut found: Vec<Vec<Silhouette>> = Vec::new();
+    for encoding in [
+        SilhouetteEncoding::RunsLz4,
+        SilhouetteEncoding::Runs,
+        SilhouetteEncoding::Mask,
+        SilhouetteEncoding::Grey,
+    ] {
+        let request =
+            v1::FetchSilhouettesRequest { frame: 1, encoding: v1::SilhouetteEncoding::from(encoding).into() };
+        let told = client.fetch_silhouettes(request).await.expect("fetches").into_inner();
+        let told: Vec<v1::Silhouette> = told.collect::<Result<_, _>>().await.expect("no error");
+        assert_eq!(told.len(), rig.cameras().len());
+        let decoded = rig.cameras().iter().zip(&told).map(|(camera, told)| {
+            let size = (camera.width(), camera.height());
+            silhouette_from_data(&told.data, size, encoding).expect("valid")
+        });
+        found.push(decoded.collect());
+    }
+    assert!(found.iter().all(|silhouettes| *silhouettes == found[0]));
+    found.swap_remove(0)
+}
+
 /// The node's answers are those that its own silhouettes give here, bit for bit.
 async fn answers_are_the_hulls_own(client: &mut Client, probe: &mut Probe, rig: &Rig) {
-    let fetched = client.fetch_silhouettes(v1::FetchSilhouettesRequest { frame: 1 }).await;
-    let fetched = fetched.expect("fetches").into_inner().silhouettes;
-    let views = config(rig).observers().into_iter().zip(&fetched).map(|(observer, fetched)| {
-        let size = (observer.camera().width(), observer.camera().height());
-        let silhouette = Silhouette::decode(&fetched.runs, size).expect("valid");
-        View::new(observer, &silhouette)
-    });
-    let views = ViewSet::new(views.collect());
+    let fetched = silhouettes(client, rig).await;
+    let views = config(rig).observers().into_iter().zip(&fetched);
+    let views = ViewSet::new(views.map(|(observer, fetched)| View::new(observer, fetched)).collect());
     // A column of points through the person and beyond.
     let samples = (0..60).map(|at| [0.01 * (at % 7) as f32, 0.03 * at as f32, 0.0]).collect();
     let shape = Arc::new(Shape::new(samples).expect("finite"));
     let body = Points::Body { shape: Arc::clone(&shape), pose: Pose::IDENTITY };
-    let all = Question::Classes(vec![Batch { points: body.clone(), picked: None }]);
+    let all = Question { batches: vec![Batch::all(body.clone())], ..Question::default() };
     assert_eq!(probe.refused(1, &all).await, RefusalReason::UnknownShape);
     let register = v1::RegisterShapesRequest { shapes: vec![shape_to_wire(&shape)] };
     client.register_shapes(register).await.expect("registers");
 
     let mut scratch = Scratch::default();
-    let mut expect = |question: &Question| views.answer(question, &mut scratch);
+    let mut expect = |question: &Question| {
+        let mut answer = Answer::default();
+        views.answer(question, &mut scratch, &mut answer);
+        answer
+    };
     let classes = expect(&all);
     let inside: Vec<u32> = (0..)
-        .zip(classes.classes().expect("classes"))
+        .zip(&classes.standings)
         .filter(|(_, standing)| standing.inside_count() == Some(2))
         .map(|(index, _)| index)
         .collect();
     assert!(inside.len() > 10, "the column meets the person");
     assert_eq!(probe.ask(1, &all).await, ProbeAnswer::Answer(classes));
-    let some = Batch { points: body, picked: Some(inside.clone()) };
-    let edges = Question::Edges(vec![some.clone()]);
+    let mut edges = Question { kind: Kind::Edges, ..Question::default() };
+    edges.pick(&body, [0.0; 3], inside.iter().copied());
     let expected = expect(&edges);
-    let normals: Vec<[f32; 3]> =
-        expected.edges().expect("edges").iter().flatten().map(|edge| edge.normal_world).collect();
+    let normals: Vec<[f32; 3]> = expected.edges.iter().flatten().map(|edge| edge.normal_world).collect();
     assert_eq!(normals.len(), inside.len());
     assert_eq!(probe.ask(1, &edges).await, ProbeAnswer::Answer(expected));
-    for directions in [Directions::Each(normals), Directions::Shared([1.0, 0.0, 0.0])] {
-        let exits = Question::Exits(vec![(some.clone(), directions)]);
-        let expected = expect(&exits);
-        assert!(expected.exits().expect("exits").iter().any(|exit| exit.outside_m.is_some()));
+    for (kind, directions) in [(Kind::Exits, normals), (Kind::SharedExits, vec![[1.0, 0.0, 0.0]])] {
+        let exits = Question { kind, directions, ..edges.clone() };
+        let expected = Answer { kind: Kind::Exits, ..expect(&exits) };
+        assert!(expected.exits_m.iter().any(|&exit_m| exit_m != NO_EXIT_M));
         assert_eq!(probe.ask(1, &exits).await, ProbeAnswer::Answer(expected));
     }
 }
@@ -271,7 +338,7 @@ async fn refuses_what_makes_no_question(client: &mut Client, probe: &mut Probe) 
     let odd = v1::ProbeRequest { id: 0, frame: 1, question: Some(v1::probe_request::Question::Classes(odd)) };
     assert!(matches!(probe.raw(odd).await, ProbeAnswer::Refused(Malformed, _)));
     let empty = world_points(vec![]);
-    assert_eq!(probe.ask(1, &empty).await, ProbeAnswer::Answer(Answer::Classes(vec![])));
+    assert_eq!(probe.ask(1, &empty).await, ProbeAnswer::Answer(Answer::default()));
 
     let mut lie = shape_to_wire(&Shape::new(vec![[0.0; 3]]).expect("finite"));
     lie.digest = vec![7; 32].into();
@@ -281,19 +348,24 @@ async fn refuses_what_makes_no_question(client: &mut Client, probe: &mut Probe) 
     assert_eq!(client.start(never).await.expect_err("NaN").code(), tonic::Code::InvalidArgument);
 }
 
-async fn survives_strangers(address: SocketAddr) {
+async fn survives_strangers(address: &Listen) {
+    let address = address.clone();
     tokio::task::spawn_blocking(move || {
-        let mut stranger = std::net::TcpStream::connect(address).expect("connects");
+        let noise = b"GET / HTTP/1.1\r\n\r\n\0\0\xff\xff not a frame at all";
         // The node may hang up at any time.
-        let _ = stranger.write_all(b"GET / HTTP/1.1\r\n\r\n\0\0\xff\xff not a frame at all");
+        let _ = match address {
+            Listen::Tcp(address) => std::net::TcpStream::connect(address).expect("connects").write_all(noise),
+            Listen::Unix(path) => {
+                std::os::unix::net::UnixStream::connect(path).expect("connects").write_all(noise)
+            }
+        };
     })
     .await
     .expect("no panic");
 }
 
-async fn tells_its_health_and_its_protocol(address: SocketAddr) {
-    let channel = Channel::from_shared(format!("http://{address}")).expect("a URI").connect().await;
-    let channel = channel.expect("connects");
+async fn tells_its_health_and_its_protocol(address: &Listen) {
+    let channel = connect(address).await;
     let mut health = tonic_health::pb::health_client::HealthClient::new(channel.clone());
     let service = "hulltouch.v1.CameraNode".to_owned();
     let check = tonic_health::pb::HealthCheckRequest { service };

@@ -6,6 +6,7 @@
 
 pub mod capture;
 pub mod frames;
+pub mod listen;
 pub mod service;
 pub mod shapes;
 pub mod source;

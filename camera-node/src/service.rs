@@ -1,22 +1,22 @@
 //! The node's gRPC service: the only place of this crate that speaks the protocol. Probes are computed
 //! on a thread of their own; async code moves bytes.
 
-use std::net::SocketAddr;
 use std::pin::Pin;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::time::{Duration, Instant};
 
+use hull::question::Answer;
 use hull::view_set::Scratch;
 use proto::convert::{
-    RefusalReason, answer_to_wire, pixel_rect_to_wire, question_from_wire, refusal, settings_to_wire,
+    RefusalReason, SilhouetteEncoding, answer_to_wire, pixel_rect_to_wire, question_from_wire, refusal,
+    settings_to_wire, silhouette_data,
 };
 use proto::v1::camera_node_server::{CameraNode, CameraNodeServer};
-use proto::{MAX_MESSAGE_BYTES, v1};
+use proto::{MAX_FRAME_BYTES, MAX_MESSAGE_BYTES, v1};
 use thiserror::Error;
-use tokio::net::TcpListener;
 use tokio::sync::mpsc;
-use tokio_stream::wrappers::ReceiverStream;
+use tokio_stream::wrappers::{ReceiverStream, UnixListenerStream};
 use tokio_stream::{Stream, StreamExt};
 use tonic::transport::server::TcpIncoming;
 use tonic::{Request, Response, Status, Streaming};
@@ -24,6 +24,7 @@ use tonic::{Request, Response, Status, Streaming};
 use crate::NodeConfig;
 use crate::capture::{CaptureError, Film, Pace};
 use crate::frames::{FilmState, Frame, FrameError, FrameRing};
+use crate::listen::{Listen, Listener};
 use crate::shapes::Shapes;
 
 /// Questions that wait at most: more than the bodies of a pass ever overlap; beyond, the node says busy
@@ -47,12 +48,12 @@ pub enum ServeError {
         "listen address {0} is reachable from other machines and the protocol is not encrypted: \
          expected a loopback address, or --insecure"
     )]
-    Exposed(SocketAddr),
+    Exposed(Listen),
     /// The address cannot be had.
     #[error("cannot listen on {address}: {error}")]
     Listen {
         /// Which address.
-        address: SocketAddr,
+        address: Listen,
         /// What the system says.
         error: std::io::Error,
     },
@@ -66,16 +67,21 @@ pub enum ServeError {
 
 /// A node that holds its port and has learnt its backgrounds, ready to serve.
 pub struct Node {
-    listener: TcpListener,
+    listener: Listener,
     service: Service,
     ring: Arc<FrameRing>,
 }
 
 impl Node {
     /// Binds the address (port 0: any free one) and learns the backgrounds. Must run within a tokio
-    /// runtime. Any address but a loopback one needs `insecure`.
-    pub async fn open(config: NodeConfig, address: SocketAddr, insecure: bool) -> Result<Node, ServeError> {
-        if !address.ip().is_loopback() {
+    /// runtime. Any address but a loopback one or a Unix socket needs `insecure`.
+    pub async fn open(
+        config: NodeConfig,
+        address: impl Into<Listen>,
+        insecure: bool,
+    ) -> Result<Node, ServeError> {
+        let address = address.into();
+        if matches!(address, Listen::Tcp(address) if !address.ip().is_loopback()) {
             if !insecure {
                 return Err(ServeError::Exposed(address));
             }
@@ -83,8 +89,8 @@ impl Node {
                 "listening on {address} without encryption or passwords: anyone who reaches it may ask"
             );
         }
-        let listen = |error| ServeError::Listen { address, error };
-        let listener = TcpListener::bind(address).await.map_err(listen)?;
+        let bound = Listener::bind(&address).await;
+        let listener = bound.map_err(|error| ServeError::Listen { address, error })?;
         let ring = Arc::new(FrameRing::new(config.cameras.len()));
         let shared = Arc::clone(&ring);
         // Learning reads whole clips; meanwhile the runtime must hear that it should end.
@@ -95,8 +101,8 @@ impl Node {
     }
 
     /// The address it listens on.
-    pub fn address(&self) -> std::io::Result<SocketAddr> {
-        self.listener.local_addr()
+    pub fn address(&self) -> std::io::Result<Listen> {
+        self.listener.address()
     }
 
     /// Its frames.
@@ -113,20 +119,34 @@ impl Node {
                 .register_encoded_file_descriptor_set(v1::DESCRIPTORS)
         };
         let describe_error = "the protocol's own description is valid";
-        let incoming = TcpIncoming::from(self.listener).with_nodelay(Some(true));
         let service = CameraNodeServer::new(self.service)
             .max_decoding_message_size(MAX_MESSAGE_BYTES)
             .max_encoding_message_size(MAX_MESSAGE_BYTES);
         let (tell, told) = tokio::sync::oneshot::channel::<()>();
-        let serving = tonic::transport::Server::builder()
-            .max_frame_size(256 * 1024)
+        let router = tonic::transport::Server::builder()
+            .max_frame_size(MAX_FRAME_BYTES)
             .http2_keepalive_interval(Some(KEEP_ALIVE))
             .http2_keepalive_timeout(Some(KEEP_ALIVE))
             .add_service(health)
             .add_service(reflection().build_v1().expect(describe_error))
             .add_service(reflection().build_v1alpha().expect(describe_error))
-            .add_service(service)
-            .serve_with_incoming_shutdown(incoming, async { drop(told.await) });
+            .add_service(service);
+        let told = async { drop(told.await) };
+        let serving = async {
+            match self.listener {
+                Listener::Tcp(listener) => {
+                    // The server's own setting does not reach sockets that it is handed.
+                    let incoming = TcpIncoming::from(listener).with_nodelay(Some(true));
+                    router.serve_with_incoming_shutdown(incoming, told).await
+                }
+                Listener::Unix(listener, file) => {
+                    let incoming = UnixListenerStream::new(listener);
+                    let served = router.serve_with_incoming_shutdown(incoming, told).await;
+                    drop(file);
+                    served
+                }
+            }
+        };
         let end = async {
             stop.await;
             drop(tell);
@@ -159,8 +179,12 @@ impl Service {
         let film = Arc::new(Film::prepare(&config, Arc::clone(&ring))?);
         let shapes = Arc::new(Shapes::default());
         let (jobs, waiting) = sync_channel(MAX_WAITING);
-        let worker =
-            Worker { ring: Arc::clone(&ring), shapes: Arc::clone(&shapes), scratch: Scratch::default() };
+        let worker = Worker {
+            ring: Arc::clone(&ring),
+            shapes: Arc::clone(&shapes),
+            scratch: Scratch::default(),
+            answer: Answer::default(),
+        };
         // The thread ends when the last sender is gone.
         std::thread::spawn(move || worker.work(&waiting));
         Ok(Service { config, film, ring, shapes, jobs })
@@ -172,6 +196,7 @@ struct Worker {
     ring: Arc<FrameRing>,
     shapes: Arc<Shapes>,
     scratch: Scratch,
+    answer: Answer,
 }
 
 impl Worker {
@@ -209,9 +234,9 @@ impl Worker {
             Ok(question) => question,
             Err(error) => return refusal(id, RefusalReason::from(&error), error.to_string()),
         };
-        let answer = frame.views.answer(&question, &mut self.scratch);
+        frame.views.answer(&question, &mut self.scratch, &mut self.answer);
         let camera_count = frame.views.views().len();
-        answer_to_wire(id, &answer, camera_count, began.elapsed().as_secs_f64() * 1e3)
+        answer_to_wire(id, &self.answer, camera_count, began.elapsed().as_secs_f64() * 1e3)
     }
 }
 
@@ -309,20 +334,29 @@ impl CameraNode for Service {
         Ok(Response::new(Box::pin(ReceiverStream::new(receiver))))
     }
 
+    type FetchSilhouettesStream = Replies<v1::Silhouette>;
+
     async fn fetch_silhouettes(
         &self,
         request: Request<v1::FetchSilhouettesRequest>,
-    ) -> Result<Response<v1::FetchSilhouettesReply>, Status> {
-        let number = request.into_inner().frame;
-        let frame = self.ring.get(number).map_err(|error| match error {
+    ) -> Result<Response<Self::FetchSilhouettesStream>, Status> {
+        let request = request.into_inner();
+        let encoding = SilhouetteEncoding::from(request.encoding());
+        let frame = self.ring.get(request.frame).map_err(|error| match error {
             FrameError::Gone { .. } => Status::out_of_range(error.to_string()),
             FrameError::NotYet { .. } => Status::unavailable(error.to_string()),
         })?;
-        let silhouettes = frame
-            .cameras
-            .iter()
-            .map(|camera| v1::Silhouette { rig_index: camera.rig_index.into(), runs: camera.bytes.clone() });
-        Ok(Response::new(v1::FetchSilhouettesReply { silhouettes: silhouettes.collect() }))
+        // Encoded one at a time, as they are sent: eight 8K images at once would be 265 MB.
+        let silhouette = move |index: usize| {
+            let camera = &frame.cameras[index];
+            let data = match encoding {
+                SilhouetteEncoding::RunsLz4 => camera.bytes.clone(),
+                other => silhouette_data(&camera.silhouette, other),
+            };
+            Ok(v1::Silhouette { rig_index: camera.rig_index.into(), data })
+        };
+        let cameras = tokio_stream::iter(0..self.config.cameras.len());
+        Ok(Response::new(Box::pin(cameras.map(silhouette))))
     }
 }
 

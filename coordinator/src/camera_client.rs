@@ -9,11 +9,13 @@ use hull::question::Question;
 use hull::{ProbeSettings, Shape, Silhouette};
 use hyper_util::rt::TokioIo;
 use proto::convert::{
-    ProbeAnswer, answer_from_wire, pixel_rect_from_wire, question_to_wire, settings_from_wire, shape_to_wire,
+    ProbeAnswer, SilhouetteEncoding, answer_from_wire, pixel_rect_from_wire, question_to_wire,
+    settings_from_wire, shape_to_wire, silhouette_from_data,
 };
 use proto::v1::camera_node_client::CameraNodeClient;
-use proto::{MAX_MESSAGE_BYTES, v1};
-use tokio::net::TcpStream;
+use proto::{Address, MAX_FRAME_BYTES, MAX_MESSAGE_BYTES, v1};
+use tokio::io::{AsyncRead, AsyncWrite};
+use tokio::net::{TcpStream, UnixStream};
 use tokio::sync::{Notify, mpsc};
 use tokio_stream::StreamExt;
 use tokio_stream::wrappers::ReceiverStream;
@@ -49,8 +51,8 @@ pub struct ExpectedCamera {
 /// A node that must be there.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExpectedNode {
-    /// `host:port`.
-    pub address: String,
+    /// Where it listens.
+    pub address: Address,
     /// Its cameras in rig order.
     pub cameras: Vec<ExpectedCamera>,
 }
@@ -171,21 +173,33 @@ impl Link {
     }
 
     /// The silhouettes of a frame by place in the rig, and how many bytes they travelled as.
-    pub async fn silhouettes(&self, frame: u64) -> Result<(Vec<(u16, Silhouette)>, u64), String> {
+    pub async fn silhouettes(
+        &self,
+        frame: u64,
+        encoding: SilhouetteEncoding,
+    ) -> Result<(Vec<(u16, Silhouette)>, u64), String> {
         let client = self.state().connection.as_ref().map(|connection| connection.client.clone());
         let mut client = client.ok_or("not connected")?;
-        let reply = client.fetch_silhouettes(v1::FetchSilhouettesRequest { frame }).await;
-        let v1::FetchSilhouettesReply { silhouettes } =
-            reply.map_err(|status| status.message().to_owned())?.into_inner();
+        let said = |status: tonic::Status| status.message().to_owned();
+        let request =
+            v1::FetchSilhouettesRequest { frame, encoding: v1::SilhouetteEncoding::from(encoding).into() };
+        let mut told = client.fetch_silhouettes(request).await.map_err(said)?.into_inner();
         let mut bytes = 0;
         let mut found = Vec::new();
-        for v1::Silhouette { rig_index, runs } in silhouettes {
+        while let Some(silhouette) = told.message().await.map_err(said)? {
+            let v1::Silhouette { rig_index, data } = silhouette;
             let camera = self.node.cameras.iter().find(|camera| u32::from(camera.rig_index) == rig_index);
             let camera =
                 camera.ok_or_else(|| format!("silhouette of camera {rig_index}, not one of its own"))?;
-            bytes += runs.len() as u64;
-            let silhouette = Silhouette::decode(&runs, camera.size).map_err(|error| error.to_string())?;
-            found.push((camera.rig_index, silhouette));
+            if found.iter().any(|(known, _)| *known == camera.rig_index) {
+                return Err(format!("two silhouettes of camera {rig_index}"));
+            }
+            bytes += data.len() as u64;
+            let silhouette = silhouette_from_data(&data, camera.size, encoding);
+            found.push((camera.rig_index, silhouette.map_err(|error| error.to_string())?));
+        }
+        if found.len() != self.node.cameras.len() {
+            return Err(format!("{} silhouettes, expected {}", found.len(), self.node.cameras.len()));
         }
         Ok((found, bytes))
     }
@@ -248,16 +262,41 @@ impl Link {
     async fn channel(&self) -> Result<Channel, String> {
         let endpoint = Endpoint::from_static("http://node.invalid")
             .connect_timeout(CONNECT_TIMEOUT)
+            .max_frame_size(MAX_FRAME_BYTES)
             .http2_keep_alive_interval(KEEP_ALIVE)
             .keep_alive_timeout(KEEP_ALIVE)
             .keep_alive_while_idle(true);
-        let (address, counters) = (self.node.address.clone(), Arc::clone(&self.common.counters));
+        match self.node.address.clone() {
+            Address::Tcp(address) => {
+                let open = move || {
+                    let address = address.clone();
+                    async move {
+                        let socket = TcpStream::connect(address).await?;
+                        socket.set_nodelay(true)?;
+                        Ok(socket)
+                    }
+                };
+                self.connected(endpoint, open).await
+            }
+            Address::Unix(path) => self.connected(endpoint, move || UnixStream::connect(path.clone())).await,
+        }
+    }
+
+    /// A channel over sockets that `open` opens, whose bytes are counted.
+    async fn connected<S, F>(
+        &self,
+        endpoint: Endpoint,
+        open: impl Fn() -> F + Send + 'static,
+    ) -> Result<Channel, String>
+    where
+        S: AsyncRead + AsyncWrite + Send + Unpin + 'static,
+        F: Future<Output = std::io::Result<S>> + Send + 'static,
+    {
+        let counters = Arc::clone(&self.common.counters);
         let connector = tower::service_fn(move |_: Uri| {
-            let (address, counters) = (address.clone(), Arc::clone(&counters));
+            let (opening, counters) = (open(), Arc::clone(&counters));
             async move {
-                let inner = TcpStream::connect(address).await?;
-                inner.set_nodelay(true)?;
-                Ok::<_, std::io::Error>(TokioIo::new(CountingStream { inner, counters }))
+                Ok::<_, std::io::Error>(TokioIo::new(CountingStream { inner: opening.await?, counters }))
             }
         });
         endpoint.connect_with_connector(connector).await.map_err(|error| chain(&error))

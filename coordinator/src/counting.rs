@@ -7,7 +7,6 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::task::{Context, Poll};
 
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
-use tokio::net::TcpStream;
 
 /// Bytes since the beginning.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -16,6 +15,21 @@ pub struct ByteCounts {
     pub to_nodes: u64,
     /// Read from nodes.
     pub from_nodes: u64,
+}
+
+impl ByteCounts {
+    /// Both ways together.
+    pub fn total(self) -> u64 {
+        self.to_nodes + self.from_nodes
+    }
+
+    /// What was counted since `before`.
+    pub fn since(self, before: ByteCounts) -> ByteCounts {
+        ByteCounts {
+            to_nodes: self.to_nodes - before.to_nodes,
+            from_nodes: self.from_nodes - before.from_nodes,
+        }
+    }
 }
 
 /// Shared by all connections of a run.
@@ -35,12 +49,12 @@ impl ByteCounters {
 }
 
 /// A socket that counts.
-pub(crate) struct CountingStream {
-    pub inner: TcpStream,
+pub(crate) struct CountingStream<S> {
+    pub inner: S,
     pub counters: Arc<ByteCounters>,
 }
 
-impl AsyncRead for CountingStream {
+impl<S: AsyncRead + Unpin> AsyncRead for CountingStream<S> {
     fn poll_read(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
@@ -54,7 +68,7 @@ impl AsyncRead for CountingStream {
     }
 }
 
-impl CountingStream {
+impl<S> CountingStream<S> {
     fn written(&self, polled: &Poll<Result<usize>>) {
         if let Poll::Ready(Ok(written)) = polled {
             self.counters.to_nodes.fetch_add(*written as u64, Ordering::Relaxed);
@@ -62,7 +76,7 @@ impl CountingStream {
     }
 }
 
-impl AsyncWrite for CountingStream {
+impl<S: AsyncWrite + Unpin> AsyncWrite for CountingStream<S> {
     fn poll_write(mut self: Pin<&mut Self>, context: &mut Context<'_>, bytes: &[u8]) -> Poll<Result<usize>> {
         let polled = Pin::new(&mut self.inner).poll_write(context, bytes);
         self.written(&polled);

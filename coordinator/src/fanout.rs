@@ -57,13 +57,13 @@ impl Fanout {
         self.next_id += 1;
         // What was told before this question is no answer to it.
         while self.events.try_recv().is_ok() {}
-        let name = |links: &[Arc<Link>], index: usize| links[index].node.address.clone();
-        for (index, link) in self.links.iter().enumerate() {
+        let name = |links: &[Arc<Link>], index: usize| links[index].node.address.to_string();
+        let mut waiting: Vec<bool> = (0..self.links.len()).map(|index| pass.asks(index)).collect();
+        for (index, link) in self.links.iter().enumerate().filter(|&(index, _)| waiting[index]) {
             if !link.ask(id, frame, &question) {
                 return Err(PassError::Down(name(&self.links, index)));
             }
         }
-        let mut waiting: Vec<bool> = vec![true; self.links.len()];
         let deadline = tokio::time::Instant::now() + patience;
         while let Some(first) = waiting.iter().position(|&waits| waits) {
             let event = tokio::time::timeout_at(deadline, self.events.recv()).await;
@@ -79,7 +79,7 @@ impl Fanout {
             let node = || name(&self.links, index);
             match answer {
                 ProbeAnswer::Answer(answer) => {
-                    pass.answer(index, answer).map_err(|error| PassError::Answer { node: node(), error })?;
+                    pass.answer(index, &answer).map_err(|error| PassError::Answer { node: node(), error })?;
                     waiting[index] = false;
                 }
                 ProbeAnswer::Refused(RefusalReason::UnknownShape, _) => {

@@ -4,8 +4,10 @@ use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
 use hull::pass::{Pass, Round};
+use hull::question::Answer;
 use hull::view_set::Scratch;
 use hull::{Observer, ProbeSettings, Shape, Silhouette, View, ViewSet};
+use proto::convert::SilhouetteEncoding;
 use tokio::sync::{Notify, mpsc, watch};
 
 use crate::camera_client::{Common, ExpectedNode, Link};
@@ -47,10 +49,17 @@ pub enum Transport {
         /// Their frames.
         frames: Box<dyn LocalFrames>,
         /// Buffers for probing.
-        scratch: Scratch,
+        local: Box<Local>,
         /// What of the news has been seen.
         news: watch::Receiver<u64>,
     },
+}
+
+/// Buffers for probing in this process, kept from pass to pass.
+#[derive(Default)]
+pub struct Local {
+    scratch: Scratch,
+    answer: Answer,
 }
 
 /// The nodes of a cluster.
@@ -64,9 +73,10 @@ pub struct Nodes {
 pub struct Gather {
     nodes: Nodes,
     observers: Vec<Arc<Observer>>,
+    encoding: SilhouetteEncoding,
     fetched: Option<(u64, ViewSet)>,
     silhouette_bytes: u64,
-    scratch: Scratch,
+    local: Local,
 }
 
 impl Transport {
@@ -101,9 +111,10 @@ impl Transport {
             Some(observers) => Transport::Gather(Box::new(Gather {
                 nodes,
                 observers,
+                encoding: SilhouetteEncoding::default(),
                 fetched: None,
                 silhouette_bytes: 0,
-                scratch: Scratch::default(),
+                local: Local::default(),
             })),
         }
     }
@@ -111,7 +122,15 @@ impl Transport {
     /// Cameras of this process.
     pub fn in_process(frames: Box<dyn LocalFrames>) -> Transport {
         let news = frames.watch();
-        Transport::InProcess { frames, scratch: Scratch::default(), news }
+        Transport::InProcess { frames, local: Box::default(), news }
+    }
+
+    /// Gathers silhouettes in another encoding than runs and LZ4: for measurements.
+    pub fn with_silhouettes_as(mut self, encoding: SilhouetteEncoding) -> Transport {
+        if let Transport::Gather(gather) = &mut self {
+            gather.encoding = encoding;
+        }
+        self
     }
 
     /// How many groups a pass asks.
@@ -256,12 +275,12 @@ impl Transport {
                     fetched.map_err(|_| format!("silhouettes of frame {frame} did not come in time"))??;
                 }
                 if let Some((_, views)) = &gather.fetched {
-                    run_locally(pass, views, &mut gather.scratch, took);
+                    run_locally(pass, views, &mut gather.local, took);
                 }
                 Ok(())
             }
-            Transport::InProcess { frames, scratch, .. } => {
-                let found = frames.with_views(frame, &mut |views| run_locally(pass, views, scratch, took));
+            Transport::InProcess { frames, local, .. } => {
+                let found = frames.with_views(frame, &mut |views| run_locally(pass, views, local, took));
                 if found { Ok(()) } else { Err(format!("frame {frame} is gone")) }
             }
         }
@@ -272,7 +291,9 @@ impl Transport {
         if let Transport::InProcess { frames, .. } = self {
             return frames.silhouettes(frame).ok_or_else(|| format!("frame {frame} is gone"));
         }
-        let fetched = tokio::time::timeout(PICTURE_PATIENCE, fetch(self.links(), frame)).await;
+        let fetched =
+            tokio::time::timeout(PICTURE_PATIENCE, fetch(self.links(), frame, SilhouetteEncoding::RunsLz4))
+                .await;
         let (silhouettes, _) = fetched.map_err(|_| "silhouettes did not come in time".to_owned())??;
         Ok(silhouettes.into_iter().map(Arc::new).collect())
     }
@@ -293,7 +314,7 @@ impl Gather {
         if self.fetched.as_ref().is_some_and(|(fetched, _)| *fetched == frame) {
             return Ok(());
         }
-        let (silhouettes, bytes) = fetch(&self.nodes.fanout.links, frame).await?;
+        let (silhouettes, bytes) = fetch(&self.nodes.fanout.links, frame, self.encoding).await?;
         self.silhouette_bytes += bytes;
         let views = self.observers.iter().zip(&silhouettes);
         let views = views.map(|(observer, silhouette)| View::new(Arc::clone(observer), silhouette));
@@ -303,8 +324,12 @@ impl Gather {
 }
 
 /// Silhouettes of all links in rig order, and the bytes they travelled as.
-async fn fetch(links: &[Arc<Link>], frame: u64) -> Result<(Vec<Silhouette>, u64), String> {
-    let asked = links.iter().map(|link| link.silhouettes(frame));
+async fn fetch(
+    links: &[Arc<Link>],
+    frame: u64,
+    encoding: SilhouetteEncoding,
+) -> Result<(Vec<Silhouette>, u64), String> {
+    let asked = links.iter().map(|link| link.silhouettes(frame, encoding));
     let mut all = Vec::new();
     let mut bytes = 0;
     for (link, fetched) in links.iter().zip(futures::future::join_all(asked).await) {
@@ -316,11 +341,11 @@ async fn fetch(links: &[Arc<Link>], frame: u64) -> Result<(Vec<Silhouette>, u64)
     Ok((all.into_iter().map(|(_, silhouette)| silhouette).collect(), bytes))
 }
 
-fn run_locally(pass: &mut Pass, views: &ViewSet, scratch: &mut Scratch, took: &mut dyn FnMut(Round, f64)) {
+fn run_locally(pass: &mut Pass, views: &ViewSet, local: &mut Local, took: &mut dyn FnMut(Round, f64)) {
     while let Some(question) = pass.question() {
         let (round, began) = (pass.round(), Instant::now());
-        let answer = views.answer(question, scratch);
-        pass.answer(0, answer).expect("the one group answers every question once");
+        views.answer(question, &mut local.scratch, &mut local.answer);
+        pass.answer(0, &local.answer).expect("the one group answers every question once");
         took(round, began.elapsed().as_secs_f64() * 1e3);
     }
 }

@@ -19,7 +19,8 @@
 //! high = 110
 //! [[camera]]
 //! name = "cam1"                        # as in the rig
-//! node = "192.0.2.11:7001"             # cameras of one address share a process; local runs need none
+//! node = "192.0.2.11:7001"             # or "unix:/path"; cameras of one address share a process; local
+//!                                      # runs need none
 //! source = { kind = "pipe", command = ["ffmpeg", "-i", "cam1.mp4", "-f", "yuv4mpegpipe", "-"] }
 //! background = { kind = "images", path = "empty/cam1.png" }
 //! segmentation = { low = 20 }
@@ -40,6 +41,7 @@ use std::path::{Path, PathBuf};
 use camera_node::source::SourceConfig;
 use hull::Rig;
 use hull::rule::ProbeSettings;
+use proto::Address;
 use segment::SegmentSettings;
 use serde::Deserialize;
 use sim::Scene;
@@ -89,8 +91,8 @@ pub struct CameraEntry {
     pub name: String,
     /// Its place in [`ClusterFile::rig`].
     pub rig_index: usize,
-    /// `host:port` of the process that serves it.
-    pub node: Option<String>,
+    /// Where the process listens that serves it.
+    pub node: Option<Address>,
     /// Its film.
     pub source: SourceConfig,
     /// The empty room; `None` only if segmentation needs none.
@@ -220,10 +222,10 @@ impl ClusterFile {
 
     /// Which cameras each process serves: addresses in file order, each with the places of its
     /// cameras in the rig. A camera without an address has a process of its own.
-    pub fn nodes(&self) -> Vec<(Option<&str>, Vec<usize>)> {
-        let mut nodes: Vec<(Option<&str>, Vec<usize>)> = Vec::new();
+    pub fn nodes(&self) -> Vec<(Option<&Address>, Vec<usize>)> {
+        let mut nodes: Vec<(Option<&Address>, Vec<usize>)> = Vec::new();
         for entry in &self.cameras {
-            let node = entry.node.as_deref();
+            let node = entry.node.as_ref();
             match nodes.iter_mut().find(|(known, _)| known.is_some() && *known == node) {
                 Some((_, cameras)) => cameras.push(entry.rig_index),
                 None => nodes.push((node, vec![entry.rig_index])),

@@ -12,6 +12,7 @@ use camera_node::capture::{Film, Pace};
 use camera_node::frames::{FilmState, FrameRing};
 use coordinator::{CameraFacts, ExpectedCamera, ExpectedNode, FrameFacts, LocalFrames};
 use hull::{Silhouette, ViewSet};
+use proto::Address;
 use tokio::sync::watch;
 
 use crate::cluster_file::ClusterFile;
@@ -24,11 +25,23 @@ const END_PATIENCE: Duration = Duration::from_secs(2);
 /// Lines of a child's standard error that are kept to explain its end.
 const LAST_WORDS: usize = 4;
 
+/// Over which sockets the processes of a local cluster talk.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Sockets {
+    /// Loopback TCP, on free ports.
+    #[default]
+    Tcp,
+    /// Unix sockets in a folder of this user's own.
+    Unix,
+}
+
 /// Node processes of this program. They end with it, however it ends: their standard input is a pipe
 /// that closes.
 pub struct LocalCluster {
     children: Vec<NodeProcess>,
     nodes: Vec<ExpectedNode>,
+    /// Where Unix sockets are; removed last.
+    _folder: Option<tempfile::TempDir>,
 }
 
 struct NodeProcess {
@@ -39,12 +52,25 @@ struct NodeProcess {
 }
 
 impl LocalCluster {
-    /// Starts a process for each of the cluster file's nodes on a free port and waits until all listen.
+    /// Starts a process for each of the cluster file's nodes and waits until all listen.
     pub fn start(file: &ClusterFile, empty: bool) -> Outcome<LocalCluster> {
-        let mut cluster = LocalCluster { children: Vec::new(), nodes: Vec::new() };
+        LocalCluster::start_over(Sockets::default(), file, empty)
+    }
+
+    /// The same over sockets of a kind.
+    pub fn start_over(sockets: Sockets, file: &ClusterFile, empty: bool) -> Outcome<LocalCluster> {
+        let folder = match sockets {
+            Sockets::Tcp => None,
+            Sockets::Unix => Some(tempfile::tempdir().map_err(Failure::run)?),
+        };
+        let mut cluster = LocalCluster { children: Vec::new(), nodes: Vec::new(), _folder: folder };
         let nodes = file.nodes();
-        for (_, indices) in &nodes {
-            cluster.children.push(NodeProcess::start(file, indices, empty)?);
+        for (number, (_, indices)) in nodes.iter().enumerate() {
+            let listen = match &cluster._folder {
+                None => "127.0.0.1:0".to_owned(),
+                Some(folder) => format!("unix:{}", folder.path().join(format!("{number}.sock")).display()),
+            };
+            cluster.children.push(NodeProcess::start(file, indices, empty, &listen)?);
         }
         let deadline = Instant::now() + START_PATIENCE;
         for (process, (_, indices)) in cluster.children.iter_mut().zip(&nodes) {
@@ -57,6 +83,11 @@ impl LocalCluster {
     /// The nodes with the addresses that they found.
     pub fn nodes(&self) -> &[ExpectedNode] {
         &self.nodes
+    }
+
+    /// The system's numbers of the processes, in the order of the nodes.
+    pub fn process_ids(&self) -> impl Iterator<Item = u32> {
+        self.children.iter().map(|process| process.child.id())
     }
 }
 
@@ -79,11 +110,11 @@ impl Drop for LocalCluster {
 }
 
 impl NodeProcess {
-    fn start(file: &ClusterFile, indices: &[usize], empty: bool) -> Outcome<NodeProcess> {
+    fn start(file: &ClusterFile, indices: &[usize], empty: bool, listen: &str) -> Outcome<NodeProcess> {
         let names: Vec<&str> = indices.iter().map(|&index| &file.cameras[index].name[..]).collect();
         let program = std::env::current_exe().map_err(Failure::run)?;
         let mut command = Command::new(&program);
-        command.arg("node").arg(&file.path).args(["--listen", "127.0.0.1:0", "--stop-with-stdin"]);
+        command.arg("node").arg(&file.path).args(["--listen", listen, "--stop-with-stdin"]);
         for name in &names {
             command.args(["--camera", name]);
         }
@@ -116,12 +147,12 @@ impl NodeProcess {
     }
 
     /// Waits for the line that tells where the node listens.
-    fn address(&mut self, deadline: Instant) -> Outcome<String> {
+    fn address(&mut self, deadline: Instant) -> Outcome<Address> {
         let patience = deadline.saturating_duration_since(Instant::now());
         if let Ok(line) = self.announced.recv_timeout(patience)
             && let Some(address) = line.strip_prefix("listening on ")
         {
-            return Ok(address.to_owned());
+            return address.parse().map_err(Failure::run);
         }
         let ended = self.child.wait_timeout(END_PATIENCE);
         // Its last line is on its way through a thread.
@@ -168,7 +199,7 @@ fn pass_on(stderr: impl std::io::Read, cameras: &str, last_words: &Mutex<VecDequ
 }
 
 /// What a coordinator must find at an address.
-pub fn expected_node(file: &ClusterFile, address: String, indices: &[usize]) -> ExpectedNode {
+pub fn expected_node(file: &ClusterFile, address: Address, indices: &[usize]) -> ExpectedNode {
     let camera = |&index: &usize| {
         let camera = &file.rig.cameras()[index];
         ExpectedCamera {

@@ -1,14 +1,15 @@
 //! `hulltouch node`: one camera PC.
 
 use std::io::Write as _;
-use std::net::SocketAddr;
 use std::path::PathBuf;
 
+use camera_node::listen::Listen;
 use camera_node::service::{Node, ServeError};
 use camera_node::source::{FileConfig, Image, OpenContext};
 use camera_node::{NodeCamera, NodeConfig, SourceConfig};
 use clap::Args;
 use hull::Silhouette;
+use proto::Address;
 use tokio::io::AsyncReadExt as _;
 
 use crate::cluster_file::{CameraEntry, ClusterFile};
@@ -24,9 +25,10 @@ pub struct NodeArguments {
     /// A camera of the cluster file that this process serves; give it once for each.
     #[arg(long = "camera", required = true, value_name = "NAME")]
     cameras: Vec<String>,
-    /// Address and port to listen on [default: the cameras' `node` in the cluster file].
-    #[arg(long, value_name = "IP:PORT")]
-    listen: Option<SocketAddr>,
+    /// Where to listen: IP:PORT, or unix:PATH for a coordinator on this machine [default: the cameras'
+    /// `node` in the cluster file].
+    #[arg(long, value_name = "ADDRESS")]
+    listen: Option<Listen>,
     /// Allow an address that other machines reach: there is no encryption and no password.
     #[arg(long)]
     insecure: bool,
@@ -42,8 +44,8 @@ pub struct NodeArguments {
 pub fn run(arguments: &NodeArguments) -> Outcome {
     let file = read_cluster_file(&arguments.cluster)?;
     let indices = camera_indices(&file, &arguments.cameras)?;
-    let address = match arguments.listen {
-        Some(address) => address,
+    let address = match &arguments.listen {
+        Some(address) => address.clone(),
         None => address_in_file(&file, &indices)?,
     };
     let config = node_config(&file, &indices, arguments.empty)?;
@@ -54,7 +56,7 @@ pub fn run(arguments: &NodeArguments) -> Outcome {
             () = stopped(arguments.stop_with_stdin) => return Ok(()),
         };
         let address = node.address().map_err(Failure::run)?;
-        announce(address)?;
+        announce(&address)?;
         node.serve(stopped(arguments.stop_with_stdin)).await.map_err(serve_failure)
     });
     // A clip that is still being read, or a read of standard input, must not hold the process.
@@ -63,7 +65,7 @@ pub fn run(arguments: &NodeArguments) -> Outcome {
 }
 
 /// Tells on standard output where the node listens: a parent that gave port 0 waits for this line.
-fn announce(address: SocketAddr) -> Outcome {
+fn announce(address: &Listen) -> Outcome {
     let mut stdout = std::io::stdout().lock();
     writeln!(stdout, "listening on {address}").and_then(|()| stdout.flush()).map_err(Failure::run)
 }
@@ -131,8 +133,8 @@ fn camera_indices(file: &ClusterFile, names: &[String]) -> Outcome<Vec<usize>> {
     Ok(indices)
 }
 
-fn address_in_file(file: &ClusterFile, indices: &[usize]) -> Outcome<SocketAddr> {
-    let mut addresses = indices.iter().map(|&index| file.cameras[index].node.as_deref());
+fn address_in_file(file: &ClusterFile, indices: &[usize]) -> Outcome<Listen> {
+    let mut addresses = indices.iter().map(|&index| file.cameras[index].node.as_ref());
     let first = addresses.next().flatten().ok_or_else(|| {
         let name = &file.cameras[indices[0]].name;
         Failure::input(format_args!(
@@ -145,10 +147,15 @@ fn address_in_file(file: &ClusterFile, indices: &[usize]) -> Outcome<SocketAddr>
             "the cameras have different nodes in the cluster file, expected --listen",
         ));
     }
-    let port = first.rsplit(':').next().unwrap_or_default();
-    first.parse().map_err(|_| {
-        Failure::input(format_args!("node {first:?} is no IP address with port: give --listen IP:{port}"))
-    })
+    match first {
+        Address::Unix(path) => Ok(Listen::Unix(path.clone())),
+        Address::Tcp(address) => address.parse().map(Listen::Tcp).map_err(|_| {
+            let port = address.rsplit(':').next().unwrap_or_default();
+            Failure::input(format_args!(
+                "node {address:?} is no IP address with port: give --listen IP:{port}"
+            ))
+        }),
+    }
 }
 
 /// A node's configuration from the cluster file's entries at `indices`, ascending.

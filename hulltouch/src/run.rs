@@ -105,9 +105,10 @@ pub fn run_deployed(setup: &Setup, patience: Duration) -> Outcome {
     for (address, indices) in setup.file.nodes() {
         let address = address.ok_or_else(|| {
             let (path, name) = (setup.file.path.display(), &setup.file.cameras[indices[0]].name);
-            Failure::input(format_args!("{path}, camera {name:?}: no node, expected host:port"))
+            let expected = "expected \"host:port\" or \"unix:/path\"";
+            Failure::input(format_args!("{path}, camera {name:?}: no node, {expected}"))
         })?;
-        nodes.push(expected_node(&setup.file, address.to_owned(), &indices));
+        nodes.push(expected_node(&setup.file, address.clone(), &indices));
     }
     run(setup, |world, gather| connect(setup, nodes, world, gather), patience)
 }

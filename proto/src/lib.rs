@@ -11,7 +11,10 @@ pub mod v1 {
     pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/hulltouch_v1.bin"));
 }
 
+mod address;
 pub mod convert;
+
+pub use address::{Address, AddressError, MAX_SOCKET_PATH_BYTES};
 
 /// The most points one question may hold: a million body samples are 24 MB once placed in the world,
 /// and half a second of work for a node.
@@ -19,3 +22,7 @@ pub const MAX_POINTS: usize = 1_000_000;
 
 /// The largest message either side accepts, bytes: [`MAX_POINTS`] raw points with room for directions.
 pub const MAX_MESSAGE_BYTES: usize = 48 << 20;
+
+/// The largest HTTP/2 frame either side takes, bytes: with the default of 16 KiB a large answer is cut
+/// into pieces that are queued one by one.
+pub const MAX_FRAME_BYTES: u32 = 256 << 10;

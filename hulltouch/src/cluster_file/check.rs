@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use camera_node::source::SourceConfig;
 use hull::Rig;
 use hull::rule::{HullRule, NormalWindow, OutOfView, ProbeSettings};
+use proto::Address;
 use segment::{Method, SegmentSettings};
 use toml::{Table, Value};
 
@@ -91,7 +92,7 @@ impl Checker<'_> {
             Some(_) => self.wrong(&key("name"), "found in unused_cameras too, expected one of the two"),
             None => self.wrong(&key("name"), unknown_camera(whole, &name)),
         })?;
-        let node = keys.node.as_deref().map(|node| self.node(&key("node"), node)).transpose()?;
+        let node = keys.node.as_deref().map(|node| self.node(&key("node"), folder, node)).transpose()?;
         let segmentation = self.segmentation(&key("segmentation"), defaults, &keys.segmentation)?;
         let source = self.source(&key("source"), folder, &keys.source)?;
         let background = match &keys.background {
@@ -150,14 +151,20 @@ impl Checker<'_> {
         Ok(settings)
     }
 
-    fn node(&self, key: &str, text: &str) -> Result<String, ClusterFileError> {
-        let node = self.text(key, text)?;
-        let good = node.rsplit_once(':').is_some_and(|(host, port)| {
-            !host.is_empty()
-                && !host.contains(char::is_whitespace)
-                && port.parse::<u16>().is_ok_and(|port| port > 0)
-        });
-        if good { Ok(node) } else { Err(self.wrong(key, format!("found {node:?}, expected \"host:port\""))) }
+    fn node(&self, key: &str, folder: &Path, text: &str) -> Result<Address, ClusterFileError> {
+        let expanded = self.text(key, text)?;
+        let refused = |error: proto::AddressError| self.wrong(key, error.to_string());
+        match expanded.parse().map_err(refused)? {
+            // As other paths of this file: from `folder`, unless a variable says where.
+            Address::Unix(path) => {
+                let path = match text.strip_prefix("unix:") {
+                    Some(text) => self.resolved(key, folder, text)?,
+                    None => std::path::absolute(path).map_err(|error| self.wrong(key, error.to_string()))?,
+                };
+                Address::unix(path).map_err(refused)
+            }
+            tcp @ Address::Tcp(_) => Ok(tcp),
+        }
     }
 
     fn scene(&self, beside: &Path, text: &str) -> Result<SceneChoice, ClusterFileError> {

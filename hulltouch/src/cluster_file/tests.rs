@@ -171,7 +171,7 @@ fn each_mistake_is_one_line_with_file_key_found_and_expected() {
         (
             "\"192.0.2.2:7001\"",
             "\"192.0.2.2\"",
-            &["camera \"a\", node: found \"192.0.2.2\", expected \"host:port\""],
+            &["camera \"a\", node: found \"192.0.2.2\", expected \"host:port\" or \"unix:/path\""],
         ),
         ("low = 20", "lwo = 20", &["camera \"a\", segmentation: unknown field `lwo`", "`low`"]),
         ("low = 20", "high = 300", &["camera \"a\", segmentation: high is 300, expected 1 to 255"]),

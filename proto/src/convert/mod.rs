@@ -3,12 +3,14 @@
 
 mod bulk;
 mod from_wire;
+mod silhouette;
 mod to_wire;
 
 pub use from_wire::{
     ProbeAnswer, answer_from_wire, pixel_rect_from_wire, question_from_wire, settings_from_wire,
     shape_from_wire,
 };
+pub use silhouette::{SilhouetteEncoding, silhouette_data, silhouette_from_data};
 pub use to_wire::{
     answer_to_wire, pixel_rect_to_wire, question_to_wire, refusal, settings_to_wire, shape_key, shape_to_wire,
 };
