@@ -31,13 +31,22 @@ impl Pixel {
     }
 }
 
-/// The floor of a number as an integer; far-away values saturate. Without the instruction that old
-/// processors lack, so that loops around it vectorise everywhere.
-#[inline]
+/// The floor of a number as an integer. Numbers beyond [`FAR_PIXELS`], and those that are none, become
+/// that or its negative. Done with sums and comparisons alone, so that loops around it vectorise on every
+/// processor.
+#[inline(always)]
 pub(crate) fn floor(value: f64) -> i32 {
-    let truncated = value as i32;
-    truncated.saturating_sub(i32::from(f64::from(truncated) > value))
+    /// In doubles of this size the last binary digit is one.
+    const UNIT: f64 = 6_755_399_441_055_744.0;
+    let value = if value > -FAR_PIXELS { value } else { -FAR_PIXELS };
+    let value = if value < FAR_PIXELS { value } else { FAR_PIXELS };
+    let sum = value + UNIT;
+    let nearest = sum.to_bits() as i32;
+    nearest - i32::from(sum - UNIT > value)
 }
+
+/// Farther away than any image is wide.
+const FAR_PIXELS: f64 = (1 << 30) as f64;
 
 /// What is wrong with a camera's numbers.
 #[derive(Clone, Debug, PartialEq, Error)]

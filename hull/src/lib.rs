@@ -11,6 +11,7 @@
 
 pub mod body;
 pub mod camera;
+pub mod coordinates;
 pub mod cull;
 pub mod lens;
 pub mod merge;
@@ -24,6 +25,7 @@ pub mod rig;
 pub mod rotation;
 pub mod rule;
 pub mod silhouette;
+pub mod vector;
 pub mod view;
 pub mod view_set;
 
@@ -33,5 +35,6 @@ pub use reach::Reach;
 pub use rig::{Rig, RigError};
 pub use rule::{HullRule, NormalWindow, OutOfView, ProbeSettings};
 pub use silhouette::Silhouette;
+pub use vector::VectorPath;
 pub use view::{Class, Observer, View};
 pub use view_set::ViewSet;

@@ -4,10 +4,9 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use nalgebra::Point3;
-
 use crate::body::{Pose, Shape};
 use crate::camera::Pixel;
+use crate::coordinates::Coordinates;
 use crate::reach::Reach;
 
 /// Where a batch's points come from.
@@ -143,20 +142,23 @@ impl Question {
     }
 
     /// Appends the asked points of a batch in the world, metres.
-    pub fn append_world(&self, batch: &Batch, points_world: &mut Vec<Point3<f64>>) {
+    #[inline(always)]
+    pub fn append_world(&self, batch: &Batch, points_world: &mut Coordinates) {
         let picked = batch.picked.clone().map(|range| &self.picked[range]);
         match &batch.points {
             Points::Body { shape, pose } => {
                 let world_from_body = pose.moved(batch.offset_m).world_from_body();
+                let placed = |sample| world_from_body(sample).into();
                 let samples = shape.samples_body();
                 match picked {
-                    None => points_world.extend(samples.iter().map(|&sample| world_from_body(sample))),
-                    Some(picked) => points_world
-                        .extend(picked.iter().map(|&index| world_from_body(samples[index as usize]))),
+                    None => points_world.extend(samples.iter().map(|&sample| placed(sample))),
+                    Some(picked) => {
+                        points_world.extend(picked.iter().map(|&index| placed(samples[index as usize])));
+                    }
                 }
             }
             Points::World(points) => {
-                let moved = |p: &[f64; 3]| Point3::from(std::array::from_fn(|i| p[i] + batch.offset_m[i]));
+                let moved = |p: &[f64; 3]| std::array::from_fn(|axis| p[axis] + batch.offset_m[axis]);
                 match picked {
                     None => points_world.extend(points.iter().map(moved)),
                     Some(picked) => {

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use crate::camera::{Camera, Pixel};
 use crate::cull::Frustum;
+use crate::probe::frame::Frame;
 use crate::rule::{OutOfView, ProbeSettings};
 use crate::silhouette::{BitMap, Index, PixelRect, Silhouette};
 
@@ -22,6 +23,7 @@ pub enum Class {
 #[derive(Clone, Debug)]
 pub struct Observer {
     camera: Camera,
+    frame: Frame,
     rig_index: u16,
     settings: ProbeSettings,
     ignored: Option<BitMap>,
@@ -47,6 +49,7 @@ impl Observer {
         let blocked = blocked_pixels(&camera, settings.rule().out_of_view, ignored, pad);
         let stretch = stretch(&camera, pad);
         Observer {
+            frame: Frame::of(&camera),
             camera,
             rig_index,
             settings,
@@ -79,6 +82,7 @@ impl Observer {
     }
 
     /// No image moves faster than this many pixels per unit of normalised coordinates.
+    #[inline]
     pub fn stretch_pixels(&self) -> f64 {
         self.stretch
     }
@@ -124,21 +128,31 @@ impl View {
     }
 
     /// The fixed side of this camera.
+    #[inline]
     pub fn observer(&self) -> &Observer {
         &self.observer
     }
 
     /// The camera.
+    #[inline]
     pub fn camera(&self) -> &Camera {
         &self.observer.camera
     }
 
+    /// The camera's numbers, flat.
+    #[inline]
+    pub(crate) fn frame(&self) -> &Frame {
+        &self.observer.frame
+    }
+
     /// Ones at foreground pixels, zeros elsewhere.
+    #[inline]
     pub fn foreground(&self) -> &Index {
         &self.foreground
     }
 
     /// Zeros at the pixels that count as background for the nearest edge and its normal (spec §3.1).
+    #[inline]
     pub fn edge_candidates(&self) -> &Index {
         self.candidates.as_ref().unwrap_or(&self.foreground)
     }
@@ -153,8 +167,14 @@ impl View {
         self.has_foreground
     }
 
+    /// What this camera says of a point that projects to a pixel, which may be off the image.
+    #[inline(always)]
+    pub(crate) fn class_of(&self, column: i32, row: i32) -> Class {
+        self.class_at(Some(Pixel { column, row }))
+    }
+
     /// What this camera says of a point that projects to `pixel` (`None`: unseen).
-    #[inline]
+    #[inline(always)]
     pub fn class_at(&self, pixel: Option<Pixel>) -> Class {
         let observer = &*self.observer;
         match pixel.filter(|&pixel| observer.camera.holds(pixel)) {

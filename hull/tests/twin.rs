@@ -6,7 +6,7 @@ mod common;
 use common::{Dice, random_rig};
 use hull::cull::WorldBox;
 use hull::oracle::brute;
-use hull::pass::{FIRST_REACH, Pass, Touch};
+use hull::pass::{BodyResult, FIRST_REACH, Pass};
 use hull::probe::exit::along;
 use hull::question::{Answer, Points};
 use hull::view_set::Scratch;
@@ -19,7 +19,7 @@ fn settings(out_of_view: OutOfView, min_views: u32) -> ProbeSettings {
     ProbeSettings::new(HullRule { out_of_view, min_views }, NormalWindow::Auto, 1.0).expect("in range")
 }
 
-fn run(sets: &[ViewSet], settings: ProbeSettings, points: &[[f64; 3]], first: &[usize]) -> Vec<Touch> {
+fn run(sets: &[ViewSet], settings: ProbeSettings, points: &[[f64; 3]], first: &[usize]) -> BodyResult {
     let mut pass =
         Pass::new(vec![Points::World(points.into())], Some(&WorldBox::EVERYWHERE), settings, sets.len());
     pass.ask_first(first);
@@ -32,7 +32,7 @@ fn run(sets: &[ViewSet], settings: ProbeSettings, points: &[[f64; 3]], first: &[
             pass.answer(group, &answer).expect("a fitting answer");
         }
     }
-    pass.into_results().remove(0).touches
+    pass.into_results().remove(0)
 }
 
 /// Checks a random rig's answers and returns how many points were inside and how many exits grazed.
@@ -46,7 +46,7 @@ fn check(seed: u64, settings: ProbeSettings, with_ignored: bool) -> (usize, usiz
     assert_eq!(run(&alone, settings, &points, &[1]), together, "all at once or one first, seed {seed}");
 
     let mut grazes = 0;
-    let mut touches = together.iter();
+    let mut touches = together.touches.iter();
     for (index, point) in points.iter().enumerate() {
         let a = Point3::from(*point);
         let Some(twin) = brute::point(&dense, &settings, &a, MARCH_M) else { continue };
@@ -63,7 +63,7 @@ fn check(seed: u64, settings: ProbeSettings, with_ignored: bool) -> (usize, usiz
         grazes += usize::from(!exit_holds(&dense, &settings, &a, &normal, touch.exit_m, twin.exit_m));
     }
     assert!(touches.next().is_none(), "no more inside than the twin says");
-    (together.len(), grazes)
+    (together.touches.len(), grazes)
 }
 
 /// The contract of an exit: not inside at t, inside just before, and inside at all marched points up to it.

@@ -1,165 +1,254 @@
 //! Inside, outside or unknown (paper §4.1): one projection and one bit.
 
-use multiversion::multiversion;
 use nalgebra::Point3;
 
-use crate::camera::floor;
+use crate::coordinates::Coordinates;
+use crate::probe::frame::Frame;
+use crate::silhouette::BitMap;
+use crate::vector::VectorPath;
 use crate::view::{Class, View};
 
 /// Points are classified in blocks of this many: large enough that a camera's bit map is read while it is
 /// in the cache, small enough that the points stay there too.
 pub const BLOCK: usize = 1024;
 
-/// Points per vector of the widest instructions there are, twice.
-const LANES: usize = 16;
-
-const MISSED: u32 = u32::MAX;
-
 impl View {
     /// What this camera says of one point.
+    #[inline]
     pub fn classify(&self, point_world: &Point3<f64>) -> Class {
         self.class_at(self.camera().pixel(point_world))
     }
 }
 
-/// A block of points as structure of arrays, with the place each came from.
+/// A block of points that no camera has rejected yet, with the place each came from.
 #[derive(Clone, Debug)]
 pub struct Block {
     x: [f64; BLOCK],
     y: [f64; BLOCK],
     z: [f64; BLOCK],
     place: [u32; BLOCK],
-    address: [u32; BLOCK],
+    column: [i32; BLOCK],
+    row: [i32; BLOCK],
     len: usize,
 }
 
 impl Default for Block {
     fn default() -> Block {
-        Block {
-            x: [0.0; BLOCK],
-            y: [0.0; BLOCK],
-            z: [0.0; BLOCK],
-            place: [0; BLOCK],
-            address: [0; BLOCK],
-            len: 0,
-        }
+        let (zero, place) = ([0.0; BLOCK], [0; BLOCK]);
+        Block { x: zero, y: zero, z: zero, place, column: [0; BLOCK], row: [0; BLOCK], len: 0 }
     }
 }
 
 impl Block {
-    /// Fills the block from up to [`BLOCK`] points; they count from `first`.
-    pub fn load(&mut self, points_world: &[Point3<f64>], first: u32) {
-        self.len = points_world.len().min(BLOCK);
-        for (index, point) in points_world.iter().take(BLOCK).enumerate() {
-            self.x[index] = point.x;
-            self.y[index] = point.y;
-            self.z[index] = point.z;
-            self.place[index] = first + index as u32;
+    /// Fills the block from the points at `from..`, at most [`BLOCK`]; they count from `first`.
+    #[inline(always)]
+    pub fn load(&mut self, points_world: &Coordinates, from: usize, first: u32) {
+        let end = points_world.len().min(from + BLOCK);
+        self.len = end - from;
+        self.x[..self.len].copy_from_slice(&points_world.x[from..end]);
+        self.y[..self.len].copy_from_slice(&points_world.y[from..end]);
+        self.z[..self.len].copy_from_slice(&points_world.z[from..end]);
+        for (place, at) in self.place.iter_mut().zip(first..).take(self.len) {
+            *place = at;
         }
     }
 
     /// The places of the points that no camera has rejected yet.
+    #[inline(always)]
     pub fn places(&self) -> &[u32] {
         &self.place[..self.len]
     }
 
     /// Drops the points that are not on the view's foreground. For views that always judge, these are
     /// the points that the camera calls outside.
-    pub fn keep_foreground(&mut self, view: &View) {
-        let map = view.foreground().map();
-        let frame = Frame::of(view);
+    #[inline(always)]
+    pub fn keep_foreground(&mut self, view: &View, path: VectorPath) {
+        let (frame, map) = (view.frame(), view.foreground().map());
+        #[cfg(target_arch = "x86_64")]
+        if path == VectorPath::Avx512 {
+            #[allow(unsafe_code, reason = "the path was asked whether it is available when it was chosen")]
+            unsafe {
+                avx512::keep_foreground(self, frame, map);
+            }
+            return;
+        }
+        let _ = path;
+        self.keep_foreground_portable(frame, map);
+    }
+
+    #[inline(always)]
+    fn keep_foreground_portable(&mut self, frame: &Frame, map: &BitMap) {
         // Whole vectors, but not those that hold no point any more.
-        let lanes = self.len.next_multiple_of(LANES);
+        let lanes = self.len.next_multiple_of(8).min(BLOCK);
         let (x, y, z) = (&self.x[..lanes], &self.y[..lanes], &self.z[..lanes]);
-        addresses(&frame, x, y, z, &mut self.address[..lanes]);
+        frame.pixels(x, y, z, &mut self.column[..lanes], &mut self.row[..lanes]);
+        let (columns, rows) = ((map.right() - map.left()) as u32, map.rows() as u32);
+        let words = map.words();
         let mut kept = 0;
         for index in 0..self.len {
-            let address = self.address[index];
+            let column = self.column[index].wrapping_sub(map.left()) as u32;
+            let row = self.row[index].wrapping_sub(map.top()) as u32;
+            let within = (column < columns) & (row < rows);
             // Written always, counted when kept: no branch to mispredict.
+            let at = if within { (column >> 5) * rows + row } else { 0 };
+            let bit = words[at as usize] >> (column & 31) & 1;
             self.x[kept] = self.x[index];
             self.y[kept] = self.y[index];
             self.z[kept] = self.z[index];
             self.place[kept] = self.place[index];
-            kept += usize::from(
-                address != MISSED && map.words()[(address >> 5) as usize] >> (address & 31) & 1 != 0,
-            );
+            kept += usize::from(within) & bit as usize;
         }
         self.len = kept;
     }
 }
 
-/// A view's numbers for the inner loop.
-struct Frame {
-    rotation: [[f64; 3]; 3],
-    translation: [f64; 3],
-    affine: [f64; 5],
-    lens: [f64; 5],
-    straight: bool,
-    max_radius_squared: f64,
-    left: i32,
-    top: i32,
-    columns: u32,
-    rows: u32,
-    width: u32,
-    height: u32,
-}
+#[cfg(target_arch = "x86_64")]
+mod avx512 {
+    //! The same with eight points at once: one gather brings their bits, and those that are kept are
+    //! compressed to the front. A gather and stores through pointers are unsafe: indices are compared with
+    //! the map's sides first, and vectors written to the front never pass those read.
 
-impl Frame {
-    fn of(view: &View) -> Frame {
-        let (camera, map) = (view.camera(), view.foreground().map());
-        let (r, t, k) = (camera.rotation(), camera.translation_m(), camera.intrinsics());
-        Frame {
-            rotation: std::array::from_fn(|row| std::array::from_fn(|column| r[(row, column)])),
-            translation: [t.x, t.y, t.z],
-            affine: [k[(0, 0)], k[(0, 1)], k[(0, 2)], k[(1, 1)], k[(1, 2)]],
-            lens: camera.lens().coefficients(),
-            straight: camera.lens().is_straight(),
-            max_radius_squared: camera.lens().max_radius_squared(),
-            left: map.left(),
-            top: map.top(),
-            columns: (map.right() - map.left()) as u32,
-            rows: map.rows() as u32,
-            width: camera.width(),
-            height: camera.height(),
+    use std::arch::x86_64::*;
+
+    use super::{BLOCK, BitMap, Block, Frame};
+
+    #[allow(unsafe_code, reason = "a gather and stores through pointers, within bounds as said above")]
+    #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw,avx2,popcnt")]
+    pub(super) fn keep_foreground(block: &mut Block, frame: &Frame, map: &BitMap) {
+        const { assert!(BLOCK.is_multiple_of(8)) };
+        let left = _mm256_set1_epi32(map.left());
+        let top = _mm256_set1_epi32(map.top());
+        let columns = _mm256_set1_epi32(map.right() - map.left());
+        let rows = _mm256_set1_epi32(map.rows() as i32);
+        let ones = _mm256_set1_epi32(1);
+        let low_bits = _mm256_set1_epi32(31);
+        let words = map.words().as_ptr().cast::<i32>();
+        let mut kept = 0;
+        let mut at = 0;
+        while at < block.len {
+            // SAFETY: `at` is a multiple of eight below the length, and so is the block's.
+            let (x, y, z, place) = unsafe {
+                (
+                    _mm512_loadu_pd(block.x.as_ptr().add(at)),
+                    _mm512_loadu_pd(block.y.as_ptr().add(at)),
+                    _mm512_loadu_pd(block.z.as_ptr().add(at)),
+                    _mm256_loadu_si256(block.place.as_ptr().add(at).cast()),
+                )
+            };
+            let (seen, column, row) = pixels(frame, x, y, z);
+            let left_over = block.len - at;
+            let lanes = if left_over >= 8 { 0xff } else { (1u8 << left_over) - 1 };
+            let column = _mm256_sub_epi32(column, left);
+            let row = _mm256_sub_epi32(row, top);
+            let within =
+                seen & lanes & _mm256_cmplt_epu32_mask(column, columns) & _mm256_cmplt_epu32_mask(row, rows);
+            let word = _mm256_add_epi32(_mm256_mullo_epi32(_mm256_srli_epi32::<5>(column), rows), row);
+            // SAFETY: lanes that are within the map's sides index its words; the others are masked.
+            let bits =
+                unsafe { _mm256_mmask_i32gather_epi32::<4>(_mm256_setzero_si256(), within, word, words) };
+            let bits = _mm256_srlv_epi32(bits, _mm256_and_si256(column, low_bits));
+            let keep = _mm256_test_epi32_mask(bits, ones);
+            // SAFETY: `kept` never passes `at`, so that whole vectors stay within the block.
+            unsafe {
+                _mm512_storeu_pd(block.x.as_mut_ptr().add(kept), _mm512_maskz_compress_pd(keep, x));
+                _mm512_storeu_pd(block.y.as_mut_ptr().add(kept), _mm512_maskz_compress_pd(keep, y));
+                _mm512_storeu_pd(block.z.as_mut_ptr().add(kept), _mm512_maskz_compress_pd(keep, z));
+                let place = _mm256_maskz_compress_epi32(keep, place);
+                _mm256_storeu_si256(block.place.as_mut_ptr().add(kept).cast(), place);
+            }
+            kept += keep.count_ones() as usize;
+            at += 8;
         }
+        block.len = kept;
+    }
+
+    /// The pixels of eight points, and which of them are seen: the operations of [`Frame::pixel`] in their
+    /// order.
+    #[inline]
+    #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw,avx2")]
+    fn pixels(frame: &Frame, x: __m512d, y: __m512d, z: __m512d) -> (__mmask8, __m256i, __m256i) {
+        let of = |number: f64| _mm512_set1_pd(number);
+        let add = |a: __m512d, b: __m512d| _mm512_add_pd(a, b);
+        let mul = |a: __m512d, b: __m512d| _mm512_mul_pd(a, b);
+        let along =
+            |r: [f64; 3], t: f64| add(add(add(mul(of(r[0]), x), mul(of(r[1]), y)), mul(of(r[2]), z)), of(t));
+        let [tx, ty, tz] = frame.translation;
+        let xc = along(frame.rotation[0], tx);
+        let yc = along(frame.rotation[1], ty);
+        let zc = along(frame.rotation[2], tz);
+        let mut seen = _mm512_cmp_pd_mask::<_CMP_GT_OQ>(zc, _mm512_setzero_pd());
+        let inverse_depth = _mm512_div_pd(of(1.0), zc);
+        let (mut xn, mut yn) = (mul(xc, inverse_depth), mul(yc, inverse_depth));
+        if !frame.straight {
+            let [k1, k2, p1, p2, k3] = frame.lens;
+            let radius_squared = add(mul(xn, xn), mul(yn, yn));
+            seen &= _mm512_cmp_pd_mask::<_CMP_LT_OQ>(radius_squared, of(frame.max_radius_squared));
+            let inner = add(of(k2), mul(radius_squared, of(k3)));
+            let middle = add(of(k1), mul(radius_squared, inner));
+            let c = add(of(1.0), mul(radius_squared, middle));
+            let xy = mul(xn, yn);
+            let twice = |a: __m512d| mul(of(2.0), a);
+            let across = add(radius_squared, mul(twice(xn), xn));
+            let down = add(radius_squared, mul(twice(yn), yn));
+            let bent = add(add(mul(c, xn), mul(of(2.0 * p1), xy)), mul(of(p2), across));
+            yn = add(add(mul(c, yn), mul(of(p1), down)), mul(of(2.0 * p2), xy));
+            xn = bent;
+        }
+        let [fx, skew, cx, fy, cy] = frame.affine;
+        let half = of(0.5);
+        let u = add(add(add(mul(of(fx), xn), mul(of(skew), yn)), of(cx)), half);
+        let v = add(add(mul(of(fy), yn), of(cy)), half);
+        // Numbers too large for an integer become the least one, which is on no map.
+        let floor = |a: __m512d| _mm512_cvttpd_epi32(_mm512_roundscale_pd::<9>(a));
+        (seen, floor(u), floor(v))
     }
 }
 
-/// The address of each point's pixel in the view's bit map, or [`MISSED`]. The same operations in the
-/// same order as [`crate::Camera::pixel`], so the same bits.
-#[multiversion(targets("x86_64+avx512f+avx512dq+avx512vl+avx512bw+avx2", "x86_64+avx2"))]
-fn addresses(frame: &Frame, x: &[f64], y: &[f64], z: &[f64], address: &mut [u32]) {
-    let count = address.len();
-    let (x, y, z) = (&x[..count], &y[..count], &z[..count]);
-    let [r0, r1, r2] = frame.rotation;
-    let [tx, ty, tz] = frame.translation;
-    let [fx, skew, cx, fy, cy] = frame.affine;
-    let [k1, k2, p1, p2, k3] = frame.lens;
-    for i in 0..count {
-        let xc = r0[0] * x[i] + r0[1] * y[i] + r0[2] * z[i] + tx;
-        let yc = r1[0] * x[i] + r1[1] * y[i] + r1[2] * z[i] + ty;
-        let zc = r2[0] * x[i] + r2[1] * y[i] + r2[2] * z[i] + tz;
-        let inverse_depth = 1.0 / zc;
-        let (mut xn, mut yn) = (xc * inverse_depth, yc * inverse_depth);
-        let mut seen = zc > 0.0;
-        if !frame.straight {
-            let radius_squared = xn * xn + yn * yn;
-            seen &= radius_squared < frame.max_radius_squared;
-            let c = 1.0 + radius_squared * (k1 + radius_squared * (k2 + radius_squared * k3));
-            let xy = xn * yn;
-            let bent = (
-                c * xn + 2.0 * p1 * xy + p2 * (radius_squared + 2.0 * xn * xn),
-                c * yn + p1 * (radius_squared + 2.0 * yn * yn) + 2.0 * p2 * xy,
-            );
-            (xn, yn) = bent;
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::tests::plain_camera;
+    use crate::silhouette::tests::random_mask;
+    use crate::{Observer, ProbeSettings, Silhouette};
+    use proptest::prelude::*;
+    use std::sync::Arc;
+
+    proptest! {
+        #[test]
+        fn every_path_keeps_the_points_that_are_inside(
+            seed in any::<u64>(), bent in any::<bool>(), count in 1usize..1500,
+            strange in prop_oneof![Just(f64::MAX), Just(-1e300), Just(-3.0), Just(0.0), Just(f64::MIN_POSITIVE)],
+        ) {
+            let camera = plain_camera(if bent { [-0.3, 0.1, 0.002, -0.002, 0.01] } else { [0.0; 5] });
+            let silhouette = Silhouette::from_mask(640, 480, &random_mask(640, 480, seed)).expect("size");
+            let observer = Observer::new(camera, 0, ProbeSettings::default(), None);
+            let view = View::new(Arc::new(observer), &silhouette);
+            let mut state = seed | 1;
+            let mut share = || {
+                state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+                (state >> 33) as f64 / (1u64 << 31) as f64
+            };
+            let mut points: Vec<Point3<f64>> = (0..count)
+                .map(|_| Point3::new(4.0 * share() - 2.0, 3.0 * share() - 1.5, 6.0 * share() - 4.0))
+                .collect();
+            points[count / 2] = Point3::new(strange, 0.0, strange);
+            points[count - 1] = Point3::new(0.0, strange, -3.0 + strange.abs().min(1e-310));
+            let inside: Vec<u32> = (0..)
+                .zip(&points)
+                .filter(|(_, point)| view.classify(point) == Class::Inside)
+                .map(|(place, _)| place)
+                .collect();
+            let coordinates: Coordinates = points.iter().copied().collect();
+            for path in VectorPath::ALL.into_iter().filter(|path| path.is_available()) {
+                let mut block = Block::default();
+                let mut kept = Vec::new();
+                for from in (0..count).step_by(BLOCK) {
+                    block.load(&coordinates, from, from as u32);
+                    block.keep_foreground(&view, path);
+                    kept.extend_from_slice(block.places());
+                }
+                prop_assert_eq!(&kept, &inside, "{:?}", path);
+            }
         }
-        let column = floor(fx * xn + skew * yn + cx + 0.5);
-        let row = floor(fy * yn + cy + 0.5);
-        seen &= (column as u32) < frame.width && (row as u32) < frame.height;
-        let column = column.wrapping_sub(frame.left) as u32;
-        let row = row.wrapping_sub(frame.top) as u32;
-        seen &= column < frame.columns && row < frame.rows;
-        let at = ((column >> 5) * frame.rows + row) << 5 | (column & 31);
-        address[i] = if seen { at } else { MISSED };
     }
 }

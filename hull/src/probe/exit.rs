@@ -4,10 +4,11 @@
 //! closed form. With distortion, or when the camera can fall silent, the curve is followed in steps
 //! under a pixel and every change of class is bisected to 1e-8 m.
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Point2, Point3, Vector3};
 
-use crate::camera::Pixel;
+use crate::camera::{Pixel, floor};
 use crate::question::{Change, NO_EXIT_M};
+use crate::silhouette::BitMap;
 use crate::view::{Class, View};
 
 /// How finely a change of class is located on a curve, metres.
@@ -25,16 +26,21 @@ pub fn along(a_world: &Point3<f64>, n_world: &Vector3<f64>, t_m: f32) -> Point3<
 impl View {
     /// The first `t` in `(0, limit_m]` at which this camera calls `a + t n` outside. `a` must be inside
     /// here, and the camera must always judge.
+    #[inline(always)]
     pub fn first_outside(&self, a: &Point3<f64>, n: &Vector3<f64>, limit_m: f64) -> Option<f32> {
-        if self.camera().lens().is_straight() {
-            return self.walk(a, n, limit_m).map(|t| self.settled(a, n, t));
-        }
-        let mut found = None;
-        self.follow(a, n, limit_m, &mut |t, _, to| {
-            found = (to == Class::Outside).then_some(t);
-            found.is_none()
-        });
-        found.map(|t| self.settled(a, n, t))
+        let t = if self.camera().lens().is_straight() {
+            self.walk(a, n, limit_m)
+        } else {
+            self.trace(a, n, limit_m).unwrap_or_else(|Unseen| {
+                let mut found = None;
+                self.follow(a, n, limit_m, &mut |t, _, to| {
+                    found = (to == Class::Outside).then_some(t);
+                    found.is_none()
+                });
+                found
+            })
+        };
+        t.map(|t| self.settled(a, n, t))
     }
 
     /// All that this camera knows of the ray when cameras may be silent: the first outside, and in
@@ -77,48 +83,147 @@ impl View {
         t
     }
 
-    /// Walks the straight image of the ray from pixel edge to pixel edge.
+    /// Walks the straight image of the ray from pixel edge to pixel edge, along the axis that it crosses
+    /// more pixels of, and skips what lies deep inside.
+    #[inline(always)]
     fn walk(&self, a: &Point3<f64>, n: &Vector3<f64>, limit_m: f64) -> Option<f64> {
         let camera = self.camera();
         let start = camera.camera_from_world(a);
         let step = camera.camera_direction(n);
         let k = camera.intrinsics();
-        let image = camera.image_from_camera(&start)?;
-        let mut pixel = Pixel::holding(image.x, image.y);
-        let row_of = |v: &Vector3<f64>| k[(1, 1)] * v.y + k[(1, 2)] * v.z;
-        let column_of = |v: &Vector3<f64>| k[(0, 0)] * v.x + k[(0, 1)] * v.y + k[(0, 2)] * v.z;
+        let column = |v: &Vector3<f64>| k[(0, 0)] * v.x + k[(0, 1)] * v.y + k[(0, 2)] * v.z;
+        let row = |v: &Vector3<f64>| k[(1, 1)] * v.y + k[(1, 2)] * v.z;
+        let columns = Axis::new(column(&start), column(&step), start.z, step.z);
+        let rows = Axis::new(row(&start), row(&step), start.z, step.z);
         let behind = if step.z < 0.0 { -start.z / step.z } else { f64::INFINITY };
         let limit = limit_m.min(behind);
-        let foreground = self.foreground().map();
-        if limit < self.observer().settings().max_depth_m() {
-            // Most cameras see nothing but foreground as far as the ray is wanted.
-            let end = camera.image_from_camera(&(start + step * limit));
-            let end = end.map(|image| Pixel::holding(image.x, image.y));
-            if end.is_some_and(|end| foreground.all_ones(pixel, end)) {
-                return None;
-            }
+        let crossed = if columns.slope.abs() >= rows.slope.abs() {
+            self.walk_along::<true>(&columns, &rows, limit)
+        } else {
+            self.walk_along::<false>(&rows, &columns, limit)
+        };
+        crossed.or((behind <= limit_m).then_some(behind))
+    }
+
+    /// The `t` of the first crossing into a background pixel, if it is before the limit. `major` is the
+    /// columns' axis if `ACROSS`, else the rows'.
+    #[inline(always)]
+    fn walk_along<const ACROSS: bool>(&self, major: &Axis, minor: &Axis, limit: f64) -> Option<f64> {
+        if major.slope == 0.0 {
+            return None;
         }
-        let columns = Axis::new(column_of(&start), column_of(&step), start.z, step.z);
-        let rows = Axis::new(row_of(&start), row_of(&step), start.z, step.z);
-        let mut next_column = columns.crossing(pixel.column);
-        let mut next_row = rows.crossing(pixel.row);
-        loop {
-            let crossed;
-            if next_column.is_not_after(&next_row) {
-                crossed = next_column;
-                pixel.column += columns.direction;
-                next_column = columns.crossing(pixel.column);
-            } else {
-                crossed = next_row;
-                pixel.row += rows.direction;
-                next_row = rows.crossing(pixel.row);
+        let foreground = self.foreground();
+        let (map, depth) = (foreground.map(), foreground.depth());
+        let pixel = |along: i32, beside: i32| {
+            if ACROSS { Pixel { column: along, row: beside } } else { Pixel { column: beside, row: along } }
+        };
+        let (from, beside) = (major.q / major.z, minor.q / minor.z);
+        let slope = minor.slope / major.slope;
+        let first = floor(from + 0.5);
+        let sign = if major.slope > 0.0 { 1 } else { -1 };
+        let sign_f64 = f64::from(sign);
+        // Where the ray enters pixel `step` of the major axis, on the minor.
+        let entered = beside + slope * (f64::from(first) - 0.5 * sign_f64 - from) + 0.5;
+        let entered_at = |step: i32| floor(entered + slope * sign_f64 * f64::from(step));
+        let steps = major.steps_until(limit, first);
+        let shrink = 1.0 - 0.2929 * slope.abs();
+        let mut step = 0;
+        let mut at = floor(beside + 0.5);
+        while step <= steps {
+            let here = pixel(first + sign * step, at);
+            let clear = f64::from(depth.clear_pixels(here.column, here.row)) - 1.0 - 1e-6;
+            let skipped = (clear * shrink) as i32;
+            if skipped > 1 {
+                step += skipped;
+                at = entered_at(step);
+                continue;
             }
-            // Also true when neither axis moves any more.
-            if crossed.over >= limit * crossed.under {
-                return (behind <= limit_m).then_some(behind);
+            if step > 0 && !map.get(here) {
+                return major.crossing(first + sign * (step - 1), sign, limit);
             }
-            if !foreground.get(pixel) {
-                return Some((crossed.over / crossed.under).max(0.0));
+            let next = entered_at(step + 1);
+            while at != next {
+                let down = if next > at { 1 } else { -1 };
+                let left = at;
+                at += down;
+                if !map.get(pixel(first + sign * step, at)) {
+                    return minor.crossing(left, down, limit);
+                }
+            }
+            step += 1;
+        }
+        None
+    }
+
+    /// The same where the lens bends the ray's image: moved on as far as nothing can be, or by about a
+    /// pixel, and the crossing found by its pixel's edge. Steps do not depend on the limit: what is found
+    /// is the same however early the search may end.
+    #[inline(always)]
+    fn trace(&self, a: &Point3<f64>, n: &Vector3<f64>, limit_m: f64) -> Result<Option<f64>, Unseen> {
+        let foreground = self.foreground();
+        let (map, depth) = (foreground.map(), foreground.depth());
+        let stretch = 1.000_001 * self.observer().stretch_pixels();
+        let camera = self.camera();
+        let (start, step) = (camera.camera_from_world(a), camera.camera_direction(n));
+        let seen = |t: f64| Sighted::of(self, &(start + step * t), t).ok_or(Unseen);
+        let mut here = seen(0.0)?;
+        // How far an image point moves per metre, measured step by step.
+        let mut pixels_per_m = stretch / here.camera.z;
+        while here.t < limit_m {
+            let clear = f64::from(depth.clear_pixels(here.pixel.column, here.pixel.row)) - HALF_DIAGONAL;
+            let apart = clear / stretch;
+            let free_m = here.camera.z * here.camera.z * apart / (here.camera.norm() + here.camera.z * apart);
+            let stride_m = STRIDE_PIXELS / pixels_per_m;
+            if free_m > stride_m {
+                here = seen(here.t + free_m)?;
+                continue;
+            }
+            let mut there = seen(here.t + stride_m)?;
+            let mut moved = (there.image - here.image).amax();
+            while moved > 1.0 {
+                let shorter = 0.5 * (there.t - here.t);
+                there = seen(here.t + shorter)?;
+                moved = (there.image - here.image).amax();
+            }
+            // A ray that hardly moves in the image gets longer strides, not boundless ones.
+            pixels_per_m = (moved / (there.t - here.t)).max(0.25 * pixels_per_m);
+            if let Some(t) = self.crossing(map, &here, &there, &seen) {
+                return Ok((t < limit_m).then_some(t));
+            }
+            here = there;
+        }
+        Ok(None)
+    }
+
+    /// The `t` at which the ray enters a background pixel between two places at most a pixel apart.
+    #[inline(always)]
+    fn crossing(
+        &self,
+        map: &BitMap,
+        here: &Sighted,
+        there: &Sighted,
+        seen: &impl Fn(f64) -> Result<Sighted, Unseen>,
+    ) -> Option<f64> {
+        let (a, b) = (here.pixel, there.pixel);
+        let (across, down) = (a.column != b.column, a.row != b.row);
+        let by_column = Pixel { column: b.column, row: a.row };
+        let by_row = Pixel { column: a.column, row: b.row };
+        if map.get(b) && (!(across && down) || map.get(by_column) && map.get(by_row)) {
+            return None;
+        }
+        let column_edge = 0.5 * (f64::from(a.column) + f64::from(b.column));
+        let row_edge = 0.5 * (f64::from(a.row) + f64::from(b.row));
+        let column_at = || root(here, there, seen, |sighted| sighted.image.x - column_edge);
+        let row_at = || root(here, there, seen, |sighted| sighted.image.y - row_edge);
+        match (across, down) {
+            (true, false) => Some(column_at()),
+            (false, true) => Some(row_at()),
+            (false, false) => None,
+            (true, true) => {
+                let (column_at, row_at) = (column_at(), row_at());
+                let first = if column_at <= row_at { by_column } else { by_row };
+                let t = if map.get(first) { column_at.max(row_at) } else { column_at.min(row_at) };
+                (!map.get(first) || !map.get(b)).then_some(t)
             }
         }
     }
@@ -248,49 +353,92 @@ struct Axis {
     qn: f64,
     z: f64,
     zn: f64,
-    direction: i32,
+    /// Its sign is that of the motion.
+    slope: f64,
 }
 
 impl Axis {
+    #[inline(always)]
     fn new(q: f64, qn: f64, z: f64, zn: f64) -> Axis {
-        let slope = qn * z - q * zn;
-        let direction = if slope > 0.0 {
-            1
-        } else if slope < 0.0 {
-            -1
-        } else {
-            0
-        };
-        Axis { q, qn, z, zn, direction }
+        Axis { q, qn, z, zn, slope: qn * z - q * zn }
     }
 
-    /// Where the ray leaves pixel `index` of this axis.
-    #[inline]
-    fn crossing(&self, index: i32) -> Crossing {
-        let direction = f64::from(self.direction);
+    /// Where the ray leaves pixel `index` of this axis towards `direction`, if it does so before the limit.
+    #[inline(always)]
+    fn crossing(&self, index: i32, direction: i32, limit: f64) -> Option<f64> {
+        let direction = f64::from(direction);
         let edge = f64::from(index) + 0.5 * direction;
         let under = (self.qn - edge * self.zn) * direction;
+        let over = (edge * self.z - self.q) * direction;
         // Past the vanishing point the divisor's sign no longer is the direction's.
-        if under > 0.0 {
-            Crossing { over: (edge * self.z - self.q) * direction, under }
+        (under > 0.0 && over < limit * under).then(|| (over / under).max(0.0))
+    }
+
+    /// How many pixels past the first the ray can enter before the limit; two more, for rounding.
+    #[inline(always)]
+    fn steps_until(&self, limit: f64, first: i32) -> i32 {
+        let depth = self.z + limit * self.zn;
+        if limit == f64::INFINITY || depth <= 0.0 {
+            return i32::MAX / 4;
+        }
+        let end = floor((self.q + limit * self.qn) / depth + 0.5);
+        (end - first).abs() + 2
+    }
+}
+
+/// What a pixel's centre and any place in it are at most apart, twice, and a little: a clear distance counts
+/// from a centre, and a place in a pixel beyond it may be near.
+const HALF_DIAGONAL: f64 = 1.415;
+/// How far a ray is moved on near the edge, pixels.
+const STRIDE_PIXELS: f64 = 0.9;
+
+/// The ray comes behind the camera or beyond its lens.
+struct Unseen;
+
+/// A place on a ray as a camera sees it.
+#[derive(Clone, Copy)]
+struct Sighted {
+    t: f64,
+    camera: Vector3<f64>,
+    image: Point2<f64>,
+    pixel: Pixel,
+}
+
+impl Sighted {
+    #[inline(always)]
+    fn of(view: &View, camera: &Vector3<f64>, t: f64) -> Option<Sighted> {
+        let image = view.camera().image_from_camera(camera)?;
+        Some(Sighted { t, camera: *camera, image, pixel: Pixel::holding(image.x, image.y) })
+    }
+}
+
+/// Where a smooth function of the ray is zero between two places on whose sides it differs.
+#[inline(always)]
+fn root(
+    here: &Sighted,
+    there: &Sighted,
+    seen: &impl Fn(f64) -> Result<Sighted, Unseen>,
+    value: impl Fn(&Sighted) -> f64,
+) -> f64 {
+    let (mut low, mut high) = ((here.t, value(here)), (there.t, value(there)));
+    for _ in 0..ROOT_STEPS {
+        let t = low.0 - low.1 * (high.0 - low.0) / (high.1 - low.1);
+        let Ok(middle) = seen(t).map(|sighted| value(&sighted)) else { break };
+        if middle == 0.0 || middle.abs() < ROOT_PIXELS {
+            return t;
+        }
+        // The end that stays counts half, or the bracket would close from one side only.
+        if (middle < 0.0) == (low.1 < 0.0) {
+            low = (t, middle);
+            high.1 *= 0.5;
         } else {
-            Crossing::NEVER
+            high = (t, middle);
+            low.1 *= 0.5;
         }
     }
+    high.0
 }
 
-/// A crossing at `t = over / under`: divided only when it is wanted.
-#[derive(Clone, Copy)]
-struct Crossing {
-    over: f64,
-    under: f64,
-}
-
-impl Crossing {
-    const NEVER: Crossing = Crossing { over: 1.0, under: 0.0 };
-
-    #[inline]
-    fn is_not_after(&self, other: &Crossing) -> bool {
-        self.over * other.under <= other.over * self.under
-    }
-}
+/// A crossing is as near to the pixel's edge as this, pixels.
+const ROOT_PIXELS: f64 = 1e-9;
+const ROOT_STEPS: usize = 40;

@@ -3,4 +3,5 @@
 pub mod classify;
 pub mod edge_normal;
 pub mod exit;
+pub mod frame;
 pub mod nearest_edge;

@@ -33,6 +33,8 @@ pub struct Depth {
     /// Ones where a cell is not full, over the same cells.
     not_full: BitMap,
     clear_squared: [i32; MAX_LEVEL + 1],
+    /// The same, its root.
+    clear_pixels: [f32; MAX_LEVEL + 1],
 }
 
 impl Depth {
@@ -48,7 +50,9 @@ impl Depth {
         let full = full_cells(map, shift, (left, top), (columns, rows));
         let levels = levels(&full, (left, top), (columns, rows));
         let not_full = not_full(&full, map, shift);
-        Depth { shift, left, top, columns, rows, levels, not_full, clear_squared: clear_squared(side) }
+        let clear_squared = clear_squared(side);
+        let clear_pixels = clear_squared.map(|squared| (squared as f32).sqrt().next_down());
+        Depth { shift, left, top, columns, rows, levels, not_full, clear_squared, clear_pixels }
     }
 
     /// Pixels of a cell's side are two to this.
@@ -64,7 +68,7 @@ impl Depth {
     }
 
     /// The level of the cell that holds a pixel.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn level(&self, column: i32, row: i32) -> u8 {
         let column = ((column >> self.shift) - self.left) as u32 as usize;
         let row = ((row >> self.shift) - self.top) as u32 as usize;
@@ -72,9 +76,15 @@ impl Depth {
     }
 
     /// No zero is nearer to a pixel than this, squared pixels.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn clear_squared(&self, column: i32, row: i32) -> i32 {
         self.clear_squared[usize::from(self.level(column, row)).min(MAX_LEVEL)]
+    }
+
+    /// No zero is nearer to a pixel than this, pixels.
+    #[inline(always)]
+    pub(crate) fn clear_pixels(&self, column: i32, row: i32) -> f32 {
+        self.clear_pixels[usize::from(self.level(column, row)).min(MAX_LEVEL)]
     }
 
     /// Heap memory, bytes.

@@ -1,0 +1,131 @@
+//! Nearest edges of a group (spec §3.1, §3.2).
+
+use nalgebra::{Point3, Vector2, Vector3};
+
+use super::sights::CHUNK;
+use super::{Asked, Scratch, ViewSet};
+use crate::camera::Pixel;
+use crate::coordinates::Coordinates;
+use crate::probe::edge_normal::sum_of_background;
+use crate::probe::nearest_edge::nearest_edge;
+use crate::question::{Answer, Edge};
+
+/// A camera's edge before its normal is wanted.
+struct Found {
+    view: usize,
+    edge: Edge,
+    normalised: Vector2<f64>,
+    from_start: Vector2<f64>,
+}
+
+impl ViewSet {
+    /// Appends the edges of a batch.
+    #[inline(always)]
+    pub(super) fn edges(
+        &self,
+        asked: &Asked,
+        points: &Coordinates,
+        scratch: &mut Scratch,
+        answer: &mut Answer,
+    ) {
+        let mut first = 0;
+        for from in (0..points.len()).step_by(CHUNK) {
+            scratch.sights.look(&self.views, points, from);
+            for at in from..points.len().min(from + CHUNK) {
+                let edge = self.edge(&points.point(at), at - from, asked.reach(at), &mut first, scratch);
+                answer.edges.push(edge);
+            }
+        }
+    }
+
+    /// The nearest edge of the cameras that say inside, if it is within reach. `first` is the camera to
+    /// begin with, best the last winner: it decides what is searched, never what is found.
+    #[inline(always)]
+    fn edge(
+        &self,
+        a: &Point3<f64>,
+        at: usize,
+        reach_m: f32,
+        first: &mut usize,
+        scratch: &Scratch,
+    ) -> Option<Edge> {
+        let mut best: Option<Found> = None;
+        for order in 0..=self.views.len() {
+            let view = if order == 0 { *first } else { order - 1 };
+            if order > 0 && view == *first {
+                continue;
+            }
+            let sight = scratch.sights.of(view);
+            let within_m = best.as_ref().map_or(reach_m, |best| best.edge.distance_m);
+            if sight.least_m[at] > within_m || sight.least_m[at] == f32::INFINITY {
+                continue;
+            }
+            let start = Pixel { column: sight.column[at], row: sight.row[at] };
+            if let Some(found) =
+                self.camera_edge(view, a, start, reach_m, best.as_ref().map(|best| best.edge))
+            {
+                best = Some(found);
+            }
+        }
+        let Found { view, mut edge, normalised, from_start } = best?;
+        *first = view;
+        let view = &self.views[view];
+        let candidates = view.edge_candidates().map();
+        let sum = sum_of_background(candidates, edge.pixel, view.observer().window_pixels());
+        let m = if sum == Vector2::zeros() { from_start } else { sum };
+        let normal = view.camera().hull_normal_world(&normalised, &m)?;
+        edge.normal_world = [normal.x as f32, normal.y as f32, normal.z as f32];
+        Some(edge)
+    }
+
+    /// One camera's edge, if it is within reach and beats `best`.
+    #[inline(always)]
+    fn camera_edge(
+        &self,
+        index: usize,
+        a: &Point3<f64>,
+        start: Pixel,
+        reach_m: f32,
+        best: Option<Edge>,
+    ) -> Option<Found> {
+        let view = &self.views[index];
+        let camera = view.camera();
+        let a_camera = camera.camera_from_world(a);
+        let within_m = f64::from(best.map_or(reach_m, |best| best.distance_m));
+        let limit = pixel_limit(&a_camera, within_m, view.observer().stretch_pixels());
+        let pixel = nearest_edge(view.edge_candidates(), start, limit)?.pixel;
+        let normalised = camera.normalised(&pixel.centre())?;
+        let ray = Vector3::new(normalised.x, normalised.y, 1.0).normalize();
+        let distance_m = a_camera.cross(&ray).norm() as f32;
+        let rig_index = view.observer().rig_index();
+        let wins = match best {
+            None => distance_m <= reach_m,
+            Some(best) => {
+                distance_m < best.distance_m || distance_m == best.distance_m && rig_index < best.camera
+            }
+        };
+        let from_start = (pixel.centre() - start.centre()).cast();
+        let edge = Edge { distance_m, camera: rig_index, pixel, normal_world: [0.0; 3] };
+        wins.then_some(Found { view: index, edge, normalised, from_start })
+    }
+}
+
+/// The squared pixel distance beyond which no pixel's ray comes as near as `distance_m` to a point.
+///
+/// A ray that near meets a point `b` with `|a − b| ≤ distance`, at a depth of at least `z − distance`; its
+/// projection is at most `distance · √(1 + x² + y²) / (z − distance)` away in normalised coordinates,
+/// times the image's stretch, plus half a pixel's diagonal because the search starts from a centre.
+#[inline(always)]
+fn pixel_limit(a_camera: &Vector3<f64>, distance_m: f64, stretch_pixels: f64) -> i64 {
+    let distance_m = distance_m * (1.0 + 1e-6) + 1e-9;
+    if distance_m == f64::INFINITY {
+        return i64::MAX;
+    }
+    let depth_m = a_camera.z - distance_m;
+    if depth_m <= 0.0 {
+        return i64::MAX;
+    }
+    let slant = a_camera.norm() / a_camera.z;
+    let pixels = stretch_pixels * distance_m * slant / depth_m + 0.7072;
+    (pixels * pixels).min(1e12) as i64 + 1
+}
