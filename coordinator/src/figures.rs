@@ -60,8 +60,8 @@ impl Percentiles {
 }
 
 /// The stages of a step, in the order they happen.
-pub const STAGES: [&str; 8] =
-    ["segment", "cull", "classes", "edges", "exits", "body_exits", "check", "physics"];
+pub const STAGES: [&str; 9] =
+    ["segment", "foresee", "cull", "classes", "edges", "exits", "body_exits", "check", "physics"];
 
 /// Everything a run measured.
 #[derive(Clone, Debug, Default)]
@@ -82,6 +82,14 @@ pub struct Figures {
     pub contacts: u64,
     /// Of the inside samples, those that no response freed.
     pub left_samples: u64,
+    /// Passes that asked something.
+    pub passes: u64,
+    /// Steps with a hull that asked nothing: all answers were known, or no body was near the hull.
+    pub steps_without_question: u64,
+    /// Answers that were used at a later step than the one that asked, summed over bodies and steps.
+    pub answers_reused: u64,
+    /// Answers used, summed over bodies and steps.
+    pub answers_used: u64,
     /// A step with its pass.
     pub step_ms: Percentiles,
     /// Capture of the film to the response it caused.
@@ -107,8 +115,9 @@ pub struct Figures {
 }
 
 impl Figures {
-    /// Takes in what a pass found.
+    /// Takes in what a step uses of the hull's answers.
     pub(crate) fn add_results(&mut self, results: &[BodyResult]) {
+        self.answers_used += results.len() as u64;
         for result in results {
             self.inside_samples += result.touches.len() as u64;
             self.contacts += u64::from(!result.touches.is_empty());
@@ -120,6 +129,11 @@ impl Figures {
         if let Some(index) = STAGES.iter().position(|&name| name == stage) {
             self.stage_ms[index].add(value_ms);
         }
+    }
+
+    /// The share of the answers used that were asked at an earlier step.
+    pub fn reused_share(&self) -> f64 {
+        self.answers_reused as f64 / self.answers_used.max(1) as f64
     }
 
     /// The share of inside samples that a response did not free.
@@ -147,6 +161,8 @@ pub struct Progress {
     /// The frame in use, if any.
     pub frame: Option<u64>,
     /// Steps a second of wall time since the last report.
+    pub steps_per_s: f64,
+    /// Passes that asked something, a second of wall time since the last report.
     pub passes_per_s: f64,
     /// The median step since the last report, milliseconds.
     pub p50_ms: f64,

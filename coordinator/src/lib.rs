@@ -3,6 +3,7 @@
 //! Three layouts share the pass and the loop: `cluster` (questions travel, nodes compute), `gather`
 //! (silhouettes travel, one machine computes: the paper's layout) and `in process` (nothing travels).
 
+mod answers;
 mod camera_client;
 mod counting;
 mod facts;
@@ -11,6 +12,7 @@ mod figures;
 mod run;
 mod transport;
 
+pub use answers::Asks;
 pub use camera_client::{ExpectedCamera, ExpectedNode};
 pub use counting::ByteCounts;
 pub use facts::{CameraFacts, FilmState, FrameFacts, Pace};

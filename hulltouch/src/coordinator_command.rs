@@ -7,7 +7,7 @@ use clap::Args;
 
 use crate::failure::{Failure, Outcome};
 use crate::node::read_cluster_file;
-use crate::run::{ResponseName, Setup, TransportName, check_response, run_deployed};
+use crate::run::{AskName, ResponseName, Setup, TransportName, check_response, run_deployed};
 
 /// Ask the nodes of a cluster file, merge their answers and step the world.
 #[derive(Debug, Args)]
@@ -57,6 +57,7 @@ pub fn run(arguments: &CoordinatorArguments) -> Outcome {
         file,
         scene,
         transport: arguments.transport,
+        ask: AskName::default(),
         lock_step: arguments.unpaced,
         empty: false,
         seconds: checked_seconds(arguments.seconds)?,

@@ -10,7 +10,7 @@ use crate::cluster_file::ClusterFile;
 use crate::coordinator_command::checked_seconds;
 use crate::failure::{Failure, Outcome};
 use crate::node::read_cluster_file;
-use crate::run::{ResponseName, Setup, TransportName, check_response, run_locally};
+use crate::run::{AskName, ResponseName, Setup, TransportName, check_response, run_locally};
 
 /// From capture to the step that sees it: rendering and segmenting eight cameras on two cores takes
 /// most of a frame's time.
@@ -48,6 +48,9 @@ pub struct DemoArguments {
     /// Where probes are computed.
     #[arg(long, value_enum, default_value = "cluster")]
     transport: TransportName,
+    /// How often the hull is asked; the run is the same.
+    #[arg(long, value_enum, default_value = "frame")]
+    ask: AskName,
     /// How bodies answer the hull.
     #[arg(long, value_enum, default_value = "paper")]
     response: ResponseName,
@@ -85,6 +88,7 @@ pub fn run(arguments: DemoArguments) -> Outcome {
         file,
         scene,
         transport: arguments.transport,
+        ask: arguments.ask,
         lock_step: arguments.unpaced,
         empty: arguments.empty,
         seconds,

@@ -43,6 +43,11 @@ pub fn json(setup: &Setup, figures: &Figures, world: &World, overlaps: &[Overlap
         "inside_samples": figures.inside_samples,
         "contacts": figures.contacts,
         "left_inside": figures.left_inside(),
+        "questions": {
+            "passes": figures.passes,
+            "steps_without": figures.steps_without_question,
+            "reused_share": figures.reused_share(),
+        },
         "step_ms": percentiles(&figures.step_ms),
         "response_age_ms": percentiles(&figures.response_age_ms),
         "stage_ms": stage_ms,
@@ -102,6 +107,7 @@ pub fn summary(setup: &Setup, figures: &Figures, world: &World) -> String {
     let mut text = format!(
         "{} frames of {} cameras ({} missed), {} steps in {:.1} s\n\
          step p50 {} ms, p99 {} ms; response age p50 {} ms\n\
+         {} passes, {} steps without a question\n\
          {} samples inside over all steps, {:.1} % not freed by their response\n",
         figures.frames,
         setup.file.rig.cameras().len(),
@@ -111,6 +117,8 @@ pub fn summary(setup: &Setup, figures: &Figures, world: &World) -> String {
         ms(figures.step_ms.p50()),
         ms(figures.step_ms.p99()),
         ms(figures.response_age_ms.p50()),
+        figures.passes,
+        figures.steps_without_question,
         figures.inside_samples,
         100.0 * figures.left_inside(),
     );

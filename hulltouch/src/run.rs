@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use clap::ValueEnum;
-use coordinator::{Coordinator, ExpectedNode, Progress, RunSettings, Snapshot, Transport, Watcher};
+use coordinator::{Asks, Coordinator, ExpectedNode, Progress, RunSettings, Snapshot, Transport, Watcher};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::Value;
 use sim::{ResponseMode, Scene, World, WorldSettings};
@@ -48,6 +48,16 @@ pub enum ResponseName {
     Contacts,
 }
 
+/// How often the hull is asked.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum AskName {
+    /// Once a film frame where that is enough: the same run, with fewer questions.
+    #[default]
+    Frame,
+    /// At every physics step, about every body: to measure the other against.
+    Step,
+}
+
 /// Everything a run needs, checked.
 pub struct Setup {
     /// Rig, cameras and rules.
@@ -58,6 +68,8 @@ pub struct Setup {
     pub seed: u64,
     /// Where probes are computed.
     pub transport: TransportName,
+    /// How often the hull is asked.
+    pub ask: AskName,
     /// Every frame, as fast as it can be made.
     pub lock_step: bool,
     /// The scene without the person.
@@ -173,6 +185,11 @@ fn run(
         hold_s: setup.file.hold_s,
         seconds: setup.seconds,
         lock_step: setup.lock_step,
+        asks: match setup.ask {
+            AskName::Frame => Asks::EachFrame,
+            AskName::Step => Asks::EachStep,
+        },
+        reuse_within_m: surface.reuse_within_m,
         connect_patience,
     };
     let mut watcher = Console::new(setup, &observers);
@@ -245,9 +262,10 @@ impl Watcher for Console {
     fn progress(&mut self, progress: &Progress) {
         let hull = progress.blind.as_ref().map_or_else(String::new, |why| format!("  NO HULL: {why}"));
         self.line.set_message(format!(
-            "{:6.1} s  frame {}  {:4.0} passes/s  p50 {:.2} ms  p99 {:.2} ms  {} samples  {} contacts  {:.0} KB/s{hull}",
+            "{:6.1} s  frame {}  {:4.0} steps/s  {:3.0} passes/s  p50 {:.2} ms  p99 {:.2} ms  {} samples  {} contacts  {:.0} KB/s{hull}",
             progress.film_s,
             progress.frame.map_or_else(|| "-".to_owned(), |frame| frame.to_string()),
+            progress.steps_per_s,
             progress.passes_per_s,
             progress.p50_ms,
             progress.p99_ms,

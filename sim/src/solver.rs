@@ -4,7 +4,8 @@ use crate::scene::{BodySpec, Heft, Scene};
 use crate::solid::Solid;
 use hull::Pose;
 use rapier3d::prelude::{
-    ColliderBuilder, PhysicsWorld, RigidBodyBuilder, RigidBodyHandle, Rotation, SharedShape, Vector,
+    ColliderBuilder, CollisionPipeline, PhysicsPipeline, PhysicsWorld, RigidBodyBuilder, RigidBodyHandle,
+    Rotation, SharedShape, Vector,
 };
 
 /// Deep overlaps (a response may push a body centimetres into a neighbour) are pushed apart no faster
@@ -82,6 +83,11 @@ impl Solver {
         self.physics.quarantine().bodies().contains(&self.handles[index])
     }
 
+    /// Whether a body sleeps: the solver leaves it where it is until something wakes it.
+    pub(crate) fn sleeps(&self, index: usize) -> bool {
+        self.physics.bodies[self.handles[index]].is_sleeping()
+    }
+
     /// A body's state now.
     pub(crate) fn state(&self, index: usize) -> State {
         let body = &self.physics.bodies[self.handles[index]];
@@ -92,6 +98,28 @@ impl Solver {
             velocity_m_s: body.linvel().to_array(),
             spin_rad_s: body.angvel().to_array(),
         }
+    }
+
+    /// A solver in the same state, apart from this one: what happens to one does not to the other. The
+    /// pipeline begins with empty buffers, which hold nothing from step to step.
+    pub(crate) fn fork(&self) -> Solver {
+        let from = &self.physics;
+        let physics = PhysicsWorld {
+            gravity: from.gravity,
+            integration_parameters: from.integration_parameters,
+            physics_pipeline: PhysicsPipeline::new(),
+            collision_pipeline: CollisionPipeline::new(),
+            islands: from.islands.clone(),
+            broad_phase: from.broad_phase.clone(),
+            narrow_phase: from.narrow_phase.clone(),
+            bodies: from.bodies.clone(),
+            colliders: from.colliders.clone(),
+            impulse_joints: from.impulse_joints.clone(),
+            multibody_joints: from.multibody_joints.clone(),
+            soft_bodies: from.soft_bodies.clone(),
+            ccd_solver: from.ccd_solver.clone(),
+        };
+        Solver { physics, handles: self.handles.clone() }
     }
 
     /// Puts a body elsewhere, metres: the pose changes, no velocity does.
@@ -168,10 +196,5 @@ impl Solver {
     pub(crate) fn poison(&mut self, index: usize) {
         let velocity = Vector::new(f32::NAN, 0.0, 0.0);
         self.physics.bodies[self.handles[index]].set_linvel(velocity, true);
-    }
-
-    /// Whether a body sleeps.
-    pub(crate) fn sleeps(&self, index: usize) -> bool {
-        self.physics.bodies[self.handles[index]].is_sleeping()
     }
 }

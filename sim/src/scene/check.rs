@@ -14,6 +14,8 @@ const DEFAULT_RESTITUTION: f64 = 0.1;
 /// No position, height or spacing is farther from the origin, metres: `f32` keeps a tenth of a
 /// millimetre there.
 const MAX_POSITION_M: f64 = 1000.0;
+/// Whoever may be missed at a greater depth, metres, is not seen to collide.
+const MAX_REUSE_M: f64 = 0.1;
 
 /// Checks the file's values.
 pub(super) fn scene(name: &str, file: SceneFile) -> Result<Scene, SceneError> {
@@ -23,6 +25,7 @@ pub(super) fn scene(name: &str, file: SceneFile) -> Result<Scene, SceneError> {
     let hull = HullSurface {
         restitution: checker.within("hull.restitution", file.hull.restitution, 0.0, 1.0)?,
         friction: checker.within("hull.friction", file.hull.friction, 0.0, 10.0)?,
+        reuse_within_m: checker.within("hull.reuse_within_m", file.hull.reuse_within_m, 0.0, MAX_REUSE_M)?,
     };
     let groups = file.bodies.into_iter().map(|body| checker.group(body)).collect::<Result<Vec<_>, _>>()?;
     checker.names(&groups)?;

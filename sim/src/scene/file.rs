@@ -37,11 +37,12 @@ impl Default for FloorFile {
 pub(super) struct HullFile {
     pub restitution: f64,
     pub friction: f64,
+    pub reuse_within_m: f64,
 }
 
 impl Default for HullFile {
     fn default() -> HullFile {
-        HullFile { restitution: 0.3, friction: 0.5 }
+        HullFile { restitution: 0.3, friction: 0.5, reuse_within_m: 0.0 }
     }
 }
 

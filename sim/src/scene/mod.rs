@@ -9,6 +9,8 @@
 //! [hull]                             # the person's surface; restitution 1 and friction 0 are the
 //! restitution = 0.3                  # paper's words taken literally
 //! friction = 0.5
+//! reuse_within_m = 0.0               # within one film frame "clear" is not asked again for a body
+//!                                    # that moved at most so far: no deeper sample is missed; 0: exact
 //! [stage]                            # for the program that builds the synthetic studio
 //! motion = "punch"
 //! props = ["table"]
@@ -110,6 +112,10 @@ pub struct HullSurface {
     pub restitution: f64,
     /// Coulomb friction coefficient: 0 is the paper's.
     pub friction: f64,
+    /// Within one film frame a body that was clear of the hull is not asked about again while no sample
+    /// of it can have moved farther than this, metres: no sample deeper than this is ever missed. 0: only
+    /// in the very same pose.
+    pub reuse_within_m: f64,
 }
 
 /// What the scene asks of a synthetic studio; this crate only carries it.
@@ -263,9 +269,15 @@ mod tests {
     fn the_hulls_surface_can_be_the_papers() {
         let text = "[hull]\nrestitution = 1.0\nfriction = 0\n[[bodies]]\nname = \"b\"\nshape.ball.radius = 0.1\nplace.at = [0, 1, 0]\n";
         let scene = Scene::from_toml("s", text).expect("a scene");
-        assert_eq!(scene.hull(), HullSurface { restitution: 1.0, friction: 0.0 });
+        assert_eq!(scene.hull(), HullSurface { restitution: 1.0, friction: 0.0, reuse_within_m: 0.0 });
         let error = Scene::from_toml("s", &text.replace("1.0", "1.5")).expect_err("too much").to_string();
         assert!(error.contains("hull.restitution") && error.contains("1.5"), "{error}");
+        let reusing = |reuse_m: f64| {
+            Scene::from_toml("s", &text.replace("friction = 0", &format!("reuse_within_m = {reuse_m:?}")))
+        };
+        assert_eq!(reusing(0.01).expect("a scene").hull().reuse_within_m, 0.01);
+        let error = reusing(0.2).expect_err("too far").to_string();
+        assert!(error.contains("hull.reuse_within_m: 0.2, expected a number from 0 to 0.1"), "{error}");
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! the step, with the film of the step's end, and hands in the answers; the step applies them and then
 //! lets the solver move all bodies by dt.
 
+mod foresight;
 mod settings;
 mod step;
 #[cfg(test)]

@@ -1,0 +1,88 @@
+//! Film time: which frame a step sees, how many steps share it, and when a live step is due.
+
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use crate::facts::Pace;
+
+/// Film times a billionth of a frame before a frame count as that frame's: sums of steps fall short.
+const FRAME_SLACK: f64 = 1e-9;
+
+/// The frame that a step ending at `film_s` (seconds) must see.
+pub(super) fn frame_at(film_s: f64, fps: f64) -> u64 {
+    (film_s * fps + FRAME_SLACK).floor() as u64
+}
+
+/// How many steps of `dt_s` after the one that ends at `film_s` must see the same frame, at most `most`.
+/// Film time alone says so: a frame that comes late leaves the one before in use for longer.
+pub(super) fn steps_that_share(film_s: f64, dt_s: f64, fps: f64, most: usize) -> usize {
+    let frame = frame_at(film_s, fps);
+    (1..=most).take_while(|&later| frame_at(film_s + later as f64 * dt_s, fps) == frame).count()
+}
+
+/// Film time against the wall clock.
+pub(super) struct Clock {
+    pub pace: Pace,
+    pub latency_s: f64,
+    /// Beyond this lag nodes may have dropped the frame of a step.
+    pub max_lag_s: f64,
+    pub slipped_s: f64,
+}
+
+impl Clock {
+    pub async fn sleep_until(&self, film_s: f64) {
+        let left_s = self.pace.epoch_unix_s + film_s + self.latency_s - unix_now_s();
+        if left_s > 0.0 {
+            tokio::time::sleep(Duration::from_secs_f64(left_s)).await;
+        }
+    }
+
+    /// Gives up film time that steps can no longer make good.
+    pub fn slip(&mut self, film_s: f64) {
+        let lag_s = unix_now_s() - (self.pace.epoch_unix_s + film_s + self.latency_s);
+        if lag_s > self.max_lag_s {
+            tracing::warn!("steps lag {lag_s:.2} s behind film, which goes on without them");
+            self.slipped_s += lag_s;
+        }
+    }
+}
+
+/// Wall clock, unix seconds.
+pub(super) fn unix_now_s() -> f64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DT_S: f64 = 1.0 / 120.0;
+
+    /// For each of the first steps, how many that follow share its frame.
+    fn shared(fps: f64, steps: u64) -> Vec<usize> {
+        (1..=steps).map(|step| steps_that_share(step as f64 * DT_S, DT_S, fps, 7)).collect()
+    }
+
+    #[test]
+    fn frames_last_as_many_steps_as_film_time_says() {
+        // Step k sees frame floor(k · fps / 120); step 1 comes after what would be step 0.
+        assert_eq!(shared(30.0, 11), [2, 1, 0, 3, 2, 1, 0, 3, 2, 1, 0]);
+        assert_eq!(shared(60.0, 5), [0, 1, 0, 1, 0]);
+        assert_eq!(shared(50.0, 12), [1, 0, 1, 0, 2, 1, 0, 1, 0, 1, 0, 2]);
+        assert_eq!(shared(25.0, 10), [3, 2, 1, 0, 4, 3, 2, 1, 0, 4]);
+        assert_eq!(shared(120.0, 3), [0, 0, 0]);
+        assert_eq!(shared(240.0, 3), [0, 0, 0]);
+    }
+
+    #[test]
+    fn what_is_shared_is_what_the_steps_see() {
+        for fps in [1.0, 7.5, 23.976, 25.0, 30.0, 50.0, 59.94, 60.0, 119.88, 120.0, 200.0] {
+            for step in 1..=1200u64 {
+                let film_s = step as f64 * DT_S;
+                let count = steps_that_share(film_s, DT_S, fps, 7) as u64;
+                let frame = |later: u64| frame_at((step + later) as f64 * DT_S, fps);
+                assert!((0..=count).all(|later| frame(later) == frame(0)), "step {step} at {fps}");
+                assert!(count == 7 || frame(count + 1) > frame(0), "step {step} at {fps}");
+            }
+        }
+    }
+}

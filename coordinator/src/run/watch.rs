@@ -1,0 +1,121 @@
+//! What others are told of a run while it goes on: figures four times a second, and pictures.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use hull::Silhouette;
+use hull::pass::BodyResult;
+use sim::World;
+
+use super::Coordinator;
+use super::clock::unix_now_s;
+use crate::figures::{Percentiles, Progress};
+
+const REPORT_EVERY: Duration = Duration::from_millis(250);
+
+/// All that a picture of one step needs.
+pub struct Snapshot<'a> {
+    /// Film time, seconds.
+    pub film_s: f64,
+    /// The frame in use.
+    pub frame: u64,
+    /// Its silhouettes in rig order.
+    pub silhouettes: Vec<Arc<Silhouette>>,
+    /// The world after the step.
+    pub world: &'a World,
+    /// Samples that were inside the hull before the step, world, metres.
+    pub inside_world: Vec<[f64; 3]>,
+}
+
+/// Who is told of a run as it goes.
+pub trait Watcher {
+    /// Told four times a second.
+    fn progress(&mut self, progress: &Progress);
+    /// Asked after every step: is a picture of it wanted?
+    fn wants_snapshot(&mut self, film_s: f64) -> bool;
+    /// The picture's contents, if it was.
+    fn snapshot(&mut self, snapshot: Snapshot<'_>);
+}
+
+/// What was measured since the last report.
+pub(super) struct Recent {
+    since: Instant,
+    steps_ms: Percentiles,
+    bytes: u64,
+    passes: u64,
+}
+
+impl Recent {
+    pub fn new(bytes: u64, passes: u64) -> Recent {
+        Recent { since: Instant::now(), steps_ms: Percentiles::default(), bytes, passes }
+    }
+}
+
+impl Coordinator {
+    /// How old the film was that caused this step's responses, if there were any.
+    pub(super) fn note_age(&mut self, results: Option<&[BodyResult]>) {
+        let responded = results.is_some_and(|results| results.iter().any(|result| result.response_m.is_ok()));
+        let facts = self.frame.and_then(|frame| self.transport.facts(frame)).filter(|_| responded);
+        if let Some(facts) = facts.as_ref().and_then(|facts| facts.first()) {
+            self.figures.response_age_ms.add((unix_now_s() - facts.captured_unix_s) * 1e3);
+        }
+    }
+
+    pub(super) fn report(&mut self, watcher: &mut dyn Watcher, film_s: f64, step_ms: f64, touching: usize) {
+        self.recent.steps_ms.add(step_ms);
+        let elapsed = self.recent.since.elapsed();
+        if elapsed < REPORT_EVERY {
+            return;
+        }
+        let bytes = self.transport.bytes();
+        let bytes = bytes.to_nodes + bytes.from_nodes;
+        let passes = self.figures.passes;
+        watcher.progress(&Progress {
+            film_s,
+            frame: self.frame,
+            steps_per_s: self.recent.steps_ms.count() as f64 / elapsed.as_secs_f64(),
+            passes_per_s: (passes - self.recent.passes) as f64 / elapsed.as_secs_f64(),
+            p50_ms: self.recent.steps_ms.p50().unwrap_or(0.0),
+            p99_ms: self.recent.steps_ms.p99().unwrap_or(0.0),
+            samples: self.figures.samples,
+            contacts: touching,
+            bytes_per_s: (bytes - self.recent.bytes) as f64 / elapsed.as_secs_f64(),
+            blind: self.blind.clone(),
+        });
+        self.recent = Recent::new(bytes, passes);
+    }
+
+    pub(super) async fn picture(
+        &mut self,
+        watcher: &mut dyn Watcher,
+        film_s: f64,
+        results: Option<&[BodyResult]>,
+    ) {
+        let Some(frame) = self.frame else { return };
+        if !watcher.wants_snapshot(film_s) {
+            return;
+        }
+        match self.transport.silhouettes(frame).await {
+            Ok(silhouettes) => {
+                let inside_world = inside_points(&self.world, results.unwrap_or_default());
+                watcher.snapshot(Snapshot { film_s, frame, silhouettes, world: &self.world, inside_world });
+            }
+            Err(why) => tracing::warn!("no picture at {film_s:.2} s: {why}"),
+        }
+    }
+}
+
+/// The samples that were inside, where their bodies now are.
+fn inside_points(world: &World, results: &[BodyResult]) -> Vec<[f64; 3]> {
+    let bodies = world.moving_bodies().zip(results);
+    bodies
+        .flat_map(|(body, result)| {
+            let world_from_body = body.pose.world_from_body();
+            let samples = body.shape.samples_body();
+            let points = result.touches.iter();
+            points
+                .map(|touch| world_from_body(samples[touch.sample as usize]).into())
+                .collect::<Vec<[f64; 3]>>()
+        })
+        .collect()
+}

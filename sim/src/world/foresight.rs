@@ -1,0 +1,32 @@
+//! Where bodies will be if the hull touches none of them: the solver run ahead on a copy of itself.
+
+use super::World;
+use hull::Pose;
+
+impl World {
+    /// The poses of the moving bodies (in the order of [`World::moving_bodies`]) after each of the next
+    /// `steps` steps, if the hull touches nobody in them: bit for bit what [`World::step`] will make of
+    /// the same responses. Touches change that for the bodies they push and for whoever these run into;
+    /// the world itself stays as it is. Empty if there is nothing to foresee: no steps, or a solver that
+    /// runs out of the numbers.
+    pub fn poses_ahead(&self, steps: usize) -> Vec<Vec<Pose>> {
+        let present = || self.moving.iter().map(|&index| self.bodies[index].pose).collect();
+        if self.moving.iter().all(|&index| self.solver.sleeps(index)) {
+            return vec![present(); steps];
+        }
+        let mut solver = self.solver.fork();
+        let mut poses_ahead = Vec::with_capacity(steps);
+        for _ in 0..steps {
+            solver.step();
+            let poses = self.moving.iter().map(|&index| {
+                let pose = solver.state(index).pose();
+                pose.filter(|_| !solver.failed(index))
+            });
+            match poses.collect() {
+                Some(poses) => poses_ahead.push(poses),
+                None => break,
+            }
+        }
+        poses_ahead
+    }
+}

@@ -1,0 +1,98 @@
+//! Physics steps that share a film frame share its answers: fewer questions, and the same run.
+
+use std::path::Path;
+use std::process::Command;
+
+use serde_json::Value;
+
+/// A lock-step run of a small studio with more arguments; returns its figures.
+fn play(arguments: &[&str]) -> Value {
+    let folder = tempfile::tempdir().expect("folder");
+    let json = folder.path().join("out.json");
+    let output = Command::new(env!("CARGO_BIN_EXE_hulltouch"))
+        .args(["demo", "--cameras", "4", "--size", "320x240", "--unpaced", "--headless", "--json"])
+        .arg(&json)
+        .args(arguments)
+        .output()
+        .expect("runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_str(&std::fs::read_to_string(json).expect("written")).expect("JSON")
+}
+
+fn count(run: &Value, key: &str) -> u64 {
+    run["questions"][key].as_u64().unwrap_or_else(|| panic!("{key} of {}", run["questions"]))
+}
+
+/// Plays the same twice, asking once a frame where that is enough and asking at every step, and holds the
+/// runs against one another. Returns both.
+fn both(arguments: &[&str]) -> (Value, Value) {
+    let shared = play(arguments);
+    let each = play(&[arguments, &["--ask", "step"]].concat());
+    for key in ["trajectory_digest", "inside_samples", "contacts", "left_inside", "steps", "frames"] {
+        assert_eq!(shared[key], each[key], "{key} of {arguments:?}");
+    }
+    assert_eq!(each["questions"]["reused_share"], 0.0, "{arguments:?}");
+    for run in [&shared, &each] {
+        assert!(count(run, "passes") + count(run, "steps_without") == run["steps"], "{}", run["questions"]);
+    }
+    assert!(count(&shared, "passes") <= count(&each, "passes"), "{arguments:?}");
+    (shared, each)
+}
+
+#[test]
+fn shared_answers_make_the_same_run_with_fewer_questions_over_every_transport() {
+    for seed in ["1", "2"] {
+        let mut digests = vec![];
+        for transport in ["inprocess", "gather", "cluster"] {
+            let (shared, each) = both(&["--seconds", "4", "--transport", transport, "--seed", seed]);
+            let inside = shared["inside_samples"].as_u64().expect("a number");
+            assert!(inside > 20, "bodies meet the person: {inside}");
+            let (few, many) = (count(&shared, "passes"), count(&each, "passes"));
+            assert!(4 * few < 3 * many, "{few} passes, {many} when asked at every step");
+            let bytes = |run: &Value| run["bytes"]["per_step"].as_f64().expect("a number");
+            if transport == "cluster" {
+                assert!(bytes(&shared) < 0.8 * bytes(&each), "{} {}", shared["bytes"], each["bytes"]);
+            }
+            digests.push(shared["trajectory_digest"].clone());
+        }
+        assert!(digests.iter().all(|digest| *digest == digests[0]), "{digests:?}");
+    }
+}
+
+#[test]
+fn any_film_rate_makes_the_same_run() {
+    for fps in ["24", "25", "50", "59.94", "60", "120", "200"] {
+        let (shared, _) =
+            both(&["--seconds", "2", "--transport", "inprocess", "--scene", "crowd", "--fps", fps]);
+        let reused = shared["questions"]["reused_share"].as_f64().expect("a share");
+        // Film as fast as the steps leaves nothing to share.
+        assert_eq!(reused > 0.0, !["120", "200"].contains(&fps), "{reused} reused at {fps} frames/s");
+    }
+}
+
+/// The shipped crowd with a tolerance.
+fn crowd_within(folder: &Path, reuse_within_m: f64) -> String {
+    let shipped =
+        std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../sim/scenes/crowd.toml"));
+    let text = format!("{}\n[hull]\nreuse_within_m = {reuse_within_m:?}\n", shipped.expect("a scene"));
+    let path = folder.join(format!("crowd_{reuse_within_m}.toml"));
+    std::fs::write(&path, text).expect("written");
+    path.to_string_lossy().into_owned()
+}
+
+#[test]
+fn a_tolerance_asks_less_and_is_the_same_run_over_every_transport() {
+    let folder = tempfile::tempdir().expect("folder");
+    let (exact, loose) = (crowd_within(folder.path(), 0.0), crowd_within(folder.path(), 0.02));
+    let run = |scene: &str, transport| play(&["--seconds", "2", "--scene", scene, "--transport", transport]);
+    let exact = run(&exact, "cluster");
+    let loose = ["inprocess", "gather", "cluster"].map(|transport| run(&loose, transport));
+    for other in &loose {
+        assert_eq!(other["trajectory_digest"], loose[0]["trajectory_digest"], "{}", other["transport"]);
+        assert_eq!(other["questions"], loose[0]["questions"]);
+    }
+    let bytes = |run: &Value| run["bytes"]["per_step"].as_f64().expect("a number");
+    assert!(bytes(&loose[2]) < bytes(&exact), "{} {}", loose[2]["bytes"], exact["bytes"]);
+    let share = |run: &Value| run["questions"]["reused_share"].as_f64().expect("a share");
+    assert!(share(&loose[2]) > share(&exact), "{} {}", share(&loose[2]), share(&exact));
+}
