@@ -37,6 +37,14 @@ impl Coordinates {
         Point3::new(self.x[at], self.y[at], self.z[at])
     }
 
+    /// Appends a point.
+    #[inline(always)]
+    pub fn push(&mut self, point: Point3<f64>) {
+        self.x.push(point.x);
+        self.y.push(point.y);
+        self.z.push(point.z);
+    }
+
     /// Appends points given one after the other.
     #[inline(always)]
     pub fn extend(&mut self, points: impl ExactSizeIterator<Item = [f64; 3]>) {
@@ -56,9 +64,7 @@ impl FromIterator<Point3<f64>> for Coordinates {
     fn from_iter<I: IntoIterator<Item = Point3<f64>>>(points: I) -> Coordinates {
         let mut coordinates = Coordinates::default();
         for point in points {
-            coordinates.x.push(point.x);
-            coordinates.y.push(point.y);
-            coordinates.z.push(point.z);
+            coordinates.push(point);
         }
         coordinates
     }

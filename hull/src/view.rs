@@ -167,6 +167,12 @@ impl View {
         self.has_foreground
     }
 
+    /// True if the foreground alone says what is inside and what an edge is.
+    #[inline(always)]
+    pub(crate) fn is_plain(&self) -> bool {
+        self.candidates.is_none()
+    }
+
     /// What this camera says of a point that projects to a pixel, which may be off the image.
     #[inline(always)]
     pub(crate) fn class_of(&self, column: i32, row: i32) -> Class {

@@ -2,7 +2,7 @@
 
 use nalgebra::{Point3, Vector2, Vector3};
 
-use super::sights::CHUNK;
+use super::sights::{CHUNK, NOT_INSIDE_M, Sought};
 use super::{Asked, Scratch, ViewSet};
 use crate::camera::Pixel;
 use crate::coordinates::Coordinates;
@@ -30,7 +30,7 @@ impl ViewSet {
     ) {
         let mut first = 0;
         for from in (0..points.len()).step_by(CHUNK) {
-            scratch.sights.look(&self.views, points, from);
+            scratch.sights.look(&self.views, points, from, Sought::Centre);
             for at in from..points.len().min(from + CHUNK) {
                 let edge = self.edge(&points.point(at), at - from, asked.reach(at), &mut first, scratch);
                 answer.edges.push(edge);
@@ -57,7 +57,7 @@ impl ViewSet {
             }
             let sight = scratch.sights.of(view);
             let within_m = best.as_ref().map_or(reach_m, |best| best.edge.distance_m);
-            if sight.least_m[at] > within_m || sight.least_m[at] == f32::INFINITY {
+            if sight.clear_m[at] > within_m || sight.clear_m[at] == NOT_INSIDE_M {
                 continue;
             }
             let start = Pixel { column: sight.column[at], row: sight.row[at] };

@@ -2,7 +2,9 @@
 
 use nalgebra::{Point3, Vector3};
 
+use super::sights::{CHUNK, Sought};
 use super::{Asked, Scratch, ViewSet};
+use crate::camera::Pixel;
 use crate::coordinates::Coordinates;
 use crate::probe::exit::along;
 use crate::question::{Answer, Change, Kind, NO_EXIT_M, Standing};
@@ -29,12 +31,70 @@ impl ViewSet {
             return self.longest_exit(asked, points, scratch, answer);
         }
         let mut first = 0;
-        for at in 0..points.len() {
-            let direction = Vector3::from(asked.direction(at).map(f64::from));
-            first = self.hinted(asked, at, first);
-            let exit_m = self.exit(&points.point(at), &direction, asked.reach(at), &mut first);
-            answer.exits_m.push(exit_m);
+        for from in (0..points.len()).step_by(CHUNK) {
+            let chunk = Chunk { from, count: (points.len() - from).min(CHUNK) };
+            first = self.chunk_exits(asked, points, &chunk, first, scratch);
+            answer.exits_m.extend_from_slice(&scratch.rays.exit_m[..chunk.count]);
         }
+    }
+
+    /// The exits of a chunk of points: first in the camera that is worth trying first, then in those that
+    /// see anything but foreground before that. Returns the last winner.
+    #[inline(always)]
+    fn chunk_exits(
+        &self,
+        asked: &Asked,
+        points: &Coordinates,
+        chunk: &Chunk,
+        mut first: usize,
+        scratch: &mut Scratch,
+    ) -> usize {
+        let Scratch { sights, moved, rays, .. } = scratch;
+        sights.look(&self.views, points, chunk.from, Sought::Place);
+        moved.clear();
+        for at in 0..chunk.count {
+            let point = chunk.from + at;
+            let (a, n) = (points.point(point), asked.direction(point));
+            let n = Vector3::from(n.map(f64::from));
+            first = self.hinted(asked, point, first);
+            let view = &self.views[first];
+            let reach_m = asked.reach(point);
+            let exit_m = view.exit_within(&a, &n, limit_m(view, NO_EXIT_M, reach_m), reach_m);
+            rays.exit_m[at] = exit_m;
+            rays.tried[at] = first as u32;
+            let end_m = exit_m.min(reach_m).min(self.most_depth_m);
+            moved.push(along(&a, &n, end_m));
+            rays.end_m[at] = end_m;
+        }
+        for (index, view) in self.views.iter().enumerate() {
+            let sight = sights.of(index);
+            let ends = &mut rays.ends;
+            if view.camera().lens().is_straight() {
+                let (column, row) = (&mut ends.0[..chunk.count], &mut ends.1[..chunk.count]);
+                view.frame().pixels(&moved.x, &moved.y, &moved.z, column, row);
+            }
+            for at in 0..chunk.count {
+                if sight.clear_m[at] > rays.end_m[at] || rays.tried[at] == index as u32 {
+                    continue;
+                }
+                let start = Pixel { column: sight.column[at], row: sight.row[at] };
+                let end = Pixel { column: ends.0[at], row: ends.1[at] };
+                if view.camera().lens().is_straight() && view.foreground().map().all_ones(start, end) {
+                    continue;
+                }
+                let point = chunk.from + at;
+                let (a, n) = (points.point(point), asked.direction(point));
+                let n = Vector3::from(n.map(f64::from));
+                let reach_m = asked.reach(point);
+                let limit_m = limit_m(view, rays.exit_m[at], reach_m);
+                let exit_m = view.exit_within(&a, &n, limit_m, reach_m);
+                if exit_m < rays.exit_m[at] {
+                    rays.exit_m[at] = exit_m;
+                    first = index;
+                }
+            }
+        }
+        first
     }
 
     /// Of a batch with one direction, the longest exit; for the others, how long they are at most.
@@ -48,7 +108,7 @@ impl ViewSet {
         let exits_m = &mut answer.exits_m[begin..];
         let Some(deepest) = least_along(points, &direction) else { return };
         let mut first = self.hinted(asked, deepest, 0);
-        let mut longest_m = self.exit(&points.point(deepest), &direction, f32::INFINITY, &mut first);
+        let mut longest_m = self.exit(&points.point(deepest), &direction, &mut first);
         exits_m[deepest] = longest_m;
         let (moved, standings) = (&mut scratch.moved, &mut scratch.standings);
         moved.clear();
@@ -56,7 +116,9 @@ impl ViewSet {
             // Then the body has none, whatever the others' are.
             return;
         }
-        moved.extend((0..points.len()).map(|at| along(&points.point(at), &direction, longest_m).into()));
+        for at in 0..points.len() {
+            moved.push(along(&points.point(at), &direction, longest_m));
+        }
         standings.clear();
         self.append_standings(moved, &mut scratch.block, standings);
         for at in (0..points.len()).filter(|&at| at != deepest) {
@@ -64,7 +126,7 @@ impl ViewSet {
             if standings[at] == Standing::OUTSIDE {
                 continue;
             }
-            let exit_m = self.exit(&points.point(at), &direction, f32::INFINITY, &mut first);
+            let exit_m = self.exit(&points.point(at), &direction, &mut first);
             exits_m[at] = exit_m;
             if exit_m == NO_EXIT_M {
                 return;
@@ -83,9 +145,9 @@ impl ViewSet {
         self.views.iter().position(|view| view.observer().rig_index() == hint).unwrap_or(last)
     }
 
-    /// Where the ray from a point inside leaves, as far as this group knows and within reach.
+    /// Where the ray from a point inside leaves, as far as this group knows.
     #[inline(always)]
-    fn exit(&self, a: &Point3<f64>, n: &Vector3<f64>, reach_m: f32, first: &mut usize) -> f32 {
+    fn exit(&self, a: &Point3<f64>, n: &Vector3<f64>, first: &mut usize) -> f32 {
         let mut exit_m = NO_EXIT_M;
         let begin = *first;
         for order in 0..=self.views.len() {
@@ -94,11 +156,8 @@ impl ViewSet {
                 continue;
             }
             let view = &self.views[index];
-            let limit_m = limit_m(view, exit_m, reach_m);
-            if let Some(found_m) = view.first_outside(a, n, limit_m)
-                && found_m < exit_m
-                && found_m <= reach_m
-            {
+            let found_m = view.exit_within(a, n, limit_m(view, exit_m, f32::INFINITY), f32::INFINITY);
+            if found_m < exit_m {
                 exit_m = found_m;
                 *first = index;
             }
@@ -106,7 +165,7 @@ impl ViewSet {
         exit_m
     }
 
-    /// The same when cameras may be silent; what happens before goes to `changes`.
+    /// Where the ray leaves when cameras may be silent; what happens before goes to `changes`.
     fn exit_with_silence(&self, asked: &Asked, at: usize, a: &Point3<f64>, changes: &mut Vec<Change>) -> f32 {
         let n = Vector3::from(asked.direction(at).map(f64::from));
         let (point, reach_m) = ((asked.first_point + at) as u32, asked.reach(at));
@@ -122,6 +181,41 @@ impl ViewSet {
         let end = exit_m.min(reach_m.next_up());
         changes.truncate(begin + changes[begin..].partition_point(|change| change.t_m < end));
         exit_m
+    }
+}
+
+impl View {
+    /// The first `t` outside if it is within reach, [`NO_EXIT_M`] if not.
+    #[inline(always)]
+    fn exit_within(&self, a: &Point3<f64>, n: &Vector3<f64>, limit_m: f64, reach_m: f32) -> f32 {
+        match self.first_outside(a, n, limit_m) {
+            Some(found_m) if found_m <= reach_m => found_m,
+            _ => NO_EXIT_M,
+        }
+    }
+}
+
+/// Some of a batch's points.
+struct Chunk {
+    from: usize,
+    count: usize,
+}
+
+/// What is known of the rays of a chunk.
+#[derive(Clone, Debug)]
+pub(super) struct Rays {
+    exit_m: [f32; CHUNK],
+    /// How far the ray is of interest.
+    end_m: [f32; CHUNK],
+    /// The view that was searched first.
+    tried: [u32; CHUNK],
+    /// Where a view sees the ends: column and row.
+    ends: ([i32; CHUNK], [i32; CHUNK]),
+}
+
+impl Default for Rays {
+    fn default() -> Rays {
+        Rays { exit_m: [0.0; CHUNK], end_m: [0.0; CHUNK], tried: [0; CHUNK], ends: ([0; CHUNK], [0; CHUNK]) }
     }
 }
 

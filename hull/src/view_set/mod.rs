@@ -17,6 +17,7 @@ use crate::question::{Answer, Batch, Kind, Points, Question, Standing};
 use crate::rule::HullRule;
 use crate::vector::{VectorPath, on_path};
 use crate::view::{Class, View};
+use exits::Rays;
 use sights::Sights;
 
 /// Cameras of one process at one instant.
@@ -28,6 +29,8 @@ pub struct ViewSet {
     hull_box: Option<WorldBox>,
     /// The views as they reject most: each looks as far across those before it as any left does.
     rejecting: Vec<usize>,
+    /// No camera is searched for exits farther than this, metres.
+    most_depth_m: f32,
 }
 
 /// Buffers kept between questions.
@@ -38,6 +41,7 @@ pub struct Scratch {
     block: Box<Block>,
     sights: Sights,
     standings: Vec<Standing>,
+    rays: Rays,
 }
 
 impl ViewSet {
@@ -53,7 +57,9 @@ impl ViewSet {
             Some(WorldBox::EVERYWHERE)
         };
         let rejecting = rejecting_order(&views);
-        ViewSet { views, path: VectorPath::best(), always_judge, hull_box, rejecting }
+        let depths_m = views.iter().map(|view| view.observer().settings().max_depth_m());
+        let most_depth_m = (depths_m.fold(0.0, f64::max) as f32).next_up();
+        ViewSet { views, path: VectorPath::best(), always_judge, hull_box, rejecting, most_depth_m }
     }
 
     /// The same, answering with these instructions if the processor has them.
