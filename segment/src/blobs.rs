@@ -2,7 +2,7 @@
 
 use hull::silhouette::Run;
 
-use crate::bits::BitImage;
+use crate::bits::{Area, BitImage};
 
 /// Labels components of an image; its buffers are kept between frames.
 #[derive(Clone, Debug, Default)]
@@ -18,25 +18,20 @@ pub(crate) struct Blobs {
 }
 
 impl Blobs {
-    /// Clears components (pixels that touch, also at corners) of fewer than `least_px` pixels.
-    pub(crate) fn remove_specks(&mut self, image: &mut BitImage, height: usize, least_px: u32) {
-        self.label(image, height, 1);
-        self.paint(image, height, false, |blobs, root| blobs.areas[root] < least_px);
+    /// Clears components (pixels that touch, also at corners) of fewer than `least_px` pixels. All that is
+    /// set must be in the area, here and below.
+    pub(crate) fn remove_specks(&mut self, image: &mut BitImage, area: &Area, least_px: u32) {
+        self.label(image, area, 1);
+        self.paint(image, area, false, |blobs, root| blobs.areas[root] < least_px);
     }
 
     /// Clears all but the `keep` largest groups (of equal ones the upper stay). What is one component
     /// in `grown`, an image that covers this one, is one group here.
-    pub(crate) fn keep_largest(
-        &mut self,
-        image: &mut BitImage,
-        grown: &BitImage,
-        height: usize,
-        keep: usize,
-    ) {
-        self.label(grown, height, 1);
+    pub(crate) fn keep_largest(&mut self, image: &mut BitImage, grown: &BitImage, area: &Area, keep: usize) {
+        self.label(grown, area, 1);
         self.areas.fill(0);
-        for row in 0..height {
-            for at in self.row_offsets[row]..self.row_offsets[row + 1] {
+        for (at_row, row) in area.rows.clone().enumerate() {
+            for at in self.row_offsets[at_row]..self.row_offsets[at_row + 1] {
                 let root = self.root(at);
                 self.areas[root] += image.count_run(row, self.runs[at]);
             }
@@ -52,38 +47,41 @@ impl Blobs {
         }
         let last = self.by_area.len() - keep;
         let least = *self.by_area.select_nth_unstable(last).1;
-        self.paint(image, height, false, |blobs, root| (blobs.areas[root], u32::MAX - root as u32) < least);
+        self.paint(image, area, false, |blobs, root| (blobs.areas[root], u32::MAX - root as u32) < least);
     }
 
     /// Fills background components of at most `most_px` pixels that do not touch the image's border.
-    pub(crate) fn fill_holes(&mut self, image: &mut BitImage, width: u32, height: usize, most_px: u32) {
-        image.invert();
-        self.label(image, height, 0);
-        image.invert();
+    pub(crate) fn fill_holes(&mut self, image: &mut BitImage, area: &Area, most_px: u32) {
+        image.invert(area);
+        self.label(image, area, 0);
+        image.invert(area);
         self.on_border.clear();
         self.on_border.resize(self.runs.len(), false);
-        for row in 0..height {
-            for at in self.row_offsets[row]..self.row_offsets[row + 1] {
+        // From the area's border it is all background to the image's.
+        let columns = image.columns(area);
+        for at_row in 0..area.rows.len() {
+            for at in self.row_offsets[at_row]..self.row_offsets[at_row + 1] {
                 let run = self.runs[at];
-                if row == 0 || row + 1 == height || run.start == 0 || u32::from(run.end) == width {
+                let outermost = at_row == 0 || at_row + 1 == area.rows.len();
+                if outermost || u32::from(run.start) == columns.start || u32::from(run.end) == columns.end {
                     let root = self.root(at);
                     self.on_border[root] = true;
                 }
             }
         }
-        self.paint(image, height, true, |blobs, root| blobs.areas[root] <= most_px && !blobs.on_border[root]);
+        self.paint(image, area, true, |blobs, root| blobs.areas[root] <= most_px && !blobs.on_border[root]);
     }
 
     /// Sets the pixels of all components that are `chosen` to `value`.
     fn paint(
         &mut self,
         image: &mut BitImage,
-        height: usize,
+        area: &Area,
         value: bool,
         chosen: impl Fn(&Blobs, usize) -> bool,
     ) {
-        for row in 0..height {
-            for at in self.row_offsets[row]..self.row_offsets[row + 1] {
+        for (at_row, row) in area.rows.clone().enumerate() {
+            for at in self.row_offsets[at_row]..self.row_offsets[at_row + 1] {
                 let root = self.root(at);
                 if chosen(self, root) {
                     image.set_run(row, self.runs[at], value);
@@ -93,17 +91,17 @@ impl Blobs {
     }
 
     /// Finds components; runs of neighbouring rows touch if they overlap after growing by `reach`.
-    fn label(&mut self, image: &BitImage, height: usize, reach: u32) {
+    fn label(&mut self, image: &BitImage, area: &Area, reach: u32) {
         self.runs.clear();
         self.row_offsets.clear();
         self.row_offsets.push(0);
-        for row in 0..height {
-            image.row_runs(row, &mut self.runs);
+        for row in area.rows.clone() {
+            image.row_runs(row, area, &mut self.runs);
             self.row_offsets.push(self.runs.len());
         }
         self.parents.clear();
         self.parents.extend(0..self.runs.len() as u32);
-        for row in 1..height {
+        for row in 1..area.rows.len() {
             self.join_rows(row, reach);
         }
         self.areas.clear();
@@ -145,15 +143,13 @@ impl Blobs {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bits::tests::{image, whole};
+    use crate::kernel::VectorPath;
     use proptest::prelude::*;
 
     fn drawn(rows: &[&str]) -> BitImage {
-        let mut image = BitImage::new(rows[0].len() as u32, rows.len() as u32);
-        for (row, text) in rows.iter().enumerate() {
-            let pixels: Vec<u8> = text.bytes().map(|c| u8::from(c == b'#')).collect();
-            image.set_row(row, &pixels);
-        }
-        image
+        let pixels = rows.iter().flat_map(|row| row.bytes().map(|c| u8::from(c == b'#')));
+        image(rows[0].len(), &pixels.collect::<Vec<u8>>())
     }
 
     const MESS: [&str; 7] = [
@@ -169,7 +165,8 @@ mod tests {
     #[test]
     fn corners_join_a_component_and_small_ones_go() {
         let mut image = drawn(&MESS);
-        Blobs::default().remove_specks(&mut image, 7, 5);
+        let area = whole(&image);
+        Blobs::default().remove_specks(&mut image, &area, 5);
         let mut expected = MESS;
         expected[0] = "#...........";
         expected[1] = ".#..........";
@@ -179,13 +176,13 @@ mod tests {
     #[test]
     fn only_the_largest_are_kept() {
         let mut image = drawn(&MESS);
-        let unjoined = image.clone();
-        Blobs::default().keep_largest(&mut image, &unjoined, 7, 1);
+        let (unjoined, area) = (image.clone(), whole(&image));
+        Blobs::default().keep_largest(&mut image, &unjoined, &area, 1);
         let kept = MESS.map(|row| format!("{}.....", &row[..7]));
         let kept = kept.each_ref().map(String::as_str);
         assert_eq!(image, drawn(&kept));
         let unjoined = image.clone();
-        Blobs::default().keep_largest(&mut image, &unjoined, 7, 3);
+        Blobs::default().keep_largest(&mut image, &unjoined, &area, 3);
         assert_eq!(image, drawn(&kept), "fewer than asked for are all kept");
     }
 
@@ -194,8 +191,8 @@ mod tests {
         let rows = ["##.....###", "##.....###", "..........", ".###......", ".###......"];
         let mut image = drawn(&rows);
         let mut grown = image.clone();
-        grown.grow(2);
-        Blobs::default().keep_largest(&mut image, &grown, 5, 1);
+        let area = grown.grow(2, &whole(&image), VectorPath::Portable);
+        Blobs::default().keep_largest(&mut image, &grown, &area, 1);
         assert_eq!(image, drawn(&["##........", "##........", "..........", ".###......", ".###......"]));
     }
 
@@ -203,16 +200,18 @@ mod tests {
     fn holes_are_filled_but_not_bays_of_the_border_nor_large_ones() {
         let ring = ["#####..", "#...#..", "#.#.#..", "#...###", "#####.."];
         let mut image = drawn(&ring);
-        Blobs::default().fill_holes(&mut image, 7, 5, 7);
+        let area = whole(&image);
+        Blobs::default().fill_holes(&mut image, &area, 7);
         assert_eq!(image, drawn(&ring), "the hole has eight pixels");
-        Blobs::default().fill_holes(&mut image, 7, 5, 8);
+        Blobs::default().fill_holes(&mut image, &area, 8);
         assert_eq!(image, drawn(&["#####..", "#####..", "#####..", "#######", "#####.."]));
     }
 
     #[test]
     fn a_hole_does_not_leak_through_a_corner() {
         let mut image = drawn(&["......", "..#...", ".#.#..", "..#...", "......"]);
-        Blobs::default().fill_holes(&mut image, 6, 5, 1);
+        let area = image.extent(VectorPath::Portable).0;
+        Blobs::default().fill_holes(&mut image, &area, 1);
         assert_eq!(image.count(), 5);
     }
 
@@ -220,9 +219,9 @@ mod tests {
         #[test]
         fn components_are_those_of_a_flood(mask in prop::collection::vec(0u8..2, 12 * 9), least in 1u32..12) {
             let (width, height) = (12usize, 9usize);
-            let mut image = BitImage::new(12, 9);
-            mask.chunks(width).enumerate().for_each(|(row, pixels)| image.set_row(row, pixels));
-            Blobs::default().remove_specks(&mut image, height, least);
+            let mut found = image(width, &mask);
+            let area = found.extent(VectorPath::Portable).0;
+            Blobs::default().remove_specks(&mut found, &area, least);
             let mut expected = mask.clone();
             let mut seen = vec![false; mask.len()];
             for seed in 0..mask.len() {
@@ -245,9 +244,7 @@ mod tests {
                     blob.iter().for_each(|&at| expected[at] = 0);
                 }
             }
-            let mut again = BitImage::new(12, 9);
-            expected.chunks(width).enumerate().for_each(|(row, pixels)| again.set_row(row, pixels));
-            prop_assert_eq!(image, again);
+            prop_assert_eq!(found, image(width, &expected));
         }
     }
 }

@@ -7,17 +7,26 @@
 //! cites in §3). Green rooms need no model: [`Method::Chroma`]. What is left is cleaned of specks and
 //! small holes and handed over as runs.
 //!
-//! Frames are rows of 8-bit RGB triples, top row first. All work per frame is done in integers, so
-//! that one frame gives one silhouette on every machine; nothing is carried from frame to frame.
+//! Frames are bytes as cameras give them ([`Layout`]): RGB, or YUV, which is compared as it is. A frame
+//! is read once and becomes bits at once; clean-up works on bits and runs. All work per frame is done in
+//! integers, so that one frame gives one silhouette on every machine and every [`VectorPath`]; nothing is
+//! carried from frame to frame.
 
 mod bits;
 mod blobs;
+mod convert;
 mod gain;
+mod kernel;
+mod layout;
+mod metric;
 mod model;
 mod segmenter;
 mod settings;
-mod test_row;
+mod thresholds;
 
+pub use convert::{from_rgb, to_rgb};
+pub use kernel::VectorPath;
+pub use layout::{Format, Layout, Range, Sampling, SizeError};
 pub use model::{BackgroundBuilder, BackgroundModel, MAX_CLIP_FRAMES, ModelError};
 pub use segmenter::{SegmentError, Segmented, Segmenter};
 pub use settings::{GainMode, Method, SegmentSettings, SettingsError};

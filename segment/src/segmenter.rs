@@ -4,12 +4,15 @@ use hull::Silhouette;
 use hull::silhouette::{Run, SilhouetteBuilder, SilhouetteError};
 use thiserror::Error;
 
-use crate::bits::BitImage;
+use crate::bits::{Area, BitImage};
 use crate::blobs::Blobs;
-use crate::gain::Tones;
+use crate::gain::{Correction, Gains};
+use crate::kernel::{Background, Band, ChromaTest, DifferenceTest, Test, VectorPath, bands};
+use crate::layout::{Format, Layout};
+use crate::metric::Metric;
 use crate::model::BackgroundModel;
 use crate::settings::{Cleanup, Method, SegmentSettings, SettingsError};
-use crate::test_row::{BackgroundRow, ChromaTest, ShadowTest, test_against_background};
+use crate::thresholds::low_thresholds;
 
 /// Why there is no segmenter, or no silhouette.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -35,12 +38,14 @@ pub enum SegmentError {
         height: u32,
     },
     /// A frame of the wrong length.
-    #[error("frame of {found} bytes, expected {expected}: RGB of {width} x {height}")]
+    #[error("frame of {found} bytes, expected {expected}: {layout:?} of {width} x {height}")]
     Frame {
         /// Bytes given.
         found: usize,
-        /// Three for each pixel.
+        /// Bytes of a frame of the segmenter's format.
         expected: usize,
+        /// The segmenter's.
+        layout: Layout,
         /// Pixels across.
         width: u32,
         /// Pixels down.
@@ -66,68 +71,58 @@ pub struct Segmented {
     pub gains: [f64; 3],
 }
 
-/// Segments the frames of one camera; buffers are kept between frames, results are not.
+/// Pixels that are worth a core of their own: starting a thread costs what a few ten thousand pixels do.
+const GRAIN_PX: usize = 1 << 21;
+
+/// Segments the frames of one camera; buffers are kept between frames, results are not. After the first
+/// frames nothing is allocated but the silhouette that is handed out (and threads, if there are several).
 #[derive(Clone, Debug)]
 pub struct Segmenter {
-    width: u32,
-    height: u32,
-    settings: SegmentSettings,
+    format: Format,
     cleanup: Cleanup,
     test: Test,
+    gains: Option<Gains>,
+    path: VectorPath,
+    cores: usize,
     never: Option<BitImage>,
-    tones: Tones,
-    toned: Vec<u8>,
-    squares: Vec<u16>,
-    foreground: Vec<u8>,
     bits: BitImage,
     grown: BitImage,
     blobs: Blobs,
     row_runs: Vec<Run>,
 }
 
-#[derive(Clone, Debug)]
-enum Test {
-    Difference { mean: Vec<u8>, low: Vec<u8>, high: Vec<u8>, shadow: ShadowTest },
-    Chroma(ChromaTest),
-}
-
 impl Segmenter {
-    /// A segmenter for frames of that size. The method `difference` needs the background, of the
-    /// same size; `chroma` does not look at it.
+    /// A segmenter for frames of that format. The method `difference` needs the background, of the
+    /// same size; if it is of another layout, it is turned into the frames'. `chroma` does not look at it.
     pub fn new(
         settings: &SegmentSettings,
-        width: u32,
-        height: u32,
+        format: Format,
         background: Option<&BackgroundModel>,
     ) -> Result<Segmenter, SegmentError> {
         settings.validate()?;
-        Silhouette::empty(width, height)?;
-        let test = match (settings.method, background) {
-            (Method::Chroma, _) => Test::Chroma(ChromaTest::new(settings)),
+        let (width, height) = (format.width(), format.height());
+        let (test, gains) = match (settings.method, background) {
+            (Method::Chroma, _) => (Test::Chroma(ChromaTest::new(settings, format.layout())), None),
             (Method::Difference, None) => return Err(SegmentError::NoBackground),
             (Method::Difference, Some(model)) => {
-                same_size("background", (model.width(), model.height()), (width, height))?;
-                let (low, high) = thresholds(settings, model);
-                Test::Difference {
-                    mean: model.mean_rgb().to_vec(),
-                    low,
-                    high,
-                    shadow: ShadowTest::new(settings),
-                }
+                let found = model.format();
+                same_size("background", (found.width(), found.height()), (width, height))?;
+                let model = model.in_layout(format.layout());
+                let background =
+                    Background::new(format, model.shared_mean(), &low_thresholds(settings, &model));
+                let test = DifferenceTest::new(settings, Metric::of(format.layout()));
+                let gains = Gains::new(settings.gain, format, model.mean());
+                (Test::Difference(test, background), Some(gains))
             }
         };
-        let row = width as usize;
         Ok(Segmenter {
-            width,
-            height,
-            settings: settings.clone(),
+            format,
             cleanup: settings.cleanup(width, height),
             test,
+            gains,
+            path: VectorPath::best(),
+            cores: 1,
             never: None,
-            tones: Tones::new(),
-            toned: vec![0; 3 * row],
-            squares: vec![0; 3 * row],
-            foreground: vec![0; row],
             bits: BitImage::new(width, height),
             grown: BitImage::new(width, height),
             blobs: Blobs::default(),
@@ -135,115 +130,114 @@ impl Segmenter {
         })
     }
 
+    /// Size and layout of the frames.
+    pub fn format(&self) -> Format {
+        self.format
+    }
+
+    /// Lets large frames be read by up to so many cores at once; one, unless told. Small ones are read by
+    /// one all the same.
+    pub fn set_cores(&mut self, cores: usize) {
+        self.cores = cores.max(1);
+    }
+
+    /// Takes another vector path than the machine's best; the silhouettes are the same. One that the
+    /// machine lacks becomes the portable one.
+    pub fn set_vector_path(&mut self, path: VectorPath) {
+        self.path = path;
+    }
+
     /// Pixels that are never foreground, whatever they show: a bystander, a screen, a window.
     pub fn set_never_foreground(&mut self, mask: &Silhouette) -> Result<(), SegmentError> {
-        same_size("never-foreground mask", (mask.width(), mask.height()), (self.width, self.height))?;
-        let mut never = BitImage::new(self.width, self.height);
-        for row in 0..self.height {
+        let (width, height) = (self.format.width(), self.format.height());
+        same_size("never-foreground mask", (mask.width(), mask.height()), (width, height))?;
+        let mut never = BitImage::new(width, height);
+        for row in 0..height {
             mask.row(row).iter().for_each(|&run| never.set_run(row as usize, run, true));
         }
         self.never = Some(never);
         Ok(())
     }
 
-    /// The silhouette of a frame: rows of RGB triples, top row first.
-    pub fn segment(&mut self, rgb: &[u8]) -> Result<Segmented, SegmentError> {
-        let (width, height) = (self.width, self.height);
-        let expected = 3 * width as usize * height as usize;
-        if rgb.len() != expected {
-            return Err(SegmentError::Frame { found: rgb.len(), expected, width, height });
+    /// The silhouette of a frame: bytes of the segmenter's format.
+    pub fn segment(&mut self, bytes: &[u8]) -> Result<Segmented, SegmentError> {
+        let expected = self.format.frame_bytes();
+        if bytes.len() != expected {
+            return Err(SegmentError::Frame {
+                found: bytes.len(),
+                expected,
+                layout: self.format.layout(),
+                width: self.format.width(),
+                height: self.format.height(),
+            });
         }
-        self.test_rows(rgb);
-        let raw_px = self.bits.count();
-        self.clean();
-        let silhouette = self.runs()?;
-        let pixels = f64::from(width) * f64::from(height);
+        let correction = self.gains.as_mut().map_or(Correction::NONE, |gains| gains.estimate(bytes));
+        self.read(bytes, correction);
+        let (area, raw_px) = self.bits.extent(self.path);
+        let area = self.clean(area);
+        let silhouette = self.silhouette(&area)?;
+        let pixels = self.format.pixels() as f64;
         Ok(Segmented {
             foreground_share: silhouette.area() as f64 / pixels,
             raw_share: raw_px as f64 / pixels,
-            gains: self.tones.gains(),
+            gains: correction.gains(),
             silhouette,
         })
     }
 
-    fn test_rows(&mut self, rgb: &[u8]) {
-        let row_bytes = 3 * self.width as usize;
-        if let Test::Difference { mean, .. } = &self.test {
-            self.tones.estimate(self.settings.gain, rgb, mean);
-        }
-        for (row, rgb) in rgb.chunks_exact(row_bytes).enumerate() {
-            match &self.test {
-                Test::Chroma(chroma) => chroma.test(rgb, &mut self.foreground),
-                Test::Difference { mean, low, high, shadow } => {
-                    let pixels = row * self.width as usize..(row + 1) * self.width as usize;
-                    let background = BackgroundRow {
-                        mean: &mean[3 * pixels.start..3 * pixels.end],
-                        low: &low[pixels.clone()],
-                        high: &high[pixels],
-                    };
-                    let rgb = self.tones.apply(rgb, &mut self.toned);
-                    let (squares, foreground) = (&mut self.squares, &mut self.foreground);
-                    test_against_background(rgb, background, *shadow, squares, foreground);
-                }
-            }
-            self.bits.set_row(row, &self.foreground);
+    /// Bytes to bits.
+    fn read(&mut self, bytes: &[u8], correction: Correction) {
+        let Segmenter { format, ref test, path, cores, .. } = *self;
+        let most = (format.pixels() / GRAIN_PX).clamp(1, cores);
+        let band =
+            |(first_group, words)| Band { format, bytes, test, correction, first_group, words };
+        if most == 1 {
+            path.run(band((0, self.bits.words_mut())));
+        } else {
+            std::thread::scope(|scope| {
+                let mut rest = bands(format, self.bits.words_mut(), most).map(band);
+                let own = rest.next();
+                rest.for_each(|band| drop(scope.spawn(move || path.run(band))));
+                own.into_iter().for_each(|band| path.run(band));
+            });
         }
         if let Some(never) = &self.never {
             self.bits.clear_where(never);
         }
     }
 
-    fn clean(&mut self) {
+    /// Takes noise out of the bits, all of which are in the area; gives the area that holds them then.
+    fn clean(&mut self, area: Area) -> Area {
         let Cleanup { open_px, close_px, speck_px, hole_px, join_px, keep } = self.cleanup;
-        let height = self.height as usize;
-        self.bits.open(open_px);
-        self.bits.close(close_px);
-        self.blobs.remove_specks(&mut self.bits, height, speck_px);
+        let path = self.path;
+        self.bits.open(open_px, &area, path);
+        // Noise has made the area larger than people are.
+        let (area, _) = self.bits.extent(path);
+        let area = self.bits.close(close_px, area, path);
+        self.blobs.remove_specks(&mut self.bits, &area, speck_px);
         if let Some(keep) = keep {
             self.grown.copy_from(&self.bits);
-            self.grown.grow(join_px);
-            self.blobs.keep_largest(&mut self.bits, &self.grown, height, keep);
+            let grown = self.grown.grow(join_px, &area, path);
+            self.blobs.keep_largest(&mut self.bits, &self.grown, &grown, keep);
         }
-        self.blobs.fill_holes(&mut self.bits, self.width, height, hole_px);
+        self.blobs.fill_holes(&mut self.bits, &area, hole_px);
         if let Some(never) = &self.never {
             self.bits.clear_where(never);
         }
+        area
     }
 
-    fn runs(&mut self) -> Result<Silhouette, SilhouetteError> {
-        let mut builder = SilhouetteBuilder::new(self.width, self.height)?;
-        for row in 0..self.height as usize {
+    fn silhouette(&mut self, area: &Area) -> Result<Silhouette, SilhouetteError> {
+        let mut builder = SilhouetteBuilder::new(self.format.width(), self.format.height())?;
+        for row in 0..self.format.rows() {
             self.row_runs.clear();
-            self.bits.row_runs(row, &mut self.row_runs);
+            if area.rows.contains(&row) {
+                self.bits.row_runs(row, area, &mut self.row_runs);
+            }
             builder.push_runs(&self.row_runs)?;
         }
         builder.finish()
     }
-}
-
-/// The least low threshold, levels: the rounding of cameras and codecs alone reaches it.
-const LEAST_LOW: f64 = 15.0;
-
-/// The most that is estimated from the noise of a clip.
-const MOST_LOW: f64 = 30.0;
-
-/// The low threshold of a single picture, of whose noise nothing is known.
-const PLATE_LOW: f64 = 20.0;
-
-/// Low and high threshold per pixel.
-fn thresholds(settings: &SegmentSettings, model: &BackgroundModel) -> (Vec<u8>, Vec<u8>) {
-    let floor = settings.low.unwrap_or_else(|| {
-        model.median_deviation().map_or(PLATE_LOW, |deviation| (6.0 * deviation).clamp(LEAST_LOW, MOST_LOW))
-    });
-    let pixels = (0..model.height()).flat_map(|row| (0..model.width()).map(move |column| (column, row)));
-    let low = pixels.map(|(column, row)| {
-        let noise = settings.sigma_factor * model.deviation(column, row);
-        let edge = settings.edge_px * model.gradient(column as usize, row as usize);
-        floor.max(noise).max(edge).round().min(255.0) as u8
-    });
-    let low: Vec<u8> = low.collect();
-    let high = low.iter().map(|&low| low.max(settings.high.round() as u8)).collect();
-    (low, high)
 }
 
 fn same_size(what: &'static str, found: (u32, u32), expected: (u32, u32)) -> Result<(), SegmentError> {

@@ -10,7 +10,7 @@ mod common;
 use std::path::{Path, PathBuf};
 
 use hull::Silhouette;
-use segment::{BackgroundBuilder, SegmentSettings, Segmenter};
+use segment::{BackgroundBuilder, Format, Layout, Range, Sampling, SegmentSettings, Segmenter};
 
 /// As in the cluster files: all else is the default. Panels, bystanders and flicker are smaller than the person.
 const SETTINGS: &str = "keep_largest = 1";
@@ -27,20 +27,28 @@ struct Recorded {
     last: usize,
 }
 
+/// What films are decoded to, with ffmpeg's name.
+const LAYOUTS: [(Layout, &str); 4] = [
+    (Layout::Rgb, "rgb24"),
+    (Layout::Planar(Sampling::C420, Range::Limited), "yuv420p"),
+    (Layout::Nv12(Range::Limited), "nv12"),
+    (Layout::Yuyv(Range::Limited), "yuyv422"),
+];
+
 /// Intersection over union of every reference frame.
-fn overlaps(recorded: &Recorded) -> Vec<f64> {
+fn overlaps(recorded: &Recorded, (layout, pixel_format): (Layout, &str)) -> Vec<f64> {
     let Recorded { name, size: (width, height), every, last, .. } = recorded;
-    let (width, height) = (*width, *height);
-    let mut builder = BackgroundBuilder::new(width, height).expect("size");
-    for frame in common::frames(&recorded.background, recorded.size, "null") {
+    let format = Format::new(layout, *width, *height).expect("size");
+    let mut builder = BackgroundBuilder::new(format);
+    for frame in common::frames(&recorded.background, format, pixel_format, "null") {
         builder.push(&frame).expect("a frame");
     }
     let settings: SegmentSettings = toml::from_str(SETTINGS).expect("settings");
     let background = builder.finish().expect("a background");
     let mut segmenter =
-        Segmenter::new(&settings, width, height, Some(&background)).expect("settings and model");
+        Segmenter::new(&settings, format, Some(&background)).expect("settings and model");
     let chosen = format!("select='not(mod(n,{every}))*lte(n,{last})'");
-    let frames = common::frames(&recorded.video, recorded.size, &chosen);
+    let frames = common::frames(&recorded.video, format, pixel_format, &chosen);
     assert_eq!(frames.len(), last / every + 1, "frames of {name}");
     let overlap = |(at, frame): (usize, &Vec<u8>)| {
         let found = segmenter.segment(frame).expect("a frame");
@@ -66,11 +74,14 @@ fn intersection_over_union(a: &Silhouette, b: &Silhouette) -> f64 {
 /// Prints a line per camera and fails if one falls short in the mean or in its worst frame.
 #[track_caller]
 fn check(cameras: &[Recorded], least_mean: f64, least_frame: f64) {
-    for recorded in cameras {
-        let overlaps = overlaps(recorded);
+    for (recorded, layout) in cameras.iter().flat_map(|camera| LAYOUTS.map(|layout| (camera, layout))) {
+        let overlaps = overlaps(recorded, layout);
         let mean = overlaps.iter().sum::<f64>() / overlaps.len() as f64;
         let least = overlaps.iter().copied().fold(f64::INFINITY, f64::min);
-        println!("{}: intersection over union {mean:.3}, {least:.3} in the worst frame", recorded.name);
+        println!(
+            "{}, {}: intersection over union {mean:.4}, {least:.4} in the worst frame",
+            recorded.name, layout.1
+        );
         assert!(mean >= least_mean && least >= least_frame, "{}: {overlaps:.3?}", recorded.name);
     }
 }

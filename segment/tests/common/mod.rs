@@ -3,6 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use segment::Format;
+
 /// The folder of the recordings: `HULLTOUCH_DATASETS`, or else `../shared/datasets`, both from the
 /// workspace's root. `None`, with the reason printed, if the variable is not set and the folder is not there.
 pub fn datasets() -> Option<PathBuf> {
@@ -17,17 +19,17 @@ pub fn datasets() -> Option<PathBuf> {
     Some(folder)
 }
 
-/// Decoded frames, RGB triples, of the size asked for.
-pub fn frames(video: &Path, (width, height): (u32, u32), filter: &str) -> Vec<Vec<u8>> {
+/// Decoded frames of the format asked for, by ffmpeg's name of its layout.
+pub fn frames(video: &Path, format: Format, pixel_format: &str, filter: &str) -> Vec<Vec<u8>> {
     let output = Command::new("ffmpeg")
         .args(["-v", "error", "-nostdin", "-i"])
         .arg(video)
-        .args(["-vf", filter, "-fps_mode", "passthrough", "-f", "rawvideo", "-pix_fmt", "rgb24", "-"])
+        .args(["-vf", filter, "-fps_mode", "passthrough", "-f", "rawvideo", "-pix_fmt", pixel_format, "-"])
         .output()
         .expect("ffmpeg is needed where the recordings are (Debian package ffmpeg)");
     let complaint = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "ffmpeg on {}: {complaint}", video.display());
-    let size = 3 * width as usize * height as usize;
-    assert_eq!(output.stdout.len() % size, 0, "{} is not {width} x {height}", video.display());
+    let size = format.frame_bytes();
+    assert_eq!(output.stdout.len() % size, 0, "{} is not of {format:?}", video.display());
     output.stdout.chunks_exact(size).map(<[u8]>::to_vec).collect()
 }
