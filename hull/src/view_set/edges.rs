@@ -10,6 +10,9 @@ use crate::probe::edge_normal::sum_of_background;
 use crate::probe::nearest_edge::nearest_edge;
 use crate::question::{Answer, Edge};
 
+/// Up to here, looking at the whole square first costs less than a search.
+const BOX_PIXELS: f32 = 16.0;
+
 /// A camera's edge before its normal is wanted.
 struct Found {
     view: usize,
@@ -61,9 +64,9 @@ impl ViewSet {
                 continue;
             }
             let start = Pixel { column: sight.column[at], row: sight.row[at] };
-            if let Some(found) =
-                self.camera_edge(view, a, start, reach_m, best.as_ref().map(|best| best.edge))
-            {
+            let limit_pixels = sight.pixels_within(at, within_m);
+            let so_far = best.as_ref().map(|best| best.edge);
+            if let Some(found) = self.camera_edge(view, a, start, limit_pixels, reach_m, so_far) {
                 best = Some(found);
             }
         }
@@ -85,15 +88,24 @@ impl ViewSet {
         index: usize,
         a: &Point3<f64>,
         start: Pixel,
+        limit_pixels: f32,
         reach_m: f32,
         best: Option<Edge>,
     ) -> Option<Found> {
         let view = &self.views[index];
+        let candidates = view.edge_candidates();
+        if limit_pixels < BOX_PIXELS {
+            // Most cameras see nothing but foreground so near.
+            let reach = limit_pixels as i32;
+            let corner = |sign| Pixel { column: start.column + sign * reach, row: start.row + sign * reach };
+            if candidates.map().all_ones(corner(-1), corner(1)) {
+                return None;
+            }
+        }
+        let limit = (limit_pixels * limit_pixels).min(1e12) as i64 + 1;
+        let pixel = nearest_edge(candidates, start, limit, self.path)?.pixel;
         let camera = view.camera();
         let a_camera = camera.camera_from_world(a);
-        let within_m = f64::from(best.map_or(reach_m, |best| best.distance_m));
-        let limit = pixel_limit(&a_camera, within_m, view.observer().stretch_pixels());
-        let pixel = nearest_edge(view.edge_candidates(), start, limit)?.pixel;
         let normalised = camera.normalised(&pixel.centre())?;
         let ray = Vector3::new(normalised.x, normalised.y, 1.0).normalize();
         let distance_m = a_camera.cross(&ray).norm() as f32;
@@ -108,24 +120,4 @@ impl ViewSet {
         let edge = Edge { distance_m, camera: rig_index, pixel, normal_world: [0.0; 3] };
         wins.then_some(Found { view: index, edge, normalised, from_start })
     }
-}
-
-/// The squared pixel distance beyond which no pixel's ray comes as near as `distance_m` to a point.
-///
-/// A ray that near meets a point `b` with `|a − b| ≤ distance`, at a depth of at least `z − distance`; its
-/// projection is at most `distance · √(1 + x² + y²) / (z − distance)` away in normalised coordinates,
-/// times the image's stretch, plus half a pixel's diagonal because the search starts from a centre.
-#[inline(always)]
-fn pixel_limit(a_camera: &Vector3<f64>, distance_m: f64, stretch_pixels: f64) -> i64 {
-    let distance_m = distance_m * (1.0 + 1e-6) + 1e-9;
-    if distance_m == f64::INFINITY {
-        return i64::MAX;
-    }
-    let depth_m = a_camera.z - distance_m;
-    if depth_m <= 0.0 {
-        return i64::MAX;
-    }
-    let slant = a_camera.norm() / a_camera.z;
-    let pixels = stretch_pixels * distance_m * slant / depth_m + 0.7072;
-    (pixels * pixels).min(1e12) as i64 + 1
 }

@@ -1,0 +1,275 @@
+//! The search among cells, for starts deep inside.
+
+#[cfg(target_arch = "x86_64")]
+use super::avx512;
+use super::{Best, EdgePixel, Place, REACH, ROWS, by_rows, words_around, zeros_beside};
+use crate::camera::Pixel;
+use crate::silhouette::{BitMap, Index};
+use crate::vector::VectorPath;
+
+/// A search among cells that finds nothing nearer than so many of them falls back on rows of words.
+const CELLS_SEEN: i32 = 31;
+
+/// Searches cells first. What is found within [`CELLS_SEEN`] of them is certain.
+#[inline(always)]
+pub(super) fn far(index: &Index, start: Pixel, limit: i32, path: VectorPath) -> Option<EdgePixel> {
+    let shift = index.depth().shift();
+    let cells = Cells::around(index, start);
+    let seen = CELLS_SEEN << shift;
+    let mut rows = CellRows::default();
+    cells.scan(limit.min(seen * seen - 1), &mut rows, path);
+    let mut best = Best { squared: rows.limit, row: i32::MAX, column: i32::MAX };
+    for row in rows.nearest_first() {
+        look_into(index.map(), start, row, shift, &mut best, path);
+    }
+    if best.row != i32::MAX {
+        let pixel = Pixel { column: best.column, row: best.row };
+        return Some(EdgePixel { pixel, squared: i64::from(best.squared) });
+    }
+    if limit < seen * seen { None } else { by_rows(index.map(), start, limit) }
+}
+
+/// A pixel among cells.
+pub(super) struct Cells<'a> {
+    not_full: &'a BitMap,
+    pub(super) shift: u32,
+    pub(super) place: Place,
+    /// Where in its cell the pixel is.
+    pub(super) across: i32,
+    pub(super) down: i32,
+}
+
+/// A row of cells with the gaps in pixels to the nearest that are not full, on either side.
+#[derive(Clone, Copy, Default)]
+struct CellRow {
+    /// Its first row of pixels, from the start's.
+    first_row: i32,
+    /// Squared rows between it and the start.
+    rows_squared: i32,
+    gap_left: i32,
+    gap_right: i32,
+}
+
+/// Rows of cells that may hold the nearest pixel, and no pixel need be looked at beyond the limit.
+struct CellRows {
+    rows: [CellRow; 2 * CELLS_SEEN as usize + 2 * ROWS],
+    count: usize,
+    limit: i32,
+}
+
+impl Default for CellRows {
+    fn default() -> CellRows {
+        CellRows { rows: [CellRow::default(); 2 * CELLS_SEEN as usize + 2 * ROWS], count: 0, limit: 0 }
+    }
+}
+
+/// Farther than any pixel that counts.
+pub(super) const NOWHERE: i32 = 1 << 14;
+
+impl CellRow {
+    fn least_squared(&self) -> i32 {
+        let gap = self.gap_left.min(self.gap_right);
+        self.rows_squared + gap * gap
+    }
+}
+
+impl CellRows {
+    /// The rows that count, the one with the least bound first.
+    fn nearest_first(&mut self) -> impl Iterator<Item = &CellRow> {
+        let limit = self.limit;
+        let rows = &mut self.rows[..self.count];
+        let mut kept = 0;
+        for at in 0..rows.len() {
+            if rows[at].least_squared() <= limit {
+                rows[kept] = rows[at];
+                kept += 1;
+            }
+        }
+        let rows = &mut rows[..kept];
+        rows.sort_unstable_by_key(CellRow::least_squared);
+        rows.iter()
+    }
+}
+
+impl<'a> Cells<'a> {
+    fn around(index: &'a Index, start: Pixel) -> Cells<'a> {
+        let (shift, not_full) = (index.depth().shift(), index.depth().not_full());
+        let place = Place::of(not_full, start.column >> shift, start.row >> shift);
+        let mask = (1 << shift) - 1;
+        Cells { not_full, shift, place, across: start.column & mask, down: start.row & mask }
+    }
+
+    /// Notes the rows of cells that are not farther than the limit, which every cell found brings down.
+    #[inline(always)]
+    fn scan(&self, limit: i32, found: &mut CellRows, path: VectorPath) {
+        found.limit = limit;
+        let last = self.not_full.rows() as i32 - ROWS as i32;
+        let centred = (self.place.row - ROWS as i32 / 2).min(last).max(0);
+        self.scan_rows(path, centred, centred, centred + ROWS as i32, found);
+        let (mut above, mut below) = (centred, centred + ROWS as i32);
+        let gap = |row: i32| self.rows_to(row).pow(2);
+        loop {
+            if above > 0 && gap(above - 1) <= found.limit {
+                let first = (above - ROWS as i32).max(0);
+                self.scan_rows(path, first, first, above, found);
+                above = first;
+            } else if below < self.not_full.rows() as i32 && gap(below) <= found.limit {
+                let first = below.min(last);
+                self.scan_rows(path, first, below, first + ROWS as i32, found);
+                below = first + ROWS as i32;
+            } else {
+                break;
+            }
+        }
+    }
+
+    /// Rows of pixels between the start and a row of cells.
+    fn rows_to(&self, row: i32) -> i32 {
+        let cells = row - self.place.row;
+        match cells {
+            0 => 0,
+            1.. => (cells << self.shift) - self.down,
+            _ => ((-cells - 1) << self.shift) + self.down + 1,
+        }
+    }
+
+    /// The gaps in pixels to the nearest cell that is not full on the left and on the right of sixteen rows
+    /// of cells, and the squared distance within which each row has a pixel for certain.
+    #[inline(always)]
+    fn gaps(&self, path: VectorPath, first: i32) -> ([i32; ROWS], [i32; ROWS], [i32; ROWS]) {
+        #[cfg(target_arch = "x86_64")]
+        if path == VectorPath::Avx512 {
+            let words = words_around(self.not_full, &self.place, first);
+            #[allow(unsafe_code, reason = "the path was asked whether it is available when it was chosen")]
+            return unsafe { avx512::gaps(words, self, first) };
+        }
+        let _ = path;
+        let side = 1 << self.shift;
+        // The maps of cells are padded, so that they have sixteen rows.
+        let (left, right) = zeros_beside::<ROWS>(self.not_full, &self.place, first);
+        let (mut gaps_left, mut gaps_right, mut most) = ([0i32; ROWS], [0i32; ROWS], [0i32; ROWS]);
+        for at in 0..ROWS {
+            // Here ones are what is looked for.
+            let (left, right) = (!left[at], !right[at]);
+            let cells_left = left.leading_zeros() as i32;
+            let cells_right = 31 - (right & right.wrapping_neg()).leading_zeros() as i32;
+            let gap_left = (cells_left << self.shift) + self.across + 1;
+            let gap_right = ((cells_right << self.shift) - self.across).max(0);
+            // The cell below or above the start has columns on both sides of it.
+            let gap_left = if left == 0 { NOWHERE } else { gap_left };
+            let gap_left = if right & 1 != 0 { 1 } else { gap_left };
+            let gap_right = if right == 0 { NOWHERE } else { gap_right };
+            let cells = first + at as i32 - self.place.row;
+            let after = (cells << self.shift) - self.down;
+            let before = self.down + 1 - ((cells + 1) << self.shift);
+            let rows = after.max(before).max(0);
+            let widest = gap_left.min(gap_right) + side - 1;
+            gaps_left[at] = gap_left;
+            gaps_right[at] = gap_right;
+            most[at] = widest * widest + (rows + side - 1) * (rows + side - 1);
+        }
+        (gaps_left, gaps_right, most)
+    }
+
+    /// Looks at sixteen rows of cells from `first` and notes those of `from..to`.
+    #[inline(always)]
+    fn scan_rows(&self, path: VectorPath, first: i32, from: i32, to: i32, found: &mut CellRows) {
+        let (gaps_left, gaps_right, most) = self.gaps(path, first);
+        let least_most = most.iter().fold(i32::MAX, |least, &most| least.min(most));
+        found.limit = found.limit.min(least_most);
+        for row in from..to {
+            let at = (row - first) as usize;
+            let rows = self.rows_to(row);
+            let cell_row = CellRow {
+                first_row: ((row - self.place.row) << self.shift) - self.down,
+                rows_squared: rows * rows,
+                gap_left: gaps_left[at],
+                gap_right: gaps_right[at],
+            };
+            if cell_row.least_squared() <= found.limit {
+                found.rows[found.count] = cell_row;
+                found.count += 1;
+            }
+        }
+    }
+}
+
+/// Looks at the pixels of a row of cells, outward from the nearest cells that are not full.
+#[inline(always)]
+fn look_into(map: &BitMap, start: Pixel, row: &CellRow, shift: u32, best: &mut Best, path: VectorPath) {
+    for (gap, leftward) in [(row.gap_left, true), (row.gap_right, false)] {
+        let mut gap = gap;
+        while gap < NOWHERE && row.rows_squared + gap * gap <= best.squared {
+            // 32 columns from the gap on, away from the start.
+            let column = if leftward { start.column - gap + 1 } else { start.column + gap };
+            let place = Place::of(map, column, start.row + row.first_row);
+            if place.strip > map.strips() {
+                break;
+            }
+            match shift {
+                1 => window::<2>(map, start, &place, gap, leftward, best),
+                2 => window::<4>(map, start, &place, gap, leftward, best),
+                #[cfg(target_arch = "x86_64")]
+                _ if path == VectorPath::Avx512 => eight_rows(map, start, &place, gap, leftward, best),
+                _ => window::<8>(map, start, &place, gap, leftward, best),
+            }
+            gap += REACH;
+        }
+    }
+}
+
+/// Offers the nearest zeros of so many rows in the 32 columns beside the place.
+#[inline(always)]
+fn window<const COUNT: usize>(
+    map: &BitMap,
+    start: Pixel,
+    place: &Place,
+    gap: i32,
+    leftward: bool,
+    best: &mut Best,
+) {
+    if place.row < 0 || place.row as usize + COUNT > map.rows() {
+        return;
+    }
+    let (left, right) = zeros_beside::<COUNT>(map, place, place.row);
+    let mut squares = [0i32; COUNT];
+    let mut gaps = [0i32; COUNT];
+    let first_row = place.row + map.top() - start.row;
+    for at in 0..COUNT {
+        let zeros = if leftward { left[at] } else { right[at] };
+        let lowest = 31 - (right[at] & right[at].wrapping_neg()).leading_zeros() as i32;
+        let more = if leftward { left[at].leading_zeros() as i32 } else { lowest };
+        let away = gap + more;
+        let down = first_row + at as i32;
+        let squared = away * away + down * down;
+        squares[at] = if zeros == 0 { i32::MAX } else { squared };
+        gaps[at] = away;
+    }
+    let least = squares.iter().fold(i32::MAX, |least, &squared| least.min(squared));
+    if least > best.squared {
+        return;
+    }
+    for at in 0..COUNT {
+        if squares[at] == least {
+            let column = if leftward { start.column - gaps[at] } else { start.column + gaps[at] };
+            best.offer(least, start.row + first_row + at as i32, column);
+        }
+    }
+}
+
+/// [`window`] of eight rows with AVX-512.
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+fn eight_rows(map: &BitMap, start: Pixel, place: &Place, gap: i32, leftward: bool, best: &mut Best) {
+    if place.row < 0 || place.row as usize + 8 > map.rows() {
+        return;
+    }
+    let words = words_around(map, place, place.row);
+    let first_row = place.row + map.top() - start.row;
+    #[allow(unsafe_code, reason = "the path was asked whether it is available when it was chosen")]
+    let (least, row, away) = unsafe { avx512::eight_rows(words, place.bit, gap, leftward, first_row) };
+    if least <= best.squared {
+        let column = if leftward { start.column - away } else { start.column + away };
+        best.offer(least, start.row + first_row + row, column);
+    }
+}
