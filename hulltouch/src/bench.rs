@@ -1,8 +1,11 @@
 //! `hulltouch bench`: the tables of the README.
 
+mod bandwidth;
+mod cluster;
 mod loads;
 mod plot;
 mod query;
+mod scale;
 mod table;
 
 use clap::{Args, Subcommand};
@@ -18,6 +21,8 @@ pub struct BenchArguments {
 
 #[derive(Debug, Subcommand)]
 enum BenchCommand {
+    Bandwidth(bandwidth::BandwidthBenchArguments),
+    Cluster(cluster::ClusterBenchArguments),
     Query(query::QueryBenchArguments),
 }
 
@@ -27,6 +32,8 @@ pub fn run(arguments: &BenchArguments) -> Outcome {
         tracing::warn!("this is a debug build: its figures say nothing");
     }
     match &arguments.command {
+        BenchCommand::Bandwidth(arguments) => bandwidth::run(arguments),
+        BenchCommand::Cluster(arguments) => cluster::run(arguments),
         BenchCommand::Query(arguments) => query::run(arguments),
     }
 }

@@ -1,0 +1,188 @@
+//! The rows of `bench cluster`, and how they are printed.
+
+use std::collections::BTreeMap;
+
+use coordinator::Percentiles;
+use hull::pass::Round;
+use serde::Serialize;
+
+/// What was measured of one setting.
+#[derive(Clone, Debug, Serialize)]
+pub struct Row {
+    /// Node processes.
+    pub nodes: usize,
+    /// Cameras of all nodes.
+    pub cameras: usize,
+    /// Bodies asked about.
+    pub bodies: usize,
+    /// Samples of all bodies.
+    pub samples: usize,
+    /// Of every camera's images, pixels.
+    pub width: u32,
+    /// Of every camera's images, pixels.
+    pub height: u32,
+    /// How numbers travel.
+    pub precision: &'static str,
+    /// The kind of sockets.
+    pub sockets: &'static str,
+    /// Passes measured.
+    pub passes: u64,
+    /// The median pass, milliseconds.
+    pub p50_ms: f64,
+    /// The slowest hundredth, milliseconds.
+    pub p99_ms: f64,
+    /// The slowest, milliseconds.
+    pub max_ms: f64,
+    /// Bytes at the coordinator's socket of a node, both ways.
+    pub bytes_per_node_pass: f64,
+    /// Of these, to the node.
+    pub bytes_to_node_pass: f64,
+    /// Of these, from the node.
+    pub bytes_from_node_pass: f64,
+    /// The share of the samples that was inside.
+    pub inside_share: f64,
+    /// Processor time of a node, milliseconds a pass.
+    pub node_cpu_ms: Option<f64>,
+    /// Processor time of the coordinator, milliseconds a pass.
+    pub coordinator_cpu_ms: f64,
+    /// Resident memory of the largest node with a full ring, MB.
+    pub node_rss_mb: Option<f64>,
+    /// The most it ever was, MB.
+    pub node_peak_rss_mb: Option<f64>,
+    /// The pass by rounds, in their order.
+    pub stages: Vec<Stage>,
+}
+
+/// One round of the passes.
+#[derive(Clone, Debug, Serialize)]
+pub struct Stage {
+    /// Which.
+    pub name: String,
+    /// The median, milliseconds.
+    pub p50_ms: f64,
+    /// The slowest hundredth, milliseconds.
+    pub p99_ms: f64,
+    /// The slowest, milliseconds.
+    pub max_ms: f64,
+}
+
+/// The rounds with their figures.
+pub fn stages(rounds: &BTreeMap<Round, Percentiles>) -> Vec<Stage> {
+    let stage = |(round, ms): (&Round, &Percentiles)| Stage {
+        name: snake_case(&format!("{round:?}")),
+        p50_ms: ms.p50().unwrap_or_default(),
+        p99_ms: ms.p99().unwrap_or_default(),
+        max_ms: ms.max().unwrap_or_default(),
+    };
+    rounds.iter().map(stage).collect()
+}
+
+fn snake_case(name: &str) -> String {
+    let mut snake = String::new();
+    for letter in name.chars() {
+        if letter.is_uppercase() && !snake.is_empty() {
+            snake.push('_');
+        }
+        snake.extend(letter.to_lowercase());
+    }
+    snake
+}
+
+/// What a chart goes over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Varied {
+    /// Node processes.
+    Nodes,
+    /// Bodies.
+    Bodies,
+    /// Pixels of a camera.
+    Size,
+}
+
+impl Varied {
+    /// All of them.
+    pub const ALL: [Varied; 3] = [Varied::Nodes, Varied::Bodies, Varied::Size];
+
+    /// Its value in a row: nodes, bodies, or megapixels of a camera.
+    pub fn of(self, row: &Row) -> f64 {
+        match self {
+            Varied::Nodes => row.nodes as f64,
+            Varied::Bodies => row.bodies as f64,
+            Varied::Size => f64::from(row.width) * f64::from(row.height) * 1e-6,
+        }
+    }
+}
+
+/// The most rows that differ in `varied` alone, ascending in it.
+pub fn series(rows: &[Row], varied: Varied) -> Vec<&Row> {
+    let alike = |a: &Row, b: &Row| {
+        let others = Varied::ALL.into_iter().filter(|&other| other != varied);
+        (a.precision, a.sockets) == (b.precision, b.sockets)
+            && others.into_iter().all(|other| other.of(a) == other.of(b))
+    };
+    let company = |row: &Row| rows.iter().filter(|other| alike(row, other)).collect::<Vec<_>>();
+    let mut most = rows.iter().map(company).max_by_key(Vec::len).unwrap_or_default();
+    most.sort_by(|a, b| varied.of(a).total_cmp(&varied.of(b)));
+    most
+}
+
+/// The head of the table.
+#[allow(clippy::print_stdout, reason = "the table is the command's output")]
+pub fn print_header() {
+    println!(
+        "{:>5} {:>7} {:>6} {:>9} {:>9} {:>7} {:>8} {:>8} {:>8} {:>8} {:>7} {:>8} {:>9} {:>8}",
+        "nodes",
+        "cameras",
+        "bodies",
+        "size",
+        "precision",
+        "sockets",
+        "p50",
+        "p99",
+        "max",
+        "KB/node",
+        "inside",
+        "node cpu",
+        "coord.cpu",
+        "node MB"
+    );
+}
+
+/// A row of the table.
+#[allow(clippy::print_stdout, reason = "the table is the command's output")]
+pub fn print_row(row: &Row) {
+    let or_dash = |value: Option<f64>, digits: usize| {
+        value.map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}"))
+    };
+    println!(
+        "{:>5} {:>7} {:>6} {:>9} {:>9} {:>7} {:>8.2} {:>8.2} {:>8.2} {:>8.2} {:>6.2}% {:>8} {:>9.3} {:>8}",
+        row.nodes,
+        row.cameras,
+        row.bodies,
+        format!("{}x{}", row.width, row.height),
+        row.precision,
+        row.sockets,
+        row.p50_ms,
+        row.p99_ms,
+        row.max_ms,
+        row.bytes_per_node_pass * 1e-3,
+        100.0 * row.inside_share,
+        or_dash(row.node_cpu_ms, 3),
+        row.coordinator_cpu_ms,
+        or_dash(row.node_rss_mb, 0),
+    );
+}
+
+/// The pass by rounds.
+#[allow(clippy::print_stdout, reason = "the table is the command's output")]
+pub fn print_stages(rows: &[Row]) {
+    println!("\nEach round, p50 / p99 / max");
+    for row in rows {
+        let stage = |stage: &Stage| {
+            format!("{} {:.2}/{:.2}/{:.2}", stage.name, stage.p50_ms, stage.p99_ms, stage.max_ms)
+        };
+        let stages: Vec<String> = row.stages.iter().map(stage).collect();
+        let (nodes, bodies, width, height) = (row.nodes, row.bodies, row.width, row.height);
+        println!("{nodes:>3} nodes {bodies:>4} bodies {width:>5}x{height:<5} {}", stages.join("  "));
+    }
+}
