@@ -1,20 +1,24 @@
 //! Points to ask about: around a person of the stage, the same on every machine.
 
+pub mod paper_mix;
+mod random;
+
 use std::sync::Arc;
 
-use hull::cull::WorldBox;
+use hull::cull::{WorldBox, hull_box};
 use hull::oracle::DenseView;
-use hull::pass::Pass;
+use hull::pass::{BodyResult, FIRST_REACH, Pass};
 use hull::question::{Answer, Points};
+use hull::reach::Reach;
+use hull::silhouette::PixelRect;
 use hull::view_set::Scratch;
-use hull::{Observer, ProbeSettings, Silhouette, View, ViewSet};
+use hull::{Camera, Observer, ProbeSettings, Rig, Silhouette, View, ViewSet};
 use stage::{CameraStage, Stage, StageSettings, studio_rig};
 
 use crate::failure::{Failure, Outcome};
 use crate::rig::progress::Progress;
+pub use random::Random;
 
-/// Cameras of the studio.
-pub const CAMERAS: usize = 8;
 /// The instant of the film that is looked at, seconds: an arm is up.
 const TIME_S: f64 = 0.5;
 /// Points asked at once: those of one body.
@@ -25,6 +29,19 @@ const CONTACT_M: std::ops::Range<f32> = 0.01..0.03;
 const THROW: usize = 1 << 14;
 /// Throws without enough points inside mean that there is nobody.
 const MAX_THROWS: usize = 1000;
+/// Distortion of a plain wide-angle lens: 3 % at the middle of a long side.
+const BENT: [f64; 5] = [-0.12, 0.02, 0.001, -0.001, 0.0];
+
+/// What the studio's cameras are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StudioPlan {
+    /// How many stand around the person.
+    pub cameras: usize,
+    /// Pixels of each, across and down.
+    pub size: (u32, u32),
+    /// With distorting lenses.
+    pub bent: bool,
+}
 
 /// The studio at one instant.
 pub struct Studio {
@@ -32,6 +49,8 @@ pub struct Studio {
     pub views: ViewSet,
     /// The same as masks of a byte a pixel.
     pub dense: Vec<DenseView>,
+    /// The bounding rectangle of each camera's silhouette.
+    pub rects: Vec<Option<PixelRect>>,
     /// The settings that everything is asked under.
     pub settings: ProbeSettings,
     low_m: [f64; 3],
@@ -39,46 +58,62 @@ pub struct Studio {
 }
 
 impl Studio {
-    /// Eight cameras of that size around a person who waves.
-    pub fn new(size: (u32, u32)) -> Outcome<Studio> {
-        let rig =
-            studio_rig(CAMERAS, size).map_err(|error| Failure::input(format_args!("--size: {error}")))?;
+    /// Cameras around a person who waves.
+    pub fn new(plan: StudioPlan) -> Outcome<Studio> {
+        let cameras = cameras(plan)?;
         let stage = StageSettings::default();
         let settings = ProbeSettings::default();
-        let mut progress = Progress::new("looking at the studio", CAMERAS as u64);
-        let (mut views, mut dense) = (Vec::new(), Vec::new());
-        for (index, camera) in rig.cameras().iter().enumerate() {
-            let mask = CameraStage::new(&stage, camera, index).mask(TIME_S);
-            let silhouette = Silhouette::from_mask(size.0, size.1, &mask).map_err(Failure::run)?;
+        let mut progress = Progress::new("looking at the studio", cameras.len() as u64);
+        let (mut views, mut dense, mut rects) = (Vec::new(), Vec::new(), Vec::new());
+        for (index, camera) in cameras.into_iter().enumerate() {
+            let mask = CameraStage::new(&stage, &camera, index).mask(TIME_S);
+            let silhouette = Silhouette::from_mask(plan.size.0, plan.size.1, &mask).map_err(Failure::run)?;
             let observer = Observer::new(camera.clone(), index as u16, settings, None);
             views.push(View::new(Arc::new(observer), &silhouette));
-            dense.push(DenseView { camera: camera.clone(), mask, ignored: None });
+            rects.push(silhouette.bounds());
+            dense.push(DenseView { camera, mask, ignored: None });
             progress.step();
         }
         let bounds = Stage::new(&stage).bounds_world(TIME_S);
         let (low, high) = bounds.ok_or_else(|| Failure::run("the stage is empty"))?;
-        Ok(Studio {
-            views: ViewSet::new(views),
-            dense,
-            settings,
-            low_m: low.into(),
-            size_m: (high - low).into(),
-        })
+        let size_m = (high - low).into();
+        Ok(Studio { views: ViewSet::new(views), dense, rects, settings, low_m: low.into(), size_m })
     }
 
-    /// Random points in the person's box.
-    pub fn in_box(&self, random: &mut Random, count: usize) -> Vec<[f64; 3]> {
-        let point = |_| std::array::from_fn(|axis| self.low_m[axis] + self.size_m[axis] * random.share());
-        (0..count).map(point).collect()
+    /// Each camera in a group of its own, as on nodes of one camera.
+    pub fn alone(&self) -> Vec<ViewSet> {
+        self.views.views().iter().map(|view| ViewSet::new(vec![view.clone()])).collect()
+    }
+
+    /// Half the side of the window for normals, pixels.
+    pub fn window_pixels(&self) -> u32 {
+        let camera = &self.dense[0].camera;
+        self.settings.normal_window().half_side_pixels(camera.width(), camera.height())
+    }
+
+    /// The box around the hull.
+    pub fn hull_box(&self) -> Option<WorldBox> {
+        let frusta: Vec<_> = self.views.views().iter().map(|view| view.frustum().cloned()).collect();
+        hull_box(&frusta, self.settings.rule())
+    }
+
+    /// Random points in the person's box grown by `margin_m` on every side.
+    pub fn in_box(&self, random: &mut Random, count: usize, margin_m: f64) -> Vec<[f64; 3]> {
+        let coordinate = |axis: usize, share: f64| {
+            self.low_m[axis] - margin_m + (self.size_m[axis] + 2.0 * margin_m) * share
+        };
+        let mut point = || std::array::from_fn(|axis| coordinate(axis, random.share()));
+        (0..count).map(|_| point()).collect()
     }
 
     /// Random points that the hull says are inside, 1 to 3 cm from an edge's ray if `near_surface`.
     pub fn inside(&self, random: &mut Random, count: usize, near_surface: bool) -> Outcome<Vec<[f64; 3]>> {
         let mut found = Vec::new();
+        let mut asked = Asked::new(self.settings, 1);
         for _ in 0..MAX_THROWS {
-            let points: Arc<[[f64; 3]]> = self.in_box(random, THROW).into();
-            let bodies = vec![Points::World(Arc::clone(&points))];
-            for touch in self.pass(bodies, &mut Scratch::default())?.remove(0).touches {
+            let points: Arc<[[f64; 3]]> = self.in_box(random, THROW, 0.0).into();
+            asked.ask(&[Points::World(Arc::clone(&points))], &[&self.views], &WorldBox::EVERYWHERE)?;
+            for touch in &asked.results()[0].touches {
                 let fits =
                     touch.edge.is_some_and(|edge| !near_surface || CONTACT_M.contains(&edge.distance_m));
                 if fits && found.len() < count {
@@ -98,17 +133,6 @@ impl Studio {
         points_m.chunks(BODY_POINTS).map(|points| Points::World(points.into())).collect()
     }
 
-    /// A full pass in this process.
-    pub fn pass(&self, bodies: Vec<Points>, scratch: &mut Scratch) -> Outcome<Vec<hull::pass::BodyResult>> {
-        let mut pass = Pass::new(bodies, Some(&WorldBox::EVERYWHERE), self.settings, 1);
-        let mut answer = Answer::default();
-        while let Some(question) = pass.question() {
-            self.views.answer(question, scratch, &mut answer);
-            pass.answer(0, &answer).map_err(Failure::run)?;
-        }
-        Ok(pass.into_results())
-    }
-
     /// The place on a curve on which neighbours are near: the bits of the coordinates interleaved.
     fn morton(&self, point_m: &[f64; 3]) -> u32 {
         let cell = |axis: usize| ((point_m[axis] - self.low_m[axis]) / self.size_m[axis] * 1023.0) as u32;
@@ -118,16 +142,54 @@ impl Studio {
     }
 }
 
-/// Random numbers, the same everywhere (splitmix64).
-pub struct Random(pub u64);
+fn cameras(plan: StudioPlan) -> Outcome<Vec<Camera>> {
+    let rig = studio_rig(plan.cameras, plan.size);
+    let rig: Rig = rig.map_err(|error| Failure::input(format_args!("--size: {error}")))?;
+    if !plan.bent {
+        return Ok(rig.cameras().to_vec());
+    }
+    let bend = |camera: &Camera| {
+        let (size, rotation) = ((camera.width(), camera.height()), *camera.rotation_rad());
+        Camera::new(camera.name(), size, *camera.intrinsics(), BENT, rotation, *camera.translation_m())
+            .map_err(Failure::run)
+    };
+    rig.cameras().iter().map(bend).collect()
+}
 
-impl Random {
-    /// From 0 up to 1.
-    fn share(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut bits = self.0;
-        bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((bits ^ (bits >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+/// A pass that is asked again and again, with its buffers and what it learned of the bodies.
+pub struct Asked {
+    pass: Pass,
+    scratch: Scratch,
+    answer: Answer,
+    reaches: Vec<Reach>,
+}
+
+impl Asked {
+    /// To be asked of so many groups.
+    pub fn new(settings: ProbeSettings, group_count: usize) -> Asked {
+        let pass = Pass::new(Vec::new(), Some(&WorldBox::EVERYWHERE), settings, group_count);
+        Asked { pass, scratch: Scratch::default(), answer: Answer::default(), reaches: Vec::new() }
+    }
+
+    /// A full pass over bodies, asked of the groups on this thread one after the other. Bodies that were
+    /// asked before are searched at first as far as their edges were then.
+    pub fn ask(&mut self, bodies: &[Points], groups: &[&ViewSet], hull_box: &WorldBox) -> Outcome {
+        self.reaches.clear();
+        let known = self.pass.results().iter().map(BodyResult::reach);
+        self.reaches.extend(known.chain(std::iter::repeat(FIRST_REACH)).take(bodies.len()));
+        let asked = bodies.iter().cloned().zip(self.reaches.iter().copied());
+        self.pass.restart(asked, Some(hull_box));
+        while let Some(question) = self.pass.question() {
+            let next = (0..groups.len()).find(|&group| self.pass.asks(group));
+            let group = next.ok_or_else(|| Failure::run("a pass asks nobody"))?;
+            groups[group].answer(question, &mut self.scratch, &mut self.answer);
+            self.pass.answer(group, &self.answer).map_err(Failure::run)?;
+        }
+        Ok(())
+    }
+
+    /// What the last pass found for each body.
+    pub fn results(&self) -> &[BodyResult] {
+        self.pass.results()
     }
 }

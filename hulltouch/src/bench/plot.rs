@@ -110,7 +110,7 @@ impl BarChart {
         let values = self.series.iter().flat_map(|series| series.values.iter().copied().flatten());
         let y = Scale::around(&self.y, values);
         let mut text = String::new();
-        draw_bars(&mut text, self, y).map_err(Failure::run)?;
+        draw_bars(&mut text, self, &y).map_err(Failure::run)?;
         write_whole(&folder.join(format!("{name}.svg")), text.as_bytes())
     }
 
@@ -160,7 +160,7 @@ fn draw_lines(
     area.present().map_err(said)
 }
 
-fn draw_bars(text: &mut String, chart: &BarChart, y: Scale) -> Drawn {
+fn draw_bars(text: &mut String, chart: &BarChart, y: &Scale) -> Drawn {
     let area = SVGBackend::with_string(text, SIZE).into_drawing_area();
     area.fill(&WHITE).map_err(said)?;
     let mut context = ChartBuilder::on(&area)

@@ -1,65 +1,97 @@
 //! `hulltouch bench query`: points per second of one core.
 
-use std::hint::black_box;
+mod bounds;
+mod engines;
+mod lanes;
+mod opponent;
+mod report;
+mod rounds;
+
+use std::cell::RefCell;
 use std::path::PathBuf;
 
 use clap::Args;
-use hull::oracle::literal;
-use hull::probe::classify::Block;
+use hull::coordinates::Coordinates;
+use hull::cull::WorldBox;
 use hull::question::Points;
-use hull::response::body_direction;
-use hull::view_set::Scratch;
-use nalgebra::{Point3, Vector3};
-use rustix::time::{ClockId, clock_gettime};
+use nalgebra::Point3;
 use serde::Serialize;
 
-use super::loads::{BODY_POINTS, CAMERAS, Random, Studio};
-use super::table::{Machine, Table};
+use self::bounds::{Bounds, Saved};
+use self::engines::{Sets, inside_lanes, pass_lanes, world_points};
+use self::lanes::{Lane, medians};
+use self::opponent::{Agreement, Opponent};
+use self::rounds::{RoundCosts, round_costs};
+use super::loads::{Asked, BODY_POINTS, Random, Studio, StudioPlan, paper_mix};
+use super::plot;
+use super::table::Machine;
 use crate::demo::parse_size;
-use crate::failure::{Outcome, check_writable};
+use crate::failure::{Failure, Outcome, check_writable};
 use crate::rig::progress::Progress;
 
+/// Cameras of the studio.
+const CAMERAS: usize = 8;
 /// Points of the inside test.
 const BOX_POINTS: usize = 1 << 18;
-/// Points of the inside test done literally.
-const LITERAL_BOX_POINTS: usize = 1 << 13;
-/// Points of a full pass.
-const PASS_POINTS: usize = 64 * BODY_POINTS;
-/// Every how many-th body takes part in a full pass done literally.
-const LITERAL_BODY_STEP: usize = 8;
-/// A figure is the median of so many repetitions,
-const REPETITIONS: usize = 7;
-/// each at least so long, seconds of processor time.
-const REPETITION_S: f64 = 0.15;
-/// Figures of one size: three loads by two engines.
-const ROWS_PER_SIZE: u64 = 6;
+/// Points of a full pass: those of one film frame.
+const PASS_POINTS: usize = 15_000;
 
 /// Points per second of one core: the inside test alone, and full passes.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Example:
-  hulltouch bench query --size 640x480,1920x1080 --json query.json
+  hulltouch bench query --size 640x480,1920x1080 --python python3 --json query.json --plot charts
 
-Loads: `inside` is the inside test alone, on random points in the box of a person of the stage,
-most of them outside; `contacts` are full passes over points 1 to 3 cm inside, `anywhere` over
-points uniformly inside, both in bodies of 64 neighbours. Engines: `hulltouch`, and `literal`, the
-paper's text done literally on masks of a byte a pixel.")]
+Loads: `inside` is the inside test alone, on random points in the box of a person of the stage, most of
+them outside; `contacts` are full passes over points 1 to 3 cm inside, `anywhere` over points uniformly
+inside, both in bodies of 64 neighbours. `_bent` are the same with distorting lenses. `paper` is the
+paper's own set-up: 7 cameras and a heap of boxes, all samples counted.
+
+Engines: `hulltouch`; `hulltouch_portable`, the same without vectors that not every machine has;
+`hulltouch_unpruned`, a node for each camera, all their work on one core; `literal`, the paper's text on
+masks of a byte a pixel; `opencv`, OpenCV and NumPy on one thread with the distance transform for free,
+`opencv_single_precision` the same in 32 bits, `opencv_with_transform` with a transform for every 15,000
+points, `opencv_with_cropped_transform` with one of the silhouette's rectangle alone. Those of OpenCV need
+a Python with the packages of benches/peers/requirements.txt; without it their rows are left out. They must
+agree with ours, or the bench fails.")]
 pub struct QueryBenchArguments {
     /// Image sizes of the eight cameras.
-    #[arg(long, value_name = "WxH,…", default_value = "1920x1080", value_delimiter = ',', value_parser = parse_size)]
+    #[arg(long, value_name = "WxH,…", default_value = "640x480,1920x1080,3840x2160,7680x4320", value_delimiter = ',', value_parser = parse_size)]
     size: Vec<(u32, u32)>,
+    /// A Python interpreter with OpenCV and NumPy.
+    #[arg(long, value_name = "PATH", default_value = "python3")]
+    python: String,
     /// Write the figures.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// Write charts.
+    #[arg(long, value_name = "DIR")]
+    plot: Option<PathBuf>,
 }
 
 /// One figure.
-#[derive(Debug, Serialize)]
+#[derive(Clone, Debug, Serialize)]
 struct Row {
     size: String,
-    load: &'static str,
+    load: String,
     engine: &'static str,
     points_per_s: f64,
+    cameras: usize,
+    /// `straight` or `bent`.
+    lens: &'static str,
+}
+
+/// Everything measured.
+#[derive(Debug, Serialize)]
+struct Report {
+    bench: &'static str,
+    machine: Machine,
+    /// What the opponent is, or null.
+    opencv: serde_json::Value,
+    rows: Vec<Row>,
+    agreement: Vec<Agreement>,
+    bounds: Vec<Saved>,
+    rounds: Vec<RoundCosts>,
 }
 
 /// Runs it.
@@ -68,133 +100,144 @@ pub fn run(arguments: &QueryBenchArguments) -> Outcome {
     if let Some(path) = &arguments.json {
         check_writable("--json", path)?;
     }
-    let machine = Machine::here();
-    println!("{}; one core, {CAMERAS} cameras, million points per second", machine.line());
-    println!("{:>11}  {:8}  {:>10}  {:>10}  ratio", "size", "load", "hulltouch", "literal");
-    let mut rows = Vec::new();
+    if let Some(folder) = &arguments.plot {
+        plot::make_folder(folder)?;
+    }
+    let opponent = match Opponent::start(&arguments.python) {
+        Ok(opponent) => Some(RefCell::new(opponent)),
+        Err(problem) => {
+            println!("no rows of OpenCV: {problem}");
+            None
+        }
+    };
+    let mut report = Report {
+        bench: "query",
+        machine: Machine::here(),
+        opencv: opponent.as_ref().map_or_else(Default::default, |peer| peer.borrow().versions().clone()),
+        rows: Vec::new(),
+        agreement: Vec::new(),
+        bounds: Vec::new(),
+        rounds: Vec::new(),
+    };
+    report.print_head();
     for &size in &arguments.size {
-        let measured = measured(size)?;
-        for pair in measured.chunks_exact(2) {
-            let (ours, literal) = (&pair[0], &pair[1]);
-            println!(
-                "{:>11}  {:8}  {:10.4}  {:10.4}  {:5.0}",
-                ours.size,
-                ours.load,
-                ours.points_per_s / 1e6,
-                literal.points_per_s / 1e6,
-                ours.points_per_s / literal.points_per_s
-            );
-        }
-        rows.extend(measured);
+        report.measure(StudioPlan { cameras: CAMERAS, size, bent: false }, opponent.as_ref())?;
+        report.measure(StudioPlan { cameras: CAMERAS, size, bent: true }, None)?;
     }
-    Table { bench: "query", machine, rows }.write(arguments.json.as_deref())
+    report.measure_paper()?;
+    report.print_tail();
+    if let Some(folder) = &arguments.plot {
+        report.draw(folder)?;
+    }
+    report.write(arguments.json.as_deref())
 }
 
-/// The figures of one size, each load by ours and then literally.
-fn measured(size: (u32, u32)) -> Outcome<Vec<Row>> {
-    let studio = Studio::new(size)?;
-    let mut random = Random(1);
-    let in_box = world(&studio.in_box(&mut random, BOX_POINTS));
-    let contacts = studio.bodies(studio.inside(&mut random, PASS_POINTS, true)?);
-    let anywhere = studio.bodies(studio.inside(&mut random, PASS_POINTS, false)?);
-    let mut progress = Progress::new("measuring", ROWS_PER_SIZE);
-    let mut rows = Vec::new();
-    let mut row = |load, engine, points_per_s| {
-        rows.push(Row { size: format!("{}x{}", size.0, size.1), load, engine, points_per_s });
+/// The points of one studio.
+struct Loads {
+    in_box: Coordinates,
+    contacts: Vec<Points>,
+    anywhere: Vec<Points>,
+}
+
+impl Loads {
+    fn new(studio: &Studio) -> Outcome<Loads> {
+        let mut random = Random(1);
+        let in_box = studio.in_box(&mut random, BOX_POINTS, 0.0).into_iter().map(Point3::from).collect();
+        let contacts = studio.bodies(studio.inside(&mut random, PASS_POINTS, true)?);
+        let anywhere = studio.bodies(studio.inside(&mut random, PASS_POINTS, false)?);
+        Ok(Loads { in_box, contacts, anywhere })
+    }
+
+    fn passes(&self) -> [(&'static str, &[Points]); 2] {
+        [("contacts", &self.contacts), ("anywhere", &self.anywhere)]
+    }
+}
+
+impl Report {
+    /// All loads of one studio.
+    fn measure(&mut self, plan: StudioPlan, opponent: Option<&RefCell<Opponent>>) -> Outcome {
+        let studio = Studio::new(plan)?;
+        let loads = Loads::new(&studio)?;
+        let sets = Sets::new(&studio, WorldBox::EVERYWHERE);
+        if let Some(opponent) = opponent {
+            self.agree(&studio, plan, &loads, &mut opponent.borrow_mut())?;
+        }
+        let mut progress = Progress::new("measuring", 3);
+        self.record(plan, "inside", &mut inside_lanes(&studio, &sets, &loads.in_box, opponent))?;
         progress.step();
-    };
-    row("inside", "hulltouch", inside_rate(&studio, &in_box));
-    row("inside", "literal", literal_inside_rate(&studio, &in_box[..LITERAL_BOX_POINTS]));
-    for (load, bodies) in [("contacts", &contacts), ("anywhere", &anywhere)] {
-        row(load, "hulltouch", pass_rate(&studio, bodies)?);
-        row(load, "literal", literal_pass_rate(&studio, bodies));
-    }
-    Ok(rows)
-}
-
-fn world(points_m: &[[f64; 3]]) -> Vec<Point3<f64>> {
-    points_m.iter().map(|&point| Point3::from(point)).collect()
-}
-
-fn inside_rate(studio: &Studio, points_world: &[Point3<f64>]) -> f64 {
-    let (mut block, mut standings) = (Block::default(), Vec::new());
-    points_per_s(points_world.len(), || {
-        standings.clear();
-        studio.views.standings(black_box(points_world), &mut block, &mut standings);
-        black_box(&standings);
-    })
-}
-
-fn literal_inside_rate(studio: &Studio, points_world: &[Point3<f64>]) -> f64 {
-    points_per_s(points_world.len(), || {
-        let inside = |point: &&Point3<f64>| literal::is_inside(&studio.dense, point);
-        black_box(black_box(points_world).iter().filter(inside).count());
-    })
-}
-
-fn pass_rate(studio: &Studio, bodies: &[Points]) -> Outcome<f64> {
-    let mut scratch = Scratch::default();
-    let results = studio.pass(bodies.to_vec(), &mut scratch)?;
-    let inside = results.iter().map(|body| body.touches.len()).sum();
-    Ok(points_per_s(inside, || {
-        // It went well a moment ago.
-        let _ = black_box(studio.pass(black_box(bodies.to_vec()), &mut scratch));
-    }))
-}
-
-/// Some of the bodies: the response of every point, and the exits along their mean.
-fn literal_pass_rate(studio: &Studio, bodies: &[Points]) -> f64 {
-    let world_points = |body: &Points| match body {
-        Points::World(points_m) => world(points_m),
-        Points::Body { .. } => Vec::new(),
-    };
-    let bodies: Vec<_> = bodies.iter().step_by(LITERAL_BODY_STEP).map(world_points).collect();
-    let count = bodies.iter().map(Vec::len).sum();
-    points_per_s(count, || {
-        for points_world in &bodies {
-            literal_body(studio, black_box(points_world));
+        for (load, bodies) in loads.passes() {
+            let theirs = opponent.map(|opponent| (opponent, load));
+            self.record(plan, load, &mut pass_lanes(&studio, &sets, bodies, PASS_POINTS, theirs))?;
+            self.rounds.push(round_costs(&studio, &size_text(plan.size), &named(load, plan.bent), bodies)?);
+            progress.step();
         }
-    })
-}
+        Ok(())
+    }
 
-fn literal_body(studio: &Studio, points_world: &[Point3<f64>]) {
-    let camera = &studio.dense[0].camera;
-    let window = studio.settings.normal_window().half_side_pixels(camera.width(), camera.height()) as i32;
-    let depth_m = studio.settings.max_depth_m();
-    let responses: Vec<[f64; 3]> = points_world
-        .iter()
-        .filter_map(|point| literal::response(&studio.dense, point, window, depth_m))
-        .map(<[f64; 3]>::from)
-        .collect();
-    let Some(direction) = body_direction(&responses) else { return };
-    let direction = Vector3::from(direction.map(f64::from));
-    for point in points_world {
-        black_box(literal::exit_along(&studio.dense, point, &direction, depth_m));
+    /// The paper's own set-up, and what its bounding volumes save.
+    fn measure_paper(&mut self) -> Outcome {
+        let plan = StudioPlan { cameras: paper_mix::CAMERAS, size: paper_mix::SIZE, bent: false };
+        let studio = Studio::new(plan)?;
+        let hull_box = studio.hull_box().ok_or_else(|| Failure::run("nobody is on the stage"))?;
+        let heap = studio.heap(&mut Random(1))?;
+        let samples = heap.iter().map(Points::len).sum();
+        let sets = Sets::new(&studio, hull_box);
+        self.record(plan, "paper", &mut pass_lanes(&studio, &sets, &heap, samples, None))?;
+        let bounds = Bounds::new(&studio);
+        self.bounds.push(bounds.saved("paper", &heap));
+        let in_box = studio.in_box(&mut Random(1), BOX_POINTS, 0.0).into();
+        self.bounds.push(bounds.saved("inside", &[Points::World(in_box)]));
+        Ok(())
+    }
+
+    fn record(&mut self, plan: StudioPlan, load: &str, lanes: &mut [Lane]) -> Outcome {
+        let rates = medians(lanes)?;
+        let first = self.rows.len();
+        self.rows.extend(lanes.iter().zip(rates).map(|(lane, points_per_s)| Row {
+            size: size_text(plan.size),
+            load: named(load, plan.bent),
+            engine: lane.engine,
+            points_per_s,
+            cameras: plan.cameras,
+            lens: if plan.bent { "bent" } else { "straight" },
+        }));
+        self.print_rows(first);
+        Ok(())
+    }
+
+    /// Hands the frame and the points over and compares the answers.
+    fn agree(
+        &mut self,
+        studio: &Studio,
+        plan: StudioPlan,
+        loads: &Loads,
+        opponent: &mut Opponent,
+    ) -> Outcome {
+        let size = size_text(plan.size);
+        opponent.show(studio)?;
+        opponent.hand_over("inside", &loads.in_box)?;
+        let inside: Vec<bool> = {
+            let (mut block, mut standings) = Default::default();
+            studio.views.standings(&loads.in_box, &mut block, &mut standings);
+            standings.iter().map(|standing| standing.inside_count().is_some()).collect()
+        };
+        self.agreement.push(opponent.check_inside(studio, &size, &loads.in_box, &inside)?);
+        let mut asked = Asked::new(studio.settings, 1);
+        for (load, bodies) in loads.passes() {
+            let points: Coordinates = bodies.iter().flat_map(world_points).collect();
+            debug_assert!(points.len().div_ceil(BODY_POINTS) == bodies.len());
+            opponent.hand_over(load, &points)?;
+            asked.ask(bodies, &[&studio.views], &WorldBox::EVERYWHERE)?;
+            self.agreement.push(opponent.check_responses(studio, &size, load, asked.results())?);
+        }
+        Ok(())
     }
 }
 
-/// The median rate of a piece of work on so many points, per second that the processor gave this thread:
-/// other programs take turns with it, but do not count.
-fn points_per_s(points: usize, mut work: impl FnMut()) -> f64 {
-    work();
-    let mut rates: Vec<f64> = (0..REPETITIONS)
-        .map(|_| {
-            let (began_s, mut rounds) = (thread_time_s(), 0usize);
-            loop {
-                work();
-                rounds += 1;
-                let took_s = thread_time_s() - began_s;
-                if took_s >= REPETITION_S {
-                    return (rounds * points) as f64 / took_s;
-                }
-            }
-        })
-        .collect();
-    rates.sort_by(f64::total_cmp);
-    rates[REPETITIONS / 2]
+fn size_text(size: (u32, u32)) -> String {
+    format!("{}x{}", size.0, size.1)
 }
 
-fn thread_time_s() -> f64 {
-    let time = clock_gettime(ClockId::ThreadCPUTime);
-    time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
+fn named(load: &str, bent: bool) -> String {
+    if bent { format!("{load}_bent") } else { load.to_owned() }
 }

@@ -55,9 +55,14 @@ impl Machine {
 impl<Row: Serialize> Table<Row> {
     /// Writes the figures as JSON, if a file was named.
     pub fn write(&self, path: Option<&Path>) -> Outcome {
-        let Some(path) = path else { return Ok(()) };
-        let mut text = serde_json::to_vec_pretty(self).map_err(Failure::run)?;
-        text.push(b'\n');
-        write_whole(path, &text)
+        write_json(self, path)
     }
+}
+
+/// Writes a bench's figures as JSON, if a file was named.
+pub fn write_json(figures: &impl Serialize, path: Option<&Path>) -> Outcome {
+    let Some(path) = path else { return Ok(()) };
+    let mut text = serde_json::to_vec_pretty(figures).map_err(Failure::run)?;
+    text.push(b'\n');
+    write_whole(path, &text)
 }
