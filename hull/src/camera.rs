@@ -274,6 +274,7 @@ impl Camera {
 
     /// Undistorted normalised coordinates `(x / z, y / z)` of image coordinates; `None` where the lens
     /// sees nothing.
+    #[inline(always)]
     pub fn normalised(&self, image: &Point2<f64>) -> Option<Vector2<f64>> {
         let k = &self.intrinsics;
         let yd = (image.y - k[(1, 2)]) / k[(1, 1)];

@@ -67,10 +67,12 @@ impl Lens {
 
     /// Distorted to undistorted normalised coordinates by Newton's method to 1e-12; `None` where no
     /// point within the first stationary radius is seen (corners of very wide lenses).
+    #[inline(always)]
     pub fn undistort(&self, xd: f64, yd: f64) -> Option<(f64, f64)> {
-        if self.straight {
-            return Some((xd, yd));
-        }
+        if self.straight { Some((xd, yd)) } else { self.unbend(xd, yd) }
+    }
+
+    fn unbend(&self, xd: f64, yd: f64) -> Option<(f64, f64)> {
         let target = Vector2::new(xd, yd);
         let mut point = target * self.radial_scale(target.norm());
         for _ in 0..50 {

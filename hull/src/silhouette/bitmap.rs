@@ -82,7 +82,7 @@ impl BitMap {
     }
 
     /// The bit of a pixel.
-    #[inline]
+    #[inline(always)]
     pub fn get(&self, pixel: Pixel) -> bool {
         let column = pixel.column.wrapping_sub(self.left) as u32 as usize;
         let row = pixel.row.wrapping_sub(self.top) as u32 as usize;
@@ -95,7 +95,7 @@ impl BitMap {
 
     /// True if all bits between two pixels, both included, are ones; false if the rectangle does not hold
     /// them all.
-    #[inline]
+    #[inline(always)]
     pub fn all_ones(&self, a: Pixel, b: Pixel) -> bool {
         let (left, right) = (a.column.min(b.column) - self.left, a.column.max(b.column) - self.left);
         let (top, bottom) = (a.row.min(b.row) - self.top, a.row.max(b.row) - self.top);
@@ -154,13 +154,13 @@ impl BitMap {
     }
 
     /// The words of a strip, one a row from the top; bit `b` is column `left + 32 strip + b`.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn strip(&self, strip: usize) -> &[u32] {
         &self.words[strip * self.rows..][..self.rows]
     }
 
     /// All words, strip after strip.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn words(&self) -> &[u32] {
         &self.words
     }

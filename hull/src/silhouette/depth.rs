@@ -5,6 +5,7 @@
 //! is known to be full around a cell of some level is an octagon.
 
 use super::bitmap::{BitMap, STRIP};
+use crate::vector::VectorPath;
 
 /// The neighbours that each erosion looks at: eight, four, eight, four, four, and again. The octagon is
 /// then nearly a disc.
@@ -12,6 +13,8 @@ const BY_EIGHT: [bool; 5] = [true, false, true, false, false];
 
 /// Erosions stop here: a cell deeper than that is deep enough.
 const MAX_LEVEL: usize = 120;
+/// What is read beyond a level when a word is.
+const PADDING: usize = 3;
 /// Binary digits of a level.
 const DIGITS: usize = 7;
 
@@ -35,7 +38,7 @@ pub struct Depth {
     top: i32,
     columns: usize,
     rows: usize,
-    /// Row by row: 0 is not full, and so is everything beyond.
+    /// Row by row: 0 is not full, and so is everything beyond. A word can be read at the last one.
     levels: Vec<u8>,
     /// Ones where a cell is not full, over the same cells.
     not_full: BitMap,
@@ -92,6 +95,20 @@ impl Depth {
     #[inline(always)]
     pub(crate) fn clear_pixels(&self, column: i32, row: i32) -> f32 {
         self.clear_pixels[usize::from(self.level(column, row)).min(MAX_LEVEL)]
+    }
+
+    /// [`Self::clear_pixels`] of many pixels.
+    #[inline(always)]
+    pub(crate) fn look_up(&self, column: &[i32], row: &[i32], clear_pixels: &mut [f32], path: VectorPath) {
+        #[cfg(target_arch = "x86_64")]
+        if path == VectorPath::Avx512 {
+            #[allow(unsafe_code, reason = "the path was asked whether it is available when it was chosen")]
+            return unsafe { avx512::look_up(self, column, row, clear_pixels) };
+        }
+        let _ = path;
+        for ((clear, &column), &row) in clear_pixels.iter_mut().zip(column).zip(row) {
+            *clear = self.clear_pixels(column, row);
+        }
     }
 
     /// Heap memory, bytes.
@@ -178,8 +195,8 @@ fn levels(full: &BitMap, (left, top): (i32, i32), (columns, rows): (usize, usize
         }
     }
     let length = alive.len();
-    let mut levels = vec![0u8; columns * rows];
-    for (row, levels) in levels.chunks_exact_mut(columns).enumerate() {
+    let mut levels = vec![0u8; columns * rows + PADDING];
+    for (row, levels) in levels.chunks_exact_mut(columns).take(rows).enumerate() {
         for (strip, levels) in levels.chunks_mut(32).enumerate() {
             let at = (strip + first.0) * height + row + first.1;
             let planes: [u32; DIGITS] = std::array::from_fn(|digit| digits[digit * length + at]);
@@ -262,6 +279,54 @@ fn clear_squared(side: i32) -> [i32; MAX_LEVEL + 1] {
     table
 }
 
+#[cfg(target_arch = "x86_64")]
+mod avx512 {
+    //! Sixteen levels in one gather. It is unsafe: cells are compared with the sides first, and the levels
+    //! are padded by what a word reads beyond the last.
+
+    use std::arch::x86_64::*;
+
+    use super::{Depth, MAX_LEVEL, PADDING};
+
+    #[allow(unsafe_code, reason = "gathers, loads and stores within bounds as said above")]
+    #[inline]
+    #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
+    pub(super) fn look_up(depth: &Depth, column: &[i32], row: &[i32], clear_pixels: &mut [f32]) {
+        assert!(row.len() == column.len() && clear_pixels.len() == column.len());
+        assert!(depth.levels.len() >= depth.columns * depth.rows + PADDING);
+        let shift = _mm_cvtsi32_si128(depth.shift as i32);
+        let (left, top) = (_mm512_set1_epi32(depth.left), _mm512_set1_epi32(depth.top));
+        let columns = _mm512_set1_epi32(depth.columns as i32);
+        let rows = _mm512_set1_epi32(depth.rows as i32);
+        let most = _mm512_set1_epi32(MAX_LEVEL as i32);
+        for at in (0..column.len()).step_by(16) {
+            let left_over = column.len() - at;
+            let lanes = if left_over >= 16 { u16::MAX } else { (1 << left_over) - 1 };
+            // SAFETY: masked lanes are not read.
+            let (x, y) = unsafe {
+                (
+                    _mm512_maskz_loadu_epi32(lanes, column.as_ptr().add(at)),
+                    _mm512_maskz_loadu_epi32(lanes, row.as_ptr().add(at)),
+                )
+            };
+            let x = _mm512_sub_epi32(_mm512_sra_epi32(x, shift), left);
+            let y = _mm512_sub_epi32(_mm512_sra_epi32(y, shift), top);
+            let within = lanes & _mm512_cmplt_epu32_mask(x, columns) & _mm512_cmplt_epu32_mask(y, rows);
+            let cell = _mm512_add_epi32(_mm512_mullo_epi32(y, columns), x);
+            // SAFETY: lanes within the sides index levels; the table holds every level up to the most.
+            let clear = unsafe {
+                let zero = _mm512_setzero_si512();
+                let levels = depth.levels.as_ptr().cast::<i32>();
+                let level = _mm512_mask_i32gather_epi32::<1>(zero, within, cell, levels);
+                let level = _mm512_min_epu32(_mm512_and_si512(level, _mm512_set1_epi32(255)), most);
+                _mm512_i32gather_ps::<4>(level, depth.clear_pixels.as_ptr())
+            };
+            // SAFETY: masked lanes are not written.
+            unsafe { _mm512_mask_storeu_ps(clear_pixels.as_mut_ptr().add(at), lanes, clear) };
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::Silhouette;
@@ -301,6 +366,11 @@ mod tests {
                             let one = map.get(Pixel { column: x, row: y });
                             prop_assert!(one || squared >= clear, "{column} {row}: {squared} < {clear}");
                         }
+                    }
+                    for path in VectorPath::ALL.into_iter().filter(|path| path.is_available()) {
+                        let mut clear_pixels = [0.0];
+                        depth.look_up(&[column], &[row], &mut clear_pixels, path);
+                        prop_assert_eq!(clear_pixels[0], depth.clear_pixels(column, row));
                     }
                     let cell = Pixel { column: column >> depth.shift(), row: row >> depth.shift() };
                     if map.get(Pixel { column, row }) {

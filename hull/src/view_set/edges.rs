@@ -2,7 +2,7 @@
 
 use nalgebra::{Point3, Vector2, Vector3};
 
-use super::sights::{CHUNK, NOT_INSIDE_M, Sought};
+use super::sights::{CHUNK, Sought};
 use super::{Asked, Scratch, ViewSet};
 use crate::camera::Pixel;
 use crate::coordinates::Coordinates;
@@ -31,36 +31,41 @@ impl ViewSet {
         scratch: &mut Scratch,
         answer: &mut Answer,
     ) {
-        let mut first = 0;
+        let mut last = 0;
         for from in (0..points.len()).step_by(CHUNK) {
-            scratch.sights.look(&self.views, points, from, Sought::Centre);
+            scratch.sights.look(&self.views, points, from, Sought::Centre, self.path);
             for at in from..points.len().min(from + CHUNK) {
-                let edge = self.edge(&points.point(at), at - from, asked.reach(at), &mut first, scratch);
+                let edge = self.edge(&points.point(at), at - from, asked.reach(at), &mut last, scratch);
                 answer.edges.push(edge);
             }
         }
     }
 
-    /// The nearest edge of the cameras that say inside, if it is within reach. `first` is the camera to
-    /// begin with, best the last winner: it decides what is searched, never what is found.
+    /// The nearest edge of the cameras that say inside, if it is within reach. `last` is the last winner,
+    /// worth beginning with: it decides what is searched, never what is found.
     #[inline(always)]
     fn edge(
         &self,
         a: &Point3<f64>,
         at: usize,
         reach_m: f32,
-        first: &mut usize,
+        last: &mut usize,
         scratch: &Scratch,
     ) -> Option<Edge> {
         let mut best: Option<Found> = None;
+        let least = scratch.sights.least_clear(at);
+        let clear_m = |view: usize| scratch.sights.of(view).clear_m[at];
+        let begin = if clear_m(*last) <= clear_m(least) { *last } else { least };
         for order in 0..=self.views.len() {
-            let view = if order == 0 { *first } else { order - 1 };
-            if order > 0 && view == *first {
+            let view = if order == 0 { begin } else { order - 1 };
+            if order > 0 && view == begin {
                 continue;
             }
             let sight = scratch.sights.of(view);
             let within_m = best.as_ref().map_or(reach_m, |best| best.edge.distance_m);
-            if sight.clear_m[at] > within_m || sight.clear_m[at] == NOT_INSIDE_M {
+            // Nor if the camera does not say inside.
+            let may_win = sight.clear_m[at] <= within_m;
+            if !may_win {
                 continue;
             }
             let start = Pixel { column: sight.column[at], row: sight.row[at] };
@@ -71,7 +76,7 @@ impl ViewSet {
             }
         }
         let Found { view, mut edge, normalised, from_start } = best?;
-        *first = view;
+        *last = view;
         let view = &self.views[view];
         let candidates = view.edge_candidates().map();
         let sum = sum_of_background(candidates, edge.pixel, view.observer().window_pixels());

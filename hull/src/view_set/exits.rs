@@ -50,7 +50,7 @@ impl ViewSet {
         scratch: &mut Scratch,
     ) -> usize {
         let Scratch { sights, moved, rays, .. } = scratch;
-        sights.look(&self.views, points, chunk.from, Sought::Place);
+        sights.look(&self.views, points, chunk.from, Sought::Place, self.path);
         moved.clear();
         for at in 0..chunk.count {
             let point = chunk.from + at;

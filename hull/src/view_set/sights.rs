@@ -2,6 +2,7 @@
 
 use crate::coordinates::Coordinates;
 use crate::silhouette::Index;
+use crate::vector::VectorPath;
 use crate::view::{Class, View};
 
 /// Points that are looked at together.
@@ -14,7 +15,7 @@ pub(super) struct Sight {
     pub column: [i32; CHUNK],
     /// Their pixels.
     pub row: [i32; CHUNK],
-    /// Nothing but foreground is nearer than this, metres; below zero if the camera does not say inside.
+    /// Nothing but foreground is nearer than this, metres; not a number if the camera does not say inside.
     pub clear_m: [f32; CHUNK],
     depth_m: [f32; CHUNK],
     range_m: [f32; CHUNK],
@@ -24,10 +25,23 @@ pub(super) struct Sight {
 
 /// The sights of all cameras of a group.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Sights(Vec<Sight>);
+pub(super) struct Sights {
+    views: Vec<Sight>,
+    least: Least,
+}
 
-/// What the camera does not call inside.
-pub(super) const NOT_INSIDE_M: f32 = -1.0;
+/// For each point the view that is clear least far.
+#[derive(Clone, Debug)]
+struct Least {
+    clear_m: [f32; CHUNK],
+    view: [u32; CHUNK],
+}
+
+impl Default for Least {
+    fn default() -> Least {
+        Least { clear_m: [0.0; CHUNK], view: [0; CHUNK] }
+    }
+}
 
 /// What is searched for from a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,7 +74,14 @@ impl Sought {
 impl Sights {
     /// Looks at the points of a chunk, which begins at `from`.
     #[inline(always)]
-    pub fn look(&mut self, views: &[View], points: &Coordinates, from: usize, sought: Sought) {
+    pub fn look(
+        &mut self,
+        views: &[View],
+        points: &Coordinates,
+        from: usize,
+        sought: Sought,
+        path: VectorPath,
+    ) {
         let nothing = [0.0; CHUNK];
         let blank = Sight {
             column: [0; CHUNK],
@@ -71,16 +92,29 @@ impl Sights {
             clear_pixels: nothing,
             stretch_pixels: 0.0,
         };
-        self.0.resize(views.len(), blank);
-        for (sight, view) in self.0.iter_mut().zip(views) {
-            sight.look(view, points, from, sought);
+        self.views.resize(views.len(), blank);
+        self.least.clear_m = [f32::INFINITY; CHUNK];
+        for ((sight, view), index) in self.views.iter_mut().zip(views).zip(0..) {
+            sight.look(view, points, from, sought, path);
+            let Least { clear_m, view } = &mut self.least;
+            for at in 0..CHUNK {
+                let is_less = sight.clear_m[at] < clear_m[at];
+                clear_m[at] = if is_less { sight.clear_m[at] } else { clear_m[at] };
+                view[at] = if is_less { index } else { view[at] };
+            }
         }
+    }
+
+    /// The view that is clear least far, if any says inside; a hint.
+    #[inline(always)]
+    pub fn least_clear(&self, at: usize) -> usize {
+        (self.least.view[at] as usize).min(self.views.len() - 1)
     }
 
     /// What a view sees.
     #[inline(always)]
     pub fn of(&self, view: usize) -> &Sight {
-        &self.0[view]
+        &self.views[view]
     }
 }
 
@@ -102,25 +136,25 @@ impl Sight {
     }
 
     #[inline(always)]
-    fn look(&mut self, view: &View, points: &Coordinates, from: usize, sought: Sought) {
+    fn look(&mut self, view: &View, points: &Coordinates, from: usize, sought: Sought, path: VectorPath) {
         let count = (points.len() - from).min(CHUNK);
         let frame = view.frame();
         let range = from..from + count;
         let (x, y, z) = (&points.x[range.clone()], &points.y[range.clone()], &points.z[range]);
         frame.pixels(x, y, z, &mut self.column[..count], &mut self.row[..count]);
         frame.ranges(x, y, z, &mut self.depth_m[..count], &mut self.range_m[..count]);
-        let index = sought.index(view);
-        let (depth, slack_pixels) = (index.depth(), sought.slack_pixels());
+        let (index, slack_pixels) = (sought.index(view), sought.slack_pixels());
+        let looked_up = (&self.column[..count], &self.row[..count], &mut self.clear_pixels[..count]);
+        index.depth().look_up(looked_up.0, looked_up.1, looked_up.2, path);
         for at in 0..count {
-            let (column, row) = (self.column[at], self.row[at]);
-            let clear_pixels = depth.clear_pixels(column, row);
+            let clear_pixels = self.clear_pixels[at];
             // A cell that is full of foreground is inside.
             let inside = if clear_pixels > 0.0 && view.is_plain() {
                 true
             } else {
-                view.class_of(column, row) == Class::Inside
+                view.class_of(self.column[at], self.row[at]) == Class::Inside
             };
-            self.clear_pixels[at] = if inside { (clear_pixels - slack_pixels).max(0.0) } else { -1.0 };
+            self.clear_pixels[at] = if inside { (clear_pixels - slack_pixels).max(0.0) } else { f32::NAN };
         }
         let stretch = 1.0001 * view.observer().stretch_pixels() as f32;
         self.stretch_pixels = stretch;
@@ -129,8 +163,7 @@ impl Sight {
             // The nearest ray that matters passes the point at this tangent or more.
             let apart = self.clear_pixels[at] * tangents;
             let (depth_m, range_m) = (self.depth_m[at], self.range_m[at]);
-            let clear_m = 0.9999 * depth_m * depth_m * apart / (range_m + depth_m * apart);
-            self.clear_m[at] = if apart < 0.0 { NOT_INSIDE_M } else { clear_m };
+            self.clear_m[at] = 0.9999 * depth_m * depth_m * apart / (range_m + depth_m * apart);
         }
     }
 }
