@@ -8,7 +8,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use hull::{Observer, Silhouette};
-use segment::{BackgroundBuilder, BackgroundModel, Segmenter};
+use segment::{BackgroundBuilder, BackgroundModel, Format, Layout, ModelError, SegmentSettings, Segmenter};
 use thiserror::Error;
 
 use crate::frames::{CameraFrame, FrameRing, Stamp};
@@ -59,8 +59,20 @@ pub struct Pace {
 pub struct ReadyCamera {
     config: NodeCamera,
     observer: Arc<Observer>,
-    segmenter: Option<Segmenter>,
-    background_doubted: bool,
+    /// `None` if the source gives masks.
+    cutter: Option<Cutter>,
+}
+
+/// What makes silhouettes of one camera's colour frames.
+struct Cutter {
+    settings: SegmentSettings,
+    /// The empty room, unless the settings need none.
+    background: Option<BackgroundModel>,
+    segmenter: Segmenter,
+    /// Cores that one frame may take.
+    cores: usize,
+    /// Was the last frame hardly a person any more?
+    doubted: bool,
 }
 
 /// The film of all cameras of a node.
@@ -88,12 +100,14 @@ impl Film {
     /// Learns every camera's background, all at once. Blocks until done.
     pub fn prepare(config: &NodeConfig, ring: Arc<FrameRing>) -> Result<Film, CaptureError> {
         let observers = config.observers();
+        let machine = std::thread::available_parallelism().map_or(1, usize::from);
+        let cores = (machine / config.cameras.len().max(1)).max(1);
         let prepared: Vec<Result<ReadyCamera, CaptureError>> = std::thread::scope(|scope| {
             let threads: Vec<_> = config
                 .cameras
                 .iter()
                 .zip(observers)
-                .map(|(camera, observer)| scope.spawn(move || ready(camera, observer, config.fps)))
+                .map(|(camera, observer)| scope.spawn(move || ready(camera, observer, config.fps, cores)))
                 .collect();
             threads.into_iter().map(|thread| thread.join().unwrap_or_else(|_| Err(panicked()))).collect()
         });
@@ -286,32 +300,63 @@ impl Roll {
 const DOUBTFUL_SHARE: f64 = 0.5;
 
 fn silhouette(camera: &mut ReadyCamera, image: &Image) -> Result<Silhouette, String> {
-    match (image.kind, &mut camera.segmenter) {
+    match (image.kind, &mut camera.cutter) {
         (Kind::Mask, _) => {
             let mask: Vec<u8> = image.data.iter().map(|&pixel| u8::from(pixel > 127)).collect();
             Silhouette::from_mask(image.width, image.height, &mask).map_err(|error| error.to_string())
         }
-        (Kind::Rgb, Some(segmenter)) => {
-            let found = segmenter.segment(&image.data).map_err(|error| error.to_string())?;
-            let doubted = found.raw_share > DOUBTFUL_SHARE;
-            if doubted && !camera.background_doubted {
-                tracing::warn!(
-                    "camera {:?}: {:.0} % of the image differ from the background, is it still true?",
-                    camera.config.camera.name(),
-                    100.0 * found.raw_share
-                );
-            }
-            camera.background_doubted = doubted;
-            Ok(found.silhouette)
+        (Kind::Colour(layout), Some(cutter)) => {
+            let format = Format::new(layout, image.width, image.height).map_err(|error| error.to_string())?;
+            cutter.cut(format, &image.data, camera.config.camera.name())
         }
-        (Kind::Rgb, None) => Err("colour frames and no segmenter, expected masks".into()),
+        (Kind::Colour(_), None) => Err("colour frames and no segmenter, expected masks".into()),
     }
 }
 
-fn ready(config: &NodeCamera, observer: Arc<Observer>, fps: f64) -> Result<ReadyCamera, CaptureError> {
+impl Cutter {
+    /// For frames of that format; another one's will do, too.
+    fn new(
+        settings: &SegmentSettings,
+        format: Format,
+        background: Option<BackgroundModel>,
+        cores: usize,
+    ) -> Result<Cutter, String> {
+        let segmenter =
+            Segmenter::new(settings, format, background.as_ref()).map_err(|error| error.to_string())?;
+        let mut cutter = Cutter { settings: settings.clone(), background, segmenter, cores, doubted: false };
+        cutter.segmenter.set_cores(cores);
+        Ok(cutter)
+    }
+
+    /// The silhouette of a frame. The background may have come in another layout than the film does (a plate
+    /// from a picture, a film from a camera): it is turned over when the first frame shows.
+    fn cut(&mut self, format: Format, bytes: &[u8], camera: &str) -> Result<Silhouette, String> {
+        if self.segmenter.format() != format {
+            let background = self.background.as_ref().map(|model| model.in_layout(format.layout()));
+            *self = Cutter::new(&self.settings, format, background, self.cores)?;
+        }
+        let found = self.segmenter.segment(bytes).map_err(|error| error.to_string())?;
+        let doubted = found.raw_share > DOUBTFUL_SHARE;
+        if doubted && !self.doubted {
+            tracing::warn!(
+                "camera {camera:?}: {:.0} % of the image differ from the background, is it still true?",
+                100.0 * found.raw_share
+            );
+        }
+        self.doubted = doubted;
+        Ok(found.silhouette)
+    }
+}
+
+fn ready(
+    config: &NodeCamera,
+    observer: Arc<Observer>,
+    fps: f64,
+    cores: usize,
+) -> Result<ReadyCamera, CaptureError> {
     let wrong =
         |what, problem: String| CaptureError::Segment { camera: config.camera.name().into(), what, problem };
-    let segmenter = if matches!(config.source, crate::SourceConfig::Masks(_)) {
+    let cutter = if matches!(config.source, crate::SourceConfig::Masks(_)) {
         None
     } else {
         let background = config.background.clone().or_else(|| config.source.empty_room());
@@ -319,12 +364,16 @@ fn ready(config: &NodeCamera, observer: Arc<Observer>, fps: f64) -> Result<Ready
             Some(background) => Some(learn(config, &background, fps)?),
             None => None,
         };
-        let (width, height) = (config.camera.width(), config.camera.height());
-        let segmenter = Segmenter::new(&config.segmentation, width, height, model.as_ref())
-            .map_err(|error| wrong("segmentation", error.to_string()))?;
-        Some(segmenter)
+        let format = match &model {
+            Some(model) => model.format(),
+            None => Format::new(Layout::Rgb, config.camera.width(), config.camera.height())
+                .map_err(|error| wrong("segmentation", error.to_string()))?,
+        };
+        let cutter = Cutter::new(&config.segmentation, format, model, cores)
+            .map_err(|problem| wrong("segmentation", problem))?;
+        Some(cutter)
     };
-    Ok(ReadyCamera { config: config.clone(), observer, segmenter, background_doubted: false })
+    Ok(ReadyCamera { config: config.clone(), observer, cutter })
 }
 
 /// Reads the whole clip of the empty room.
@@ -336,21 +385,28 @@ fn learn(
     let camera = &config.camera;
     let context = OpenContext { fps, clock: Arc::new(|| 0.0) };
     let source_error = |error| CaptureError::Source { camera: camera.name().into(), error };
-    let wrong = |problem: segment::ModelError| CaptureError::Segment {
-        camera: camera.name().into(),
-        what: "background",
-        problem: problem.to_string(),
-    };
+    let wrong =
+        |problem: String| CaptureError::Segment { camera: camera.name().into(), what: "background", problem };
     let mut source =
         background.open(camera, usize::from(config.rig_index), &context).map_err(source_error)?;
-    let mut builder = BackgroundBuilder::new(camera.width(), camera.height()).map_err(wrong)?;
+    let mut builder: Option<BackgroundBuilder> = None;
     let mut image = Image::default();
     let mut next = 0;
     while let Some(taken) = source.next(next, &mut image).map_err(source_error)? {
-        builder.push(&image.data).map_err(wrong)?;
+        if builder.is_none() {
+            let Kind::Colour(layout) = image.kind else {
+                return Err(wrong("masks, expected colours".into()));
+            };
+            let format = Format::new(layout, image.width, image.height);
+            builder = Some(BackgroundBuilder::new(format.map_err(|error| wrong(error.to_string()))?));
+        }
+        if let Some(builder) = &mut builder {
+            builder.push(&image.data).map_err(|error| wrong(error.to_string()))?;
+        }
         next = taken.number + 1;
     }
-    builder.finish().map_err(wrong)
+    let clip = builder.as_ref().map_or(Err(ModelError::Empty), BackgroundBuilder::finish);
+    clip.map_err(|error| wrong(error.to_string()))
 }
 
 fn panicked() -> CaptureError {

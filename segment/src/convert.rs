@@ -248,7 +248,9 @@ mod tests {
             let block = row / 2 * 3 + column / 4;
             rgb.extend([60 + 10 * block as u8, 200 - 12 * block as u8, 90 + 7 * block as u8]);
         }
-        for layout in LAYOUTS.into_iter().filter(|layout| !matches!(layout, Layout::Planar(Sampling::Mono, _))) {
+        for layout in
+            LAYOUTS.into_iter().filter(|layout| !matches!(layout, Layout::Planar(Sampling::Mono, _)))
+        {
             let format = Format::new(layout, width, height).expect("size");
             let (mut bytes, mut back) = (Vec::new(), Vec::new());
             from_rgb(&rgb, format, &mut bytes);

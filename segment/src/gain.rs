@@ -112,11 +112,8 @@ fn on_grey(range: Range, by: [f64; 3]) -> [[f64; 3]; 3] {
         [-0.344_136 - 0.475_955, -0.714_136 - 0.229_289],
         [1.772 - 0.475_955, -0.229_289],
     ];
-    let from_rgb = [
-        [1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0],
-        [-0.168_736, -0.331_264, 0.5],
-        [0.5, -0.418_688, -0.081_312],
-    ];
+    let from_rgb =
+        [[1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0], [-0.168_736, -0.331_264, 0.5], [0.5, -0.418_688, -0.081_312]];
     let in_rgb = |c: usize, channel: usize| match channel {
         0 => by[c],
         channel => by[c] * to_rgb[c][channel - 1],
@@ -219,7 +216,9 @@ mod tests {
         let frame: Vec<u8> = (0..mean.len())
             .map(|at| if at < mean.len() / 3 { 5 } else { (f64::from(mean[at]) * share[at % 3]) as u8 })
             .collect();
-        for layout in LAYOUTS.into_iter().filter(|layout| !matches!(layout, Layout::Planar(Sampling::Mono, _))) {
+        for layout in
+            LAYOUTS.into_iter().filter(|layout| !matches!(layout, Layout::Planar(Sampling::Mono, _)))
+        {
             let (mut model, mut bytes) = (Vec::new(), Vec::new());
             from_rgb(&mean, format(layout), &mut model);
             from_rgb(&frame, format(layout), &mut bytes);
@@ -257,8 +256,7 @@ mod tests {
     fn off_and_black_frames_change_nothing() {
         let mean = vec![100; 3 * 40_000];
         for (mode, level) in [(GainMode::Off, 50), (GainMode::Brightness, 0), (GainMode::Colour, 101)] {
-            let correction =
-                Gains::new(mode, format(Layout::Rgb), &mean).estimate(&vec![level; 3 * 40_000]);
+            let correction = Gains::new(mode, format(Layout::Rgb), &mean).estimate(&vec![level; 3 * 40_000]);
             assert_eq!(correction, Correction::NONE);
         }
     }

@@ -29,10 +29,10 @@ impl Metric {
     pub(crate) fn of(layout: Layout) -> Metric {
         let mono = matches!(layout, Layout::Planar(Sampling::Mono, _));
         match layout.range() {
-            None => {
-                Metric { weights: [1; 3], unit: 1, cosine_bits: 20, offsets: [0; 3], grey: [0; 2] }
+            None => Metric { weights: [1; 3], unit: 1, cosine_bits: 20, offsets: [0; 3], grey: [0; 2] },
+            Some(Range::Full) if mono => {
+                Metric { weights: [48, 0, 0], ..Metric::yuv([48, 41, 37], 0, [61, 29]) }
             }
-            Some(Range::Full) if mono => Metric { weights: [48, 0, 0], ..Metric::yuv([48, 41, 37], 0, [61, 29]) },
             Some(Range::Full) => Metric::yuv([48, 41, 37], 0, [61, 29]),
             Some(Range::Limited) if mono => {
                 Metric { weights: [65, 0, 0], ..Metric::yuv([65, 53, 48], 16, [60, 29]) }
@@ -61,7 +61,8 @@ impl Metric {
         let fits = |first: u32| {
             let others = self.others(first);
             // Grey is rounded once.
-            let mixed = (u32::from(self.grey[0].unsigned_abs()) + u32::from(self.grey[1].unsigned_abs())) * others;
+            let mixed =
+                (u32::from(self.grey[0].unsigned_abs()) + u32::from(self.grey[1].unsigned_abs())) * others;
             let grey = first + mixed.div_ceil(128) + u32::from(mixed > 0);
             let [a, b, c] = self.weights.map(i32::unsigned_abs);
             a * grey * grey + (b + c) * others * others <= most

@@ -246,7 +246,8 @@ mod tests {
     #[test]
     fn all_frames_of_a_long_clip_weigh_the_same() {
         let mut builder = BackgroundBuilder::new(rgb(1, 1));
-        (0..3000u32).for_each(|frame| builder.push(&[if frame < 1500 { 90 } else { 110 }; 3]).expect("a frame"));
+        (0..3000u32)
+            .for_each(|frame| builder.push(&[if frame < 1500 { 90 } else { 110 }; 3]).expect("a frame"));
         let model = builder.finish().expect("frames");
         assert!(model.mean().iter().all(|level| (99..=101).contains(level)), "{:?}", model.mean());
         assert!((model.deviation(0, 0) - 10.0 * 3f64.sqrt()).abs() < 0.5, "{}", model.deviation(0, 0));

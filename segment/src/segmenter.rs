@@ -189,8 +189,7 @@ impl Segmenter {
     fn read(&mut self, bytes: &[u8], correction: Correction) {
         let Segmenter { format, ref test, path, cores, .. } = *self;
         let most = (format.pixels() / GRAIN_PX).clamp(1, cores);
-        let band =
-            |(first_group, words)| Band { format, bytes, test, correction, first_group, words };
+        let band = |(first_group, words)| Band { format, bytes, test, correction, first_group, words };
         if most == 1 {
             path.run(band((0, self.bits.words_mut())));
         } else {

@@ -3,8 +3,8 @@
 use hull::Silhouette;
 use proptest::prelude::*;
 use segment::{
-    BackgroundBuilder, BackgroundModel, Format, Layout, Method, Range, Sampling, SegmentError, SegmentSettings,
-    Segmenter, SettingsError, from_rgb,
+    BackgroundBuilder, BackgroundModel, Format, Layout, Method, Range, Sampling, SegmentError,
+    SegmentSettings, Segmenter, SettingsError, from_rgb,
 };
 
 const WIDTH: u32 = 160;

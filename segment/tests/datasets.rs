@@ -45,8 +45,7 @@ fn overlaps(recorded: &Recorded, (layout, pixel_format): (Layout, &str)) -> Vec<
     }
     let settings: SegmentSettings = toml::from_str(SETTINGS).expect("settings");
     let background = builder.finish().expect("a background");
-    let mut segmenter =
-        Segmenter::new(&settings, format, Some(&background)).expect("settings and model");
+    let mut segmenter = Segmenter::new(&settings, format, Some(&background)).expect("settings and model");
     let chosen = format!("select='not(mod(n,{every}))*lte(n,{last})'");
     let frames = common::frames(&recorded.video, format, pixel_format, &chosen);
     assert_eq!(frames.len(), last / every + 1, "frames of {name}");

@@ -9,7 +9,7 @@ use hull::Camera;
 use serde::{Deserialize, Deserializer, de::Error as _};
 use stage::{Motion, Prop, StageSettings};
 
-use super::files::FileFrames;
+use super::files::{COLOUR, FileFrames};
 use super::film::FileFilm;
 use super::pipe::PipeSource;
 use super::stage_source::StageSource;
@@ -149,7 +149,7 @@ impl SourceConfig {
     ) -> Result<Box<dyn Source>, SourceError> {
         Ok(match self {
             SourceConfig::Stage(stage) => Box::new(StageSource::new(stage, camera, camera_index, context)),
-            SourceConfig::Images(files) => Box::new(FileFrames::open(files, Kind::Rgb, camera, context)?),
+            SourceConfig::Images(files) => Box::new(FileFrames::open(files, COLOUR, camera, context)?),
             SourceConfig::Masks(files) => Box::new(FileFrames::open(files, Kind::Mask, camera, context)?),
             SourceConfig::Video(file) => Box::new(FileFilm::open(file, camera, context)?),
             SourceConfig::Pipe(pipe) => Box::new(PipeSource::open(pipe, camera, context)?),

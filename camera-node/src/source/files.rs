@@ -5,9 +5,13 @@ use std::path::{Path, PathBuf};
 
 use hull::Camera;
 use image::{DynamicImage, ImageDecoder, ImageReader};
+use segment::Layout;
 
 use super::film::{Fit, Numbering};
 use super::{FileConfig, Image, Kind, OpenContext, Source, SourceError, Taken};
+
+/// What pictures are decoded to.
+pub const COLOUR: Kind = Kind::Colour(Layout::Rgb);
 
 /// A film of one file per frame.
 pub struct FileFrames {
@@ -85,7 +89,7 @@ impl Source for FileFrames {
     }
 }
 
-/// Reads one image file that must have the camera's size.
+/// Reads one image file that must have the camera's size; colours become RGB.
 fn load(path: &Path, kind: Kind, fit: &Fit, image: &mut Image) -> Result<(), SourceError> {
     let refused = |problem: String| SourceError::File { path: path.to_owned(), problem };
     let decoder = ImageReader::open(path)
@@ -96,10 +100,10 @@ fn load(path: &Path, kind: Kind, fit: &Fit, image: &mut Image) -> Result<(), Sou
     // Checked before anything of that size is decoded.
     fit.check(&path.display().to_string(), decoder.dimensions())?;
     let decoded = DynamicImage::from_decoder(decoder).map_err(|error| refused(error.to_string()))?;
-    (image.width, image.height, image.kind) = (decoded.width(), decoded.height(), kind);
-    image.data = match kind {
-        Kind::Rgb => decoded.into_rgb8().into_raw(),
-        Kind::Mask => decoded.into_luma8().into_raw(),
+    (image.width, image.height) = (decoded.width(), decoded.height());
+    (image.kind, image.data) = match kind {
+        Kind::Colour(_) => (COLOUR, decoded.into_rgb8().into_raw()),
+        Kind::Mask => (Kind::Mask, decoded.into_luma8().into_raw()),
     };
     Ok(())
 }
@@ -185,14 +189,14 @@ mod tests {
                 fs::rename(folder.path().join("notes_0001.png"), folder.path().join(name)).expect("renamed");
             }
         }
-        assert_eq!(numbers(&mut open(folder.path(), Kind::Rgb, 0, 1).expect("opens")), [3, 7, 8, 11]);
-        assert_eq!(numbers(&mut open(folder.path(), Kind::Rgb, 3, 4).expect("opens")), [0, 1, 2]);
+        assert_eq!(numbers(&mut open(folder.path(), COLOUR, 0, 1).expect("opens")), [3, 7, 8, 11]);
+        assert_eq!(numbers(&mut open(folder.path(), COLOUR, 3, 4).expect("opens")), [0, 1, 2]);
         let pattern = folder.path().join("cam2_%04d.png");
-        assert_eq!(numbers(&mut open(&pattern, Kind::Rgb, 0, 1).expect("opens")), [3, 7, 8]);
-        let mut source = open(folder.path(), Kind::Rgb, 0, 1).expect("opens");
+        assert_eq!(numbers(&mut open(&pattern, COLOUR, 0, 1).expect("opens")), [3, 7, 8]);
+        let mut source = open(folder.path(), COLOUR, 0, 1).expect("opens");
         let taken = source.next(8, &mut Image::default()).expect("read").expect("a frame");
         assert_eq!(taken, Taken { number: 8, capture_time_s: 8.0 / 30.0, skipped: 2 });
-        let error = open(folder.path(), Kind::Rgb, 12, 1).err().expect("refused").to_string();
+        let error = open(folder.path(), COLOUR, 12, 1).err().expect("refused").to_string();
         assert!(
             error.ends_with("numbers 3 to 11, none of them start_frame 12 plus a multiple of frame_step 1"),
             "{error}"
@@ -220,15 +224,15 @@ mod tests {
         write(folder.path(), "cam01.png", (4, 3), 128);
         let path = folder.path().join("cam01.png");
         let mut image = Image::default();
-        let taken = open(&path, Kind::Rgb, 0, 1).expect("opens").next(0, &mut image).expect("read");
-        assert_eq!((taken.expect("frame").number, image.kind, image.data.len()), (0, Kind::Rgb, 36));
+        let taken = open(&path, COLOUR, 0, 1).expect("opens").next(0, &mut image).expect("read");
+        assert_eq!((taken.expect("frame").number, image.kind, image.data.len()), (0, COLOUR, 36));
         open(&path, Kind::Mask, 0, 1).expect("opens").next(0, &mut image).expect("read");
         assert_eq!(image, Image { width: 4, height: 3, kind: Kind::Mask, data: vec![128; 12] });
     }
 
     #[track_caller]
     fn check_refused(path: &Path, message: &str) {
-        let result = open(path, Kind::Rgb, 0, 1).and_then(|mut source| source.next(0, &mut Image::default()));
+        let result = open(path, COLOUR, 0, 1).and_then(|mut source| source.next(0, &mut Image::default()));
         let error = result.expect_err("refused").to_string();
         assert!(error.contains(message), "{error}");
     }

@@ -8,7 +8,6 @@ use std::path::PathBuf;
 use hull::Camera;
 
 use super::y4m::{Header, Reader};
-use super::yuv::rgb_from_planes;
 use super::{FileConfig, Image, Kind, OpenContext, Source, SourceError, Taken};
 
 /// How indices in a film become numbers in the cluster.
@@ -75,10 +74,9 @@ pub fn check_rate(source_name: &str, header: &Header, expected: f64) -> Result<(
     Err(SourceError::Rate { source_name: source_name.to_owned(), found, expected })
 }
 
-/// Writes planes into an image.
-pub fn fill_rgb(header: &Header, planes: &[u8], image: &mut Image) {
-    (image.width, image.height, image.kind) = (header.width, header.height, Kind::Rgb);
-    rgb_from_planes(header, planes, &mut image.data);
+/// Says what an image's bytes are: planes as the header tells.
+pub fn label(header: &Header, image: &mut Image) {
+    (image.width, image.height, image.kind) = (header.width, header.height, Kind::Colour(header.layout()));
 }
 
 /// A film in one YUV4MPEG2 file.
@@ -88,7 +86,6 @@ pub struct FileFilm {
     numbering: Numbering,
     fps: f64,
     index: u64,
-    planes: Vec<u8>,
 }
 
 impl FileFilm {
@@ -106,7 +103,7 @@ impl FileFilm {
         Fit::new(camera).check(&name, (header.width, header.height))?;
         let numbering = Numbering::new(config.start_frame, config.frame_step);
         check_rate(&name, header, numbering.film_fps(context.fps))?;
-        Ok(FileFilm { path, reader, numbering, fps: context.fps, index: 0, planes: Vec::new() })
+        Ok(FileFilm { path, reader, numbering, fps: context.fps, index: 0 })
     }
 }
 
@@ -114,7 +111,7 @@ impl Source for FileFilm {
     fn next(&mut self, at_least: u64, image: &mut Image) -> Result<Option<Taken>, SourceError> {
         let mut skipped = 0;
         loop {
-            let read = self.reader.read(&mut self.planes);
+            let read = self.reader.read(&mut image.data);
             match read {
                 Ok(true) => {}
                 Ok(false) => return Ok(None),
@@ -128,7 +125,7 @@ impl Source for FileFilm {
                 None => {}
                 Some(number) if number < at_least => skipped += 1,
                 Some(number) => {
-                    fill_rgb(self.reader.header(), &self.planes, image);
+                    label(self.reader.header(), image);
                     return Ok(Some(Taken { number, capture_time_s: number as f64 / self.fps, skipped }));
                 }
             }
@@ -138,8 +135,12 @@ impl Source for FileFilm {
 
 #[cfg(test)]
 mod tests {
+    use segment::{Layout, Range, Sampling};
+
     use super::super::tests::{camera, context, numbers};
     use super::*;
+
+    const MONO: Layout = Layout::Planar(Sampling::Mono, Range::Full);
 
     fn film(
         folder: &tempfile::TempDir,
@@ -165,7 +166,7 @@ mod tests {
         let mut image = Image::default();
         let taken = source.next(0, &mut image).expect("read").expect("a frame");
         assert_eq!(taken, Taken { number: 0, capture_time_s: 0.0, skipped: 0 });
-        assert_eq!(image, Image { width: 2, height: 1, kind: Kind::Rgb, data: vec![3, 3, 3, 100, 100, 100] });
+        assert_eq!(image, Image { width: 2, height: 1, kind: Kind::Colour(MONO), data: vec![3, 100] });
         let taken = source.next(2, &mut image).expect("read").expect("a frame");
         assert_eq!(taken, Taken { number: 2, capture_time_s: 2.0 / 30.0, skipped: 1 });
         assert_eq!(image.data[0], 7);

@@ -13,11 +13,11 @@ mod pipe;
 mod program;
 mod stage_source;
 pub mod y4m;
-pub mod yuv;
 
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use segment::Layout;
 use thiserror::Error;
 
 pub use config::{FileConfig, PipeConfig, SourceConfig, StageConfig};
@@ -25,13 +25,14 @@ pub use config::{FileConfig, PipeConfig, SourceConfig, StageConfig};
 /// What an image's bytes are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// Three bytes a pixel: red, green, blue.
-    Rgb,
+    /// Colours, in the layout that the camera, the film or the picture has.
+    Colour(Layout),
     /// One byte a pixel: over 127 is foreground. The silhouette is taken as it is.
     Mask,
 }
 
-/// One frame's pixels, row by row, without padding. Made once, filled by many frames.
+/// One frame's bytes, without padding. Made once, filled by many frames: a source reads into its buffer, or
+/// takes it in exchange for one that is full.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Image {
     /// Pixels across.
@@ -40,13 +41,13 @@ pub struct Image {
     pub height: u32,
     /// What the bytes are.
     pub kind: Kind,
-    /// `width · height` times one or three bytes.
+    /// As many bytes as kind and size make.
     pub data: Vec<u8>,
 }
 
 impl Default for Image {
     fn default() -> Image {
-        Image { width: 0, height: 0, kind: Kind::Rgb, data: Vec::new() }
+        Image { width: 0, height: 0, kind: Kind::Colour(Layout::Rgb), data: Vec::new() }
     }
 }
 

@@ -1,6 +1,7 @@
 //! The synthetic studio as a source, so that nobody needs cameras.
 
 use hull::Camera;
+use segment::Layout;
 use stage::{CameraStage, StageSettings};
 
 use super::{Image, Kind, OpenContext, Source, SourceError, StageConfig, Taken};
@@ -47,7 +48,7 @@ impl Source for StageSource {
         if number >= self.frames {
             return Ok(None);
         }
-        (image.width, image.height, image.kind) = (self.size.0, self.size.1, Kind::Rgb);
+        (image.width, image.height, image.kind) = (self.size.0, self.size.1, Kind::Colour(Layout::Rgb));
         image.data.resize(self.stage.frame_bytes(), 0);
         if self.empty {
             self.stage.render_empty(number, &mut image.data);

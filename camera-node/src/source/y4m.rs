@@ -4,34 +4,11 @@
 use std::io::{self, BufRead, Read};
 
 use hull::camera::MAX_SIDE_PIXELS;
+use segment::{Layout, Range, Sampling};
 use thiserror::Error;
 
 /// The longest header or frame line, bytes. ffmpeg's are under 100; comments may add some.
 const MAX_LINE_BYTES: usize = 1024;
-
-/// How colour is sampled.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Chroma {
-    /// Brightness only.
-    Mono,
-    /// One colour sample per 2 × 2 pixels (the siting differs by name; we take the nearest).
-    C420,
-    /// One colour sample per 2 × 1 pixels.
-    C422,
-    /// One colour sample per 4 × 1 pixels.
-    C411,
-    /// One colour sample per pixel.
-    C444,
-}
-
-/// Which bytes are black and white.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Range {
-    /// 16 to 235 (colour 16 to 240): what cameras and films carry unless they say otherwise.
-    Limited,
-    /// 0 to 255.
-    Full,
-}
 
 /// What the first line says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,8 +19,8 @@ pub struct Header {
     pub height: u32,
     /// Frames per second as numerator and denominator; `None` if the film does not say.
     pub rate: Option<(u32, u32)>,
-    /// How colour is sampled.
-    pub chroma: Chroma,
+    /// How colour is sampled (in 4:2:0 the siting differs by name; we take the nearest).
+    pub chroma: Sampling,
     /// Which bytes are black and white.
     pub range: Range,
 }
@@ -99,27 +76,14 @@ pub enum Y4mError {
     },
 }
 
-impl Chroma {
-    /// How many pixels share a colour sample, as powers of two: across and down; `None` for mono.
-    pub fn shifts(self) -> Option<(u32, u32)> {
-        match self {
-            Chroma::Mono => None,
-            Chroma::C420 => Some((1, 1)),
-            Chroma::C422 => Some((1, 0)),
-            Chroma::C411 => Some((2, 0)),
-            Chroma::C444 => Some((0, 0)),
-        }
-    }
-
-    fn from_name(name: &str) -> Option<Chroma> {
-        match name {
-            "mono" => Some(Chroma::Mono),
-            "420" | "420jpeg" | "420mpeg2" | "420paldv" => Some(Chroma::C420),
-            "422" => Some(Chroma::C422),
-            "411" => Some(Chroma::C411),
-            "444" => Some(Chroma::C444),
-            _ => None,
-        }
+fn sampling(name: &str) -> Option<Sampling> {
+    match name {
+        "mono" => Some(Sampling::Mono),
+        "420" | "420jpeg" | "420mpeg2" | "420paldv" => Some(Sampling::C420),
+        "422" => Some(Sampling::C422),
+        "411" => Some(Sampling::C411),
+        "444" => Some(Sampling::C444),
+        _ => None,
     }
 }
 
@@ -133,7 +97,7 @@ impl Header {
             })
             .ok_or_else(|| Y4mError::Magic { found: shortened(line) })?;
         let (mut width, mut height, mut rate) = (None, None, None);
-        let (mut chroma, mut range) = (Chroma::C420, Range::Limited);
+        let (mut chroma, mut range) = (Sampling::C420, Range::Limited);
         for word in line.split(' ').skip(1).filter(|word| !word.is_empty()) {
             let (tag, value) = word.split_at(word.chars().next().map_or(0, char::len_utf8));
             let wrong = |expected| Y4mError::Parameter { found: shortened(word.as_bytes()), expected };
@@ -142,7 +106,7 @@ impl Header {
                 "H" => height = Some(side(value).ok_or_else(|| wrong("a height of 1 to 16384 pixels"))?),
                 "F" => rate = ratio(value).ok_or_else(|| wrong("frames per second as F30000:1001"))?,
                 "C" => {
-                    chroma = Chroma::from_name(value).ok_or_else(|| {
+                    chroma = sampling(value).ok_or_else(|| {
                         wrong("C420…, C422, C411, C444 or Cmono of 8 bits (for ffmpeg: -pix_fmt yuv420p)")
                     })?;
                 }
@@ -160,6 +124,11 @@ impl Header {
             chroma,
             range,
         })
+    }
+
+    /// How the bytes of its frames lie.
+    pub fn layout(&self) -> Layout {
+        Layout::Planar(self.chroma, self.range)
     }
 
     /// Bytes of the brightness plane and of each of the two colour planes.
@@ -312,12 +281,12 @@ mod tests {
             width: 640,
             height: 480,
             rate: Some((30000, 1001)),
-            chroma: Chroma::C422,
+            chroma: Sampling::C422,
             range: Range::Full,
         };
         assert_eq!(found, expected);
         let plain = header("YUV4MPEG2 H3 W5 F0:0");
-        assert_eq!((plain.chroma, plain.range, plain.rate), (Chroma::C420, Range::Limited, None));
+        assert_eq!((plain.chroma, plain.range, plain.rate), (Sampling::C420, Range::Limited, None));
     }
 
     #[test]

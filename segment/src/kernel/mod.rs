@@ -47,7 +47,9 @@ impl Background {
         let metric = Metric::of(format.layout());
         let reaches: Vec<[u8; 2]> = (0..=255).map(|low| metric.reach(low)).collect();
         let mut low = vec![u8::MAX; blocks * BLOCK * format.rows()];
-        for (padded, row) in low.chunks_exact_mut(blocks * BLOCK).zip(thresholds.chunks_exact(format.columns())) {
+        for (padded, row) in
+            low.chunks_exact_mut(blocks * BLOCK).zip(thresholds.chunks_exact(format.columns()))
+        {
             padded[..row.len()].copy_from_slice(row);
         }
         let mut reach = Vec::with_capacity(blocks * format.rows().div_ceil(lines));
@@ -74,7 +76,11 @@ pub(crate) struct Band<'a> {
 }
 
 /// Splits the words of an image into about equal bands of whole groups, at most so many.
-pub(crate) fn bands(format: Format, words: &mut [u64], count: usize) -> impl Iterator<Item = (usize, &mut [u64])> {
+pub(crate) fn bands(
+    format: Format,
+    words: &mut [u64],
+    count: usize,
+) -> impl Iterator<Item = (usize, &mut [u64])> {
     let lines = lines_per_group(format);
     let words_per_group = lines * format.columns().div_ceil(BLOCK);
     let groups = format.rows().div_ceil(lines).div_ceil(count.max(1));
@@ -194,13 +200,7 @@ fn key<G: Group>(width: usize, frame: G, test: ChromaTest, words: &mut [u64]) {
 }
 
 /// The channels of one row of a frame, padded to whole blocks, in a metric of its layout.
-pub(crate) fn row_channels(
-    metric: Metric,
-    format: Format,
-    bytes: &[u8],
-    row: usize,
-    out: &mut [Channels],
-) {
+pub(crate) fn row_channels(metric: Metric, format: Format, bytes: &[u8], row: usize, out: &mut [Channels]) {
     fn fill<G: Group>(rows: G, metric: Metric, line: usize, out: &mut [Channels]) {
         for (block, channels) in out.iter_mut().enumerate() {
             *channels = rows.channels(metric, line, block);

@@ -3,7 +3,10 @@
 //! There is one source of every kernel, so that all paths give the same bits; what differs is what the
 //! compiler may use. That takes `unsafe`, because a function compiled for instructions that a machine
 //! lacks must not be called there: this file calls one only after asking the machine.
-#![allow(unsafe_code, reason = "functions for one kind of processor are called after detection, nothing else")]
+#![allow(
+    unsafe_code,
+    reason = "functions for one kind of processor are called after detection, nothing else"
+)]
 
 /// What the kernels are compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -147,7 +147,8 @@ impl<const ACROSS: usize> Group for Planes<'_, ACROSS> {
         let reach = [reach[1]; 2];
         match ACROSS {
             0 => {
-                is_calm::<BLOCK>(self.u, mean.u, block, reach) && is_calm::<BLOCK>(self.v, mean.v, block, reach)
+                is_calm::<BLOCK>(self.u, mean.u, block, reach)
+                    && is_calm::<BLOCK>(self.v, mean.v, block, reach)
             }
             1 => is_calm::<32>(self.u, mean.u, block, reach) && is_calm::<32>(self.v, mean.v, block, reach),
             _ => is_calm::<16>(self.u, mean.u, block, reach) && is_calm::<16>(self.v, mean.v, block, reach),

@@ -47,8 +47,7 @@ impl DifferenceTest {
         let mut any = 0;
         let unit = self.metric.unit;
         for lane in 0..BLOCK {
-            let difference =
-                std::array::from_fn(|c| i32::from(frame[c][lane]) - i32::from(mean[c][lane]));
+            let difference = std::array::from_fn(|c| i32::from(frame[c][lane]) - i32::from(mean[c][lane]));
             let distance = self.metric.square(difference);
             let (low, high) = (u32::from(low[lane]), u32::from(low[lane].max(self.high)));
             let class = u8::from(distance > unit * low * low) + u8::from(distance > unit * high * high);
@@ -91,13 +90,14 @@ impl DifferenceTest {
     fn is_shadow(&self, colour: [i32; 3], background: [i32; 3]) -> bool {
         let (own, back) = (self.metric.square(colour), self.metric.square(background));
         let [a, b, c] = self.metric.weights;
-        let both = a * colour[0] * background[0] + b * colour[1] * background[1] + c * colour[2] * background[2];
+        let both =
+            a * colour[0] * background[0] + b * colour[1] * background[1] + c * colour[2] * background[2];
         // Opposite colours have no shadow in common.
         let both = u64::from(both.max(0) as u32);
         let (own_wide, back_wide) = (u64::from(own), u64::from(back));
         let share = both << 10;
-        let lit = (share >= u64::from(self.darkest) * back_wide)
-            & (share <= u64::from(self.brightest) * back_wide);
+        let lit =
+            (share >= u64::from(self.darkest) * back_wide) & (share <= u64::from(self.brightest) * back_wide);
         let aligned =
             (both * both) << self.metric.cosine_bits >= self.cosine_squared * (own_wide * back_wide);
         (own >= self.dark_squared) & (back >= self.dark_squared) & lit & aligned
