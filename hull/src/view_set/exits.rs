@@ -106,32 +106,36 @@ impl ViewSet {
         let begin = answer.exits_m.len();
         answer.exits_m.resize(begin + points.len(), NO_EXIT_M);
         let exits_m = &mut answer.exits_m[begin..];
-        let Some(deepest) = least_along(points, &direction) else { return };
-        let mut first = self.hinted(asked, deepest, 0);
-        let mut longest_m = self.exit(&points.point(deepest), &direction, &mut first);
-        exits_m[deepest] = longest_m;
-        let (moved, standings) = (&mut scratch.moved, &mut scratch.standings);
-        moved.clear();
-        if longest_m == NO_EXIT_M {
-            // Then the body has none, whatever the others' are.
-            return;
-        }
-        for at in 0..points.len() {
-            moved.push(along(&points.point(at), &direction, longest_m));
-        }
-        standings.clear();
-        self.append_standings(moved, &mut scratch.block, standings);
-        for at in (0..points.len()).filter(|&at| at != deepest) {
-            exits_m[at] = longest_m;
-            if standings[at] == Standing::OUTSIDE {
-                continue;
-            }
+        let Scratch { moved, standings, left, block, .. } = scratch;
+        left.clear();
+        left.extend(0..points.len() as u32);
+        let (mut longest_m, mut first) = (0.0, 0);
+        while let Some(place) = farthest_back(points, left, &direction) {
+            let at = left.swap_remove(place) as usize;
+            first = self.hinted(asked, at, first);
             let exit_m = self.exit(&points.point(at), &direction, &mut first);
             exits_m[at] = exit_m;
             if exit_m == NO_EXIT_M {
+                // Then the body has none, whatever the others' are.
                 return;
             }
-            longest_m = longest_m.max(exit_m);
+            if exit_m <= longest_m {
+                continue;
+            }
+            longest_m = exit_m;
+            moved.clear();
+            left.iter().for_each(|&at| moved.push(along(&points.point(at as usize), &direction, longest_m)));
+            standings.clear();
+            self.append_standings(moved, block, standings);
+            let mut place = 0;
+            left.retain(|&at| {
+                let is_out = standings[place] == Standing::OUTSIDE;
+                place += 1;
+                if is_out {
+                    exits_m[at as usize] = longest_m;
+                }
+                !is_out
+            });
         }
     }
 
@@ -225,9 +229,15 @@ fn limit_m(view: &View, exit_m: f32, reach_m: f32) -> f64 {
     f64::from(exit_m.min(reach_m * 1.00001)).min(view.observer().settings().max_depth_m())
 }
 
-/// The point that lies farthest back along a direction.
+/// Which of the points that are left lies farthest back along a direction.
 #[inline(always)]
-fn least_along(points: &Coordinates, direction: &Vector3<f64>) -> Option<usize> {
-    let place = |at: usize| points.point(at).coords.dot(direction);
-    (0..points.len()).min_by(|&a, &b| place(a).total_cmp(&place(b)))
+fn farthest_back(points: &Coordinates, left: &[u32], direction: &Vector3<f64>) -> Option<usize> {
+    let mut least = (f64::INFINITY, None);
+    for (place, &at) in left.iter().enumerate() {
+        let along = points.point(at as usize).coords.dot(direction);
+        if along < least.0 {
+            least = (along, Some(place));
+        }
+    }
+    least.1
 }

@@ -41,6 +41,7 @@ pub struct Scratch {
     block: Box<Block>,
     sights: Sights,
     standings: Vec<Standing>,
+    left: Vec<u32>,
     rays: Rays,
 }
 
