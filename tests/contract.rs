@@ -326,16 +326,15 @@ async fn answers_are_the_hulls_own(client: &mut Client, probe: &mut Probe, rig: 
 }
 
 async fn refuses_what_makes_no_question(client: &mut Client, probe: &mut Probe) {
-    use RefusalReason::{Malformed, TooManyPoints};
+    use RefusalReason::{Malformed, TooManyPoints, UnknownList};
     let nan = world_points(vec![[0.0, f64::NAN, 0.0]]);
     assert_eq!(probe.refused(1, &nan).await, Malformed);
     let many = world_points(vec![[0.0; 3]; proto::MAX_POINTS + 1]);
     assert_eq!(probe.refused(1, &many).await, TooManyPoints);
-    let nothing = v1::ProbeRequest { id: 0, frame: 1, question: None };
-    assert!(matches!(probe.raw(nothing).await, ProbeAnswer::Refused(Malformed, _)));
-    let points = Some(v1::batch::Points::World(vec![0; 25].into()));
-    let odd = v1::Classes { batches: vec![v1::Batch { points, picked: None }] };
-    let odd = v1::ProbeRequest { id: 0, frame: 1, question: Some(v1::probe_request::Question::Classes(odd)) };
+    let nothing = v1::ProbeRequest { list: 5, frame: 1, ..v1::ProbeRequest::default() };
+    assert!(matches!(probe.raw(nothing).await, ProbeAnswer::Refused(UnknownList, _)));
+    let mut odd = question_to_wire(0, 1, &world_points(vec![[0.0; 3]]));
+    odd.bodies.as_mut().expect("told").world[0] = vec![0; 25].into();
     assert!(matches!(probe.raw(odd).await, ProbeAnswer::Refused(Malformed, _)));
     let empty = world_points(vec![]);
     assert_eq!(probe.ask(1, &empty).await, ProbeAnswer::Answer(Answer::default()));

@@ -5,6 +5,7 @@
 //! bytes pass through the async [`service`].
 
 pub mod capture;
+pub mod cores;
 pub mod frames;
 pub mod listen;
 pub mod service;

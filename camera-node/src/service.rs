@@ -2,15 +2,14 @@
 //! on a thread of their own; async code moves bytes.
 
 use std::pin::Pin;
-use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use hull::question::Answer;
-use hull::view_set::Scratch;
+use hull::question::Question;
 use proto::convert::{
-    RefusalReason, SilhouetteEncoding, answer_to_wire, pixel_rect_to_wire, question_from_wire, refusal,
-    settings_to_wire, silhouette_data,
+    Precision, QuestionReader, RefusalReason, SilhouetteEncoding, answer_to_wire, pixel_rect_to_wire,
+    refusal, settings_to_wire, silhouette_data,
 };
 use proto::v1::camera_node_server::{CameraNode, CameraNodeServer};
 use proto::{MAX_FRAME_BYTES, MAX_MESSAGE_BYTES, v1};
@@ -23,6 +22,7 @@ use tonic::{Request, Response, Status, Streaming};
 
 use crate::NodeConfig;
 use crate::capture::{CaptureError, Film, Pace};
+use crate::cores::Cores;
 use crate::frames::{FilmState, Frame, FrameError, FrameRing};
 use crate::listen::{Listen, Listener};
 use crate::shapes::Shapes;
@@ -162,6 +162,8 @@ impl Node {
 /// A question on its way to the worker, and where its reply goes.
 struct Job {
     request: v1::ProbeRequest,
+    /// What its stream has told before. Only the worker reads, in the order of the stream.
+    reader: Arc<Mutex<QuestionReader>>,
     replies: mpsc::Sender<Result<v1::ProbeReply, Status>>,
 }
 
@@ -182,8 +184,8 @@ impl Service {
         let worker = Worker {
             ring: Arc::clone(&ring),
             shapes: Arc::clone(&shapes),
-            scratch: Scratch::default(),
-            answer: Answer::default(),
+            cores: Cores::of_this_machine(),
+            question: Question::default(),
         };
         // The thread ends when the last sender is gone.
         std::thread::spawn(move || worker.work(&waiting));
@@ -195,19 +197,22 @@ impl Service {
 struct Worker {
     ring: Arc<FrameRing>,
     shapes: Arc<Shapes>,
-    scratch: Scratch,
-    answer: Answer,
+    cores: Cores,
+    question: Question,
 }
 
 impl Worker {
     fn work(mut self, jobs: &Receiver<Job>) {
-        while let Ok(Job { request, replies }) = jobs.recv() {
+        while let Ok(Job { request, reader, replies }) = jobs.recv() {
             let id = request.id;
-            let answered = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| self.answer(request)));
+            let mut reader = reader.lock().unwrap_or_else(PoisonError::into_inner);
+            let answered =
+                std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| self.answer(request, &mut reader)));
             let reply = answered.unwrap_or_else(|_| {
                 // No message may end the node, not even one that finds a bug.
                 tracing::error!("a question made the computation panic");
-                self.scratch = Scratch::default();
+                self.cores = Cores::of_this_machine();
+                *reader = QuestionReader::default();
                 refusal(id, RefusalReason::Malformed, "the computation panicked")
             });
             // The asker may have gone, or read nothing: that is no reason to keep others waiting.
@@ -217,9 +222,14 @@ impl Worker {
         }
     }
 
-    fn answer(&mut self, request: v1::ProbeRequest) -> v1::ProbeReply {
+    fn answer(&mut self, request: v1::ProbeRequest, reader: &mut QuestionReader) -> v1::ProbeReply {
         let began = Instant::now();
         let (id, number) = (request.id, request.frame);
+        let precision = if request.rounded { Precision::Quantised } else { Precision::Exact };
+        // Read before the frame is looked for: the stream goes on from what it has told.
+        if let Err(error) = reader.read(request, |key| self.shapes.get(key), &mut self.question) {
+            return refusal(id, RefusalReason::from(&error), error.to_string());
+        }
         let frame = match self.ring.get(number) {
             Ok(frame) => frame,
             Err(error) => {
@@ -230,13 +240,9 @@ impl Worker {
                 return refusal(id, reason, error.to_string());
             }
         };
-        let question = match question_from_wire(request, |key| self.shapes.get(key)) {
-            Ok(question) => question,
-            Err(error) => return refusal(id, RefusalReason::from(&error), error.to_string()),
-        };
-        frame.views.answer(&question, &mut self.scratch, &mut self.answer);
+        let answer = self.cores.answer(&frame.views, &self.question);
         let camera_count = frame.views.views().len();
-        answer_to_wire(id, &self.answer, camera_count, began.elapsed().as_secs_f64() * 1e3)
+        answer_to_wire(id, answer, camera_count, precision, began.elapsed().as_secs_f64() * 1e3)
     }
 }
 
@@ -316,10 +322,12 @@ impl CameraNode for Service {
         let mut requests = request.into_inner();
         let (replies, receiver) = mpsc::channel(MAX_WAITING);
         let jobs = self.jobs.clone();
+        let reader = Arc::new(Mutex::new(QuestionReader::default()));
         tokio::spawn(async move {
             while let Some(Ok(request)) = requests.next().await {
                 let id = request.id;
-                match jobs.try_send(Job { request, replies: replies.clone() }) {
+                let (reader, replies_of_it) = (Arc::clone(&reader), replies.clone());
+                match jobs.try_send(Job { request, reader, replies: replies_of_it }) {
                     Ok(()) => {}
                     Err(TrySendError::Full(_)) => {
                         let busy = format!("{MAX_WAITING} questions wait");

@@ -5,11 +5,10 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use hull::question::Question;
 use hull::{ProbeSettings, Shape, Silhouette};
 use hyper_util::rt::TokioIo;
 use proto::convert::{
-    ProbeAnswer, SilhouetteEncoding, answer_from_wire, pixel_rect_from_wire, question_to_wire,
+    ProbeAnswer, SilhouetteEncoding, StreamKnows, WrittenQuestion, answer_from_wire, pixel_rect_from_wire,
     settings_from_wire, shape_to_wire, silhouette_from_data,
 };
 use proto::v1::camera_node_client::CameraNodeClient;
@@ -59,8 +58,8 @@ pub struct ExpectedNode {
 
 /// What a link tells the pass in flight.
 pub(crate) enum Event {
-    /// A node's reply to the question of that id.
-    Reply(usize, u64, ProbeAnswer),
+    /// A node's reply to the question of that id, and the milliseconds that it computed.
+    Reply(usize, u64, ProbeAnswer, f64),
     /// A node's connection broke.
     Down(usize),
 }
@@ -91,6 +90,8 @@ struct LinkState {
     frames: VecDeque<FrameFacts>,
     film: FilmState,
     problem: Option<String>,
+    /// What the probe stream has told.
+    knows: StreamKnows,
 }
 
 #[derive(Clone)]
@@ -158,11 +159,21 @@ impl Link {
         }
     }
 
-    /// Sends a question; false if the node is not there or takes none.
-    pub fn ask(&self, id: u64, frame: u64, question: &Question) -> bool {
-        let request = question_to_wire(id, frame, question);
-        let sender = self.state().connection.as_ref().map(|connection| connection.probes.clone());
-        sender.is_some_and(|sender| sender.try_send(request).is_ok())
+    /// Puts a question on its way; false if the node is not there, or does not read.
+    pub fn ask(&self, id: u64, frame: u64, question: &WrittenQuestion) -> bool {
+        let mut state = self.state();
+        let message = question.message(&state.knows, id, frame);
+        let sent =
+            state.connection.as_ref().is_some_and(|connection| connection.probes.try_send(message).is_ok());
+        if sent {
+            state.knows.learn(question);
+        }
+        sent
+    }
+
+    /// Tells everything anew with the next question: one was refused, so who knows what was understood.
+    pub fn forget(&self) {
+        self.state().knows = StreamKnows::default();
     }
 
     /// Registers the run's shapes once more.
@@ -338,11 +349,11 @@ impl Link {
         loop {
             match replies.next().await {
                 Some(Ok(reply)) => {
-                    let (id, answer, _) = match answer_from_wire(reply) {
+                    let (id, answer, compute_ms) = match answer_from_wire(reply) {
                         Ok(converted) => converted,
                         Err(error) => return format!("it answers nonsense: {error}"),
                     };
-                    if self.events.send(Event::Reply(self.index, id, answer)).await.is_err() {
+                    if self.events.send(Event::Reply(self.index, id, answer, compute_ms)).await.is_err() {
                         return "the run is over".into();
                     }
                 }

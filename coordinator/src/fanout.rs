@@ -1,14 +1,16 @@
-//! Drives a pass over the network: each question to every node, each reply to the pass.
+//! Drives a pass over the network: each question to the nodes that it asks, each reply to the pass.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use hull::pass::{AnswerError, Pass, Round};
-use proto::convert::{ProbeAnswer, RefusalReason};
+use hull::question::{Answer, Standing};
+use proto::convert::{Precision, ProbeAnswer, QuestionWriter, RefusalReason, WrittenQuestion};
 use thiserror::Error;
 use tokio::sync::mpsc;
 
 use crate::camera_client::{Event, Link};
+use crate::ways::Ways;
 
 /// Why a pass has no result; the step goes on without.
 #[derive(Debug, Error)]
@@ -27,12 +29,32 @@ pub(crate) enum PassError {
 pub(crate) struct Fanout {
     pub links: Vec<Arc<Link>>,
     pub events: mpsc::Receiver<Event>,
+    writer: QuestionWriter,
+    ways: Ways,
     next_id: u64,
 }
 
+/// A question on its way to several nodes.
+struct Asking {
+    id: u64,
+    frame: u64,
+    question: WrittenQuestion,
+    points: usize,
+    began: Instant,
+    deadline: tokio::time::Instant,
+    patience: Duration,
+}
+
 impl Fanout {
-    pub fn new(links: Vec<Arc<Link>>, events: mpsc::Receiver<Event>) -> Fanout {
-        Fanout { links, events, next_id: 0 }
+    pub fn new(links: Vec<Arc<Link>>, events: mpsc::Receiver<Event>, precision: Precision) -> Fanout {
+        let ways = Ways::new(links.len());
+        Fanout { links, events, writer: QuestionWriter::new(precision), ways, next_id: 0 }
+    }
+
+    /// From now on numbers travel like this.
+    pub fn set_precision(&mut self, precision: Precision) {
+        self.writer = QuestionWriter::new(precision);
+        self.links.iter().for_each(|link| link.forget());
     }
 
     /// Asks until the pass is done. `took` is told each round and the milliseconds it took.
@@ -43,61 +65,107 @@ impl Fanout {
         patience: Duration,
         took: &mut dyn FnMut(Round, f64),
     ) -> Result<(), PassError> {
-        while pass.question().is_some() {
-            let (round, began) = (pass.round(), Instant::now());
+        let (mut classes_ms, mut classes_points, mut selectively) = (0.0, 0, false);
+        while let Some(question) = pass.question() {
+            let (round, began, points) = (pass.round(), Instant::now(), question.len());
+            selectively |= round == Round::Classes && (0..self.links.len()).any(|index| !pass.asks(index));
             self.round(pass, frame, patience).await?;
-            took(round, began.elapsed().as_secs_f64() * 1e3);
+            let ms = began.elapsed().as_secs_f64() * 1e3;
+            took(round, ms);
+            if round == Round::Classes {
+                classes_points = classes_points.max(points);
+                classes_ms += ms;
+            }
         }
+        self.ways.took(selectively, classes_points, classes_ms);
+        pass.ask_first(&self.ways.first());
         Ok(())
     }
 
     async fn round(&mut self, pass: &mut Pass, frame: u64, patience: Duration) -> Result<(), PassError> {
-        let Some(question) = pass.question().cloned() else { return Ok(()) };
-        let id = self.next_id;
+        let Some(question) = pass.question() else { return Ok(()) };
+        let asking = Asking {
+            id: self.next_id,
+            frame,
+            question: self.writer.write(0, question),
+            points: question.len(),
+            began: Instant::now(),
+            deadline: tokio::time::Instant::now() + patience,
+            patience,
+        };
         self.next_id += 1;
         // What was told before this question is no answer to it.
         while self.events.try_recv().is_ok() {}
-        let name = |links: &[Arc<Link>], index: usize| links[index].node.address.to_string();
         let mut waiting: Vec<bool> = (0..self.links.len()).map(|index| pass.asks(index)).collect();
-        for (index, link) in self.links.iter().enumerate().filter(|&(index, _)| waiting[index]) {
-            if !link.ask(id, frame, &question) {
-                return Err(PassError::Down(name(&self.links, index)));
-            }
+        for index in (0..waiting.len()).filter(|&index| waiting[index]) {
+            self.ask(index, &asking)?;
         }
-        let deadline = tokio::time::Instant::now() + patience;
         while let Some(first) = waiting.iter().position(|&waits| waits) {
-            let event = tokio::time::timeout_at(deadline, self.events.recv()).await;
-            let late = || PassError::Late { node: name(&self.links, first), waited_ms: patience.as_millis() };
-            let (index, answer) = match event.map_err(|_| late())?.ok_or_else(late)? {
-                Event::Down(index) if waiting[index] => {
-                    return Err(PassError::Down(name(&self.links, index)));
-                }
-                Event::Down(_) => continue,
-                Event::Reply(_, of, _) if of != id => continue,
-                Event::Reply(index, _, answer) => (index, answer),
-            };
-            let node = || name(&self.links, index);
-            match answer {
-                ProbeAnswer::Answer(answer) => {
-                    pass.answer(index, &answer).map_err(|error| PassError::Answer { node: node(), error })?;
-                    waiting[index] = false;
-                }
-                ProbeAnswer::Refused(RefusalReason::UnknownShape, _) => {
-                    // The node began anew since the shapes were registered.
-                    let refused = |message| PassError::Refused { node: node(), message };
-                    let link = &self.links[index];
-                    let registered = tokio::time::timeout_at(deadline, link.register_shapes());
-                    let registered = registered.await.map_err(|_| refused("took too long".into()))?;
-                    registered.map_err(|status| refused(status.message().to_owned()))?;
-                    if !link.ask(id, frame, &question) {
-                        return Err(PassError::Down(node()));
+            match self.event(first, &asking).await? {
+                Event::Down(index) if waiting[index] => return Err(PassError::Down(self.name(index))),
+                Event::Reply(index, id, answer, compute_ms) if id == asking.id && waiting[index] => {
+                    if let Some(answer) = self.answer_of(index, answer, &asking).await? {
+                        self.note(pass.round(), index, &answer, &asking, compute_ms);
+                        let refused = |error| PassError::Answer { node: self.name(index), error };
+                        waiting[index] = false;
+                        pass.answer(index, &answer).map_err(refused)?;
                     }
                 }
-                ProbeAnswer::Refused(_, message) => {
-                    return Err(PassError::Refused { node: node(), message });
-                }
+                Event::Down(_) | Event::Reply(..) => {}
             }
         }
         Ok(())
+    }
+
+    fn name(&self, index: usize) -> String {
+        self.links[index].node.address.to_string()
+    }
+
+    fn ask(&self, index: usize, asking: &Asking) -> Result<(), PassError> {
+        let sent = self.links[index].ask(asking.id, asking.frame, &asking.question);
+        if sent { Ok(()) } else { Err(PassError::Down(self.name(index))) }
+    }
+
+    async fn event(&mut self, waited_for: usize, asking: &Asking) -> Result<Event, PassError> {
+        let event = tokio::time::timeout_at(asking.deadline, self.events.recv()).await;
+        let waited_ms = asking.patience.as_millis();
+        event.ok().flatten().ok_or_else(|| PassError::Late { node: self.name(waited_for), waited_ms })
+    }
+
+    /// The answer, or nothing if the node was asked once more.
+    async fn answer_of(
+        &self,
+        index: usize,
+        answer: ProbeAnswer,
+        asking: &Asking,
+    ) -> Result<Option<Answer>, PassError> {
+        let (reason, message) = match answer {
+            ProbeAnswer::Answer(answer) => return Ok(Some(answer)),
+            ProbeAnswer::Refused(reason, message) => (reason, message),
+        };
+        let link = &self.links[index];
+        let refused = |message| PassError::Refused { node: self.name(index), message };
+        // Whatever it did not understand, it is told everything anew.
+        link.forget();
+        match reason {
+            RefusalReason::UnknownShape => {
+                // The node began anew since the shapes were registered.
+                let registered = tokio::time::timeout_at(asking.deadline, link.register_shapes());
+                let registered = registered.await.map_err(|_| refused("took too long".into()))?;
+                registered.map_err(|status| refused(status.message().to_owned()))?;
+            }
+            RefusalReason::UnknownList => {}
+            _ => return Err(refused(message)),
+        }
+        self.ask(index, asking).map(|()| None)
+    }
+
+    fn note(&mut self, round: Round, index: usize, answer: &Answer, asking: &Asking, compute_ms: f64) {
+        if round == Round::Classes {
+            let took_ms = asking.began.elapsed().as_secs_f64() * 1e3;
+            let outside = |standing: &&Standing| **standing == Standing::OUTSIDE;
+            let rejected = answer.standings.iter().filter(outside).count();
+            self.ways.answered(index, asking.points, rejected, took_ms, compute_ms);
+        }
     }
 }

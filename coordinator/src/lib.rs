@@ -11,6 +11,7 @@ mod fanout;
 mod figures;
 mod run;
 mod transport;
+mod ways;
 
 pub use answers::Asks;
 pub use camera_client::{ExpectedCamera, ExpectedNode};

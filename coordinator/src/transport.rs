@@ -7,7 +7,7 @@ use hull::pass::{Pass, Round};
 use hull::question::Answer;
 use hull::view_set::Scratch;
 use hull::{Observer, ProbeSettings, Shape, Silhouette, View, ViewSet};
-use proto::convert::SilhouetteEncoding;
+use proto::convert::{Precision, SilhouetteEncoding};
 use tokio::sync::{Notify, mpsc, watch};
 
 use crate::camera_client::{Common, ExpectedNode, Link};
@@ -41,7 +41,7 @@ pub trait LocalFrames: Send {
 /// A layout, connected.
 pub enum Transport {
     /// Nodes that are asked.
-    Cluster(Nodes),
+    Cluster(Box<Nodes>),
     /// Nodes whose silhouettes are fetched.
     Gather(Box<Gather>),
     /// Cameras of this process.
@@ -105,9 +105,9 @@ impl Transport {
             .enumerate()
             .map(|(index, node)| Link::spawn(node, index, Arc::clone(&common), sender.clone()))
             .collect();
-        let nodes = Nodes { fanout: Fanout::new(links, events), told, common };
+        let nodes = Nodes { fanout: Fanout::new(links, events, Precision::Exact), told, common };
         match gather {
-            None => Transport::Cluster(nodes),
+            None => Transport::Cluster(Box::new(nodes)),
             Some(observers) => Transport::Gather(Box::new(Gather {
                 nodes,
                 observers,
@@ -129,6 +129,14 @@ impl Transport {
     pub fn with_silhouettes_as(mut self, encoding: SilhouetteEncoding) -> Transport {
         if let Transport::Gather(gather) = &mut self {
             gather.encoding = encoding;
+        }
+        self
+    }
+
+    /// Asks and answers with rounded numbers, or again with exact ones: see [`Precision`].
+    pub fn with_precision(mut self, precision: Precision) -> Transport {
+        if let Transport::Cluster(nodes) = &mut self {
+            nodes.fanout.set_precision(precision);
         }
         self
     }

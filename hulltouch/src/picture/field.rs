@@ -66,7 +66,7 @@ pub(super) struct Field<'a> {
 
 impl<'a> Field<'a> {
     pub fn new(view: &'a View, outline: Outline) -> Field<'a> {
-        let (map, camera) = (view.foreground(), view.camera());
+        let (map, camera) = (view.foreground().map(), view.camera());
         let always_judges = view.observer().always_judges();
         let (left, top, right, bottom) = if always_judges {
             (map.left(), map.top(), map.right(), map.bottom())

@@ -1,18 +1,23 @@
 //! Both directions of every message. Messages are taken apart field by field, so that a new field
 //! breaks the build here. Errors name message and field.
 
+mod answer;
 mod bulk;
+mod choice;
 mod from_wire;
+mod packed;
+mod question;
+mod rounded;
 mod silhouette;
 mod to_wire;
 
-pub use from_wire::{
-    ProbeAnswer, answer_from_wire, pixel_rect_from_wire, question_from_wire, settings_from_wire,
-    shape_from_wire,
-};
+pub use answer::{ProbeAnswer, answer_from_wire, answer_to_wire};
+pub use from_wire::{pixel_rect_from_wire, settings_from_wire, shape_from_wire};
+pub use question::{LISTS, QuestionReader, QuestionWriter, StreamKnows, WrittenQuestion};
+pub use rounded::Precision;
 pub use silhouette::{SilhouetteEncoding, silhouette_data, silhouette_from_data};
 pub use to_wire::{
-    answer_to_wire, pixel_rect_to_wire, question_to_wire, refusal, settings_to_wire, shape_key, shape_to_wire,
+    pixel_rect_to_wire, question_to_wire, refusal, settings_to_wire, shape_key, shape_to_wire,
 };
 
 use thiserror::Error;
@@ -32,6 +37,8 @@ pub enum RefusalReason {
     Malformed,
     /// Too many questions wait.
     Busy,
+    /// A list of bodies is not known there.
+    UnknownList,
 }
 
 /// Why a message makes no value.
@@ -70,6 +77,9 @@ pub enum ConvertError {
     /// A shape that is not registered.
     #[error("shape {0:016x} is not registered")]
     UnknownShape(u64),
+    /// A list of bodies that the stream has not told, or no longer.
+    #[error("the list of bodies {0} is not known")]
+    UnknownList(u32),
     /// More points than a question may hold.
     #[error("question of {found} points, at most {limit} are taken")]
     TooManyPoints {

@@ -1,0 +1,177 @@
+//! Which nodes are asked first whether points are inside: all at once, or those that reject most for their
+//! time, and the others about the points that are left. Decided by what both ways took so far; the answers are
+//! the same.
+
+/// How much a new measurement counts against those before it.
+const NEW_SHARE: f64 = 0.1;
+/// Passes that try a way before it is judged.
+const TRIAL_PASSES: u64 = 6;
+/// The way that is not taken is tried again after so many passes: links and scenes change.
+const TRY_AGAIN_PASSES: u64 = 240;
+/// Passes of such a trial; the first finds cold lists and is not counted.
+const AGAIN_PASSES: u64 = 3;
+/// The selective way must be this much faster: it is the one with more round trips.
+const ADVANTAGE: f64 = 0.95;
+
+/// A mean that forgets.
+#[derive(Clone, Copy, Debug, Default)]
+struct Recent(Option<f64>);
+
+impl Recent {
+    fn add(&mut self, value: f64) {
+        let mean = self.0.unwrap_or(value);
+        self.0 = Some(mean + NEW_SHARE * (value - mean));
+    }
+}
+
+/// What is known of one node's answers.
+#[derive(Clone, Copy, Debug, Default)]
+struct NodeRate {
+    /// From question to answer without the computation, milliseconds.
+    trip_ms: Recent,
+    /// Computation of a thousand points' classes, milliseconds.
+    compute_ms: Recent,
+    /// The share of the points that it was asked about and rejected.
+    rejects: Recent,
+}
+
+/// A way to ask for classes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Way {
+    AtOnce,
+    Selective,
+}
+
+/// Measures both ways and chooses.
+#[derive(Debug)]
+pub(crate) struct Ways {
+    nodes: Vec<NodeRate>,
+    at_once_ms: Recent,
+    selective_ms: Recent,
+    passes: u64,
+}
+
+impl Ways {
+    /// Nothing is known of so many nodes.
+    pub fn new(node_count: usize) -> Ways {
+        Ways {
+            nodes: vec![NodeRate::default(); node_count],
+            at_once_ms: Recent::default(),
+            selective_ms: Recent::default(),
+            passes: 0,
+        }
+    }
+
+    /// A node answered about the classes of `points` points after `took_ms`, `compute_ms` of it computing, and
+    /// rejected `rejected` of them.
+    pub fn answered(&mut self, node: usize, points: usize, rejected: usize, took_ms: f64, compute_ms: f64) {
+        if points == 0 {
+            return;
+        }
+        let rate = &mut self.nodes[node];
+        rate.trip_ms.add((took_ms - compute_ms).max(0.0));
+        rate.compute_ms.add(compute_ms * 1e3 / points as f64);
+        rate.rejects.add(rejected as f64 / points as f64);
+    }
+
+    /// The classes of a pass over `points` points took so long, asked selectively or at once.
+    pub fn took(&mut self, selectively: bool, points: usize, ms: f64) {
+        self.passes += 1;
+        if points == 0 || self.is_warming_up() {
+            return;
+        }
+        let a_thousand_ms = ms * 1e3 / points as f64;
+        if selectively { self.selective_ms.add(a_thousand_ms) } else { self.at_once_ms.add(a_thousand_ms) }
+    }
+
+    /// The nodes to ask first in the next pass; none: all at once.
+    pub fn first(&self) -> Vec<usize> {
+        // With fewer, one of the two groups is a single node that the other could not spare much.
+        if self.nodes.len() < 3 || self.way() == Way::AtOnce {
+            return Vec::new();
+        }
+        let gain = |node: &NodeRate| {
+            let ms = node.trip_ms.0.unwrap_or(0.0) + node.compute_ms.0.unwrap_or(0.0);
+            node.rejects.0.unwrap_or(0.0) / ms.max(1e-3)
+        };
+        let mut order: Vec<usize> = (0..self.nodes.len()).collect();
+        order.sort_by(|&a, &b| gain(&self.nodes[b]).total_cmp(&gain(&self.nodes[a])).then(a.cmp(&b)));
+        order.truncate(self.nodes.len().div_ceil(4));
+        order.sort_unstable();
+        order
+    }
+
+    fn way(&self) -> Way {
+        match self.passes {
+            0..TRIAL_PASSES => return Way::AtOnce,
+            passes if passes < 2 * TRIAL_PASSES => return Way::Selective,
+            _ => {}
+        }
+        let better = self.better();
+        let other = if better == Way::AtOnce { Way::Selective } else { Way::AtOnce };
+        if self.since_trial() < AGAIN_PASSES { other } else { better }
+    }
+
+    fn better(&self) -> Way {
+        match (self.at_once_ms.0, self.selective_ms.0) {
+            (Some(at_once), Some(selective)) if selective < ADVANTAGE * at_once => Way::Selective,
+            _ => Way::AtOnce,
+        }
+    }
+
+    fn since_trial(&self) -> u64 {
+        match self.passes {
+            0..TRIAL_PASSES => self.passes,
+            passes if passes < 2 * TRIAL_PASSES => passes - TRIAL_PASSES,
+            passes => (passes - 2 * TRIAL_PASSES + AGAIN_PASSES) % TRY_AGAIN_PASSES,
+        }
+    }
+
+    /// The pass just noted was the first of a trial: connections and lists were new to it.
+    fn is_warming_up(&self) -> bool {
+        self.since_trial() == 1
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// So many passes where the ways take so long; returns the share of the last hundred that were selective.
+    fn run(ways: &mut Ways, passes: u64, at_once_ms: f64, selective_ms: f64) -> f64 {
+        let mut selective = 0;
+        for pass in 0..passes {
+            let selectively = !ways.first().is_empty();
+            selective += u64::from(selectively && pass + 100 >= passes);
+            ways.took(selectively, 1000, if selectively { selective_ms } else { at_once_ms });
+        }
+        selective as f64 / 100.0
+    }
+
+    #[test]
+    fn the_faster_way_is_taken_and_the_other_tried_again() {
+        assert!(run(&mut Ways::new(8), 400, 2.0, 1.0) > 0.9);
+        assert!(run(&mut Ways::new(8), 400, 1.0, 2.0) < 0.1);
+        let mut ways = Ways::new(8);
+        run(&mut ways, 300, 1.0, 2.0);
+        // A trial now and then is all that tells of a change: it takes a while.
+        assert!(run(&mut ways, 20 * TRY_AGAIN_PASSES, 3.0, 1.0) > 0.9, "links change");
+    }
+
+    #[test]
+    fn those_that_reject_most_for_their_time_are_asked_first() {
+        let mut ways = Ways::new(8);
+        for node in 0..8 {
+            let slow_ms = if node == 5 { 20.0 } else { 0.1 };
+            let rejected = if node == 5 || node == 2 || node == 6 { 900 } else { 500 };
+            ways.answered(node, 1000, rejected, slow_ms + 0.2, 0.2);
+        }
+        run(&mut ways, 60, 2.0, 1.0);
+        assert_eq!(ways.first(), [2, 6]);
+    }
+
+    #[test]
+    fn two_nodes_are_always_asked_at_once() {
+        assert_eq!(run(&mut Ways::new(2), 300, 2.0, 1.0), 0.0);
+    }
+}

@@ -1,0 +1,376 @@
+//! Answers to messages and back.
+
+use hull::camera::Pixel;
+use hull::question::{Answer, Change, Edge, Kind, NO_EXIT_M, Standing};
+
+use super::bulk::{Field, pack_f32, unpack, unpack_f32x3};
+use super::choice::{ChoiceWriter, push_number, read_choice, take_number};
+use super::packed::{pack, unpack_at_most, unpack_exactly};
+use super::rounded::{Precision, covering_code, from_octahedral, nearest_code, octahedral, on_scale, step_m};
+use super::{ConvertError, RefusalReason};
+use crate::{MAX_POINTS, v1};
+
+/// Steps of the scale of rounded exits.
+const EXIT_STEPS: u32 = 0xffff;
+/// Steps of the scale of rounded distances to edges: they decide which camera's normal is taken, so they are
+/// as fine as the longest `f32` among them.
+const EDGE_STEPS: u32 = 0xff_ffff;
+
+/// A node's reply to a question.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ProbeAnswer {
+    /// It answered.
+    Answer(Answer),
+    /// It did not, and why.
+    Refused(RefusalReason, String),
+}
+
+/// An answer of a node with `camera_count` cameras.
+pub fn answer_to_wire(
+    id: u64,
+    answer: &Answer,
+    camera_count: usize,
+    precision: Precision,
+    compute_ms: f64,
+) -> v1::ProbeReply {
+    use v1::probe_reply::Answer as Wire;
+    let answer = match answer.kind {
+        Kind::Classes => Wire::Classes(classes_to_wire(&answer.standings, camera_count)),
+        Kind::Edges => Wire::Edges(edges_to_wire(&answer.edges, precision)),
+        Kind::Exits | Kind::SharedExits => Wire::Exits(exits_to_wire(answer, precision)),
+    };
+    v1::ProbeReply { id, answer: Some(answer), compute_ms: compute_ms as f32 }
+}
+
+/// A node's reply: its id, the answer, and the milliseconds it took to compute.
+pub fn answer_from_wire(reply: v1::ProbeReply) -> Result<(u64, ProbeAnswer, f64), ConvertError> {
+    use v1::probe_reply::Answer as Wire;
+    let v1::ProbeReply { id, answer, compute_ms } = reply;
+    let missing = ConvertError::Missing { message: "ProbeReply", field: "answer" };
+    let answer = match answer.ok_or(missing)? {
+        Wire::Classes(classes) => ProbeAnswer::Answer(classes_from_wire(&classes)?),
+        Wire::Edges(edges) => ProbeAnswer::Answer(edges_from_wire(&edges)?),
+        Wire::Exits(exits) => ProbeAnswer::Answer(exits_from_wire(&exits)?),
+        Wire::Refusal(refusal) => {
+            ProbeAnswer::Refused(super::from_wire::reason_from_wire(&refusal), refusal.message)
+        }
+    };
+    Ok((id, answer, f64::from(compute_ms)))
+}
+
+/// A count that memory may be set aside for.
+fn checked_count(count: u32, field: Field) -> Result<usize, ConvertError> {
+    let count = count as usize;
+    if count > MAX_POINTS {
+        return Err(field.value(format!("is {count}, expected at most {MAX_POINTS}")));
+    }
+    Ok(count)
+}
+
+fn choice(taken: impl ExactSizeIterator<Item = bool>) -> bytes::Bytes {
+    let mut writer = ChoiceWriter::default();
+    let count = taken.len();
+    taken.enumerate().filter(|(_, taken)| *taken).for_each(|(index, _)| writer.take(index));
+    writer.finish(count)
+}
+
+fn chosen(bytes: &[u8], count: usize, field: Field) -> Result<Vec<u32>, ConvertError> {
+    let mut indices = Vec::new();
+    read_choice(bytes, count, field, |index| indices.push(index as u32))?;
+    Ok(indices)
+}
+
+fn classes_to_wire(standings: &[Standing], camera_count: usize) -> v1::ClassesAnswer {
+    let counts = standings.iter().filter_map(|standing| standing.inside_count());
+    let all = counts.clone().all(|count| count == camera_count);
+    let counts: Vec<u8> = if all { Vec::new() } else { counts.map(|count| count as u8).collect() };
+    v1::ClassesAnswer {
+        count: standings.len() as u32,
+        not_outside: choice(standings.iter().map(|&standing| standing != Standing::OUTSIDE)),
+        inside_counts: pack(&counts),
+        cameras: camera_count as u32,
+    }
+}
+
+fn classes_from_wire(answer: &v1::ClassesAnswer) -> Result<Answer, ConvertError> {
+    let v1::ClassesAnswer { count, not_outside, inside_counts, cameras } = answer;
+    let field = |name| Field("ClassesAnswer", name);
+    let count = checked_count(*count, field("count"))?;
+    let mut standings = vec![Standing::OUTSIDE; count];
+    if inside_counts.is_empty() {
+        let all = Standing::inside(*cameras as usize);
+        read_choice(not_outside, count, field("not_outside"), |index| standings[index] = all)?;
+    } else {
+        let set = chosen(not_outside, count, field("not_outside"))?;
+        let counts = unpack_exactly(inside_counts, set.len(), field("inside_counts"))?;
+        for (index, count) in set.into_iter().zip(counts) {
+            standings[index as usize] = Standing::inside(usize::from(count));
+        }
+    }
+    Ok(Answer { kind: Kind::Classes, standings, ..Answer::default() })
+}
+
+fn edges_to_wire(edges: &[Option<Edge>], precision: Precision) -> v1::EdgesAnswer {
+    let present = || edges.iter().flatten();
+    let all_same = present().zip(present().skip(1)).all(|(a, b)| a.camera == b.camera);
+    let cameras: Vec<u8> = present()
+        .take(if all_same { 1 } else { edges.len() })
+        .flat_map(|edge| edge.camera.to_le_bytes())
+        .collect();
+    let (mut pixels, mut before) = (Vec::new(), Pixel { column: 0, row: 0 });
+    for Edge { pixel, .. } in present() {
+        for difference in [pixel.column - before.column, pixel.row - before.row] {
+            push_number(&mut pixels, (difference << 1 ^ difference >> 31).cast_unsigned() as usize);
+        }
+        before = *pixel;
+    }
+    let mut wire = v1::EdgesAnswer {
+        count: edges.len() as u32,
+        present: choice(edges.iter().map(Option::is_some)),
+        distances: bytes::Bytes::new(),
+        normals: bytes::Bytes::new(),
+        cameras: pack(&cameras),
+        pixels: pack(&pixels),
+        step_m: 0.0,
+    };
+    if precision == Precision::Exact {
+        wire.distances = pack_f32(present().map(|edge| edge.distance_m));
+        wire.normals = pack_f32(present().flat_map(|edge| edge.normal_world));
+        return wire;
+    }
+    let step_m = step_m(present().map(|edge| edge.distance_m).fold(0.0, f32::max), EDGE_STEPS);
+    let code = |edge: &Edge| nearest_code(edge.distance_m, step_m).to_le_bytes().into_iter().take(3);
+    wire.step_m = step_m;
+    wire.distances = present().flat_map(code).collect::<Vec<u8>>().into();
+    let normals = present().flat_map(|edge| octahedral(edge.normal_world));
+    wire.normals = normals.flat_map(u16::to_le_bytes).collect::<Vec<u8>>().into();
+    wire
+}
+
+fn edges_from_wire(answer: &v1::EdgesAnswer) -> Result<Answer, ConvertError> {
+    let v1::EdgesAnswer { count, present, distances, normals, cameras, pixels, step_m } = answer;
+    let field = |name| Field("EdgesAnswer", name);
+    let mut edges = vec![None; checked_count(*count, field("count"))?];
+    let set = chosen(present, edges.len(), field("present"))?;
+    check_step(*step_m, field("step_m"))?;
+    let rounded = *step_m > 0.0;
+    let distances = if rounded {
+        let codes =
+            unpack(distances, set.len(), field("distances"), |[a, b, c]| u32::from_le_bytes([a, b, c, 0]))?;
+        codes.into_iter().map(|code| on_scale(code, *step_m)).collect()
+    } else {
+        unpack(distances, set.len(), field("distances"), f32::from_le_bytes)?
+    };
+    if let Some(distance) = distances.iter().find(|distance| !distance.is_finite()) {
+        return Err(field("distances").value(format!("holds {distance}, expected finite metres")));
+    }
+    let normals = if rounded {
+        let codes = unpack(normals, set.len() * 2, field("normals"), u16::from_le_bytes)?;
+        codes.as_chunks::<2>().0.iter().map(|&code| from_octahedral(code)).collect()
+    } else {
+        field("normals").check_length(normals.len(), set.len() * 12)?;
+        unpack_f32x3(normals, field("normals"))?
+    };
+    let cameras = unpack_at_most(cameras, set.len() * 2, field("cameras"))?;
+    let cameras = unpack(&cameras, cameras.len() / 2, field("cameras"), u16::from_le_bytes)?;
+    if cameras.len() != set.len() && (cameras.len() != 1 || set.is_empty()) {
+        return Err(field("cameras").value(format!(
+            "holds {}, expected one or {}",
+            cameras.len(),
+            set.len()
+        )));
+    }
+    let pixels = pixels_from_wire(pixels, set.len(), field("pixels"))?;
+    for (at, index) in set.into_iter().enumerate() {
+        edges[index as usize] = Some(Edge {
+            distance_m: distances[at],
+            camera: cameras[if cameras.len() == 1 { 0 } else { at }],
+            pixel: pixels[at],
+            normal_world: normals[at],
+        });
+    }
+    Ok(Answer { kind: Kind::Edges, edges, ..Answer::default() })
+}
+
+fn pixels_from_wire(bytes: &[u8], count: usize, field: Field) -> Result<Vec<Pixel>, ConvertError> {
+    // A difference of two pixels within 16 bits has at most three bytes.
+    let bytes = unpack_at_most(bytes, count * 6, field)?;
+    let mut rest = &bytes[..];
+    let mut next = |before: i32| {
+        let code = take_number(&mut rest, field)? as u32;
+        let place = i64::from(before) + i64::from((code >> 1).cast_signed() ^ -(code & 1).cast_signed());
+        i16::try_from(place).map(i32::from).map_err(|_| field.value(format!("holds pixel {place}")))
+    };
+    let (mut pixels, mut pixel) = (Vec::with_capacity(count), Pixel { column: 0, row: 0 });
+    for _ in 0..count {
+        pixel = Pixel { column: next(pixel.column)?, row: next(pixel.row)? };
+        pixels.push(pixel);
+    }
+    field.check_length(bytes.len(), bytes.len() - rest.len())?;
+    Ok(pixels)
+}
+
+fn check_step(step_m: f32, field: Field) -> Result<(), ConvertError> {
+    if (0.0..1e3).contains(&step_m) {
+        return Ok(());
+    }
+    Err(field.value(format!("is {step_m}, expected metres")))
+}
+
+fn exits_to_wire(answer: &Answer, precision: Precision) -> v1::ExitsAnswer {
+    let change = |&Change { point, t_m, by }: &Change| {
+        point.to_le_bytes().into_iter().chain(t_m.to_le_bytes()).chain(by.to_le_bytes())
+    };
+    let changes: Vec<u8> = answer.changes.iter().flat_map(change).collect();
+    let present = || answer.exits_m.iter().copied().filter(|&exit_m| exit_m != NO_EXIT_M);
+    let mut wire = v1::ExitsAnswer {
+        count: answer.exits_m.len() as u32,
+        present: choice(answer.exits_m.iter().map(|&exit_m| exit_m != NO_EXIT_M)),
+        outside: bytes::Bytes::new(),
+        changes: pack(&changes),
+        step_m: 0.0,
+    };
+    if precision == Precision::Exact {
+        wire.outside = pack_f32(present());
+        return wire;
+    }
+    wire.step_m = step_m(present().fold(0.0, f32::max), EXIT_STEPS);
+    let codes = present().flat_map(|exit_m| (covering_code(exit_m, wire.step_m) as u16).to_le_bytes());
+    wire.outside = codes.collect::<Vec<u8>>().into();
+    wire
+}
+
+/// Whether they are shared is the question's matter: the answer is taken for either kind.
+fn exits_from_wire(answer: &v1::ExitsAnswer) -> Result<Answer, ConvertError> {
+    let v1::ExitsAnswer { count, present, outside, changes, step_m } = answer;
+    let field = |name| Field("ExitsAnswer", name);
+    let mut exits_m = vec![NO_EXIT_M; checked_count(*count, field("count"))?];
+    let set = chosen(present, exits_m.len(), field("present"))?;
+    check_step(*step_m, field("step_m"))?;
+    let found = if *step_m > 0.0 {
+        let codes = unpack(outside, set.len(), field("outside"), u16::from_le_bytes)?;
+        codes.into_iter().map(|code| on_scale(code.into(), *step_m)).collect()
+    } else {
+        unpack(outside, set.len(), field("outside"), f32::from_le_bytes)?
+    };
+    if let Some(t) = found.iter().find(|t| !t.is_finite() || **t < 0.0) {
+        return Err(field("outside").value(format!("holds {t}, expected metres")));
+    }
+    set.into_iter().zip(found).for_each(|(index, exit_m)| exits_m[index as usize] = exit_m);
+    let changes = changes_from_wire(changes, exits_m.len(), field("changes"))?;
+    Ok(Answer { kind: Kind::Exits, exits_m, changes, ..Answer::default() })
+}
+
+fn changes_from_wire(bytes: &[u8], count: usize, field: Field) -> Result<Vec<Change>, ConvertError> {
+    /// A ray crosses the borders of an image, or of what is ignored in it, a few times a camera.
+    const MOST_A_POINT: usize = 1 << 10;
+    let bytes = unpack_at_most(bytes, count.saturating_mul(12 * MOST_A_POINT), field)?;
+    let change = |bytes: [u8; 12]| {
+        let [a, b, c, d, e, f, g, h, i, j, k, l] = bytes;
+        Change {
+            point: u32::from_le_bytes([a, b, c, d]),
+            t_m: f32::from_le_bytes([e, f, g, h]),
+            by: i32::from_le_bytes([i, j, k, l]),
+        }
+    };
+    let changes = unpack(&bytes, bytes.len() / 12, field, change)?;
+    let lies =
+        |change: &Change| change.point as usize >= count || !change.t_m.is_finite() || change.by.abs() > 1;
+    if changes.iter().any(lies) || !changes.is_sorted_by_key(|change| change.point) {
+        return Err(field.value("holds a change that is none"));
+    }
+    Ok(changes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytes::Bytes;
+    use proptest::prelude::*;
+
+    fn of(kind: Kind) -> Answer {
+        Answer { kind, ..Answer::default() }
+    }
+
+    fn there_and_back(answer: &Answer, precision: Precision) -> Answer {
+        let wire = answer_to_wire(9, answer, 2, precision, 0.5);
+        match answer_from_wire(wire).expect("valid") {
+            (9, ProbeAnswer::Answer(answer), 0.5) => answer,
+            other => panic!("expected the answer, found {other:?}"),
+        }
+    }
+
+    fn edge(distance_m: f32, camera: u16, column: i32, row: i32) -> Option<Edge> {
+        Some(Edge { distance_m, camera, pixel: Pixel { column, row }, normal_world: [0.6, 0.0, -0.8] })
+    }
+
+    #[test]
+    fn answers_survive_the_wire() {
+        let inside = Standing::inside;
+        let changes = vec![Change { point: 1, t_m: 0.1, by: -1 }, Change { point: 1, t_m: 0.11, by: 1 }];
+        for answer in [
+            Answer { standings: vec![Standing::OUTSIDE, inside(2), Standing::OUTSIDE], ..of(Kind::Classes) },
+            Answer { standings: vec![Standing::OUTSIDE, inside(2), inside(1)], ..of(Kind::Classes) },
+            Answer { edges: vec![None, edge(0.25, 3, -1, 479), None], ..of(Kind::Edges) },
+            Answer {
+                edges: vec![edge(0.1, 3, 0, -2), None, edge(0.3, 1, 16_385, 9), edge(0.2, 3, -3, 16_384)],
+                ..of(Kind::Edges)
+            },
+            Answer { edges: vec![None], ..of(Kind::Edges) },
+            Answer { exits_m: vec![NO_EXIT_M, 0.125], changes, ..of(Kind::Exits) },
+            of(Kind::Classes),
+        ] {
+            assert_eq!(there_and_back(&answer, Precision::Exact), answer);
+        }
+    }
+
+    #[test]
+    fn rounded_answers_are_near_and_exits_never_too_short() {
+        let answer = Answer { exits_m: vec![0.031, NO_EXIT_M, 0.4], ..of(Kind::Exits) };
+        let back = there_and_back(&answer, Precision::Quantised);
+        for (&exit_m, &back_m) in answer.exits_m.iter().zip(&back.exits_m) {
+            assert!(back_m >= exit_m && (exit_m == NO_EXIT_M || back_m - exit_m < 1e-5), "{back_m}");
+        }
+        let answer = Answer { edges: vec![edge(0.03, 3, 7, 8), None, edge(0.4, 3, 7, 9)], ..of(Kind::Edges) };
+        let back = there_and_back(&answer, Precision::Quantised);
+        for (edge, back) in answer.edges.iter().zip(&back.edges) {
+            assert_eq!(
+                edge.map(|edge| (edge.camera, edge.pixel)),
+                back.map(|edge| (edge.camera, edge.pixel))
+            );
+            let (Some(edge), Some(back)) = (edge, back) else { continue };
+            assert!((edge.distance_m - back.distance_m).abs() < 5e-8);
+            let off = edge.normal_world.iter().zip(back.normal_world).map(|(a, b)| (a - b).abs());
+            assert!(off.fold(0.0, f32::max) < 8e-5);
+        }
+    }
+
+    #[test]
+    fn a_claimed_count_sets_no_memory_aside() {
+        let lie = v1::ClassesAnswer { count: u32::MAX, ..v1::ClassesAnswer::default() };
+        let answer = Some(v1::probe_reply::Answer::Classes(lie));
+        let error = answer_from_wire(v1::ProbeReply { id: 0, answer, compute_ms: 0.0 }).expect_err("a lie");
+        let expected = "ClassesAnswer.count: is 4294967295, expected at most 1000000";
+        assert_eq!(error.to_string(), expected);
+    }
+
+    proptest! {
+        #[test]
+        fn any_bytes_make_an_answer_or_an_error(
+            count in 0u32..80, a in proptest::collection::vec(any::<u8>(), 0..40),
+            b in proptest::collection::vec(any::<u8>(), 0..100), kind in 0..3, step_m in -0.1f32..0.2,
+        ) {
+            use v1::probe_reply::Answer as Wire;
+            let (a, b) = (Bytes::from(a), Bytes::from(b));
+            let answer = match kind {
+                0 => Wire::Classes(v1::ClassesAnswer { count, not_outside: a, inside_counts: b, cameras: 3 }),
+                1 => Wire::Edges(v1::EdgesAnswer {
+                    count, present: a, distances: b.clone(), normals: b.clone(), cameras: b.clone(), pixels: b,
+                    step_m,
+                }),
+                _ => Wire::Exits(v1::ExitsAnswer { count, present: a, outside: b.clone(), changes: b, step_m }),
+            };
+            drop(answer_from_wire(v1::ProbeReply { id: 0, answer: Some(answer), compute_ms: 0.0 }));
+        }
+    }
+}

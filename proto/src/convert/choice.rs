@@ -1,0 +1,199 @@
+//! Some of `n` things: a bit a thing, or the lengths of runs, whichever is shorter; and LZ4 where that is
+//! shorter still. The first byte says which.
+
+use bytes::Bytes;
+
+use super::ConvertError;
+use super::bulk::Field;
+use super::packed::{decompress, store};
+
+const BITS: u8 = 0;
+const BITS_LZ4: u8 = 1;
+const RUNS: u8 = 2;
+const RUNS_LZ4: u8 = 3;
+
+/// Collects runs of things taken, in ascending order.
+#[derive(Clone, Debug, Default)]
+pub(super) struct ChoiceWriter {
+    /// Lengths by turns: left out, taken, left out, …
+    lengths: Vec<u8>,
+    bits: Vec<u8>,
+    /// The run that is being taken.
+    from: usize,
+    to: usize,
+    /// Where the run before ended.
+    told: usize,
+}
+
+impl ChoiceWriter {
+    /// Takes a thing; every one at most once, in ascending order.
+    pub fn take(&mut self, index: usize) {
+        if index != self.to {
+            self.end_run();
+            self.from = index;
+        }
+        self.to = index + 1;
+        let byte = index / 8;
+        if byte >= self.bits.len() {
+            self.bits.resize(byte + 1, 0);
+        }
+        self.bits[byte] |= 1 << (index % 8);
+    }
+
+    fn end_run(&mut self) {
+        if self.from < self.to {
+            push_number(&mut self.lengths, self.from - self.told);
+            push_number(&mut self.lengths, self.to - self.from);
+            self.told = self.to;
+        }
+    }
+
+    /// The choice out of `count` things; empties the writer.
+    pub fn finish(&mut self, count: usize) -> Bytes {
+        self.end_run();
+        self.bits.resize(count.div_ceil(8), 0);
+        let bytes = if self.lengths.len() < self.bits.len() {
+            store(&self.lengths, RUNS, RUNS_LZ4)
+        } else {
+            store(&self.bits, BITS, BITS_LZ4)
+        };
+        self.lengths.clear();
+        self.bits.clear();
+        (self.from, self.to, self.told) = (0, 0, 0);
+        bytes.into()
+    }
+}
+
+/// Calls `take` with every thing taken of `count`, ascending. `count` must be trusted.
+pub(super) fn read_choice(
+    bytes: &[u8],
+    count: usize,
+    field: Field,
+    mut take: impl FnMut(usize),
+) -> Result<(), ConvertError> {
+    let (&tag, rest) = bytes.split_first().ok_or_else(|| field.value("is empty, expected a choice"))?;
+    let length = count.div_ceil(8);
+    // Runs are sent only where they are shorter than bits.
+    let held = match tag {
+        BITS_LZ4 | RUNS_LZ4 => Some(decompress(rest, length, field)?),
+        BITS | RUNS => None,
+        other => return Err(field.value(format!("is a choice in way {other}, expected 0 to 3"))),
+    };
+    let plain = held.as_deref().unwrap_or(rest);
+    if tag == RUNS || tag == RUNS_LZ4 {
+        return read_runs(plain, count, field, take);
+    }
+    field.check_length(plain.len(), length)?;
+    for (at, &byte) in plain.iter().enumerate() {
+        let mut byte = byte;
+        while byte != 0 {
+            let index = at * 8 + byte.trailing_zeros() as usize;
+            if index >= count {
+                return Err(field.value(format!("takes thing {index} of {count}")));
+            }
+            take(index);
+            byte &= byte - 1;
+        }
+    }
+    Ok(())
+}
+
+fn read_runs(
+    plain: &[u8],
+    count: usize,
+    field: Field,
+    mut take: impl FnMut(usize),
+) -> Result<(), ConvertError> {
+    let mut rest = plain;
+    let mut at = 0;
+    while !rest.is_empty() {
+        let from = at + take_number(&mut rest, field)?;
+        let length = take_number(&mut rest, field)?;
+        if length == 0 || from + length > count {
+            return Err(field.value(format!("takes {length} things from {from} of {count}")));
+        }
+        at = from + length;
+        (from..at).for_each(&mut take);
+    }
+    Ok(())
+}
+
+pub(super) fn push_number(bytes: &mut Vec<u8>, mut number: usize) {
+    while number >= 0x80 {
+        bytes.push(number as u8 | 0x80);
+        number >>= 7;
+    }
+    bytes.push(number as u8);
+}
+
+/// A number of at most 32 bits.
+pub(super) fn take_number(rest: &mut &[u8], field: Field) -> Result<usize, ConvertError> {
+    let mut number = 0u64;
+    for shift in [0, 7, 14, 21, 28] {
+        let (&byte, left) = rest.split_first().ok_or_else(|| field.value("ends within a number"))?;
+        *rest = left;
+        number |= u64::from(byte & 0x7f) << shift;
+        if byte < 0x80 {
+            break;
+        }
+        if shift == 28 {
+            return Err(field.value("holds a number of more than 32 bits"));
+        }
+    }
+    u32::try_from(number)
+        .map(|number| number as usize)
+        .map_err(|_| field.value("holds a number of more than 32 bits"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const FIELD: Field = Field("Test", "field");
+
+    fn there_and_back(taken: &[bool]) -> (usize, Vec<bool>) {
+        let mut writer = ChoiceWriter::default();
+        // A writer is used again and again.
+        writer.take(3);
+        writer.finish(10);
+        taken.iter().enumerate().filter(|(_, taken)| **taken).for_each(|(index, _)| writer.take(index));
+        let bytes = writer.finish(taken.len());
+        let mut back = vec![false; taken.len()];
+        read_choice(&bytes, taken.len(), FIELD, |index| back[index] = true).expect("valid");
+        (bytes.len(), back)
+    }
+
+    proptest! {
+        #[test]
+        fn choices_come_back(
+            runs in proptest::collection::vec((any::<bool>(), 1usize..90), 0..30),
+            noise in proptest::collection::vec(any::<bool>(), 0..300),
+        ) {
+            let runs = runs.into_iter().flat_map(|(taken, length)| vec![taken; length]);
+            let taken: Vec<bool> = runs.chain(noise).collect();
+            let (length, back) = there_and_back(&taken);
+            prop_assert_eq!(&back, &taken);
+            prop_assert!(length <= 1 + taken.len().div_ceil(8));
+        }
+
+        #[test]
+        fn any_bytes_choose_ascending_things_or_nothing(
+            tag in 0u8..5, bytes in proptest::collection::vec(any::<u8>(), 0..40), count in 0usize..400,
+        ) {
+            let bytes: Vec<u8> = std::iter::once(tag).chain(bytes).collect();
+            let mut taken = Vec::new();
+            let read = read_choice(&bytes, count, FIELD, |index| taken.push(index));
+            prop_assert!(taken.is_sorted_by(|a, b| a < b));
+            prop_assert!(taken.iter().all(|&index| index < count));
+            drop(read);
+        }
+    }
+
+    #[test]
+    fn a_few_runs_of_many_things_are_a_few_bytes() {
+        let taken: Vec<bool> = (0..15_000).map(|index| (4000..4300).contains(&index)).collect();
+        assert_eq!(there_and_back(&taken).0, 1 + 2 + 2);
+        assert_eq!(there_and_back(&[]), (1, vec![]));
+    }
+}
