@@ -72,8 +72,38 @@ impl Lens {
         if self.straight { Some((xd, yd)) } else { self.unbend(xd, yd) }
     }
 
+    /// Few steps from a quick start do for lenses as they are made; where they do not, a start that is safe.
     fn unbend(&self, xd: f64, yd: f64) -> Option<(f64, f64)> {
         let target = Vector2::new(xd, yd);
+        let squared = target.norm_squared();
+        let [k1, k2, _, _, k3] = self.coefficients;
+        let mut scale = 1.0;
+        for _ in 0..2 {
+            let s = squared * scale * scale;
+            scale = 1.0 / (1.0 + s * (k1 + s * (k2 + s * k3)));
+        }
+        if scale > 0.0 && squared * scale * scale < 0.8 * self.max_radius_squared {
+            let mut point = target * scale;
+            for _ in 0..5 {
+                let (x, y) = self.distort(point.x, point.y);
+                let miss = target - Vector2::new(x, y);
+                if miss.amax() <= 1e-12 * (1.0 + target.amax()) {
+                    if point.norm_squared() < 0.9 * self.max_radius_squared {
+                        return Some((point.x, point.y));
+                    }
+                    break;
+                }
+                // The inverse of a two by two matrix, written out.
+                let j = self.jacobian(point.x, point.y);
+                let (a, b, c, d) = (j[(0, 0)], j[(0, 1)], j[(1, 0)], j[(1, 1)]);
+                let over = 1.0 / (a * d - b * c);
+                point += Vector2::new(d * miss.x - b * miss.y, a * miss.y - c * miss.x) * over;
+            }
+        }
+        self.unbend_safely(&target)
+    }
+
+    fn unbend_safely(&self, target: &Vector2<f64>) -> Option<(f64, f64)> {
         let mut point = target * self.radial_scale(target.norm());
         for _ in 0..50 {
             let (x, y) = self.distort(point.x, point.y);

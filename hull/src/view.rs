@@ -33,6 +33,7 @@ pub struct Observer {
     blocked: Option<BitMap>,
     window_pixels: u32,
     stretch: f64,
+    bend: f64,
 }
 
 impl Observer {
@@ -47,7 +48,7 @@ impl Observer {
         let pad = window_pixels + 1;
         let ignored = ignored.filter(|mask| mask.area() > 0);
         let blocked = blocked_pixels(&camera, settings.rule().out_of_view, ignored, pad);
-        let stretch = stretch(&camera, pad);
+        let (stretch, bend) = (stretch(&camera, pad), bend(&camera, pad));
         Observer {
             frame: Frame::of(&camera),
             camera,
@@ -58,6 +59,7 @@ impl Observer {
             blocked,
             window_pixels,
             stretch,
+            bend,
         }
     }
 
@@ -85,6 +87,14 @@ impl Observer {
     #[inline]
     pub fn stretch_pixels(&self) -> f64 {
         self.stretch
+    }
+
+    /// The image of a straight line is never farther from its chord than an eighth of this, times the
+    /// squared length of the line in normalised coordinates: a bound on the second derivative of the
+    /// image, pixels.
+    #[inline]
+    pub fn bend_pixels(&self) -> f64 {
+        self.bend
     }
 
     /// True if this camera is never silent: the rule of the paper, without ignore masks.
@@ -247,13 +257,37 @@ fn border_has_rays(camera: &Camera, pad: u32) -> bool {
 
 /// A bound on `|∂(u, v) / ∂(x, y)|` over everything the padded image shows.
 fn stretch(camera: &Camera, pad: u32) -> f64 {
-    let k = camera.intrinsics();
-    // The Frobenius norm bounds the operator norm.
-    let affine = (k[(0, 0)].powi(2) + k[(0, 1)].powi(2) + k[(1, 1)].powi(2)).sqrt();
-    let affine = if k[(0, 1)] == 0.0 { k[(0, 0)].max(k[(1, 1)]) } else { affine };
+    let affine = affine_stretch(camera);
     if camera.lens().is_straight() {
         return affine;
     }
+    let r = reach(camera, pad);
+    let s = r * r;
+    let [k1, k2, p1, p2, k3] = camera.lens().coefficients().map(f64::abs);
+    affine * (1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * 7.0 * k3)) + 8.0 * r * (p1 + p2))
+}
+
+/// A bound on the second derivative of the image by normalised coordinates.
+fn bend(camera: &Camera, pad: u32) -> f64 {
+    if camera.lens().is_straight() {
+        return 0.0;
+    }
+    let r = reach(camera, pad);
+    let s = r * r;
+    let [k1, k2, p1, p2, k3] = camera.lens().coefficients().map(f64::abs);
+    affine_stretch(camera) * (r * (6.0 * k1 + s * (20.0 * k2 + s * 42.0 * k3)) + 8.0 * (p1 + p2))
+}
+
+/// How far the intrinsic matrix stretches.
+fn affine_stretch(camera: &Camera) -> f64 {
+    let k = camera.intrinsics();
+    // The Frobenius norm bounds the operator norm.
+    let affine = (k[(0, 0)].powi(2) + k[(0, 1)].powi(2) + k[(1, 1)].powi(2)).sqrt();
+    if k[(0, 1)] == 0.0 { k[(0, 0)].max(k[(1, 1)]) } else { affine }
+}
+
+/// The radius in normalised coordinates of everything the padded image shows.
+fn reach(camera: &Camera, pad: u32) -> f64 {
     let pad = f64::from(pad) + 1.0;
     let (right, bottom) = (f64::from(camera.width()) + pad, f64::from(camera.height()) + pad);
     let corners = [(-pad, -pad), (right, -pad), (-pad, bottom), (right, bottom)];
@@ -261,8 +295,5 @@ fn stretch(camera: &Camera, pad: u32) -> f64 {
         .iter()
         .map(|&(u, v)| camera.normalised(&nalgebra::Point2::new(u, v)).map_or(f64::INFINITY, |n| n.norm()))
         .fold(0.0, f64::max);
-    let r = reach.min(camera.lens().max_radius_squared().sqrt());
-    let s = r * r;
-    let [k1, k2, p1, p2, k3] = camera.lens().coefficients().map(f64::abs);
-    affine * (1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * 7.0 * k3)) + 8.0 * r * (p1 + p2))
+    reach.min(camera.lens().max_radius_squared().sqrt())
 }

@@ -69,17 +69,18 @@ impl ViewSet {
         for (index, view) in self.views.iter().enumerate() {
             let sight = sights.of(index);
             let ends = &mut rays.ends;
-            if view.camera().lens().is_straight() {
-                let (column, row) = (&mut ends.0[..chunk.count], &mut ends.1[..chunk.count]);
-                view.frame().pixels(&moved.x, &moved.y, &moved.z, column, row);
-            }
+            let (column, row) = (&mut ends.0[..chunk.count], &mut ends.1[..chunk.count]);
+            view.frame().pixels(&moved.x, &moved.y, &moved.z, column, row);
+            let bend_pixels = view.observer().bend_pixels() as f32;
             for at in 0..chunk.count {
                 if sight.clear_m[at] > rays.end_m[at] || rays.tried[at] == index as u32 {
                     continue;
                 }
                 let start = Pixel { column: sight.column[at], row: sight.row[at] };
                 let end = Pixel { column: ends.0[at], row: ends.1[at] };
-                if view.camera().lens().is_straight() && view.foreground().map().all_ones(start, end) {
+                let bow = if bend_pixels == 0.0 { 0 } else { 1 };
+                let is_bounded = bow == 0 || sight.bow_pixels(at, rays.end_m[at], bend_pixels) < 1.0;
+                if is_bounded && is_clear(view, start, end, bow) {
                     continue;
                 }
                 let point = chunk.from + at;
@@ -197,6 +198,15 @@ impl View {
             _ => NO_EXIT_M,
         }
     }
+}
+
+/// True if the rectangle around two pixels, so many pixels larger on every side, is all foreground.
+#[inline(always)]
+fn is_clear(view: &View, a: Pixel, b: Pixel, larger: i32) -> bool {
+    let (left, right) = (a.column.min(b.column) - larger, a.column.max(b.column) + larger);
+    let (top, bottom) = (a.row.min(b.row) - larger, a.row.max(b.row) + larger);
+    let corner = |column, row| Pixel { column, row };
+    view.foreground().map().all_ones(corner(left, top), corner(right, bottom))
 }
 
 /// Some of a batch's points.

@@ -135,6 +135,15 @@ impl Sight {
         self.stretch_pixels * distance_m * range_m / (depth_m * left_m) + 0.7073
     }
 
+    /// How far the image of a ray of that length from a point may be from its chord, pixels.
+    #[inline(always)]
+    pub fn bow_pixels(&self, at: usize, length_m: f32, bend_pixels: f32) -> f32 {
+        let (depth_m, range_m) = (self.depth_m[at], self.range_m[at]);
+        let left_m = depth_m - 1.00001 * length_m;
+        let tangent = length_m * range_m / (depth_m * left_m);
+        if left_m > 0.0 { 0.126 * bend_pixels * tangent * tangent } else { f32::INFINITY }
+    }
+
     #[inline(always)]
     fn look(&mut self, view: &View, points: &Coordinates, from: usize, sought: Sought, path: VectorPath) {
         let count = (points.len() - from).min(CHUNK);
