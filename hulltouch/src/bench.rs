@@ -7,6 +7,7 @@ mod peers;
 mod plot;
 mod query;
 mod scale;
+mod segment;
 mod table;
 
 use clap::{Args, Subcommand};
@@ -25,6 +26,7 @@ enum BenchCommand {
     Bandwidth(bandwidth::BandwidthBenchArguments),
     Cluster(cluster::ClusterBenchArguments),
     Query(query::QueryBenchArguments),
+    Segment(segment::SegmentBenchArguments),
 }
 
 /// Runs it.
@@ -36,5 +38,6 @@ pub fn run(arguments: &BenchArguments) -> Outcome {
         BenchCommand::Bandwidth(arguments) => bandwidth::run(arguments),
         BenchCommand::Cluster(arguments) => cluster::run(arguments),
         BenchCommand::Query(arguments) => query::run(arguments),
+        BenchCommand::Segment(arguments) => segment::run(arguments),
     }
 }

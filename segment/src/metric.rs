@@ -60,10 +60,9 @@ impl Metric {
         let most = u32::from(low).pow(2) * self.unit;
         let fits = |first: u32| {
             let others = self.others(first);
-            // Grey is rounded once.
-            let mixed =
-                (u32::from(self.grey[0].unsigned_abs()) + u32::from(self.grey[1].unsigned_abs())) * others;
-            let grey = first + mixed.div_ceil(128) + u32::from(mixed > 0);
+            let mixed = self.grey.iter().map(|share| u32::from(share.unsigned_abs())).sum::<u32>() * others;
+            // Two greys are rounded: their shares of colour may differ by one more.
+            let grey = first + if mixed > 0 { mixed / 128 + 1 } else { 0 };
             let [a, b, c] = self.weights.map(i32::unsigned_abs);
             a * grey * grey + (b + c) * others * others <= most
         };
@@ -73,7 +72,7 @@ impl Metric {
 
     /// Noise of colour is less than that of brightness, where a sample is the mean of several pixels.
     fn others(self, first: u32) -> u32 {
-        if self.unit == 1 { first } else { (5 * first).div_ceil(8) }
+        if self.unit == 1 { first } else { first.div_ceil(2) }
     }
 
     /// The square of a colour's length, or of a difference's.

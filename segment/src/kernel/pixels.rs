@@ -225,21 +225,24 @@ impl<const FIRST: usize> Group for Packed<'_, FIRST> {
 #[inline(always)]
 fn is_calm<const BYTES: usize>(row: &[u8], mean: &[u8], block: usize, reach: [u8; 2]) -> bool {
     let at = block * BYTES;
-    let whole = (row.get(at..at + BYTES), mean.get(at..at + BYTES));
-    if let (Some(row), Some(mean)) = whole {
-        return excess(row, mean, reach) == 0;
+    let (row, mean) = (row.get(at..).unwrap_or_default(), mean.get(at..).unwrap_or_default());
+    match (row.first_chunk::<BYTES>(), mean.first_chunk::<BYTES>()) {
+        (Some(row), Some(mean)) => is_within(row, mean, reach),
+        _ => is_within(row, mean, reach),
     }
-    excess(row.get(at..).unwrap_or_default(), mean.get(at..).unwrap_or_default(), reach) == 0
 }
 
-/// Not zero if a byte is farther from the mean's than its reach.
 #[inline(always)]
-fn excess(row: &[u8], mean: &[u8], reach: [u8; 2]) -> u8 {
-    let mut any = 0;
-    for (at, (&level, &mean)) in row.iter().zip(mean).enumerate() {
-        any |= level.abs_diff(mean).saturating_sub(reach[at % 2]);
+fn is_within(row: &[u8], mean: &[u8], reach: [u8; 2]) -> bool {
+    let pattern = [reach; BLOCK / 2];
+    let mut excess = [0; BLOCK];
+    for (row, mean) in row.chunks(BLOCK).zip(mean.chunks(BLOCK)) {
+        let lanes = row.iter().zip(mean).zip(pattern.as_flattened());
+        for (excess, ((&level, &mean), &reach)) in excess.iter_mut().zip(lanes) {
+            *excess |= level.abs_diff(mean).saturating_sub(reach);
+        }
     }
-    any
+    excess == [0; BLOCK]
 }
 
 /// The bytes of a block, zero beyond the row's end.
