@@ -10,7 +10,7 @@ use crate::view::{Class, View};
 
 /// Points are classified in blocks of this many: large enough that a camera's bit map is read while it is
 /// in the cache, small enough that the points stay there too.
-pub const BLOCK: usize = 1024;
+pub const BLOCK: usize = 8192;
 
 impl View {
     /// What this camera says of one point.
@@ -63,17 +63,17 @@ impl Block {
     /// the points that the camera calls outside.
     #[inline(always)]
     pub fn keep_foreground(&mut self, view: &View, path: VectorPath) {
-        let (frame, map) = (view.frame(), view.foreground().map());
+        let (frame, index) = (view.frame(), view.foreground());
         #[cfg(target_arch = "x86_64")]
         if path == VectorPath::Avx512 {
             #[allow(unsafe_code, reason = "the path was asked whether it is available when it was chosen")]
             unsafe {
-                avx512::keep_foreground(self, frame, map);
+                avx512::keep_foreground(self, frame, index);
             }
             return;
         }
         let _ = path;
-        self.keep_foreground_portable(frame, map);
+        self.keep_foreground_portable(frame, index.map());
     }
 
     #[inline(always)]
@@ -111,18 +111,30 @@ mod avx512 {
     use std::arch::x86_64::*;
 
     use super::{BLOCK, BitMap, Block, Frame};
+    use crate::silhouette::{EMPTY, Index};
 
-    #[allow(unsafe_code, reason = "a gather and stores through pointers, within bounds as said above")]
+    /// A map of more words is not looked at before its cells: they stay in the nearest caches.
+    const SMALL_WORDS: usize = 1 << 14;
+
     #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw,avx2,popcnt")]
-    pub(super) fn keep_foreground(block: &mut Block, frame: &Frame, map: &BitMap) {
+    pub(super) fn keep_foreground(block: &mut Block, frame: &Frame, index: &Index) {
+        if index.map().words().len() <= SMALL_WORDS {
+            let bits = Bits::of(index.map());
+            keep(block, frame, |column, row, lanes| bits.foreground(column, row, lanes));
+        } else {
+            let (bits, cells) = (Bits::of(index.map()), Cells::of(index));
+            keep(block, frame, |column, row, lanes| {
+                let (full, mixed) = cells.foreground(column, row, lanes);
+                if mixed == 0 { full } else { full | bits.foreground(column, row, mixed) }
+            });
+        }
+    }
+
+    #[allow(unsafe_code, reason = "loads and stores through pointers, within bounds as said above")]
+    #[inline]
+    #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw,avx2,popcnt")]
+    fn keep(block: &mut Block, frame: &Frame, foreground: impl Fn(__m256i, __m256i, __mmask8) -> __mmask8) {
         const { assert!(BLOCK.is_multiple_of(8)) };
-        let left = _mm256_set1_epi32(map.left());
-        let top = _mm256_set1_epi32(map.top());
-        let columns = _mm256_set1_epi32(map.right() - map.left());
-        let rows = _mm256_set1_epi32(map.rows() as i32);
-        let ones = _mm256_set1_epi32(1);
-        let low_bits = _mm256_set1_epi32(31);
-        let words = map.words().as_ptr().cast::<i32>();
         let mut kept = 0;
         let mut at = 0;
         while at < block.len {
@@ -138,16 +150,7 @@ mod avx512 {
             let (seen, column, row) = pixels(frame, x, y, z);
             let left_over = block.len - at;
             let lanes = if left_over >= 8 { 0xff } else { (1u8 << left_over) - 1 };
-            let column = _mm256_sub_epi32(column, left);
-            let row = _mm256_sub_epi32(row, top);
-            let within =
-                seen & lanes & _mm256_cmplt_epu32_mask(column, columns) & _mm256_cmplt_epu32_mask(row, rows);
-            let word = _mm256_add_epi32(_mm256_mullo_epi32(_mm256_srli_epi32::<5>(column), rows), row);
-            // SAFETY: lanes that are within the map's sides index its words; the others are masked.
-            let bits =
-                unsafe { _mm256_mmask_i32gather_epi32::<4>(_mm256_setzero_si256(), within, word, words) };
-            let bits = _mm256_srlv_epi32(bits, _mm256_and_si256(column, low_bits));
-            let keep = _mm256_test_epi32_mask(bits, ones);
+            let keep = foreground(column, row, seen & lanes);
             // SAFETY: `kept` never passes `at`, so that whole vectors stay within the block.
             unsafe {
                 _mm512_storeu_pd(block.x.as_mut_ptr().add(kept), _mm512_maskz_compress_pd(keep, x));
@@ -160,6 +163,93 @@ mod avx512 {
             at += 8;
         }
         block.len = kept;
+    }
+
+    /// A map's bits.
+    struct Bits {
+        left: __m256i,
+        top: __m256i,
+        columns: __m256i,
+        rows: __m256i,
+        words: *const i32,
+    }
+
+    impl Bits {
+        #[inline]
+        #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw,avx2")]
+        fn of(map: &BitMap) -> Bits {
+            Bits {
+                left: _mm256_set1_epi32(map.left()),
+                top: _mm256_set1_epi32(map.top()),
+                columns: _mm256_set1_epi32(map.right() - map.left()),
+                rows: _mm256_set1_epi32(map.rows() as i32),
+                words: map.words().as_ptr().cast(),
+            }
+        }
+
+        /// Which of the lanes are ones.
+        #[allow(unsafe_code, reason = "a gather within bounds as said above")]
+        #[inline]
+        #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw,avx2")]
+        fn foreground(&self, column: __m256i, row: __m256i, lanes: __mmask8) -> __mmask8 {
+            let column = _mm256_sub_epi32(column, self.left);
+            let row = _mm256_sub_epi32(row, self.top);
+            let within = lanes
+                & _mm256_cmplt_epu32_mask(column, self.columns)
+                & _mm256_cmplt_epu32_mask(row, self.rows);
+            let word = _mm256_add_epi32(_mm256_mullo_epi32(_mm256_srli_epi32::<5>(column), self.rows), row);
+            let zero = _mm256_setzero_si256();
+            // SAFETY: lanes that are within the map's sides index its words; the others are masked.
+            let bits = unsafe { _mm256_mmask_i32gather_epi32::<4>(zero, within, word, self.words) };
+            let bits = _mm256_srlv_epi32(bits, _mm256_and_si256(column, _mm256_set1_epi32(31)));
+            _mm256_test_epi32_mask(bits, _mm256_set1_epi32(1))
+        }
+    }
+
+    /// A map's cells.
+    struct Cells {
+        shift: __m128i,
+        left: __m256i,
+        top: __m256i,
+        columns: __m256i,
+        rows: __m256i,
+        levels: *const i32,
+    }
+
+    impl Cells {
+        #[inline]
+        #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw,avx2")]
+        fn of(index: &Index) -> Cells {
+            let (shift, [left, top], [columns, rows], levels) = index.depth().cells();
+            Cells {
+                shift: _mm_cvtsi32_si128(shift as i32),
+                left: _mm256_set1_epi32(left),
+                top: _mm256_set1_epi32(top),
+                columns: _mm256_set1_epi32(columns as i32),
+                rows: _mm256_set1_epi32(rows as i32),
+                levels: levels.as_ptr().cast(),
+            }
+        }
+
+        /// Which of the lanes are in full cells, and which in cells that have ones and zeros.
+        #[allow(unsafe_code, reason = "a gather within bounds as said above")]
+        #[inline]
+        #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw,avx2")]
+        fn foreground(&self, column: __m256i, row: __m256i, lanes: __mmask8) -> (__mmask8, __mmask8) {
+            let column = _mm256_sub_epi32(_mm256_sra_epi32(column, self.shift), self.left);
+            let row = _mm256_sub_epi32(_mm256_sra_epi32(row, self.shift), self.top);
+            let within = lanes
+                & _mm256_cmplt_epu32_mask(column, self.columns)
+                & _mm256_cmplt_epu32_mask(row, self.rows);
+            let cell = _mm256_add_epi32(_mm256_mullo_epi32(row, self.columns), column);
+            let empty = _mm256_set1_epi32(i32::from(EMPTY));
+            // SAFETY: lanes that are within the sides index levels, which are padded by a word.
+            let level = unsafe { _mm256_mmask_i32gather_epi32::<1>(empty, within, cell, self.levels) };
+            let level = _mm256_and_si256(level, _mm256_set1_epi32(255));
+            let some = within & _mm256_cmpneq_epi32_mask(level, empty);
+            let full = some & _mm256_test_epi32_mask(level, level);
+            (full, some & !full)
+        }
     }
 
     /// The pixels of eight points, and which of them are seen: the operations of [`Frame::pixel`] in their
@@ -214,13 +304,22 @@ mod tests {
     use std::sync::Arc;
 
     proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
         #[test]
         fn every_path_keeps_the_points_that_are_inside(
-            seed in any::<u64>(), bent in any::<bool>(), count in 1usize..1500,
+            seed in any::<u64>(), bent in any::<bool>(), count in 1usize..1500, scale in 1u32..5,
             strange in prop_oneof![Just(f64::MAX), Just(-1e300), Just(-3.0), Just(0.0), Just(f64::MIN_POSITIVE)],
         ) {
             let camera = plain_camera(if bent { [-0.3, 0.1, 0.002, -0.002, 0.01] } else { [0.0; 5] });
-            let silhouette = Silhouette::from_mask(640, 480, &random_mask(640, 480, seed)).expect("size");
+            let size = (640 * scale, 480 * scale);
+            let k = camera.intrinsics().scale(f64::from(scale)) - nalgebra::Matrix3::from_diagonal(
+                &nalgebra::Vector3::new(0.0, 0.0, f64::from(scale) - 1.0),
+            );
+            let (rotation, translation) = (*camera.rotation_rad(), *camera.translation_m());
+            let lens = camera.lens().coefficients();
+            let camera = crate::Camera::new("large", size, k, lens, rotation, translation).expect("valid");
+            let mask = random_mask(size.0, size.1, seed);
+            let silhouette = Silhouette::from_mask(size.0, size.1, &mask).expect("size");
             let observer = Observer::new(camera, 0, ProbeSettings::default(), None);
             let view = View::new(Arc::new(observer), &silhouette);
             let mut state = seed | 1;

@@ -4,7 +4,7 @@
 //! closed form. With distortion, or when the camera can fall silent, the curve is followed in steps
 //! under a pixel and every change of class is bisected to 1e-8 m.
 
-use nalgebra::{Point2, Point3, Vector3};
+use nalgebra::{Point2, Point3, Vector2, Vector3};
 
 use crate::camera::{Pixel, floor};
 use crate::question::{Change, NO_EXIT_M};
@@ -169,6 +169,9 @@ impl View {
         let mut here = seen(0.0)?;
         // How far an image point moves per metre, measured step by step.
         let mut pixels_per_m = stretch / here.camera.z;
+        let bend = self.observer().bend_pixels();
+        // Until here strides are short, because a long one met something.
+        let mut short_until = 0.0;
         while here.t < limit_m {
             let clear = f64::from(depth.clear_pixels(here.pixel.column, here.pixel.row)) - HALF_DIAGONAL;
             let apart = clear / stretch;
@@ -177,6 +180,14 @@ impl View {
             if free_m > stride_m {
                 here = seen(here.t + free_m)?;
                 continue;
+            }
+            if here.t >= short_until {
+                let there = seen(here.t + LONG_STRIDE * stride_m)?;
+                if there.is_clear_from(&here, map, bend) {
+                    here = there;
+                    continue;
+                }
+                short_until = there.t;
             }
             let mut there = seen(here.t + stride_m)?;
             let mut moved = (there.image - here.image).amax();
@@ -391,6 +402,8 @@ impl Axis {
 const HALF_DIAGONAL: f64 = 1.415;
 /// How far a ray is moved on near the edge, pixels.
 const STRIDE_PIXELS: f64 = 0.9;
+/// A stride that is tried first is longer by this.
+const LONG_STRIDE: f64 = 6.0;
 
 /// The ray comes behind the camera or beyond its lens.
 struct Unseen;
@@ -409,6 +422,21 @@ impl Sighted {
     fn of(view: &View, camera: &Vector3<f64>, t: f64) -> Option<Sighted> {
         let image = view.camera().image_from_camera(camera)?;
         Some(Sighted { t, camera: *camera, image, pixel: Pixel::holding(image.x, image.y) })
+    }
+
+    /// True if nothing but foreground is between two places: the ray's image is less than a pixel away from
+    /// its chord, and the chord's rectangle, a pixel larger, is all ones.
+    #[inline(always)]
+    fn is_clear_from(&self, from: &Sighted, map: &BitMap, bend_pixels: f64) -> bool {
+        let (a, b) = (&from.camera, &self.camera);
+        let across = Vector2::new(b.x / b.z - a.x / a.z, b.y / b.z - a.y / a.z);
+        if 0.125 * bend_pixels * across.norm_squared() >= 1.0 {
+            return false;
+        }
+        let (a, b) = (from.pixel, self.pixel);
+        let low = Pixel { column: a.column.min(b.column) - 1, row: a.row.min(b.row) - 1 };
+        let high = Pixel { column: a.column.max(b.column) + 1, row: a.row.max(b.row) + 1 };
+        map.all_ones(low, high)
     }
 }
 

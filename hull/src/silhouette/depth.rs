@@ -15,6 +15,8 @@ const BY_EIGHT: [bool; 5] = [true, false, true, false, false];
 const MAX_LEVEL: usize = 120;
 /// What is read beyond a level when a word is.
 const PADDING: usize = 3;
+/// The level of a cell without any ones.
+pub(crate) const EMPTY: u8 = u8::MAX;
 /// Binary digits of a level.
 const DIGITS: usize = 7;
 
@@ -38,13 +40,14 @@ pub struct Depth {
     top: i32,
     columns: usize,
     rows: usize,
-    /// Row by row: 0 is not full, and so is everything beyond. A word can be read at the last one.
+    /// Row by row: 0 is not full, and so is everything beyond; [`EMPTY`] is all zeros. A word can be read
+    /// at the last one.
     levels: Vec<u8>,
     /// Ones where a cell is not full, over the same cells.
     not_full: BitMap,
-    clear_squared: [i32; MAX_LEVEL + 1],
+    clear_squared: [i32; 256],
     /// The same, its root.
-    clear_pixels: [f32; MAX_LEVEL + 1],
+    clear_pixels: [f32; 256],
 }
 
 impl Depth {
@@ -57,11 +60,12 @@ impl Depth {
         let top = map.top() >> shift;
         let columns = ((map.right() >> shift) - left) as usize;
         let rows = map.rows() >> shift;
-        let full = full_cells(map, shift, (left, top), (columns, rows));
-        let levels = levels(&full, (left, top), (columns, rows));
+        let full = cells_where(map, shift, (left, top), (columns, rows), u32::MAX, |a, b| a & b);
+        let some = cells_where(map, shift, (left, top), (columns, rows), 0, |a, b| a | b);
+        let levels = levels(&full, &some, (left, top), (columns, rows));
         let not_full = not_full(&full, map, shift);
         let clear_squared = clear_squared(side);
-        let clear_pixels = clear_squared.map(|squared| (squared as f32).sqrt().next_down());
+        let clear_pixels = clear_squared.map(|squared| (squared as f32).sqrt().next_down().max(0.0));
         Depth { shift, left, top, columns, rows, levels, not_full, clear_squared, clear_pixels }
     }
 
@@ -77,6 +81,13 @@ impl Depth {
         &self.not_full
     }
 
+    /// Two to this are pixels of a cell's side; the first column and row of cells, in cells; how many there
+    /// are; their levels row by row, with room for a word to be read at the last one.
+    #[inline(always)]
+    pub(crate) fn cells(&self) -> (u32, [i32; 2], [usize; 2], &[u8]) {
+        (self.shift, [self.left, self.top], [self.columns, self.rows], &self.levels)
+    }
+
     /// The level of the cell that holds a pixel.
     #[inline(always)]
     pub(crate) fn level(&self, column: i32, row: i32) -> u8 {
@@ -88,13 +99,13 @@ impl Depth {
     /// No zero is nearer to a pixel than this, squared pixels.
     #[inline(always)]
     pub(crate) fn clear_squared(&self, column: i32, row: i32) -> i32 {
-        self.clear_squared[usize::from(self.level(column, row)).min(MAX_LEVEL)]
+        self.clear_squared[usize::from(self.level(column, row))]
     }
 
     /// No zero is nearer to a pixel than this, pixels.
     #[inline(always)]
     pub(crate) fn clear_pixels(&self, column: i32, row: i32) -> f32 {
-        self.clear_pixels[usize::from(self.level(column, row)).min(MAX_LEVEL)]
+        self.clear_pixels[usize::from(self.level(column, row))]
     }
 
     /// [`Self::clear_pixels`] of many pixels.
@@ -117,9 +128,16 @@ impl Depth {
     }
 }
 
-/// Ones where a cell is full, with a strip or a row of zeros on every side: what shifts in from there is
-/// not full.
-fn full_cells(map: &BitMap, shift: u32, (left, top): (i32, i32), (columns, rows): (usize, usize)) -> BitMap {
+/// Ones where the bits of a cell, put together by `both`, are one, with a strip or a row of zeros on every
+/// side: what shifts in from there is not full.
+fn cells_where(
+    map: &BitMap,
+    shift: u32,
+    (left, top): (i32, i32),
+    (columns, rows): (usize, usize),
+    neutral: u32,
+    both: impl Fn(u32, u32) -> u32,
+) -> BitMap {
     let first = (left - STRIP, top - 1);
     let end = (left + columns as i32 + STRIP, top + rows as i32 + 1);
     let mut full = BitMap::over(first, end, false, false);
@@ -131,10 +149,10 @@ fn full_cells(map: &BitMap, shift: u32, (left, top): (i32, i32), (columns, rows)
         let (full_strip, bit) = (column as usize / 32, column as usize % 32);
         let cells = &mut words[full_strip * full_rows + above..][..rows];
         for (cells, rows) in cells.iter_mut().zip(map.strip(strip).chunks_exact(side)) {
-            let mut all = rows.iter().fold(u32::MAX, |all, &word| all & word);
+            let mut all = rows.iter().fold(neutral, |all, &word| both(all, word));
             let mut step = 1;
             while step < side {
-                all &= all >> step;
+                all = both(all, all >> step);
                 step *= 2;
             }
             *cells |= gathered(all, shift) << bit;
@@ -179,7 +197,7 @@ fn gathered(bits: u32, shift: u32) -> u32 {
 }
 
 /// How many erosions every full cell survives, and one more.
-fn levels(full: &BitMap, (left, top): (i32, i32), (columns, rows): (usize, usize)) -> Vec<u8> {
+fn levels(full: &BitMap, some: &BitMap, (left, top): (i32, i32), (columns, rows): (usize, usize)) -> Vec<u8> {
     let first = (((left - full.left()) / STRIP) as usize, (top - full.top()) as usize);
     let (strips, height) = (full.strips(), full.rows());
     let mut alive = full.words().to_vec();
@@ -199,13 +217,14 @@ fn levels(full: &BitMap, (left, top): (i32, i32), (columns, rows): (usize, usize
     for (row, levels) in levels.chunks_exact_mut(columns).take(rows).enumerate() {
         for (strip, levels) in levels.chunks_mut(32).enumerate() {
             let at = (strip + first.0) * height + row + first.1;
+            let some = some.words()[at];
             let planes: [u32; DIGITS] = std::array::from_fn(|digit| digits[digit * length + at]);
             for (bit, level) in (0u32..).zip(levels) {
                 let mut value = 0;
                 for (digit, plane) in planes.iter().enumerate() {
                     value |= (plane >> bit & 1) << digit;
                 }
-                *level = value as u8;
+                *level = if some >> bit & 1 == 0 { EMPTY } else { value as u8 };
             }
         }
     }
@@ -259,10 +278,10 @@ fn erode(alive: &[u32], next: &mut [u32], (strips, rows): (usize, usize), by_eig
 
 /// For every level the least squared distance, in pixels, from a pixel of such a cell to one of a cell
 /// that is not known to be full.
-fn clear_squared(side: i32) -> [i32; MAX_LEVEL + 1] {
+fn clear_squared(side: i32) -> [i32; 256] {
     let gap = |cells: i32| if cells == 0 { 0 } else { (cells - 1) * side + 1 };
     let (mut reach, mut diagonal) = (0, 0);
-    let mut table = [0; MAX_LEVEL + 1];
+    let mut table = [0; 256];
     for level in 1..=MAX_LEVEL {
         if level >= 2 {
             let by_eight = BY_EIGHT[(level - 2) % BY_EIGHT.len()];
@@ -286,7 +305,7 @@ mod avx512 {
 
     use std::arch::x86_64::*;
 
-    use super::{Depth, MAX_LEVEL, PADDING};
+    use super::{Depth, PADDING};
 
     #[allow(unsafe_code, reason = "gathers, loads and stores within bounds as said above")]
     #[inline]
@@ -298,7 +317,6 @@ mod avx512 {
         let (left, top) = (_mm512_set1_epi32(depth.left), _mm512_set1_epi32(depth.top));
         let columns = _mm512_set1_epi32(depth.columns as i32);
         let rows = _mm512_set1_epi32(depth.rows as i32);
-        let most = _mm512_set1_epi32(MAX_LEVEL as i32);
         for at in (0..column.len()).step_by(16) {
             let left_over = column.len() - at;
             let lanes = if left_over >= 16 { u16::MAX } else { (1 << left_over) - 1 };
@@ -313,12 +331,12 @@ mod avx512 {
             let y = _mm512_sub_epi32(_mm512_sra_epi32(y, shift), top);
             let within = lanes & _mm512_cmplt_epu32_mask(x, columns) & _mm512_cmplt_epu32_mask(y, rows);
             let cell = _mm512_add_epi32(_mm512_mullo_epi32(y, columns), x);
-            // SAFETY: lanes within the sides index levels; the table holds every level up to the most.
+            // SAFETY: lanes within the sides index levels; the table holds all that a byte can be.
             let clear = unsafe {
                 let zero = _mm512_setzero_si512();
                 let levels = depth.levels.as_ptr().cast::<i32>();
                 let level = _mm512_mask_i32gather_epi32::<1>(zero, within, cell, levels);
-                let level = _mm512_min_epu32(_mm512_and_si512(level, _mm512_set1_epi32(255)), most);
+                let level = _mm512_and_si512(level, _mm512_set1_epi32(255));
                 _mm512_i32gather_ps::<4>(level, depth.clear_pixels.as_ptr())
             };
             // SAFETY: masked lanes are not written.
@@ -340,7 +358,8 @@ mod tests {
         let mask = vec![1; 64 * 64];
         let map = BitMap::foreground(&Silhouette::from_mask(64, 64, &mask).expect("size"), 1);
         let depth = Depth::new(&map, 1920);
-        assert_eq!((depth.level(0, 0), depth.level(4, 4), depth.level(-1, 5)), (1, 2, 0));
+        assert_eq!((depth.level(0, 0), depth.level(4, 4), depth.level(-1, 5)), (1, 2, EMPTY));
+        assert_eq!(depth.clear_pixels(-1, 5), 0.0);
         assert_eq!(depth.level(32, 32), 8, "sixteen cells across");
         // Beyond the slanted side of the octagon the nearest cells are (5, 6), 17 and 21 pixels away.
         assert_eq!(depth.clear_squared(32, 32), 17 * 17 + 21 * 21);
@@ -375,6 +394,8 @@ mod tests {
                     let cell = Pixel { column: column >> depth.shift(), row: row >> depth.shift() };
                     if map.get(Pixel { column, row }) {
                         prop_assert_eq!(depth.not_full().get(cell), depth.level(column, row) == 0);
+                    } else {
+                        prop_assert!(depth.clear_squared(column, row) == 0);
                     }
                 }
             }

@@ -9,6 +9,7 @@ pub use bitmap::BitMap;
 pub(crate) use bitmap::STRIP;
 pub use bytes::DecodeError;
 pub use depth::Depth;
+pub(crate) use depth::EMPTY;
 pub use index::Index;
 
 use thiserror::Error;
