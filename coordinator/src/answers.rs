@@ -2,17 +2,24 @@
 //!
 //! Several physics steps see one film frame, and a frozen frame answers a pose the same way whenever it
 //! is asked. So the answers of the frame in use are kept, each with its body and pose. A step takes those
-//! that hold for the poses its bodies have and asks the rest; nothing is kept from frame to frame. While
-//! the hull touches nobody, the world's own prediction is exact, and the poses of all steps that share the
-//! frame go into one question. Once it touches somebody, that prediction is worth nothing for whoever is
-//! pushed, and a question a step is needed anyway: then only present poses are asked.
+//! that hold for the poses its bodies have and asks the rest; nothing is kept from frame to frame. Bodies
+//! that lie beyond the hull's bounds are clear without a question.
+//!
+//! The world's own prediction is exact for as long as the hull touches nobody. Then the poses of all steps
+//! that share the frame go into one question, and the others ask nothing. Once somebody is touched, what
+//! was foreseen is wrong for whoever is pushed, and the next step must ask again anyway. So touches are
+//! expected where they were: at a new frame, if the frame before began or ended with one (somebody moves
+//! into bodies); at its later steps, if the later step before had one (bodies rest on somebody). A step
+//! that expects touches asks about present poses alone. That is a matter of cost and never of answers.
 //!
 //! An answer holds for a pose of the same bits: then a run is the same, bit for bit, as one that asks at
-//! every step. With `reuse_within_m` above zero, the answer "clear" holds also where no sample can be
-//! farther than this from where it was when it was asked. The bound: between two poses each sample moves
-//! by an affine function of its place in the body, whose length is convex, so that none moves farther
-//! than the farthest corner of the box around all samples. A sample that is inside now was, not farther
-//! away than this, outside: no sample deeper than `reuse_within_m` in the hull is ever missed.
+//! every step. With `reuse_within_m` above zero, a body also counts as clear where each of its samples is
+//! known to have been outside no farther away than this. Known are, of an answer: the samples that were
+//! outside at the pose that was asked, and, of those that were not, that they are outside once the body
+//! has moved by its response, if all of them are. Between two poses each sample moves by an affine
+//! function of its place in the body, whose length is convex, so that none moves farther than the farthest
+//! corner of the box around all samples. So no sample deeper than `reuse_within_m` in the hull is ever
+//! missed, and what is missed is found at the next frame at the latest.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -52,11 +59,13 @@ pub(crate) struct Asked {
 }
 
 /// The answers that one step takes.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct StepAnswers {
     /// One a moving body.
     pub results: Vec<BodyResult>,
-    /// How many of them were asked at an earlier step.
+    /// How many of them the hull gave; the other bodies are beyond its bounds.
+    pub asked: usize,
+    /// How many of those were asked at an earlier step.
     pub reused: usize,
 }
 
@@ -66,15 +75,29 @@ pub(crate) struct Answers {
     asks: Asks,
     reuse_within_m: f64,
     frame: Option<u64>,
-    bodies: Vec<BodyAnswers>,
-    /// Some body was touched at the last step.
-    touched: bool,
     step: u64,
+    bodies: Vec<BodyAnswers>,
+    /// The step is the first that sees the frame.
+    is_first: bool,
+    touched: Touched,
+}
+
+/// Whether the hull touched a body.
+#[derive(Clone, Copy, Debug, Default)]
+struct Touched {
+    /// At the last first step of a frame.
+    first: bool,
+    /// At the last step that was not the first of a frame.
+    later: bool,
 }
 
 #[derive(Clone, Debug)]
 struct BodyAnswers {
     shape: Arc<Shape>,
+    /// The body's pose at this step; `None` before the first.
+    present: Option<Pose>,
+    /// Whether it may meet the hull there.
+    is_near: bool,
     known: VecDeque<Known>,
     reach: Reach,
 }
@@ -89,44 +112,68 @@ struct Known {
 impl Answers {
     /// No answers yet about bodies of these shapes.
     pub fn new(shapes: impl Iterator<Item = Arc<Shape>>, asks: Asks, reuse_within_m: f64) -> Answers {
-        let body = |shape| BodyAnswers { shape, known: VecDeque::new(), reach: FIRST_REACH };
-        let bodies = shapes.map(body).collect();
-        Answers { asks, reuse_within_m, frame: None, bodies, touched: false, step: 0 }
+        let body = |shape| BodyAnswers {
+            shape,
+            present: None,
+            is_near: false,
+            known: VecDeque::new(),
+            reach: FIRST_REACH,
+        };
+        let (bodies, touched) = (shapes.map(body).collect(), Touched::default());
+        Answers { asks, reuse_within_m, frame: None, step: 0, bodies, is_first: true, touched }
     }
 
-    /// Begins a step that sees `frame`: answers of other frames are dropped.
-    pub fn begin_step(&mut self, frame: u64) {
+    /// Begins a step that sees `frame`, with the bodies at these poses: answers of other frames are
+    /// dropped. `may_meet` is false for what cannot be inside the hull of that frame.
+    pub fn begin_step(
+        &mut self,
+        frame: u64,
+        present: impl Iterator<Item = Pose>,
+        may_meet: impl Fn(&Shape, &Pose) -> bool,
+    ) {
         self.step += 1;
-        if self.frame != Some(frame) || self.asks == Asks::EachStep {
-            self.bodies.iter_mut().for_each(|body| body.known.clear());
-        }
+        self.is_first = self.frame != Some(frame);
         self.frame = Some(frame);
+        for (body, pose) in self.bodies.iter_mut().zip(present) {
+            body.present = Some(pose);
+            body.is_near = may_meet(&body.shape, &pose);
+            if self.is_first || self.asks == Asks::EachStep {
+                body.known.clear();
+            }
+        }
     }
 
-    /// The bodies without an answer for their poses.
-    pub fn missing(&self, poses: &[Pose]) -> impl Iterator<Item = usize> {
-        let bodies = self.bodies.iter().zip(poses).enumerate();
-        bodies.filter(|(_, (body, pose))| self.known(body, pose).is_none()).map(|(index, _)| index)
+    /// Whether the hull must be asked about a present pose.
+    pub fn lacks_any(&self) -> bool {
+        self.bodies.iter().any(|body| body.is_near && self.present(body).is_none())
     }
 
     /// Whether poses of later steps are worth asking about: see the top of this file.
     pub fn may_foresee(&self) -> bool {
-        self.asks == Asks::EachFrame && !self.touched
+        let expects_touch = self.touched.later || self.is_first && self.touched.first;
+        self.asks == Asks::EachFrame && !expects_touch
     }
 
-    /// What to ask: the bodies' `present` poses and those `ahead` (a list a later step), as far as no
-    /// answer is known that holds.
-    pub fn questions(&self, present: &[Pose], ahead: &[Vec<Pose>]) -> Vec<Asked> {
-        let mut asked: Vec<Asked> = Vec::new();
+    /// What to ask: the bodies' present poses and those `ahead` (a list a later step), as far as they may
+    /// meet the hull and no answer is known that holds.
+    pub fn questions(&self, ahead: &[Vec<Pose>], may_meet: impl Fn(&Shape, &Pose) -> bool) -> Vec<Asked> {
+        let near = self.bodies.iter().enumerate().filter(|(_, body)| body.is_near);
+        let lacking = near.filter(|(_, body)| self.present(body).is_none());
+        let present = lacking
+            .filter_map(|(index, body)| Some(Asked { body: index, pose: body.present?, reach: body.reach }));
+        let mut asked: Vec<Asked> = present.collect();
         let mut planned: Vec<Vec<Pose>> = vec![Vec::new(); self.bodies.len()];
+        asked.iter().for_each(|asked| planned[asked.body].push(asked.pose));
         let mut samples_ahead = 0;
-        for (later, poses) in std::iter::once(present).chain(ahead.iter().map(Vec::as_slice)).enumerate() {
+        for poses in ahead {
             for (index, (body, &pose)) in self.bodies.iter().zip(poses).enumerate() {
-                let holds = |planned: &Pose| self.clear_holds(body, planned, &pose);
-                if self.known(body, &pose).is_some() || planned[index].iter().any(holds) {
+                let holds =
+                    |planned: &Pose| same_bits(planned, &pose) || self.is_within(body, planned, &pose);
+                let is_planned = self.known(body, &pose).is_some() || planned[index].iter().any(holds);
+                if is_planned || !may_meet(&body.shape, &pose) {
                     continue;
                 }
-                samples_ahead += if later > 0 { body.shape.samples_body().len() } else { 0 };
+                samples_ahead += body.shape.samples_body().len();
                 if samples_ahead > MAX_SAMPLES_AHEAD {
                     return asked;
                 }
@@ -149,31 +196,48 @@ impl Answers {
     }
 
     /// The answers of this step; `None` while one is missing.
-    pub fn take(&mut self, poses: &[Pose]) -> Option<StepAnswers> {
-        let bodies = self.bodies.iter().zip(poses);
-        let known: Vec<&Known> = bodies.map(|(body, pose)| self.known(body, pose)).collect::<Option<_>>()?;
-        let reused = known.iter().filter(|known| known.step < self.step).count();
-        let results: Vec<BodyResult> = known.into_iter().map(|known| known.result.clone()).collect();
-        self.touched = results.iter().any(|result| !is_clear(result));
-        for (body, result) in self.bodies.iter_mut().zip(&results) {
+    pub fn take(&mut self) -> Option<StepAnswers> {
+        let mut taken = StepAnswers::default();
+        for body in &self.bodies {
+            let known = if body.is_near { Some(self.present(body)?) } else { None };
+            taken.asked += usize::from(known.is_some());
+            taken.reused += usize::from(known.is_some_and(|known| known.step < self.step));
+            let own = known.filter(|known| body.present.is_some_and(|pose| same_bits(&known.pose, &pose)));
+            taken.results.push(own.map_or_else(BodyResult::default, |known| known.result.clone()));
+        }
+        let touched = taken.results.iter().any(|result| !is_clear(result));
+        *(if self.is_first { &mut self.touched.first } else { &mut self.touched.later }) = touched;
+        for (body, result) in self.bodies.iter_mut().zip(&taken.results) {
             body.reach = result.reach();
         }
-        Some(StepAnswers { results, reused })
+        Some(taken)
+    }
+
+    /// The answer for a body's present pose, if one is known that holds.
+    fn present<'a>(&self, body: &'a BodyAnswers) -> Option<&'a Known> {
+        self.known(body, body.present.as_ref()?)
     }
 
     /// The answer for a pose, if one is known that holds: one for this very pose comes first.
     fn known<'a>(&self, body: &'a BodyAnswers, pose: &Pose) -> Option<&'a Known> {
         let same = body.known.iter().find(|known| same_bits(&known.pose, pose));
-        same.or_else(|| {
-            let mut known = body.known.iter();
-            known.find(|known| is_clear(&known.result) && self.clear_holds(body, &known.pose, pose))
-        })
+        same.or_else(|| body.known.iter().find(|known| self.clears(body, known, pose)))
     }
 
-    /// Whether the answer "clear" at one pose holds for another.
-    fn clear_holds(&self, body: &BodyAnswers, asked: &Pose, pose: &Pose) -> bool {
-        same_bits(asked, pose)
-            || (self.reuse_within_m > 0.0 && moved_at_most_m(&body.shape, asked, pose) <= self.reuse_within_m)
+    /// Whether an answer says of another pose that the body counts as clear there.
+    fn clears(&self, body: &BodyAnswers, known: &Known, pose: &Pose) -> bool {
+        let freed = match known.result.response_m {
+            _ if is_clear(&known.result) => Some(known.pose),
+            Ok(response_m) if known.result.left_inside == 0 => Some(known.pose.moved(response_m)),
+            _ => None,
+        };
+        let is_near = |from: &Pose| self.is_within(body, from, pose);
+        freed.is_some_and(|freed| is_near(&freed) && is_near(&known.pose))
+    }
+
+    /// Whether no sample moves farther between the poses than what is reused allows.
+    fn is_within(&self, body: &BodyAnswers, from: &Pose, to: &Pose) -> bool {
+        self.reuse_within_m > 0.0 && moved_at_most_m(&body.shape, from, to) <= self.reuse_within_m
     }
 }
 

@@ -84,11 +84,13 @@ pub struct Figures {
     pub left_samples: u64,
     /// Passes that asked something.
     pub passes: u64,
+    /// Poses that were asked about.
+    pub poses_asked: u64,
     /// Steps with a hull that asked nothing: all answers were known, or no body was near the hull.
     pub steps_without_question: u64,
     /// Answers that were used at a later step than the one that asked, summed over bodies and steps.
     pub answers_reused: u64,
-    /// Answers used, summed over bodies and steps.
+    /// Answers used, summed over bodies and steps; bodies beyond the hull's bounds need none.
     pub answers_used: u64,
     /// A step with its pass.
     pub step_ms: Percentiles,
@@ -117,7 +119,6 @@ pub struct Figures {
 impl Figures {
     /// Takes in what a step uses of the hull's answers.
     pub(crate) fn add_results(&mut self, results: &[BodyResult]) {
-        self.answers_used += results.len() as u64;
         for result in results {
             self.inside_samples += result.touches.len() as u64;
             self.contacts += u64::from(!result.touches.is_empty());

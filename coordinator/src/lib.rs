@@ -4,6 +4,7 @@
 //! (silhouettes travel, one machine computes: the paper's layout) and `in process` (nothing travels).
 
 mod answers;
+mod bounds;
 mod camera_client;
 mod counting;
 mod facts;

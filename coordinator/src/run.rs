@@ -14,13 +14,13 @@ pub use watch::{Snapshot, Watcher};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use hull::cull::WorldBox;
 use hull::pass::{BodyResult, Pass};
 use hull::{Observer, ProbeSettings};
 use sim::{BodyResponse, World};
 use thiserror::Error;
 
 use crate::answers::{Answers, Asks};
+use crate::bounds::HullBounds;
 use crate::facts::{FilmState, Pace};
 use crate::figures::Figures;
 use crate::transport::Transport;
@@ -55,9 +55,9 @@ pub struct RunSettings {
     pub lock_step: bool,
     /// How often the hull is asked.
     pub asks: Asks,
-    /// The answer "clear" is used again, within one frame, for poses between which no sample moves
-    /// farther than this, metres: no sample deeper than this is ever missed. At 0 it is used for the very
-    /// same pose alone.
+    /// Within one frame a body counts as clear where each of its samples is known to be outside no farther
+    /// away than this, metres: no sample deeper than this is ever missed. At 0 answers are used again for
+    /// the very same pose alone.
     pub reuse_within_m: f64,
     /// How long to wait for nodes at the beginning.
     pub connect_patience: Duration,
@@ -86,7 +86,9 @@ pub struct Coordinator {
     figures: Figures,
     pass: Pass,
     answers: Answers,
-    hull_box: Option<(u64, Option<WorldBox>)>,
+    bounds: HullBounds,
+    /// The frame whose bounds they are.
+    bounded: Option<u64>,
     frame: Option<u64>,
     blind: Option<String>,
     missing_since: Option<Instant>,
@@ -113,7 +115,8 @@ impl Coordinator {
             figures: Figures { samples, ..Figures::default() },
             pass,
             answers,
-            hull_box: None,
+            bounds: HullBounds::default(),
+            bounded: None,
             frame: None,
             blind: None,
             missing_since: None,

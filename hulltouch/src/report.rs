@@ -45,6 +45,7 @@ pub fn json(setup: &Setup, figures: &Figures, world: &World, overlaps: &[Overlap
         "left_inside": figures.left_inside(),
         "questions": {
             "passes": figures.passes,
+            "poses": figures.poses_asked,
             "steps_without": figures.steps_without_question,
             "reused_share": figures.reused_share(),
         },

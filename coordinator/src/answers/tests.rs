@@ -1,6 +1,6 @@
 //! What is asked, what is used again, and that nothing deep is missed.
 
-use hull::pass::{NoResponse, Touch};
+use hull::pass::Touch;
 use nalgebra::{Point3, Quaternion, UnitQuaternion, Vector3};
 use proptest::prelude::*;
 
@@ -21,17 +21,29 @@ impl Ball {
         shape.samples_body().iter().map(|sample| self.radius_m - away_m(sample)).collect()
     }
 
-    /// What a pass would find, as far as it matters here.
+    /// What a pass would find, as far as it matters here: the body is moved along x until what is inside
+    /// is out, but no farther than `MAX_DEPTH_M`.
     fn result(&self, shape: &Shape, pose: &Pose) -> BodyResult {
         let depths_m = self.depths_m(shape, pose);
         let inside = depths_m.iter().enumerate().filter(|(_, depth_m)| **depth_m > 0.0);
         let touch = |(sample, _)| Touch { sample: sample as u32, inside_count: 2, edge: None, exit_m: None };
         let touches: Vec<Touch> = inside.map(touch).collect();
-        let deepest_m = depths_m.iter().copied().fold(0.0, f64::max);
-        let response_m = if touches.is_empty() { Err(NoResponse::Clear) } else { Ok([deepest_m, 0.0, 0.0]) };
-        BodyResult { left_inside: touches.len(), touches, response_m }
+        if touches.is_empty() {
+            return BodyResult::default();
+        }
+        let left_at = |response_m: f64| {
+            let depths_m = self.depths_m(shape, &pose.moved([response_m, 0.0, 0.0]));
+            touches.iter().filter(|touch| depths_m[touch.sample as usize] > 0.0).count()
+        };
+        let mut steps_m = (1..).map(|step| 1e-3 * f64::from(step));
+        let response_m = steps_m.find(|&m| m > MAX_DEPTH_M || left_at(m) == 0).unwrap_or(MAX_DEPTH_M);
+        let left_inside = left_at(response_m);
+        BodyResult { touches, response_m: Ok([response_m, 0.0, 0.0]), left_inside }
     }
 }
+
+/// Bodies deeper than this are not freed by their response.
+const MAX_DEPTH_M: f64 = 0.05;
 
 /// Samples all over a box with these edges, metres.
 fn box_shape(edges_m: [f64; 3]) -> Arc<Shape> {
@@ -65,14 +77,14 @@ fn step(
     present: &[Pose],
     ahead: &[Vec<Pose>],
 ) -> (Vec<Asked>, StepAnswers) {
-    answers.begin_step(frame);
-    let lacks = answers.missing(present).next().is_some();
+    let may_meet = |_: &Shape, pose: &Pose| pose.position_m()[1] < 10.0;
+    answers.begin_step(frame, present.iter().copied(), may_meet);
     let ahead = if answers.may_foresee() { ahead } else { &[] };
-    let asked = if lacks { answers.questions(present, ahead) } else { vec![] };
+    let asked = if answers.lacks_any() { answers.questions(ahead, may_meet) } else { vec![] };
     let results: Vec<BodyResult> =
         asked.iter().map(|asked| hull.result(&answers.bodies[asked.body].shape, &asked.pose)).collect();
     answers.add(&asked, &results);
-    let taken = answers.take(present).expect("nothing is missing once all was asked");
+    let taken = answers.take().expect("nothing is missing once all was asked");
     (asked, taken)
 }
 
@@ -108,18 +120,44 @@ fn only_bodies_that_went_elsewhere_are_asked_again() {
 }
 
 #[test]
-fn while_somebody_is_touched_nothing_is_foreseen() {
+fn bodies_beyond_the_bounds_are_clear_without_a_question() {
     let mut answers = answers(2, 0.0);
+    let high = at(0.0).moved([0.0, 11.0, 0.0]);
+    let hull = Ball { centre_m: [0.0, 11.0, 0.0], radius_m: 1.0 };
+    let (asked, taken) = step(&mut answers, 1, &hull, &[at(0.0), high], &[vec![at(0.1), high]]);
+    assert_eq!(asked.iter().map(|asked| asked.body).collect::<Vec<_>>(), [0, 0]);
+    assert_eq!((taken.asked, taken.reused, &taken.results[1]), (1, 0, &BodyResult::default()));
+    // It has come within them since: only now it is asked about.
+    let low = high.moved([0.0, -1.05, 0.0]);
+    let (asked, taken) = step(&mut answers, 1, &hull, &[at(0.1), low], &[]);
+    assert_eq!((asked.len(), asked[0].body, taken.asked, taken.reused), (1, 1, 2, 1));
+    assert!(!taken.results[1].touches.is_empty());
+}
+
+/// How many poses are asked at each of four steps of four frames about a body that moves by a millimetre
+/// a step, and is inside the hull at the steps for which `is_touched` holds.
+fn asked_of(is_touched: impl Fn(usize, usize) -> bool) -> Vec<[usize; 4]> {
+    let mut answers = answers(1, 0.0);
+    let pose_at = |frame: usize, k: usize| at(if is_touched(frame, k) { 0.0 } else { 5.0 } + 1e-3 * k as f64);
     let hull = Ball { centre_m: [0.0; 3], radius_m: 0.5 };
-    let ahead = [vec![at(0.41), at(3.1)]];
-    assert_eq!(step(&mut answers, 1, &hull, &[at(0.4), at(3.0)], &ahead).0.len(), 4);
-    // It was touched: the next step asks what it must, and the clear one is not asked for its answer.
-    let (asked, taken) = step(&mut answers, 1, &hull, &[at(0.5), at(3.1)], &ahead);
-    assert_eq!((asked.len(), asked[0].body, taken.reused), (1, 0, 1));
-    assert!(!answers.may_foresee());
-    let (asked, _) = step(&mut answers, 2, &hull, &[at(0.9), at(3.2)], &ahead);
-    assert_eq!(asked.len(), 2);
-    assert!(answers.may_foresee(), "nobody is touched any more");
+    let mut counts = |frame: usize, k: usize| {
+        // The world foresees that nobody is touched.
+        let ahead: Vec<Vec<Pose>> = (k + 1..4).map(|later| vec![at(5.0 + 1e-3 * later as f64)]).collect();
+        step(&mut answers, frame as u64, &hull, &[pose_at(frame, k)], &ahead).0.len()
+    };
+    (0..4).map(|frame| [0, 1, 2, 3].map(|k| counts(frame, k))).collect()
+}
+
+#[test]
+fn steps_that_expect_touches_ask_about_present_poses_alone() {
+    assert_eq!(asked_of(|_, _| false), [[4, 0, 0, 0]; 4], "nobody is touched");
+    // Pushed by every frame: once for the push, and once for the rest of the frame.
+    assert_eq!(asked_of(|_, k| k == 0), [[4, 0, 0, 0], [1, 3, 0, 0], [1, 3, 0, 0], [1, 3, 0, 0]]);
+    // At rest on somebody: every step, as it is needed.
+    assert_eq!(asked_of(|_, _| true), [[4, 1, 1, 1], [1; 4], [1; 4], [1; 4]]);
+    // Touched once: the next frame is cautious, the one after is not.
+    let once = asked_of(|frame, k| (frame, k) == (1, 0));
+    assert_eq!(once, [[4, 0, 0, 0], [4, 0, 0, 0], [1, 3, 0, 0], [4, 0, 0, 0]]);
 }
 
 #[test]
@@ -132,15 +170,33 @@ fn asking_each_step_keeps_nothing() {
 }
 
 #[test]
-fn poses_within_the_tolerance_are_asked_once_and_touches_never_used_for_others() {
+fn poses_within_the_tolerance_are_asked_once() {
     let mut answers = answers(1, 0.05);
     let ahead: Vec<Vec<Pose>> = (1..=3).map(|k| vec![at(2.0 + 0.02 * f64::from(k))]).collect();
     let (asked, _) = step(&mut answers, 1, &NOWHERE, &[at(2.0)], &ahead);
     assert_eq!(asked.iter().map(|asked| asked.pose).collect::<Vec<_>>(), [at(2.0), at(2.06)]);
+}
+
+#[test]
+fn a_body_that_its_response_freed_counts_as_clear_near_there() {
     let hull = Ball { centre_m: [0.0; 3], radius_m: 0.5 };
-    assert_eq!(step(&mut answers, 2, &hull, &[at(0.5)], &[]).0.len(), 1);
-    assert_eq!(step(&mut answers, 2, &hull, &[at(0.501)], &[]).0.len(), 1, "a touch is no clear answer");
-    assert_eq!(step(&mut answers, 2, &hull, &[at(0.5)], &[]).0.len(), 0, "but holds for its own pose");
+    let mut answers = answers(1, 0.05);
+    let touch = |answers: &mut Answers, frame, x_m| step(answers, frame, &hull, &[at(x_m)], &[]);
+    // Freed by a centimetre: then it counts as clear within the tolerance of both places.
+    let (asked, taken) = touch(&mut answers, 1, 0.59);
+    assert_eq!((asked.len(), taken.results[0].left_inside), (1, 0));
+    assert!(!taken.results[0].touches.is_empty());
+    for (x_m, asks) in [(0.6, 0), (0.58, 0), (0.638, 0), (0.65, 1), (0.545, 1)] {
+        let (asked, taken) = touch(&mut answers, 1, x_m);
+        assert_eq!(asked.len(), asks, "at {x_m} m");
+        assert!(asks == 1 || taken.results[0] == BodyResult::default(), "no touch is used for another pose");
+    }
+    // What its response did not free is asked again wherever it goes.
+    assert!(touch(&mut answers, 2, 0.4).1.results[0].left_inside > 0);
+    assert_eq!(touch(&mut answers, 2, 0.401).0.len(), 1);
+    // And so is what was not freed near enough.
+    assert_eq!(touch(&mut answers, 3, 0.551).1.results[0].left_inside, 0);
+    assert_eq!(touch(&mut answers, 3, 0.602).0.len(), 1);
 }
 
 #[test]

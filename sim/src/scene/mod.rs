@@ -9,8 +9,9 @@
 //! [hull]                             # the person's surface; restitution 1 and friction 0 are the
 //! restitution = 0.3                  # paper's words taken literally
 //! friction = 0.5
-//! reuse_within_m = 0.0               # within one film frame "clear" is not asked again for a body
-//!                                    # that moved at most so far: no deeper sample is missed; 0: exact
+//! reuse_within_m = 0.0               # steps that share a film frame do not ask again about a body that
+//!                                    # moved at most so far from where it was clear, or was made so by
+//!                                    # its response: no deeper sample is missed; 0: only where nothing moved
 //! [stage]                            # for the program that builds the synthetic studio
 //! motion = "punch"
 //! props = ["table"]
@@ -112,9 +113,9 @@ pub struct HullSurface {
     pub restitution: f64,
     /// Coulomb friction coefficient: 0 is the paper's.
     pub friction: f64,
-    /// Within one film frame a body that was clear of the hull is not asked about again while no sample
-    /// of it can have moved farther than this, metres: no sample deeper than this is ever missed. 0: only
-    /// in the very same pose.
+    /// Steps that share a film frame do not ask again about a body while none of its samples can be farther
+    /// than this, metres, from where it was outside the hull: no sample deeper than this is ever missed. 0:
+    /// only a body in the very same pose is not asked about again.
     pub reuse_within_m: f64,
 }
 
