@@ -43,3 +43,60 @@ impl HullBounds {
             && !self.frusta.iter().any(|frustum| frustum.misses_ball(&centre_world, shape.radius_m()))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::facts::CameraFacts;
+    use hull::silhouette::PixelRect;
+    use hull::{Camera, ProbeSettings};
+    use nalgebra::{Matrix3, Vector3};
+
+    /// Two cameras at 3 m that look at the origin, along z and along x.
+    fn observers() -> Vec<Arc<Observer>> {
+        let k = Matrix3::new(100.0, 0.0, 50.0, 0.0, 100.0, 50.0, 0.0, 0.0, 1.0);
+        let turns = [Vector3::zeros(), Vector3::new(0.0, std::f64::consts::FRAC_PI_2, 0.0)];
+        let camera = |turn| Camera::new("camera", (101, 101), k, [0.0; 5], turn, Vector3::new(0.0, 0.0, 3.0));
+        let observer = |(index, turn): (usize, Vector3<f64>)| {
+            let camera = camera(turn).expect("a camera");
+            Arc::new(Observer::new(camera, index as u16, ProbeSettings::default(), None))
+        };
+        turns.into_iter().enumerate().map(observer).collect()
+    }
+
+    /// Both cameras see somebody in the middle of the picture: a cube of about half a metre.
+    fn facts(admitted: Option<PixelRect>) -> Vec<FrameFacts> {
+        let camera =
+            |rig_index| CameraFacts { rig_index, admitted, area: 0, silhouette_bytes: 0, segment_ms: 0.0 };
+        let cameras = vec![camera(0), camera(1)];
+        vec![FrameFacts { frame: 0, capture_time_s: 0.0, captured_unix_s: 0.0, cameras, skipped: 0 }]
+    }
+
+    fn may_meet(bounds: &HullBounds, position_m: [f64; 3]) -> bool {
+        let shape = Shape::new(vec![[0.1, 0.0, 0.0], [-0.1, 0.0, 0.0]]).expect("a shape");
+        bounds.may_meet(&shape, &Pose::new(position_m, [0.0, 0.0, 0.0, 1.0]).expect("a pose"))
+    }
+
+    #[test]
+    fn what_misses_somebody_in_one_camera_needs_no_question() {
+        let rect = PixelRect { left: 42, top: 42, right: 59, bottom: 59 };
+        let bounds = HullBounds::of(&facts(Some(rect)), &observers(), ProbeSettings::default().rule());
+        for (position_m, expected) in [
+            ([0.0, 0.0, 0.0], true),
+            ([0.3, 0.0, 0.0], true),
+            ([0.6, 0.0, 0.0], false),
+            ([0.0, 0.0, 0.6], false),
+            ([0.0, 5.0, 0.0], false),
+        ] {
+            assert_eq!(may_meet(&bounds, position_m), expected, "{position_m:?}");
+        }
+    }
+
+    #[test]
+    fn a_camera_that_rejects_all_it_sees_leaves_no_hull() {
+        let bounds = HullBounds::of(&facts(None), &observers(), ProbeSettings::default().rule());
+        assert!(bounds.hull_box().is_none() && !may_meet(&bounds, [0.0; 3]));
+        let unknown = HullBounds::of(&[], &observers(), ProbeSettings::default().rule());
+        assert!(!may_meet(&unknown, [0.0; 3]));
+    }
+}
