@@ -14,6 +14,11 @@ use crate::failure::{Failure, Outcome};
 const ONE_THREAD: [&str; 4] =
     ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS"];
 
+/// Memory that was freed is kept for the next array (glibc): large images are not mapped anew, page by page,
+/// every time.
+const KEEP_MEMORY: [(&str, &str); 2] =
+    [("MALLOC_MMAP_MAX_", "0"), ("MALLOC_TRIM_THRESHOLD_", "1099511627776")];
+
 /// A running Python program. It ends with this value.
 pub struct Peer {
     child: Child,
@@ -31,7 +36,7 @@ impl Peer {
         let path = folder.path().join("peer.py");
         std::fs::write(&path, script).map_err(|error| format!("{}: {error}", path.display()))?;
         let mut command = Command::new(python);
-        command.arg(&path).envs(ONE_THREAD.map(|name| (name, "1")));
+        command.arg(&path).envs(ONE_THREAD.map(|name| (name, "1"))).envs(KEEP_MEMORY);
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().map_err(|error| format!("{python}: {error}"))?;
         let (requests, answers) = (child.stdin.take(), child.stdout.take());

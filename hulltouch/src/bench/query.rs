@@ -168,7 +168,10 @@ impl Report {
         for (load, bodies) in loads.passes() {
             let theirs = opponent.map(|opponent| (opponent, load));
             self.record(plan, load, &mut pass_lanes(&studio, &sets, bodies, PASS_POINTS, theirs))?;
-            self.rounds.push(round_costs(&studio, &size_text(plan.size), &named(load, plan.bent), bodies)?);
+            let (size, load) = (size_text(plan.size), named(load, plan.bent));
+            for set in sets.together_and_alone() {
+                self.rounds.push(round_costs(&studio, (&size, &load), set, bodies)?);
+            }
             progress.step();
         }
         Ok(())

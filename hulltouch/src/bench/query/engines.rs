@@ -56,6 +56,12 @@ impl Sets {
         ];
         Sets { ours, hull_box }
     }
+
+    /// All cameras in one group, and each in its own.
+    pub fn together_and_alone(&self) -> impl Iterator<Item = (&'static str, &[ViewSet])> {
+        let wanted = self.ours.iter().filter(|(engine, _)| *engine != PORTABLE);
+        wanted.map(|(engine, groups)| (*engine, &groups[..]))
+    }
 }
 
 /// Everybody who does the inside test.

@@ -1,9 +1,10 @@
-//! Where a pass spends its time: nanoseconds a point of each round.
+//! Where a pass spends its time: nanoseconds of each round, by all cameras together and by cameras alone.
 
 use hull::ViewSet;
 use hull::cull::WorldBox;
-use hull::pass::{FIRST_REACH, Pass, Round};
+use hull::pass::{BodyResult, FIRST_REACH, Pass, Round};
 use hull::question::{Answer, Points};
+use hull::reach::Reach;
 use hull::view_set::Scratch;
 use serde::Serialize;
 
@@ -11,13 +12,15 @@ use super::lanes::{REPETITION_S, thread_time_s};
 use crate::bench::loads::Studio;
 use crate::failure::{Failure, Outcome};
 
-/// Nanoseconds of one core a point that is asked about.
+/// Nanoseconds of one core a point of the load, over all groups of cameras.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct RoundCosts {
     /// Of the cameras' images.
     pub size: String,
     /// Which points.
     pub load: String,
+    /// Which cameras stand together.
+    pub engine: &'static str,
     /// Which are inside?
     pub classes_ns: f64,
     /// The nearest edge and its normal.
@@ -28,75 +31,95 @@ pub struct RoundCosts {
     pub body_exits_ns: f64,
     /// Which are still inside?
     pub check_ns: f64,
-    /// Merging, culling, and making the questions, a point of the pass.
+    /// Between the rounds: making questions and merging answers, which a coordinator does.
     pub pass_ns: f64,
 }
 
-/// Repeats a pass of all cameras in one group and shares its time out to the rounds.
-pub fn round_costs(studio: &Studio, size: &str, load: &str, bodies: &[Points]) -> Outcome<RoundCosts> {
-    let mut clock = Clock { seconds: [0.0; 6], points: [0; 6] };
-    let mut pass = Pass::new(Vec::new(), Some(&WorldBox::EVERYWHERE), studio.settings, 1);
-    let (mut scratch, mut answer) = (Scratch::default(), Answer::default());
-    let began_s = thread_time_s();
-    while thread_time_s() - began_s < 2.0 * REPETITION_S {
-        clock.pass(&mut pass, &studio.views, bodies, &mut scratch, &mut answer)?;
+impl RoundCosts {
+    /// The cost of the answers alone: what the processes with the cameras do.
+    pub fn answers_ns(&self) -> f64 {
+        self.classes_ns + self.edges_ns + self.exits_ns + self.body_exits_ns + self.check_ns
     }
-    let ns = |index: usize| 1e9 * clock.seconds[index] / clock.points[index].max(1) as f64;
-    Ok(RoundCosts {
-        size: size.to_owned(),
-        load: load.to_owned(),
-        classes_ns: ns(0),
-        edges_ns: ns(1),
-        exits_ns: ns(2),
-        body_exits_ns: ns(3),
-        check_ns: ns(4),
-        pass_ns: ns(5),
-    })
 }
 
-/// Seconds and points of each round, and last of what is between them.
+/// Repeats a pass and shares its time out to the rounds. Bodies are searched at first as far as the pass
+/// before found their edges.
+pub fn round_costs(
+    studio: &Studio,
+    (size, load): (&str, &str),
+    (engine, groups): (&'static str, &[ViewSet]),
+    bodies: &[Points],
+) -> Outcome<RoundCosts> {
+    let mut clock = Clock::new(studio, groups);
+    clock.pass(groups, bodies)?;
+    clock.seconds = [0.0; 6];
+    let (began_s, mut passes) = (thread_time_s(), 0usize);
+    while thread_time_s() - began_s < 2.0 * REPETITION_S {
+        clock.pass(groups, bodies)?;
+        passes += 1;
+    }
+    let points = passes * bodies.iter().map(Points::len).sum::<usize>();
+    let [classes_ns, edges_ns, exits_ns, body_exits_ns, check_ns, pass_ns] =
+        clock.seconds.map(|seconds| 1e9 * seconds / points.max(1) as f64);
+    let (size, load) = (size.to_owned(), load.to_owned());
+    Ok(RoundCosts { size, load, engine, classes_ns, edges_ns, exits_ns, body_exits_ns, check_ns, pass_ns })
+}
+
+/// A pass that is timed between its questions.
 struct Clock {
+    pass: Pass,
+    scratch: Scratch,
+    answer: Answer,
+    reaches: Vec<Reach>,
+    /// Of each round, and last of what is between them.
     seconds: [f64; 6],
-    points: [usize; 6],
+    before_s: f64,
 }
 
 impl Clock {
-    fn pass(
-        &mut self,
-        pass: &mut Pass,
-        views: &ViewSet,
-        bodies: &[Points],
-        scratch: &mut Scratch,
-        answer: &mut Answer,
-    ) -> Outcome {
-        let mut before_s = thread_time_s();
-        let mut lap = |clock: &mut Clock, index: usize, points: usize| {
-            let now_s = thread_time_s();
-            clock.seconds[index] += now_s - before_s;
-            clock.points[index] += points;
-            before_s = now_s;
-        };
-        pass.restart(bodies.iter().map(|points| (points.clone(), FIRST_REACH)), Some(&WorldBox::EVERYWHERE));
-        lap(self, 5, bodies.iter().map(Points::len).sum());
-        while let Some(question) = pass.question() {
-            let points = question.len();
-            let round = pass.round();
-            views.answer(question, scratch, answer);
-            lap(self, place(round), points);
-            pass.answer(0, answer).map_err(Failure::run)?;
-            lap(self, 5, 0);
+    fn new(studio: &Studio, groups: &[ViewSet]) -> Clock {
+        Clock {
+            pass: Pass::new(Vec::new(), Some(&WorldBox::EVERYWHERE), studio.settings, groups.len()),
+            scratch: Scratch::default(),
+            answer: Answer::default(),
+            reaches: Vec::new(),
+            seconds: [0.0; 6],
+            before_s: 0.0,
+        }
+    }
+
+    fn pass(&mut self, groups: &[ViewSet], bodies: &[Points]) -> Outcome {
+        self.reaches.clear();
+        let known = self.pass.results().iter().map(BodyResult::reach);
+        self.reaches.extend(known.chain(std::iter::repeat(FIRST_REACH)).take(bodies.len()));
+        self.before_s = thread_time_s();
+        let asked = bodies.iter().cloned().zip(self.reaches.iter().copied());
+        self.pass.restart(asked, Some(&WorldBox::EVERYWHERE));
+        self.lap(Round::Done);
+        while let Some(question) = self.pass.question() {
+            let next = (0..groups.len()).find(|&group| self.pass.asks(group));
+            let group = next.ok_or_else(|| Failure::run("a pass asks nobody"))?;
+            let round = self.pass.round();
+            groups[group].answer(question, &mut self.scratch, &mut self.answer);
+            self.lap(round);
+            self.pass.answer(group, &self.answer).map_err(Failure::run)?;
+            self.lap(Round::Done);
         }
         Ok(())
     }
-}
 
-fn place(round: Round) -> usize {
-    match round {
-        Round::Classes => 0,
-        Round::Edges => 1,
-        Round::Exits => 2,
-        Round::BodyExits => 3,
-        Round::Check => 4,
-        Round::Done => 5,
+    /// Counts the time since the last lap for a round.
+    fn lap(&mut self, round: Round) {
+        let now_s = thread_time_s();
+        let place = match round {
+            Round::Classes => 0,
+            Round::Edges => 1,
+            Round::Exits => 2,
+            Round::BodyExits => 3,
+            Round::Check => 4,
+            Round::Done => 5,
+        };
+        self.seconds[place] += now_s - self.before_s;
+        self.before_s = now_s;
     }
 }
