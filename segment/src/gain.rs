@@ -89,7 +89,7 @@ impl Correction {
         // A frame has no level above white, so a darker model's white cannot be told from brighter.
         let most = if metric.unit == 1 { 255 } else { i32::from(i16::MAX) };
         for lane in 0..channels[0].len() {
-            let colour: [i32; 3] = std::array::from_fn(|c| i32::from(channels[c][lane]));
+            let colour = [channels[0][lane], channels[1][lane], channels[2][lane]].map(i32::from);
             for (c, row) in matrix.iter().enumerate() {
                 let sum = row[0] * colour[0] + row[1] * colour[1] + row[2] * colour[2];
                 let level = (sum + (1 << (FACTOR_BITS - 1))) >> FACTOR_BITS;

@@ -79,8 +79,8 @@ impl Metric {
     #[inline(always)]
     pub(crate) fn square(self, colour: [i32; 3]) -> u32 {
         // Weights are not negative.
-        let sum: i32 = colour.iter().zip(self.weights).map(|(c, weight)| weight * c * c).sum();
-        sum as u32
+        let [a, b, c] = self.weights;
+        (a * colour[0] * colour[0] + b * colour[1] * colour[1] + c * colour[2] * colour[2]) as u32
     }
 
     /// Bytes as channels, of one pixel.

@@ -21,6 +21,9 @@ use crate::metric::{Channels, Metric};
 pub(crate) use pixels::BLOCK;
 use pixels::{Group, Rows, lines_per_group, rows};
 
+/// Blocks of the widest row.
+const MAX_BLOCKS: usize = hull::camera::MAX_SIDE_PIXELS as usize / BLOCK;
+
 /// The empty room as the kernels read it.
 #[derive(Clone, Debug)]
 pub(crate) struct Background {
@@ -147,21 +150,26 @@ impl Part<'_> {
     fn compare<G: Group>(&self, frame: G, mean: G, words: &mut [u64]) {
         let blocks = self.reach.len();
         let metric = self.test.metric();
-        for (block, &reach) in self.reach.iter().enumerate() {
-            let looked = self.correction.is_none();
-            let colour_is_calm = looked && frame.colour_is_calm(mean, block, reach);
-            for (line, words) in words.chunks_exact_mut(blocks).enumerate() {
-                words[block] = if colour_is_calm && frame.line_is_calm(mean, line, block, reach) {
-                    0
-                } else {
-                    let mut channels = frame.channels(metric, line, block);
-                    self.correction.apply(&mut channels, metric);
-                    let start = (line * blocks + block) * BLOCK;
-                    let mut low = [0; BLOCK];
-                    low.copy_from_slice(&self.low[start..start + BLOCK]);
-                    let real = if block + 1 == blocks { self.last_block } else { u64::MAX };
-                    real & self.test.foreground(&channels, &mean.channels(metric, line, block), &low)
-                };
+        let mut colour_is_calm = [false; MAX_BLOCKS];
+        if self.correction.is_none() {
+            for (block, (calm, &reach)) in colour_is_calm.iter_mut().zip(self.reach).enumerate() {
+                *calm = frame.colour_is_calm(mean, block, reach);
+            }
+        }
+        for (line, words) in words.chunks_exact_mut(blocks).enumerate() {
+            let looked = self.reach.iter().zip(&colour_is_calm);
+            for (block, (word, (&reach, &calm))) in words.iter_mut().zip(looked).enumerate() {
+                if calm && frame.line_is_calm(mean, line, block, reach) {
+                    *word = 0;
+                    continue;
+                }
+                let mut channels = frame.channels(metric, line, block);
+                self.correction.apply(&mut channels, metric);
+                let start = (line * blocks + block) * BLOCK;
+                let mut low = [0; BLOCK];
+                low.copy_from_slice(&self.low[start..start + BLOCK]);
+                let real = if block + 1 == blocks { self.last_block } else { u64::MAX };
+                *word = real & self.test.foreground(&channels, &mean.channels(metric, line, block), &low);
             }
         }
     }

@@ -164,8 +164,8 @@ impl<const ACROSS: usize> Group for Planes<'_, ACROSS> {
     fn channels(self, metric: Metric, line: usize, block: usize) -> Channels {
         let (u, v) = match ACROSS {
             0 => (chunk::<BLOCK>(self.u, block), chunk::<BLOCK>(self.v, block)),
-            1 => (repeated::<32>(chunk(self.u, block)), repeated::<32>(chunk(self.v, block))),
-            _ => (repeated::<16>(chunk(self.u, block)), repeated::<16>(chunk(self.v, block))),
+            1 => (twice(chunk(self.u, block)), twice(chunk(self.v, block))),
+            _ => (four_times(chunk(self.u, block)), four_times(chunk(self.v, block))),
         };
         mixed(metric, chunk::<BLOCK>(self.luma[line], block), u, v)
     }
@@ -184,12 +184,7 @@ impl Group for Pairs<'_> {
 
     #[inline(always)]
     fn channels(self, metric: Metric, line: usize, block: usize) -> Channels {
-        let pairs = chunk::<BLOCK>(self.pairs, block);
-        let (mut u, mut v) = ([0; BLOCK], [0; BLOCK]);
-        for lane in 0..BLOCK {
-            u[lane] = pairs[lane & !1];
-            v[lane] = pairs[lane | 1];
-        }
+        let (u, v) = apart(chunk(self.pairs, block));
         mixed(metric, chunk::<BLOCK>(self.luma[line], block), u, v)
     }
 }
@@ -209,14 +204,11 @@ impl<const FIRST: usize> Group for Packed<'_, FIRST> {
     #[inline(always)]
     fn channels(self, metric: Metric, _: usize, block: usize) -> Channels {
         let bytes = chunk::<{ 2 * BLOCK }>(self.0, block);
-        let mut planes = [[0; BLOCK]; 3];
-        for lane in 0..BLOCK {
-            let quadruple = 4 * (lane / 2);
-            planes[0][lane] = bytes[2 * lane + FIRST];
-            planes[1][lane] = bytes[quadruple + 1 - FIRST];
-            planes[2][lane] = bytes[quadruple + 3 - FIRST];
+        let (mut luma, mut pairs) = ([0; BLOCK], [0; BLOCK]);
+        for ((luma, colour), two) in luma.iter_mut().zip(&mut pairs).zip(bytes.as_chunks::<2>().0) {
+            (*luma, *colour) = (two[FIRST], two[1 - FIRST]);
         }
-        let [luma, u, v] = planes;
+        let (u, v) = apart(pairs);
         mixed(metric, luma, u, v)
     }
 }
@@ -227,22 +219,31 @@ fn is_calm<const BYTES: usize>(row: &[u8], mean: &[u8], block: usize, reach: [u8
     let at = block * BYTES;
     let (row, mean) = (row.get(at..).unwrap_or_default(), mean.get(at..).unwrap_or_default());
     match (row.first_chunk::<BYTES>(), mean.first_chunk::<BYTES>()) {
-        (Some(row), Some(mean)) => is_within(row, mean, reach),
-        _ => is_within(row, mean, reach),
+        (Some(row), Some(mean)) if BYTES < BLOCK => excess(row, mean, reach) == [0; BYTES],
+        (Some(row), Some(mean)) => {
+            let parts = row.as_chunks::<BLOCK>().0.iter().zip(mean.as_chunks::<BLOCK>().0);
+            let mut any = [0; BLOCK];
+            for (row, mean) in parts {
+                let part = excess(row, mean, reach);
+                any.iter_mut().zip(part).for_each(|(any, part)| *any |= part);
+            }
+            any == [0; BLOCK]
+        }
+        // The end of a row.
+        _ => row.iter().zip(mean).enumerate().all(|(at, (row, mean))| row.abs_diff(*mean) <= reach[at % 2]),
     }
 }
 
+/// How far each byte is beyond its reach.
 #[inline(always)]
-fn is_within(row: &[u8], mean: &[u8], reach: [u8; 2]) -> bool {
+fn excess<const BYTES: usize>(row: &[u8; BYTES], mean: &[u8; BYTES], reach: [u8; 2]) -> [u8; BYTES] {
     let pattern = [reach; BLOCK / 2];
-    let mut excess = [0; BLOCK];
-    for (row, mean) in row.chunks(BLOCK).zip(mean.chunks(BLOCK)) {
-        let lanes = row.iter().zip(mean).zip(pattern.as_flattened());
-        for (excess, ((&level, &mean), &reach)) in excess.iter_mut().zip(lanes) {
-            *excess |= level.abs_diff(mean).saturating_sub(reach);
-        }
+    let pattern = pattern.as_flattened();
+    let mut excess = [0; BYTES];
+    for (lane, excess) in excess.iter_mut().enumerate() {
+        *excess = row[lane].abs_diff(mean[lane]).saturating_sub(pattern[lane]);
     }
-    excess == [0; BLOCK]
+    excess
 }
 
 /// The bytes of a block, zero beyond the row's end.
@@ -259,13 +260,37 @@ fn chunk<const BYTES: usize>(row: &[u8], block: usize) -> [u8; BYTES] {
     bytes
 }
 
+/// Each sample for two columns; multiplications, because compilers see vectors in them.
 #[inline(always)]
-fn repeated<const SAMPLES: usize>(samples: [u8; SAMPLES]) -> [u8; BLOCK] {
+fn twice(samples: [u8; BLOCK / 2]) -> [u8; BLOCK] {
     let mut out = [0; BLOCK];
-    for lane in 0..BLOCK {
-        out[lane] = samples[lane * SAMPLES / BLOCK];
+    for (two, sample) in out.as_chunks_mut().0.iter_mut().zip(samples) {
+        *two = (u16::from(sample) * 0x101).to_le_bytes();
     }
     out
+}
+
+/// Each sample for four columns.
+#[inline(always)]
+fn four_times(samples: [u8; BLOCK / 4]) -> [u8; BLOCK] {
+    let mut out = [0; BLOCK];
+    for (four, sample) in out.as_chunks_mut().0.iter_mut().zip(samples) {
+        *four = (u32::from(sample) * 0x0101_0101).to_le_bytes();
+    }
+    out
+}
+
+/// Pairs for two columns, taken apart.
+#[inline(always)]
+fn apart(pairs: [u8; BLOCK]) -> ([u8; BLOCK], [u8; BLOCK]) {
+    let (mut u, mut v) = ([0; BLOCK], [0; BLOCK]);
+    let out = u.as_chunks_mut().0.iter_mut().zip(v.as_chunks_mut().0);
+    for ((u, v), &pair) in out.zip(pairs.as_chunks().0) {
+        let pair = u16::from_le_bytes(pair);
+        *u = ((pair & 0xff) * 0x101).to_le_bytes();
+        *v = ((pair >> 8) * 0x101).to_le_bytes();
+    }
+    (u, v)
 }
 
 #[inline(always)]

@@ -47,8 +47,8 @@ impl DifferenceTest {
         let mut any = 0;
         let unit = self.metric.unit;
         for lane in 0..BLOCK {
-            let difference = std::array::from_fn(|c| i32::from(frame[c][lane]) - i32::from(mean[c][lane]));
-            let distance = self.metric.square(difference);
+            let apart = |c: usize| i32::from(frame[c][lane]) - i32::from(mean[c][lane]);
+            let distance = self.metric.square([apart(0), apart(1), apart(2)]);
             let (low, high) = (u32::from(low[lane]), u32::from(low[lane].max(self.high)));
             let class = u8::from(distance > unit * low * low) + u8::from(distance > unit * high * high);
             classes[lane] = class;
@@ -77,8 +77,9 @@ impl DifferenceTest {
             let mut found = [0u8; PART];
             for lane in 0..PART {
                 let at = PART * part + lane;
-                let colour = std::array::from_fn(|c| i32::from(frame[c][at]));
-                let background = std::array::from_fn(|c| i32::from(mean[c][at]));
+                let of = |channels: &Channels, c: usize| i32::from(channels[c][at]);
+                let colour = [of(frame, 0), of(frame, 1), of(frame, 2)];
+                let background = [of(mean, 0), of(mean, 1), of(mean, 2)];
                 found[lane] = u8::from(self.is_shadow(colour, background));
             }
             shadows |= part_bits(found) << (PART * part);
@@ -152,8 +153,8 @@ impl ChromaTest {
 #[inline(always)]
 fn bits(bytes: [u8; BLOCK]) -> u64 {
     let mut word = 0;
-    for part in 0..BLOCK / PART {
-        word |= part_bits(std::array::from_fn(|lane| bytes[PART * part + lane])) << (PART * part);
+    for (part, bytes) in bytes.as_chunks::<PART>().0.iter().enumerate() {
+        word |= part_bits(*bytes) << (PART * part);
     }
     word
 }
