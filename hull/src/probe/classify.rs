@@ -2,6 +2,7 @@
 
 use nalgebra::Point3;
 
+use crate::camera::Pixel;
 use crate::coordinates::Coordinates;
 use crate::probe::frame::Frame;
 use crate::silhouette::BitMap;
@@ -10,13 +11,20 @@ use crate::view::{Class, View};
 
 /// Points are classified in blocks of this many: large enough that a camera's bit map is read while it is
 /// in the cache, small enough that the points stay there too.
-pub const BLOCK: usize = 8192;
+pub const BLOCK: usize = 4096;
 
 impl View {
     /// What this camera says of one point.
     #[inline]
     pub fn classify(&self, point_world: &Point3<f64>) -> Class {
         self.class_at(self.camera().pixel(point_world))
+    }
+
+    /// True if the point is seen on foreground.
+    #[inline(always)]
+    fn is_foreground(&self, point_world: &Point3<f64>) -> bool {
+        let pixel = self.camera().project(point_world).map(|image| Pixel::holding(image.x, image.y));
+        pixel.is_some_and(|pixel| self.foreground().map().get(pixel))
     }
 }
 
@@ -29,13 +37,25 @@ pub struct Block {
     place: [u32; BLOCK],
     column: [i32; BLOCK],
     row: [i32; BLOCK],
+    /// A bit for each view that has not been asked for the point's own pixel, only for its cell.
+    doubts: [u32; BLOCK],
+    has_doubts: bool,
     len: usize,
 }
 
 impl Default for Block {
     fn default() -> Block {
-        let (zero, place) = ([0.0; BLOCK], [0; BLOCK]);
-        Block { x: zero, y: zero, z: zero, place, column: [0; BLOCK], row: [0; BLOCK], len: 0 }
+        Block {
+            x: [0.0; BLOCK],
+            y: [0.0; BLOCK],
+            z: [0.0; BLOCK],
+            place: [0; BLOCK],
+            column: [0; BLOCK],
+            row: [0; BLOCK],
+            doubts: [0; BLOCK],
+            has_doubts: false,
+            len: 0,
+        }
     }
 }
 
@@ -45,6 +65,8 @@ impl Block {
     pub fn load(&mut self, points_world: &Coordinates, from: usize, first: u32) {
         let end = points_world.len().min(from + BLOCK);
         self.len = end - from;
+        self.doubts[..self.len].fill(0);
+        self.has_doubts = false;
         self.x[..self.len].copy_from_slice(&points_world.x[from..end]);
         self.y[..self.len].copy_from_slice(&points_world.y[from..end]);
         self.z[..self.len].copy_from_slice(&points_world.z[from..end]);
@@ -59,20 +81,43 @@ impl Block {
         &self.place[..self.len]
     }
 
-    /// Drops the points that are not on the view's foreground. For views that always judge, these are
-    /// the points that the camera calls outside.
+    /// Drops the points that are not on the foreground of every view, asked in this order. For views that
+    /// always judge, these are the points that a camera calls outside.
     #[inline(always)]
-    pub fn keep_foreground(&mut self, view: &View, path: VectorPath) {
+    pub fn keep_inside(&mut self, views: &[View], order: &[usize], path: VectorPath) {
+        for &view in order {
+            self.keep_foreground(&views[view], view, path);
+        }
+        if !self.has_doubts {
+            return;
+        }
+        let mut kept = 0;
+        for index in 0..self.len {
+            let point = Point3::new(self.x[index], self.y[index], self.z[index]);
+            let mut doubts = self.doubts[index];
+            let mut is_inside = true;
+            while doubts != 0 && is_inside {
+                is_inside = views[doubts.trailing_zeros() as usize].is_foreground(&point);
+                doubts &= doubts - 1;
+            }
+            self.place[kept] = self.place[index];
+            kept += usize::from(is_inside);
+        }
+        self.len = kept;
+    }
+
+    #[inline(always)]
+    fn keep_foreground(&mut self, view: &View, number: usize, path: VectorPath) {
         let (frame, index) = (view.frame(), view.foreground());
         #[cfg(target_arch = "x86_64")]
         if path == VectorPath::Avx512 {
             #[allow(unsafe_code, reason = "the path was asked whether it is available when it was chosen")]
             unsafe {
-                avx512::keep_foreground(self, frame, index);
+                avx512::keep_foreground(self, frame, index, number);
             }
             return;
         }
-        let _ = path;
+        let _ = (path, number);
         self.keep_foreground_portable(frame, index.map());
     }
 
@@ -117,23 +162,30 @@ mod avx512 {
     const SMALL_WORDS: usize = 1 << 14;
 
     #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw,avx2,popcnt")]
-    pub(super) fn keep_foreground(block: &mut Block, frame: &Frame, index: &Index) {
-        if index.map().words().len() <= SMALL_WORDS {
+    pub(super) fn keep_foreground(block: &mut Block, frame: &Frame, index: &Index, number: usize) {
+        if index.map().words().len() <= SMALL_WORDS || number >= 32 {
             let bits = Bits::of(index.map());
-            keep(block, frame, |column, row, lanes| bits.foreground(column, row, lanes));
+            keep::<false>(block, frame, 0, |column, row, lanes| (bits.foreground(column, row, lanes), 0));
         } else {
-            let (bits, cells) = (Bits::of(index.map()), Cells::of(index));
-            keep(block, frame, |column, row, lanes| {
-                let (full, mixed) = cells.foreground(column, row, lanes);
-                if mixed == 0 { full } else { full | bits.foreground(column, row, mixed) }
+            let cells = Cells::of(index);
+            keep::<true>(block, frame, 1 << number, |column, row, lanes| {
+                cells.foreground(column, row, lanes)
             });
+            block.has_doubts = true;
         }
     }
+
+    /// Keeps the points whose lanes are told, and notes a doubt about those whose lanes are told apart.
 
     #[allow(unsafe_code, reason = "loads and stores through pointers, within bounds as said above")]
     #[inline]
     #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw,avx2,popcnt")]
-    fn keep(block: &mut Block, frame: &Frame, foreground: impl Fn(__m256i, __m256i, __mmask8) -> __mmask8) {
+    fn keep<const DOUBTS: bool>(
+        block: &mut Block,
+        frame: &Frame,
+        doubt: u32,
+        foreground: impl Fn(__m256i, __m256i, __mmask8) -> (__mmask8, __mmask8),
+    ) {
         const { assert!(BLOCK.is_multiple_of(8)) };
         let mut kept = 0;
         let mut at = 0;
@@ -150,7 +202,8 @@ mod avx512 {
             let (seen, column, row) = pixels(frame, x, y, z);
             let left_over = block.len - at;
             let lanes = if left_over >= 8 { 0xff } else { (1u8 << left_over) - 1 };
-            let keep = foreground(column, row, seen & lanes);
+            let (certain, doubtful) = foreground(column, row, seen & lanes);
+            let keep = certain | doubtful;
             // SAFETY: `kept` never passes `at`, so that whole vectors stay within the block.
             unsafe {
                 _mm512_storeu_pd(block.x.as_mut_ptr().add(kept), _mm512_maskz_compress_pd(keep, x));
@@ -158,6 +211,15 @@ mod avx512 {
                 _mm512_storeu_pd(block.z.as_mut_ptr().add(kept), _mm512_maskz_compress_pd(keep, z));
                 let place = _mm256_maskz_compress_epi32(keep, place);
                 _mm256_storeu_si256(block.place.as_mut_ptr().add(kept).cast(), place);
+                let doubts = _mm256_loadu_si256(block.doubts.as_ptr().add(at).cast());
+                let doubts = if DOUBTS {
+                    let doubt = _mm256_maskz_set1_epi32(doubtful, doubt as i32);
+                    _mm256_or_si256(doubts, doubt)
+                } else {
+                    doubts
+                };
+                let doubts = _mm256_maskz_compress_epi32(keep, doubts);
+                _mm256_storeu_si256(block.doubts.as_mut_ptr().add(kept).cast(), doubts);
             }
             kept += keep.count_ones() as usize;
             at += 8;
@@ -343,7 +405,7 @@ mod tests {
                 let mut kept = Vec::new();
                 for from in (0..count).step_by(BLOCK) {
                     block.load(&coordinates, from, from as u32);
-                    block.keep_foreground(&view, path);
+                    block.keep_inside(std::slice::from_ref(&view), &[0], path);
                     kept.extend_from_slice(block.places());
                 }
                 prop_assert_eq!(&kept, &inside, "{:?}", path);

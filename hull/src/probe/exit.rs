@@ -170,6 +170,11 @@ impl View {
         // How far an image point moves per metre, measured step by step.
         let mut pixels_per_m = stretch / here.camera.z;
         let bend = self.observer().bend_pixels();
+        if limit_m < self.observer().settings().max_depth_m()
+            && seen(limit_m)?.is_clear_from(&here, map, bend)
+        {
+            return Ok(None);
+        }
         // Until here strides are short, because a long one met something.
         let mut short_until = 0.0;
         while here.t < limit_m {
@@ -424,18 +429,16 @@ impl Sighted {
         Some(Sighted { t, camera: *camera, image, pixel: Pixel::holding(image.x, image.y) })
     }
 
-    /// True if nothing but foreground is between two places: the ray's image is less than a pixel away from
-    /// its chord, and the chord's rectangle, a pixel larger, is all ones.
+    /// True if nothing but foreground is between two places: in the chord's rectangle, larger by as much as
+    /// the ray's image may be away from its chord.
     #[inline(always)]
     fn is_clear_from(&self, from: &Sighted, map: &BitMap, bend_pixels: f64) -> bool {
         let (a, b) = (&from.camera, &self.camera);
         let across = Vector2::new(b.x / b.z - a.x / a.z, b.y / b.z - a.y / a.z);
-        if 0.125 * bend_pixels * across.norm_squared() >= 1.0 {
-            return false;
-        }
-        let (a, b) = (from.pixel, self.pixel);
-        let low = Pixel { column: a.column.min(b.column) - 1, row: a.row.min(b.row) - 1 };
-        let high = Pixel { column: a.column.max(b.column) + 1, row: a.row.max(b.row) + 1 };
+        let bow = 0.1251 * bend_pixels * across.norm_squared() + 1e-9;
+        let (a, b) = (&from.image, &self.image);
+        let low = Pixel::holding(a.x.min(b.x) - bow, a.y.min(b.y) - bow);
+        let high = Pixel::holding(a.x.max(b.x) + bow, a.y.max(b.y) + bow);
         map.all_ones(low, high)
     }
 }

@@ -168,9 +168,7 @@ impl ViewSet {
         let all = Standing::inside(self.views.len());
         for from in (0..points.len()).step_by(BLOCK) {
             block.load(points, from, (first + from) as u32);
-            for &view in &self.rejecting {
-                block.keep_foreground(&self.views[view], self.path);
-            }
+            block.keep_inside(&self.views, &self.rejecting, self.path);
             for &place in block.places() {
                 standings[place as usize] = all;
             }
