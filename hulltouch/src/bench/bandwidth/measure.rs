@@ -7,6 +7,7 @@ use super::layout::{Cost, Layout};
 use crate::bench::cluster::asked::{Answered, Asked, Connected, FrameCosts, PassCosts};
 use crate::bench::cluster::bodies::Bodies;
 use crate::bench::cluster::film::{Film, FilmPlan};
+use crate::bench::cluster::names::PrecisionName;
 use crate::bench::cluster::probing::{Local, Passes};
 use crate::failure::{Failure, Outcome};
 
@@ -19,6 +20,16 @@ const ENCODINGS: [SilhouetteEncoding; 4] = [
     SilhouetteEncoding::Runs,
     SilhouetteEncoding::RunsLz4,
 ];
+
+/// What is asked, and how.
+const ASKED: [(Layout, Asked, PrecisionName); 3] = [
+    (Layout::RawPoints, Asked::RawPoints, PrecisionName::Exact),
+    (Layout::RegisteredBodies, Asked::Registered, PrecisionName::Exact),
+    (Layout::RegisteredBodies, Asked::Registered, PrecisionName::Quantised),
+];
+/// Points that all cameras together are asked about for one figure, at most: bytes differ little from pass to
+/// pass, and a hundred thousand points go to 64 cameras.
+const MOST_POINTS: usize = 4_000_000;
 
 /// All layouts over one film.
 #[derive(Clone, Debug)]
@@ -60,11 +71,13 @@ pub fn measured(plan: FilmPlan, counts: &[usize], passes: u64, told: &mut dyn Fn
         }
         costs.extend(gathered.iter().map(|(layout, frame)| gathered_cost(*layout, &nodes, frame, local_ms)));
         let mut inside_share = 0.0;
-        for (layout, asked) in
-            [(Layout::RawPoints, Asked::RawPoints), (Layout::RegisteredBodies, Asked::Registered)]
-        {
-            let took = nodes.passes(&bodies, asked, passes)?;
-            costs.push(asked_cost(layout, &nodes, &took, plan.cameras));
+        for (layout, asked, precision) in ASKED {
+            nodes = nodes.in_precision(precision.precision());
+            let took = nodes.passes(&bodies, asked, affordable(passes, &bodies, plan.cameras))?;
+            costs.push(Cost {
+                precision: precision.name(),
+                ..asked_cost(layout, &nodes, &took, plan.cameras)
+            });
             inside_share = took.inside_share;
         }
         at.push(AtBodies { bodies: count, inside_share, costs });
@@ -91,6 +104,12 @@ pub fn steps(counts: &[usize]) -> u64 {
     (1 + Layout::GATHERED.len() + counts.len()) as u64
 }
 
+/// How many of the passes are worth their time; never less than two.
+fn affordable(passes: u64, bodies: &Bodies, cameras: usize) -> u64 {
+    let a_pass = (bodies.samples() * cameras).max(1);
+    passes.min((MOST_POINTS / a_pass) as u64).max(2)
+}
+
 fn gathered_cost(layout: Layout, news: &Connected, frame: &FrameCosts, local_ms: f64) -> Cost {
     Cost {
         layout,
@@ -108,7 +127,7 @@ fn asked_cost(layout: Layout, nodes: &Connected, took: &PassCosts, cameras: usiz
     let (to_node, from_node) = took.bytes_per_node_pass(cameras);
     Cost {
         layout,
-        precision: "exact",
+        precision: "",
         bytes_per_frame: nodes.news_bytes_per_frame,
         bytes_per_pass: (to_node + from_node) * cameras as f64,
         frame_ms: 0.0,

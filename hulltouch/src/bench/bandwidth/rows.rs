@@ -63,7 +63,8 @@ pub fn print_header() {
     let (frames, passes) = (STEPS.frames_per_s, STEPS.passes_per_s);
     println!("bytes a pass / a second, {frames} frames/s and {passes} passes/s");
     print!("{:>9} {:>4} {:>5} {:>6}", "size", "cams", "noise", "bodies");
-    let names = ["raw images", "bit masks", "runs", "runs+lz4", "raw points", "registered"];
+    let names =
+        ["raw images", "bit masks", "runs", "runs+lz4", "raw points", "bodies, exact", "bodies, quant."];
     println!("{}", names.map(|name| format!(" {name:>15}")).concat());
 }
 

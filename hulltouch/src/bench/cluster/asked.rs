@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use coordinator::{ByteCounts, ExpectedNode, FilmState, Pace, Percentiles, Transport};
 use hull::pass::Round;
 use hull::question::Points;
-use proto::convert::SilhouetteEncoding;
+use proto::convert::{Precision, SilhouetteEncoding};
 use tokio::runtime::Runtime;
 
 use super::bodies::Bodies;
@@ -146,6 +146,11 @@ impl Connected {
     /// The same cluster, whose silhouettes travel in an encoding.
     pub fn encoded_as(self, encoding: SilhouetteEncoding) -> Connected {
         Connected { transport: self.transport.with_silhouettes_as(encoding), ..self }
+    }
+
+    /// The same cluster, asked and answered in numbers of a precision.
+    pub fn in_precision(self, precision: Precision) -> Connected {
+        Connected { transport: self.transport.with_precision(precision), ..self }
     }
 
     /// Gathers every frame, each for one pass over the bodies.
