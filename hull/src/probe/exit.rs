@@ -7,6 +7,7 @@
 use nalgebra::{Point2, Point3, Vector2, Vector3};
 
 use crate::camera::{Pixel, floor};
+use crate::probe::frame::Frame;
 use crate::question::{Change, NO_EXIT_M};
 use crate::silhouette::BitMap;
 use crate::view::{Class, View};
@@ -175,38 +176,36 @@ impl View {
         {
             return Ok(None);
         }
-        // Until here strides are short, because a long one met something.
-        let mut short_until = 0.0;
+        let mut ahead = Ahead::default();
         while here.t < limit_m {
             let clear = f64::from(depth.clear_pixels(here.pixel.column, here.pixel.row)) - HALF_DIAGONAL;
             let apart = clear / stretch;
             let free_m = here.camera.z * here.camera.z * apart / (here.camera.norm() + here.camera.z * apart);
             let stride_m = STRIDE_PIXELS / pixels_per_m;
-            if free_m > stride_m {
+            if free_m > STRIDES as f64 * stride_m {
                 here = seen(here.t + free_m)?;
                 continue;
             }
-            if here.t >= short_until {
-                let there = seen(here.t + LONG_STRIDE * stride_m)?;
-                if there.is_clear_from(&here, map, bend) {
-                    here = there;
-                    continue;
+            ahead.look(self.frame(), a, n, here.t, stride_m);
+            for at in 0..STRIDES {
+                let mut there = ahead.sighted(at, &start, &step)?;
+                let mut moved = (there.image - here.image).amax();
+                let too_far = moved > 1.0;
+                while moved > 1.0 {
+                    let shorter = 0.5 * (there.t - here.t);
+                    there = seen(here.t + shorter)?;
+                    moved = (there.image - here.image).amax();
                 }
-                short_until = there.t;
+                // A ray that hardly moves in the image gets longer strides, not boundless ones.
+                pixels_per_m = (moved / (there.t - here.t)).max(0.25 * pixels_per_m);
+                if let Some(t) = self.crossing(map, &here, &there, &seen) {
+                    return Ok((t < limit_m).then_some(t));
+                }
+                here = there;
+                if too_far || here.t >= limit_m {
+                    break;
+                }
             }
-            let mut there = seen(here.t + stride_m)?;
-            let mut moved = (there.image - here.image).amax();
-            while moved > 1.0 {
-                let shorter = 0.5 * (there.t - here.t);
-                there = seen(here.t + shorter)?;
-                moved = (there.image - here.image).amax();
-            }
-            // A ray that hardly moves in the image gets longer strides, not boundless ones.
-            pixels_per_m = (moved / (there.t - here.t)).max(0.25 * pixels_per_m);
-            if let Some(t) = self.crossing(map, &here, &there, &seen) {
-                return Ok((t < limit_m).then_some(t));
-            }
-            here = there;
         }
         Ok(None)
     }
@@ -407,8 +406,38 @@ impl Axis {
 const HALF_DIAGONAL: f64 = 1.415;
 /// How far a ray is moved on near the edge, pixels.
 const STRIDE_PIXELS: f64 = 0.9;
-/// A stride that is tried first is longer by this.
-const LONG_STRIDE: f64 = 6.0;
+/// So many strides are looked ahead at once.
+const STRIDES: usize = 8;
+
+/// The next strides of a ray: found together, because one by one each would wait for the one before.
+#[derive(Default)]
+struct Ahead {
+    t: [f64; STRIDES],
+    u: [f64; STRIDES],
+    v: [f64; STRIDES],
+}
+
+impl Ahead {
+    #[inline(always)]
+    fn look(&mut self, frame: &Frame, a: &Point3<f64>, n: &Vector3<f64>, from: f64, stride_m: f64) {
+        let (mut x, mut y, mut z) = ([0.0; STRIDES], [0.0; STRIDES], [0.0; STRIDES]);
+        for at in 0..STRIDES {
+            let t = from + (at + 1) as f64 * stride_m;
+            self.t[at] = t;
+            (x[at], y[at], z[at]) = (a.x + t * n.x, a.y + t * n.y, a.z + t * n.z);
+        }
+        frame.images(&x, &y, &z, &mut self.u, &mut self.v);
+    }
+
+    #[inline(always)]
+    fn sighted(&self, at: usize, start: &Vector3<f64>, step: &Vector3<f64>) -> Result<Sighted, Unseen> {
+        let (t, image) = (self.t[at], Point2::new(self.u[at], self.v[at]));
+        if image.x.is_nan() {
+            return Err(Unseen);
+        }
+        Ok(Sighted { t, camera: start + step * t, image, pixel: Pixel::holding(image.x, image.y) })
+    }
+}
 
 /// The ray comes behind the camera or beyond its lens.
 struct Unseen;

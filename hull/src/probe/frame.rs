@@ -64,8 +64,28 @@ impl Frame {
         }
     }
 
+    /// The image coordinates of many points, not numbers for those that are behind the camera or beyond its
+    /// lens.
+    #[inline(always)]
+    pub fn images(&self, x: &[f64], y: &[f64], z: &[f64], u: &mut [f64], v: &mut [f64]) {
+        let count = u.len();
+        let (x, y, z, v) = (&x[..count], &y[..count], &z[..count], &mut v[..count]);
+        for i in 0..count {
+            let (across, down, seen) = self.image::<false>(x[i], y[i], z[i]);
+            u[i] = if seen { across } else { f64::NAN };
+            v[i] = if seen { down } else { f64::NAN };
+        }
+    }
+
     #[inline(always)]
     fn pixel<const STRAIGHT: bool>(&self, x: f64, y: f64, z: f64) -> (i32, i32) {
+        let (u, v, seen) = self.image::<STRAIGHT>(x, y, z);
+        let (column, row) = (floor(u + 0.5), floor(v + 0.5));
+        (if seen { column } else { OFF_IMAGE }, if seen { row } else { OFF_IMAGE })
+    }
+
+    #[inline(always)]
+    fn image<const STRAIGHT: bool>(&self, x: f64, y: f64, z: f64) -> (f64, f64, bool) {
         let [r0, r1, r2] = self.rotation;
         let [tx, ty, tz] = self.translation;
         let xc = r0[0] * x + r0[1] * y + r0[2] * z + tx;
@@ -87,8 +107,6 @@ impl Frame {
             (xn, yn) = bent;
         }
         let [fx, skew, cx, fy, cy] = self.affine;
-        let column = floor(fx * xn + skew * yn + cx + 0.5);
-        let row = floor(fy * yn + cy + 0.5);
-        (if seen { column } else { OFF_IMAGE }, if seen { row } else { OFF_IMAGE })
+        (fx * xn + skew * yn + cx, fy * yn + cy, seen)
     }
 }
