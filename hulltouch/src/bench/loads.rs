@@ -63,16 +63,14 @@ impl Studio {
         let cameras = cameras(plan)?;
         let stage = StageSettings::default();
         let settings = ProbeSettings::default();
-        let mut progress = Progress::new("looking at the studio", cameras.len() as u64);
+        let masks = masks(&stage, &cameras)?;
         let (mut views, mut dense, mut rects) = (Vec::new(), Vec::new(), Vec::new());
-        for (index, camera) in cameras.into_iter().enumerate() {
-            let mask = CameraStage::new(&stage, &camera, index).mask(TIME_S);
+        for (index, (camera, mask)) in cameras.into_iter().zip(masks).enumerate() {
             let silhouette = Silhouette::from_mask(plan.size.0, plan.size.1, &mask).map_err(Failure::run)?;
             let observer = Observer::new(camera.clone(), index as u16, settings, None);
             views.push(View::new(Arc::new(observer), &silhouette));
             rects.push(silhouette.bounds());
             dense.push(DenseView { camera, mask, ignored: None });
-            progress.step();
         }
         let bounds = Stage::new(&stage).bounds_world(TIME_S);
         let (low, high) = bounds.ok_or_else(|| Failure::run("the stage is empty"))?;
@@ -140,6 +138,26 @@ impl Studio {
         let bit = |place: u32| (cells[place as usize % 3] >> (place / 3) & 1) << place;
         (0..30).map(bit).sum()
     }
+}
+
+/// What each camera sees of the person: 255 is foreground. Looking at a large room takes a while, so that
+/// the cores share it.
+fn masks(stage: &StageSettings, cameras: &[Camera]) -> Outcome<Vec<Vec<u8>>> {
+    let mut progress = Progress::new("looking at the studio", cameras.len() as u64);
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let mut masks = Vec::new();
+    for (turn, cameras) in cameras.chunks(cores).enumerate() {
+        let look = |(place, camera)| CameraStage::new(stage, camera, turn * cores + place).mask(TIME_S);
+        let looked = std::thread::scope(|scope| {
+            let looks = cameras.iter().enumerate().map(|seen| scope.spawn(move || look(seen)));
+            let looks: Vec<_> = looks.collect();
+            looks.into_iter().map(std::thread::ScopedJoinHandle::join).collect::<Result<Vec<_>, _>>()
+        });
+        let looked = looked.map_err(|_| Failure::run("the studio could not be rendered"))?;
+        cameras.iter().for_each(|_| progress.step());
+        masks.extend(looked);
+    }
+    Ok(masks)
 }
 
 fn cameras(plan: StudioPlan) -> Outcome<Vec<Camera>> {

@@ -4,13 +4,20 @@ mod scale;
 
 use std::path::Path;
 
+use plotters::coord::Shift;
 use plotters::prelude::*;
 
 use crate::failure::{Failure, Outcome, write_whole};
 use scale::Scale;
 
 /// Size of a chart, pixels.
-const SIZE: (u32, u32) = (900, 520);
+const SIZE: (u32, u32) = (1120, 520);
+/// Room for the legend, pixels.
+const LEGEND_WIDTH: u32 = 280;
+/// Fonts of the title, of the axes' names, and of their marks and the legend.
+const TITLE_FONT: (&str, i32) = ("sans-serif", 24);
+const AXIS_FONT: (&str, i32) = ("sans-serif", 19);
+const MARK_FONT: (&str, i32) = ("sans-serif", 17);
 /// How much of its group's width the bars fill.
 const GROUP_SHARE: f64 = 0.8;
 /// Colours of the series, in turn; told apart by people who see few colours.
@@ -96,7 +103,7 @@ impl LineChart {
         let y = Scale::around(&self.y, points().map(|point| point.1));
         let curves = self.series.iter().map(|series| {
             let shown = series.values.iter().filter(|point| x.shows(point.0) && y.shows(point.1));
-            (series.name.as_str(), shown.copied().collect())
+            shown.copied().collect()
         });
         let mut text = String::new();
         draw_lines(&mut text, self, (x.clone(), y.clone()), curves.collect()).map_err(Failure::run)?;
@@ -131,32 +138,29 @@ fn draw_lines(
     text: &mut String,
     chart: &LineChart,
     (x, y): (Scale, Scale),
-    curves: Vec<(&str, Vec<(f64, f64)>)>,
+    curves: Vec<Vec<(f64, f64)>>,
 ) -> Drawn {
     let area = SVGBackend::with_string(text, SIZE).into_drawing_area();
     area.fill(&WHITE).map_err(said)?;
     let mut context = ChartBuilder::on(&area)
-        .caption(&chart.title, ("sans-serif", 20))
+        .caption(&chart.title, TITLE_FONT)
         .margin(12)
-        .x_label_area_size(44)
-        .y_label_area_size(76)
+        .margin_right(LEGEND_WIDTH)
+        .x_label_area_size(52)
+        .y_label_area_size(84)
         .build_cartesian_2d(x, y)
         .map_err(said)?;
     let mut mesh = context.configure_mesh();
-    mesh.x_desc(&chart.x.label).y_desc(&chart.y.label).light_line_style(WHITE).draw().map_err(said)?;
-    for (index, (name, points)) in curves.into_iter().enumerate() {
+    mesh.x_desc(&chart.x.label).y_desc(&chart.y.label).light_line_style(WHITE);
+    mesh.axis_desc_style(AXIS_FONT).label_style(MARK_FONT).draw().map_err(said)?;
+    for (index, points) in curves.into_iter().enumerate() {
         let colour = COLOURS[index % COLOURS.len()];
         let line = LineSeries::new(points.clone(), colour.stroke_width(2));
-        let drawn = context.draw_series(line).map_err(said)?;
-        drawn
-            .label(name)
-            .legend(move |(x, y)| Rectangle::new([(x, y - 4), (x + 16, y + 4)], colour.filled()));
+        context.draw_series(line).map_err(said)?;
         let dots = points.into_iter().map(|point| Circle::new(point, 3, colour.filled()));
         context.draw_series(dots).map_err(said)?;
     }
-    let mut legend = context.configure_series_labels();
-    legend.background_style(WHITE.mix(0.85)).border_style(BLACK.mix(0.3)).draw().map_err(said)?;
-    drop(legend);
+    legend(&area, chart.series.iter().map(|series| series.name.as_str()))?;
     area.present().map_err(said)
 }
 
@@ -164,29 +168,37 @@ fn draw_bars(text: &mut String, chart: &BarChart, y: &Scale) -> Drawn {
     let area = SVGBackend::with_string(text, SIZE).into_drawing_area();
     area.fill(&WHITE).map_err(said)?;
     let mut context = ChartBuilder::on(&area)
-        .caption(&chart.title, ("sans-serif", 20))
+        .caption(&chart.title, TITLE_FONT)
         .margin(12)
-        .x_label_area_size(44)
-        .y_label_area_size(76)
+        .margin_right(LEGEND_WIDTH)
+        .x_label_area_size(52)
+        .y_label_area_size(84)
         .build_cartesian_2d(Scale::of_names(&chart.groups), y.clone())
         .map_err(said)?;
     let mut mesh = context.configure_mesh();
-    mesh.disable_x_mesh().y_desc(&chart.y.label).light_line_style(WHITE).draw().map_err(said)?;
-    for (index, series) in chart.series.iter().enumerate() {
+    mesh.disable_x_mesh().y_desc(&chart.y.label).light_line_style(WHITE);
+    mesh.axis_desc_style(AXIS_FONT).label_style(MARK_FONT).draw().map_err(said)?;
+    for index in 0..chart.series.len() {
         let colour = COLOURS[index % COLOURS.len()];
         let shown = chart.bars(index).filter(|bar| y.shows(bar.2));
         let bars = shown
             .map(|(left, right, value)| Rectangle::new([(left, y.floor()), (right, value)], colour.filled()));
-        let drawn = context.draw_series(bars).map_err(said)?;
-        let name = series.name.as_str();
-        drawn
-            .label(name)
-            .legend(move |(x, y)| Rectangle::new([(x, y - 4), (x + 16, y + 4)], colour.filled()));
+        context.draw_series(bars).map_err(said)?;
     }
-    let mut legend = context.configure_series_labels();
-    legend.background_style(WHITE.mix(0.85)).border_style(BLACK.mix(0.3)).draw().map_err(said)?;
-    drop(legend);
+    legend(&area, chart.series.iter().map(|series| series.name.as_str()))?;
     area.present().map_err(said)
+}
+
+/// The names of the series and their colours, to the right of the chart.
+fn legend<'a>(area: &DrawingArea<SVGBackend, Shift>, names: impl Iterator<Item = &'a str>) -> Drawn {
+    let left = SIZE.0 as i32 - LEGEND_WIDTH as i32 + 12;
+    for (index, name) in names.enumerate() {
+        let top = 56 + 26 * index as i32;
+        let colour = COLOURS[index % COLOURS.len()].filled();
+        area.draw(&Rectangle::new([(left, top), (left + 14, top + 14)], colour)).map_err(said)?;
+        area.draw(&Text::new(name.to_owned(), (left + 20, top), MARK_FONT)).map_err(said)?;
+    }
+    Ok(())
 }
 
 fn said(error: impl std::fmt::Display) -> String {
