@@ -15,7 +15,7 @@ use thiserror::Error;
 
 use crate::cull::WorldBox;
 use crate::merge::{first_exit, inside_count};
-use crate::question::{Answer, Batch, Edge, Kind, NO_EXIT_M, Points, Question, Standing};
+use crate::question::{Answer, Batch, Change, Edge, Kind, NO_EXIT_M, Points, Question, Standing};
 use crate::reach::Reach;
 use crate::response::BodyDirection;
 use crate::rule::ProbeSettings;
@@ -323,7 +323,8 @@ impl Pass {
 
     fn advance(&mut self) {
         if !self.changes_sorted {
-            self.merged.changes.sort_by(|a, b| a.point.cmp(&b.point).then(a.t_m.total_cmp(&b.t_m)));
+            let order = |a: &Change, b: &Change| a.point.cmp(&b.point).then(a.t_m.total_cmp(&b.t_m));
+            self.merged.changes.sort_unstable_by(order);
         }
         match self.round {
             Round::Classes => self.after_classes(),
@@ -600,7 +601,7 @@ fn exit_reach(distance_m: f32) -> Reach {
 }
 
 /// The changes of a point, in a list sorted by point, from where those of the point before it end.
-fn changes_of(changes: &[crate::question::Change], point: usize, from: usize) -> Range<usize> {
+fn changes_of(changes: &[Change], point: usize, from: usize) -> Range<usize> {
     let count = changes[from..].iter().take_while(|change| change.point as usize == point).count();
     from..from + count
 }

@@ -10,7 +10,7 @@ use hull::pass::{BodyResult, FIRST_REACH, Pass};
 use hull::probe::exit::along;
 use hull::question::{Answer, Points};
 use hull::view_set::Scratch;
-use hull::{HullRule, NormalWindow, OutOfView, ProbeSettings, ViewSet};
+use hull::{HullRule, NormalWindow, OutOfView, ProbeSettings, VectorPath, ViewSet};
 use nalgebra::{Point3, Vector3};
 
 const MARCH_M: f64 = 5e-4;
@@ -41,6 +41,10 @@ fn check(seed: u64, settings: ProbeSettings, with_ignored: bool) -> (usize, usiz
     let mut dice = Dice(seed ^ 0xabcdef);
     let points: Vec<[f64; 3]> = (0..150).map(|_| std::array::from_fn(|_| dice.between(-0.9, 0.9))).collect();
     let together = run(&[ViewSet::new(views.clone())], settings, &points, &[]);
+    for path in VectorPath::ALL.into_iter().filter(|path| path.is_available()) {
+        let set = ViewSet::new(views.clone()).with_path(path);
+        assert_eq!(run(&[set], settings, &points, &[]), together, "{path:?}, seed {seed}");
+    }
     let alone: Vec<ViewSet> = views.iter().map(|view| ViewSet::new(vec![view.clone()])).collect();
     assert_eq!(run(&alone, settings, &points, &[]), together, "one group or many, seed {seed}");
     assert_eq!(run(&alone, settings, &points, &[1]), together, "all at once or one first, seed {seed}");

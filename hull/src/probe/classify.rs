@@ -176,7 +176,6 @@ mod avx512 {
     }
 
     /// Keeps the points whose lanes are told, and notes a doubt about those whose lanes are told apart.
-
     #[allow(unsafe_code, reason = "loads and stores through pointers, within bounds as said above")]
     #[inline]
     #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw,avx2,popcnt")]

@@ -295,19 +295,23 @@ impl View {
     /// Bisects for the first place after `here` of another class, if there is one before `next`.
     fn first_change(&self, mut here: Place, next: Place, at: &dyn Fn(f64) -> Place) -> Option<Place> {
         let class = here.class;
-        let mut ends = vec![next];
-        while let Some(end) = ends.pop() {
+        // Each end halves the distance, and none is nearer than the resolution.
+        let mut ends = [next; MAX_HALVINGS];
+        let mut count = 1;
+        while count > 0 {
+            let end = ends[count - 1];
             if self.uniform(here, end) {
                 here = end;
-            } else if end.t - here.t <= RESOLUTION_M {
+                count -= 1;
+            } else if end.t - here.t <= RESOLUTION_M || count == MAX_HALVINGS {
                 if end.class != class {
                     return Some(end);
                 }
                 here = end;
+                count -= 1;
             } else {
-                let middle = at(0.5 * (here.t + end.t));
-                ends.push(end);
-                ends.push(middle);
+                ends[count] = at(0.5 * (here.t + end.t));
+                count += 1;
             }
         }
         None
@@ -401,6 +405,8 @@ impl Axis {
     }
 }
 
+/// From the greatest depth to the resolution.
+const MAX_HALVINGS: usize = 48;
 /// What a pixel's centre and any place in it are at most apart, twice, and a little: a clear distance counts
 /// from a centre, and a place in a pixel beyond it may be near.
 const HALF_DIAGONAL: f64 = 1.415;

@@ -182,7 +182,7 @@ impl ViewSet {
                 exit_m = exit_m.min(found_m);
             }
         }
-        changes[begin..].sort_by(|a, b| a.t_m.total_cmp(&b.t_m).then(a.by.cmp(&b.by)));
+        changes[begin..].sort_unstable_by(|a, b| a.t_m.total_cmp(&b.t_m).then(a.by.cmp(&b.by)));
         let end = exit_m.min(reach_m.next_up());
         changes.truncate(begin + changes[begin..].partition_point(|change| change.t_m < end));
         exit_m
