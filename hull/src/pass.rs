@@ -32,7 +32,7 @@ pub enum Round {
     Edges,
     /// The exit of those inside along their normals.
     Exits,
-    /// The exit of those inside along their body's mean response.
+    /// The exit along their body's mean response: of those farthest back, then of those that a check finds.
     BodyExits,
     /// Which of those inside are still inside once the body has moved.
     Check,
@@ -51,7 +51,22 @@ pub struct Touch {
     pub edge: Option<Edge>,
     /// The distance to the exit along the edge's normal, metres.
     pub exit_m: Option<f32>,
+    along: Along,
 }
+
+/// What is known of a touch's exit along its body's direction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Along {
+    /// Nothing, and it need not be.
+    Unknown,
+    /// It is asked for.
+    Asked,
+    /// The body's response is at least so long.
+    Known,
+}
+
+/// Touches of a body whose exits along its direction are asked for first.
+const FARTHEST_BACK: usize = 4;
 
 impl Touch {
     /// The sample's response `w`, metres, world; `None` without an exit.
@@ -153,6 +168,8 @@ struct PassBody {
     direction: Option<[f32; 3]>,
     longest_m: f32,
     has_exits: bool,
+    /// What the response leaves inside has been counted.
+    is_checked: bool,
     /// Its box meets the hull's.
     is_near: bool,
 }
@@ -206,7 +223,15 @@ impl Pass {
                 }
                 (Some(_), Points::World(_)) => true,
             };
-            let body = PassBody { points, reach, direction: None, longest_m: 0.0, has_exits: true, is_near };
+            let body = PassBody {
+                points,
+                reach,
+                direction: None,
+                longest_m: 0.0,
+                has_exits: true,
+                is_checked: false,
+                is_near,
+            };
             if self.count < self.bodies.len() {
                 self.bodies[self.count] = body;
             } else {
@@ -455,50 +480,51 @@ impl Pass {
         self.ask_body_exits();
     }
 
-    /// Asks for exits along each body's mean response.
+    /// Finds each body's direction, and asks for exits along it: of the touches that lie farthest back. Most
+    /// others are outside once the body has moved so far; the check tells which are not.
     fn ask_body_exits(&mut self) {
-        let alone = self.groups.len() == 1;
-        self.question.restart(Kind::SharedExits);
         let Pass { bodies, results, count, .. } = self;
         for (body, result) in bodies[..*count].iter_mut().zip(results).filter(|(body, _)| body.is_near) {
             let mut direction = BodyDirection::default();
             result.touches.iter().filter_map(Touch::response_m).for_each(|m| direction.add(m));
             body.direction = direction.unit();
-            body.longest_m = 0.0;
-            body.has_exits = true;
-            if !result.touches.is_empty() && body.direction.is_none() {
+            if let Some(direction) = body.direction {
+                mark_farthest_back(&body.points, direction, &mut result.touches);
+            } else if !result.touches.is_empty() {
                 result.response_m = Err(NoResponse::NoDirection);
                 result.left_inside = result.touches.len();
             }
         }
-        self.pick_touches([0.0; 3], |body, _| body.direction.is_some());
-        let Pass { question, targets, bodies, results, count, .. } = self;
-        question.directions.extend(bodies[..*count].iter().filter_map(|body| body.direction));
-        question.longest_alone = alone;
-        if alone {
-            let hint = |&(body, touch): &(u32, u32)| {
-                results[body as usize].touches[touch as usize].edge.map_or(0, |edge| edge.camera)
-            };
-            question.hints.extend(targets.0.iter().map(hint));
-        } else {
-            let longest_m = |result: &BodyResult| {
-                result.touches.iter().filter_map(|touch| touch.exit_m).fold(0.0, f32::max)
-            };
-            let mut last = (u32::MAX, Reach::UNBOUNDED);
-            for &(body, _) in &targets.0 {
-                if last.0 != body {
-                    last = (body, exit_reach(longest_m(&results[body as usize])));
-                }
-                question.within.push(last.1);
+        self.ask_marked();
+    }
+
+    /// Asks for exits along the body's direction of the touches that are marked.
+    fn ask_marked(&mut self) {
+        let alone = self.groups.len() == 1;
+        self.question.restart(Kind::SharedExits);
+        self.pick_touches([0.0; 3], |body, touch| body.direction.is_some() && touch.along == Along::Asked);
+        let Pass { question, targets, bodies, results, .. } = self;
+        for of_body in targets.0.chunk_by(|a, b| a.0 == b.0) {
+            let index = of_body[0].0 as usize;
+            question.directions.extend(bodies[index].direction);
+            if alone {
+                let camera = |&(_, touch): &(u32, u32)| results[index].touches[touch as usize].edge;
+                question.hints.extend(of_body.iter().map(|of| camera(of).map_or(0, |edge| edge.camera)));
+            } else {
+                let exits_m = results[index].touches.iter().filter_map(|touch| touch.exit_m);
+                let reach = exit_reach(exits_m.fold(0.0, f32::max));
+                question.within.extend(of_body.iter().map(|_| reach));
             }
         }
         self.ask(Round::BodyExits, |_| true);
+        if self.round == Round::Done {
+            self.ask_check();
+        }
     }
 
     fn after_body_exits(&mut self) {
         let rule = self.settings.rule();
         let Pass { targets, merged, results, question, bodies, .. } = self;
-        let mut is_open = false;
         let mut changes = 0..0;
         let mut open = 0;
         for at in 0..targets.0.len() {
@@ -506,22 +532,24 @@ impl Pass {
             let inside_count = results[body as usize].touches[touch as usize].inside_count;
             changes = changes_of(&merged.changes, at, changes.end);
             let exit_m = first_exit(merged.exits_m[at], &merged.changes[changes.clone()], inside_count, rule);
-            let body_state = &mut bodies[body as usize];
+            let state = &mut bodies[body as usize];
+            if exit_m.is_none() && question.bounds(at) {
+                targets.0[open] = (body, touch);
+                open += 1;
+                continue;
+            }
+            results[body as usize].touches[touch as usize].along = Along::Known;
             match exit_m {
-                Some(exit_m) => body_state.longest_m = body_state.longest_m.max(exit_m),
-                None if question.bounds(at) => {
-                    is_open = true;
-                    targets.0[open] = (body, touch);
-                    open += 1;
+                Some(exit_m) if exit_m > state.longest_m => {
+                    state.longest_m = exit_m;
+                    state.is_checked = false;
                 }
-                None => body_state.has_exits = false,
+                Some(_) => {}
+                None => state.has_exits = false,
             }
         }
-        if is_open {
-            targets.0.truncate(open);
-            return self.ask_open_body_exits();
-        }
-        self.ask_check();
+        targets.0.truncate(open);
+        if open > 0 { self.ask_open_body_exits() } else { self.ask_check() }
     }
 
     /// Asks again, without a reach, for the exits that are not known.
@@ -537,17 +565,22 @@ impl Pass {
         self.ask(Round::BodyExits, |_| true);
     }
 
+    /// Asks which touches of the bodies whose response is new are still inside after it.
     fn ask_check(&mut self) {
         let Pass { bodies, results, count, question, targets, .. } = self;
         question.restart(Kind::Classes);
         targets.0.clear();
-        for (index, (body, result)) in bodies[..*count].iter().zip(results).enumerate() {
-            let Some(direction) = body.direction.filter(|_| body.is_near) else { continue };
-            result.left_inside = result.touches.len();
+        for (index, (body, result)) in bodies[..*count].iter_mut().zip(results).enumerate() {
+            let Some(direction) = body.direction else { continue };
             if !body.has_exits {
                 result.response_m = Err(NoResponse::NoExit);
+                result.left_inside = result.touches.len();
                 continue;
             }
+            if body.is_checked {
+                continue;
+            }
+            body.is_checked = true;
             let response_m = direction.map(|part| f64::from(part) * f64::from(body.longest_m));
             result.response_m = Ok(response_m);
             result.left_inside = 0;
@@ -557,12 +590,24 @@ impl Pass {
         self.ask(Round::Check, |_| true);
     }
 
+    /// A touch that is still inside may have a longer exit than the body's response; or it has left, and is
+    /// inside something else.
     fn after_check(&mut self) {
         let rule = self.settings.rule();
-        for (&(body, _), &standing) in self.targets.0.iter().zip(&self.merged.standings) {
-            self.results[body as usize].left_inside += usize::from(inside_count(standing, rule).is_some());
+        let mut has_marked = false;
+        for (&(body, touch), &standing) in self.targets.0.iter().zip(&self.merged.standings) {
+            if inside_count(standing, rule).is_none() {
+                continue;
+            }
+            let result = &mut self.results[body as usize];
+            result.left_inside += 1;
+            let along = &mut result.touches[touch as usize].along;
+            if *along == Along::Unknown {
+                *along = Along::Asked;
+                has_marked = true;
+            }
         }
-        self.round = Round::Done;
+        if has_marked { self.ask_marked() } else { self.round = Round::Done }
     }
 
     /// Adds the touches that fit to the question and to its targets.
@@ -591,7 +636,26 @@ impl Question {
 
 impl Touch {
     fn new(sample: u32, inside_count: usize) -> Touch {
-        Touch { sample, inside_count: inside_count as u32, edge: None, exit_m: None }
+        Touch { sample, inside_count: inside_count as u32, edge: None, exit_m: None, along: Along::Unknown }
+    }
+}
+
+/// Marks the touches that lie farthest back along a direction.
+fn mark_farthest_back(points: &Points, direction: [f32; 3], touches: &mut [Touch]) {
+    let world_along = points.along(direction);
+    let mut farthest = [(f64::INFINITY, usize::MAX); FARTHEST_BACK];
+    for (at, touch) in touches.iter().enumerate() {
+        let mut next = (world_along(touch.sample), at);
+        for place in &mut farthest {
+            if next.0 < place.0 {
+                std::mem::swap(&mut next, place);
+            }
+        }
+    }
+    for (_, at) in farthest {
+        if let Some(touch) = touches.get_mut(at) {
+            touch.along = Along::Asked;
+        }
     }
 }
 

@@ -36,6 +36,22 @@ impl Points {
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
+
+    /// How far along a direction of the world each point lies, metres.
+    pub fn along(&self, direction: [f32; 3]) -> impl Fn(u32) -> f64 {
+        let [x, y, z] = direction.map(f64::from);
+        let world_from_body = match self {
+            Points::Body { pose, .. } => pose.world_from_body(),
+            Points::World(_) => Pose::IDENTITY.world_from_body(),
+        };
+        move |index| {
+            let [px, py, pz] = match self {
+                Points::Body { shape, .. } => world_from_body(shape.samples_body()[index as usize]).into(),
+                Points::World(points) => points[index as usize],
+            };
+            x * px + y * py + z * pz
+        }
+    }
 }
 
 /// Some points of one body.
@@ -103,9 +119,6 @@ pub struct Question {
     /// How far each point's edge or exit matters: one farther away need not be found and is not told.
     /// Empty: every one matters.
     pub within: Vec<Reach>,
-    /// Of every batch of [`Kind::SharedExits`] the longest exit alone matters: others may be told longer
-    /// than they are, if not longer than that. Only for a group that is asked alone.
-    pub longest_alone: bool,
     /// The camera whose edge each direction came from: worth trying first. May be empty.
     pub hints: Vec<u16>,
 }
@@ -123,9 +136,8 @@ impl Question {
 
     /// Empties it for a question of another kind and keeps its buffers.
     pub fn restart(&mut self, kind: Kind) {
-        let Question { kind: old, batches, picked, directions, within, longest_alone, hints } = self;
+        let Question { kind: old, batches, picked, directions, within, hints } = self;
         *old = kind;
-        *longest_alone = false;
         batches.clear();
         picked.clear();
         directions.clear();

@@ -7,7 +7,7 @@ use super::{Asked, Scratch, ViewSet};
 use crate::camera::Pixel;
 use crate::coordinates::Coordinates;
 use crate::probe::exit::along;
-use crate::question::{Answer, Change, Kind, NO_EXIT_M, Standing};
+use crate::question::{Answer, Change, NO_EXIT_M};
 use crate::view::View;
 
 impl ViewSet {
@@ -26,9 +26,6 @@ impl ViewSet {
                 answer.exits_m.push(exit_m);
             }
             return;
-        }
-        if asked.question.longest_alone && asked.question.kind == Kind::SharedExits {
-            return self.longest_exit(asked, points, scratch, answer);
         }
         let mut first = 0;
         for from in (0..points.len()).step_by(CHUNK) {
@@ -98,48 +95,6 @@ impl ViewSet {
         first
     }
 
-    /// Of a batch with one direction, the longest exit; for the others, how long they are at most.
-    ///
-    /// A point that is outside once it has moved by the longest exit so far has a shorter one.
-    #[inline(always)]
-    fn longest_exit(&self, asked: &Asked, points: &Coordinates, scratch: &mut Scratch, answer: &mut Answer) {
-        let direction = Vector3::from(asked.direction(0).map(f64::from));
-        let begin = answer.exits_m.len();
-        answer.exits_m.resize(begin + points.len(), NO_EXIT_M);
-        let exits_m = &mut answer.exits_m[begin..];
-        let Scratch { moved, standings, left, block, .. } = scratch;
-        left.clear();
-        left.extend(0..points.len() as u32);
-        let (mut longest_m, mut first) = (0.0, 0);
-        while let Some(place) = farthest_back(points, left, &direction) {
-            let at = left.swap_remove(place) as usize;
-            first = self.hinted(asked, at, first);
-            let exit_m = self.exit(&points.point(at), &direction, &mut first);
-            exits_m[at] = exit_m;
-            if exit_m == NO_EXIT_M {
-                // Then the body has none, whatever the others' are.
-                return;
-            }
-            if exit_m <= longest_m {
-                continue;
-            }
-            longest_m = exit_m;
-            moved.clear();
-            left.iter().for_each(|&at| moved.push(along(&points.point(at as usize), &direction, longest_m)));
-            standings.clear();
-            self.append_standings(moved, block, standings);
-            let mut place = 0;
-            left.retain(|&at| {
-                let is_out = standings[place] == Standing::OUTSIDE;
-                place += 1;
-                if is_out {
-                    exits_m[at as usize] = longest_m;
-                }
-                !is_out
-            });
-        }
-    }
-
     /// The view that is worth trying first: the hinted camera's, or else the last winner.
     #[inline(always)]
     fn hinted(&self, asked: &Asked, at: usize, last: usize) -> usize {
@@ -148,26 +103,6 @@ impl ViewSet {
             return last;
         }
         self.views.iter().position(|view| view.observer().rig_index() == hint).unwrap_or(last)
-    }
-
-    /// Where the ray from a point inside leaves, as far as this group knows.
-    #[inline(always)]
-    fn exit(&self, a: &Point3<f64>, n: &Vector3<f64>, first: &mut usize) -> f32 {
-        let mut exit_m = NO_EXIT_M;
-        let begin = *first;
-        for order in 0..=self.views.len() {
-            let index = if order == 0 { begin } else { order - 1 };
-            if order > 0 && index == begin {
-                continue;
-            }
-            let view = &self.views[index];
-            let found_m = view.exit_within(a, n, limit_m(view, exit_m, f32::INFINITY), f32::INFINITY);
-            if found_m < exit_m {
-                exit_m = found_m;
-                *first = index;
-            }
-        }
-        exit_m
     }
 
     /// Where the ray leaves when cameras may be silent; what happens before goes to `changes`.
@@ -237,17 +172,4 @@ impl Default for Rays {
 #[inline(always)]
 fn limit_m(view: &View, exit_m: f32, reach_m: f32) -> f64 {
     f64::from(exit_m.min(reach_m * 1.00001)).min(view.observer().settings().max_depth_m())
-}
-
-/// Which of the points that are left lies farthest back along a direction.
-#[inline(always)]
-fn farthest_back(points: &Coordinates, left: &[u32], direction: &Vector3<f64>) -> Option<usize> {
-    let mut least = (f64::INFINITY, None);
-    for (place, &at) in left.iter().enumerate() {
-        let along = points.point(at as usize).coords.dot(direction);
-        if along < least.0 {
-            least = (along, Some(place));
-        }
-    }
-    least.1
 }

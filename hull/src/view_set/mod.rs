@@ -40,8 +40,6 @@ pub struct Scratch {
     moved: Coordinates,
     block: Box<Block>,
     sights: Sights,
-    standings: Vec<Standing>,
-    left: Vec<u32>,
     rays: Rays,
 }
 
