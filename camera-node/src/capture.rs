@@ -412,3 +412,61 @@ fn learn(
 fn panicked() -> CaptureError {
     CaptureError::Segment { camera: String::new(), what: "film", problem: "a thread panicked".into() }
 }
+
+#[cfg(test)]
+mod tests {
+    use segment::{Range, Sampling, from_rgb};
+    use stage::{CameraStage, StageSettings, studio_rig};
+
+    use super::*;
+
+    /// Mean intersection over union with the studio's truth: shadows, sensor noise and all.
+    fn overlap(layout: Layout, of_background: Layout) -> f64 {
+        let (width, height) = (640, 480);
+        let rig = studio_rig(4, (width, height)).expect("a rig");
+        let settings = StageSettings::default();
+        let mut camera = CameraStage::new(&settings, &rig.cameras()[1], 1);
+        let mut rgb = vec![0; camera.frame_bytes()];
+        let mut bytes = Vec::new();
+        let format = |layout| Format::new(layout, width, height).expect("size");
+        let mut clip = BackgroundBuilder::new(format(of_background));
+        for frame in 0..12 {
+            camera.render_empty(frame, &mut rgb);
+            from_rgb(&rgb, format(of_background), &mut bytes);
+            clip.push(&bytes).expect("a frame");
+        }
+        let model = clip.finish().expect("frames");
+        let mut cutter =
+            Cutter::new(&SegmentSettings::default(), model.format(), Some(model), 1).expect("fits");
+        let mut overlaps = Vec::new();
+        for frame in [10, 40, 70] {
+            camera.render(frame, &mut rgb);
+            from_rgb(&rgb, format(layout), &mut bytes);
+            let found = cutter.cut(format(layout), &bytes, "cam").expect("a silhouette").to_mask();
+            let truth = camera.mask(settings.time_s(frame));
+            let count = |both: fn(bool, bool) -> bool| {
+                found.iter().zip(&truth).filter(|(a, b)| both(**a != 0, **b != 0)).count() as f64
+            };
+            overlaps.push(count(|a, b| a && b) / count(|a, b| a || b));
+        }
+        overlaps.iter().sum::<f64>() / overlaps.len() as f64
+    }
+
+    #[test]
+    fn a_person_is_cut_out_of_the_studio_in_every_layout() {
+        let i420 = Layout::Planar(Sampling::C420, Range::Limited);
+        for (layout, least) in [
+            (Layout::Rgb, 0.975),
+            (Layout::Planar(Sampling::C444, Range::Full), 0.975),
+            (Layout::Yuyv(Range::Limited), 0.955),
+            (Layout::Uyvy(Range::Full), 0.955),
+            (i420, 0.955),
+            (Layout::Nv12(Range::Limited), 0.955),
+        ] {
+            let found = overlap(layout, layout);
+            assert!(found > least, "{layout:?}: {found:.4}");
+        }
+        let by_pictures = overlap(i420, Layout::Rgb);
+        assert!(by_pictures > 0.955, "a background of pictures: {by_pictures:.4}");
+    }
+}

@@ -102,6 +102,76 @@ fn a_shadow_is_background_but_the_same_place_painted_is_not() {
     assert_eq!(silhouette(&settings, &frame(5, paint)), both);
 }
 
+/// The layouts whose colours are fine enough for contours on even pixels.
+const YUV: [Layout; 6] = [
+    Layout::Planar(Sampling::C420, Range::Limited),
+    Layout::Planar(Sampling::C422, Range::Full),
+    Layout::Planar(Sampling::C444, Range::Limited),
+    Layout::Nv12(Range::Full),
+    Layout::Yuyv(Range::Limited),
+    Layout::Uyvy(Range::Limited),
+];
+
+/// A frame in another layout.
+fn laid_out(rgb: &[u8], layout: Layout) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    from_rgb(rgb, format().with_layout(layout), &mut bytes);
+    bytes
+}
+
+/// Every layout finds the same as RGB does, but for a few pixels at contours.
+#[track_caller]
+fn check_layouts(settings: &SegmentSettings, rgb: &[u8], expected: &Silhouette) {
+    for layout in YUV {
+        let mut clip = BackgroundBuilder::new(format().with_layout(layout));
+        (1..=20).for_each(|seed| clip.push(&laid_out(&frame(7 * seed, room), layout)).expect("a frame"));
+        let model = clip.finish().expect("frames");
+        let mut segmenter =
+            Segmenter::new(settings, format().with_layout(layout), Some(&model)).expect("settings and model");
+        let found = segmenter.segment(&laid_out(rgb, layout)).expect("a frame").silhouette;
+        let wrong = found.to_mask().iter().zip(expected.to_mask()).filter(|(a, b)| **a != *b).count();
+        assert!(wrong <= 12, "{layout:?}: {wrong} pixels are wrong");
+    }
+}
+
+#[test]
+fn a_person_is_found_and_her_shadow_is_not_in_the_camera_s_own_layout() {
+    let shadow = |column: u32, row: u32| {
+        let dark = (20..56).contains(&column) && (90..110).contains(&row);
+        with_person(column, row).map(|level| if dark { 0.65 * level } else { level })
+    };
+    check_layouts(&SegmentSettings::default(), &frame(5, shadow), &mask(is_person));
+}
+
+#[test]
+fn drifting_exposure_and_white_balance_are_taken_out_in_the_camera_s_own_layout() {
+    let warmer = |column, row| {
+        let [red, green, blue] = with_person(column, row);
+        [0.9 * red, 0.85 * green, 0.75 * blue]
+    };
+    check_layouts(&SegmentSettings::default(), &frame(4, warmer), &mask(is_person));
+}
+
+#[test]
+fn a_green_room_is_keyed_in_the_camera_s_own_layout() {
+    let settings = SegmentSettings { method: Method::Chroma, ..SegmentSettings::default() };
+    let green = |column: u32, row: u32| {
+        if is_person(column, row) { [150.0, 120.0, 100.0] } else { [40.0, 170.0, 70.0] }
+    };
+    check_layouts(&settings, &frame(2, green), &mask(is_person));
+}
+
+#[test]
+fn a_plate_in_colours_serves_a_film_in_yuv() {
+    let plate = BackgroundModel::from_plate(format(), &frame(70, room)).expect("a plate");
+    let layout = Layout::Planar(Sampling::C420, Range::Limited);
+    let mut segmenter =
+        Segmenter::new(&SegmentSettings::default(), format().with_layout(layout), Some(&plate))
+            .expect("settings and model");
+    let found = segmenter.segment(&laid_out(&frame(71, with_person), layout)).expect("a frame").silhouette;
+    assert_eq!(found, mask(is_person));
+}
+
 #[test]
 fn specks_vanish_and_small_holes_fill_but_a_bent_arm_stays_open() {
     let settings = SegmentSettings { speck_px: Some(30), hole_px: Some(30), ..SegmentSettings::default() };

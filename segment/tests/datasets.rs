@@ -28,10 +28,9 @@ struct Recorded {
 }
 
 /// What films are decoded to, with ffmpeg's name.
-const LAYOUTS: [(Layout, &str); 4] = [
+const LAYOUTS: [(Layout, &str); 3] = [
     (Layout::Rgb, "rgb24"),
     (Layout::Planar(Sampling::C420, Range::Limited), "yuv420p"),
-    (Layout::Nv12(Range::Limited), "nv12"),
     (Layout::Yuyv(Range::Limited), "yuyv422"),
 ];
 
@@ -39,8 +38,12 @@ const LAYOUTS: [(Layout, &str); 4] = [
 fn overlaps(recorded: &Recorded, (layout, pixel_format): (Layout, &str)) -> Vec<f64> {
     let Recorded { name, size: (width, height), every, last, .. } = recorded;
     let format = Format::new(layout, *width, *height).expect("size");
-    let mut builder = BackgroundBuilder::new(format);
-    for frame in common::frames(&recorded.background, format, pixel_format, "null") {
+    // A plate is a picture and comes as RGB; a clip is a film like the other.
+    let is_plate = recorded.background.extension().is_some_and(|extension| extension == "png");
+    let of_background = if is_plate { LAYOUTS[0] } else { (layout, pixel_format) };
+    let empty = format.with_layout(of_background.0);
+    let mut builder = BackgroundBuilder::new(empty);
+    for frame in common::frames(&recorded.background, empty, of_background.1, "null") {
         builder.push(&frame).expect("a frame");
     }
     let settings: SegmentSettings = toml::from_str(SETTINGS).expect("settings");

@@ -12,6 +12,7 @@ use stage::{Motion, Prop, StageSettings};
 use super::files::{COLOUR, FileFrames};
 use super::film::FileFilm;
 use super::pipe::PipeSource;
+use super::raw::RawLayout;
 use super::stage_source::StageSource;
 use super::{Kind, OpenContext, Source, SourceError};
 
@@ -34,7 +35,7 @@ pub enum SourceConfig {
     Masks(FileConfig),
     /// One YUV4MPEG2 file.
     Video(FileConfig),
-    /// A program that writes YUV4MPEG2 to its standard output.
+    /// A program that writes film to its standard output: YUV4MPEG2, or raw frames.
     Pipe(PipeConfig),
 }
 
@@ -94,6 +95,13 @@ pub struct PipeConfig {
     /// The program and its arguments; no shell is involved.
     #[serde(deserialize_with = "command")]
     pub command: Vec<String>,
+    /// Frames without headers, of the camera's size, instead of YUV4MPEG2: what a camera's driver gives, not
+    /// converted on the way.
+    #[serde(default)]
+    pub raw: Option<RawLayout>,
+    /// Raw YUV frames whose black and white are 0 and 255, instead of 16 and 235.
+    #[serde(default)]
+    pub full_range: bool,
     /// Where it runs. Not in the file: [`SourceConfig::resolve`] sets it.
     #[serde(skip, default = "here")]
     pub folder: PathBuf,

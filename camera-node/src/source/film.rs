@@ -6,6 +6,7 @@ use std::num::NonZeroU64;
 use std::path::PathBuf;
 
 use hull::Camera;
+use segment::Format;
 
 use super::y4m::{Header, Reader};
 use super::{FileConfig, Image, Kind, OpenContext, Source, SourceError, Taken};
@@ -74,15 +75,17 @@ pub fn check_rate(source_name: &str, header: &Header, expected: f64) -> Result<(
     Err(SourceError::Rate { source_name: source_name.to_owned(), found, expected })
 }
 
-/// Says what an image's bytes are: planes as the header tells.
-pub fn label(header: &Header, image: &mut Image) {
-    (image.width, image.height, image.kind) = (header.width, header.height, Kind::Colour(header.layout()));
+/// Says what an image's bytes are.
+pub fn label(format: Format, image: &mut Image) {
+    (image.width, image.height) = (format.width(), format.height());
+    image.kind = Kind::Colour(format.layout());
 }
 
 /// A film in one YUV4MPEG2 file.
 pub struct FileFilm {
     path: PathBuf,
     reader: Reader<BufReader<File>>,
+    format: Format,
     numbering: Numbering,
     fps: f64,
     index: u64,
@@ -101,9 +104,10 @@ impl FileFilm {
         let reader = Reader::new(BufReader::new(file)).map_err(|error| refused(error.to_string()))?;
         let (header, name) = (reader.header(), path.display().to_string());
         Fit::new(camera).check(&name, (header.width, header.height))?;
+        let format = header.format().map_err(|error| refused(error.to_string()))?;
         let numbering = Numbering::new(config.start_frame, config.frame_step);
         check_rate(&name, header, numbering.film_fps(context.fps))?;
-        Ok(FileFilm { path, reader, numbering, fps: context.fps, index: 0 })
+        Ok(FileFilm { path, reader, format, numbering, fps: context.fps, index: 0 })
     }
 }
 
@@ -125,7 +129,7 @@ impl Source for FileFilm {
                 None => {}
                 Some(number) if number < at_least => skipped += 1,
                 Some(number) => {
-                    label(self.reader.header(), image);
+                    label(self.format, image);
                     return Ok(Some(Taken { number, capture_time_s: number as f64 / self.fps, skipped }));
                 }
             }

@@ -11,6 +11,7 @@ mod film;
 mod mailbox;
 mod pipe;
 mod program;
+mod raw;
 mod stage_source;
 pub mod y4m;
 
@@ -21,6 +22,7 @@ use segment::Layout;
 use thiserror::Error;
 
 pub use config::{FileConfig, PipeConfig, SourceConfig, StageConfig};
+pub use raw::RawLayout;
 
 /// What an image's bytes are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -11,10 +11,12 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
 
 use hull::Camera;
+use segment::{Format, Range};
 
 use super::film::{Fit, Numbering, check_rate, label};
 use super::mailbox::{Mailbox, Received, WhenFull};
 use super::program::{Ending, Program};
+use super::raw::FrameReader;
 use super::y4m::{Header, Reader, Y4mError};
 use super::{Clock, Image, OpenContext, PipeConfig, Source, SourceError, Taken};
 
@@ -51,7 +53,7 @@ enum Rule {
 
 enum Letter {
     Frame {
-        header: Header,
+        format: Format,
         index: u64,
         arrival_s: f64,
         planes: Vec<u8>,
@@ -73,6 +75,11 @@ impl PipeSource {
         camera: &Camera,
         context: &OpenContext,
     ) -> Result<PipeSource, SourceError> {
+        let range = if config.full_range { Range::Full } else { Range::Limited };
+        let raw = config.raw.and_then(|raw| {
+            // A camera of a rig has a size that frames may have.
+            Format::new(raw.layout(range), camera.width(), camera.height()).ok()
+        });
         let (program, stdout) = Program::start(&config.command, &config.folder)?;
         let numbering = Numbering::new(config.start_frame, config.frame_step);
         let (rule, when_full, capacity, film_fps) = if config.live {
@@ -89,6 +96,7 @@ impl PipeSource {
             name: format!("the film of {:?}", program.command()),
             fit: Fit::new(camera),
             film_fps,
+            raw,
         };
         // Ends with the pipe, which ends with the program, which ends with the source.
         std::thread::spawn(move || reading.run(stdout));
@@ -149,9 +157,9 @@ impl Source for PipeSource {
         loop {
             let received = self.mailbox.receive(self.timeout);
             skipped += self.mailbox.take_dropped();
-            let (header, index, arrival_s, mut planes) = match received {
-                Received::Letter(Letter::Frame { header, index, arrival_s, planes }) => {
-                    (header, index, arrival_s, planes)
+            let (format, index, arrival_s, mut planes) = match received {
+                Received::Letter(Letter::Frame { format, index, arrival_s, planes }) => {
+                    (format, index, arrival_s, planes)
                 }
                 Received::Letter(Letter::Wrong(wrong, _open_pipe)) => {
                     let error = match wrong {
@@ -178,7 +186,7 @@ impl Source for PipeSource {
             self.frames = index + 1;
             let taken = match self.number(index, arrival_s) {
                 Some((number, capture_time_s)) if number >= at_least => {
-                    label(&header, image);
+                    label(format, image);
                     std::mem::swap(&mut image.data, &mut planes);
                     self.last = Some(number);
                     Some(Taken { number, capture_time_s, skipped })
@@ -212,6 +220,8 @@ struct Reading {
     name: String,
     fit: Fit,
     film_fps: Option<f64>,
+    /// What frames without headers are.
+    raw: Option<Format>,
 }
 
 impl Reading {
@@ -226,23 +236,35 @@ impl Reading {
     /// Reads to the film's end, or to what is wrong with it.
     fn frames(&self, stdout: &mut ChildStdout) -> Result<(), Wrong> {
         let garbage = |error: Y4mError| Wrong::Garbage(error.to_string());
-        let mut reader = Reader::new(BufReader::with_capacity(BUFFER_BYTES, stdout)).map_err(garbage)?;
-        let header = *reader.header();
-        self.fit.check(&self.name, (header.width, header.height)).map_err(Wrong::Misfit)?;
-        if let Some(film_fps) = self.film_fps {
-            check_rate(&self.name, &header, film_fps).map_err(Wrong::Misfit)?;
-        }
+        let stdout = BufReader::with_capacity(BUFFER_BYTES, stdout);
+        let (mut reader, format) = match self.raw {
+            Some(format) => (FrameReader::Raw { inner: stdout, format, frames: 0 }, format),
+            None => {
+                let reader = Reader::new(stdout).map_err(garbage)?;
+                let format = self.checked(reader.header())?;
+                (FrameReader::Y4m(reader), format)
+            }
+        };
         for index in 0.. {
             let mut planes = self.returned.try_recv().unwrap_or_default();
             if !reader.read(&mut planes).map_err(garbage)? {
                 break;
             }
             let arrival_s = (self.clock)();
-            if self.mailbox.send(Letter::Frame { header, index, arrival_s, planes }).is_err() {
+            if self.mailbox.send(Letter::Frame { format, index, arrival_s, planes }).is_err() {
                 break;
             }
         }
         Ok(())
+    }
+
+    /// The format of a film whose header fits camera and cluster.
+    fn checked(&self, header: &Header) -> Result<Format, Wrong> {
+        self.fit.check(&self.name, (header.width, header.height)).map_err(Wrong::Misfit)?;
+        if let Some(film_fps) = self.film_fps {
+            check_rate(&self.name, header, film_fps).map_err(Wrong::Misfit)?;
+        }
+        header.format().map_err(|error| Wrong::Garbage(error.to_string()))
     }
 }
 
@@ -319,13 +341,40 @@ mod tests {
             for (number, planes) in raw.chunks(header.frame_bytes()).enumerate() {
                 let taken = source.next(0, &mut image).expect("reads").expect("a frame");
                 assert_eq!((taken.number, taken.skipped), (number as u64, 0));
-                let kind = Kind::Colour(header.layout());
+                let kind = Kind::Colour(header.format().expect("size").layout());
                 let expected = Image { width: 33, height: 17, kind, data: planes.to_vec() };
                 assert!(image == expected, "{format}, frame {number}");
             }
             assert_eq!(source.next(0, &mut image), Ok(None));
             assert_eq!(source.next(0, &mut image), Ok(None), "and again");
         }
+    }
+
+    #[test]
+    fn raw_frames_come_as_the_camera_writes_them() {
+        for (raw, pixel_format) in
+            [("rgb", "rgb24"), ("i420", "yuv420p"), ("nv12", "nv12"), ("yuyv", "yuyv422")]
+        {
+            let bytes = ffmpeg(&["3", "-s", "34x17", "-pix_fmt", pixel_format, "-f", "rawvideo", "-"]);
+            let last = ["3", "-s", "34x17", "-pix_fmt", pixel_format, "-f", "rawvideo", "-"];
+            let command = [&TEST_FILM[..], &last].concat();
+            let config = config(&command, &format!("raw = {raw:?}\nfull_range = true"));
+            let mut source = PipeSource::open(&config, &camera(34, 17), &context(30.0)).expect("starts");
+            let mut image = Image::default();
+            for frame in bytes.chunks(bytes.len() / 3) {
+                source.next(0, &mut image).expect("reads").expect("a frame");
+                let Kind::Colour(layout) = image.kind else { panic!("colours") };
+                let format = Format::new(layout, 34, 17).expect("size");
+                assert_eq!((image.data.len(), &image.data[..]), (format.frame_bytes(), frame), "{raw}");
+            }
+            assert_eq!(source.next(0, &mut image), Ok(None), "{raw}");
+        }
+        check_fails(
+            PipeSource::open(&config(&["printf", "abcde"], "raw = \"rgb\""), &camera(1, 1), &context(30.0))
+                .expect("starts"),
+            1,
+            &["frame 1: found 2 bytes of it, expected 3"],
+        );
     }
 
     #[test]

@@ -4,7 +4,7 @@
 use std::io::{self, BufRead, Read};
 
 use hull::camera::MAX_SIDE_PIXELS;
-use segment::{Layout, Range, Sampling};
+use segment::{Format, Layout, Range, Sampling, SizeError};
 use thiserror::Error;
 
 /// The longest header or frame line, bytes. ffmpeg's are under 100; comments may add some.
@@ -126,25 +126,15 @@ impl Header {
         })
     }
 
-    /// How the bytes of its frames lie.
-    pub fn layout(&self) -> Layout {
-        Layout::Planar(self.chroma, self.range)
-    }
-
-    /// Bytes of the brightness plane and of each of the two colour planes.
-    pub fn plane_bytes(&self) -> (usize, usize) {
-        // Sides are at most 2^14, so products fit everywhere.
-        let luma = self.width as usize * self.height as usize;
-        let chroma = self.chroma.shifts().map_or(0, |(across, down)| {
-            self.width.div_ceil(1 << across) as usize * self.height.div_ceil(1 << down) as usize
-        });
-        (luma, chroma)
+    /// Size and layout of its frames.
+    pub fn format(&self) -> Result<Format, SizeError> {
+        Format::new(Layout::Planar(self.chroma, self.range), self.width, self.height)
     }
 
     /// Bytes of one frame's planes.
     pub fn frame_bytes(&self) -> usize {
-        let (luma, chroma) = self.plane_bytes();
-        luma + 2 * chroma
+        // A parsed header has a size that frames may have.
+        self.format().map_or(0, Format::frame_bytes)
     }
 }
 
