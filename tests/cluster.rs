@@ -13,10 +13,16 @@ fn hulltouch() -> Command {
 
 /// A short lock-step run of a small studio; returns its figures.
 fn lock_step(folder: &Path, transport: &str, seed: &str) -> Value {
+    lock_step_with(folder, transport, seed, &[])
+}
+
+fn lock_step_with(folder: &Path, transport: &str, seed: &str, more: &[&str]) -> Value {
     let json = folder.join(format!("{transport}-{seed}.json"));
     let output = hulltouch()
         .args(["demo", "--cameras", "4", "--size", "320x240", "--seconds", "4", "--unpaced", "--headless"])
-        .args(["--transport", transport, "--seed", seed, "--json"])
+        .args(["--transport", transport, "--seed", seed])
+        .args(more)
+        .arg("--json")
         .arg(&json)
         .output()
         .expect("runs");
@@ -36,6 +42,13 @@ fn one_seed_is_one_run_over_every_transport() {
     assert!(runs[0]["inside_samples"].as_u64().expect("a number") > 50, "bodies meet the person");
     assert_eq!(runs[2]["bytes"]["silhouettes"], 0, "no silhouette crosses the network in a cluster");
     assert!(runs[1]["bytes"]["silhouettes"].as_u64().expect("a number") > 10_000);
+    let rounded = lock_step_with(folder.path(), "cluster", "1", &["--precision", "quantised"]);
+    let samples = |run: &Value| run["inside_samples"].as_f64().expect("a number");
+    assert!((samples(&rounded) / samples(&runs[0]) - 1.0).abs() < 0.2, "rounded numbers, about the same run");
+    let bytes = |run: &Value| {
+        ["to_nodes", "from_nodes"].map(|way| run["bytes"][way].as_u64().expect("a number")).iter().sum::<u64>()
+    };
+    assert!(bytes(&rounded) < bytes(&runs[2]), "{} of {} bytes", bytes(&rounded), bytes(&runs[2]));
     let other = lock_step(folder.path(), "inprocess", "2");
     assert_ne!(other["trajectory_digest"], runs[0]["trajectory_digest"], "another seed, another run");
 }
@@ -199,8 +212,9 @@ fn a_node_that_is_started_again_is_taken_back_without_help() {
     let rig = stage::studio_rig(2, (160, 120)).expect("a rig");
     std::fs::write(folder.path().join("rig.toml"), rig.to_toml()).expect("written");
     let mut text = "rig = \"rig.toml\"\nscene = \"crowd\"\nfps = 30\nlatency_s = 0.05\n".to_owned();
-    for camera in rig.cameras() {
-        let (name, address) = (camera.name(), free_address());
+    // One over TCP; the other's socket file outlives the killed process, and is replaced.
+    for (camera, address) in rig.cameras().iter().zip([free_address(), "unix:second.sock".to_owned()]) {
+        let name = camera.name();
         text +=
             &format!("[[camera]]\nname = {name:?}\nnode = {address:?}\nsource = {{ kind = \"stage\" }}\n");
     }
@@ -236,4 +250,5 @@ fn a_node_that_is_started_again_is_taken_back_without_help() {
         drop(node.stdin.take());
         assert!(node.wait().expect("reaped").success());
     }
+    assert!(!folder.path().join("second.sock").exists(), "a node takes its socket with it");
 }

@@ -4,8 +4,9 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use hull::pass::{AnswerError, Pass, Round};
-use hull::question::{Answer, Standing};
-use proto::convert::{Precision, ProbeAnswer, QuestionWriter, RefusalReason, WrittenQuestion};
+use hull::question::{Answer, Kind, Standing};
+use hull::reach::Reach;
+use proto::convert::{LISTS, Precision, ProbeAnswer, QuestionWriter, RefusalReason, WrittenQuestion};
 use thiserror::Error;
 use tokio::sync::mpsc;
 
@@ -30,8 +31,21 @@ pub(crate) struct Fanout {
     pub links: Vec<Arc<Link>>,
     pub events: mpsc::Receiver<Event>,
     writer: QuestionWriter,
+    /// Whether some nodes are asked for classes before the others,
     ways: Ways,
+    /// and for edges and exits.
+    narrowing: Ways,
     next_id: u64,
+}
+
+/// How a pass in flight stands: one of several, each with a list of bodies of its own.
+struct Lane {
+    asking: Asking,
+    round: Round,
+    /// Which nodes have yet to answer.
+    waiting: Vec<bool>,
+    narrowing: Option<Narrowing>,
+    taken: Taken,
 }
 
 /// A question on its way to several nodes.
@@ -45,10 +59,33 @@ struct Asking {
     patience: Duration,
 }
 
+/// What the rounds of a pass took that can be asked in two ways.
+#[derive(Clone, Copy, Default)]
+struct Taken {
+    classes: WayTaken,
+    distances: WayTaken,
+}
+
+#[derive(Clone, Copy, Default)]
+struct WayTaken {
+    points: usize,
+    ms: f64,
+    selectively: bool,
+}
+
+/// Edges or exits of which some nodes are told how near others have found them: what is farther away cannot
+/// win, so it need not be searched nor told. Answers are the same.
+struct Narrowing {
+    /// Which nodes are still to be asked.
+    others: Vec<bool>,
+    /// The nearest of every point so far, metres.
+    nearest_m: Vec<f32>,
+}
+
 impl Fanout {
     pub fn new(links: Vec<Arc<Link>>, events: mpsc::Receiver<Event>, precision: Precision) -> Fanout {
-        let ways = Ways::new(links.len());
-        Fanout { links, events, writer: QuestionWriter::new(precision), ways, next_id: 0 }
+        let (ways, narrowing) = (Ways::of_classes(links.len()), Ways::of_distances(links.len()));
+        Fanout { links, events, writer: QuestionWriter::new(precision), ways, narrowing, next_id: 0 }
     }
 
     /// From now on numbers travel like this.
@@ -57,64 +94,125 @@ impl Fanout {
         self.links.iter().for_each(|link| link.forget());
     }
 
-    /// Asks until the pass is done. `took` is told each round and the milliseconds it took.
+    /// Asks until all passes are done, at most [`LISTS`] of them; their rounds overlap. `took` is told each
+    /// round and the milliseconds it took.
     pub async fn run(
         &mut self,
-        pass: &mut Pass,
+        passes: &mut [&mut Pass],
         frame: u64,
         patience: Duration,
         took: &mut dyn FnMut(Round, f64),
     ) -> Result<(), PassError> {
-        let (mut classes_ms, mut classes_points, mut selectively) = (0.0, 0, false);
-        while let Some(question) = pass.question() {
-            let (round, began, points) = (pass.round(), Instant::now(), question.len());
-            selectively |= round == Round::Classes && (0..self.links.len()).any(|index| !pass.asks(index));
-            self.round(pass, frame, patience).await?;
-            let ms = began.elapsed().as_secs_f64() * 1e3;
-            took(round, ms);
-            if round == Round::Classes {
-                classes_points = classes_points.max(points);
-                classes_ms += ms;
+        debug_assert!(passes.len() <= LISTS, "every pass in flight has a list of its own");
+        // What was told before these questions is no answer to them.
+        while self.events.try_recv().is_ok() {}
+        let mut lanes = Vec::with_capacity(passes.len());
+        for (list, pass) in passes.iter().enumerate() {
+            lanes.push(self.next_round(list, pass, Taken::default(), frame, patience)?);
+        }
+        while let Some(soonest) = lanes.iter().flatten().min_by_key(|lane| lane.asking.deadline) {
+            let (index, id, answer, compute_ms) = match self.event(soonest).await? {
+                Event::Reply(index, id, answer, compute_ms) => (index, id, answer, compute_ms),
+                Event::Down(index) if lanes.iter().flatten().any(|lane| lane.waiting[index]) => {
+                    return Err(PassError::Down(self.name(index)));
+                }
+                Event::Down(_) => continue,
+            };
+            let of_it = |lane: &Option<Lane>| {
+                lane.as_ref().is_some_and(|lane| lane.asking.id == id && lane.waiting[index])
+            };
+            let Some(list) = lanes.iter().position(of_it) else { continue };
+            let Some(lane) = &mut lanes[list] else { continue };
+            let Some(answer) = self.answer_of(index, answer, &lane.asking).await? else { continue };
+            lane.waiting[index] = false;
+            self.note(lane, index, &answer, compute_ms);
+            lane.narrowing.iter_mut().for_each(|narrowing| narrowing.note(&answer));
+            let refused = |error| PassError::Answer { node: self.name(index), error };
+            passes[list].answer(index, &answer).map_err(refused)?;
+            if lane.waiting.contains(&true) || self.ask_the_others(list, lane, passes[list])? {
+                continue;
+            }
+            took(lane.round, lane.end_round());
+            let taken = lane.taken;
+            lanes[list] = self.next_round(list, passes[list], taken, frame, patience)?;
+            if lanes[list].is_none() {
+                let Taken { classes, distances } = taken;
+                self.ways.took(classes.selectively, classes.points, classes.ms);
+                self.narrowing.took(distances.selectively, distances.points, distances.ms);
             }
         }
-        self.ways.took(selectively, classes_points, classes_ms);
-        pass.ask_first(&self.ways.first());
+        let first = self.ways.first();
+        passes.iter_mut().for_each(|pass| pass.ask_first(&first));
         Ok(())
     }
 
-    async fn round(&mut self, pass: &mut Pass, frame: u64, patience: Duration) -> Result<(), PassError> {
-        let Some(question) = pass.question() else { return Ok(()) };
+    /// Asks a pass's next question; `None` if it has none.
+    fn next_round(
+        &mut self,
+        list: usize,
+        pass: &Pass,
+        mut taken: Taken,
+        frame: u64,
+        patience: Duration,
+    ) -> Result<Option<Lane>, PassError> {
+        let Some(question) = pass.question() else { return Ok(None) };
         let asking = Asking {
             id: self.next_id,
             frame,
-            question: self.writer.write(0, question),
+            question: self.writer.write(list, question),
             points: question.len(),
             began: Instant::now(),
             deadline: tokio::time::Instant::now() + patience,
             patience,
         };
         self.next_id += 1;
-        // What was told before this question is no answer to it.
-        while self.events.try_recv().is_ok() {}
         let mut waiting: Vec<bool> = (0..self.links.len()).map(|index| pass.asks(index)).collect();
-        for index in (0..waiting.len()).filter(|&index| waiting[index]) {
-            self.ask(index, &asking)?;
+        taken.classes.selectively |= pass.round() == Round::Classes && waiting.contains(&false);
+        let narrowing =
+            (question.kind != Kind::Classes).then(|| self.narrow(&mut waiting, question.len())).flatten();
+        taken.distances.selectively |= narrowing.is_some();
+        let lane = Lane { asking, round: pass.round(), waiting, narrowing, taken };
+        self.ask_all(&lane)?;
+        Ok(Some(lane))
+    }
+
+    /// Leaves the nodes that narrow the search for the others, if that is the better way.
+    fn narrow(&self, waiting: &mut [bool], points: usize) -> Option<Narrowing> {
+        if !self.narrowing.is_selective() {
+            return None;
         }
-        while let Some(first) = waiting.iter().position(|&waits| waits) {
-            match self.event(first, &asking).await? {
-                Event::Down(index) if waiting[index] => return Err(PassError::Down(self.name(index))),
-                Event::Reply(index, id, answer, compute_ms) if id == asking.id && waiting[index] => {
-                    if let Some(answer) = self.answer_of(index, answer, &asking).await? {
-                        self.note(pass.round(), index, &answer, &asking, compute_ms);
-                        let refused = |error| PassError::Answer { node: self.name(index), error };
-                        waiting[index] = false;
-                        pass.answer(index, &answer).map_err(refused)?;
-                    }
-                }
-                Event::Down(_) | Event::Reply(..) => {}
-            }
+        // Cameras stand around the room: nodes spread over the rig see every point from near its edge.
+        let (count, first) = (waiting.len(), waiting.len().div_ceil(3));
+        let is_first = |index: usize| (0..first).any(|place| place * count / first == index);
+        let others: Vec<bool> = (0..count).map(|index| waiting[index] && !is_first(index)).collect();
+        waiting.iter_mut().zip(&others).for_each(|(waits, &other)| *waits &= !other);
+        Some(Narrowing { others, nearest_m: vec![f32::INFINITY; points] })
+    }
+
+    /// Asks the nodes that were to wait for the nearest so far; false if there are none.
+    fn ask_the_others(&mut self, list: usize, lane: &mut Lane, pass: &Pass) -> Result<bool, PassError> {
+        let (Some(Narrowing { others, nearest_m }), Some(question)) =
+            (lane.narrowing.take(), pass.question())
+        else {
+            return Ok(false);
+        };
+        if !others.contains(&true) {
+            return Ok(false);
         }
-        Ok(())
+        let mut narrowed = question.clone();
+        narrowed.within.resize(nearest_m.len(), Reach::UNBOUNDED);
+        for (reach, nearest_m) in narrowed.within.iter_mut().zip(nearest_m) {
+            *reach = (*reach).min(Reach::covering(f64::from(nearest_m)));
+        }
+        lane.asking.question = self.writer.write(list, &narrowed);
+        lane.waiting = others;
+        self.ask_all(lane)?;
+        Ok(true)
+    }
+
+    fn ask_all(&self, lane: &Lane) -> Result<(), PassError> {
+        let mut asked = (0..lane.waiting.len()).filter(|&index| lane.waiting[index]);
+        asked.try_for_each(|index| self.ask(index, &lane.asking))
     }
 
     fn name(&self, index: usize) -> String {
@@ -126,10 +224,12 @@ impl Fanout {
         if sent { Ok(()) } else { Err(PassError::Down(self.name(index))) }
     }
 
-    async fn event(&mut self, waited_for: usize, asking: &Asking) -> Result<Event, PassError> {
-        let event = tokio::time::timeout_at(asking.deadline, self.events.recv()).await;
-        let waited_ms = asking.patience.as_millis();
-        event.ok().flatten().ok_or_else(|| PassError::Late { node: self.name(waited_for), waited_ms })
+    async fn event(&mut self, soonest: &Lane) -> Result<Event, PassError> {
+        let event = tokio::time::timeout_at(soonest.asking.deadline, self.events.recv()).await;
+        event.ok().flatten().ok_or_else(|| {
+            let waited_for = soonest.waiting.iter().position(|&waits| waits).unwrap_or_default();
+            PassError::Late { node: self.name(waited_for), waited_ms: soonest.asking.patience.as_millis() }
+        })
     }
 
     /// The answer, or nothing if the node was asked once more.
@@ -160,12 +260,38 @@ impl Fanout {
         self.ask(index, asking).map(|()| None)
     }
 
-    fn note(&mut self, round: Round, index: usize, answer: &Answer, asking: &Asking, compute_ms: f64) {
-        if round == Round::Classes {
-            let took_ms = asking.began.elapsed().as_secs_f64() * 1e3;
+    fn note(&mut self, lane: &Lane, index: usize, answer: &Answer, compute_ms: f64) {
+        if lane.round == Round::Classes {
+            let took_ms = lane.asking.began.elapsed().as_secs_f64() * 1e3;
             let outside = |standing: &&Standing| **standing == Standing::OUTSIDE;
             let rejected = answer.standings.iter().filter(outside).count();
-            self.ways.answered(index, asking.points, rejected, took_ms, compute_ms);
+            self.ways.answered(index, lane.asking.points, rejected, took_ms, compute_ms);
         }
+    }
+}
+
+impl Narrowing {
+    fn note(&mut self, answer: &Answer) {
+        for (nearest_m, &exit_m) in self.nearest_m.iter_mut().zip(&answer.exits_m) {
+            *nearest_m = nearest_m.min(exit_m);
+        }
+        for (nearest_m, edge) in self.nearest_m.iter_mut().zip(&answer.edges) {
+            *nearest_m = edge.map_or(*nearest_m, |edge| nearest_m.min(edge.distance_m));
+        }
+    }
+}
+
+impl Lane {
+    /// The milliseconds that the round took.
+    fn end_round(&mut self) -> f64 {
+        let ms = self.asking.began.elapsed().as_secs_f64() * 1e3;
+        let taken = match self.round {
+            Round::Classes => &mut self.taken.classes,
+            Round::Edges | Round::Exits | Round::BodyExits => &mut self.taken.distances,
+            Round::Check | Round::Done => return ms,
+        };
+        taken.points = taken.points.max(self.asking.points);
+        taken.ms += ms;
+        ms
     }
 }

@@ -273,22 +273,34 @@ impl Transport {
         patience: Duration,
         took: &mut dyn FnMut(Round, f64),
     ) -> Result<(), String> {
+        self.run_passes(&mut [pass], frame, patience, took).await
+    }
+
+    /// Answers several passes over a frame, at most [`LISTS`](proto::convert::LISTS). Their rounds overlap at the nodes of a cluster.
+    pub async fn run_passes(
+        &mut self,
+        passes: &mut [&mut Pass],
+        frame: u64,
+        patience: Duration,
+        took: &mut dyn FnMut(Round, f64),
+    ) -> Result<(), String> {
         match self {
             Transport::Cluster(nodes) => {
-                nodes.fanout.run(pass, frame, patience, took).await.map_err(|error| error.to_string())
+                nodes.fanout.run(passes, frame, patience, took).await.map_err(|error| error.to_string())
             }
             Transport::Gather(gather) => {
-                if pass.question().is_some() {
+                if passes.iter().any(|pass| pass.question().is_some()) {
                     let fetched = tokio::time::timeout(patience, gather.fetch(frame)).await;
                     fetched.map_err(|_| format!("silhouettes of frame {frame} did not come in time"))??;
                 }
-                if let Some((_, views)) = &gather.fetched {
-                    run_locally(pass, views, &mut gather.local, took);
-                }
+                let Gather { fetched: Some((_, views)), local, .. } = &mut **gather else { return Ok(()) };
+                passes.iter_mut().for_each(|pass| run_locally(pass, views, local, took));
                 Ok(())
             }
             Transport::InProcess { frames, local, .. } => {
-                let found = frames.with_views(frame, &mut |views| run_locally(pass, views, local, took));
+                let found = frames.with_views(frame, &mut |views| {
+                    passes.iter_mut().for_each(|pass| run_locally(pass, views, local, took));
+                });
                 if found { Ok(()) } else { Err(format!("frame {frame} is gone")) }
             }
         }

@@ -1,6 +1,6 @@
-//! Which nodes are asked first whether points are inside: all at once, or those that reject most for their
-//! time, and the others about the points that are left. Decided by what both ways took so far; the answers are
-//! the same.
+//! Two ways to ask the nodes of a round: all at once, or some first and the others knowing what these have
+//! said. Then there is less to search and to send, for another round trip. Decided by what both ways took so
+//! far; the answers are the same.
 
 /// How much a new measurement counts against those before it.
 const NEW_SHARE: f64 = 0.1;
@@ -10,8 +10,10 @@ const TRIAL_PASSES: u64 = 6;
 const TRY_AGAIN_PASSES: u64 = 240;
 /// Passes of such a trial; the first finds cold lists and is not counted.
 const AGAIN_PASSES: u64 = 3;
-/// The selective way must be this much faster: it is the one with more round trips.
-const ADVANTAGE: f64 = 0.95;
+/// For classes the selective way must be this much faster: it may send more.
+const CLASSES_ADVANTAGE: f64 = 0.95;
+/// For edges and exits it may be so much slower: it sends and computes much less.
+const DISTANCES_ADVANTAGE: f64 = 1.1;
 
 /// A mean that forgets.
 #[derive(Clone, Copy, Debug, Default)]
@@ -48,13 +50,24 @@ pub(crate) struct Ways {
     nodes: Vec<NodeRate>,
     at_once_ms: Recent,
     selective_ms: Recent,
+    advantage: f64,
     passes: u64,
 }
 
 impl Ways {
-    /// Nothing is known of so many nodes.
-    pub fn new(node_count: usize) -> Ways {
+    /// The ways to ask so many nodes for classes. Nothing is known of them yet.
+    pub fn of_classes(node_count: usize) -> Ways {
+        Ways::new(node_count, CLASSES_ADVANTAGE)
+    }
+
+    /// The ways to ask so many nodes for edges and exits.
+    pub fn of_distances(node_count: usize) -> Ways {
+        Ways::new(node_count, DISTANCES_ADVANTAGE)
+    }
+
+    fn new(node_count: usize, advantage: f64) -> Ways {
         Ways {
+            advantage,
             nodes: vec![NodeRate::default(); node_count],
             at_once_ms: Recent::default(),
             selective_ms: Recent::default(),
@@ -74,7 +87,7 @@ impl Ways {
         rate.rejects.add(rejected as f64 / points as f64);
     }
 
-    /// The classes of a pass over `points` points took so long, asked selectively or at once.
+    /// The rounds of a pass over `points` points took so long, asked selectively or at once.
     pub fn took(&mut self, selectively: bool, points: usize, ms: f64) {
         self.passes += 1;
         if points == 0 || self.is_warming_up() {
@@ -84,10 +97,15 @@ impl Ways {
         if selectively { self.selective_ms.add(a_thousand_ms) } else { self.at_once_ms.add(a_thousand_ms) }
     }
 
-    /// The nodes to ask first in the next pass; none: all at once.
-    pub fn first(&self) -> Vec<usize> {
+    /// True if some nodes are to be asked first in the next pass.
+    pub fn is_selective(&self) -> bool {
         // With fewer, one of the two groups is a single node that the other could not spare much.
-        if self.nodes.len() < 3 || self.way() == Way::AtOnce {
+        self.nodes.len() >= 3 && self.way() == Way::Selective
+    }
+
+    /// The nodes to ask first in the next pass, those that reject most for their time; none: all at once.
+    pub fn first(&self) -> Vec<usize> {
+        if !self.is_selective() {
             return Vec::new();
         }
         let gain = |node: &NodeRate| {
@@ -114,7 +132,7 @@ impl Ways {
 
     fn better(&self) -> Way {
         match (self.at_once_ms.0, self.selective_ms.0) {
-            (Some(at_once), Some(selective)) if selective < ADVANTAGE * at_once => Way::Selective,
+            (Some(at_once), Some(selective)) if selective < self.advantage * at_once => Way::Selective,
             _ => Way::AtOnce,
         }
     }
@@ -150,9 +168,9 @@ mod tests {
 
     #[test]
     fn the_faster_way_is_taken_and_the_other_tried_again() {
-        assert!(run(&mut Ways::new(8), 400, 2.0, 1.0) > 0.9);
-        assert!(run(&mut Ways::new(8), 400, 1.0, 2.0) < 0.1);
-        let mut ways = Ways::new(8);
+        assert!(run(&mut Ways::of_classes(8), 400, 2.0, 1.0) > 0.9);
+        assert!(run(&mut Ways::of_classes(8), 400, 1.0, 2.0) < 0.1);
+        let mut ways = Ways::of_classes(8);
         run(&mut ways, 300, 1.0, 2.0);
         // A trial now and then is all that tells of a change: it takes a while.
         assert!(run(&mut ways, 20 * TRY_AGAIN_PASSES, 3.0, 1.0) > 0.9, "links change");
@@ -160,7 +178,7 @@ mod tests {
 
     #[test]
     fn those_that_reject_most_for_their_time_are_asked_first() {
-        let mut ways = Ways::new(8);
+        let mut ways = Ways::of_classes(8);
         for node in 0..8 {
             let slow_ms = if node == 5 { 20.0 } else { 0.1 };
             let rejected = if node == 5 || node == 2 || node == 6 { 900 } else { 500 };
@@ -171,7 +189,13 @@ mod tests {
     }
 
     #[test]
+    fn a_little_time_is_given_for_fewer_bytes() {
+        assert!(run(&mut Ways::of_distances(8), 400, 1.0, 1.05) > 0.9);
+        assert!(run(&mut Ways::of_distances(8), 400, 1.0, 1.2) < 0.1);
+    }
+
+    #[test]
     fn two_nodes_are_always_asked_at_once() {
-        assert_eq!(run(&mut Ways::new(2), 300, 2.0, 1.0), 0.0);
+        assert_eq!(run(&mut Ways::of_classes(2), 300, 2.0, 1.0), 0.0);
     }
 }

@@ -15,6 +15,8 @@
 //! normal_window = "auto"               # or k, pixels
 //! max_depth_m = 1.0
 //! unused_cameras = ["cam4"]            # cameras of the rig that take no part
+//! [wire]
+//! precision = "exact"                  # or "quantised": about half the bytes, responses within 0.1 mm
 //! [segmentation]                       # for all cameras; each may override single keys
 //! high = 110
 //! [[camera]]
@@ -42,6 +44,7 @@ use camera_node::source::SourceConfig;
 use hull::Rig;
 use hull::rule::ProbeSettings;
 use proto::Address;
+use proto::convert::Precision;
 use segment::SegmentSettings;
 use serde::Deserialize;
 use sim::Scene;
@@ -71,6 +74,8 @@ pub struct ClusterFile {
     pub gravity_m_s2: Option<[f64; 3]>,
     /// The hull rule and the probes' settings.
     pub probes: ProbeSettings,
+    /// How numbers travel between coordinator and nodes.
+    pub precision: Precision,
     /// One entry per camera of `rig`, in its order.
     pub cameras: Vec<CameraEntry>,
 }
@@ -159,9 +164,26 @@ struct File {
     #[serde(default)]
     unused_cameras: Vec<String>,
     #[serde(default)]
+    wire: WireKeys,
+    #[serde(default)]
     segmentation: Table,
     #[serde(default)]
     camera: Vec<CameraKeys>,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WireKeys {
+    #[serde(default)]
+    precision: PrecisionKey,
+}
+
+#[derive(Clone, Copy, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum PrecisionKey {
+    #[default]
+    Exact,
+    Quantised,
 }
 
 #[derive(Deserialize)]

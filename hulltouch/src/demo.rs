@@ -10,7 +10,7 @@ use crate::cluster_file::ClusterFile;
 use crate::coordinator_command::checked_seconds;
 use crate::failure::{Failure, Outcome};
 use crate::node::read_cluster_file;
-use crate::run::{AskName, ResponseName, Setup, TransportName, check_response, run_locally};
+use crate::run::{AskName, PrecisionName, ResponseName, Setup, TransportName, check_response, run_locally};
 
 /// From capture to the step that sees it: rendering and segmenting eight cameras on two cores takes
 /// most of a frame's time.
@@ -51,6 +51,9 @@ pub struct DemoArguments {
     /// How often the hull is asked; the run is the same.
     #[arg(long, value_enum, default_value = "frame")]
     ask: AskName,
+    /// How numbers travel to and from the nodes [default: exact, or the recording's].
+    #[arg(long, value_enum)]
+    precision: Option<PrecisionName>,
     /// How bodies answer the hull.
     #[arg(long, value_enum, default_value = "paper")]
     response: ResponseName,
@@ -79,10 +82,13 @@ pub fn run(arguments: DemoArguments) -> Outcome {
         tracing::warn!("this is a debug build and slow: build with --release, or run `cargo demo`");
     }
     let studio = tempfile::tempdir().map_err(Failure::run)?;
-    let (file, scene) = match &arguments.recording {
+    let (mut file, scene) = match &arguments.recording {
         Some(path) => recording(path, &arguments)?,
         None => synthetic(studio.path(), &arguments)?,
     };
+    if let Some(precision) = arguments.precision {
+        file.precision = precision.into();
+    }
     let setup = Setup {
         seed: arguments.seed.or(file.seed).unwrap_or(1),
         file,

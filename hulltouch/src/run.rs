@@ -7,6 +7,7 @@ use std::time::Duration;
 use clap::ValueEnum;
 use coordinator::{Asks, Coordinator, ExpectedNode, Progress, RunSettings, Snapshot, Transport, Watcher};
 use indicatif::{ProgressBar, ProgressStyle};
+use proto::convert::Precision;
 use serde_json::Value;
 use sim::{ResponseMode, Scene, World, WorldSettings};
 
@@ -46,6 +47,24 @@ pub enum ResponseName {
     Paper,
     /// Contacts for the physics solver.
     Contacts,
+}
+
+/// How numbers travel between coordinator and nodes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum PrecisionName {
+    /// Every bit: the same run over every transport.
+    Exact,
+    /// About half the bytes, responses within 0.1 mm.
+    Quantised,
+}
+
+impl From<PrecisionName> for Precision {
+    fn from(name: PrecisionName) -> Precision {
+        match name {
+            PrecisionName::Exact => Precision::Exact,
+            PrecisionName::Quantised => Precision::Quantised,
+        }
+    }
 }
 
 /// How often the hull is asked.
@@ -148,6 +167,7 @@ fn connect(
     shapes.sort_by_key(|shape| shape.digest());
     shapes.dedup_by_key(|shape| shape.digest());
     Transport::connect(nodes, gather, setup.file.probes, setup.file.fps, shapes)
+        .with_precision(setup.file.precision)
 }
 
 /// The whole rig's observers; refuses a rule that no point could ever meet.

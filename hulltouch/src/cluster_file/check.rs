@@ -7,10 +7,13 @@ use camera_node::source::SourceConfig;
 use hull::Rig;
 use hull::rule::{HullRule, NormalWindow, OutOfView, ProbeSettings};
 use proto::Address;
+use proto::convert::Precision;
 use segment::{Method, SegmentSettings};
 use toml::{Table, Value};
 
-use super::{CameraEntry, CameraKeys, ClusterFile, ClusterFileError, File, OutOfViewKey, SceneChoice};
+use super::{
+    CameraEntry, CameraKeys, ClusterFile, ClusterFileError, File, OutOfViewKey, PrecisionKey, SceneChoice,
+};
 use crate::expand::{Variables, expand};
 
 /// Gives the keys their meaning, and errors their place.
@@ -57,6 +60,10 @@ impl Checker<'_> {
             seed: file.seed,
             gravity_m_s2: file.gravity.map(|gravity| self.gravity(gravity)).transpose()?,
             probes: self.probes(file)?,
+            precision: match file.wire.precision {
+                PrecisionKey::Exact => Precision::Exact,
+                PrecisionKey::Quantised => Precision::Quantised,
+            },
             cameras,
         })
     }

@@ -84,7 +84,30 @@ fn a_file_gives_its_cameras_in_rig_order_with_paths_and_defaults() {
     assert_eq!(plate.path, folder.path("plates/a.png"));
     assert_eq!(b.background, b.source.empty_room(), "the studio knows its own empty room");
     assert!(c.background.is_none());
-    assert_eq!(cluster.nodes(), [(Some("192.0.2.2:7001"), vec![0]), (Some("192.0.2.1:7001"), vec![1, 2])]);
+    let nodes: Vec<_> = cluster.nodes().into_iter().map(|(node, cameras)| (told(node), cameras)).collect();
+    assert_eq!(nodes, [("192.0.2.2:7001".to_owned(), vec![0]), ("192.0.2.1:7001".to_owned(), vec![1, 2])]);
+    assert_eq!(cluster.precision, Precision::Exact);
+}
+
+fn told(node: Option<&Address>) -> String {
+    node.map(Address::to_string).unwrap_or_default()
+}
+
+#[test]
+fn sockets_are_files_beside_the_others_and_numbers_may_be_rounded() {
+    let folder = Folder::new();
+    let text = TEXT.replace("\"192.0.2.1:7001\"", "\"unix:run/b.sock\"");
+    let text = text.replace("\"192.0.2.2:7001\"", "\"unix:${HERE}/a.sock\"");
+    let text = text.replacen("[[camera]]", "[wire]\nprecision = \"quantised\"\n[[camera]]", 1);
+    let cluster = folder.read(&text).expect("valid");
+    let nodes: Vec<String> = cluster.nodes().into_iter().map(|(node, _)| told(node)).collect();
+    let here = std::env::current_dir().expect("a folder");
+    let expected = [
+        format!("unix:{}/here/a.sock", here.display()),
+        format!("unix:{}", folder.path("run/b.sock").display()),
+    ];
+    assert_eq!(nodes, expected);
+    assert_eq!(cluster.precision, Precision::Quantised);
 }
 
 #[test]
@@ -168,6 +191,16 @@ fn each_mistake_is_one_line_with_file_key_found_and_expected() {
         ),
         ("name = \"c\"", "name = \"a\"", &["camera: found \"a\" twice, expected every name once"]),
         ("[[camera]]\nname = \"c\"", "[other]\nname = \"c\"", &["unknown field `other`"]),
+        (
+            "\"192.0.2.2:7001\"",
+            "\"unix:\"",
+            &["camera \"a\", node: found a socket path of 0 bytes, expected 1 to 107"],
+        ),
+        (
+            "[[camera]]\nname = \"c\"",
+            "[wire]\nprecision = \"fine\"\n[[camera]]\nname = \"c\"",
+            &["unknown variant `fine`", "`exact` or `quantised`"],
+        ),
         (
             "\"192.0.2.2:7001\"",
             "\"192.0.2.2\"",

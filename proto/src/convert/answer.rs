@@ -10,11 +10,13 @@ use super::rounded::{Precision, covering_code, from_octahedral, nearest_code, oc
 use super::{ConvertError, RefusalReason};
 use crate::{MAX_POINTS, v1};
 
-/// Steps of the scale of rounded exits.
-const EXIT_STEPS: u32 = 0xffff;
-/// Steps of the scale of rounded distances to edges: they decide which camera's normal is taken, so they are
-/// as fine as the longest `f32` among them.
-const EDGE_STEPS: u32 = 0xff_ffff;
+/// Steps of the scale of rounded distances in three bytes, and in two.
+const STEPS: u32 = 0xff_ffff;
+const FEW_STEPS: u32 = 0xffff;
+/// Up to here two bytes are enough for exits: steps of at most two micrometres. With longer steps, one long
+/// exit among short ones would turn mean directions by so much that responses are off by more than a tenth of
+/// a millimetre.
+const FEW_STEPS_M: f32 = 0.131;
 
 /// A node's reply to a question.
 #[derive(Clone, Debug, PartialEq)]
@@ -138,12 +140,11 @@ fn edges_to_wire(edges: &[Option<Edge>], precision: Precision) -> v1::EdgesAnswe
         wire.normals = pack_f32(present().flat_map(|edge| edge.normal_world));
         return wire;
     }
-    let step_m = step_m(present().map(|edge| edge.distance_m).fold(0.0, f32::max), EDGE_STEPS);
+    let step_m = step_m(present().map(|edge| edge.distance_m).fold(0.0, f32::max), STEPS);
     let code = |edge: &Edge| nearest_code(edge.distance_m, step_m).to_le_bytes().into_iter().take(3);
     wire.step_m = step_m;
     wire.distances = present().flat_map(code).collect::<Vec<u8>>().into();
-    let normals = present().flat_map(|edge| octahedral(edge.normal_world));
-    wire.normals = normals.flat_map(u16::to_le_bytes).collect::<Vec<u8>>().into();
+    wire.normals = present().flat_map(|edge| octahedral(edge.normal_world)).collect::<Vec<u8>>().into();
     wire
 }
 
@@ -155,9 +156,7 @@ fn edges_from_wire(answer: &v1::EdgesAnswer) -> Result<Answer, ConvertError> {
     check_step(*step_m, field("step_m"))?;
     let rounded = *step_m > 0.0;
     let distances = if rounded {
-        let codes =
-            unpack(distances, set.len(), field("distances"), |[a, b, c]| u32::from_le_bytes([a, b, c, 0]))?;
-        codes.into_iter().map(|code| on_scale(code, *step_m)).collect()
+        on_scale_of(distances, set.len(), *step_m, field("distances"))?
     } else {
         unpack(distances, set.len(), field("distances"), f32::from_le_bytes)?
     };
@@ -165,8 +164,7 @@ fn edges_from_wire(answer: &v1::EdgesAnswer) -> Result<Answer, ConvertError> {
         return Err(field("distances").value(format!("holds {distance}, expected finite metres")));
     }
     let normals = if rounded {
-        let codes = unpack(normals, set.len() * 2, field("normals"), u16::from_le_bytes)?;
-        codes.as_chunks::<2>().0.iter().map(|&code| from_octahedral(code)).collect()
+        unpack(normals, set.len(), field("normals"), from_octahedral)?
     } else {
         field("normals").check_length(normals.len(), set.len() * 12)?;
         unpack_f32x3(normals, field("normals"))?
@@ -210,6 +208,16 @@ fn pixels_from_wire(bytes: &[u8], count: usize, field: Field) -> Result<Vec<Pixe
     Ok(pixels)
 }
 
+/// Distances of three bytes each, or two, on a scale, metres.
+fn on_scale_of(bytes: &[u8], count: usize, step_m: f32, field: Field) -> Result<Vec<f32>, ConvertError> {
+    if bytes.len() == count * 2 {
+        let codes = unpack(bytes, count, field, u16::from_le_bytes)?;
+        return Ok(codes.into_iter().map(|code| on_scale(code.into(), step_m)).collect());
+    }
+    let codes = unpack(bytes, count, field, |[a, b, c]| u32::from_le_bytes([a, b, c, 0]))?;
+    Ok(codes.into_iter().map(|code| on_scale(code, step_m)).collect())
+}
+
 fn check_step(step_m: f32, field: Field) -> Result<(), ConvertError> {
     if (0.0..1e3).contains(&step_m) {
         return Ok(());
@@ -234,9 +242,11 @@ fn exits_to_wire(answer: &Answer, precision: Precision) -> v1::ExitsAnswer {
         wire.outside = pack_f32(present());
         return wire;
     }
-    wire.step_m = step_m(present().fold(0.0, f32::max), EXIT_STEPS);
-    let codes = present().flat_map(|exit_m| (covering_code(exit_m, wire.step_m) as u16).to_le_bytes());
-    wire.outside = codes.collect::<Vec<u8>>().into();
+    let longest_m = present().fold(0.0, f32::max);
+    let (steps, width) = if longest_m <= FEW_STEPS_M { (FEW_STEPS, 2) } else { (STEPS, 3) };
+    wire.step_m = step_m(longest_m, steps);
+    let code = |exit_m| covering_code(exit_m, wire.step_m).to_le_bytes().into_iter().take(width);
+    wire.outside = present().flat_map(code).collect::<Vec<u8>>().into();
     wire
 }
 
@@ -248,8 +258,7 @@ fn exits_from_wire(answer: &v1::ExitsAnswer) -> Result<Answer, ConvertError> {
     let set = chosen(present, exits_m.len(), field("present"))?;
     check_step(*step_m, field("step_m"))?;
     let found = if *step_m > 0.0 {
-        let codes = unpack(outside, set.len(), field("outside"), u16::from_le_bytes)?;
-        codes.into_iter().map(|code| on_scale(code.into(), *step_m)).collect()
+        on_scale_of(outside, set.len(), *step_m, field("outside"))?
     } else {
         unpack(outside, set.len(), field("outside"), f32::from_le_bytes)?
     };
@@ -326,10 +335,12 @@ mod tests {
 
     #[test]
     fn rounded_answers_are_near_and_exits_never_too_short() {
-        let answer = Answer { exits_m: vec![0.031, NO_EXIT_M, 0.4], ..of(Kind::Exits) };
-        let back = there_and_back(&answer, Precision::Quantised);
-        for (&exit_m, &back_m) in answer.exits_m.iter().zip(&back.exits_m) {
-            assert!(back_m >= exit_m && (exit_m == NO_EXIT_M || back_m - exit_m < 1e-5), "{back_m}");
+        for exits_m in [vec![0.031, NO_EXIT_M, 0.4], vec![NO_EXIT_M, 0.129, 0.0, 0.0101]] {
+            let answer = Answer { exits_m, ..of(Kind::Exits) };
+            let back = there_and_back(&answer, Precision::Quantised);
+            for (&exit_m, &back_m) in answer.exits_m.iter().zip(&back.exits_m) {
+                assert!(back_m >= exit_m && (exit_m == NO_EXIT_M || back_m - exit_m < 2.1e-6), "{back_m}");
+            }
         }
         let answer = Answer { edges: vec![edge(0.03, 3, 7, 8), None, edge(0.4, 3, 7, 9)], ..of(Kind::Edges) };
         let back = there_and_back(&answer, Precision::Quantised);
@@ -341,7 +352,7 @@ mod tests {
             let (Some(edge), Some(back)) = (edge, back) else { continue };
             assert!((edge.distance_m - back.distance_m).abs() < 5e-8);
             let off = edge.normal_world.iter().zip(back.normal_world).map(|(a, b)| (a - b).abs());
-            assert!(off.fold(0.0, f32::max) < 8e-5);
+            assert!(off.fold(0.0, f32::max) < 3e-6);
         }
     }
 

@@ -52,6 +52,7 @@ impl QuestionReader {
             offsets,
             directions,
             within,
+            longest_alone,
             hints,
             rounded,
         } = request;
@@ -76,6 +77,7 @@ impl QuestionReader {
             let codes = unpack_exactly(&within, count, field("within"))?;
             question.within.extend(codes.into_iter().map(Reach::from_code));
         }
+        question.longest_alone = longest_alone;
         if !hints.is_empty() {
             let bytes = unpack_exactly(&hints, count * 2, field("hints"))?;
             question.hints = unpack(&bytes, count, field("hints"), u16::from_le_bytes)?;
@@ -226,8 +228,7 @@ fn add_directions(
         Kind::SharedExits => question.batches.len(),
     };
     if rounded && question.kind == Kind::Exits {
-        let codes = unpack(bytes, expected * 2, field, u16::from_le_bytes)?;
-        question.directions.extend(codes.as_chunks::<2>().0.iter().map(|&code| from_octahedral(code)));
+        question.directions = unpack(bytes, expected, field, from_octahedral)?;
         return Ok(());
     }
     field.check_length(bytes.len(), expected * 12)?;
