@@ -51,7 +51,6 @@ pub struct Touch {
     pub edge: Option<Edge>,
     /// The distance to the exit along the edge's normal, metres.
     pub exit_m: Option<f32>,
-    along: Along,
 }
 
 /// What is known of a touch's exit along its body's direction.
@@ -59,6 +58,8 @@ pub struct Touch {
 enum Along {
     /// Nothing, and it need not be.
     Unknown,
+    /// Nothing, but it may be longer than the body's response.
+    Wanted,
     /// It is asked for.
     Asked,
     /// The body's response is at least so long.
@@ -66,7 +67,7 @@ enum Along {
 }
 
 /// Touches of a body whose exits along its direction are asked for first.
-const FARTHEST_BACK: usize = 4;
+const FARTHEST_BACK: usize = 2;
 
 impl Touch {
     /// The sample's response `w`, metres, world; `None` without an exit.
@@ -170,6 +171,8 @@ struct PassBody {
     has_exits: bool,
     /// What the response leaves inside has been counted.
     is_checked: bool,
+    /// Of each touch.
+    along: Vec<Along>,
     /// Its box meets the hull's.
     is_near: bool,
 }
@@ -230,6 +233,11 @@ impl Pass {
                 longest_m: 0.0,
                 has_exits: true,
                 is_checked: false,
+                along: self
+                    .bodies
+                    .get_mut(self.count)
+                    .map(|old| std::mem::take(&mut old.along))
+                    .unwrap_or_default(),
                 is_near,
             };
             if self.count < self.bodies.len() {
@@ -420,7 +428,7 @@ impl Pass {
         let alone = self.groups.len() == 1;
         self.question.restart(Kind::Edges);
         let again = self.round == Round::Edges;
-        self.pick_touches([0.0; 3], |_, touch| fits(touch));
+        self.pick_touches([0.0; 3], |_, _, touch| fits(touch));
         let Pass { question, targets, bodies, .. } = self;
         if !alone && !again {
             question.within.extend(targets.0.iter().map(|&(body, _)| bodies[body as usize].reach));
@@ -446,7 +454,7 @@ impl Pass {
         let alone = self.groups.len() == 1;
         let again = self.round == Round::Exits;
         self.question.restart(Kind::Exits);
-        self.pick_touches([0.0; 3], |_, touch| touch.edge.is_some() && fits(touch));
+        self.pick_touches([0.0; 3], |_, _, touch| touch.edge.is_some() && fits(touch));
         let Pass { question, targets, results, .. } = self;
         for &(body, touch) in &targets.0 {
             let Some(edge) = results[body as usize].touches[touch as usize].edge else { continue };
@@ -488,8 +496,10 @@ impl Pass {
             let mut direction = BodyDirection::default();
             result.touches.iter().filter_map(Touch::response_m).for_each(|m| direction.add(m));
             body.direction = direction.unit();
-            if let Some(direction) = body.direction {
-                mark_farthest_back(&body.points, direction, &mut result.touches);
+            body.along.clear();
+            body.along.resize(result.touches.len(), Along::Unknown);
+            if body.direction.is_some() {
+                body.mark_farthest_back(&result.touches, Along::Unknown);
             } else if !result.touches.is_empty() {
                 result.response_m = Err(NoResponse::NoDirection);
                 result.left_inside = result.touches.len();
@@ -502,7 +512,9 @@ impl Pass {
     fn ask_marked(&mut self) {
         let alone = self.groups.len() == 1;
         self.question.restart(Kind::SharedExits);
-        self.pick_touches([0.0; 3], |body, touch| body.direction.is_some() && touch.along == Along::Asked);
+        self.pick_touches([0.0; 3], |body, at, _| {
+            body.direction.is_some() && body.along.get(at) == Some(&Along::Asked)
+        });
         let Pass { question, targets, bodies, results, .. } = self;
         for of_body in targets.0.chunk_by(|a, b| a.0 == b.0) {
             let index = of_body[0].0 as usize;
@@ -517,9 +529,6 @@ impl Pass {
             }
         }
         self.ask(Round::BodyExits, |_| true);
-        if self.round == Round::Done {
-            self.ask_check();
-        }
     }
 
     fn after_body_exits(&mut self) {
@@ -538,7 +547,7 @@ impl Pass {
                 open += 1;
                 continue;
             }
-            results[body as usize].touches[touch as usize].along = Along::Known;
+            state.along[touch as usize] = Along::Known;
             match exit_m {
                 Some(exit_m) if exit_m > state.longest_m => {
                     state.longest_m = exit_m;
@@ -587,22 +596,40 @@ impl Pass {
             targets.0.extend((0..result.touches.len() as u32).map(|touch| (index as u32, touch)));
             question.pick(&body.points, response_m, result.touches.iter().map(|touch| touch.sample));
         }
+        if question.is_empty() {
+            return self.ask_left();
+        }
         self.ask(Round::Check, |_| true);
     }
 
-    /// A touch that is still inside may have a longer exit than the body's response; or it has left, and is
-    /// inside something else.
     fn after_check(&mut self) {
         let rule = self.settings.rule();
-        let mut has_marked = false;
         for (&(body, touch), &standing) in self.targets.0.iter().zip(&self.merged.standings) {
-            if inside_count(standing, rule).is_none() {
+            let result = &mut self.results[body as usize];
+            let is_inside = inside_count(standing, rule).is_some();
+            result.left_inside += usize::from(is_inside);
+            let along = &mut self.bodies[body as usize].along[touch as usize];
+            if *along != Along::Known {
+                *along = if is_inside { Along::Wanted } else { Along::Unknown };
+            }
+        }
+        self.ask_left();
+    }
+
+    /// Asks for the exits of touches that are still inside: they may be longer than the body's response, or
+    /// the touch has left and is inside something else. One group alone is asked for few at a time, because
+    /// nothing has to travel and the response that they give may free the others.
+    fn ask_left(&mut self) {
+        let alone = self.groups.len() == 1;
+        let Pass { bodies, results, count, .. } = self;
+        let mut has_marked = false;
+        let open = |(body, _): &(&mut PassBody, &BodyResult)| body.direction.is_some() && body.has_exits;
+        for (body, result) in bodies[..*count].iter_mut().zip(&*results).filter(open) {
+            if alone {
+                has_marked |= body.mark_farthest_back(&result.touches, Along::Wanted);
                 continue;
             }
-            let result = &mut self.results[body as usize];
-            result.left_inside += 1;
-            let along = &mut result.touches[touch as usize].along;
-            if *along == Along::Unknown {
+            for along in body.along.iter_mut().filter(|along| **along == Along::Wanted) {
                 *along = Along::Asked;
                 has_marked = true;
             }
@@ -611,13 +638,13 @@ impl Pass {
     }
 
     /// Adds the touches that fit to the question and to its targets.
-    fn pick_touches(&mut self, offset_m: [f64; 3], fits: impl Fn(&PassBody, &Touch) -> bool) {
+    fn pick_touches(&mut self, offset_m: [f64; 3], fits: impl Fn(&PassBody, usize, &Touch) -> bool) {
         let Pass { bodies, results, count, question, targets, .. } = self;
         targets.0.clear();
         for (index, (body, result)) in bodies[..*count].iter().zip(results).enumerate() {
             let before = targets.0.len();
-            let touches = (0..).zip(&result.touches).filter(|(_, touch)| fits(body, touch));
-            targets.0.extend(touches.map(|(touch, _)| (index as u32, touch)));
+            let touches = result.touches.iter().enumerate().filter(|&(at, touch)| fits(body, at, touch));
+            targets.0.extend(touches.map(|(at, _)| (index as u32, at as u32)));
             let picks = &targets.0[before..];
             if !picks.is_empty() {
                 let samples = picks.iter().map(|&(_, touch)| result.touches[touch as usize].sample);
@@ -636,26 +663,31 @@ impl Question {
 
 impl Touch {
     fn new(sample: u32, inside_count: usize) -> Touch {
-        Touch { sample, inside_count: inside_count as u32, edge: None, exit_m: None, along: Along::Unknown }
+        Touch { sample, inside_count: inside_count as u32, edge: None, exit_m: None }
     }
 }
 
-/// Marks the touches that lie farthest back along a direction.
-fn mark_farthest_back(points: &Points, direction: [f32; 3], touches: &mut [Touch]) {
-    let world_along = points.along(direction);
-    let mut farthest = [(f64::INFINITY, usize::MAX); FARTHEST_BACK];
-    for (at, touch) in touches.iter().enumerate() {
-        let mut next = (world_along(touch.sample), at);
-        for place in &mut farthest {
-            if next.0 < place.0 {
-                std::mem::swap(&mut next, place);
+impl PassBody {
+    /// Marks some touches of that state, those that lie farthest back along the body's direction; false if
+    /// there are none.
+    fn mark_farthest_back(&mut self, touches: &[Touch], of: Along) -> bool {
+        let Some(direction) = self.direction else { return false };
+        let world_along = self.points.along(direction);
+        let mut farthest = [(f64::INFINITY, usize::MAX); FARTHEST_BACK];
+        for (at, touch) in touches.iter().enumerate().filter(|&(at, _)| self.along[at] == of) {
+            let mut next = (world_along(touch.sample), at);
+            for place in &mut farthest {
+                if next.0 < place.0 {
+                    std::mem::swap(&mut next, place);
+                }
             }
         }
-    }
-    for (_, at) in farthest {
-        if let Some(touch) = touches.get_mut(at) {
-            touch.along = Along::Asked;
+        for (_, at) in farthest {
+            if let Some(along) = self.along.get_mut(at) {
+                *along = Along::Asked;
+            }
         }
+        farthest[0].1 != usize::MAX
     }
 }
 
