@@ -9,16 +9,18 @@
 //! a reach is nearer than all that was left out. Classes may be asked of some groups first and of the
 //! others for the points that are left. Neither changes an answer.
 
+mod body_exits;
+mod sample_rounds;
+
 use std::ops::Range;
 
 use thiserror::Error;
 
 use crate::cull::WorldBox;
-use crate::merge::{first_exit, inside_count};
 use crate::question::{Answer, Batch, Change, Edge, Kind, NO_EXIT_M, Points, Question, Standing};
 use crate::reach::Reach;
-use crate::response::BodyDirection;
 use crate::rule::ProbeSettings;
+use body_exits::Along;
 
 /// How far the edges of a body of which nothing is known are searched at first.
 pub const FIRST_REACH: Reach = Reach::from_code(110);
@@ -52,22 +54,6 @@ pub struct Touch {
     /// The distance to the exit along the edge's normal, metres.
     pub exit_m: Option<f32>,
 }
-
-/// What is known of a touch's exit along its body's direction.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Along {
-    /// Nothing, and it need not be.
-    Unknown,
-    /// Nothing, but it may be longer than the body's response.
-    Wanted,
-    /// It is asked for.
-    Asked,
-    /// The body's response is at least so long.
-    Known,
-}
-
-/// Touches of a body whose exits along its direction are asked for first.
-const FARTHEST_BACK: usize = 2;
 
 impl Touch {
     /// The sample's response `w`, metres, world; `None` without an exit.
@@ -369,274 +355,6 @@ impl Pass {
         }
     }
 
-    fn after_classes(&mut self) {
-        let silent: bool = self.groups.iter().any(|group| !group.is_asked);
-        if silent && self.targets.0.is_empty() {
-            return self.ask_the_others();
-        }
-        let rule = self.settings.rule();
-        let Pass { targets, merged, results, bodies, count, .. } = self;
-        if targets.0.is_empty() {
-            let mut standings = merged.standings.iter();
-            for (body, result) in bodies[..*count].iter().zip(results).filter(|(body, _)| body.is_near) {
-                for (sample, &standing) in standings.by_ref().take(body.points.len()).enumerate() {
-                    let found = inside_count(standing, rule).map(|count| Touch::new(sample as u32, count));
-                    result.touches.extend(found);
-                }
-            }
-        } else {
-            for (&(body, sample), &standing) in targets.0.iter().zip(&merged.standings) {
-                let found = inside_count(standing, rule).map(|count| Touch::new(sample, count));
-                results[body as usize].touches.extend(found);
-            }
-        }
-        self.ask_edges(|_| true);
-    }
-
-    /// Asks the groups that were not asked first about the points that no other rejects.
-    fn ask_the_others(&mut self) {
-        let Pass { targets, merged, question, bodies, count, groups, .. } = self;
-        question.restart(Kind::Classes);
-        let mut at = 0;
-        for (index, body) in bodies[..*count].iter().enumerate().filter(|(_, body)| body.is_near) {
-            let range = at..at + body.points.len();
-            at = range.end;
-            let left = (0..).zip(&merged.standings[range]);
-            let left = left.filter(|&(_, &standing)| standing != Standing::OUTSIDE);
-            let before = targets.0.len();
-            targets.0.extend(left.map(|(sample, _)| (index as u32, sample)));
-            let picks = &targets.0[before..];
-            if !picks.is_empty() {
-                question.pick(&body.points, [0.0; 3], picks.iter().map(|&(_, sample)| sample));
-            }
-        }
-        merged.standings.retain(|&standing| standing != Standing::OUTSIDE);
-        // What the first said stands; it is merged with what the others say.
-        let so_far = std::mem::take(&mut merged.standings);
-        for group in groups.iter_mut() {
-            (group.is_asked, group.has_answered) = (!group.is_first, false);
-        }
-        if question.is_empty() {
-            self.round = Round::Done;
-        }
-        self.merged.restart(Kind::Classes);
-        self.merged.standings = so_far;
-    }
-
-    /// Asks for edges of the touches that fit.
-    fn ask_edges(&mut self, fits: impl Fn(&Touch) -> bool) {
-        let alone = self.groups.len() == 1;
-        self.question.restart(Kind::Edges);
-        let again = self.round == Round::Edges;
-        self.pick_touches([0.0; 3], |_, _, touch| fits(touch));
-        let Pass { question, targets, bodies, .. } = self;
-        if !alone && !again {
-            question.within.extend(targets.0.iter().map(|&(body, _)| bodies[body as usize].reach));
-        }
-        self.ask(Round::Edges, |_| true);
-    }
-
-    fn after_edges(&mut self) {
-        let Pass { targets, merged, results, question, .. } = self;
-        let mut is_open = false;
-        for (at, (&(body, touch), &edge)) in targets.0.iter().zip(&merged.edges).enumerate() {
-            results[body as usize].touches[touch as usize].edge = edge;
-            is_open |= edge.is_none() && question.bounds(at);
-        }
-        if is_open {
-            return self.ask_edges(|touch| touch.edge.is_none());
-        }
-        self.ask_exits(|_| true);
-    }
-
-    /// Asks for exits of the touches with an edge that fit.
-    fn ask_exits(&mut self, fits: impl Fn(&Touch) -> bool) {
-        let alone = self.groups.len() == 1;
-        let again = self.round == Round::Exits;
-        self.question.restart(Kind::Exits);
-        self.pick_touches([0.0; 3], |_, _, touch| touch.edge.is_some() && fits(touch));
-        let Pass { question, targets, results, .. } = self;
-        for &(body, touch) in &targets.0 {
-            let Some(edge) = results[body as usize].touches[touch as usize].edge else { continue };
-            question.directions.push(edge.normal_world);
-            if alone {
-                question.hints.push(edge.camera);
-            } else if !again {
-                question.within.push(exit_reach(edge.distance_m));
-            }
-        }
-        self.ask(Round::Exits, |_| true);
-        if self.round == Round::Done {
-            self.ask_body_exits();
-        }
-    }
-
-    fn after_exits(&mut self) {
-        let rule = self.settings.rule();
-        let Pass { targets, merged, results, question, .. } = self;
-        let mut is_open = false;
-        let mut changes = 0..0;
-        for (at, (&(body, touch), &outside_m)) in targets.0.iter().zip(&merged.exits_m).enumerate() {
-            let touch = &mut results[body as usize].touches[touch as usize];
-            changes = changes_of(&merged.changes, at, changes.end);
-            touch.exit_m = first_exit(outside_m, &merged.changes[changes.clone()], touch.inside_count, rule);
-            is_open |= touch.exit_m.is_none() && question.bounds(at);
-        }
-        if is_open {
-            return self.ask_exits(|touch| touch.exit_m.is_none());
-        }
-        self.ask_body_exits();
-    }
-
-    /// Finds each body's direction, and asks for exits along it: of the touches that lie farthest back. Most
-    /// others are outside once the body has moved so far; the check tells which are not.
-    fn ask_body_exits(&mut self) {
-        let Pass { bodies, results, count, .. } = self;
-        for (body, result) in bodies[..*count].iter_mut().zip(results).filter(|(body, _)| body.is_near) {
-            let mut direction = BodyDirection::default();
-            result.touches.iter().filter_map(Touch::response_m).for_each(|m| direction.add(m));
-            body.direction = direction.unit();
-            body.along.clear();
-            body.along.resize(result.touches.len(), Along::Unknown);
-            if body.direction.is_some() {
-                body.mark_farthest_back(&result.touches, Along::Unknown);
-            } else if !result.touches.is_empty() {
-                result.response_m = Err(NoResponse::NoDirection);
-                result.left_inside = result.touches.len();
-            }
-        }
-        self.ask_marked();
-    }
-
-    /// Asks for exits along the body's direction of the touches that are marked.
-    fn ask_marked(&mut self) {
-        let alone = self.groups.len() == 1;
-        self.question.restart(Kind::SharedExits);
-        self.pick_touches([0.0; 3], |body, at, _| {
-            body.direction.is_some() && body.along.get(at) == Some(&Along::Asked)
-        });
-        let Pass { question, targets, bodies, results, .. } = self;
-        for of_body in targets.0.chunk_by(|a, b| a.0 == b.0) {
-            let index = of_body[0].0 as usize;
-            question.directions.extend(bodies[index].direction);
-            if alone {
-                let camera = |&(_, touch): &(u32, u32)| results[index].touches[touch as usize].edge;
-                question.hints.extend(of_body.iter().map(|of| camera(of).map_or(0, |edge| edge.camera)));
-            } else {
-                let exits_m = results[index].touches.iter().filter_map(|touch| touch.exit_m);
-                let reach = exit_reach(exits_m.fold(0.0, f32::max));
-                question.within.extend(of_body.iter().map(|_| reach));
-            }
-        }
-        self.ask(Round::BodyExits, |_| true);
-    }
-
-    fn after_body_exits(&mut self) {
-        let rule = self.settings.rule();
-        let Pass { targets, merged, results, question, bodies, .. } = self;
-        let mut changes = 0..0;
-        let mut open = 0;
-        for at in 0..targets.0.len() {
-            let (body, touch) = targets.0[at];
-            let inside_count = results[body as usize].touches[touch as usize].inside_count;
-            changes = changes_of(&merged.changes, at, changes.end);
-            let exit_m = first_exit(merged.exits_m[at], &merged.changes[changes.clone()], inside_count, rule);
-            let state = &mut bodies[body as usize];
-            if exit_m.is_none() && question.bounds(at) {
-                targets.0[open] = (body, touch);
-                open += 1;
-                continue;
-            }
-            state.along[touch as usize] = Along::Known;
-            match exit_m {
-                Some(exit_m) if exit_m > state.longest_m => {
-                    state.longest_m = exit_m;
-                    state.is_checked = false;
-                }
-                Some(_) => {}
-                None => state.has_exits = false,
-            }
-        }
-        targets.0.truncate(open);
-        if open > 0 { self.ask_open_body_exits() } else { self.ask_check() }
-    }
-
-    /// Asks again, without a reach, for the exits that are not known.
-    fn ask_open_body_exits(&mut self) {
-        self.question.restart(Kind::SharedExits);
-        let Pass { question, targets, bodies, results, .. } = self;
-        for of_body in targets.0.chunk_by(|a, b| a.0 == b.0) {
-            let index = of_body[0].0 as usize;
-            let samples = of_body.iter().map(|&(_, touch)| results[index].touches[touch as usize].sample);
-            question.pick(&bodies[index].points, [0.0; 3], samples);
-            question.directions.extend(bodies[index].direction);
-        }
-        self.ask(Round::BodyExits, |_| true);
-    }
-
-    /// Asks which touches of the bodies whose response is new are still inside after it.
-    fn ask_check(&mut self) {
-        let Pass { bodies, results, count, question, targets, .. } = self;
-        question.restart(Kind::Classes);
-        targets.0.clear();
-        for (index, (body, result)) in bodies[..*count].iter_mut().zip(results).enumerate() {
-            let Some(direction) = body.direction else { continue };
-            if !body.has_exits {
-                result.response_m = Err(NoResponse::NoExit);
-                result.left_inside = result.touches.len();
-                continue;
-            }
-            if body.is_checked {
-                continue;
-            }
-            body.is_checked = true;
-            let response_m = direction.map(|part| f64::from(part) * f64::from(body.longest_m));
-            result.response_m = Ok(response_m);
-            result.left_inside = 0;
-            targets.0.extend((0..result.touches.len() as u32).map(|touch| (index as u32, touch)));
-            question.pick(&body.points, response_m, result.touches.iter().map(|touch| touch.sample));
-        }
-        if question.is_empty() {
-            return self.ask_left();
-        }
-        self.ask(Round::Check, |_| true);
-    }
-
-    fn after_check(&mut self) {
-        let rule = self.settings.rule();
-        for (&(body, touch), &standing) in self.targets.0.iter().zip(&self.merged.standings) {
-            let result = &mut self.results[body as usize];
-            let is_inside = inside_count(standing, rule).is_some();
-            result.left_inside += usize::from(is_inside);
-            let along = &mut self.bodies[body as usize].along[touch as usize];
-            if *along != Along::Known {
-                *along = if is_inside { Along::Wanted } else { Along::Unknown };
-            }
-        }
-        self.ask_left();
-    }
-
-    /// Asks for the exits of touches that are still inside: they may be longer than the body's response, or
-    /// the touch has left and is inside something else. One group alone is asked for few at a time, because
-    /// nothing has to travel and the response that they give may free the others.
-    fn ask_left(&mut self) {
-        let alone = self.groups.len() == 1;
-        let Pass { bodies, results, count, .. } = self;
-        let mut has_marked = false;
-        let open = |(body, _): &(&mut PassBody, &BodyResult)| body.direction.is_some() && body.has_exits;
-        for (body, result) in bodies[..*count].iter_mut().zip(&*results).filter(open) {
-            if alone {
-                has_marked |= body.mark_farthest_back(&result.touches, Along::Wanted);
-                continue;
-            }
-            for along in body.along.iter_mut().filter(|along| **along == Along::Wanted) {
-                *along = Along::Asked;
-                has_marked = true;
-            }
-        }
-        if has_marked { self.ask_marked() } else { self.round = Round::Done }
-    }
-
     /// Adds the touches that fit to the question and to its targets.
     fn pick_touches(&mut self, offset_m: [f64; 3], fits: impl Fn(&PassBody, usize, &Touch) -> bool) {
         let Pass { bodies, results, count, question, targets, .. } = self;
@@ -664,30 +382,6 @@ impl Question {
 impl Touch {
     fn new(sample: u32, inside_count: usize) -> Touch {
         Touch { sample, inside_count: inside_count as u32, edge: None, exit_m: None }
-    }
-}
-
-impl PassBody {
-    /// Marks some touches of that state, those that lie farthest back along the body's direction; false if
-    /// there are none.
-    fn mark_farthest_back(&mut self, touches: &[Touch], of: Along) -> bool {
-        let Some(direction) = self.direction else { return false };
-        let world_along = self.points.along(direction);
-        let mut farthest = [(f64::INFINITY, usize::MAX); FARTHEST_BACK];
-        for (at, touch) in touches.iter().enumerate().filter(|&(at, _)| self.along[at] == of) {
-            let mut next = (world_along(touch.sample), at);
-            for place in &mut farthest {
-                if next.0 < place.0 {
-                    std::mem::swap(&mut next, place);
-                }
-            }
-        }
-        for (_, at) in farthest {
-            if let Some(along) = self.along.get_mut(at) {
-                *along = Along::Asked;
-            }
-        }
-        farthest[0].1 != usize::MAX
     }
 }
 

@@ -1,0 +1,126 @@
+//! The rounds about single samples: classes, nearest edges, exits along normals (paper §4).
+
+use super::{Pass, Round, Touch, changes_of, exit_reach};
+use crate::merge::{first_exit, inside_count};
+use crate::question::{Kind, Standing};
+
+impl Pass {
+    pub(super) fn after_classes(&mut self) {
+        let silent: bool = self.groups.iter().any(|group| !group.is_asked);
+        if silent && self.targets.0.is_empty() {
+            return self.ask_the_others();
+        }
+        let rule = self.settings.rule();
+        let Pass { targets, merged, results, bodies, count, .. } = self;
+        if targets.0.is_empty() {
+            let mut standings = merged.standings.iter();
+            for (body, result) in bodies[..*count].iter().zip(results).filter(|(body, _)| body.is_near) {
+                for (sample, &standing) in standings.by_ref().take(body.points.len()).enumerate() {
+                    let found = inside_count(standing, rule).map(|count| Touch::new(sample as u32, count));
+                    result.touches.extend(found);
+                }
+            }
+        } else {
+            for (&(body, sample), &standing) in targets.0.iter().zip(&merged.standings) {
+                let found = inside_count(standing, rule).map(|count| Touch::new(sample, count));
+                results[body as usize].touches.extend(found);
+            }
+        }
+        self.ask_edges(|_| true);
+    }
+
+    /// Asks the groups that were not asked first about the points that no other rejects.
+    pub(super) fn ask_the_others(&mut self) {
+        let Pass { targets, merged, question, bodies, count, groups, .. } = self;
+        question.restart(Kind::Classes);
+        let mut at = 0;
+        for (index, body) in bodies[..*count].iter().enumerate().filter(|(_, body)| body.is_near) {
+            let range = at..at + body.points.len();
+            at = range.end;
+            let left = (0..).zip(&merged.standings[range]);
+            let left = left.filter(|&(_, &standing)| standing != Standing::OUTSIDE);
+            let before = targets.0.len();
+            targets.0.extend(left.map(|(sample, _)| (index as u32, sample)));
+            let picks = &targets.0[before..];
+            if !picks.is_empty() {
+                question.pick(&body.points, [0.0; 3], picks.iter().map(|&(_, sample)| sample));
+            }
+        }
+        merged.standings.retain(|&standing| standing != Standing::OUTSIDE);
+        // What the first said stands; it is merged with what the others say.
+        let so_far = std::mem::take(&mut merged.standings);
+        for group in groups.iter_mut() {
+            (group.is_asked, group.has_answered) = (!group.is_first, false);
+        }
+        if question.is_empty() {
+            self.round = Round::Done;
+        }
+        self.merged.restart(Kind::Classes);
+        self.merged.standings = so_far;
+    }
+
+    /// Asks for edges of the touches that fit.
+    pub(super) fn ask_edges(&mut self, fits: impl Fn(&Touch) -> bool) {
+        let alone = self.groups.len() == 1;
+        self.question.restart(Kind::Edges);
+        let again = self.round == Round::Edges;
+        self.pick_touches([0.0; 3], |_, _, touch| fits(touch));
+        let Pass { question, targets, bodies, .. } = self;
+        if !alone && !again {
+            question.within.extend(targets.0.iter().map(|&(body, _)| bodies[body as usize].reach));
+        }
+        self.ask(Round::Edges, |_| true);
+    }
+
+    pub(super) fn after_edges(&mut self) {
+        let Pass { targets, merged, results, question, .. } = self;
+        let mut is_open = false;
+        for (at, (&(body, touch), &edge)) in targets.0.iter().zip(&merged.edges).enumerate() {
+            results[body as usize].touches[touch as usize].edge = edge;
+            is_open |= edge.is_none() && question.bounds(at);
+        }
+        if is_open {
+            return self.ask_edges(|touch| touch.edge.is_none());
+        }
+        self.ask_exits(|_| true);
+    }
+
+    /// Asks for exits of the touches with an edge that fit.
+    pub(super) fn ask_exits(&mut self, fits: impl Fn(&Touch) -> bool) {
+        let alone = self.groups.len() == 1;
+        let again = self.round == Round::Exits;
+        self.question.restart(Kind::Exits);
+        self.pick_touches([0.0; 3], |_, _, touch| touch.edge.is_some() && fits(touch));
+        let Pass { question, targets, results, .. } = self;
+        for &(body, touch) in &targets.0 {
+            let Some(edge) = results[body as usize].touches[touch as usize].edge else { continue };
+            question.directions.push(edge.normal_world);
+            if alone {
+                question.hints.push(edge.camera);
+            } else if !again {
+                question.within.push(exit_reach(edge.distance_m));
+            }
+        }
+        self.ask(Round::Exits, |_| true);
+        if self.round == Round::Done {
+            self.ask_body_exits();
+        }
+    }
+
+    pub(super) fn after_exits(&mut self) {
+        let rule = self.settings.rule();
+        let Pass { targets, merged, results, question, .. } = self;
+        let mut is_open = false;
+        let mut changes = 0..0;
+        for (at, (&(body, touch), &outside_m)) in targets.0.iter().zip(&merged.exits_m).enumerate() {
+            let touch = &mut results[body as usize].touches[touch as usize];
+            changes = changes_of(&merged.changes, at, changes.end);
+            touch.exit_m = first_exit(outside_m, &merged.changes[changes.clone()], touch.inside_count, rule);
+            is_open |= touch.exit_m.is_none() && question.bounds(at);
+        }
+        if is_open {
+            return self.ask_exits(|touch| touch.exit_m.is_none());
+        }
+        self.ask_body_exits();
+    }
+}
