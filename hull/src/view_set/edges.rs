@@ -55,6 +55,9 @@ impl ViewSet {
         let mut best: Option<Found> = None;
         let least = scratch.sights.least_clear(at);
         let clear_m = |view: usize| scratch.sights.of(view).clear_m[at];
+        // The first edge found bounds all searches after it: bounded by one another they would have to wait
+        // for one another.
+        let mut within_m = reach_m;
         let begin = if clear_m(*last) <= clear_m(least) { *last } else { least };
         for order in 0..=self.views.len() {
             let view = if order == 0 { begin } else { order - 1 };
@@ -62,7 +65,6 @@ impl ViewSet {
                 continue;
             }
             let sight = scratch.sights.of(view);
-            let within_m = best.as_ref().map_or(reach_m, |best| best.edge.distance_m);
             // Nor if the camera does not say inside.
             let may_win = sight.clear_m[at] <= within_m;
             if !may_win {
@@ -72,6 +74,9 @@ impl ViewSet {
             let limit_pixels = sight.pixels_within(at, within_m);
             let so_far = best.as_ref().map(|best| best.edge);
             if let Some(found) = self.camera_edge(view, a, start, limit_pixels, reach_m, so_far) {
+                if best.is_none() {
+                    within_m = found.edge.distance_m;
+                }
                 best = Some(found);
             }
         }
