@@ -52,7 +52,6 @@ impl QuestionReader {
             offsets,
             directions,
             within,
-            longest_alone,
             hints,
             rounded,
         } = request;
@@ -77,7 +76,6 @@ impl QuestionReader {
             let codes = unpack_exactly(&within, count, field("within"))?;
             question.within.extend(codes.into_iter().map(Reach::from_code));
         }
-        question.longest_alone = longest_alone;
         if !hints.is_empty() {
             let bytes = unpack_exactly(&hints, count * 2, field("hints"))?;
             question.hints = unpack(&bytes, count, field("hints"), u16::from_le_bytes)?;

@@ -69,7 +69,7 @@ fn questions_survive_the_wire() {
     let directions = vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [0.6, 0.8, 0.0]];
     let each = Question { kind: Kind::Exits, directions, ..near.clone() };
     let directions = vec![[0.6, 0.8, 0.0], [0.0, 0.0, 1.0]];
-    let mut shared = Question { kind: Kind::SharedExits, directions, longest_alone: true, ..picked.clone() };
+    let mut shared = Question { kind: Kind::SharedExits, directions, ..picked.clone() };
     shared.hints = vec![1, 2, 300, 4];
     let mut moved = picked.clone();
     moved.batches[0].offset_m = [0.0, 0.25, -1e-9];
@@ -206,7 +206,7 @@ fn lies_are_refused_by_field() {
 proptest! {
     #[test]
     fn any_message_is_a_question_or_an_error(
-        kind in 0..5, list in 0u32..10, rounded: bool, longest_alone: bool,
+        kind in 0..5, list in 0u32..10, rounded: bool,
         has_bodies: bool, known: bool, mode in 0..3,
         fields in proptest::collection::vec(proptest::collection::vec(any::<u8>(), 0..50), 6),
         plain: bool,
@@ -227,7 +227,7 @@ proptest! {
             id: 0, frame: 0, kind, list,
             bodies: has_bodies.then_some(bodies),
             points: (mode > 0).then(|| v1::Points { picked: (mode == 1).then(&mut field) }),
-            offsets: field(), directions: Bytes::new(), within: field(), longest_alone, hints: field(), rounded,
+            offsets: field(), directions: Bytes::new(), within: field(), hints: field(), rounded,
         };
         if let Ok(question) = stream.read(message) {
             prop_assert!(question.len() <= crate::MAX_POINTS);

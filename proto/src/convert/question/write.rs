@@ -111,7 +111,7 @@ impl QuestionWriter {
 
     fn request(&self, list: usize, question: &Question) -> v1::ProbeRequest {
         let rounded = self.precision == Precision::Quantised;
-        let Question { kind, batches, picked: _, directions, within, longest_alone, hints } = question;
+        let Question { kind, batches, picked: _, directions, within, hints } = question;
         // Bodies of which nothing is asked do not travel, so neither does what belongs to them.
         let whole = batches.iter().all(|batch| batch.picked.is_none());
         let asked = || batches.iter().enumerate().filter(move |(_, batch)| whole || !batch.is_empty());
@@ -142,7 +142,6 @@ impl QuestionWriter {
                 Kind::Exits => pack_f32(directions.iter().flatten().copied()),
             },
             within: pack(&codes),
-            longest_alone: *longest_alone,
             hints: pack(&hints),
             rounded,
         }
