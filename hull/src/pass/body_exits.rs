@@ -19,7 +19,7 @@ pub(super) enum Along {
 }
 
 /// Touches of a body whose exits along its direction are asked for first.
-const FARTHEST_BACK: usize = 2;
+const FARTHEST_BACK: usize = 4;
 
 impl Pass {
     /// Finds each body's direction, and asks for exits along it: of the touches that lie farthest back. Most
