@@ -174,7 +174,7 @@ impl Segmenter {
         let correction = self.gains.as_mut().map_or(Correction::NONE, |gains| gains.estimate(bytes));
         self.read(bytes, correction);
         let (area, raw_px) = self.bits.extent(self.path);
-        let area = self.clean(area);
+        let area = self.clean(area, raw_px);
         let silhouette = self.silhouette(&area)?;
         let pixels = self.format.pixels() as f64;
         Ok(Segmented {
@@ -205,13 +205,11 @@ impl Segmenter {
         }
     }
 
-    /// Takes noise out of the bits, all of which are in the area; gives the area that holds them then.
-    fn clean(&mut self, area: Area) -> Area {
-        let Cleanup { open_px, close_px, speck_px, hole_px, join_px, keep } = self.cleanup;
+    /// Takes noise out of the bits: so many, all in the area; gives the area that holds them then.
+    fn clean(&mut self, area: Area, raw_px: u64) -> Area {
         let path = self.path;
-        self.bits.open(open_px, &area, path);
-        // Noise has made the area larger than people are.
-        let (area, _) = self.bits.extent(path);
+        let (area, cleanup) = self.open(area, raw_px);
+        let Cleanup { close_px, speck_px, hole_px, join_px, keep, .. } = cleanup;
         let area = self.bits.close(close_px, area, path);
         self.blobs.remove_specks(&mut self.bits, &area, speck_px);
         if let Some(keep) = keep {
@@ -224,6 +222,23 @@ impl Segmenter {
             self.bits.clear_where(never);
         }
         area
+    }
+
+    /// Opens the bits, as far as they need it: what the full opening takes says how noisy the frame is. Gives
+    /// the area that holds them then, and what clean-up is right.
+    fn open(&mut self, area: Area, raw_px: u64) -> (Area, Cleanup) {
+        let (path, open_px) = (self.path, self.cleanup.open_px);
+        self.grown.copy_from(&self.bits);
+        self.bits.open(open_px, &area, path);
+        // Noise has made the area larger than people are.
+        let (opened, opened_px) = self.bits.extent(path);
+        let cleanup = self.cleanup.adapted(raw_px, opened_px);
+        if cleanup.open_px == open_px {
+            return (opened, cleanup);
+        }
+        self.bits.copy_from(&self.grown);
+        self.bits.open(cleanup.open_px, &area, path);
+        (self.bits.extent(path).0, cleanup)
     }
 
     fn silhouette(&mut self, area: &Area) -> Result<Silhouette, SilhouetteError> {
