@@ -41,8 +41,11 @@ fn cluster_times_passes_of_real_processes_and_models_larger_ones() {
     assert_eq!(figures["bench"], "cluster");
     assert!(figures["machine"]["cores"].is_number());
     let rows = rows(&figures);
-    let nodes: Vec<f64> = rows.iter().map(|row| number(row, "nodes")).collect();
-    assert_eq!(nodes, [2.0, 8.0]);
+    let keys: Vec<_> = rows.iter().map(|row| (number(row, "nodes"), row["precision"].as_str())).collect();
+    let (exact, quantised) = (Some("exact"), Some("quantised"));
+    assert_eq!(keys, [(2.0, exact), (2.0, quantised), (8.0, exact), (8.0, quantised)]);
+    let bytes = |row: usize| number(&rows[row], "bytes_per_node_pass");
+    assert!(bytes(3) < bytes(2), "rounded numbers take fewer bytes");
     for row in rows {
         assert_eq!((number(row, "width"), number(row, "height"), number(row, "bodies")), (160.0, 120.0, 2.0));
         let (p50_ms, p99_ms, max_ms) = (number(row, "p50_ms"), number(row, "p99_ms"), number(row, "max_ms"));
@@ -69,7 +72,10 @@ fn bandwidth_counts_the_bytes_of_six_layouts() {
     assert_eq!(figures["bench"], "bandwidth");
     let of = |layout: &str, bodies: u64, noise: f64| {
         let fits = |row: &&Value| {
-            row["layout"] == layout && row["bodies"] == bodies && number(row, "noise") == noise
+            row["layout"] == layout
+                && row["bodies"] == bodies
+                && number(row, "noise") == noise
+                && row["precision"] == "exact"
         };
         let row = rows(&figures).iter().find(fits).unwrap_or_else(|| panic!("a row of {layout}"));
         assert_eq!(
@@ -91,6 +97,9 @@ fn bandwidth_counts_the_bytes_of_six_layouts() {
     assert_eq!(of("runs", 3, 0.0), of("runs", 1, 0.0), "silhouettes do not depend on bodies");
     assert!(of("registered_bodies", 3, 0.0) > of("registered_bodies", 1, 0.0));
     assert!(of("raw_points", 3, 0.0) > 2.0 * of("registered_bodies", 3, 0.0));
+    let crossings = figures["crossings"].as_array().expect("crossings");
+    let against_images = crossings.iter().find(|crossing| crossing["against"] == "raw_images");
+    assert!(number(against_images.expect("a crossing"), "bodies") > 1.0, "questions are less than images");
     assert!(printed.contains("fewer bytes than gathering") && printed.contains("10 Gbit/s"), "{printed}");
     assert!(folder.path().join("charts/bandwidth_bodies.svg").exists());
 }

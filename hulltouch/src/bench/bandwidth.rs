@@ -10,15 +10,17 @@ mod verdict;
 use std::path::PathBuf;
 
 use clap::Args;
+use serde::Serialize;
 
 use self::measure::{measured, steps};
-use self::rows::{print_header, print_rows};
+use self::rows::{Row, print_header, print_rows};
+use self::verdict::CrossingRow;
 use super::cluster::film::{FPS, FilmPlan};
 use super::cluster::{parse_bodies, parse_nodes};
 use super::plot;
 use super::table::{Machine, Table};
 use crate::demo::parse_size;
-use crate::failure::{Outcome, check_writable};
+use crate::failure::{Failure, Outcome, check_writable, write_whole};
 use crate::rig::progress::Progress;
 
 /// Frames of the film: each is gathered once.
@@ -68,6 +70,14 @@ pub struct BandwidthBenchArguments {
     plot: Option<PathBuf>,
 }
 
+/// All that goes into the JSON file.
+#[derive(Serialize)]
+struct Report {
+    #[serde(flatten)]
+    table: Table<Row>,
+    crossings: Vec<CrossingRow>,
+}
+
 fn parse_noise(text: &str) -> Result<f64, String> {
     let share = text.parse().ok().filter(|share| (0.0..=0.5).contains(share));
     share.ok_or_else(|| format!("found {text:?}, expected 0 to 0.5"))
@@ -102,7 +112,12 @@ pub fn run(arguments: &BandwidthBenchArguments) -> Outcome {
     if let Some(folder) = &arguments.plot {
         charts::draw(&all, folder)?;
     }
-    Table { bench: "bandwidth", machine, rows }.write(arguments.json.as_deref())
+    let table = Table { bench: "bandwidth", machine, rows };
+    let Some(path) = &arguments.json else { return Ok(()) };
+    let report = Report { table, crossings: verdict::crossings(&all) };
+    let mut text = serde_json::to_vec_pretty(&report).map_err(Failure::run)?;
+    text.push(b'\n');
+    write_whole(path, &text)
 }
 
 /// Every combination of what is given; without anything given, sizes and noises together, and cameras.

@@ -134,6 +134,6 @@ fn asked_cost(layout: Layout, nodes: &Connected, took: &PassCosts, cameras: usiz
         // Nodes compute at the same time, each on a machine of its own.
         pass_ms: took.coordinator_cpu_ms + took.hosted_cpu_ms / cameras as f64,
         frame_trips: 0.0,
-        pass_trips: took.stages.len() as f64,
+        pass_trips: took.trips_per_pass(),
     }
 }

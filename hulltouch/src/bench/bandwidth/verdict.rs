@@ -1,5 +1,7 @@
 //! Where each layout wins: crossing points, what links carry, and which pass is done sooner.
 
+use serde::Serialize;
+
 use super::layout::{Cost, Crossing, Layout, Rates, crossing};
 use super::measure::{AtBodies, Measured};
 use super::rows::bytes;
@@ -26,6 +28,46 @@ pub fn plan_name(plan: &FilmPlan) -> String {
 pub fn base_bodies(measured: &Measured) -> &AtBodies {
     let nearest = measured.at.iter().min_by_key(|at| at.bodies.abs_diff(BASE_BODIES));
     nearest.expect("a measurement has at least one number of bodies")
+}
+
+/// For how many bodies asking about registered bodies sends fewer bytes than a layout that gathers.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CrossingRow {
+    width: u32,
+    height: u32,
+    cameras: usize,
+    noise: f64,
+    precision: &'static str,
+    passes_per_s: f64,
+    against: &'static str,
+    /// `None` if asking sends more even for the fewest bodies.
+    bodies: Option<f64>,
+    /// True if it lies beyond the bodies measured.
+    beyond_measured: bool,
+}
+
+/// All crossings of all films.
+pub fn crossings(all: &[Measured]) -> Vec<CrossingRow> {
+    let mut rows = Vec::new();
+    for (measured, rates) in all.iter().flat_map(|measured| [(measured, STEPS), (measured, FRAMES_ONLY)]) {
+        for precision in precisions(measured) {
+            rows.extend(Layout::GATHERED.map(|layout| {
+                let found = crossing_of(measured, precision, layout, rates);
+                CrossingRow {
+                    width: measured.plan.size.0,
+                    height: measured.plan.size.1,
+                    cameras: measured.plan.cameras,
+                    noise: measured.plan.noise,
+                    precision,
+                    passes_per_s: rates.passes_per_s,
+                    against: layout.name(),
+                    bodies: found.map(|found| found.bodies),
+                    beyond_measured: found.is_some_and(|found| found.beyond),
+                }
+            }));
+        }
+    }
+    rows
 }
 
 /// Prints everything.

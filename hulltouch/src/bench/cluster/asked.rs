@@ -19,8 +19,9 @@ use crate::failure::{Failure, Outcome};
 const READY_PATIENCE: Duration = Duration::from_secs(60);
 /// How long a round may take, however busy the machine.
 const ROUND_PATIENCE: Duration = Duration::from_secs(60);
-/// Passes before any that count: shapes are known, buffers have grown, connections have their windows.
-const WARM_UP: u64 = 8;
+/// Passes before any that count: shapes are known, buffers have grown, connections have their windows, and the
+/// coordinator has tried both ways of asking and chosen.
+const WARM_UP: u64 = 24;
 /// Passes that share a frame: bodies stepped at 120/s on film of 30 frames/s.
 pub const PASSES_PER_FRAME: u64 = 4;
 
@@ -57,12 +58,12 @@ pub struct Connected {
 pub struct PassCosts {
     /// How many.
     pub passes: u64,
-    /// How many were asked before the first of them.
-    pub warm_up: u64,
     /// A whole pass.
     pub pass_ms: Percentiles,
     /// Each round of it, by name.
     pub stages: BTreeMap<Round, Percentiles>,
+    /// Round trips of all passes.
+    pub trips: u64,
     /// Bytes at the sockets, over all nodes and passes.
     pub bytes: ByteCounts,
     /// The share of all samples that was inside.
@@ -114,13 +115,12 @@ impl Connected {
 
     /// Asks so many passes.
     pub fn passes(&mut self, bodies: &Bodies, asked: Asked, passes: u64) -> Outcome<PassCosts> {
-        let warm_up = WARM_UP.min(passes);
         let mut costs = PassCosts::default();
         let mut began = Began::now(&self.transport);
         let (mut inside, mut coordinator_s) = (0, 0.0);
-        for pass in 0..warm_up + passes {
-            if pass == warm_up {
-                costs = PassCosts { passes, warm_up, ..PassCosts::default() };
+        for pass in 0..WARM_UP + passes {
+            if pass == WARM_UP {
+                costs = PassCosts { passes, ..PassCosts::default() };
                 (inside, coordinator_s) = (0, 0.0);
                 began = Began::now(&self.transport);
             }
@@ -176,14 +176,22 @@ impl Connected {
     /// One pass; returns how many samples were inside.
     fn pass(&mut self, bodies: &[Points], frame: u64, costs: &mut PassCosts) -> Result<usize, String> {
         let Connected { runtime, transport, passes, .. } = self;
-        let PassCosts { pass_ms, stages, .. } = costs;
+        let mut stages_ms: BTreeMap<Round, f64> = BTreeMap::new();
         runtime.block_on(async {
             let began = Instant::now();
             passes.begin(bodies);
-            let mut took = |round, ms| stages.entry(round).or_default().add(ms);
+            let trips = &mut costs.trips;
+            // A round may take several trips: some nodes are asked about what others leave.
+            let mut took = |round, ms| {
+                *stages_ms.entry(round).or_default() += ms;
+                *trips += 1;
+            };
             transport.run_pass(&mut passes.pass, frame, ROUND_PATIENCE, &mut took).await?;
             let inside = passes.end();
-            pass_ms.add(began.elapsed().as_secs_f64() * 1e3);
+            costs.pass_ms.add(began.elapsed().as_secs_f64() * 1e3);
+            for (round, ms) in stages_ms {
+                costs.stages.entry(round).or_default().add(ms);
+            }
             Ok(inside)
         })
     }
@@ -196,9 +204,14 @@ impl PassCosts {
         (self.bytes.to_nodes as f64 / all, self.bytes.from_nodes as f64 / all)
     }
 
+    /// Round trips of a pass.
+    pub fn trips_per_pass(&self) -> f64 {
+        self.trips as f64 / self.passes.max(1) as f64
+    }
+
     /// The passes asked, those before the measurement too.
     pub fn passes_with_warm_up(&self) -> u64 {
-        self.warm_up + self.passes
+        WARM_UP + self.passes
     }
 }
 

@@ -4,7 +4,7 @@
 use std::fs::{self, File};
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use hull::cull::WorldBox;
 use hull::{Camera, Observer, ProbeSettings, Rig, Silhouette, View, ViewSet};
@@ -23,6 +23,9 @@ use crate::rig::progress::Progress;
 pub const FPS: f64 = 30.0;
 /// The instant of the stage's film that is frame 0, seconds: an arm waves.
 const START_S: f64 = 2.0;
+
+/// Cameras filmed at once at most: one of 7680x4320 takes 800 MB while it looks.
+const MOST_CREWS: usize = 4;
 
 /// What is filmed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,22 +61,10 @@ impl Film {
             .map_err(|error| Failure::input(format_args!("--size: {error}")))?;
         let folder = tempfile::tempdir().map_err(Failure::run)?;
         let settings = StageSettings { fps: FPS, ..StageSettings::default() };
-        let mut silhouettes: Vec<Vec<Silhouette>> = (0..plan.frames).map(|_| Vec::new()).collect();
-        let mut progress = Progress::new("filming the studio", plan.cameras as u64);
-        for (index, camera) in rig.cameras().iter().enumerate() {
-            let mut stage = CameraStage::new(&settings, camera, index);
-            let of_camera = folder.path().join(camera.name());
-            fs::create_dir(&of_camera).map_err(|error| Failure::unwritable(&of_camera, error))?;
-            for frame in 0..plan.frames {
-                let mut mask = stage.mask(START_S + frame as f64 / FPS);
-                let seed = index as u64 * plan.frames + frame;
-                add_noise(&mut mask, plan.noise, &mut Random::new(seed));
-                write_mask(&of_camera.join(format!("{frame}.png")), camera, &mask)?;
-                let silhouette = Silhouette::from_mask(plan.size.0, plan.size.1, &mask);
-                silhouettes[frame as usize].push(silhouette.map_err(Failure::run)?);
-            }
-            progress.step();
-        }
+        let of_cameras = filmed(&plan, &rig, &settings, folder.path())?;
+        let frames = 0..plan.frames as usize;
+        let silhouettes = frames.map(|frame| of_cameras.iter().map(|film| film[frame].clone()).collect());
+        let silhouettes = silhouettes.collect();
         let (low, high) =
             Stage::new(&settings).bounds_world(START_S).ok_or_else(|| Failure::run("nobody is there"))?;
         let file = read_cluster_file(&write_cluster(folder.path(), &rig, plan.nodes)?)?;
@@ -111,6 +102,52 @@ impl Film {
         let views = self.observers().into_iter().zip(self.silhouettes(0));
         ViewSet::new(views.map(|(observer, silhouette)| View::new(observer, silhouette)).collect())
     }
+}
+
+/// Every camera's silhouettes, written to files too; several cameras are filmed at once.
+fn filmed(
+    plan: &FilmPlan,
+    rig: &Rig,
+    settings: &StageSettings,
+    folder: &Path,
+) -> Outcome<Vec<Vec<Silhouette>>> {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let progress = Mutex::new(Progress::new("filming the studio", plan.cameras as u64));
+    let mut films: Vec<Outcome<Vec<Silhouette>>> = vec![Ok(Vec::new()); plan.cameras];
+    // Each crew takes neighbours; what a camera sees does not depend on who else looks.
+    let share = plan.cameras.div_ceil(cores.min(MOST_CREWS));
+    std::thread::scope(|scope| {
+        for (crew, films) in films.chunks_mut(share).enumerate() {
+            let progress = &progress;
+            scope.spawn(move || {
+                for (at, film) in films.iter_mut().enumerate() {
+                    *film = filmed_by(plan, rig, settings, folder, crew * share + at);
+                    progress.lock().unwrap_or_else(PoisonError::into_inner).step();
+                }
+            });
+        }
+    });
+    films.into_iter().collect()
+}
+
+fn filmed_by(
+    plan: &FilmPlan,
+    rig: &Rig,
+    settings: &StageSettings,
+    folder: &Path,
+    index: usize,
+) -> Outcome<Vec<Silhouette>> {
+    let camera = &rig.cameras()[index];
+    let mut stage = CameraStage::new(settings, camera, index);
+    let of_camera = folder.join(camera.name());
+    fs::create_dir(&of_camera).map_err(|error| Failure::unwritable(&of_camera, error))?;
+    let frame = |frame| {
+        let mut mask = stage.mask(START_S + frame as f64 / FPS);
+        add_noise(&mut mask, plan.noise, &mut Random::new(index as u64 * plan.frames + frame));
+        write_mask(&of_camera.join(format!("{frame}.png")), camera, &mask)?;
+        Silhouette::from_mask(plan.size.0, plan.size.1, &mask).map_err(Failure::run)
+    };
+    (0..plan.frames).map(frame).collect()
 }
 
 /// Turns a share of the pixels into their opposites, each with the same chance: the gaps between them are

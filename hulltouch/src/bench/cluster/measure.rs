@@ -107,6 +107,7 @@ fn row(
         coordinator_cpu_ms: costs.coordinator_cpu_ms,
         node_rss_mb: memory_mb.map(|(now_mb, _)| now_mb),
         node_peak_rss_mb: memory_mb.map(|(_, most_mb)| most_mb),
+        trips_per_pass: costs.trips_per_pass(),
         stages: stages(&costs.stages),
     }
 }

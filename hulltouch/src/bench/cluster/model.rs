@@ -15,7 +15,7 @@ pub fn model_of(rows: &[Row]) -> Option<Measured> {
     let others = alone.iter().filter(alike).map(|row| (row.nodes as f64, row.coordinator_cpu_ms));
     let (fixed_ms, per_node_ms) = line(&others.collect::<Vec<_>>());
     Some(Measured {
-        rounds: base.stages.len() as u32,
+        rounds: (base.trips_per_pass.round() as u32).max(1),
         bytes_to_node: base.bytes_to_node_pass,
         bytes_from_node: base.bytes_from_node_pass,
         node_ms: base.node_cpu_ms?,

@@ -49,6 +49,8 @@ pub struct Row {
     pub node_rss_mb: Option<f64>,
     /// The most it ever was, MB.
     pub node_peak_rss_mb: Option<f64>,
+    /// Round trips of a pass.
+    pub trips_per_pass: f64,
     /// The pass by rounds, in their order.
     pub stages: Vec<Stage>,
 }
@@ -130,7 +132,7 @@ pub fn series(rows: &[Row], varied: Varied) -> Vec<&Row> {
 #[allow(clippy::print_stdout, reason = "the table is the command's output")]
 pub fn print_header() {
     println!(
-        "{:>5} {:>7} {:>6} {:>9} {:>9} {:>7} {:>8} {:>8} {:>8} {:>8} {:>7} {:>8} {:>9} {:>8}",
+        "{:>5} {:>7} {:>6} {:>9} {:>9} {:>7} {:>8} {:>8} {:>8} {:>8} {:>7} {:>5} {:>8} {:>9} {:>8}",
         "nodes",
         "cameras",
         "bodies",
@@ -142,6 +144,7 @@ pub fn print_header() {
         "max",
         "KB/node",
         "inside",
+        "trips",
         "node cpu",
         "coord.cpu",
         "node MB"
@@ -155,7 +158,7 @@ pub fn print_row(row: &Row) {
         value.map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}"))
     };
     println!(
-        "{:>5} {:>7} {:>6} {:>9} {:>9} {:>7} {:>8.2} {:>8.2} {:>8.2} {:>8.2} {:>6.2}% {:>8} {:>9.3} {:>8}",
+        "{:>5} {:>7} {:>6} {:>9} {:>9} {:>7} {:>8.2} {:>8.2} {:>8.2} {:>8.2} {:>6.2}% {:>5.1} {:>8} {:>9.3} {:>8}",
         row.nodes,
         row.cameras,
         row.bodies,
@@ -167,6 +170,7 @@ pub fn print_row(row: &Row) {
         row.max_ms,
         row.bytes_per_node_pass * 1e-3,
         100.0 * row.inside_share,
+        row.trips_per_pass,
         or_dash(row.node_cpu_ms, 3),
         row.coordinator_cpu_ms,
         or_dash(row.node_rss_mb, 0),
