@@ -124,10 +124,10 @@ fn on_grey(range: Range, by: [f64; 3]) -> [[f64; 3]; 3] {
             *factor = (0..3).map(|c| from_rgb[out][c] * in_rgb(c, channel)).sum();
         }
     }
-    for channel in 1..3 {
-        rows[0][channel] *= stretch;
-        rows[channel][0] /= stretch;
-    }
+    let [grey, u, v] = &mut rows;
+    grey[1..].iter_mut().for_each(|factor| *factor *= stretch);
+    u[0] /= stretch;
+    v[0] /= stretch;
     rows
 }
 

@@ -174,7 +174,7 @@ impl Segmenter {
         let correction = self.gains.as_mut().map_or(Correction::NONE, |gains| gains.estimate(bytes));
         self.read(bytes, correction);
         let (area, raw_px) = self.bits.extent(self.path);
-        let area = self.clean(area, raw_px);
+        let area = self.clean(&area, raw_px);
         let silhouette = self.silhouette(&area)?;
         let pixels = self.format.pixels() as f64;
         Ok(Segmented {
@@ -206,7 +206,7 @@ impl Segmenter {
     }
 
     /// Takes noise out of the bits: so many, all in the area; gives the area that holds them then.
-    fn clean(&mut self, area: Area, raw_px: u64) -> Area {
+    fn clean(&mut self, area: &Area, raw_px: u64) -> Area {
         let path = self.path;
         let (area, cleanup) = self.open(area, raw_px);
         let Cleanup { close_px, speck_px, hole_px, join_px, keep, .. } = cleanup;
@@ -226,10 +226,10 @@ impl Segmenter {
 
     /// Opens the bits, as far as they need it: what the full opening takes says how noisy the frame is. Gives
     /// the area that holds them then, and what clean-up is right.
-    fn open(&mut self, area: Area, raw_px: u64) -> (Area, Cleanup) {
+    fn open(&mut self, area: &Area, raw_px: u64) -> (Area, Cleanup) {
         let (path, open_px) = (self.path, self.cleanup.open_px);
         self.grown.copy_from(&self.bits);
-        self.bits.open(open_px, &area, path);
+        self.bits.open(open_px, area, path);
         // Noise has made the area larger than people are.
         let (opened, opened_px) = self.bits.extent(path);
         let cleanup = self.cleanup.adapted(raw_px, opened_px);
@@ -237,7 +237,7 @@ impl Segmenter {
             return (opened, cleanup);
         }
         self.bits.copy_from(&self.grown);
-        self.bits.open(cleanup.open_px, &area, path);
+        self.bits.open(cleanup.open_px, area, path);
         (self.bits.extent(path).0, cleanup)
     }
 

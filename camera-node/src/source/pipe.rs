@@ -387,7 +387,7 @@ mod tests {
             let mut image = Image::default();
             source.next(0, &mut image).expect("reads").expect("a frame");
             let Kind::Colour(layout) = image.kind else { panic!("colours") };
-            let shown = segment::Format::new(layout, image.width, image.height).expect("size");
+            let shown = Format::new(layout, image.width, image.height).expect("size");
             let mut found = Vec::new();
             segment::to_rgb(&image.data, shown, &mut found);
             let worst = found.iter().zip(&rgb).map(|(a, b)| a.abs_diff(*b)).max();

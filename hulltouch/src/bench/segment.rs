@@ -9,7 +9,7 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
 
-use self::engines::{Cut, Opponent, Ours, PEERS};
+use self::engines::{Cut, Opponent, Ours};
 use self::scene::{LAYOUTS, Scene};
 use super::plot::{self, Axis, BarChart, Series};
 use super::table::{Machine, write_json};
@@ -30,11 +30,12 @@ Example:
 Frames are those of the studio, with shadows and sensor noise, compared with its ground truth; and, where
 HULLTOUCH_DATASETS leads to the recordings and ffmpeg is there, those of uu_horseman, compared with its
 reference silhouettes. Engines: `hulltouch_rgb`, `hulltouch_i420`, `hulltouch_nv12` and `hulltouch_yuyv` are
-ours on the same frames in four layouts, from bytes to the cleaned silhouette; `mog2` is OpenCV's, and
-`difference` its absolute difference with a threshold, on RGB, from bytes to a mask without clean-up. Those
-two are learnt on the same empty room and then frozen; their silhouettes are the better of raw and cleaned
-ones (clean-up is not timed). They need a Python with the packages of benches/peers/requirements.txt;
-without it their rows are left out. Seconds are those that the processor gave the thread.")]
+ours on the same frames in four layouts, from bytes to the cleaned silhouette; `mog2` is OpenCV's on RGB,
+`mog2_i420` the same on I420 that OpenCV first turns into RGB, and `difference` its absolute difference with
+a threshold, all from bytes to a mask without clean-up. They are learnt on the same empty room and then
+frozen; their silhouettes are the better of raw and cleaned ones (clean-up is not timed). They need a Python
+with the packages of benches/peers/requirements.txt; without it their rows are left out. Seconds are those
+that the processor gave the thread.")]
 pub struct SegmentBenchArguments {
     /// Image sizes of the studio's camera.
     #[arg(long, value_name = "WxH,…", default_value = "1920x1080,3840x2160", value_delimiter = ',', value_parser = parse_size)]
@@ -145,9 +146,8 @@ impl Report {
     /// meets them alike.
     fn measure(&mut self, scenes: &[Scene], mut opponent: Option<&mut Opponent>) -> Outcome {
         let Some(first) = scenes.first() else { return Ok(()) };
-        let peers: &[&'static str] = if opponent.is_some() { &PEERS } else { &[] };
-        let engines: Vec<&'static str> =
-            LAYOUTS.iter().map(|layout| layout.0).chain(peers.iter().copied()).collect();
+        let peers = if opponent.is_some() { Opponent::engines(first.size) } else { Vec::new() };
+        let engines: Vec<&'static str> = LAYOUTS.iter().map(|layout| layout.0).chain(peers).collect();
         let mut shown: Vec<Shown> = engines.iter().map(|_| Shown::default()).collect();
         let mut progress = Progress::new("segmenting", (scenes.len() * (TURNS + 1)) as u64);
         for scene in scenes {

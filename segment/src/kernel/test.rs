@@ -75,12 +75,12 @@ impl DifferenceTest {
                 continue;
             }
             let mut found = [0u8; PART];
-            for lane in 0..PART {
+            for (lane, found) in found.iter_mut().enumerate() {
                 let at = PART * part + lane;
                 let of = |channels: &Channels, c: usize| i32::from(channels[c][at]);
                 let colour = [of(frame, 0), of(frame, 1), of(frame, 2)];
                 let background = [of(mean, 0), of(mean, 1), of(mean, 2)];
-                found[lane] = u8::from(self.is_shadow(colour, background));
+                *found = u8::from(self.is_shadow(colour, background));
             }
             shadows |= part_bits(found) << (PART * part);
         }

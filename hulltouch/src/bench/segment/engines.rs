@@ -16,7 +16,9 @@ use crate::failure::{Failure, Outcome};
 /// The program.
 const SCRIPT: &str = include_str!("../../../../benches/peers/segment.py");
 /// Its engines.
-pub const PEERS: [&str; 2] = ["mog2", "difference"];
+const PEERS: [&str; 3] = ["mog2", MOG2_I420, "difference"];
+/// The one that takes I420; only of even sides.
+const MOG2_I420: &str = "mog2_i420";
 
 /// What an engine made of a scene.
 pub struct Cut {
@@ -83,15 +85,26 @@ impl Opponent {
         self.peer.greeting()
     }
 
-    /// Hands over a scene's RGB frames and lets it learn.
+    /// Its engines that can do with frames of that size.
+    pub fn engines((width, height): (u32, u32)) -> Vec<&'static str> {
+        let even = width.is_multiple_of(2) && height.is_multiple_of(2);
+        PEERS.into_iter().filter(|&engine| even || engine != MOG2_I420).collect()
+    }
+
+    /// Hands over a scene's frames in RGB and I420 and lets it learn.
     pub fn take(&mut self, scene: &Scene) -> Outcome {
-        let folder = self.peer.folder();
-        let (background, film) = (folder.join("background.raw"), folder.join("film.raw"));
-        write_frames(&background, &scene.frames[0].background)?;
-        write_frames(&film, &scene.frames[0].film)?;
         let (width, height) = scene.size;
-        let request =
-            json!({"do": "scene", "width": width, "height": height, "background": background, "film": film});
+        let takes_i420 = Opponent::engines(scene.size).contains(&MOG2_I420);
+        let mut request = json!({"do": "scene", "width": width, "height": height, "i420": takes_i420});
+        for (layout, suffix) in ["", "_i420"].into_iter().enumerate() {
+            let Frames { background, film } = &scene.frames[layout];
+            for (part, frames) in [("background", background), ("film", film)] {
+                let name = format!("{part}{suffix}");
+                let path = self.peer.folder().join(format!("{name}.raw"));
+                write_frames(&path, frames)?;
+                request[name] = json!(path);
+            }
+        }
         self.peer.ask(&request).map(drop)
     }
 
