@@ -52,13 +52,6 @@ impl Machine {
     }
 }
 
-impl<Row: Serialize> Table<Row> {
-    /// Writes the figures as JSON, if a file was named.
-    pub fn write(&self, path: Option<&Path>) -> Outcome {
-        write_json(self, path)
-    }
-}
-
 /// Writes a bench's figures as JSON, if a file was named.
 pub fn write_json(figures: &impl Serialize, path: Option<&Path>) -> Outcome {
     let Some(path) = path else { return Ok(()) };
