@@ -18,13 +18,16 @@ pub(super) enum Along {
     Known,
 }
 
-/// Touches of a body whose exits along its direction are asked for first.
+/// Touches of a body whose exits along its direction are asked for first. Of one group alone few, since it
+/// may be asked again for nothing; of several most, since rounds cost more than answers.
 const FARTHEST_BACK: usize = 4;
+const FARTHEST_BACK_OF_MANY: usize = 24;
 
 impl Pass {
     /// Finds each body's direction, and asks for exits along it: of the touches that lie farthest back. Most
     /// others are outside once the body has moved so far; the check tells which are not.
     pub(super) fn ask_body_exits(&mut self) {
+        let alone = self.groups.len() == 1;
         let Pass { bodies, results, count, .. } = self;
         for (body, result) in bodies[..*count].iter_mut().zip(results).filter(|(body, _)| body.is_near) {
             let mut direction = BodyDirection::default();
@@ -33,7 +36,8 @@ impl Pass {
             body.along.clear();
             body.along.resize(result.touches.len(), Along::Unknown);
             if body.direction.is_some() {
-                body.mark_farthest_back(&result.touches, Along::Unknown);
+                let most = if alone { FARTHEST_BACK } else { FARTHEST_BACK_OF_MANY };
+                body.mark_farthest_back(&result.touches, Along::Unknown, most);
             } else if !result.touches.is_empty() {
                 result.response_m = Err(NoResponse::NoDirection);
                 result.left_inside = result.touches.len();
@@ -43,8 +47,10 @@ impl Pass {
     }
 
     /// Asks for exits along the body's direction of the touches that are marked.
+    /// What several groups are asked first is asked within a reach: a longer exit shows in the check.
     pub(super) fn ask_marked(&mut self) {
         let alone = self.groups.len() == 1;
+        let is_first = self.round != Round::Check;
         self.question.restart(Kind::SharedExits);
         self.pick_touches([0.0; 3], |body, at, _| {
             body.direction.is_some() && body.along.get(at) == Some(&Along::Asked)
@@ -56,7 +62,7 @@ impl Pass {
             if alone {
                 let camera = |&(_, touch): &(u32, u32)| results[index].touches[touch as usize].edge;
                 question.hints.extend(of_body.iter().map(|of| camera(of).map_or(0, |edge| edge.camera)));
-            } else {
+            } else if is_first {
                 let exits_m = results[index].touches.iter().filter_map(|touch| touch.exit_m);
                 let reach = exit_reach(exits_m.fold(0.0, f32::max));
                 question.within.extend(of_body.iter().map(|_| reach));
@@ -69,7 +75,6 @@ impl Pass {
         let rule = self.settings.rule();
         let Pass { targets, merged, results, question, bodies, .. } = self;
         let mut changes = 0..0;
-        let mut open = 0;
         for at in 0..targets.0.len() {
             let (body, touch) = targets.0[at];
             let inside_count = results[body as usize].touches[touch as usize].inside_count;
@@ -77,8 +82,7 @@ impl Pass {
             let exit_m = first_exit(merged.exits_m[at], &merged.changes[changes.clone()], inside_count, rule);
             let state = &mut bodies[body as usize];
             if exit_m.is_none() && question.bounds(at) {
-                targets.0[open] = (body, touch);
-                open += 1;
+                state.along[touch as usize] = Along::Unknown;
                 continue;
             }
             state.along[touch as usize] = Along::Known;
@@ -91,21 +95,7 @@ impl Pass {
                 None => state.has_exits = false,
             }
         }
-        targets.0.truncate(open);
-        if open > 0 { self.ask_open_body_exits() } else { self.ask_check() }
-    }
-
-    /// Asks again, without a reach, for the exits that are not known.
-    pub(super) fn ask_open_body_exits(&mut self) {
-        self.question.restart(Kind::SharedExits);
-        let Pass { question, targets, bodies, results, .. } = self;
-        for of_body in targets.0.chunk_by(|a, b| a.0 == b.0) {
-            let index = of_body[0].0 as usize;
-            let samples = of_body.iter().map(|&(_, touch)| results[index].touches[touch as usize].sample);
-            question.pick(&bodies[index].points, [0.0; 3], samples);
-            question.directions.extend(bodies[index].direction);
-        }
-        self.ask(Round::BodyExits, |_| true);
+        self.ask_check();
     }
 
     /// Asks which touches of the bodies whose response is new are still inside after it.
@@ -160,7 +150,7 @@ impl Pass {
         let open = |(body, _): &(&mut PassBody, &BodyResult)| body.direction.is_some() && body.has_exits;
         for (body, result) in bodies[..*count].iter_mut().zip(&*results).filter(open) {
             if alone {
-                has_marked |= body.mark_farthest_back(&result.touches, Along::Wanted);
+                has_marked |= body.mark_farthest_back(&result.touches, Along::Wanted, FARTHEST_BACK);
                 continue;
             }
             for along in body.along.iter_mut().filter(|along| **along == Along::Wanted) {
@@ -175,13 +165,13 @@ impl Pass {
 impl PassBody {
     /// Marks some touches of that state, those that lie farthest back along the body's direction; false if
     /// there are none.
-    fn mark_farthest_back(&mut self, touches: &[Touch], of: Along) -> bool {
+    fn mark_farthest_back(&mut self, touches: &[Touch], of: Along, most: usize) -> bool {
         let Some(direction) = self.direction else { return false };
         let world_along = self.points.along(direction);
-        let mut farthest = [(f64::INFINITY, usize::MAX); FARTHEST_BACK];
+        let mut farthest = [(f64::INFINITY, usize::MAX); FARTHEST_BACK_OF_MANY];
         for (at, touch) in touches.iter().enumerate().filter(|&(at, _)| self.along[at] == of) {
             let mut next = (world_along(touch.sample), at);
-            for place in &mut farthest {
+            for place in &mut farthest[..most] {
                 if next.0 < place.0 {
                     std::mem::swap(&mut next, place);
                 }

@@ -387,7 +387,7 @@ impl Touch {
 
 /// How far an exit is searched at first, from the distance that hints at it.
 fn exit_reach(distance_m: f32) -> Reach {
-    Reach::covering(3.0 * f64::from(distance_m) + 0.02)
+    Reach::covering(4.0 * f64::from(distance_m) + 0.05)
 }
 
 /// The changes of a point, in a list sorted by point, from where those of the point before it end.
