@@ -55,8 +55,8 @@ impl Cores {
     }
 }
 
-/// About what one core takes, measured on the slowest machine at hand.
-fn work_ns(question: &Question, cameras: usize) -> usize {
+/// About the nanoseconds that one core takes, measured on the slowest machine at hand.
+pub fn work_ns(question: &Question, cameras: usize) -> usize {
     let point_ns = match question.kind {
         Kind::Classes => 6,
         Kind::Edges => 250,

@@ -2,6 +2,7 @@
 //! on a thread of their own; async code moves bytes.
 
 use std::pin::Pin;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -15,14 +16,14 @@ use proto::v1::camera_node_server::{CameraNode, CameraNodeServer};
 use proto::{MAX_FRAME_BYTES, MAX_MESSAGE_BYTES, v1};
 use thiserror::Error;
 use tokio::sync::mpsc;
+use tokio_stream::StreamExt;
 use tokio_stream::wrappers::{ReceiverStream, UnixListenerStream};
-use tokio_stream::{Stream, StreamExt};
 use tonic::transport::server::TcpIncoming;
 use tonic::{Request, Response, Status, Streaming};
 
 use crate::NodeConfig;
 use crate::capture::{CaptureError, Film, Pace};
-use crate::cores::Cores;
+use crate::cores::{Cores, work_ns};
 use crate::frames::{FilmState, Frame, FrameError, FrameRing};
 use crate::listen::{Listen, Listener};
 use crate::shapes::Shapes;
@@ -30,6 +31,10 @@ use crate::shapes::Shapes;
 /// Questions that wait at most: more than the bodies of a pass ever overlap; beyond, the node says busy
 /// instead of growing.
 const MAX_WAITING: usize = 64;
+
+/// Up to so much work, nanoseconds, the network thread does itself: waking another one and being woken by it
+/// takes a tenth of a millisecond, in which bytes could as well wait.
+const AT_ONCE_NS: usize = 400_000;
 
 /// A silent peer is noticed within twice this.
 const KEEP_ALIVE: Duration = Duration::from_secs(5);
@@ -161,10 +166,16 @@ impl Node {
 
 /// A question on its way to the worker, and where its reply goes.
 struct Job {
-    request: v1::ProbeRequest,
-    /// What its stream has told before. Only the worker reads, in the order of the stream.
-    reader: Arc<Mutex<QuestionReader>>,
+    asked: Asked,
     replies: mpsc::Sender<Result<v1::ProbeReply, Status>>,
+}
+
+/// A question that was read.
+struct Asked {
+    id: u64,
+    frame: u64,
+    precision: Precision,
+    question: Question,
 }
 
 /// The state behind every call.
@@ -173,6 +184,9 @@ pub struct Service {
     film: Arc<Film>,
     ring: Arc<FrameRing>,
     shapes: Arc<Shapes>,
+    worker: Arc<Mutex<Worker>>,
+    /// Questions that were put into the queue and are not answered.
+    waiting: Arc<AtomicUsize>,
     jobs: SyncSender<Job>,
 }
 
@@ -180,57 +194,49 @@ impl Service {
     fn new(config: NodeConfig, ring: Arc<FrameRing>) -> Result<Service, CaptureError> {
         let film = Arc::new(Film::prepare(&config, Arc::clone(&ring))?);
         let shapes = Arc::new(Shapes::default());
-        let (jobs, waiting) = sync_channel(MAX_WAITING);
-        let worker = Worker {
-            ring: Arc::clone(&ring),
-            shapes: Arc::clone(&shapes),
-            cores: Cores::of_this_machine(),
-            question: Question::default(),
-        };
+        let (jobs, queue) = sync_channel(MAX_WAITING);
+        let worker = Worker { ring: Arc::clone(&ring), cores: Cores::of_this_machine() };
+        let (worker, waiting) = (Arc::new(Mutex::new(worker)), Arc::new(AtomicUsize::new(0)));
+        let (working, count) = (Arc::clone(&worker), Arc::clone(&waiting));
         // The thread ends when the last sender is gone.
-        std::thread::spawn(move || worker.work(&waiting));
-        Ok(Service { config, film, ring, shapes, jobs })
+        std::thread::spawn(move || work(&working, &queue, &count));
+        Ok(Service { config, film, ring, shapes, worker, waiting, jobs })
+    }
+}
+
+/// Answers queued questions in their order.
+fn work(worker: &Mutex<Worker>, queue: &Receiver<Job>, waiting: &AtomicUsize) {
+    while let Ok(Job { asked, replies }) = queue.recv() {
+        let reply = worker.lock().unwrap_or_else(PoisonError::into_inner).answer_or_say(&asked);
+        // The asker may have gone, or read nothing: that is no reason to keep others waiting.
+        if replies.try_send(Ok(reply)).is_err() {
+            tracing::debug!("a reply found no reader");
+        }
+        waiting.fetch_sub(1, Ordering::Release);
     }
 }
 
 /// Computes answers, one question at a time.
 struct Worker {
     ring: Arc<FrameRing>,
-    shapes: Arc<Shapes>,
     cores: Cores,
-    question: Question,
 }
 
 impl Worker {
-    fn work(mut self, jobs: &Receiver<Job>) {
-        while let Ok(Job { request, reader, replies }) = jobs.recv() {
-            let id = request.id;
-            let mut reader = reader.lock().unwrap_or_else(PoisonError::into_inner);
-            let answered =
-                std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| self.answer(request, &mut reader)));
-            let reply = answered.unwrap_or_else(|_| {
-                // No message may end the node, not even one that finds a bug.
-                tracing::error!("a question made the computation panic");
-                self.cores = Cores::of_this_machine();
-                *reader = QuestionReader::default();
-                refusal(id, RefusalReason::Malformed, "the computation panicked")
-            });
-            // The asker may have gone, or read nothing: that is no reason to keep others waiting.
-            if replies.try_send(Ok(reply)).is_err() {
-                tracing::debug!("a reply found no reader");
-            }
-        }
+    fn answer_or_say(&mut self, asked: &Asked) -> v1::ProbeReply {
+        let answered = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| self.answer(asked)));
+        answered.unwrap_or_else(|_| {
+            // No message may end the node, not even one that finds a bug.
+            tracing::error!("a question made the computation panic");
+            self.cores = Cores::of_this_machine();
+            refusal(asked.id, RefusalReason::Malformed, "the computation panicked")
+        })
     }
 
-    fn answer(&mut self, request: v1::ProbeRequest, reader: &mut QuestionReader) -> v1::ProbeReply {
+    fn answer(&mut self, asked: &Asked) -> v1::ProbeReply {
         let began = Instant::now();
-        let (id, number) = (request.id, request.frame);
-        let precision = if request.rounded { Precision::Quantised } else { Precision::Exact };
-        // Read before the frame is looked for: the stream goes on from what it has told.
-        if let Err(error) = reader.read(request, |key| self.shapes.get(key), &mut self.question) {
-            return refusal(id, RefusalReason::from(&error), error.to_string());
-        }
-        let frame = match self.ring.get(number) {
+        let &Asked { id, frame, precision, ref question } = asked;
+        let frame = match self.ring.get(frame) {
             Ok(frame) => frame,
             Err(error) => {
                 let reason = match error {
@@ -240,13 +246,85 @@ impl Worker {
                 return refusal(id, reason, error.to_string());
             }
         };
-        let answer = self.cores.answer(&frame.views, &self.question);
+        let answer = self.cores.answer(&frame.views, question);
         let camera_count = frame.views.views().len();
         answer_to_wire(id, answer, camera_count, precision, began.elapsed().as_secs_f64() * 1e3)
     }
 }
 
-type Replies<T> = Pin<Box<dyn Stream<Item = Result<T, Status>> + Send>>;
+/// One probe stream.
+struct Stream {
+    reader: QuestionReader,
+    shapes: Arc<Shapes>,
+    worker: Arc<Mutex<Worker>>,
+    waiting: Arc<AtomicUsize>,
+    jobs: SyncSender<Job>,
+    replies: mpsc::Sender<Result<v1::ProbeReply, Status>>,
+    cameras: usize,
+}
+
+impl Stream {
+    async fn serve(mut self, mut requests: Streaming<v1::ProbeRequest>) {
+        while let Some(Ok(request)) = requests.next().await {
+            let reply = match self.read(request) {
+                Ok(asked) => match self.answer_at_once(&asked) {
+                    Some(reply) => Some(reply),
+                    None => match self.queue(asked) {
+                        Ok(reply) => reply,
+                        Err(Closed) => return,
+                    },
+                },
+                Err(reply) => Some(*reply),
+            };
+            if let Some(reply) = reply
+                && self.replies.send(Ok(reply)).await.is_err()
+            {
+                return;
+            }
+        }
+    }
+
+    fn read(&mut self, request: v1::ProbeRequest) -> Result<Asked, Box<v1::ProbeReply>> {
+        let (id, frame) = (request.id, request.frame);
+        let precision = if request.rounded { Precision::Quantised } else { Precision::Exact };
+        let mut question = Question::default();
+        let read = self.reader.read(request, |key| self.shapes.get(key), &mut question);
+        read.map_err(|error| Box::new(refusal(id, RefusalReason::from(&error), error.to_string())))?;
+        Ok(Asked { id, frame, precision, question })
+    }
+
+    /// A small question is answered here and now if nothing waits: handing it to another thread and back would
+    /// take as long.
+    fn answer_at_once(&self, asked: &Asked) -> Option<v1::ProbeReply> {
+        let is_idle = self.waiting.load(Ordering::Acquire) == 0;
+        let is_small = work_ns(&asked.question, self.cameras) <= AT_ONCE_NS;
+        let mut worker = if is_idle && is_small { self.worker.try_lock().ok()? } else { return None };
+        Some(worker.answer_or_say(asked))
+    }
+
+    /// Puts a question into the queue; a reply, if that is full.
+    fn queue(&self, asked: Asked) -> Result<Option<v1::ProbeReply>, Closed> {
+        let id = asked.id;
+        self.waiting.fetch_add(1, Ordering::Release);
+        let queued = self.jobs.try_send(Job { asked, replies: self.replies.clone() });
+        if queued.is_err() {
+            self.waiting.fetch_sub(1, Ordering::Release);
+        }
+        match queued {
+            Ok(()) => Ok(None),
+            Err(TrySendError::Full(_)) => {
+                let busy = format!("{MAX_WAITING} questions wait");
+                Ok(Some(refusal(id, RefusalReason::Busy, busy)))
+            }
+            Err(TrySendError::Disconnected(_)) => Err(Closed),
+        }
+    }
+}
+
+/// The node is ending.
+struct Closed;
+
+type Replies<T> = Pin<Box<dyn tokio_stream::Stream<Item = Result<T, Status>> + Send>>;
 
 #[tonic::async_trait]
 impl CameraNode for Service {
@@ -319,26 +397,17 @@ impl CameraNode for Service {
         &self,
         request: Request<Streaming<v1::ProbeRequest>>,
     ) -> Result<Response<Self::ProbeStream>, Status> {
-        let mut requests = request.into_inner();
         let (replies, receiver) = mpsc::channel(MAX_WAITING);
-        let jobs = self.jobs.clone();
-        let reader = Arc::new(Mutex::new(QuestionReader::default()));
-        tokio::spawn(async move {
-            while let Some(Ok(request)) = requests.next().await {
-                let id = request.id;
-                let (reader, replies_of_it) = (Arc::clone(&reader), replies.clone());
-                match jobs.try_send(Job { request, reader, replies: replies_of_it }) {
-                    Ok(()) => {}
-                    Err(TrySendError::Full(_)) => {
-                        let busy = format!("{MAX_WAITING} questions wait");
-                        if replies.send(Ok(refusal(id, RefusalReason::Busy, busy))).await.is_err() {
-                            break;
-                        }
-                    }
-                    Err(TrySendError::Disconnected(_)) => break,
-                }
-            }
-        });
+        let stream = Stream {
+            reader: QuestionReader::default(),
+            shapes: Arc::clone(&self.shapes),
+            worker: Arc::clone(&self.worker),
+            waiting: Arc::clone(&self.waiting),
+            jobs: self.jobs.clone(),
+            replies,
+            cameras: self.config.cameras.len(),
+        };
+        tokio::spawn(stream.serve(request.into_inner()));
         Ok(Response::new(Box::pin(ReceiverStream::new(receiver))))
     }
 

@@ -84,13 +84,16 @@ struct Narrowing {
 
 impl Fanout {
     pub fn new(links: Vec<Arc<Link>>, events: mpsc::Receiver<Event>, precision: Precision) -> Fanout {
-        let (ways, narrowing) = (Ways::of_classes(links.len()), Ways::of_distances(links.len()));
+        let (ways, narrowing) =
+            (Ways::of_classes(links.len(), precision), Ways::of_distances(links.len(), precision));
         Fanout { links, events, writer: QuestionWriter::new(precision), ways, narrowing, next_id: 0 }
     }
 
     /// From now on numbers travel like this.
     pub fn set_precision(&mut self, precision: Precision) {
         self.writer = QuestionWriter::new(precision);
+        self.ways = Ways::of_classes(self.links.len(), precision);
+        self.narrowing = Ways::of_distances(self.links.len(), precision);
         self.links.iter().for_each(|link| link.forget());
     }
 

@@ -18,6 +18,9 @@ const FEW_STEPS: u32 = 0xffff;
 /// a millimetre.
 const FEW_STEPS_M: f32 = 0.131;
 
+/// Stands for the pixel of an edge whose pixel was not told.
+const NO_PIXEL: Pixel = Pixel { column: 0, row: 0 };
+
 /// A node's reply to a question.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ProbeAnswer {
@@ -119,8 +122,9 @@ fn edges_to_wire(edges: &[Option<Edge>], precision: Precision) -> v1::EdgesAnswe
         .take(if all_same { 1 } else { edges.len() })
         .flat_map(|edge| edge.camera.to_le_bytes())
         .collect();
-    let (mut pixels, mut before) = (Vec::new(), Pixel { column: 0, row: 0 });
-    for Edge { pixel, .. } in present() {
+    let (mut pixels, mut before) = (Vec::new(), NO_PIXEL);
+    // Where numbers are rounded nobody asks for the pixel.
+    for Edge { pixel, .. } in present().filter(|_| precision == Precision::Exact) {
         for difference in [pixel.column - before.column, pixel.row - before.row] {
             push_number(&mut pixels, (difference << 1 ^ difference >> 31).cast_unsigned() as usize);
         }
@@ -178,7 +182,11 @@ fn edges_from_wire(answer: &v1::EdgesAnswer) -> Result<Answer, ConvertError> {
             set.len()
         )));
     }
-    let pixels = pixels_from_wire(pixels, set.len(), field("pixels"))?;
+    let pixels = if rounded && pixels.is_empty() {
+        vec![NO_PIXEL; set.len()]
+    } else {
+        pixels_from_wire(pixels, set.len(), field("pixels"))?
+    };
     for (at, index) in set.into_iter().enumerate() {
         edges[index as usize] = Some(Edge {
             distance_m: distances[at],
@@ -199,7 +207,7 @@ fn pixels_from_wire(bytes: &[u8], count: usize, field: Field) -> Result<Vec<Pixe
         let place = i64::from(before) + i64::from((code >> 1).cast_signed() ^ -(code & 1).cast_signed());
         i16::try_from(place).map(i32::from).map_err(|_| field.value(format!("holds pixel {place}")))
     };
-    let (mut pixels, mut pixel) = (Vec::with_capacity(count), Pixel { column: 0, row: 0 });
+    let (mut pixels, mut pixel) = (Vec::with_capacity(count), NO_PIXEL);
     for _ in 0..count {
         pixel = Pixel { column: next(pixel.column)?, row: next(pixel.row)? };
         pixels.push(pixel);
@@ -345,10 +353,7 @@ mod tests {
         let answer = Answer { edges: vec![edge(0.03, 3, 7, 8), None, edge(0.4, 3, 7, 9)], ..of(Kind::Edges) };
         let back = there_and_back(&answer, Precision::Quantised);
         for (edge, back) in answer.edges.iter().zip(&back.edges) {
-            assert_eq!(
-                edge.map(|edge| (edge.camera, edge.pixel)),
-                back.map(|edge| (edge.camera, edge.pixel))
-            );
+            assert_eq!(edge.map(|edge| (edge.camera, NO_PIXEL)), back.map(|edge| (edge.camera, edge.pixel)));
             let (Some(edge), Some(back)) = (edge, back) else { continue };
             assert!((edge.distance_m - back.distance_m).abs() < 5e-8);
             let off = edge.normal_world.iter().zip(back.normal_world).map(|(a, b)| (a - b).abs());

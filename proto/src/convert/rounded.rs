@@ -11,7 +11,8 @@ pub enum Precision {
     #[default]
     Exact,
     /// Poses to a micrometre, normals to 0.0002 degrees, exits to two micrometres: a response
-    /// differs by less than 0.1 mm, unless a ray grazes a pixel's corner.
+    /// differs by less than 0.1 mm, unless a ray grazes a pixel's corner. The pixels of
+    /// edges are not told.
     Quantised,
 }
 
