@@ -79,8 +79,14 @@ fn segmenter(format: Format, settings: &SegmentSettings, noise: &mut Noise) -> S
 }
 
 /// Without clean-up every single bit counts.
-fn uncleaned(settings: SegmentSettings) -> SegmentSettings {
-    SegmentSettings { open_px: Some(1), close_px: Some(1), speck_px: Some(0), hole_px: Some(0), ..settings }
+fn uncleaned(settings: &SegmentSettings) -> SegmentSettings {
+    SegmentSettings {
+        open_px: Some(1),
+        close_px: Some(1),
+        speck_px: Some(0),
+        hole_px: Some(0),
+        ..settings.clone()
+    }
 }
 
 proptest! {
@@ -95,7 +101,7 @@ proptest! {
         let method = if chroma { Method::Chroma } else { Method::Difference };
         let mut settings = SegmentSettings { method, ..SegmentSettings::default() };
         if raw {
-            settings = uncleaned(settings);
+            settings = uncleaned(&settings);
         }
         let mut segmenter = segmenter(format, &settings, &mut noise);
         let frame = frame(format, &mut noise, brightness, wild);
@@ -115,7 +121,7 @@ fn several_cores_see_what_one_sees() {
         // Odd, and worth three bands.
         let format = Format::new(layout, 2501, 2517).expect("size");
         let mut noise = Noise(77);
-        let mut segmenter = segmenter(format, &uncleaned(SegmentSettings::default()), &mut noise);
+        let mut segmenter = segmenter(format, &uncleaned(&SegmentSettings::default()), &mut noise);
         let frame = frame(format, &mut noise, 8, 6);
         let alone = segmenter.segment(&frame).expect("a frame");
         assert!(alone.silhouette.area() > 0);
