@@ -131,7 +131,7 @@ mod tests {
         let (_, question) = shared();
         let ranges = split(&question, 3);
         assert_eq!(ranges, [0..3, 3..6, 6..9]);
-        assert_eq!(split(&Question::default(), 4), [0..0]);
+        assert_eq!(split(&Question::default(), 4), vec![Range { start: 0, end: 0 }]);
         let few = Question { batches: question.batches[..2].to_vec(), ..Question::default() };
         assert!(work_ns(&few, 1) < GRAIN_NS);
     }
