@@ -18,9 +18,9 @@ use self::verdict::CrossingRow;
 use super::cluster::film::{FPS, FilmPlan};
 use super::cluster::{parse_bodies, parse_nodes};
 use super::plot;
-use super::table::{Machine, Table};
+use super::table::{Machine, Table, write_json};
 use crate::demo::parse_size;
-use crate::failure::{Failure, Outcome, check_writable, write_whole};
+use crate::failure::{Outcome, check_writable};
 use crate::rig::progress::Progress;
 
 /// Frames of the film: each is gathered once.
@@ -113,11 +113,8 @@ pub fn run(arguments: &BandwidthBenchArguments) -> Outcome {
         charts::draw(&all, folder)?;
     }
     let table = Table { bench: "bandwidth", machine, rows };
-    let Some(path) = &arguments.json else { return Ok(()) };
     let report = Report { table, crossings: verdict::crossings(&all) };
-    let mut text = serde_json::to_vec_pretty(&report).map_err(Failure::run)?;
-    text.push(b'\n');
-    write_whole(path, &text)
+    write_json(&report, arguments.json.as_deref())
 }
 
 /// Every combination of what is given; without anything given, sizes and noises together, and cameras.

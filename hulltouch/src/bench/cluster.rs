@@ -24,9 +24,9 @@ use self::names::{PrecisionName, SocketName};
 use self::rows::{Row, print_header, print_row, print_stages};
 use super::plot;
 use super::scale::report::{ScaleReport, report};
-use super::table::{Machine, Table};
+use super::table::{Machine, Table, write_json};
 use crate::demo::parse_size;
-use crate::failure::{Failure, Outcome, check_writable, write_whole};
+use crate::failure::{Outcome, check_writable};
 
 const BASE_NODES: usize = 8;
 const BASE_BODIES: usize = 30;
@@ -128,10 +128,7 @@ pub fn run(arguments: &ClusterBenchArguments) -> Outcome {
         charts::draw(&rows, folder)?;
     }
     let report = Report { table: Table { bench: "cluster", machine, rows }, scale };
-    let Some(path) = &arguments.json else { return Ok(()) };
-    let mut text = serde_json::to_vec_pretty(&report).map_err(Failure::run)?;
-    text.push(b'\n');
-    write_whole(path, &text)
+    write_json(&report, arguments.json.as_deref())
 }
 
 /// Every combination of what is given; without anything given, the base with one thing varied at a time.
