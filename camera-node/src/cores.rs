@@ -72,9 +72,11 @@ fn split(question: &Question, count: usize) -> Vec<Range<usize>> {
     let (mut start, mut points) = (0, 0);
     for (index, batch) in question.batches.iter().enumerate() {
         points += batch.len();
-        if points >= each && ranges.len() + 1 < count && index + 1 < question.batches.len() {
+        // A part ends with the batch that brings it nearest to its share.
+        let is_full = points + batch.len() / 2 >= each * (ranges.len() + 1);
+        if is_full && ranges.len() + 1 < count && index + 1 < question.batches.len() {
             ranges.push(start..index + 1);
-            (start, points) = (index + 1, 0);
+            start = index + 1;
         }
     }
     ranges.push(start..question.batches.len());

@@ -124,6 +124,8 @@ struct Inner {
     delivered: Vec<Option<u64>>,
     state: FilmState,
     skipped: u64,
+    /// Counts runs: each begins with an empty ring and numbers its frames anew.
+    run: u64,
 }
 
 impl Inner {
@@ -161,7 +163,10 @@ impl FrameRing {
 
     /// Forgets all frames: a new run begins.
     pub fn clear(&self) {
-        *self.lock() = Inner::new(self.camera_count);
+        let mut inner = self.lock();
+        let run = inner.run + 1;
+        *inner = Inner { run, ..Inner::new(self.camera_count) };
+        drop(inner);
         self.changed();
     }
 
@@ -249,10 +254,12 @@ impl FrameRing {
         found.cloned().ok_or(FrameError::Gone { asked: number, oldest, newest })
     }
 
-    /// All frames newer than `number`, oldest first.
-    pub fn since(&self, number: Option<u64>) -> Vec<Arc<Frame>> {
+    /// The run, and its frames that came after what was told of one (run, frame number), oldest first.
+    pub fn news(&self, told: Option<(u64, u64)>) -> (u64, Vec<Arc<Frame>>) {
         let inner = self.lock();
-        inner.ring.iter().filter(|frame| number.is_none_or(|number| frame.number > number)).cloned().collect()
+        let last = told.filter(|&(run, _)| run == inner.run).map(|(_, number)| number);
+        let is_new = |frame: &&Arc<Frame>| last.is_none_or(|last| frame.number > last);
+        (inner.run, inner.ring.iter().filter(is_new).cloned().collect())
     }
 
     /// Wakes whenever a frame, an end or a failure has come.

@@ -440,31 +440,31 @@ impl CameraNode for Service {
 /// Sends every frame as it comes, then how the film ended.
 async fn tell_frames(ring: Arc<FrameRing>, sender: mpsc::Sender<Result<v1::FrameInfo, Status>>) {
     let mut changes = ring.watch();
-    let mut last: Option<u64> = None;
-    let mut told_end = false;
+    // The run and number of the last frame that was told, and the run whose end was.
+    let mut last: Option<(u64, u64)> = None;
+    let mut told_end: Option<u64> = None;
     loop {
-        let frames = ring.since(last);
-        // Read after the frames: an end that is seen here comes after all of them.
-        let state = ring.state();
-        if frames.is_empty() && state == FilmState::Running && ring.since(None).is_empty() {
-            // A new run has begun; its numbers start over.
-            last = None;
-            told_end = false;
-        }
-        for frame in ring.since(last) {
-            last = Some(frame.number);
+        let (run, frames) = ring.news(last);
+        for frame in frames {
+            last = Some((run, frame.number));
             if sender.send(Ok(frame_to_wire(&frame))).await.is_err() {
                 return;
             }
         }
-        if state != FilmState::Running && !told_end && ring.since(last).is_empty() {
-            told_end = true;
+        // Read before the frames once more: an end that is seen here comes after all of them.
+        let state = ring.state();
+        let (run_now, left) = ring.news(last);
+        if state != FilmState::Running && told_end != Some(run) && run_now == run && left.is_empty() {
+            told_end = Some(run);
             let failure = if let FilmState::Failed(why) = state { why } else { String::new() };
-            let frame = last.unwrap_or(0);
+            let frame = last.map_or(0, |(_, number)| number);
             let info = v1::FrameInfo { frame, ended: true, failure, ..v1::FrameInfo::default() };
             if sender.send(Ok(info)).await.is_err() {
                 return;
             }
+        }
+        if run_now != run || !left.is_empty() {
+            continue;
         }
         tokio::select! {
             changed = changes.changed() => if changed.is_err() { return },

@@ -242,7 +242,7 @@ impl LocalFrames for InProcess {
     }
 
     fn frames(&self) -> Vec<u64> {
-        self.ring.since(None).iter().map(|frame| frame.number).collect()
+        self.ring.news(None).1.iter().map(|frame| frame.number).collect()
     }
 
     fn facts(&self, frame: u64) -> Option<FrameFacts> {
