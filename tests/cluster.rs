@@ -46,7 +46,10 @@ fn one_seed_is_one_run_over_every_transport() {
     let samples = |run: &Value| run["inside_samples"].as_f64().expect("a number");
     assert!((samples(&rounded) / samples(&runs[0]) - 1.0).abs() < 0.2, "rounded numbers, about the same run");
     let bytes = |run: &Value| {
-        ["to_nodes", "from_nodes"].map(|way| run["bytes"][way].as_u64().expect("a number")).iter().sum::<u64>()
+        ["to_nodes", "from_nodes"]
+            .map(|way| run["bytes"][way].as_u64().expect("a number"))
+            .iter()
+            .sum::<u64>()
     };
     assert!(bytes(&rounded) < bytes(&runs[2]), "{} of {} bytes", bytes(&rounded), bytes(&runs[2]));
     let other = lock_step(folder.path(), "inprocess", "2");

@@ -49,10 +49,6 @@ fn shared_answers_make_the_same_run_with_fewer_questions_over_every_transport() 
             assert!(inside > 20, "bodies meet the person: {inside}");
             let (few, many) = (count(&shared, "passes"), count(&each, "passes"));
             assert!(4 * few < 3 * many, "{few} passes, {many} when asked at every step");
-            let bytes = |run: &Value| run["bytes"]["per_step"].as_f64().expect("a number");
-            if transport == "cluster" {
-                assert!(bytes(&shared) < bytes(&each), "{} {}", shared["bytes"], each["bytes"]);
-            }
             digests.push(shared["trajectory_digest"].clone());
         }
         assert!(digests.iter().all(|digest| *digest == digests[0]), "{digests:?}");
