@@ -1,5 +1,6 @@
 //! Passes over the wire's messages, without sockets: exact ones are those of a single machine, bit for bit,
-//! and rounded ones respond within a tenth of a millimetre, deep bodies too.
+//! and rounded ones respond within a tenth of a millimetre, deep bodies too, but for two in a thousand: rays
+//! that graze a pixel's corner.
 
 use std::sync::Arc;
 
