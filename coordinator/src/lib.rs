@@ -10,6 +10,7 @@ mod counting;
 mod facts;
 mod fanout;
 mod figures;
+pub mod live;
 mod run;
 mod transport;
 mod ways;

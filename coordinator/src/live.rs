@@ -1,0 +1,361 @@
+//! What others see of a run while it goes on, and what they may ask of it.
+//!
+//! The loop publishes the world after every step and its status four times a second, and takes commands
+//! between steps. A [`Follower`] is the other end: cheap to copy, free to lag, and never waited for. Nothing
+//! is published while nobody follows.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use hull::Pose;
+use sim::{BodySpec, Scene, Solid};
+use thiserror::Error;
+use tokio::sync::{mpsc, oneshot, watch};
+
+/// Commands that wait for the next step at most: a page that drags sends one a picture.
+const MAX_WAITING: usize = 256;
+
+/// A body's number: unique within a generation of the world, never given twice.
+pub type BodyId = u32;
+
+/// What is asked of a run.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Command {
+    /// Steps stop; film goes on.
+    Pause,
+    /// Steps go on, with the film of then.
+    Resume,
+    /// So many steps, and paused again.
+    Step(u32),
+    /// The scene from its start, with its seed.
+    Reset,
+    /// Another scene from its start.
+    Choose(Scene),
+    /// Another body; the answer is its number.
+    Spawn(Box<BodySpec>),
+    /// A body goes.
+    Remove(BodyId),
+    /// A push.
+    Push {
+        /// Which body.
+        body: BodyId,
+        /// Newton seconds, world.
+        impulse_n_s: [f64; 3],
+        /// Where, world, metres; `None`: at the centre of mass.
+        at_m: Option<[f64; 3]>,
+    },
+    /// Holds a body by a point of it and draws that point to a target, until it is let go. Asked again it
+    /// moves the target.
+    Grab {
+        /// Which body.
+        body: BodyId,
+        /// The point, body frame, metres.
+        grip_body_m: [f64; 3],
+        /// Where it is drawn to, world, metres.
+        target_m: [f64; 3],
+    },
+    /// Lets go; the body keeps the velocity it has, or is given one.
+    Release {
+        /// Which body.
+        body: BodyId,
+        /// The velocity it is thrown with, m/s, world.
+        velocity_m_s: Option<[f64; 3]>,
+    },
+    /// Parameters of the world.
+    Set(Parameters),
+    /// Every camera learns its background anew from the film of the next seconds.
+    TakeBackground {
+        /// How long, seconds.
+        seconds: f64,
+    },
+}
+
+/// What may be changed while a world runs; `None` leaves it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Parameters {
+    /// Whether bodies answer the hull at all.
+    pub answers_hull: Option<bool>,
+    /// The share of the speed into the hull that is mirrored, 0 to 1.
+    pub hull_restitution: Option<f64>,
+    /// Coulomb friction of the hull, 0 to 10.
+    pub hull_friction: Option<f64>,
+    /// m/s², world.
+    pub gravity_m_s2: Option<[f64; 3]>,
+}
+
+/// What a command did.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Done {
+    /// What it says.
+    Done,
+    /// A body was spawned.
+    Spawned(BodyId),
+}
+
+/// Why a command did nothing: one line.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("{0}")]
+pub struct Refused(pub String);
+
+/// A command on its way, and where its answer goes.
+#[derive(Debug)]
+pub struct Order {
+    /// What is asked.
+    pub command: Command,
+    /// Where the answer goes.
+    pub reply: oneshot::Sender<Result<Done, Refused>>,
+}
+
+/// One body after a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BodyState {
+    /// Which.
+    pub id: BodyId,
+    /// World from body.
+    pub pose: Pose,
+    /// Velocity of its origin in the world, m/s.
+    pub velocity_m_s: [f64; 3],
+    /// Angular velocity in the world, rad/s.
+    pub spin_rad_s: [f64; 3],
+    /// How many of its samples were inside the hull.
+    pub inside_samples: u32,
+    /// How the hull moved it, metres, if it did.
+    pub response_m: Option<[f64; 3]>,
+    /// Whether somebody holds it.
+    pub grabbed: bool,
+    /// Whether the solver has put it to sleep.
+    pub asleep: bool,
+}
+
+/// One sample that was inside the hull.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TouchPoint {
+    /// The body's place in [`WorldState::bodies`].
+    pub body: u32,
+    /// Where it was, world, metres.
+    pub point_m: [f32; 3],
+    /// Its own way out, metres; zero without one.
+    pub response_m: [f32; 3],
+}
+
+/// The world after a step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WorldState {
+    /// Counts worlds: a reset or another scene begins a new one.
+    pub generation: u32,
+    /// How many steps it has made.
+    pub step: u64,
+    /// Film time, seconds.
+    pub film_s: f64,
+    /// The frame that the step saw, if there was a hull.
+    pub frame: Option<u64>,
+    /// Whether steps have stopped.
+    pub paused: bool,
+    /// Every body that moves or is fixed, in the order of [`SceneState::bodies`].
+    pub bodies: Vec<BodyState>,
+    /// All samples inside the hull before the step.
+    pub touches: Vec<TouchPoint>,
+}
+
+/// What a body looks like.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BodyLook {
+    /// Which.
+    pub id: BodyId,
+    /// Its name.
+    pub name: String,
+    /// Its geometry, body frame.
+    pub solid: Solid,
+    /// sRGB, 0 to 1.
+    pub color: [f32; 3],
+    /// Whether it never moves.
+    pub fixed: bool,
+}
+
+/// What changes seldom: published when bodies come or go, or parameters change.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneState {
+    /// As in [`WorldState::generation`].
+    pub generation: u32,
+    /// Counts changes within the run.
+    pub version: u64,
+    /// The scene's name.
+    pub scene: String,
+    /// All bodies.
+    pub bodies: Vec<BodyLook>,
+    /// Every parameter as it is.
+    pub parameters: Parameters,
+    /// The unit vector against gravity.
+    pub up: [f64; 3],
+    /// Height of the floor along up, metres.
+    pub floor_m: Option<f64>,
+}
+
+/// How a camera does.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CameraStatus {
+    /// Its name.
+    pub name: String,
+    /// Why its node is not there, if so.
+    pub problem: Option<String>,
+    /// Its newest frame.
+    pub newest_frame: Option<u64>,
+    /// From that frame's capture to now, milliseconds.
+    pub age_ms: f64,
+    /// How far its captures lie from the mean of all cameras', milliseconds.
+    pub sync_ms: f64,
+    /// Share of foreground pixels.
+    pub foreground: f64,
+    /// Bytes of its compact silhouette.
+    pub silhouette_bytes: u32,
+    /// From capture to silhouette, milliseconds.
+    pub segment_ms: f64,
+}
+
+/// How a run does: published four times a second.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RunStatus {
+    /// As on the console.
+    pub progress: crate::Progress,
+    /// Each camera, in rig order.
+    pub cameras: Vec<CameraStatus>,
+    /// Frames passed over so far, of so many.
+    pub frames_missed: u64,
+    /// Frames that film held so far.
+    pub frames_expected: u64,
+    /// Steps that used an older frame than theirs.
+    pub late_steps: u64,
+    /// Steps without a hull.
+    pub blind_steps: u64,
+}
+
+/// The end that steers and watches. Copies are cheap.
+#[derive(Clone, Debug)]
+pub struct Follower {
+    orders: mpsc::Sender<Order>,
+    /// The world after the newest step.
+    pub world: watch::Receiver<Option<Arc<WorldState>>>,
+    /// Bodies and parameters.
+    pub scene: watch::Receiver<Option<Arc<SceneState>>>,
+    /// Status.
+    pub status: watch::Receiver<Option<Arc<RunStatus>>>,
+    watching: Arc<AtomicUsize>,
+}
+
+/// Counts somebody who watches, until dropped.
+#[derive(Debug)]
+pub struct Watching(Arc<AtomicUsize>);
+
+/// The loop's end.
+#[derive(Debug)]
+pub struct Live {
+    /// Commands for the next step.
+    pub orders: mpsc::Receiver<Order>,
+    /// The world after the newest step.
+    pub world: watch::Sender<Option<Arc<WorldState>>>,
+    /// Bodies and parameters.
+    pub scene: watch::Sender<Option<Arc<SceneState>>>,
+    /// Status.
+    pub status: watch::Sender<Option<Arc<RunStatus>>>,
+    watching: Arc<AtomicUsize>,
+}
+
+/// Both ends.
+pub fn live() -> (Live, Follower) {
+    let (order, orders) = mpsc::channel(MAX_WAITING);
+    let (world, see_world) = watch::channel(None);
+    let (scene, see_scene) = watch::channel(None);
+    let (status, see_status) = watch::channel(None);
+    let watching = Arc::new(AtomicUsize::new(0));
+    let follower = Follower {
+        orders: order,
+        world: see_world,
+        scene: see_scene,
+        status: see_status,
+        watching: Arc::clone(&watching),
+    };
+    (Live { orders, world, scene, status, watching }, follower)
+}
+
+impl Live {
+    /// Whether the world is worth publishing at every step.
+    pub fn is_watched(&self) -> bool {
+        self.watching.load(Ordering::Relaxed) > 0
+    }
+}
+
+impl Follower {
+    /// The world is published for as long as what is returned lives.
+    pub fn watch(&self) -> Watching {
+        self.watching.fetch_add(1, Ordering::Relaxed);
+        Watching(Arc::clone(&self.watching))
+    }
+
+    /// Asks for something and waits for the step that does it.
+    pub async fn order(&self, command: Command) -> Result<Done, Refused> {
+        let (reply, answered) = oneshot::channel();
+        let order = Order { command, reply };
+        self.orders.try_send(order).map_err(|error| {
+            Refused(match error {
+                mpsc::error::TrySendError::Full(_) => format!("{MAX_WAITING} commands wait, expected fewer"),
+                mpsc::error::TrySendError::Closed(_) => "the run has ended".into(),
+            })
+        })?;
+        answered.await.unwrap_or_else(|_| Err(Refused("the run has ended".into())))
+    }
+}
+
+impl Drop for Watching {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn an_order_is_answered_or_told_that_nobody_will() {
+        let (mut live, follower) = live();
+        let asking = tokio::spawn({
+            let follower = follower.clone();
+            async move { follower.order(Command::Pause).await }
+        });
+        let order = live.orders.recv().await.expect("an order");
+        assert_eq!(order.command, Command::Pause);
+        order.reply.send(Ok(Done::Done)).expect("somebody waits");
+        assert_eq!(asking.await.expect("no panic"), Ok(Done::Done));
+        drop(live);
+        assert_eq!(follower.order(Command::Resume).await, Err(Refused("the run has ended".into())));
+    }
+
+    #[tokio::test]
+    async fn orders_beyond_the_bound_are_refused() {
+        let (_live, follower) = live();
+        let asked: Vec<_> = (0..=MAX_WAITING)
+            .map(|_| {
+                let follower = follower.clone();
+                Box::pin(async move { follower.order(Command::Pause).await })
+            })
+            .collect();
+        let (mut waiting, mut refused) = (vec![], 0);
+        for mut order in asked {
+            match futures::poll!(&mut order) {
+                std::task::Poll::Ready(answer) => refused += usize::from(answer.is_err()),
+                std::task::Poll::Pending => waiting.push(order),
+            }
+        }
+        assert_eq!((waiting.len(), refused), (MAX_WAITING, 1));
+    }
+
+    #[test]
+    fn the_world_is_published_while_somebody_watches() {
+        let (live, follower) = live();
+        assert!(!live.is_watched());
+        let watching = follower.clone().watch();
+        assert!(live.is_watched());
+        drop(watching);
+        assert!(!live.is_watched());
+    }
+}
