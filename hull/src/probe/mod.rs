@@ -2,6 +2,7 @@
 
 pub mod classify;
 pub mod edge_normal;
+pub mod edge_ray;
 pub mod exit;
 pub mod frame;
 pub mod nearest_edge;

@@ -1,24 +1,60 @@
 //! Nearest edges of a group (spec §3.1, §3.2).
+//!
+//! Many points go through every stage together, camera by camera: a search need not wait for the one before
+//! it, and what is reckoned of what it found is reckoned in vectors.
 
-use nalgebra::{Point3, Vector2, Vector3};
-
-use super::sights::{CHUNK, Sought};
+use super::picks::Picks;
+use super::sights::{CHUNK, Sight, Sought};
 use super::{Asked, Scratch, ViewSet};
 use crate::camera::Pixel;
 use crate::coordinates::Coordinates;
 use crate::probe::edge_normal::sum_of_background;
+use crate::probe::edge_ray::{LANES, Lanes, distances, hull_normals, normalised};
 use crate::probe::nearest_edge::nearest_edge;
 use crate::question::{Answer, Edge};
+use crate::vector::VectorPath;
+use crate::view::View;
 
 /// Up to here, looking at the whole square first costs less than a search.
 const BOX_PIXELS: f32 = 16.0;
+/// No view.
+const NOBODY: u32 = u32::MAX;
 
-/// A camera's edge before its normal is wanted.
+/// The nearest edges of a chunk of points so far.
+#[derive(Clone, Debug)]
+pub(super) struct Nearest {
+    /// Without an edge how far it may be, metres.
+    distance_m: [f32; CHUNK],
+    view: [u32; CHUNK],
+    column: [i32; CHUNK],
+    row: [i32; CHUNK],
+    normalised: [[f64; CHUNK]; 2],
+    normal_world: [[f32; 3]; CHUNK],
+    picks: Picks,
+    found: Found,
+}
+
+/// What the search of one view found.
+#[derive(Clone, Debug, Default)]
 struct Found {
-    view: usize,
-    edge: Edge,
-    normalised: Vector2<f64>,
-    from_start: Vector2<f64>,
+    picks: Picks,
+    column: [[i32; LANES]; CHUNK / LANES],
+    row: [[i32; LANES]; CHUNK / LANES],
+}
+
+impl Default for Nearest {
+    fn default() -> Nearest {
+        Nearest {
+            distance_m: [0.0; CHUNK],
+            view: [NOBODY; CHUNK],
+            column: [0; CHUNK],
+            row: [0; CHUNK],
+            normalised: [[0.0; CHUNK]; 2],
+            normal_world: [[0.0; 3]; CHUNK],
+            picks: Picks::default(),
+            found: Found::default(),
+        }
+    }
 }
 
 impl ViewSet {
@@ -31,103 +67,124 @@ impl ViewSet {
         scratch: &mut Scratch,
         answer: &mut Answer,
     ) {
-        let mut last = 0;
         for from in (0..points.len()).step_by(CHUNK) {
-            scratch.sights.look(&self.views, points, from, Sought::Centre, self.path);
-            for at in from..points.len().min(from + CHUNK) {
-                let edge = self.edge(&points.point(at), at - from, asked.reach(at), &mut last, scratch);
-                answer.edges.push(edge);
+            let count = (points.len() - from).min(CHUNK);
+            let Scratch { sights, nearest, .. } = scratch;
+            sights.look(&self.views, points, from, Sought::Centre, self.path);
+            nearest.view = [NOBODY; CHUNK];
+            for at in 0..count {
+                nearest.distance_m[at] = asked.reach(from + at);
             }
-        }
-    }
-
-    /// The nearest edge of the cameras that say inside, if it is within reach. `last` is the last winner,
-    /// worth beginning with: it decides what is searched, never what is found.
-    #[inline(always)]
-    fn edge(
-        &self,
-        a: &Point3<f64>,
-        at: usize,
-        reach_m: f32,
-        last: &mut usize,
-        scratch: &Scratch,
-    ) -> Option<Edge> {
-        let mut best: Option<Found> = None;
-        let least = scratch.sights.least_clear(at);
-        let clear_m = |view: usize| scratch.sights.of(view).clear_m[at];
-        // The first edge found bounds all searches after it: bounded by one another they would have to wait
-        // for one another.
-        let mut within_m = reach_m;
-        let begin = if clear_m(*last) <= clear_m(least) { *last } else { least };
-        for order in 0..=self.views.len() {
-            let view = if order == 0 { begin } else { order - 1 };
-            if order > 0 && view == begin {
-                continue;
-            }
-            let sight = scratch.sights.of(view);
-            // Nor if the camera does not say inside.
-            let may_win = sight.clear_m[at] <= within_m;
-            if !may_win {
-                continue;
-            }
-            let start = Pixel { column: sight.column[at], row: sight.row[at] };
-            let limit_pixels = sight.pixels_within(at, within_m);
-            let so_far = best.as_ref().map(|best| best.edge);
-            if let Some(found) = self.camera_edge(view, a, start, limit_pixels, reach_m, so_far) {
-                if best.is_none() {
-                    within_m = found.edge.distance_m;
+            // First in the view that is likely to win: what it finds bounds the others' searches.
+            for is_first in [true, false] {
+                for (index, view) in self.views.iter().enumerate() {
+                    let sight = sights.of(index);
+                    nearest.picks.take(count, |at| {
+                        let may_win = sight.clear_m[at] <= nearest.distance_m[at];
+                        may_win & ((sights.least_clear(at) == index) == is_first)
+                    });
+                    nearest.search(view, sight, self.path);
+                    nearest.compare(view, index as u32, points, from);
                 }
-                best = Some(found);
+            }
+            for (index, view) in self.views.iter().enumerate() {
+                nearest.picks.take(count, |at| nearest.view[at] == index as u32);
+                nearest.find_normals(view, sights.of(index));
+            }
+            answer.edges.extend((0..count).map(|at| nearest.edge(at, &self.views)));
+        }
+    }
+}
+
+impl Nearest {
+    /// Finds the picked points' pixels in a view.
+    #[inline(always)]
+    fn search(&mut self, view: &View, sight: &Sight, path: VectorPath) {
+        let candidates = view.edge_candidates();
+        self.found.picks.clear();
+        for at in self.picks.iter() {
+            let start = Pixel { column: sight.column[at], row: sight.row[at] };
+            let limit_pixels = sight.pixels_within(at, self.distance_m[at]);
+            if limit_pixels < BOX_PIXELS {
+                // Most cameras see nothing but foreground so near.
+                let reach = limit_pixels as i32;
+                let corner =
+                    |sign| Pixel { column: start.column + sign * reach, row: start.row + sign * reach };
+                if candidates.map().all_ones(corner(-1), corner(1)) {
+                    continue;
+                }
+            }
+            let limit = (limit_pixels * limit_pixels).min(1e12) as i64 + 1;
+            if let Some(found) = nearest_edge(candidates, start, limit, path) {
+                self.found.push(at, found.pixel);
             }
         }
-        let Found { view, mut edge, normalised, from_start } = best?;
-        *last = view;
-        let view = &self.views[view];
-        let candidates = view.edge_candidates().map();
-        let sum = sum_of_background(candidates, edge.pixel, view.observer().window_pixels());
-        let m = if sum == Vector2::zeros() { from_start } else { sum };
-        let normal = view.camera().hull_normal_world(&normalised, &m)?;
-        edge.normal_world = [normal.x as f32, normal.y as f32, normal.z as f32];
-        Some(edge)
     }
 
-    /// One camera's edge, if it is within reach and beats `best`.
+    /// Keeps those of the found pixels that are nearer than what was found before. Ties go to the lower view.
     #[inline(always)]
-    fn camera_edge(
-        &self,
-        index: usize,
-        a: &Point3<f64>,
-        start: Pixel,
-        limit_pixels: f32,
-        reach_m: f32,
-        best: Option<Edge>,
-    ) -> Option<Found> {
-        let view = &self.views[index];
-        let candidates = view.edge_candidates();
-        if limit_pixels < BOX_PIXELS {
-            // Most cameras see nothing but foreground so near.
-            let reach = limit_pixels as i32;
-            let corner = |sign| Pixel { column: start.column + sign * reach, row: start.row + sign * reach };
-            if candidates.map().all_ones(corner(-1), corner(1)) {
-                return None;
+    fn compare(&mut self, view: &View, index: u32, points: &Coordinates, from: usize) {
+        let Found { picks, column, row } = &self.found;
+        for (block, places) in picks.blocks() {
+            let seen = normalised(view.camera(), view.frame(), &column[block], &row[block]);
+            let of = |axis: &[f64]| -> Lanes { places.map(|at| axis[from + usize::from(at)]) };
+            let points = [of(&points.x), of(&points.y), of(&points.z)];
+            let distances_m = distances(view.frame(), &points, &seen);
+            for lane in 0..LANES.min(picks.len() - block * LANES) {
+                let (at, distance_m) = (usize::from(places[lane]), distances_m[lane]);
+                let best_m = self.distance_m[at];
+                if distance_m < best_m || distance_m == best_m && index < self.view[at] {
+                    self.distance_m[at] = distance_m;
+                    self.view[at] = index;
+                    (self.column[at], self.row[at]) = (column[block][lane], row[block][lane]);
+                    (self.normalised[0][at], self.normalised[1][at]) = (seen[0][lane], seen[1][lane]);
+                }
             }
         }
-        let limit = (limit_pixels * limit_pixels).min(1e12) as i64 + 1;
-        let pixel = nearest_edge(candidates, start, limit, self.path)?.pixel;
-        let camera = view.camera();
-        let a_camera = camera.camera_from_world(a);
-        let normalised = camera.normalised(&pixel.centre())?;
-        let ray = Vector3::new(normalised.x, normalised.y, 1.0).normalize();
-        let distance_m = a_camera.cross(&ray).norm() as f32;
-        let rig_index = view.observer().rig_index();
-        let wins = match best {
-            None => distance_m <= reach_m,
-            Some(best) => {
-                distance_m < best.distance_m || distance_m == best.distance_m && rig_index < best.camera
+    }
+
+    /// Finds the normals of the picked points' edges, which are this view's.
+    #[inline(always)]
+    fn find_normals(&mut self, view: &View, sight: &Sight) {
+        let (candidates, window) = (view.edge_candidates().map(), view.observer().window_pixels());
+        for (block, places) in self.picks.blocks() {
+            let (mut x, mut y) = ([0.0; LANES], [0.0; LANES]);
+            let count = LANES.min(self.picks.len() - block * LANES);
+            for lane in 0..count {
+                let at = usize::from(places[lane]);
+                let pixel = Pixel { column: self.column[at], row: self.row[at] };
+                let sum = sum_of_background(candidates, pixel, window);
+                (x[lane], y[lane]) = (sum.x, sum.y);
+                if sum.x == 0.0 && sum.y == 0.0 {
+                    x[lane] = f64::from(pixel.column - sight.column[at]);
+                    y[lane] = f64::from(pixel.row - sight.row[at]);
+                }
             }
-        };
-        let from_start = (pixel.centre() - start.centre()).cast();
-        let edge = Edge { distance_m, camera: rig_index, pixel, normal_world: [0.0; 3] };
-        wins.then_some(Found { view: index, edge, normalised, from_start })
+            let seen = [0, 1].map(|axis| places.map(|at| self.normalised[axis][usize::from(at)]));
+            let normals = hull_normals(view.frame(), &seen, &[x, y]);
+            for lane in 0..count {
+                self.normal_world[usize::from(places[lane])] = normals[lane];
+            }
+        }
+    }
+
+    /// A point's edge, if there is one and it has a normal.
+    #[inline(always)]
+    fn edge(&self, at: usize, views: &[View]) -> Option<Edge> {
+        let camera = views.get(self.view[at] as usize)?.observer().rig_index();
+        let normal_world = self.normal_world[at];
+        let pixel = Pixel { column: self.column[at], row: self.row[at] };
+        let edge = Edge { distance_m: self.distance_m[at], camera, pixel, normal_world };
+        (!normal_world[0].is_nan()).then_some(edge)
+    }
+}
+
+impl Found {
+    #[inline(always)]
+    fn push(&mut self, at: usize, pixel: Pixel) {
+        let (block, lane) = (self.picks.len() / LANES, self.picks.len() % LANES);
+        self.column[block][lane] = pixel.column;
+        self.row[block][lane] = pixel.row;
+        self.picks.push(at);
     }
 }

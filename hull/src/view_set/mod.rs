@@ -4,6 +4,7 @@
 
 mod edges;
 mod exits;
+mod picks;
 mod sights;
 
 use std::ops::Range;
@@ -17,6 +18,7 @@ use crate::question::{Answer, Batch, Kind, Points, Question, Standing};
 use crate::rule::HullRule;
 use crate::vector::{VectorPath, on_path};
 use crate::view::{Class, View};
+use edges::Nearest;
 use exits::Rays;
 use sights::Sights;
 
@@ -40,6 +42,7 @@ pub struct Scratch {
     moved: Coordinates,
     block: Box<Block>,
     sights: Sights,
+    nearest: Nearest,
     rays: Rays,
 }
 

@@ -1,0 +1,80 @@
+//! Some points of a chunk: chosen without branches, since nobody could foretell them.
+
+use super::sights::CHUNK;
+use crate::probe::edge_ray::LANES;
+
+/// Points of a chunk, in order. Places beyond the last one may be read.
+#[derive(Clone, Debug)]
+pub(super) struct Picks {
+    places: [u8; CHUNK],
+    count: usize,
+}
+
+impl Default for Picks {
+    fn default() -> Picks {
+        Picks { places: [0; CHUNK], count: 0 }
+    }
+}
+
+impl Picks {
+    /// Forgets all.
+    #[inline(always)]
+    pub fn clear(&mut self) {
+        self.count = 0;
+    }
+
+    /// Adds a point; there must be room.
+    #[inline(always)]
+    pub fn push(&mut self, at: usize) {
+        self.push_if(at, true);
+    }
+
+    /// Adds a point if it fits; there must be room.
+    #[inline(always)]
+    pub fn push_if(&mut self, at: usize, fits: bool) {
+        self.places[self.count.min(CHUNK - 1)] = at as u8;
+        self.count += usize::from(fits);
+    }
+
+    /// Takes the points that fit of the first so many, instead of those before.
+    #[inline(always)]
+    pub fn take(&mut self, count: usize, fits: impl Fn(usize) -> bool) {
+        let mut fitting = [0u8; CHUNK];
+        for (at, fitting) in fitting[..count].iter_mut().enumerate() {
+            *fitting = u8::from(fits(at));
+        }
+        // Eight bytes of ones and zeros to eight bits.
+        let (eights, _) = fitting.as_chunks::<8>();
+        self.count = 0;
+        for (eight, first) in eights.iter().zip((0..).step_by(8)) {
+            let mut bits = u64::from_le_bytes(*eight).wrapping_mul(0x0102_0408_1020_4080) >> 56;
+            while bits != 0 {
+                self.places[self.count] = first + bits.trailing_zeros() as u8;
+                self.count += 1;
+                bits &= bits - 1;
+            }
+        }
+    }
+
+    /// How many there are.
+    #[inline(always)]
+    pub fn len(&self) -> usize {
+        self.count
+    }
+
+    /// The points eight by eight; the last eight are filled up with their first.
+    #[inline(always)]
+    pub fn blocks(&self) -> impl Iterator<Item = (usize, [u8; LANES])> {
+        let (blocks, _) = self.places.as_chunks::<LANES>();
+        blocks[..self.count.div_ceil(LANES)].iter().enumerate().map(|(index, block)| {
+            let count = self.count - index * LANES;
+            (index, std::array::from_fn(|lane| block[if lane < count { lane } else { 0 }]))
+        })
+    }
+
+    /// The points.
+    #[inline(always)]
+    pub fn iter(&self) -> impl Iterator<Item = usize> {
+        self.places[..self.count].iter().map(|&at| usize::from(at))
+    }
+}
