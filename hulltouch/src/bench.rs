@@ -3,6 +3,7 @@
 mod bandwidth;
 mod cluster;
 mod loads;
+mod outputs;
 mod peers;
 mod plot;
 mod query;

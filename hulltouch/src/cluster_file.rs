@@ -16,7 +16,7 @@
 //! max_depth_m = 1.0
 //! unused_cameras = ["cam4"]            # cameras of the rig that take no part
 //! [wire]
-//! precision = "exact"                  # or "quantised": about half the bytes, responses within 0.1 mm
+//! precision = "exact"                  # or "quantised": about half the bytes, responses to about 0.1 mm
 //! [segmentation]                       # for all cameras; each may override single keys
 //! high = 110
 //! [[camera]]

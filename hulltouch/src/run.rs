@@ -54,7 +54,7 @@ pub enum ResponseName {
 pub enum PrecisionName {
     /// Every bit: the same run over every transport.
     Exact,
-    /// About half the bytes, responses within 0.1 mm.
+    /// About half the bytes; responses within 0.1 mm but for rays that graze a pixel's corner.
     Quantised,
 }
 

@@ -2,9 +2,10 @@
 
 use std::ops::Range;
 
+use hull::VectorPath;
 use hull::silhouette::Run;
 
-use crate::kernel::{VectorPath, Work};
+use crate::kernel::Work;
 
 /// Words of the widest row, and one of zeros before and after.
 const ROW_ROOM: usize = hull::camera::MAX_SIDE_PIXELS as usize / 64 + 2;
@@ -113,7 +114,7 @@ impl BitImage {
 
     /// The smallest area that holds all pixels set, and their number.
     pub(crate) fn extent(&self, path: VectorPath) -> (Area, u64) {
-        path.run(Extent { image: self })
+        Extent { image: self }.run_on(path)
     }
 
     /// Appends the runs of a row within an area, left to right.
@@ -148,7 +149,7 @@ impl BitImage {
     /// area.
     pub(crate) fn open(&mut self, side: usize, area: &Area, path: VectorPath) {
         if side > 1 && !area.is_empty() {
-            path.run(Morph { image: self, area, side, erodes: true });
+            Morph { image: self, area, side, erodes: true }.run_on(path);
         }
     }
 
@@ -162,7 +163,7 @@ impl BitImage {
         // square covers between foreground and image border lies within it, too.
         let area = area.grown(side, self);
         self.invert(&area);
-        path.run(Morph { image: self, area: &area, side, erodes: true });
+        Morph { image: self, area: &area, side, erodes: true }.run_on(path);
         self.invert(&area);
         area
     }
@@ -172,7 +173,7 @@ impl BitImage {
     pub(crate) fn grow(&mut self, side: usize, area: &Area, path: VectorPath) -> Area {
         let area = area.grown(side, self);
         if side > 1 && !area.is_empty() {
-            path.run(Morph { image: self, area: &area, side, erodes: false });
+            Morph { image: self, area: &area, side, erodes: false }.run_on(path);
         }
         area
     }
@@ -374,7 +375,7 @@ pub(crate) mod tests {
             width in 1usize..200, height in 1usize..40, side in 1usize..9, seed in any::<u64>(),
             left in 0usize..150, top in 0usize..30, path in 0usize..3,
         ) {
-            let path = [VectorPath::Portable, VectorPath::Avx2, VectorPath::Avx512][path];
+            let path = VectorPath::ALL[path];
             let mut mask = noise(width * height, seed, 4);
             let mut bits = image(width, &mask);
             let area = bits.extent(path).0;
@@ -402,7 +403,7 @@ pub(crate) mod tests {
         fn growing_sets_squares(
             width in 1usize..300, height in 1usize..12, side in 1usize..200, at in 0usize..3600, path in 0usize..3,
         ) {
-            let path = [VectorPath::Portable, VectorPath::Avx2, VectorPath::Avx512][path];
+            let path = VectorPath::ALL[path];
             let mut mask = vec![0; width * height];
             let at = at % mask.len();
             mask[at] = 1;

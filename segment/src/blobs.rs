@@ -144,7 +144,7 @@ impl Blobs {
 mod tests {
     use super::*;
     use crate::bits::tests::{image, whole};
-    use crate::kernel::VectorPath;
+    use hull::VectorPath;
     use proptest::prelude::*;
 
     fn drawn(rows: &[&str]) -> BitImage {

@@ -9,7 +9,7 @@
 //!
 //! Frames are bytes as cameras give them ([`Layout`]): RGB, or YUV, which is compared as it is. A frame
 //! is read once and becomes bits at once; clean-up works on bits and runs. All work per frame is done in
-//! integers, so that one frame gives one silhouette on every machine and every [`VectorPath`]; nothing is
+//! integers, so that one frame gives one silhouette on every machine and every [`VectorPath`](hull::VectorPath); nothing is
 //! carried from frame to frame.
 
 mod bits;
@@ -25,7 +25,6 @@ mod settings;
 mod thresholds;
 
 pub use convert::{from_rgb, to_rgb};
-pub use kernel::VectorPath;
 pub use layout::{Format, Layout, Range, Sampling, SizeError};
 pub use model::{BackgroundBuilder, BackgroundModel, MAX_CLIP_FRAMES, ModelError};
 pub use segmenter::{SegmentError, Segmented, Segmenter};

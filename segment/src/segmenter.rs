@@ -1,13 +1,13 @@
 //! Frames in, silhouettes out: test, clean-up, runs.
 
-use hull::Silhouette;
 use hull::silhouette::{Run, SilhouetteBuilder, SilhouetteError};
+use hull::{Silhouette, VectorPath};
 use thiserror::Error;
 
 use crate::bits::{Area, BitImage};
 use crate::blobs::Blobs;
 use crate::gain::{Correction, Gains};
-use crate::kernel::{Background, Band, ChromaTest, DifferenceTest, Test, VectorPath, bands};
+use crate::kernel::{Background, Band, ChromaTest, DifferenceTest, Test, Work, bands};
 use crate::layout::{Format, Layout};
 use crate::metric::Metric;
 use crate::model::BackgroundModel;
@@ -191,13 +191,13 @@ impl Segmenter {
         let most = (format.pixels() / GRAIN_PX).clamp(1, cores);
         let band = |(first_group, words)| Band { format, bytes, test, correction, first_group, words };
         if most == 1 {
-            path.run(band((0, self.bits.words_mut())));
+            band((0, self.bits.words_mut())).run_on(path);
         } else {
             std::thread::scope(|scope| {
                 let mut rest = bands(format, self.bits.words_mut(), most).map(band);
                 let own = rest.next();
-                rest.for_each(|band| drop(scope.spawn(move || path.run(band))));
-                own.into_iter().for_each(|band| path.run(band));
+                rest.for_each(|band| drop(scope.spawn(move || band.run_on(path))));
+                own.into_iter().for_each(|band| band.run_on(path));
             });
         }
         if let Some(never) = &self.never {

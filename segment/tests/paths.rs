@@ -4,11 +4,11 @@
 use std::alloc::{GlobalAlloc, Layout as Room, System};
 use std::cell::Cell;
 
+use hull::VectorPath;
 use hull::silhouette::SilhouetteBuilder;
 use proptest::prelude::*;
 use segment::{
     BackgroundBuilder, Format, Layout, Method, Range, Sampling, SegmentSettings, Segmented, Segmenter,
-    VectorPath,
 };
 
 const LAYOUTS: [Layout; 9] = [

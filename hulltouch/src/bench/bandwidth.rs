@@ -7,8 +7,6 @@ mod measure;
 mod rows;
 mod verdict;
 
-use std::path::PathBuf;
-
 use clap::Args;
 use serde::Serialize;
 
@@ -17,10 +15,10 @@ use self::rows::{Row, print_header, print_rows};
 use self::verdict::CrossingRow;
 use super::cluster::film::{FPS, FilmPlan};
 use super::cluster::{parse_bodies, parse_nodes};
-use super::plot;
-use super::table::{Machine, Table, write_json};
+use super::outputs::Outputs;
+use super::table::{Machine, Table};
 use crate::demo::parse_size;
-use crate::failure::{Outcome, check_writable};
+use crate::failure::Outcome;
 use crate::rig::progress::Progress;
 
 /// Frames of the film: each is gathered once.
@@ -62,12 +60,8 @@ pub struct BandwidthBenchArguments {
     /// Passes of every figure.
     #[arg(long, value_name = "N", default_value = "8", value_parser = clap::value_parser!(u64).range(1..))]
     passes: u64,
-    /// Write the figures.
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
-    /// Draw charts into a folder.
-    #[arg(long, value_name = "DIR")]
-    plot: Option<PathBuf>,
+    #[command(flatten)]
+    outputs: Outputs,
 }
 
 /// All that goes into the JSON file.
@@ -86,12 +80,7 @@ fn parse_noise(text: &str) -> Result<f64, String> {
 /// Runs it.
 #[allow(clippy::print_stdout, reason = "the table is the command's output")]
 pub fn run(arguments: &BandwidthBenchArguments) -> Outcome {
-    if let Some(path) = &arguments.json {
-        check_writable("--json", path)?;
-    }
-    if let Some(folder) = &arguments.plot {
-        plot::make_folder(folder)?;
-    }
+    arguments.outputs.prepare()?;
     let machine = Machine::here();
     let mut counts = if arguments.bodies.is_empty() { BODIES.to_vec() } else { arguments.bodies.clone() };
     counts.sort_unstable();
@@ -109,12 +98,9 @@ pub fn run(arguments: &BandwidthBenchArguments) -> Outcome {
     }
     drop(progress);
     verdict::print(&all);
-    if let Some(folder) = &arguments.plot {
-        charts::draw(&all, folder)?;
-    }
     let table = Table { bench: "bandwidth", machine, rows };
     let report = Report { table, crossings: verdict::crossings(&all) };
-    write_json(&report, arguments.json.as_deref())
+    arguments.outputs.write(&report, |folder| charts::draw(&all, folder))
 }
 
 /// Every combination of what is given; without anything given, sizes and noises together, and cameras.

@@ -12,8 +12,6 @@ mod random;
 mod rows;
 pub mod usage;
 
-use std::path::PathBuf;
-
 use clap::Args;
 use serde::Serialize;
 
@@ -22,11 +20,11 @@ use self::measure::{Scene, Setting, measured};
 use self::model::model_of;
 use self::names::{PrecisionName, SocketName};
 use self::rows::{Row, print_header, print_row, print_stages};
-use super::plot;
+use super::outputs::Outputs;
 use super::scale::report::{ScaleReport, report};
-use super::table::{Machine, Table, write_json};
+use super::table::{Machine, Table};
 use crate::demo::parse_size;
-use crate::failure::{Outcome, check_writable};
+use crate::failure::Outcome;
 
 const BASE_NODES: usize = 8;
 const BASE_BODIES: usize = 30;
@@ -65,12 +63,8 @@ pub struct ClusterBenchArguments {
     /// Passes of every figure.
     #[arg(long, value_name = "N", default_value = "400", value_parser = clap::value_parser!(u64).range(1..))]
     passes: u64,
-    /// Write the figures.
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
-    /// Draw charts into a folder.
-    #[arg(long, value_name = "DIR")]
-    plot: Option<PathBuf>,
+    #[command(flatten)]
+    outputs: Outputs,
 }
 
 /// All that goes into the JSON file.
@@ -99,12 +93,7 @@ fn within(text: &str, most: usize) -> Result<usize, String> {
 /// Runs it.
 #[allow(clippy::print_stdout, reason = "the table is the command's output")]
 pub fn run(arguments: &ClusterBenchArguments) -> Outcome {
-    if let Some(path) = &arguments.json {
-        check_writable("--json", path)?;
-    }
-    if let Some(folder) = &arguments.plot {
-        plot::make_folder(folder)?;
-    }
+    arguments.outputs.prepare()?;
     let machine = Machine::here();
     println!("{}; nodes and coordinator share its cores", machine.line());
     println!("bodies of {SAMPLES} samples, {} passes each, milliseconds", arguments.passes);
@@ -124,11 +113,8 @@ pub fn run(arguments: &ClusterBenchArguments) -> Outcome {
     if let Some(scale) = &scale {
         scale.print();
     }
-    if let Some(folder) = &arguments.plot {
-        charts::draw(&rows, folder)?;
-    }
     let report = Report { table: Table { bench: "cluster", machine, rows }, scale };
-    write_json(&report, arguments.json.as_deref())
+    arguments.outputs.write(&report, |folder| charts::draw(&report.table.rows, folder))
 }
 
 /// Every combination of what is given; without anything given, the base with one thing varied at a time.

@@ -7,15 +7,13 @@ mod opponent;
 mod report;
 mod rounds;
 
-use std::cell::RefCell;
-use std::path::PathBuf;
-
 use clap::Args;
 use hull::coordinates::Coordinates;
 use hull::cull::WorldBox;
 use hull::question::Points;
 use nalgebra::Point3;
 use serde::Serialize;
+use std::cell::RefCell;
 
 use self::bounds::{Bounds, Saved};
 use self::engines::{Sets, inside_lanes, pass_lanes, world_points};
@@ -23,10 +21,10 @@ use self::lanes::{Lane, medians};
 use self::opponent::{Agreement, Opponent};
 use self::rounds::{RoundCosts, round_costs};
 use super::loads::{Asked, BODY_POINTS, Random, Studio, StudioPlan, paper_mix};
-use super::plot;
+use super::outputs::Outputs;
 use super::table::Machine;
 use crate::demo::parse_size;
-use crate::failure::{Failure, Outcome, check_writable};
+use crate::failure::{Failure, Outcome};
 use crate::rig::progress::Progress;
 
 /// Cameras of the studio.
@@ -61,12 +59,8 @@ pub struct QueryBenchArguments {
     /// A Python interpreter with OpenCV and NumPy.
     #[arg(long, value_name = "PATH", default_value = "python3")]
     python: String,
-    /// Write the figures.
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
-    /// Write charts.
-    #[arg(long, value_name = "DIR")]
-    plot: Option<PathBuf>,
+    #[command(flatten)]
+    outputs: Outputs,
 }
 
 /// One figure.
@@ -97,12 +91,7 @@ struct Report {
 /// Runs it.
 #[allow(clippy::print_stdout, reason = "the table is the command's output")]
 pub fn run(arguments: &QueryBenchArguments) -> Outcome {
-    if let Some(path) = &arguments.json {
-        check_writable("--json", path)?;
-    }
-    if let Some(folder) = &arguments.plot {
-        plot::make_folder(folder)?;
-    }
+    arguments.outputs.prepare()?;
     let opponent = match Opponent::start(&arguments.python) {
         Ok(opponent) => Some(RefCell::new(opponent)),
         Err(problem) => {
@@ -126,10 +115,7 @@ pub fn run(arguments: &QueryBenchArguments) -> Outcome {
     }
     report.measure_paper()?;
     report.print_tail();
-    if let Some(folder) = &arguments.plot {
-        report.draw(folder)?;
-    }
-    report.write(arguments.json.as_deref())
+    arguments.outputs.write(&report, |folder| report.draw(folder))
 }
 
 /// The points of one studio.

@@ -3,7 +3,7 @@
 mod engines;
 mod scene;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use clap::Args;
 use serde::Serialize;
@@ -11,10 +11,11 @@ use serde_json::Value;
 
 use self::engines::{Cut, Opponent, Ours};
 use self::scene::{LAYOUTS, Scene};
-use super::plot::{self, Axis, BarChart, Series};
-use super::table::{Machine, write_json};
+use super::outputs::Outputs;
+use super::plot::{Axis, BarChart, Series};
+use super::table::Machine;
 use crate::demo::parse_size;
-use crate::failure::{Outcome, check_writable};
+use crate::failure::Outcome;
 use crate::rig::progress::Progress;
 
 /// A figure is the median over the frames of so many turns, in which every engine segments the whole film,
@@ -43,12 +44,8 @@ pub struct SegmentBenchArguments {
     /// A Python interpreter with OpenCV and NumPy.
     #[arg(long, value_name = "PATH", default_value = "python3")]
     python: String,
-    /// Write the figures.
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
-    /// Write charts.
-    #[arg(long, value_name = "DIR")]
-    plot: Option<PathBuf>,
+    #[command(flatten)]
+    outputs: Outputs,
 }
 
 /// One figure.
@@ -77,12 +74,7 @@ struct Report {
 /// Runs it.
 #[allow(clippy::print_stdout, reason = "the table is the command's output")]
 pub fn run(arguments: &SegmentBenchArguments) -> Outcome {
-    if let Some(path) = &arguments.json {
-        check_writable("--json", path)?;
-    }
-    if let Some(folder) = &arguments.plot {
-        plot::make_folder(folder)?;
-    }
+    arguments.outputs.prepare()?;
     let mut opponent = match Opponent::start(&arguments.python) {
         Ok(opponent) => Some(opponent),
         Err(problem) => {
@@ -104,10 +96,7 @@ pub fn run(arguments: &SegmentBenchArguments) -> Outcome {
         Ok(scenes) => report.measure(&scenes, opponent.as_mut())?,
         Err(problem) => println!("no rows of uu_horseman: {problem}"),
     }
-    if let Some(folder) = &arguments.plot {
-        report.draw(folder)?;
-    }
-    write_json(&report, arguments.json.as_deref())
+    arguments.outputs.write(&report, |folder| report.draw(folder))
 }
 
 fn recording() -> Result<Vec<Scene>, String> {

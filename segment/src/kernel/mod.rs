@@ -11,7 +11,6 @@ mod test;
 
 use std::sync::Arc;
 
-pub use path::VectorPath;
 pub(crate) use path::Work;
 pub(crate) use test::{ChromaTest, DifferenceTest};
 

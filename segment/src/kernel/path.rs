@@ -1,4 +1,4 @@
-//! Which vector instructions run: the same code, compiled once for each.
+//! The same code, compiled once for each set of vector instructions.
 //!
 //! There is one source of every kernel, so that all paths give the same bits; what differs is what the
 //! compiler may use. That takes `unsafe`, because a function compiled for instructions that a machine
@@ -8,70 +8,28 @@
     reason = "functions for one kind of processor are called after detection, nothing else"
 )]
 
-/// What the kernels are compiled for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum VectorPath {
-    /// What every processor of the architecture has; on 64-bit ARM that is NEON.
-    Portable,
-    /// x86-64 with AVX2.
-    Avx2,
-    /// x86-64 with AVX-512 (F, BW, DQ, VL).
-    Avx512,
-}
+use hull::VectorPath;
 
-impl VectorPath {
-    /// Does this machine have it?
-    pub fn is_available(self) -> bool {
-        match self {
-            VectorPath::Portable => true,
-            #[cfg(target_arch = "x86_64")]
-            VectorPath::Avx2 => {
-                is_x86_feature_detected!("avx2")
-                    && is_x86_feature_detected!("bmi1")
-                    && is_x86_feature_detected!("bmi2")
-                    && is_x86_feature_detected!("lzcnt")
-                    && is_x86_feature_detected!("popcnt")
-            }
-            #[cfg(target_arch = "x86_64")]
-            VectorPath::Avx512 => {
-                VectorPath::Avx2.is_available()
-                    && is_x86_feature_detected!("avx512f")
-                    && is_x86_feature_detected!("avx512bw")
-                    && is_x86_feature_detected!("avx512dq")
-                    && is_x86_feature_detected!("avx512vl")
-            }
-            #[cfg(not(target_arch = "x86_64"))]
-            VectorPath::Avx2 | VectorPath::Avx512 => false,
-        }
-    }
+/// Work that is compiled for every path. `run`, and all it calls, must be `#[inline(always)]`.
+pub(crate) trait Work: Sized {
+    type Output;
+    fn run(self) -> Self::Output;
 
-    /// The widest that this machine has.
-    pub fn best() -> VectorPath {
-        let available = [VectorPath::Avx512, VectorPath::Avx2].into_iter().find(|path| path.is_available());
-        available.unwrap_or(VectorPath::Portable)
-    }
-
-    /// Does a piece of work, compiled for this path; on a machine without it, for the portable one.
+    /// The same, compiled for a path; on a machine without it, for the portable one.
     #[inline]
-    pub(crate) fn run<W: Work>(self, work: W) -> W::Output {
+    fn run_on(self, path: VectorPath) -> Self::Output {
         #[cfg(target_arch = "x86_64")]
-        if self != VectorPath::Portable && self.is_available() {
-            // SAFETY: the machine was asked for just these features.
+        if path != VectorPath::Portable && path.is_available() {
+            // SAFETY: the machine was asked for just these features, and more.
             return unsafe {
-                match self {
-                    VectorPath::Avx512 => avx512(work),
-                    _ => avx2(work),
+                match path {
+                    VectorPath::Avx512 => avx512(self),
+                    _ => avx2(self),
                 }
             };
         }
-        work.run()
+        self.run()
     }
-}
-
-/// Work that is compiled for every path. `run`, and all it calls, must be `#[inline(always)]`.
-pub(crate) trait Work {
-    type Output;
-    fn run(self) -> Self::Output;
 }
 
 #[cfg(target_arch = "x86_64")]

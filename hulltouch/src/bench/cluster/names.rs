@@ -10,7 +10,7 @@ use crate::local::Sockets;
 pub enum PrecisionName {
     /// With all their bits.
     Exact,
-    /// Rounded, so that responses stay within 0.1 mm.
+    /// Rounded: responses stay within 0.1 mm but for rays that graze a pixel's corner.
     Quantised,
 }
 

@@ -5,7 +5,6 @@ use std::path::Path;
 use super::engines::{HULLTOUCH, UNPRUNED};
 use super::{Report, Row};
 use crate::bench::plot::{Axis, BarChart, LineChart, Series};
-use crate::bench::table::write_json;
 use crate::failure::Outcome;
 
 #[allow(clippy::print_stdout, reason = "the table is the command's output")]
@@ -165,11 +164,6 @@ impl Report {
             series: bars.collect(),
         }
         .write(folder, "query_bounds")
-    }
-
-    /// Writes the figures as JSON, if a file was named.
-    pub fn write(&self, path: Option<&Path>) -> Outcome {
-        write_json(self, path)
     }
 }
 
