@@ -11,6 +11,7 @@ mod facts;
 mod fanout;
 mod figures;
 pub mod live;
+pub mod record;
 mod run;
 mod transport;
 mod ways;

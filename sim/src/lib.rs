@@ -20,6 +20,9 @@ pub mod world;
 
 pub use record::{BodyRecord, TrajectoryDigest};
 pub use response::{BodyResponse, ResponseMode};
-pub use scene::{BodySpec, Floor, Heft, HullSurface, Scene, SceneError, StageHint};
+pub use scene::{
+    BodyRequest, BodySpec, Floor, Heft, HullSurface, MAX_SPEED_M_S, RequestError, Scene, SceneError,
+    ShapeRequest, StageHint,
+};
 pub use solid::Solid;
 pub use world::{Body, Fault, FaultKind, StepReport, World, WorldError, WorldSettings};

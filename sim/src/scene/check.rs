@@ -9,16 +9,16 @@ use std::sync::Arc;
 
 /// Cardboard boxes with something in them, kg/m³.
 const DEFAULT_DENSITY_KG_M3: f64 = 120.0;
-const DEFAULT_FRICTION: f64 = 0.6;
-const DEFAULT_RESTITUTION: f64 = 0.1;
+pub(super) const DEFAULT_FRICTION: f64 = 0.6;
+pub(super) const DEFAULT_RESTITUTION: f64 = 0.1;
 /// No position, height or spacing is farther from the origin, metres: `f32` keeps a tenth of a
 /// millimetre there.
-const MAX_POSITION_M: f64 = 1000.0;
+pub(super) const MAX_POSITION_M: f64 = 1000.0;
 /// Whoever may be missed at a greater depth, metres, is not seen to collide.
 const MAX_REUSE_M: f64 = 0.1;
 
 /// Checks the file's values.
-pub(super) fn scene(name: &str, file: SceneFile) -> Result<Scene, SceneError> {
+pub(super) fn scene(name: &str, text: &str, file: SceneFile) -> Result<Scene, SceneError> {
     let checker = Checker { scene: name };
     let gravity_m_s2 = checker.gravity(file.gravity.unwrap_or([0.0, -9.81, 0.0]))?;
     let floor = checker.floor(&file.floor)?;
@@ -30,7 +30,7 @@ pub(super) fn scene(name: &str, file: SceneFile) -> Result<Scene, SceneError> {
     let groups = file.bodies.into_iter().map(|body| checker.group(body)).collect::<Result<Vec<_>, _>>()?;
     checker.names(&groups)?;
     let stage = file.stage.map(|stage| StageHint { motion: stage.motion, props: stage.props });
-    Ok(Scene { name: name.to_owned(), gravity_m_s2, floor, hull, stage, groups })
+    Ok(Scene { name: name.to_owned(), text: text.into(), gravity_m_s2, floor, hull, stage, groups })
 }
 
 /// Makes errors that name the scene and the key.
@@ -93,9 +93,9 @@ impl Checker<'_> {
         })
     }
 
-    fn solid(&self, body: &str, file: ShapeFile) -> Result<Solid, SceneError> {
+    pub(super) fn solid(&self, body: &str, file: ShapeFile) -> Result<Solid, SceneError> {
         let extent = |key: &str, value: f64, least_m: f64| {
-            self.within(&format!("body `{body}`, shape.{key}"), value, least_m, MAX_EXTENT_M)
+            self.within(&key_of(body, format_args!("shape.{key}")), value, least_m, MAX_EXTENT_M)
         };
         // A radius is half an extent.
         let radius = |key: &str, value: f64| extent(key, value, 0.5 * MIN_EXTENT_M);
@@ -157,8 +157,13 @@ impl Checker<'_> {
         })
     }
 
-    fn heft(&self, body: &str, mass: Option<f64>, density: Option<f64>) -> Result<Heft, SceneError> {
-        let key = |key: &str| format!("body `{body}`, {key}");
+    pub(super) fn heft(
+        &self,
+        body: &str,
+        mass: Option<f64>,
+        density: Option<f64>,
+    ) -> Result<Heft, SceneError> {
+        let key = |key: &str| key_of(body, key);
         match (mass, density) {
             (Some(mass), None) => Ok(Heft::MassKg(self.within(&key("mass"), mass, 1e-3, 1e4)?)),
             (None, density) => {
@@ -184,7 +189,7 @@ impl Checker<'_> {
         Ok(())
     }
 
-    fn within(&self, key: &str, found: f64, low: f64, high: f64) -> Result<f64, SceneError> {
+    pub(super) fn within(&self, key: &str, found: f64, low: f64, high: f64) -> Result<f64, SceneError> {
         if (low..=high).contains(&found) {
             Ok(found)
         } else {
@@ -192,7 +197,7 @@ impl Checker<'_> {
         }
     }
 
-    fn wrong(&self, key: impl Display, found: impl Display, expected: impl Display) -> SceneError {
+    pub(super) fn wrong(&self, key: impl Display, found: impl Display, expected: impl Display) -> SceneError {
         SceneError::Value {
             scene: self.scene.to_owned(),
             key: key.to_string(),
@@ -200,6 +205,11 @@ impl Checker<'_> {
             expected: expected.to_string(),
         }
     }
+}
+
+/// A key of a body; one without a name stands alone.
+fn key_of(body: &str, key: impl Display) -> String {
+    if body.is_empty() { key.to_string() } else { format!("body `{body}`, {key}") }
 }
 
 #[cfg(test)]

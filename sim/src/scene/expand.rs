@@ -19,7 +19,7 @@ const DRAWS_PER_HEIGHT: usize = 8;
 const HEIGHT_STEP_M: f64 = 0.03;
 
 /// Bodies that name no colour take these in turn, sRGB.
-const PALETTE: [[f32; 3]; 6] = [
+pub(super) const PALETTE: [[f32; 3]; 6] = [
     [0.86, 0.37, 0.25],
     [0.25, 0.56, 0.78],
     [0.93, 0.74, 0.29],
@@ -93,6 +93,7 @@ impl Placer {
             name,
             solid: group.solid.clone(),
             pose,
+            velocity_m_s: [0.0; 3],
             heft: group.heft,
             friction: group.friction,
             restitution: group.restitution,

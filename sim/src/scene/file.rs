@@ -71,15 +71,47 @@ pub(super) struct BodyFile {
     pub color: Option<[f64; 3]>,
 }
 
-#[derive(Deserialize)]
+/// A body's geometry by the keys of a scene file, metres; nothing is checked yet. The axis of what is round is
+/// body Y.
+#[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
-pub(super) enum ShapeFile {
-    Box { size: [f64; 3] },
-    Ball { radius: f64 },
-    Capsule { radius: f64, length: f64 },
-    Cylinder { radius: f64, height: f64 },
-    Cone { radius: f64, height: f64 },
-    Hull { points: Vec<[f64; 3]> },
+pub enum ShapeFile {
+    /// Edge lengths.
+    Box {
+        /// Along body x, y, z.
+        size: [f64; 3],
+    },
+    /// A ball.
+    Ball {
+        /// Its radius.
+        radius: f64,
+    },
+    /// A cylinder with half balls on its ends.
+    Capsule {
+        /// Of cylinder and balls.
+        radius: f64,
+        /// From ball centre to ball centre.
+        length: f64,
+    },
+    /// A cylinder.
+    Cylinder {
+        /// Its radius.
+        radius: f64,
+        /// From disc to disc.
+        height: f64,
+    },
+    /// A cone, tip up.
+    Cone {
+        /// Of its base.
+        radius: f64,
+        /// From base to tip.
+        height: f64,
+    },
+    /// The convex hull of points.
+    Hull {
+        /// The points, body frame.
+        points: Vec<[f64; 3]>,
+    },
 }
 
 #[derive(Deserialize)]

@@ -32,10 +32,14 @@
 mod check;
 mod expand;
 mod file;
+mod request;
+
+pub use request::{BodyRequest, MAX_SPEED_M_S, RequestError, ShapeRequest};
 
 use crate::solid::{HullError, Solid};
 use hull::Pose;
 use nalgebra::Vector3;
+use std::sync::Arc;
 use thiserror::Error;
 
 /// The most bodies one scene may have.
@@ -146,6 +150,8 @@ pub struct BodySpec {
     pub solid: Solid,
     /// Where it starts, world from body.
     pub pose: Pose,
+    /// What it starts with, m/s.
+    pub velocity_m_s: [f64; 3],
     /// How heavy it is.
     pub heft: Heft,
     /// Coulomb friction coefficient.
@@ -162,6 +168,7 @@ pub struct BodySpec {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
     name: String,
+    text: Arc<str>,
     gravity_m_s2: [f64; 3],
     floor: Option<Floor>,
     hull: HullSurface,
@@ -215,7 +222,7 @@ impl Scene {
 
     /// The scene of a TOML text; `name` stands in error messages.
     pub fn from_toml(name: &str, text: &str) -> Result<Scene, SceneError> {
-        check::scene(name, file::parse(name, text)?)
+        check::scene(name, text, file::parse(name, text)?)
     }
 
     /// The same scene under another gravity, m/s², for rigs whose world has another up. Positions stay.
@@ -227,6 +234,11 @@ impl Scene {
     /// The name it was read under.
     pub fn name(&self) -> &str {
         &self.name
+    }
+
+    /// The TOML text it was read from: with its gravity, all that it is.
+    pub fn text(&self) -> &str {
+        &self.text
     }
 
     /// Gravity, m/s².

@@ -1,0 +1,119 @@
+//! What is told of a run so that it can be made again, and how it is.
+//!
+//! A [`Recorder`] is told every frame that comes into use and every step with all that decided it: the
+//! commands before it, the film it saw, the hull's responses. A [`Schedule`] is the mirror image: it says of
+//! each step which commands come before it and which frame it sees. A run that follows the schedule of its
+//! own record, over the same silhouettes, has the same digest after every step.
+
+use std::pin::Pin;
+use std::sync::Arc;
+
+use hull::Silhouette;
+use hull::pass::BodyResult;
+use sim::{BodyResponse, World};
+
+use crate::facts::FrameFacts;
+use crate::figures::Figures;
+use crate::live::Command;
+
+/// Silhouettes on their way, in rig order; or why they did not come.
+pub type Fetching = Pin<Box<dyn Future<Output = Result<Vec<Arc<Silhouette>>, String>> + Send>>;
+
+/// A frame that comes into use.
+pub struct FrameRecord<'a> {
+    /// Its number.
+    pub frame: u64,
+    /// What each node told of it; empty if that is forgotten already.
+    pub facts: &'a [FrameFacts],
+    /// Its silhouettes. Nodes keep a frame for a quarter of a second, so begin to wait for them at once, on
+    /// whatever runtime (a node's connection is driven by the loop's).
+    pub silhouettes: Fetching,
+}
+
+/// One step and what decided it.
+pub struct StepRecord<'a> {
+    /// Counts worlds: a reset or another scene begins a new one.
+    pub generation: u32,
+    /// Counts the steps of this world, from 1.
+    pub step: u64,
+    /// The commands that took effect since the step before, in their order: only those that change a world
+    /// ([`Command::changes_world`]).
+    pub commands: &'a [Command],
+    /// Film time of the step's end, seconds.
+    pub film_s: f64,
+    /// Film time that passed without steps so far (pauses, lag, worlds before), seconds: `film_s` less the
+    /// world's own time.
+    pub slipped_s: f64,
+    /// The frame that the step saw; `None`: there was no hull.
+    pub frame: Option<u64>,
+    /// What was handed to the world, one a moving body.
+    pub responses: &'a [BodyResponse],
+    /// All that the hull said about these bodies, if there was one.
+    pub results: Option<&'a [BodyResult]>,
+    /// What the step with its pass took, milliseconds.
+    pub step_ms: f64,
+    /// The world after the step.
+    pub world: &'a World,
+}
+
+/// How a run ended.
+pub struct EndRecord<'a> {
+    /// Commands since the last step.
+    pub commands: &'a [Command],
+    /// Everything that was measured.
+    pub figures: &'a Figures,
+    /// The world at the end.
+    pub world: &'a World,
+}
+
+/// Who keeps a run. Called on the loop's thread: hand work that takes time to another one.
+pub trait Recorder: Send {
+    /// A frame comes into use: before the first step that sees it.
+    fn frame(&mut self, record: FrameRecord<'_>);
+    /// A step was made.
+    fn step(&mut self, record: &StepRecord<'_>);
+    /// The run has ended.
+    fn end(&mut self, record: &EndRecord<'_>);
+    /// Whether another frame may come into use. A lock-step run waits for it, so that no film is lost; a live
+    /// run never does.
+    fn is_ready(&self) -> bool {
+        true
+    }
+}
+
+/// What a step sees.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Sees {
+    /// What film has for it, as in a run without a schedule.
+    Film,
+    /// What a step before it saw.
+    Recorded {
+        /// Film time of the step's end, seconds.
+        film_s: f64,
+        /// The frame; `None`: no hull. The transport must have it, or get it when it is credited.
+        frame: Option<u64>,
+    },
+}
+
+/// One step of a schedule.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scheduled {
+    /// What comes before it, in this order. Commands that do not change a world are passed over.
+    pub commands: Vec<Command>,
+    /// What it sees.
+    pub sees: Sees,
+}
+
+/// What a run follows instead of whoever steers it: pause, resume and step are still taken, other orders
+/// refused.
+pub trait Schedule: Send {
+    /// The next step; `None` ends the run.
+    fn next(&mut self) -> Option<Scheduled>;
+}
+
+impl Command {
+    /// Whether it changes what bodies there are, what they do, or which world it is.
+    pub fn changes_world(&self) -> bool {
+        !matches!(self, Command::Pause | Command::Resume | Command::Step(_) | Command::TakeBackground { .. })
+    }
+}
