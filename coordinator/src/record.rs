@@ -82,7 +82,7 @@ pub trait Recorder: Send {
 }
 
 /// What a step sees.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Sees {
     /// What film has for it, as in a run without a schedule.
     Film,
@@ -92,6 +92,16 @@ pub enum Sees {
         film_s: f64,
         /// The frame; `None`: no hull. The transport must have it, or get it when it is credited.
         frame: Option<u64>,
+    },
+    /// The same, but the hull is not asked: its answers are given, where they cannot be found again (they
+    /// were rounded, or a record lacks the frame).
+    Given {
+        /// Film time of the step's end, seconds.
+        film_s: f64,
+        /// The frame; `None`: no hull.
+        frame: Option<u64>,
+        /// One a moving body.
+        responses: Vec<BodyResponse>,
     },
 }
 

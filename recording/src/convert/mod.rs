@@ -1,0 +1,35 @@
+//! Our own types as messages and back. A file is not trusted: what comes back is checked.
+
+mod command;
+mod header;
+mod numbers;
+mod solid;
+mod world;
+
+pub(crate) use command::{command_from_message, command_to_message};
+pub use header::RunHeader;
+pub(crate) use numbers::{pose_from_message, rotation, vector};
+pub(crate) use world::{bodies, scene, touches};
+
+use thiserror::Error;
+
+/// A message that says what cannot be.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("{message}: {problem}")]
+pub struct ConvertError {
+    /// Which message.
+    pub message: &'static str,
+    /// What was found and expected.
+    pub problem: String,
+}
+
+impl ConvertError {
+    pub(crate) fn new(message: &'static str, problem: impl std::fmt::Display) -> ConvertError {
+        ConvertError { message, problem: problem.to_string() }
+    }
+
+    /// A field that must be there is not.
+    pub(crate) fn missing(message: &'static str, field: &'static str) -> ConvertError {
+        ConvertError::new(message, format_args!("{field} is missing"))
+    }
+}

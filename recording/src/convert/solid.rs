@@ -1,0 +1,88 @@
+//! Solids and bodies as they are put down.
+
+use std::sync::Arc;
+
+use sim::solid::ConvexHull;
+use sim::{BodySpec, Heft, Solid};
+
+use super::ConvertError;
+use super::numbers::{colour, colour_from_message, finite, pose_from_message, required, rotation, vector};
+use crate::messages::{self, Polyhedron, Round, body_spec, solid::Solid as Kind};
+
+/// A solid.
+pub(crate) fn solid(found: &Solid) -> messages::Solid {
+    let round = |radius_m, length_m| Round { radius_m, length_m };
+    let kind = match found {
+        Solid::Box { size_m } => Kind::BoxSizeM(vector(*size_m)),
+        Solid::Ball { radius_m } => Kind::BallRadiusM(*radius_m),
+        Solid::Capsule { radius_m, length_m } => Kind::Capsule(round(*radius_m, *length_m)),
+        Solid::Cylinder { radius_m, height_m } => Kind::Cylinder(round(*radius_m, *height_m)),
+        Solid::Cone { radius_m, height_m } => Kind::Cone(round(*radius_m, *height_m)),
+        Solid::Hull(hull) => Kind::Hull(Polyhedron {
+            corners_m: hull.corners_m().iter().map(|corner| vector(*corner)).collect(),
+            triangles: hull.triangles().iter().flatten().map(|&corner| corner as u32).collect(),
+        }),
+    };
+    messages::Solid { solid: Some(kind) }
+}
+
+fn solid_from_message(found: Option<messages::Solid>) -> Result<Solid, ConvertError> {
+    let kind = found.and_then(|found| found.solid).ok_or_else(|| ConvertError::missing("Solid", "solid"))?;
+    Ok(match kind {
+        Kind::BoxSizeM(size_m) => Solid::Box { size_m: finite("Solid", &size_m)? },
+        Kind::BallRadiusM(radius_m) => Solid::Ball { radius_m },
+        Kind::Capsule(Round { radius_m, length_m }) => Solid::Capsule { radius_m, length_m },
+        Kind::Cylinder(Round { radius_m, length_m }) => Solid::Cylinder { radius_m, height_m: length_m },
+        Kind::Cone(Round { radius_m, length_m }) => Solid::Cone { radius_m, height_m: length_m },
+        Kind::Hull(Polyhedron { corners_m, triangles }) => {
+            let corners =
+                corners_m.iter().map(|corner| finite("Solid", corner)).collect::<Result<Vec<_>, _>>()?;
+            let hull = ConvexHull::new(&corners).map_err(|error| ConvertError::new("Solid", error))?;
+            let made = hull.triangles().iter().flatten().map(|&corner| corner as u32);
+            if hull.corners_m() != corners || !made.eq(triangles) {
+                return Err(ConvertError::new("Solid", "corners and triangles are no convex hull as recorded"));
+            }
+            Solid::Hull(Arc::new(hull))
+        }
+    })
+}
+
+/// A body as it is put down.
+pub(crate) fn body_spec(spec: &BodySpec) -> messages::BodySpec {
+    let BodySpec { name, solid: geometry, pose, velocity_m_s, heft, friction, restitution, fixed, color } = spec;
+    messages::BodySpec {
+        name: name.clone(),
+        solid: Some(solid(geometry)),
+        position_m: Some(vector(pose.position_m())),
+        rotation: Some(rotation(pose.rotation_xyzw())),
+        velocity_m_s: Some(vector(*velocity_m_s)),
+        heft: Some(match *heft {
+            Heft::MassKg(kg) => body_spec::Heft::MassKg(kg),
+            Heft::DensityKgM3(kg_m3) => body_spec::Heft::DensityKgM3(kg_m3),
+        }),
+        friction: *friction,
+        restitution: *restitution,
+        fixed: *fixed,
+        colour: Some(colour(*color)),
+    }
+}
+
+/// The body of a message.
+pub(crate) fn body_spec_from_message(spec: messages::BodySpec) -> Result<BodySpec, ConvertError> {
+    const NAME: &str = "BodySpec";
+    let pose = pose_from_message(NAME, spec.position_m.as_ref(), spec.rotation.as_ref())?;
+    Ok(BodySpec {
+        name: spec.name,
+        solid: solid_from_message(spec.solid)?,
+        pose,
+        velocity_m_s: required(NAME, "velocity_m_s", spec.velocity_m_s.as_ref())?,
+        heft: match spec.heft.ok_or_else(|| ConvertError::missing(NAME, "heft"))? {
+            body_spec::Heft::MassKg(kg) => Heft::MassKg(kg),
+            body_spec::Heft::DensityKgM3(kg_m3) => Heft::DensityKgM3(kg_m3),
+        },
+        friction: spec.friction,
+        restitution: spec.restitution,
+        fixed: spec.fixed,
+        color: colour_from_message(spec.colour.as_ref()),
+    })
+}

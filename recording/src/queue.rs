@@ -1,0 +1,133 @@
+//! A queue between whoever must not wait for a disk and the thread that does, bounded in bytes.
+
+use std::collections::VecDeque;
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// A queue of things that have a size.
+#[derive(Debug)]
+pub(crate) struct ByteQueue<T> {
+    limit_bytes: usize,
+    inner: Mutex<Inner<T>>,
+    changed: Condvar,
+}
+
+#[derive(Debug)]
+struct Inner<T> {
+    waiting: VecDeque<(usize, T)>,
+    bytes: usize,
+    closed: bool,
+}
+
+/// What was taken.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) enum Taken<T> {
+    /// The oldest there was.
+    Next(T),
+    /// Nothing came in time.
+    Nothing,
+    /// Nothing will come any more.
+    Closed,
+}
+
+impl<T> ByteQueue<T> {
+    /// An empty queue that takes no more while it holds so many bytes.
+    pub fn new(limit_bytes: usize) -> ByteQueue<T> {
+        let inner = Inner { waiting: VecDeque::new(), bytes: 0, closed: false };
+        ByteQueue { limit_bytes, inner: Mutex::new(inner), changed: Condvar::new() }
+    }
+
+    /// Puts something at the end; false if there is no room for it, or nobody takes from it any more.
+    pub fn offer(&self, bytes: usize, item: T) -> bool {
+        let inner = self.lock();
+        inner.bytes < self.limit_bytes && self.push(inner, bytes, item)
+    }
+
+    /// Puts something at the end once there is room; false if nobody takes from it any more.
+    pub fn put(&self, bytes: usize, item: T) -> bool {
+        let mut inner = self.lock();
+        while inner.bytes >= self.limit_bytes && !inner.closed {
+            inner = self.changed.wait(inner).unwrap_or_else(PoisonError::into_inner);
+        }
+        self.push(inner, bytes, item)
+    }
+
+    fn push(&self, mut inner: MutexGuard<'_, Inner<T>>, bytes: usize, item: T) -> bool {
+        if inner.closed {
+            return false;
+        }
+        inner.bytes += bytes;
+        inner.waiting.push_back((bytes, item));
+        self.changed.notify_all();
+        true
+    }
+
+    /// Whether less than half of the limit waits.
+    pub fn is_easy(&self) -> bool {
+        self.lock().bytes < self.limit_bytes / 2
+    }
+
+    /// Takes the oldest, or waits for one until `deadline`.
+    pub fn take(&self, deadline: Option<Instant>) -> Taken<T> {
+        let mut inner = self.lock();
+        loop {
+            if let Some((bytes, item)) = inner.waiting.pop_front() {
+                inner.bytes -= bytes;
+                self.changed.notify_all();
+                return Taken::Next(item);
+            }
+            if inner.closed {
+                return Taken::Closed;
+            }
+            let left = deadline.map(|deadline| deadline.saturating_duration_since(Instant::now()));
+            inner = match left {
+                Some(Duration::ZERO) => return Taken::Nothing,
+                Some(left) => {
+                    self.changed.wait_timeout(inner, left).unwrap_or_else(PoisonError::into_inner).0
+                }
+                None => self.changed.wait(inner).unwrap_or_else(PoisonError::into_inner),
+            };
+        }
+    }
+
+    /// Takes nothing more in; what waits can still be taken.
+    pub fn close(&self) {
+        self.lock().closed = true;
+        self.changed.notify_all();
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Inner<T>> {
+        // Nothing between two statements that can panic is half done.
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Arc;
+
+    #[test]
+    fn a_full_queue_refuses_an_offer_and_lets_whoever_may_wait_wait() {
+        let queue = Arc::new(ByteQueue::new(10));
+        assert!(queue.offer(9, 'a') && queue.offer(9, 'b'), "the limit may be passed by one");
+        assert!(!queue.offer(1, 'c') && !queue.is_easy());
+        let waiting = {
+            let queue = Arc::clone(&queue);
+            std::thread::spawn(move || queue.put(1, 'd'))
+        };
+        assert_eq!(queue.take(None), Taken::Next('a'));
+        assert!(waiting.join().expect("no panic"), "there was room in the end");
+        assert_eq!((queue.take(None), queue.take(None)), (Taken::Next('b'), Taken::Next('d')));
+        assert_eq!(queue.take(Some(Instant::now())), Taken::Nothing);
+    }
+
+    #[test]
+    fn a_closed_queue_gives_what_it_has_and_takes_nothing() {
+        let queue = ByteQueue::new(10);
+        assert!(queue.offer(20, 'a'));
+        queue.close();
+        assert!(!queue.offer(1, 'b') && !queue.put(1, 'b'));
+        assert_eq!((queue.take(None), queue.take(None)), (Taken::Next('a'), Taken::Closed));
+    }
+}
