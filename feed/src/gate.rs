@@ -1,0 +1,171 @@
+//! Who may look and who may steer.
+//!
+//! Everybody who reaches the port may look. Whoever knows the token may steer. A page of another site in a
+//! browser on this machine reaches loopback ports too, and by a name that its owner points here (DNS
+//! rebinding) even as its own: so on a loopback port only loopback names are answered, and WebSockets only
+//! for pages of this very server.
+
+use std::fmt;
+use std::net::SocketAddr;
+
+use axum::http::{HeaderMap, StatusCode, Uri, header};
+
+/// What lets its holder steer.
+#[derive(Clone, PartialEq, Eq)]
+pub struct Token(String);
+
+/// The longest token, bytes: it is part of an address.
+const MAX_TOKEN_BYTES: usize = 128;
+
+impl Token {
+    /// A token of somebody's choice: 8 to 128 letters, digits, `-`, `_`, `.` or `~`, which stand in an address
+    /// as they are.
+    pub fn new(text: &str) -> Result<Token, String> {
+        let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-_.~".contains(&byte);
+        if !(8..=MAX_TOKEN_BYTES).contains(&text.len()) || !text.bytes().all(is_plain) {
+            let found = text.len();
+            return Err(format!(
+                "a token of {found} bytes, expected 8 to {MAX_TOKEN_BYTES} letters, digits or any of -_.~"
+            ));
+        }
+        Ok(Token(text.into()))
+    }
+
+    /// A token that nobody can guess.
+    pub fn random() -> Result<Token, String> {
+        random_hex().map(Token)
+    }
+
+    /// As it stands in an address.
+    pub fn text(&self) -> &str {
+        &self.0
+    }
+
+    /// Whether somebody's text is this token; takes the same time whatever it is.
+    pub fn is(&self, text: &str) -> bool {
+        // Hashes compare in constant time, and of the same length.
+        blake3::hash(self.0.as_bytes()) == blake3::hash(text.as_bytes())
+    }
+}
+
+impl fmt::Debug for Token {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str("Token(hidden)")
+    }
+}
+
+/// 128 bits from the system, as hexadecimal digits.
+pub(crate) fn random_hex() -> Result<String, String> {
+    let mut bytes = [0u8; 16];
+    let got = rustix::rand::getrandom(&mut bytes, rustix::rand::GetRandomFlags::empty());
+    match got {
+        Ok(length) if length == bytes.len() => Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect()),
+        Ok(length) => Err(format!("the system gave {length} random bytes, expected {}", bytes.len())),
+        Err(error) => Err(format!("the system gives no random bytes: {error}")),
+    }
+}
+
+/// Decides about requests.
+#[derive(Clone, Debug)]
+pub(crate) struct Gate {
+    token: Token,
+    is_loopback: bool,
+}
+
+impl Gate {
+    pub fn new(token: Token, address: SocketAddr) -> Gate {
+        Gate { token, is_loopback: address.ip().is_loopback() }
+    }
+
+    /// Whether this text is the token.
+    #[cfg_attr(not(test), expect(dead_code, reason = "the sockets ask it"))]
+    pub fn may_steer(&self, token: Option<&str>) -> bool {
+        token.is_some_and(|token| self.token.is(token))
+    }
+
+    /// Refuses requests that a browser makes for somebody else.
+    pub fn check(&self, uri: &Uri, headers: &HeaderMap) -> Result<(), (StatusCode, String)> {
+        let refused = |why: String| Err((StatusCode::FORBIDDEN, why));
+        let text =
+            |name| headers.get(name).map(|value| String::from_utf8_lossy(value.as_bytes()).into_owned());
+        // HTTP/2 has it in the address.
+        let asked = uri.authority().map(ToString::to_string).or_else(|| text(header::HOST));
+        let Some(asked) = asked else {
+            return Err((StatusCode::BAD_REQUEST, "no Host, expected one".into()));
+        };
+        if self.is_loopback && !is_loopback_name(host_of(&asked)) {
+            return refused(format!("Host is {asked:?}, expected localhost or a loopback address"));
+        }
+        let Some(origin) = text(header::ORIGIN) else { return Ok(()) };
+        let from = origin.split_once("://").map_or("", |(_, rest)| rest);
+        let is_own = from.eq_ignore_ascii_case(&asked);
+        // A page under development comes from another port of this machine.
+        let is_near = self.is_loopback && is_loopback_name(host_of(from));
+        if is_own || is_near {
+            return Ok(());
+        }
+        refused(format!("Origin is {origin:?}, expected a page of this server"))
+    }
+}
+
+/// `host` of `host`, `host:port`, `[v6]` and `[v6]:port`.
+fn host_of(authority: &str) -> &str {
+    if let Some(rest) = authority.strip_prefix('[') {
+        return rest.split(']').next().unwrap_or_default();
+    }
+    authority.rsplit_once(':').map_or(authority, |(host, _)| host)
+}
+
+fn is_loopback_name(host: &str) -> bool {
+    host.eq_ignore_ascii_case("localhost")
+        || host.parse::<std::net::IpAddr>().is_ok_and(|address| address.is_loopback())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn check(listen: &str, host: &str, origin: Option<&str>) -> bool {
+        let gate = Gate::new(Token::new("12345678").expect("a token"), listen.parse().expect("an address"));
+        let mut headers = HeaderMap::new();
+        headers.insert(header::HOST, host.parse().expect("a value"));
+        if let Some(origin) = origin {
+            headers.insert(header::ORIGIN, origin.parse().expect("a value"));
+        }
+        gate.check(&Uri::from_static("/feed"), &headers).is_ok()
+    }
+
+    #[test]
+    fn a_loopback_port_answers_loopback_names_only() {
+        for host in ["localhost:8470", "127.0.0.1:8470", "LOCALHOST", "[::1]:8470", "127.0.0.2"] {
+            assert!(check("127.0.0.1:8470", host, None), "{host}");
+        }
+        for host in ["evil.example:8470", "localhost.evil.example", "192.0.2.1:8470", "", "[::2]:1"] {
+            assert!(!check("127.0.0.1:8470", host, None), "{host}");
+        }
+        assert!(check("0.0.0.0:8470", "studio.example:8470", None), "an open port has any name");
+    }
+
+    #[test]
+    fn pages_of_other_sites_are_refused() {
+        let local = |origin| check("127.0.0.1:8470", "127.0.0.1:8470", Some(origin));
+        assert!(local("http://127.0.0.1:8470") && local("http://localhost:5173"));
+        assert!(!local("https://evil.example") && !local("null"));
+        let open = |origin| check("0.0.0.0:8470", "studio.example:8470", Some(origin));
+        assert!(open("http://studio.example:8470"));
+        assert!(!open("http://evil.example:8470") && !open("http://localhost:8470"));
+    }
+
+    #[test]
+    fn the_token_alone_lets_steer() {
+        let token = Token::new("abcd-1234").expect("a token");
+        let gate = Gate::new(token.clone(), SocketAddr::from(([127, 0, 0, 1], 1)));
+        assert!(gate.may_steer(Some("abcd-1234")));
+        assert!(!gate.may_steer(Some("abcd-1235")) && !gate.may_steer(Some("")) && !gate.may_steer(None));
+        assert_eq!(format!("{token:?}"), "Token(hidden)");
+        assert!(Token::new("short").is_err() && Token::new("with space").is_err());
+        let random = Token::random().expect("chance");
+        assert_eq!(random.text().len(), 32);
+        assert_ne!(random, Token::random().expect("chance"));
+    }
+}

@@ -1,0 +1,196 @@
+//! The feed's texts: JSON objects with an `"op"`, one a message.
+
+use coordinator::live::{BodyLook, CameraStatus, Done, RunStatus, SceneState};
+use serde_json::{Value, json};
+use sim::{Scene, Solid};
+
+use crate::facts::RunFacts;
+use hull::Camera;
+use hull::rule::OutOfView;
+
+/// The version of the format.
+pub const VERSION: u8 = 1;
+
+/// What a page hears first.
+pub fn hello(facts: &RunFacts, session: &str, is_controller: bool) -> String {
+    let rule = facts.probes.rule();
+    let volume = facts.volume();
+    json!({
+        "op": "hello",
+        "version": VERSION,
+        "program": env!("CARGO_PKG_VERSION"),
+        "session": session,
+        "controller": is_controller,
+        "fps": facts.fps,
+        "dt_s": facts.step_s,
+        "latency_s": facts.latency_s,
+        "cameras": facts.rig.cameras().iter().map(camera).collect::<Vec<_>>(),
+        "rule": {
+            "min_views": rule.min_views,
+            "out_of_view": match rule.out_of_view {
+                OutOfView::Outside => "outside",
+                OutOfView::Abstain => "abstain",
+            },
+        },
+        "up": facts.up,
+        "floor_m": facts.floor_m,
+        "volume": {"low": volume.low_m, "high": volume.high_m},
+        "scenes": Scene::names().collect::<Vec<_>>(),
+        "responses": ["paper", "off"],
+        "colour": facts.has_colour,
+    })
+    .to_string()
+}
+
+fn camera(camera: &Camera) -> Value {
+    let rows = |matrix: &nalgebra::Matrix3<f64>| -> Vec<[f64; 3]> {
+        (0..3).map(|row| [0, 1, 2].map(|column| matrix[(row, column)])).collect()
+    };
+    let lens = camera.lens();
+    let max_radius = lens.max_radius_squared().sqrt();
+    json!({
+        "name": camera.name(),
+        "width": camera.width(),
+        "height": camera.height(),
+        "matrix": rows(camera.intrinsics()),
+        "distortions": lens.coefficients(),
+        "rotation": rows(camera.rotation()),
+        "translation": <[f64; 3]>::from(*camera.translation_m()),
+        // Infinite becomes null: no radius is too large.
+        "max_radius": max_radius,
+    })
+}
+
+/// Bodies and parameters.
+pub fn scene(scene: &SceneState) -> String {
+    let parameters = &scene.parameters;
+    json!({
+        "op": "scene",
+        "generation": scene.generation,
+        "version": scene.version,
+        "scene": scene.scene,
+        "parameters": {
+            "answers_hull": parameters.answers_hull,
+            "hull_restitution": parameters.hull_restitution,
+            "hull_friction": parameters.hull_friction,
+            "gravity_m_s2": parameters.gravity_m_s2,
+        },
+        "up": scene.up,
+        "floor_m": scene.floor_m,
+        "bodies": scene.bodies.iter().map(body).collect::<Vec<_>>(),
+    })
+    .to_string()
+}
+
+fn body(look: &BodyLook) -> Value {
+    json!({
+        "id": look.id,
+        "name": look.name,
+        "color": look.color,
+        "fixed": look.fixed,
+        "shape": shape(&look.solid),
+    })
+}
+
+/// A body's geometry, body frame, metres.
+pub fn shape(solid: &Solid) -> Value {
+    match solid {
+        Solid::Box { size_m } => json!({"box": {"size": size_m}}),
+        Solid::Ball { radius_m } => json!({"ball": {"radius": radius_m}}),
+        Solid::Capsule { radius_m, length_m } => {
+            json!({"capsule": {"radius": radius_m, "length": length_m}})
+        }
+        Solid::Cylinder { radius_m, height_m } => {
+            json!({"cylinder": {"radius": radius_m, "height": height_m}})
+        }
+        Solid::Cone { radius_m, height_m } => json!({"cone": {"radius": radius_m, "height": height_m}}),
+        Solid::Hull(hull) => json!({"hull": {"corners": hull.corners_m(), "faces": hull.triangles()}}),
+    }
+}
+
+/// What a page's own connection does.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FeedStatus {
+    /// Bytes sent to this page a second, over the last quarter.
+    pub bytes_per_s: f64,
+    /// Frame sets sent to it.
+    pub sent: u64,
+    /// Frame sets that it could not take.
+    pub dropped: u64,
+    /// What it gets of the colours.
+    pub tier: &'static str,
+    /// Pages that are connected.
+    pub pages: usize,
+}
+
+/// How the run does, and the page's own connection.
+pub fn status(status: Option<&RunStatus>, is_paused: bool, feed: &FeedStatus) -> String {
+    let mut object = json!({
+        "op": "status",
+        "paused": is_paused,
+        "blind": null,
+        "feed": {
+            "bytes_per_s": feed.bytes_per_s,
+            "sent": feed.sent,
+            "dropped": feed.dropped,
+            "tier": feed.tier,
+            "pages": feed.pages,
+        },
+    });
+    if let (Some(status), Value::Object(object)) = (status, &mut object) {
+        let progress = &status.progress;
+        object.insert("blind".into(), json!(progress.blind));
+        object.insert(
+            "progress".into(),
+            json!({
+                "film_s": progress.film_s,
+                "frame": progress.frame,
+                "steps_per_s": progress.steps_per_s,
+                "passes_per_s": progress.passes_per_s,
+                "p50_ms": progress.p50_ms,
+                "p99_ms": progress.p99_ms,
+                "samples": progress.samples,
+                "contacts": progress.contacts,
+                "bytes_per_s": progress.bytes_per_s,
+            }),
+        );
+        object.insert("cameras".into(), status.cameras.iter().map(camera_status).collect());
+        object.insert("frames_missed".into(), status.frames_missed.into());
+        object.insert("frames_expected".into(), status.frames_expected.into());
+        object.insert("late_steps".into(), status.late_steps.into());
+        object.insert("blind_steps".into(), status.blind_steps.into());
+    }
+    object.to_string()
+}
+
+fn camera_status(camera: &CameraStatus) -> Value {
+    json!({
+        "name": camera.name,
+        "problem": camera.problem,
+        "newest_frame": camera.newest_frame,
+        "age_ms": camera.age_ms,
+        "sync_ms": camera.sync_ms,
+        "foreground": camera.foreground,
+        "silhouette_bytes": camera.silhouette_bytes,
+        "segment_ms": camera.segment_ms,
+    })
+}
+
+/// What a command did.
+pub fn done(id: u64, done: Done) -> String {
+    match done {
+        Done::Done => json!({"op": "done", "id": id}),
+        Done::Spawned(body) => json!({"op": "done", "id": id, "body": body}),
+    }
+    .to_string()
+}
+
+/// Why a command did nothing.
+pub fn refused(id: u64, why: &str) -> String {
+    json!({"op": "refused", "id": id, "why": why}).to_string()
+}
+
+/// The last word before the server closes on purpose.
+pub fn bye(why: &str) -> String {
+    json!({"op": "bye", "why": why}).to_string()
+}

@@ -1,0 +1,19 @@
+//! The feed: all that others see of a run and ask of it, over one HTTP port.
+//!
+//! A [`Feed`] runs on a thread of its own, with its own runtime: the loop never waits for a page. It serves
+//! the page itself, its binary feed (a WebSocket), and what programs use. It knows a run by its
+//! [`coordinator::live::Follower`], what it is by [`RunFacts`], and asks [`pictures::Pictures`] for
+//! silhouettes and colours of a frame, only while somebody looks. `docs/feed.md` is the format in words.
+
+pub mod commands;
+mod facts;
+mod gate;
+pub mod hello;
+pub mod message;
+mod page;
+pub mod pictures;
+mod server;
+
+pub use facts::RunFacts;
+pub use gate::Token;
+pub use server::{Feed, FeedError, FeedSettings};
