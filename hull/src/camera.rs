@@ -301,6 +301,22 @@ impl Camera {
         affine * bend * pinhole
     }
 
+    /// The image of a place in normalised coordinates within the lens, and how it moves with the place.
+    #[inline(always)]
+    pub(crate) fn image_along(
+        &self,
+        normalised: &Vector2<f64>,
+        motion: &Vector2<f64>,
+    ) -> (Vector2<f64>, Vector2<f64>) {
+        let k = &self.intrinsics;
+        let (x, y) = self.lens.distort(normalised.x, normalised.y);
+        let bent = self.lens.jacobian(normalised.x, normalised.y) * motion;
+        (
+            Vector2::new(k[(0, 0)] * x + k[(0, 1)] * y + k[(0, 2)], k[(1, 1)] * y + k[(1, 2)]),
+            Vector2::new(k[(0, 0)] * bent.x + k[(0, 1)] * bent.y, k[(1, 1)] * bent.y),
+        )
+    }
+
     /// The visual hull's unit normal, in the world, where the silhouette's edge at `normalised` has the
     /// 2D normal `m` (pixels): `Rᵀ Jᵀ m` (paper §4.2, the 2D normal back-projected). It is perpendicular
     /// to the viewing ray. `None` if `m` vanishes.

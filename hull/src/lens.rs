@@ -50,6 +50,7 @@ impl Lens {
     }
 
     /// The derivative of [`Self::distort`] by `(x, y)`.
+    #[inline]
     pub fn jacobian(&self, x: f64, y: f64) -> Matrix2<f64> {
         let [k1, k2, p1, p2, k3] = self.coefficients;
         let r2 = x * x + y * y;

@@ -1,5 +1,7 @@
 //! A camera as the probes use it: what is fixed for the run, and one frame of it.
 
+mod bounds;
+
 use std::sync::Arc;
 
 use crate::camera::{Camera, Pixel};
@@ -7,6 +9,7 @@ use crate::cull::Frustum;
 use crate::probe::frame::Frame;
 use crate::rule::{OutOfView, ProbeSettings};
 use crate::silhouette::{BitMap, Index, PixelRect, Silhouette};
+pub(crate) use bounds::Bounds;
 
 /// What one camera says of a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,8 +35,7 @@ pub struct Observer {
     /// ray, and under `abstain` off the image. `None` if there are none.
     blocked: Option<BitMap>,
     window_pixels: u32,
-    stretch: f64,
-    bend: f64,
+    bounds: Bounds,
 }
 
 impl Observer {
@@ -48,7 +50,7 @@ impl Observer {
         let pad = window_pixels + 1;
         let ignored = ignored.filter(|mask| mask.area() > 0);
         let blocked = blocked_pixels(&camera, settings.rule().out_of_view, ignored, pad);
-        let (stretch, bend) = (stretch(&camera, pad), bend(&camera, pad));
+        let bounds = Bounds::of(&camera, pad);
         Observer {
             frame: Frame::of(&camera),
             camera,
@@ -58,8 +60,7 @@ impl Observer {
             ignored_bounds: ignored.and_then(Silhouette::bounds),
             blocked,
             window_pixels,
-            stretch,
-            bend,
+            bounds,
         }
     }
 
@@ -86,7 +87,7 @@ impl Observer {
     /// No image moves faster than this many pixels per unit of normalised coordinates.
     #[inline]
     pub fn stretch_pixels(&self) -> f64 {
-        self.stretch
+        self.bounds.stretch
     }
 
     /// The image of a straight line is never farther from its chord than an eighth of this, times the
@@ -94,7 +95,13 @@ impl Observer {
     /// image, pixels.
     #[inline]
     pub fn bend_pixels(&self) -> f64 {
-        self.bend
+        self.bounds.bend
+    }
+
+    /// All that is known of how the image stretches and bends.
+    #[inline]
+    pub(crate) fn bounds(&self) -> &Bounds {
+        &self.bounds
     }
 
     /// True if this camera is never silent: the rule of the paper, without ignore masks.
@@ -253,47 +260,4 @@ fn border_has_rays(camera: &Camera, pad: u32) -> bool {
     horizontal
         .chain(vertical)
         .all(|(column, row)| camera.normalised(&Pixel { column, row }.centre()).is_some())
-}
-
-/// A bound on `|∂(u, v) / ∂(x, y)|` over everything the padded image shows.
-fn stretch(camera: &Camera, pad: u32) -> f64 {
-    let affine = affine_stretch(camera);
-    if camera.lens().is_straight() {
-        return affine;
-    }
-    let r = reach(camera, pad);
-    let s = r * r;
-    let [k1, k2, p1, p2, k3] = camera.lens().coefficients().map(f64::abs);
-    affine * (1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * 7.0 * k3)) + 8.0 * r * (p1 + p2))
-}
-
-/// A bound on the second derivative of the image by normalised coordinates.
-fn bend(camera: &Camera, pad: u32) -> f64 {
-    if camera.lens().is_straight() {
-        return 0.0;
-    }
-    let r = reach(camera, pad);
-    let s = r * r;
-    let [k1, k2, p1, p2, k3] = camera.lens().coefficients().map(f64::abs);
-    affine_stretch(camera) * (r * (6.0 * k1 + s * (20.0 * k2 + s * 42.0 * k3)) + 8.0 * (p1 + p2))
-}
-
-/// How far the intrinsic matrix stretches.
-fn affine_stretch(camera: &Camera) -> f64 {
-    let k = camera.intrinsics();
-    // The Frobenius norm bounds the operator norm.
-    let affine = (k[(0, 0)].powi(2) + k[(0, 1)].powi(2) + k[(1, 1)].powi(2)).sqrt();
-    if k[(0, 1)] == 0.0 { k[(0, 0)].max(k[(1, 1)]) } else { affine }
-}
-
-/// The radius in normalised coordinates of everything the padded image shows.
-fn reach(camera: &Camera, pad: u32) -> f64 {
-    let pad = f64::from(pad) + 1.0;
-    let (right, bottom) = (f64::from(camera.width()) + pad, f64::from(camera.height()) + pad);
-    let corners = [(-pad, -pad), (right, -pad), (-pad, bottom), (right, bottom)];
-    let reach = corners
-        .iter()
-        .map(|&(u, v)| camera.normalised(&nalgebra::Point2::new(u, v)).map_or(f64::INFINITY, |n| n.norm()))
-        .fold(0.0, f64::max);
-    reach.min(camera.lens().max_radius_squared().sqrt())
 }

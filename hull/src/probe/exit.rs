@@ -1,13 +1,17 @@
 //! Where a ray from inside leaves the silhouette (paper §4.2, point c; spec §3.3).
 //!
-//! Without distortion the ray is a line in the image and is walked from pixel edge to pixel edge in
-//! closed form. With distortion the curve is traced in strides, and the crossing is found to 1e-9 pixels.
+//! The ray's image is walked from pixel edge to pixel edge: without distortion it is a line and all is in
+//! closed form; with distortion it is walked in spans that are nearly parabolas, and the crossing is found to
+//! 1e-9 pixels.
 //! When cameras can fall silent it is followed in steps under a pixel, and every change of class is bisected
 //! to 1e-8 m.
 
 mod bent;
 mod changes;
+mod parabola;
+mod span;
 mod straight;
+mod walk;
 
 use nalgebra::{Point3, Vector3};
 
@@ -36,7 +40,7 @@ impl View {
                     found = (to == Class::Outside).then_some(t);
                     found.is_none()
                 });
-                found
+                found.filter(|&t| t < limit_m)
             })
         };
         t.map(|t| self.settled(a, n, t))

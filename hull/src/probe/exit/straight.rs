@@ -2,7 +2,8 @@
 
 use nalgebra::{Point3, Vector3};
 
-use crate::camera::{Pixel, floor};
+use super::walk::{Crossing, Track};
+use crate::camera::floor;
 use crate::view::View;
 
 impl View {
@@ -35,11 +36,6 @@ impl View {
         if major.slope == 0.0 {
             return None;
         }
-        let foreground = self.foreground();
-        let (map, depth) = (foreground.map(), foreground.depth());
-        let pixel = |along: i32, beside: i32| {
-            if ACROSS { Pixel { column: along, row: beside } } else { Pixel { column: beside, row: along } }
-        };
         let (from, beside) = (major.q / major.z, minor.q / minor.z);
         let slope = minor.slope / major.slope;
         let first = floor(from + 0.5);
@@ -49,33 +45,11 @@ impl View {
         let entered = beside + slope * (f64::from(first) - 0.5 * sign_f64 - from) + 0.5;
         let entered_at = |step: i32| floor(entered + slope * sign_f64 * f64::from(step));
         let steps = major.steps_until(limit, first);
-        let shrink = 1.0 - 0.2929 * slope.abs();
-        let mut step = 0;
-        let mut at = floor(beside + 0.5);
-        while step <= steps {
-            let here = pixel(first + sign * step, at);
-            let clear = f64::from(depth.clear_pixels(here.column, here.row)) - 1.0 - 1e-6;
-            let skipped = (clear * shrink) as i32;
-            if skipped > 1 {
-                step += skipped;
-                at = entered_at(step);
-                continue;
-            }
-            if step > 0 && !map.get(here) {
-                return major.crossing(first + sign * (step - 1), sign, limit);
-            }
-            let next = entered_at(step + 1);
-            while at != next {
-                let down = if next > at { 1 } else { -1 };
-                let left = at;
-                at += down;
-                if !map.get(pixel(first + sign * step, at)) {
-                    return minor.crossing(left, down, limit);
-                }
-            }
-            step += 1;
+        let track = Track { first, sign, steps, shrink: 1.0 - 0.2929 * slope.abs() };
+        match track.first_crossing::<ACROSS>(self.foreground(), floor(beside + 0.5), entered_at)? {
+            Crossing::Along(left) => major.crossing(left, sign, limit),
+            Crossing::Beside { left, down, .. } => minor.crossing(left, down, limit),
         }
-        None
     }
 }
 
