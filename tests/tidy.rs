@@ -8,7 +8,7 @@ fn root() -> PathBuf {
 }
 
 /// Which of our crates a crate may depend on: dependencies point inward.
-const ALLOWED: [(&str, &[&str]); 11] = [
+const ALLOWED: [(&str, &[&str]); 12] = [
     ("hull", &[]),
     ("calib", &["hull"]),
     ("segment", &["hull"]),
@@ -18,8 +18,23 @@ const ALLOWED: [(&str, &[&str]); 11] = [
     ("camera-node", &["hull", "proto", "segment", "stage"]),
     ("coordinator", &["hull", "proto", "sim"]),
     ("feed", &["coordinator", "hull", "proto", "sim"]),
+    ("recording", &["coordinator", "hull", "proto", "sim"]),
     ("benches", &["hull"]),
-    ("hulltouch", &["calib", "camera-node", "coordinator", "feed", "hull", "proto", "segment", "sim", "stage"]),
+    (
+        "hulltouch",
+        &[
+            "calib",
+            "camera-node",
+            "coordinator",
+            "feed",
+            "hull",
+            "proto",
+            "recording",
+            "segment",
+            "sim",
+            "stage",
+        ],
+    ),
 ];
 
 fn manifest(folder: &Path) -> toml::Table {

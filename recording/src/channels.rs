@@ -31,7 +31,8 @@ pub enum Channel {
 impl Channel {
     /// All channels of a rig.
     pub fn all(cameras: usize) -> impl Iterator<Item = Channel> {
-        let of_cameras = (0..cameras).flat_map(|camera| [Channel::Silhouette(camera), Channel::Colour(camera)]);
+        let of_cameras =
+            (0..cameras).flat_map(|camera| [Channel::Silhouette(camera), Channel::Colour(camera)]);
         let of_run = [Channel::Step, Channel::Scene, Channel::Bodies, Channel::Touches, Channel::Figures];
         [Channel::Header].into_iter().chain(of_cameras).chain(of_run).chain([Channel::End])
     }

@@ -1,5 +1,19 @@
-//! Recordings.
-mod v1 {
-    #![allow(missing_docs, clippy::all, unused_qualifications)]
-    include!(concat!(env!("OUT_DIR"), "/hulltouch.recording.v1.rs"));
-}
+//! Recordings of a run as MCAP files: writing them, and reading them back even if they were cut off.
+//!
+//! [`record`] makes a recorder for a coordinator and the file that it writes. [`Recording`] reads such a file:
+//! its header, the steps as a schedule for a coordinator, the silhouettes as frames for it. The format is
+//! described in `docs/recording.md` and in `recording.proto`, which every file carries.
+
+mod channels;
+mod convert;
+mod fetch;
+mod messages;
+mod queue;
+mod read;
+mod recorder;
+mod writer;
+
+pub use convert::{ConvertError, RunHeader};
+pub use read::{Difference, ReadError, RecordedFrames, RecordedSteps, Recording, StepCheck};
+pub use recorder::{Recorded, RecordingFile, RunRecorder, record};
+pub use writer::{Overwrites, WriteError};

@@ -90,6 +90,11 @@ impl<T> ByteQueue<T> {
         }
     }
 
+    /// Whether nothing more is taken in.
+    pub fn is_closed(&self) -> bool {
+        self.lock().closed
+    }
+
     /// Takes nothing more in; what waits can still be taken.
     pub fn close(&self) {
         self.lock().closed = true;

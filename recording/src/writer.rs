@@ -41,6 +41,15 @@ pub enum WriteError {
     },
 }
 
+/// Whether a recording may take the place of a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Overwrites {
+    /// A file that is there stays.
+    Never,
+    /// Once the recording is complete.
+    AtTheEnd,
+}
+
 /// A message with its channel and times, unix nanoseconds.
 #[derive(Debug)]
 pub(crate) struct Entry {
@@ -50,22 +59,68 @@ pub(crate) struct Entry {
     pub message: Vec<u8>,
 }
 
+/// Where messages for a file go; copies are cheap.
+#[derive(Clone, Debug)]
+pub(crate) struct Sink {
+    queue: Arc<ByteQueue<Vec<Entry>>>,
+    problem: Arc<OnceLock<String>>,
+    /// Waits for a slow disk instead of giving up.
+    waits: bool,
+}
+
 /// A file that is being written.
 #[derive(Debug)]
 pub(crate) struct FileWriter {
-    queue: Arc<ByteQueue<Vec<Entry>>>,
-    problem: Arc<OnceLock<String>>,
+    sink: Sink,
     thread: Option<JoinHandle<()>>,
     path: PathBuf,
     writing: PathBuf,
 }
 
+impl Sink {
+    /// Hands in messages that belong together. A disk that is too slow for a run that does not wait ends the
+    /// recording, in one loud line.
+    pub fn put(&self, entries: Vec<Entry>) {
+        let bytes = entries.iter().map(|entry| size_of::<Entry>() + entry.message.len()).sum();
+        if self.waits {
+            // A file that has failed has told why.
+            self.queue.put(bytes, entries);
+        } else if !self.queue.offer(bytes, entries) && !self.queue.is_closed() {
+            self.fail(format!("the disk is too slow: {} MB wait for it", MAX_WAITING_BYTES >> 20));
+        }
+    }
+
+    /// Whether the disk keeps up, or never will.
+    pub fn is_easy(&self) -> bool {
+        self.queue.is_easy() || self.queue.is_closed()
+    }
+
+    /// Why the recording has ended too early, if so.
+    pub fn problem(&self) -> Option<&str> {
+        self.problem.get().map(String::as_str)
+    }
+
+    fn fail(&self, problem: String) {
+        tracing::error!("the recording has ended, the run goes on: {problem}");
+        // What is set is the first problem; there is no second.
+        let _ = self.problem.set(problem);
+        self.queue.close();
+    }
+}
+
 impl FileWriter {
     /// Creates the file and all its channels; `first` is on the disk when this returns. A file that is there
-    /// stays as it is until the new one is complete, and is replaced only if `force` is set.
-    pub fn create(path: &Path, force: bool, names: &[String], first: Entry) -> Result<FileWriter, WriteError> {
+    /// stays as it is until the new one is complete, and is
+    /// replaced only if it may be. With `waits` a slow disk holds up whoever hands in messages.
+    pub fn create(
+        path: &Path,
+        overwrites: Overwrites,
+        waits: bool,
+        names: &[String],
+        first: Entry,
+    ) -> Result<FileWriter, WriteError> {
         let writing = if path.exists() { partial(path) } else { path.to_owned() };
-        if writing != path && !force {
+        if writing != path && overwrites == Overwrites::Never {
             return Err(WriteError::Exists(path.to_owned()));
         }
         let unwritable = |problem: String| WriteError::Unwritable { path: path.to_owned(), problem };
@@ -73,47 +128,30 @@ impl FileWriter {
         let file = created.map_err(|error| unwritable(error.to_string()))?;
         let mut chunks = Chunks::begin(file, names).map_err(|error| unwritable(explained(&error)))?;
         chunks.add(&[first]).and_then(|()| chunks.flush()).map_err(|error| unwritable(explained(&error)))?;
-        let queue = Arc::new(ByteQueue::new(MAX_WAITING_BYTES));
-        let problem = Arc::new(OnceLock::new());
+        let sink =
+            Sink { queue: Arc::new(ByteQueue::new(MAX_WAITING_BYTES)), problem: Arc::default(), waits };
         let thread = {
-            let (queue, problem) = (Arc::clone(&queue), Arc::clone(&problem));
+            let sink = sink.clone();
             std::thread::spawn(move || {
-                if let Err(error) = chunks.write_all(&queue) {
-                    // What is set is the first problem; there is no second.
-                    let _ = problem.set(explained(&error));
-                    queue.close();
+                if let Err(error) = chunks.write_all(&sink.queue) {
+                    sink.fail(explained(&error));
                 }
             })
         };
-        Ok(FileWriter { queue, problem, thread: Some(thread), path: path.to_owned(), writing })
+        Ok(FileWriter { sink, thread: Some(thread), path: path.to_owned(), writing })
     }
 
-    /// Hands in messages that stay together; false if the disk is too slow, or the file has failed.
-    pub fn offer(&self, entries: Vec<Entry>) -> bool {
-        self.queue.offer(size(&entries), entries)
-    }
-
-    /// The same, but waits for a slow disk; false if the file has failed.
-    pub fn put(&self, entries: Vec<Entry>) -> bool {
-        self.queue.put(size(&entries), entries)
-    }
-
-    /// Whether the disk keeps up.
-    pub fn is_easy(&self) -> bool {
-        self.queue.is_easy()
-    }
-
-    /// Why the file has failed, if so.
-    pub fn problem(&self) -> Option<&str> {
-        self.problem.get().map(String::as_str)
+    /// Where messages go.
+    pub fn sink(&self) -> &Sink {
+        &self.sink
     }
 
     /// Writes what waits and completes the file.
     pub fn finish(mut self) -> Result<(), WriteError> {
         self.join();
         let unwritable = |problem: String| WriteError::Unwritable { path: self.path.clone(), problem };
-        if let Some(problem) = self.problem.get() {
-            return Err(unwritable(problem.clone()));
+        if let Some(problem) = self.sink.problem() {
+            return Err(unwritable(problem.to_owned()));
         }
         if self.writing != self.path {
             std::fs::rename(&self.writing, &self.path).map_err(|error| unwritable(error.to_string()))?;
@@ -129,11 +167,11 @@ impl FileWriter {
     }
 
     fn join(&mut self) {
-        self.queue.close();
+        self.sink.queue.close();
         if let Some(thread) = self.thread.take()
             && thread.join().is_err()
         {
-            let _ = self.problem.set("its thread panicked".into());
+            let _ = self.sink.problem.set("its thread panicked".into());
         }
     }
 }
@@ -143,10 +181,6 @@ impl Drop for FileWriter {
         // A run that fails leaves what it has recorded.
         self.join();
     }
-}
-
-fn size(entries: &[Entry]) -> usize {
-    entries.iter().map(|entry| size_of::<Entry>() + entry.message.len()).sum()
 }
 
 fn partial(path: &Path) -> PathBuf {
@@ -207,7 +241,8 @@ impl Chunks {
 
     fn add(&mut self, entries: &[Entry]) -> Result<(), McapError> {
         let newest_ns = entries.iter().map(|entry| entry.log_ns).max().unwrap_or_default();
-        let is_due = |&(deadline, until_ns): &(Instant, u64)| newest_ns >= until_ns || Instant::now() >= deadline;
+        let is_due =
+            |&(deadline, until_ns): &(Instant, u64)| newest_ns >= until_ns || Instant::now() >= deadline;
         if self.due.as_ref().is_some_and(is_due) {
             self.flush()?;
         }

@@ -55,6 +55,7 @@ pub enum Solid {
 /// A convex polyhedron as triangles.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ConvexHull {
+    points_m: Vec<[f64; 3]>,
     corners_m: Vec<[f64; 3]>,
     triangles: Vec<[usize; 3]>,
 }
@@ -97,6 +98,7 @@ impl ConvexHull {
         let points: Vec<Vector> = points_m.iter().map(|p| Vector::from_array(p.map(|c| c as f32))).collect();
         let (corners, triangles) = try_convex_hull(&points).map_err(|_| HullError::Flat { found_m: 0.0 })?;
         let hull = ConvexHull {
+            points_m: points_m.to_vec(),
             corners_m: corners.iter().map(|c| c.to_array().map(f64::from)).collect(),
             triangles: triangles.iter().map(|t| t.map(|index| index as usize)).collect(),
         };
@@ -105,6 +107,11 @@ impl ConvexHull {
             return Err(HullError::Flat { found_m });
         }
         Ok(hull)
+    }
+
+    /// The points it was made of: made of them again it is the same, bit for bit.
+    pub fn points_m(&self) -> &[[f64; 3]] {
+        &self.points_m
     }
 
     /// The corners, body frame, metres.

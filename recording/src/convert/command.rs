@@ -20,11 +20,9 @@ pub(crate) fn command_to_message(command: &Command) -> messages::Command {
         Command::Choose(scene) => Kind::Choose(scene_text(scene)),
         Command::Spawn(spec) => Kind::Spawn(body_spec(spec)),
         Command::Remove(body) => Kind::Remove(*body),
-        Command::Push { body, impulse_n_s, at_m } => Kind::Push(Push {
-            body: *body,
-            impulse_n_s: Some(vector(*impulse_n_s)),
-            at_m: at_m.map(vector),
-        }),
+        Command::Push { body, impulse_n_s, at_m } => {
+            Kind::Push(Push { body: *body, impulse_n_s: Some(vector(*impulse_n_s)), at_m: at_m.map(vector) })
+        }
         Command::Grab { body, grip_body_m, target_m } => Kind::Grab(Grab {
             body: *body,
             grip_body_m: Some(vector(*grip_body_m)),
@@ -33,7 +31,7 @@ pub(crate) fn command_to_message(command: &Command) -> messages::Command {
         Command::Release { body, velocity_m_s } => {
             Kind::Release(Release { body: *body, velocity_m_s: velocity_m_s.map(vector) })
         }
-        Command::Set(parameters) => Kind::Set(parameters_to_message(parameters)),
+        Command::Set(parameters) => Kind::Set(parameters_message(parameters)),
         Command::TakeBackground { seconds } => Kind::TakeBackgroundS(*seconds),
     };
     messages::Command { command: Some(kind) }
@@ -74,7 +72,7 @@ pub(crate) fn command_from_message(message: messages::Command) -> Result<Command
     })
 }
 
-pub(super) fn parameters_to_message(parameters: &Parameters) -> messages::Parameters {
+fn parameters_message(parameters: &Parameters) -> messages::Parameters {
     let Parameters { answers_hull, hull_restitution, hull_friction, gravity_m_s2 } = *parameters;
     messages::Parameters {
         answers_hull,

@@ -8,7 +8,7 @@ mod world;
 
 pub(crate) use command::{command_from_message, command_to_message};
 pub use header::RunHeader;
-pub(crate) use numbers::{pose_from_message, rotation, vector};
+pub(crate) use numbers::{finite, vector};
 pub(crate) use world::{bodies, scene, touches};
 
 use thiserror::Error;

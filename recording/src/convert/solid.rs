@@ -21,6 +21,7 @@ pub(crate) fn solid(found: &Solid) -> messages::Solid {
         Solid::Hull(hull) => Kind::Hull(Polyhedron {
             corners_m: hull.corners_m().iter().map(|corner| vector(*corner)).collect(),
             triangles: hull.triangles().iter().flatten().map(|&corner| corner as u32).collect(),
+            points_m: hull.points_m().iter().map(|point| vector(*point)).collect(),
         }),
     };
     messages::Solid { solid: Some(kind) }
@@ -34,14 +35,10 @@ fn solid_from_message(found: Option<messages::Solid>) -> Result<Solid, ConvertEr
         Kind::Capsule(Round { radius_m, length_m }) => Solid::Capsule { radius_m, length_m },
         Kind::Cylinder(Round { radius_m, length_m }) => Solid::Cylinder { radius_m, height_m: length_m },
         Kind::Cone(Round { radius_m, length_m }) => Solid::Cone { radius_m, height_m: length_m },
-        Kind::Hull(Polyhedron { corners_m, triangles }) => {
-            let corners =
-                corners_m.iter().map(|corner| finite("Solid", corner)).collect::<Result<Vec<_>, _>>()?;
-            let hull = ConvexHull::new(&corners).map_err(|error| ConvertError::new("Solid", error))?;
-            let made = hull.triangles().iter().flatten().map(|&corner| corner as u32);
-            if hull.corners_m() != corners || !made.eq(triangles) {
-                return Err(ConvertError::new("Solid", "corners and triangles are no convex hull as recorded"));
-            }
+        Kind::Hull(Polyhedron { points_m, .. }) => {
+            let points =
+                points_m.iter().map(|point| finite("Solid", point)).collect::<Result<Vec<_>, _>>()?;
+            let hull = ConvexHull::new(&points).map_err(|error| ConvertError::new("Solid", error))?;
             Solid::Hull(Arc::new(hull))
         }
     })
@@ -49,7 +46,8 @@ fn solid_from_message(found: Option<messages::Solid>) -> Result<Solid, ConvertEr
 
 /// A body as it is put down.
 pub(crate) fn body_spec(spec: &BodySpec) -> messages::BodySpec {
-    let BodySpec { name, solid: geometry, pose, velocity_m_s, heft, friction, restitution, fixed, color } = spec;
+    let BodySpec { name, solid: geometry, pose, velocity_m_s, heft, friction, restitution, fixed, color } =
+        spec;
     messages::BodySpec {
         name: name.clone(),
         solid: Some(solid(geometry)),

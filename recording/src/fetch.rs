@@ -1,0 +1,171 @@
+//! Fetches the silhouettes of the frames that a run uses, beside the run.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use coordinator::record::{Fetching, FrameRecord};
+use hull::Silhouette;
+use proto::convert::{SilhouetteEncoding, silhouette_data};
+use tokio::sync::mpsc;
+
+use crate::channels::Channel;
+use crate::messages;
+use crate::recorder::{Times, unix_ns};
+use crate::writer::{Entry, Sink};
+
+/// Frames on their way at most: as many as a node keeps; what waits longer is gone there.
+const MAX_FETCHING: usize = 8;
+/// A lock-step run brings a frame into use while at most so many are on their way.
+const EASY: usize = 1;
+/// A frame that has not come by then has been dropped by its node long ago.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// Hands frames to a thread that waits for them.
+#[derive(Debug)]
+pub(crate) struct Fetcher {
+    wanted: Option<mpsc::Sender<Wanted>>,
+    counts: Arc<Counts>,
+}
+
+/// The thread that waits for frames.
+#[derive(Debug)]
+pub(crate) struct Fetches {
+    thread: JoinHandle<()>,
+    counts: Arc<Counts>,
+}
+
+#[derive(Debug, Default)]
+struct Counts {
+    fetching: AtomicUsize,
+    frames: AtomicU64,
+    lost: AtomicU64,
+}
+
+struct Wanted {
+    frame: u64,
+    /// When each camera captured it (unix seconds) and how long that took to segment, milliseconds.
+    facts: Vec<(u16, f64, f64)>,
+    silhouettes: Fetching,
+}
+
+impl Fetcher {
+    /// A fetcher and its thread.
+    pub fn begin(sink: Sink, times: Times) -> (Fetcher, Fetches) {
+        let (wanted, asked) = mpsc::channel(MAX_FETCHING);
+        let counts = Arc::new(Counts::default());
+        let thread = {
+            let counts = Arc::clone(&counts);
+            std::thread::spawn(move || {
+                let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build();
+                match runtime {
+                    Ok(runtime) => runtime.block_on(fetch_all(asked, sink, times, &counts)),
+                    Err(error) => tracing::error!("silhouettes are not recorded: {error}"),
+                }
+            })
+        };
+        (Fetcher { wanted: Some(wanted), counts: Arc::clone(&counts) }, Fetches { thread, counts })
+    }
+
+    /// Begins to wait for a frame.
+    pub fn fetch(&mut self, record: FrameRecord<'_>) {
+        let of_node = |facts: &coordinator::FrameFacts| {
+            let captured_unix_s = facts.captured_unix_s;
+            let camera = move |camera: &coordinator::CameraFacts| {
+                (camera.rig_index, captured_unix_s, camera.segment_ms)
+            };
+            facts.cameras.iter().map(camera).collect::<Vec<_>>()
+        };
+        let facts = record.facts.iter().flat_map(of_node).collect();
+        let wanted = Wanted { frame: record.frame, facts, silhouettes: record.silhouettes };
+        self.counts.fetching.fetch_add(1, Ordering::Relaxed);
+        let sent = self.wanted.as_ref().is_some_and(|sender| sender.try_send(wanted).is_ok());
+        if !sent {
+            self.counts.lose(record.frame, "too many frames are on their way");
+        }
+    }
+
+    /// Whether few frames are on their way.
+    pub fn is_easy(&self) -> bool {
+        self.counts.fetching.load(Ordering::Relaxed) <= EASY
+    }
+
+    /// No more frames come.
+    pub fn close(&mut self) {
+        self.wanted = None;
+    }
+}
+
+impl Fetches {
+    /// Waits for all frames; how many came and how many did not.
+    pub fn finish(self) -> (u64, u64) {
+        if self.thread.join().is_err() {
+            tracing::error!("the thread that fetches silhouettes panicked");
+        }
+        (self.counts.frames.load(Ordering::Relaxed), self.counts.lost.load(Ordering::Relaxed))
+    }
+}
+
+impl Counts {
+    fn lose(&self, frame: u64, why: &str) {
+        self.fetching.fetch_sub(1, Ordering::Relaxed);
+        if self.lost.fetch_add(1, Ordering::Relaxed) == 0 {
+            tracing::warn!(
+                "the recording lacks frame {frame}: {why} (told once; the file's end counts them)"
+            );
+        }
+    }
+}
+
+async fn fetch_all(mut asked: mpsc::Receiver<Wanted>, sink: Sink, times: Times, counts: &Arc<Counts>) {
+    let mut fetches = tokio::task::JoinSet::new();
+    while let Some(wanted) = asked.recv().await {
+        while fetches.len() >= MAX_FETCHING {
+            fetches.join_next().await;
+        }
+        while fetches.try_join_next().is_some() {}
+        let (sink, counts) = (sink.clone(), Arc::clone(counts));
+        fetches.spawn(async move {
+            let Wanted { frame, facts, silhouettes } = wanted;
+            let fetched = tokio::time::timeout(PATIENCE, silhouettes).await;
+            match fetched.unwrap_or_else(|_| Err("it did not come in time".into())) {
+                Ok(silhouettes) => {
+                    sink.put(entries(frame, &facts, &silhouettes, times));
+                    counts.frames.fetch_add(1, Ordering::Relaxed);
+                    counts.fetching.fetch_sub(1, Ordering::Relaxed);
+                }
+                Err(why) => counts.lose(frame, &why),
+            }
+        });
+    }
+    while fetches.join_next().await.is_some() {}
+}
+
+fn entries(
+    frame: u64,
+    facts: &[(u16, f64, f64)],
+    silhouettes: &[Arc<Silhouette>],
+    times: Times,
+) -> Vec<Entry> {
+    let log_ns = times.log_ns(frame as f64 / times.fps);
+    let entry = |(camera, silhouette): (usize, &Arc<Silhouette>)| {
+        let known = facts.iter().find(|(rig_index, ..)| usize::from(*rig_index) == camera);
+        let (captured_unix_s, segment_ms) = known.map_or((0.0, 0.0), |&(_, unix_s, ms)| (unix_s, ms));
+        let message = messages::Silhouette {
+            frame,
+            camera: camera as u32,
+            width: silhouette.width(),
+            height: silhouette.height(),
+            runs: silhouette_data(silhouette, SilhouetteEncoding::Runs).into(),
+            captured_unix_s,
+            segment_ms,
+        };
+        let mut entry = Entry::new(Channel::Silhouette(camera), log_ns, &message);
+        if known.is_some() {
+            entry.publish_ns = unix_ns(captured_unix_s);
+        }
+        entry
+    };
+    silhouettes.iter().enumerate().map(entry).collect()
+}

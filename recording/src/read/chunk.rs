@@ -1,0 +1,123 @@
+//! The records of a file: where its chunks are, and the messages of one.
+
+use std::fs::File;
+use std::io::{Read as _, Seek as _, SeekFrom};
+
+use mcap::records::{MessageHeader, Record, op};
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use mcap::{MAGIC, parse_record};
+
+/// No record is larger, packed or not: sixteen times what we write, for files that other tools have packed
+/// anew.
+const MAX_RECORD_BYTES: u64 = 64 << 20;
+/// A record's kind and length.
+const HEAD_BYTES: u64 = 9;
+
+/// Where a record stands in the file, its head included.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Place {
+    offset: u64,
+    bytes: u64,
+}
+
+/// What a file holds, from its beginning as far as it can be read.
+#[derive(Debug)]
+pub(super) struct Chunks {
+    file: File,
+    offset: u64,
+    /// Why it cannot be read any farther: it was cut off, or damaged.
+    pub problem: Option<String>,
+    ended: bool,
+}
+
+/// What is of interest in a chunk.
+#[derive(Debug, PartialEq)]
+pub(super) enum Found {
+    /// A channel's number and topic.
+    Channel(u16, String),
+    /// A message.
+    Message(MessageHeader, Vec<u8>),
+}
+
+impl Chunks {
+    /// Fails if the file is no MCAP at all.
+    pub fn begin(mut file: File) -> Result<Chunks, String> {
+        let mut magic = [0; MAGIC.len()];
+        let read = file.rewind().and_then(|()| file.read_exact(&mut magic));
+        if read.is_err() || magic != MAGIC {
+            return Err("no MCAP file".into());
+        }
+        Ok(Chunks { file, offset: MAGIC.len() as u64, problem: None, ended: false })
+    }
+
+    /// The next chunk and what it holds. After the last, `problem` tells whether that was the end.
+    pub fn next(&mut self) -> Option<(Place, Vec<Found>)> {
+        while !self.ended && self.problem.is_none() {
+            match self.step() {
+                Ok(Some(found)) => return Some(found),
+                Ok(None) => {}
+                Err(problem) => self.problem = Some(problem),
+            }
+        }
+        None
+    }
+
+    /// Passes over a record, or reads it if it is a chunk.
+    fn step(&mut self) -> Result<Option<(Place, Vec<Found>)>, String> {
+        let mut head = [0; HEAD_BYTES as usize];
+        self.file.seek(SeekFrom::Start(self.offset)).map_err(said)?;
+        self.file.read_exact(&mut head).map_err(|_| "it ends too early".to_owned())?;
+        let kind = head[0];
+        let length = u64::from_le_bytes([1, 2, 3, 4, 5, 6, 7, 8].map(|at| head[at]));
+        if kind == op::DATA_END || kind == op::FOOTER {
+            self.ended = true;
+            return Ok(None);
+        }
+        let place = Place { offset: self.offset, bytes: HEAD_BYTES.saturating_add(length) };
+        let found = if kind == op::CHUNK { Some((place, read(&mut self.file, place)?)) } else { None };
+        self.offset = self.offset.saturating_add(place.bytes);
+        Ok(found)
+    }
+}
+
+/// The channels and messages of a chunk; all of it, or why not.
+pub(super) fn read(file: &mut File, place: Place) -> Result<Vec<Found>, String> {
+    if place.bytes > MAX_RECORD_BYTES {
+        return Err(format!("a record claims {} bytes, expected at most {MAX_RECORD_BYTES}", place.bytes));
+    }
+    let mut bytes = Vec::new();
+    file.seek(SeekFrom::Start(place.offset)).map_err(said)?;
+    file.take(place.bytes).read_to_end(&mut bytes).map_err(said)?;
+    if bytes.len() as u64 != place.bytes {
+        return Err("it ends too early".into());
+    }
+    // The chunk alone, as if it were the whole file: checked before anything of it is used.
+    let options = LinearReaderOptions::default()
+        .with_skip_start_magic(true)
+        .with_skip_end_magic(true)
+        .with_prevalidate_chunk_crcs(true)
+        .with_record_length_limit(MAX_RECORD_BYTES as usize);
+    let mut reader = LinearReader::new_with_options(options);
+    let mut left = &bytes[..];
+    let mut found = Vec::new();
+    while let Some(event) = reader.next_event() {
+        match event.map_err(said)? {
+            LinearReadEvent::ReadRequest(need) => {
+                let count = need.min(left.len());
+                reader.insert(count).copy_from_slice(&left[..count]);
+                reader.notify_read(count);
+                left = &left[count..];
+            }
+            LinearReadEvent::Record { data, opcode } => match parse_record(opcode, data).map_err(said)? {
+                Record::Channel(channel) => found.push(Found::Channel(channel.id, channel.topic)),
+                Record::Message { header, data } => found.push(Found::Message(header, data.into_owned())),
+                _ => {}
+            },
+        }
+    }
+    Ok(found)
+}
+
+fn said(error: impl std::fmt::Display) -> String {
+    error.to_string()
+}

@@ -1,0 +1,191 @@
+//! The silhouettes of a recording as the frames of a coordinator.
+
+use std::collections::VecDeque;
+use std::fs::File;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use coordinator::{CameraFacts, FilmState, FrameFacts, LocalFrames, Pace};
+use hull::{Observer, Silhouette, View, ViewSet};
+use proto::convert::{SilhouetteEncoding, silhouette_from_data};
+use tokio::sync::watch;
+
+use super::{Index, ReadError};
+use crate::channels::Channel;
+use crate::convert::RunHeader;
+use crate::messages;
+
+/// Frames kept ready: as many as a node keeps.
+const KEPT_FRAMES: usize = 8;
+/// Chunks kept unpacked: a frame may lie over two, and the next begins where it ends.
+const KEPT_CHUNKS: usize = 2;
+
+/// The frames of a recording, read when they are wanted.
+pub struct RecordedFrames {
+    index: Arc<Index>,
+    observers: Vec<Arc<Observer>>,
+    fps: f64,
+    inner: Mutex<Inner>,
+    version: watch::Sender<u64>,
+}
+
+struct Inner {
+    file: File,
+    chunks: VecDeque<(u32, Vec<Unpacked>)>,
+    frames: VecDeque<Arc<Frame>>,
+    state: FilmState,
+    epoch_unix_s: f64,
+}
+
+/// A silhouette of an unpacked chunk, with its camera.
+type Unpacked = (usize, messages::Silhouette);
+
+struct Frame {
+    number: u64,
+    views: ViewSet,
+    silhouettes: Vec<Arc<Silhouette>>,
+    facts: FrameFacts,
+}
+
+impl RecordedFrames {
+    pub(super) fn begin(header: &RunHeader, index: Arc<Index>) -> Result<RecordedFrames, ReadError> {
+        let inner = Inner {
+            file: index.open()?,
+            chunks: VecDeque::new(),
+            frames: VecDeque::new(),
+            state: FilmState::Running,
+            epoch_unix_s: header.began_unix_s,
+        };
+        let (observers, fps) = (header.observers(), header.fps);
+        Ok(RecordedFrames { index, observers, fps, inner: Mutex::new(inner), version: watch::Sender::new(0) })
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Inner> {
+        // Nothing between two statements that can panic is half done.
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// A frame, read if need be; `None` if the recording has it not.
+    fn frame(&self, number: u64) -> Option<Arc<Frame>> {
+        let mut inner = self.lock();
+        if let Some(frame) = inner.frames.iter().find(|frame| frame.number == number) {
+            return Some(Arc::clone(frame));
+        }
+        let cameras = self.index.frames.get(&number)?;
+        match self.read(&mut inner, number, cameras) {
+            Ok(frame) => {
+                let frame = Arc::new(frame);
+                if inner.frames.len() == KEPT_FRAMES {
+                    inner.frames.pop_front();
+                }
+                inner.frames.push_back(Arc::clone(&frame));
+                Some(frame)
+            }
+            Err(error) => {
+                inner.state = FilmState::Failed(error.to_string());
+                None
+            }
+        }
+    }
+
+    fn read(&self, inner: &mut Inner, number: u64, cameras: &[u32]) -> Result<Frame, ReadError> {
+        let mut parts = Vec::with_capacity(cameras.len());
+        for (camera, &chunk) in cameras.iter().enumerate() {
+            let unpacked = self.unpacked(inner, chunk)?;
+            let is_it = |(of, found): &&Unpacked| *of == camera && found.frame == number;
+            let (_, found) = unpacked.iter().find(is_it).ok_or_else(|| {
+                self.index.refused(format_args!("frame {number} of camera {camera} is not where it was"))
+            })?;
+            let size = {
+                let camera = self.observers[camera].camera();
+                (camera.width(), camera.height())
+            };
+            let silhouette = silhouette_from_data(&found.runs, size, SilhouetteEncoding::Runs)
+                .map_err(|error| self.index.refused(error))?;
+            parts.push((silhouette, found.runs.len() as u32, found.captured_unix_s, found.segment_ms));
+        }
+        let views = self.observers.iter().zip(&parts);
+        let views = ViewSet::new(
+            views.map(|(observer, (silhouette, ..))| View::new(Arc::clone(observer), silhouette)).collect(),
+        );
+        let facts = parts.iter().zip(&self.observers);
+        let cameras = facts.map(|((silhouette, silhouette_bytes, _, segment_ms), observer)| CameraFacts {
+            rig_index: observer.rig_index(),
+            admitted: observer.admitted(silhouette.bounds()),
+            area: silhouette.area(),
+            silhouette_bytes: *silhouette_bytes,
+            segment_ms: *segment_ms,
+        });
+        let capture_time_s = number as f64 / self.fps;
+        let facts = FrameFacts {
+            frame: number,
+            capture_time_s,
+            captured_unix_s: inner.epoch_unix_s + capture_time_s,
+            cameras: cameras.collect(),
+            skipped: 0,
+        };
+        let silhouettes = parts.into_iter().map(|(silhouette, ..)| Arc::new(silhouette)).collect();
+        Ok(Frame { number, views, silhouettes, facts })
+    }
+
+    fn unpacked<'a>(&self, inner: &'a mut Inner, chunk: u32) -> Result<&'a [Unpacked], ReadError> {
+        if let Some(at) = inner.chunks.iter().position(|(kept, _)| *kept == chunk) {
+            return Ok(&inner.chunks[at].1);
+        }
+        let is_wanted = |channel| matches!(channel, Channel::Silhouette(_));
+        let found = self.index.messages(&mut inner.file, chunk, "Silhouette", is_wanted)?;
+        let of_camera = |(channel, message)| match channel {
+            Channel::Silhouette(camera) => Some((camera, message)),
+            _ => None,
+        };
+        if inner.chunks.len() == KEPT_CHUNKS {
+            inner.chunks.pop_front();
+        }
+        inner.chunks.push_back((chunk, found.into_iter().filter_map(of_camera).collect()));
+        Ok(inner.chunks.back().map_or(&[], |(_, unpacked)| unpacked))
+    }
+}
+
+impl LocalFrames for RecordedFrames {
+    fn start(&self, pace: Pace) -> Result<(), String> {
+        self.lock().epoch_unix_s = pace.epoch_unix_s;
+        Ok(())
+    }
+
+    /// Reads the frame, so that a step finds it.
+    fn credit(&self, up_to_frame: u64) {
+        if self.frame(up_to_frame).is_some() {
+            self.version.send_modify(|version| *version += 1);
+        }
+    }
+
+    fn watch(&self) -> watch::Receiver<u64> {
+        self.version.subscribe()
+    }
+
+    /// Those that are kept ready.
+    fn frames(&self) -> Vec<u64> {
+        let mut numbers: Vec<u64> = self.lock().frames.iter().map(|frame| frame.number).collect();
+        numbers.sort_unstable();
+        numbers
+    }
+
+    fn facts(&self, frame: u64) -> Option<FrameFacts> {
+        self.frame(frame).map(|frame| frame.facts.clone())
+    }
+
+    fn film(&self) -> FilmState {
+        self.lock().state.clone()
+    }
+
+    fn with_views(&self, frame: u64, use_views: &mut dyn FnMut(&ViewSet)) -> bool {
+        let found = self.frame(frame);
+        found.is_some_and(|frame| {
+            use_views(&frame.views);
+            true
+        })
+    }
+
+    fn silhouettes(&self, frame: u64) -> Option<Vec<Arc<Silhouette>>> {
+        self.frame(frame).map(|frame| frame.silhouettes.clone())
+    }
+}

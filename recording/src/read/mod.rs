@@ -1,0 +1,259 @@
+//! Reading a recording: once through to see what it holds, then step by step and frame by frame.
+
+mod check;
+mod chunk;
+mod frames;
+mod schedule;
+#[cfg(test)]
+mod tests;
+
+pub use check::{Difference, StepCheck};
+pub use frames::RecordedFrames;
+pub use schedule::RecordedSteps;
+
+use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use prost::Message;
+use thiserror::Error;
+
+use crate::channels::Channel;
+use crate::convert::RunHeader;
+use crate::messages;
+use chunk::{Chunks, Found, Place};
+
+/// Why a file is no recording that could be replayed.
+#[derive(Debug, Error)]
+#[error("{}: {problem}", path.display())]
+pub struct ReadError {
+    /// The file.
+    pub path: PathBuf,
+    /// What was found and expected.
+    pub problem: String,
+}
+
+/// A recording that has been looked through.
+#[derive(Debug)]
+pub struct Recording {
+    header: RunHeader,
+    index: Arc<Index>,
+    steps: u64,
+    last: messages::Step,
+    is_complete: bool,
+    problem: Option<String>,
+}
+
+/// Where things are in the file. A few bytes a frame and camera: an hour of eight cameras takes 10 MB.
+#[derive(Debug)]
+struct Index {
+    path: PathBuf,
+    channels: HashMap<u16, Channel>,
+    chunks: Vec<Place>,
+    /// The chunks that hold steps, in order.
+    with_steps: Vec<u32>,
+    /// Of each frame that all cameras have, the chunk of each camera's silhouette.
+    frames: BTreeMap<u64, Vec<u32>>,
+}
+
+impl Recording {
+    /// Looks a file through. One that was cut off ends with its last whole chunk.
+    pub fn open(path: &Path) -> Result<Recording, ReadError> {
+        let refused = |problem: String| ReadError { path: path.to_owned(), problem };
+        let file = File::open(path).map_err(|error| refused(error.to_string()))?;
+        let mut chunks = Chunks::begin(file).map_err(refused)?;
+        let mut looked = Looked::default();
+        while let Some((place, found)) = chunks.next() {
+            looked.take(place, found).map_err(refused)?;
+        }
+        let problem = chunks.problem.take();
+        let why = problem.as_ref().map_or_else(String::new, |problem| format!(" ({problem})"));
+        let header = looked.header.ok_or_else(|| refused(format!("no recording of this program{why}")))?;
+        let last = looked.last.ok_or_else(|| refused(format!("it holds no step{why}")))?;
+        let cameras = header.rig.cameras().len();
+        let mut frames = looked.frames;
+        frames.retain(|_, chunks| chunks.len() == cameras && !chunks.contains(&NO_CHUNK));
+        let index = Index {
+            path: path.to_owned(),
+            channels: looked.channels,
+            chunks: looked.chunks,
+            with_steps: looked.with_steps,
+            frames,
+        };
+        Ok(Recording {
+            header,
+            index: Arc::new(index),
+            steps: looked.steps,
+            last,
+            is_complete: looked.is_complete,
+            problem,
+        })
+    }
+
+    /// All that the run needs besides its film.
+    pub fn header(&self) -> &RunHeader {
+        &self.header
+    }
+
+    /// How many steps there are.
+    pub fn step_count(&self) -> u64 {
+        self.steps
+    }
+
+    /// How many frames there are.
+    pub fn frame_count(&self) -> usize {
+        self.index.frames.len()
+    }
+
+    /// Film time at the end of the last step, seconds.
+    pub fn film_s(&self) -> f64 {
+        self.last.film_s
+    }
+
+    /// The digest of the last world's trajectory, as programs print it.
+    pub fn digest(&self) -> &str {
+        &self.last.digest
+    }
+
+    /// Why it holds less than the whole run, if so: one line.
+    pub fn cut_off(&self) -> Option<String> {
+        if self.is_complete && self.problem.is_none() {
+            return None;
+        }
+        let why = self.problem.as_deref().unwrap_or("its run was cut off");
+        let (steps, film_s) = (self.steps, self.last.film_s);
+        Some(format!("it is not complete ({why}): {steps} steps, {film_s:.2} s, are there"))
+    }
+
+    /// Its steps from the first.
+    pub fn steps(&self) -> Result<RecordedSteps, ReadError> {
+        RecordedSteps::begin(&self.header, Arc::clone(&self.index))
+    }
+
+    /// Its frames.
+    pub fn frames(&self) -> Result<RecordedFrames, ReadError> {
+        RecordedFrames::begin(&self.header, Arc::clone(&self.index))
+    }
+}
+
+/// A camera whose silhouette of a frame has not been found.
+const NO_CHUNK: u32 = u32::MAX;
+
+/// What has been seen of a file.
+#[derive(Default)]
+struct Looked {
+    header: Option<RunHeader>,
+    channels: HashMap<u16, Channel>,
+    chunks: Vec<Place>,
+    with_steps: Vec<u32>,
+    frames: BTreeMap<u64, Vec<u32>>,
+    steps: u64,
+    last: Option<messages::Step>,
+    is_complete: bool,
+    /// Topics by number, until the header says what cameras there are.
+    topics: HashMap<u16, String>,
+}
+
+impl Looked {
+    fn take(&mut self, place: Place, found: Vec<Found>) -> Result<(), String> {
+        let chunk = self.chunks.len() as u32;
+        self.chunks.push(place);
+        for found in found {
+            match found {
+                Found::Channel(id, topic) => {
+                    self.topics.insert(id, topic);
+                    self.name_channels();
+                }
+                Found::Message(header, data) => {
+                    let topic = self.topics.get(&header.channel_id).map(String::as_str);
+                    match self.channels.get(&header.channel_id) {
+                        Some(&channel) => self.message(chunk, channel, &data)?,
+                        None if topic == Some("/header") => {
+                            let message = decode::<messages::Header>("Header", &data)?;
+                            let header = RunHeader::from_message(&message);
+                            self.header = Some(header.map_err(|error| error.to_string())?);
+                            self.name_channels();
+                        }
+                        None => {}
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Finds the channels of the topics that are known.
+    fn name_channels(&mut self) {
+        let Some(header) = &self.header else { return };
+        let names = header.names();
+        for channel in Channel::all(names.len()) {
+            let topic = channel.topic(&names);
+            let ids = self.topics.iter().filter(|(_, found)| **found == topic).map(|(&id, _)| id);
+            self.channels.extend(ids.map(|id| (id, channel)));
+        }
+    }
+
+    fn message(&mut self, chunk: u32, channel: Channel, data: &[u8]) -> Result<(), String> {
+        match channel {
+            Channel::Step => {
+                let step = decode::<messages::Step>("Step", data)?;
+                if self.last.as_ref().is_some_and(|last| last.film_s >= step.film_s) {
+                    return Err(format!("steps are out of order at {:.3} s", step.film_s));
+                }
+                self.steps += 1;
+                self.last = Some(step);
+                if self.with_steps.last() != Some(&chunk) {
+                    self.with_steps.push(chunk);
+                }
+            }
+            Channel::Silhouette(camera) => {
+                let frame = decode::<messages::Silhouette>("Silhouette", data)?.frame;
+                let cameras = self.frames.entry(frame).or_default();
+                if cameras.len() <= camera {
+                    cameras.resize(camera + 1, NO_CHUNK);
+                }
+                cameras[camera] = chunk;
+            }
+            Channel::End => self.is_complete = true,
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+impl Index {
+    fn open(&self) -> Result<File, ReadError> {
+        File::open(&self.path).map_err(|error| self.refused(error))
+    }
+
+    fn refused(&self, problem: impl std::fmt::Display) -> ReadError {
+        ReadError { path: self.path.clone(), problem: problem.to_string() }
+    }
+
+    /// The messages of a chunk that `wanted` names, decoded.
+    fn messages<M: Message + Default>(
+        &self,
+        file: &mut File,
+        chunk: u32,
+        name: &str,
+        wanted: impl Fn(Channel) -> bool,
+    ) -> Result<VecDeque<(Channel, M)>, ReadError> {
+        let place = self.chunks.get(chunk as usize).ok_or_else(|| self.refused("no such chunk"))?;
+        let found = chunk::read(file, *place).map_err(|problem| self.refused(problem))?;
+        let mut messages = VecDeque::new();
+        for found in found {
+            let Found::Message(header, data) = found else { continue };
+            let Some(&channel) = self.channels.get(&header.channel_id) else { continue };
+            if wanted(channel) {
+                let message = decode::<M>(name, &data).map_err(|problem| self.refused(problem))?;
+                messages.push_back((channel, message));
+            }
+        }
+        Ok(messages)
+    }
+}
+
+fn decode<M: Message + Default>(name: &str, data: &[u8]) -> Result<M, String> {
+    M::decode(data).map_err(|error| format!("a message {name} cannot be read: {error}"))
+}

@@ -1,0 +1,358 @@
+//! Recordings written and read back: whole, cut off, damaged.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use coordinator::live::{Command, Parameters};
+use coordinator::record::{EndRecord, FrameRecord, Recorder as _, Schedule as _, Sees, StepRecord};
+use coordinator::{Asks, Figures, LocalFrames as _};
+use hull::rule::ProbeSettings;
+use hull::{Camera, Rig, Silhouette};
+use nalgebra::{Matrix3, Vector3};
+use proto::convert::Precision;
+use sim::solid::ConvexHull;
+use sim::{BodyResponse, BodySpec, Heft, Scene, Solid, World, WorldSettings};
+
+use super::{Recording, StepCheck};
+use crate::{Overwrites, RecordingFile, RunHeader, RunRecorder, record};
+
+const SIZE: (u32, u32) = (64, 48);
+
+fn camera(name: &str, x_m: f64) -> Camera {
+    let matrix = Matrix3::new(60.0, 0.0, 32.0, 0.0, 60.0, 24.0, 0.0, 0.0, 1.0);
+    let place = Vector3::new(x_m, 0.0, 3.0);
+    Camera::new(name, SIZE, matrix, [0.0; 5], Vector3::zeros(), place).expect("a camera")
+}
+
+fn header(precision: Precision) -> RunHeader {
+    RunHeader {
+        program: "0.0.0-test".into(),
+        began_unix_s: 1_700_000_000.25,
+        rig: Rig::new(vec![camera("left of/the door", -0.1), camera("right", 0.3)]).expect("a rig"),
+        ignored: vec![None, Some(silhouette(7, 0))],
+        fps: 30.0,
+        latency_s: 0.06,
+        hold_s: 1.0,
+        probes: ProbeSettings::default(),
+        scene: Scene::named("topple").expect("a scene").with_gravity([0.0, 0.5, -9.0]).expect("finite"),
+        world: WorldSettings { seed: 77, ..WorldSettings::default() },
+        precision,
+        asks: Asks::EachStep,
+        transport: "cluster".into(),
+        lock_step: true,
+    }
+}
+
+/// A bar that moves with the frame.
+fn silhouette(frame: u64, camera: usize) -> Silhouette {
+    let mut mask = vec![0; (SIZE.0 * SIZE.1) as usize];
+    for row in 5..40 {
+        let start = row * SIZE.0 as usize + (frame as usize + 3 * camera) % 40;
+        mask[start..start + 10].fill(1);
+    }
+    Silhouette::from_mask(SIZE.0, SIZE.1, &mask).expect("size")
+}
+
+/// A run of four steps a frame. Frame 1 has no hull, and frame 2 is never fetched; at the others the hull moves
+/// the first body a little.
+struct TestRun {
+    world: World,
+    recorder: RunRecorder,
+    file: RecordingFile,
+    digests: Vec<String>,
+}
+
+impl TestRun {
+    fn begin(path: &Path, precision: Precision) -> TestRun {
+        let header = header(precision);
+        let (recorder, file) = record(path, Overwrites::Never, &header).expect("a new file");
+        let world = World::new(&header.scene, header.world).expect("a world");
+        TestRun { world, recorder, file, digests: vec![] }
+    }
+
+    fn responses(&self, frame: Option<u64>) -> Vec<BodyResponse> {
+        let mut responses = vec![BodyResponse::UNTOUCHED; self.world.moving_bodies().len()];
+        if frame.is_some() {
+            let sway = 1e-3 * f64::sin(self.digests.len() as f64);
+            responses[0] = BodyResponse { response_m: Some([sway, 0.0, 1e-4]), inside_samples: 3 };
+        }
+        responses
+    }
+
+    fn step(&mut self, commands: &[Command]) {
+        let frame = self.digests.len() as u64 / 4;
+        if self.digests.len().is_multiple_of(4) && frame != 2 {
+            while !self.recorder.is_ready() {
+                std::thread::yield_now();
+            }
+            let silhouettes = (0..2).map(|camera| Arc::new(silhouette(frame, camera))).collect();
+            let silhouettes = Box::pin(std::future::ready(Ok(silhouettes)));
+            self.recorder.frame(FrameRecord { frame, facts: &[], silhouettes });
+        }
+        let frame = (frame != 1).then_some(frame);
+        let responses = self.responses(frame);
+        self.world.step(&responses).expect("steps");
+        self.recorder.step(&StepRecord {
+            generation: 0,
+            step: self.world.steps(),
+            commands,
+            film_s: self.world.time_s(),
+            slipped_s: 0.0,
+            frame,
+            responses: &responses,
+            results: None,
+            step_ms: 1.5,
+            world: &self.world,
+        });
+        self.digests.push(self.world.digest().to_string());
+    }
+
+    fn end(mut self) -> Vec<String> {
+        let figures = Figures::default();
+        self.recorder.end(&EndRecord { commands: &[], figures: &figures, world: &self.world });
+        let recorded = self.file.finish().expect("written");
+        assert_eq!(recorded.steps, self.digests.len() as u64);
+        self.digests
+    }
+}
+
+fn recorded(folder: &tempfile::TempDir, precision: Precision, steps: usize) -> (PathBuf, Vec<String>) {
+    let path = folder.path().join("run.mcap");
+    let mut run = TestRun::begin(&path, precision);
+    (0..steps).for_each(|_| run.step(&[]));
+    (path, run.end())
+}
+
+/// Makes the steps again; what differs from what was recorded.
+fn made_again(recording: &Recording) -> (StepCheck, Vec<String>) {
+    let header = recording.header();
+    let mut world = World::new(&header.scene, header.world).expect("a world");
+    let mut steps = recording.steps().expect("readable");
+    let check = StepCheck::of(&steps);
+    let mut recorder = check.recorder();
+    let mut digests = vec![];
+    while let Some(scheduled) = steps.next() {
+        let (film_s, responses) = match scheduled.sees {
+            Sees::Given { film_s, responses, .. } => (film_s, responses),
+            Sees::Recorded { film_s, frame: None } => {
+                (film_s, vec![BodyResponse::UNTOUCHED; world.moving_bodies().len()])
+            }
+            other => panic!("{other:?}"),
+        };
+        world.step(&responses).expect("steps");
+        let step = world.steps();
+        recorder.step(&StepRecord {
+            generation: 0,
+            step,
+            commands: &[],
+            film_s,
+            slipped_s: 0.0,
+            frame: None,
+            responses: &responses,
+            results: None,
+            step_ms: 0.0,
+            world: &world,
+        });
+        digests.push(world.digest().to_string());
+    }
+    (check, digests)
+}
+
+#[test]
+fn what_is_read_is_what_was_recorded() {
+    let folder = tempfile::tempdir().expect("folder");
+    let (path, digests) = recorded(&folder, Precision::Exact, 200);
+    let recording = Recording::open(&path).expect("a recording");
+    assert_eq!(*recording.header(), header(Precision::Exact));
+    assert_eq!((recording.step_count(), recording.frame_count(), recording.cut_off()), (200, 49, None));
+    assert_eq!(recording.digest(), digests[199]);
+    let frames = recording.frames().expect("readable");
+    for frame in [0, 49, 7, 48, 3] {
+        frames.credit(frame);
+        let found = frames.silhouettes(frame).expect("it is there");
+        assert_eq!((&*found[0], &*found[1]), (&silhouette(frame, 0), &silhouette(frame, 1)));
+        assert_eq!(frames.facts(frame).expect("known").cameras[1].area, found[1].area());
+        assert!(frames.with_views(frame, &mut |views| assert_eq!(views.views().len(), 2)));
+    }
+    assert_eq!((frames.silhouettes(2), frames.silhouettes(50)), (None, None));
+    assert_eq!(frames.frames(), [0, 3, 7, 48, 49]);
+    let mut steps = recording.steps().expect("readable");
+    let seen: Vec<Sees> = std::iter::from_fn(|| steps.next()).map(|step| step.sees).collect();
+    let film_s = |sees: &Sees| match *sees {
+        Sees::Recorded { film_s, .. } | Sees::Given { film_s, .. } => film_s,
+        Sees::Film => f64::NAN,
+    };
+    assert!(matches!(seen[3], Sees::Recorded { frame: Some(0), .. }));
+    assert!(matches!(seen[4], Sees::Recorded { frame: None, .. }), "there was no hull");
+    assert!(matches!(seen[8], Sees::Given { frame: None, .. }), "the frame was never recorded");
+    assert!(seen.windows(2).all(|pair| film_s(&pair[1]) > film_s(&pair[0])));
+}
+
+#[test]
+fn rounded_answers_are_given_and_a_step_that_differs_is_named() {
+    let folder = tempfile::tempdir().expect("folder");
+    let (path, recorded_digests) = recorded(&folder, Precision::Quantised, 40);
+    let recording = Recording::open(&path).expect("a recording");
+    let (check, digests) = made_again(&recording);
+    assert_eq!((check.steps(), check.given(), check.difference()), (40, 36, None));
+    assert_eq!(digests, recorded_digests);
+    let other = RunHeader {
+        world: WorldSettings { seed: 78, ..header(Precision::Exact).world },
+        ..header(Precision::Quantised)
+    };
+    let another = Recording { header: other, ..recording };
+    let difference = made_again(&another).0.difference().expect("another seed is another run");
+    assert_eq!(difference.step, 1);
+    assert!(difference.to_string().starts_with("step 1 (0.008 s) differs"), "{difference}");
+}
+
+#[test]
+fn a_file_that_is_cut_off_anywhere_keeps_all_whole_chunks() {
+    let folder = tempfile::tempdir().expect("folder");
+    let (path, digests) = recorded(&folder, Precision::Exact, 480);
+    let whole = std::fs::read(&path).expect("bytes");
+    let mut most = 0;
+    for share in 1..40 {
+        let cut = folder.path().join("cut.mcap");
+        std::fs::write(&cut, &whole[..whole.len() * share / 40]).expect("written");
+        let Ok(recording) = Recording::open(&cut) else { continue };
+        let steps = recording.step_count();
+        assert!(steps >= most, "more bytes, no fewer steps");
+        most = steps;
+        assert_eq!(recording.digest(), digests[steps as usize - 1]);
+        assert!(recording.cut_off().is_some() || steps == 480);
+    }
+    assert!(most > 300, "{most} of 480 steps");
+}
+
+#[test]
+fn a_run_that_is_dropped_leaves_all_but_the_last_moment() {
+    let folder = tempfile::tempdir().expect("folder");
+    let path = folder.path().join("run.mcap");
+    let mut run = TestRun::begin(&path, Precision::Exact);
+    (0..480).for_each(|_| run.step(&[]));
+    drop(run);
+    let recording = Recording::open(&path).expect("a recording");
+    assert_eq!((recording.step_count(), recording.cut_off().is_some()), (480, true));
+}
+
+#[test]
+fn damage_ends_a_recording_where_it_is() {
+    let folder = tempfile::tempdir().expect("folder");
+    let (path, _) = recorded(&folder, Precision::Exact, 480);
+    let mut bytes = std::fs::read(&path).expect("bytes");
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 0x10;
+    std::fs::write(&path, &bytes).expect("written");
+    let recording = Recording::open(&path).expect("a recording");
+    assert!((60..480).contains(&recording.step_count()), "{}", recording.step_count());
+    assert!(recording.cut_off().expect("less than all").contains("not complete"));
+}
+
+#[test]
+fn what_is_no_recording_is_refused_in_one_line() {
+    let folder = tempfile::tempdir().expect("folder");
+    let path = folder.path().join("x.mcap");
+    for (bytes, expected) in [
+        (&b"hello"[..], "no MCAP file"),
+        (&[mcap::MAGIC, &[1, 2, 3]].concat()[..], "no recording of this program (it ends too early)"),
+        (&[mcap::MAGIC, &[6, 255, 255, 255, 255, 255, 255, 255, 255]].concat()[..], "claims"),
+    ] {
+        std::fs::write(&path, bytes).expect("written");
+        let error = Recording::open(&path).expect_err("refused").to_string();
+        assert!(error.contains(expected) && error.lines().count() == 1, "{error}");
+    }
+    assert!(Recording::open(&folder.path().join("none")).is_err());
+}
+
+#[test]
+fn a_file_that_is_there_stays_until_the_new_one_is_complete() {
+    let folder = tempfile::tempdir().expect("folder");
+    let path = folder.path().join("run.mcap");
+    std::fs::write(&path, "precious").expect("written");
+    let error = record(&path, Overwrites::Never, &header(Precision::Exact)).expect_err("refused").to_string();
+    assert!(error.contains("is there already"), "{error}");
+    let (recorder, file) = record(&path, Overwrites::AtTheEnd, &header(Precision::Exact)).expect("beside it");
+    drop((recorder, file));
+    assert_eq!(std::fs::read_to_string(&path).expect("still there"), "precious");
+    assert_eq!(
+        std::fs::read_dir(folder.path()).expect("folder").count(),
+        1,
+        "nothing recorded, nothing left"
+    );
+    let (mut recorder, file) =
+        record(&path, Overwrites::AtTheEnd, &header(Precision::Exact)).expect("beside");
+    let world = World::new(&header(Precision::Exact).scene, WorldSettings::default()).expect("a world");
+    recorder.step(&StepRecord {
+        generation: 0,
+        step: 1,
+        commands: &[],
+        film_s: 0.01,
+        slipped_s: 0.0,
+        frame: None,
+        responses: &[],
+        results: None,
+        step_ms: 0.0,
+        world: &world,
+    });
+    recorder.end(&EndRecord { commands: &[], figures: &Figures::default(), world: &world });
+    file.finish().expect("complete");
+    assert_eq!(Recording::open(&path).expect("replaced").step_count(), 1);
+}
+
+#[test]
+fn every_command_survives() {
+    let corners: Vec<[f64; 3]> =
+        (0..8).map(|i| [i & 1, i >> 1 & 1, i >> 2].map(|bit| 0.2 * f64::from(bit) - 0.1)).collect();
+    let hull = Solid::Hull(Arc::new(ConvexHull::new(&corners).expect("a cube")));
+    let spec = |solid: Solid, heft: Heft| {
+        Command::Spawn(Box::new(BodySpec {
+            name: "b".into(),
+            solid,
+            pose: hull::Pose::new([0.1, 1.0 / 3.0, -2.0], [0.6, 0.0, 0.0, 0.8]).expect("a pose"),
+            velocity_m_s: [0.1, 0.2, -0.3],
+            heft,
+            friction: 0.3,
+            restitution: 0.1,
+            fixed: false,
+            color: [0.1, 0.2, 0.3],
+        }))
+    };
+    let commands = [
+        Command::Reset,
+        Command::Choose(
+            Scene::named("lift").expect("a scene").with_gravity([0.0, 0.0, -9.0]).expect("finite"),
+        ),
+        spec(hull, Heft::MassKg(2.5)),
+        spec(Solid::Box { size_m: [0.1, 0.2, 0.3] }, Heft::DensityKgM3(100.0)),
+        spec(Solid::Ball { radius_m: 0.1 }, Heft::MassKg(1.0)),
+        spec(Solid::Capsule { radius_m: 0.1, length_m: 0.3 }, Heft::MassKg(1.0)),
+        spec(Solid::Cylinder { radius_m: 0.1, height_m: 0.3 }, Heft::MassKg(1.0)),
+        spec(Solid::Cone { radius_m: 0.1, height_m: 0.3 }, Heft::MassKg(1.0)),
+        Command::Remove(3),
+        Command::Push { body: 1, impulse_n_s: [1.0, 0.1, 0.0], at_m: Some([0.0, 1.0, 0.0]) },
+        Command::Push { body: 1, impulse_n_s: [1.0, 0.1, 0.0], at_m: None },
+        Command::Grab { body: 2, grip_body_m: [0.0; 3], target_m: [0.1; 3] },
+        Command::Release { body: 2, velocity_m_s: None },
+        Command::Release { body: 2, velocity_m_s: Some([0.0; 3]) },
+        Command::Set(Parameters {
+            answers_hull: Some(false),
+            gravity_m_s2: Some([0.0; 3]),
+            ..Parameters::default()
+        }),
+        Command::Pause,
+        Command::Resume,
+        Command::Step(4),
+        Command::TakeBackground { seconds: 2.0 },
+    ];
+    let folder = tempfile::tempdir().expect("folder");
+    let path = folder.path().join("run.mcap");
+    let mut run = TestRun::begin(&path, Precision::Exact);
+    run.step(&[]);
+    run.step(&commands);
+    run.end();
+    let mut steps = Recording::open(&path).expect("a recording").steps().expect("readable");
+    assert_eq!(steps.next().expect("a step").commands, []);
+    assert_eq!(steps.next().expect("a step").commands, commands);
+    assert!(steps.next().is_none());
+}
