@@ -1,0 +1,117 @@
+/**
+ * `window.hulltouch`: what tests and curious people may look at. Pictures are of the person alone, from any
+ * view, at any size, independent of the screen.
+ */
+import type { App } from "./app.ts";
+import { clipOf, eyeOfCamera, PICTURE_FAR_M, PICTURE_NEAR_M } from "./draw/stage.ts";
+import type { Eye } from "./draw/hull.ts";
+import type { Mat3, Vec3 } from "./view/lens.ts";
+
+/** A camera of the rig by its place, or a pinhole: fx, fy, cx, cy with pixel centres at whole numbers. */
+export type From = { readonly camera: number } | { readonly rotation: Mat3; readonly translation: Vec3; readonly pinhole: readonly [number, number, number, number] };
+
+/** A picture, rows from the top. */
+export interface TestPicture {
+  readonly width: number;
+  readonly height: number;
+  /** Base 64 of four bytes a pixel; alpha is 255 on the person and 0 beside it. */
+  readonly rgba: string;
+  /** Base 64 of float32, metres along the view's axis; 0 beside the person. */
+  readonly depthM: string;
+  /** The frame it is of. */
+  readonly frame: number | null;
+}
+
+export interface Debug {
+  /** Counts and states. */
+  state(): Record<string, unknown>;
+  /** The person alone; null without a hull, or without WebGL2. */
+  picture(from: From, width: number, height: number, mode?: "photo" | "shaded"): TestPicture | null;
+  /** Where a point of the world is on the canvas, CSS pixels; null behind the view. */
+  onCanvas(point: Vec3): [number, number] | null;
+}
+
+export function debug(app: App, version: string): Debug {
+  return {
+    state: () => ({
+      version,
+      link: app.connection.open,
+      controller: app.controller,
+      mode: app.mode,
+      layers: [...app.layers],
+      through: app.through,
+      follow: app.follow,
+      paused: app.paused,
+      live: app.playout.live,
+      behindMs: app.playout.live ? 0 : (app.timeline.span()?.[1] ?? 0) - (app.playout.moment ?? 0),
+      eye: app.orbit.eye(),
+      target: app.orbit.now.target,
+      framesShown: app.framesShown,
+      frame: app.shownFrame,
+      pictures: app.pictures,
+      quality: app.quality.number,
+      drawMs: app.quality.averageMs,
+      latencyMs: app.latencyMs.get(),
+      receivedBytes: app.connection.received,
+      outstanding: app.connection.credit.outstanding,
+      timelineFrames: app.timeline.length,
+      cameras: app.hello?.cameras.length ?? 0,
+      scene: app.scene?.scene ?? null,
+      generation: app.moment?.world.generation ?? null,
+      step: app.worlds.newest()?.step ?? null,
+      bodies: (app.moment?.bodies ?? []).map((body) => ({ ...body, name: app.scene?.bodies.find(({ id }) => id === body.id)?.name ?? null })),
+      box: app.stage?.hull?.box ?? null,
+    }),
+    picture: (from, width, height, mode = "photo") => picture(app, from, width, height, mode),
+    onCanvas: (point) => app.onCanvas(point),
+  };
+}
+
+function picture(app: App, from: From, width: number, height: number, mode: "photo" | "shaded"): TestPicture | null {
+  const { stage } = app;
+  if (!stage) return null;
+  let eye: Eye;
+  if ("camera" in from) {
+    const camera = app.rig[from.camera];
+    if (!camera) return null;
+    eye = eyeOfCamera(camera, width, height);
+  } else {
+    eye = eyeOfPinhole(from);
+  }
+  const made = stage.hullPicture(eye, width, height, mode);
+  app.invalidate();
+  if (!made) return null;
+  const rgba = new Uint8Array(width * height * 4);
+  const depth = new Float32Array(width * height);
+  for (let row = 0; row < height; row++) {
+    const below = height - 1 - row;
+    rgba.set(made.rgba.subarray(below * width * 4, (below + 1) * width * 4), row * width * 4);
+    for (let column = 0; column < width; column++) {
+      const d = made.depth[below * width + column] * 2 - 1;
+      const metres = (2 * PICTURE_FAR_M * PICTURE_NEAR_M) / (PICTURE_FAR_M + PICTURE_NEAR_M - d * (PICTURE_FAR_M - PICTURE_NEAR_M));
+      depth[row * width + column] = made.rgba[(below * width + column) * 4 + 3] > 0 ? metres : 0;
+    }
+  }
+  return { width, height, rgba: base64(rgba), depthM: base64(new Uint8Array(depth.buffer)), frame: app.shownFrame };
+}
+
+function eyeOfPinhole(from: { rotation: Mat3; translation: Vec3; pinhole: readonly [number, number, number, number] }): Eye {
+  const [r0, r1, r2] = from.rotation;
+  const t = from.translation;
+  const [fx, fy, cx, cy] = from.pinhole;
+  const at = (i: 0 | 1 | 2) => -(r0[i] * t[0] + r1[i] * t[1] + r2[i] * t[2]);
+  return {
+    position: [at(0), at(1), at(2)],
+    turn: [r0[0], r1[0], r2[0], r0[1], r1[1], r2[1], r0[2], r1[2], r2[2]],
+    pinhole: [fx, fy, cx + 0.5, cy + 0.5],
+    skew: 0,
+    lens: [0, 0, 0, 0, 0],
+    clip: clipOf(from.rotation, t),
+  };
+}
+
+function base64(bytes: Uint8Array): string {
+  let text = "";
+  for (let at = 0; at < bytes.length; at += 8192) text += String.fromCharCode(...bytes.subarray(at, at + 8192));
+  return btoa(text);
+}

@@ -1,0 +1,156 @@
+/** The virtual bodies: meshes of their shapes, with dark edges, moved to the pose of the moment. */
+import {
+  BoxGeometry,
+  BufferGeometry,
+  CapsuleGeometry,
+  Color,
+  ConeGeometry,
+  CylinderGeometry,
+  EdgesGeometry,
+  Float32BufferAttribute,
+  Group,
+  LineBasicMaterial,
+  LineSegments,
+  Mesh,
+  MeshStandardMaterial,
+  SphereGeometry,
+} from "three";
+import type { BodyPose } from "../feed/message.ts";
+import type { BodyText, Shape } from "../feed/text.ts";
+
+const EDGE_ANGLE_DEG = 30;
+
+interface Drawn {
+  readonly text: BodyText;
+  readonly mesh: Mesh;
+  readonly edges: LineSegments;
+  readonly material: MeshStandardMaterial;
+  readonly edge: LineBasicMaterial;
+  readonly key: string;
+}
+
+export class Bodies {
+  readonly group = new Group();
+  private readonly drawn = new Map<number, Drawn>();
+  private highlighted: number | null = null;
+
+  /** The bodies of a scene; those that stay keep their meshes. */
+  describe(bodies: readonly BodyText[]): void {
+    const wanted = new Map(bodies.map((body) => [body.id, body]));
+    for (const [id, drawn] of this.drawn) {
+      const body = wanted.get(id);
+      if (body && drawn.key === keyOf(body)) wanted.delete(id);
+      else this.remove(id, drawn);
+    }
+    for (const body of wanted.values()) this.add(body);
+  }
+
+  /** Where they are. Bodies that are not mentioned are not drawn. */
+  place(poses: readonly BodyPose[]): void {
+    for (const drawn of this.drawn.values()) drawn.mesh.visible = false;
+    for (const pose of poses) {
+      const drawn = this.drawn.get(pose.id);
+      if (!drawn) continue;
+      drawn.mesh.visible = true;
+      drawn.mesh.position.fromArray(pose.position);
+      drawn.mesh.quaternion.fromArray(pose.rotation as unknown as number[]);
+      // Touched bodies are told by their edges too, not by colour alone.
+      const marked = pose.touching || pose.grabbed || pose.id === this.highlighted;
+      drawn.edge.color.set(pose.grabbed ? 0xffffff : pose.touching ? 0xffd08a : marked ? 0xffffff : 0x0c0e12);
+      drawn.edge.opacity = marked ? 1 : 0.55;
+      drawn.material.emissive.setScalar(pose.id === this.highlighted || pose.grabbed ? 0.07 : 0);
+    }
+  }
+
+  /** Marks the body that is chosen. */
+  highlight(id: number | null): void {
+    this.highlighted = id;
+  }
+
+  meshes(): Mesh[] {
+    return [...this.drawn.values()].map((drawn) => drawn.mesh);
+  }
+
+  mesh(id: number): Mesh | null {
+    return this.drawn.get(id)?.mesh ?? null;
+  }
+
+  text(id: number): BodyText | null {
+    return this.drawn.get(id)?.text ?? null;
+  }
+
+  get count(): number {
+    return this.drawn.size;
+  }
+
+  dispose(): void {
+    for (const [id, drawn] of this.drawn) this.remove(id, drawn);
+  }
+
+  private add(body: BodyText): void {
+    const geometry = geometryOf(body.shape);
+    const color = new Color().setRGB(body.color[0], body.color[1], body.color[2], "srgb");
+    const material = new MeshStandardMaterial({
+      color,
+      roughness: 0.62,
+      metalness: 0,
+      flatShading: "hull" in body.shape,
+      polygonOffset: true,
+      polygonOffsetFactor: 1,
+      polygonOffsetUnits: 1,
+    });
+    const mesh = new Mesh(geometry, material);
+    mesh.castShadow = true;
+    mesh.receiveShadow = true;
+    mesh.name = body.name;
+    mesh.userData.body = body.id;
+    mesh.visible = false;
+    const edge = new LineBasicMaterial({ color: 0x0c0e12, transparent: true, opacity: 0.55 });
+    const edges = new LineSegments(new EdgesGeometry(geometry, EDGE_ANGLE_DEG), edge);
+    mesh.add(edges);
+    this.group.add(mesh);
+    this.drawn.set(body.id, { text: body, mesh, edges, material, edge, key: keyOf(body) });
+  }
+
+  private remove(id: number, drawn: Drawn): void {
+    this.group.remove(drawn.mesh);
+    drawn.mesh.geometry.dispose();
+    drawn.edges.geometry.dispose();
+    drawn.material.dispose();
+    drawn.edge.dispose();
+    this.drawn.delete(id);
+  }
+}
+
+function keyOf(body: BodyText): string {
+  return JSON.stringify([body.shape, body.color, body.name]);
+}
+
+/** A shape's triangles, body frame, metres; axes along y. */
+export function geometryOf(shape: Shape): BufferGeometry {
+  if ("box" in shape) return new BoxGeometry(...shape.box.size);
+  if ("ball" in shape) return new SphereGeometry(shape.ball.radius, 40, 24);
+  if ("capsule" in shape) return new CapsuleGeometry(shape.capsule.radius, shape.capsule.length, 12, 32);
+  if ("cylinder" in shape) return new CylinderGeometry(shape.cylinder.radius, shape.cylinder.radius, shape.cylinder.height, 40);
+  if ("cone" in shape) return new ConeGeometry(shape.cone.radius, shape.cone.height, 40);
+  if ("hull" in shape) {
+    const { corners, faces } = shape.hull;
+    const numbers: number[] = [];
+    for (const face of faces) for (const corner of face) numbers.push(...(corners[corner] ?? [0, 0, 0]));
+    const geometry = new BufferGeometry().setAttribute("position", new Float32BufferAttribute(numbers, 3));
+    geometry.computeVertexNormals();
+    return geometry;
+  }
+  // A shape of a newer server: something to see at least.
+  return new BoxGeometry(0.1, 0.1, 0.1);
+}
+
+/** The radius of a shape around its origin, metres. */
+export function radiusOf(shape: Shape): number {
+  const geometry = geometryOf(shape);
+  geometry.computeBoundingSphere();
+  const sphere = geometry.boundingSphere!;
+  const radius = sphere.radius + sphere.center.length();
+  geometry.dispose();
+  return radius;
+}

@@ -1,0 +1,98 @@
+/** The silhouettes' cones: from each camera's centre through its outline, as thin sheets. */
+import { AdditiveBlending, BufferGeometry, DoubleSide, DynamicDrawUsage, Float32BufferAttribute, Group, LineBasicMaterial, LineSegments, Mesh, MeshBasicMaterial } from "three";
+import type { Box } from "../decode/hull_box.ts";
+import type { Decoded } from "../decode/work.ts";
+import { type Camera, normalised, pointAt } from "../view/lens.ts";
+import { cameraColor } from "./cameras.ts";
+
+/** As many segments as the decoder gives. */
+const MAX_SEGMENTS = 1500;
+
+export class Cones {
+  readonly group = new Group();
+  private readonly sheets: Mesh<BufferGeometry, MeshBasicMaterial>[];
+  private readonly outlines: LineSegments<BufferGeometry, LineBasicMaterial>[];
+  private readonly cameras: readonly Camera[];
+
+  constructor(cameras: readonly Camera[]) {
+    this.cameras = cameras;
+    this.sheets = cameras.map((_, index) => {
+      const color = cameraColor(index, cameras.length);
+      const material = new MeshBasicMaterial({ color, transparent: true, opacity: 0.045, side: DoubleSide, depthWrite: false, blending: AdditiveBlending });
+      return new Mesh(dynamic(MAX_SEGMENTS * 3), material);
+    });
+    this.outlines = cameras.map((_, index) => {
+      const color = cameraColor(index, cameras.length);
+      return new LineSegments(dynamic(MAX_SEGMENTS * 2), new LineBasicMaterial({ color, transparent: true, opacity: 0.8 }));
+    });
+    for (const thing of [...this.sheets, ...this.outlines]) {
+      thing.frustumCulled = false;
+      this.group.add(thing);
+    }
+  }
+
+  /** The outlines of a frame set, drawn to the far side of the working volume. */
+  show(set: Decoded, volume: Box): void {
+    const shown = new Set<number>();
+    for (const part of set.cameras) {
+      if (!part.contour) continue;
+      shown.add(part.camera);
+      this.fill(this.cameras[part.camera], part.contour, volume);
+    }
+    this.cameras.forEach((_, index) => {
+      this.sheets[index].visible = shown.has(index);
+      this.outlines[index].visible = shown.has(index);
+    });
+  }
+
+  dispose(): void {
+    for (const thing of [...this.sheets, ...this.outlines]) {
+      thing.geometry.dispose();
+      thing.material.dispose();
+    }
+  }
+
+  private fill(camera: Camera, segments: Float32Array, volume: Box): void {
+    const sheet = this.sheets[camera.index].geometry;
+    const outline = this.outlines[camera.index].geometry;
+    const triangles = sheet.getAttribute("position");
+    const lines = outline.getAttribute("position");
+    const depth = farthest(camera, volume);
+    let count = 0;
+    for (let at = 0; at < segments.length; at += 4) {
+      const a = normalised(camera, segments[at], segments[at + 1]);
+      const b = normalised(camera, segments[at + 2], segments[at + 3]);
+      if (!a || !b) continue;
+      const from = pointAt(camera, a[0], a[1], depth);
+      const to = pointAt(camera, b[0], b[1], depth);
+      triangles.setXYZ(count * 3, ...camera.centre);
+      triangles.setXYZ(count * 3 + 1, ...from);
+      triangles.setXYZ(count * 3 + 2, ...to);
+      lines.setXYZ(count * 2, ...from);
+      lines.setXYZ(count * 2 + 1, ...to);
+      count++;
+    }
+    triangles.needsUpdate = true;
+    lines.needsUpdate = true;
+    sheet.setDrawRange(0, count * 3);
+    outline.setDrawRange(0, count * 2);
+  }
+}
+
+function farthest(camera: Camera, { low, high }: Box): number {
+  const row = camera.rotation[2];
+  let most = 0;
+  for (let corner = 0; corner < 8; corner++) {
+    const p = [0, 1, 2].map((i) => ((corner >> i) & 1 ? high[i] : low[i]));
+    most = Math.max(most, row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + camera.translation[2]);
+  }
+  return most;
+}
+
+function dynamic(vertices: number): BufferGeometry {
+  const attribute = new Float32BufferAttribute(new Float32Array(vertices * 3), 3);
+  attribute.setUsage(DynamicDrawUsage);
+  const geometry = new BufferGeometry().setAttribute("position", attribute);
+  geometry.setDrawRange(0, 0);
+  return geometry;
+}

@@ -1,0 +1,420 @@
+/**
+ * The person: the visual hull of a frame set, found per pixel, coloured from the cameras that see it. It is
+ * drawn into a picture of its own, with depth, and laid among the bodies by {@link HullView.compose}.
+ */
+import {
+  BufferGeometry,
+  DataArrayTexture,
+  DepthTexture,
+  Float32BufferAttribute,
+  GLSL3,
+  InstancedBufferGeometry,
+  LinearFilter,
+  type Matrix4,
+  Mesh,
+  NearestFilter,
+  NoBlending,
+  NoColorSpace,
+  CustomBlending,
+  OneFactor,
+  OneMinusSrcAlphaFactor,
+  OrthographicCamera,
+  RawShaderMaterial,
+  Scene,
+  type Texture,
+  UnsignedIntType,
+  Vector2,
+  Vector3,
+  Vector4,
+  Matrix3,
+  WebGLArrayRenderTarget,
+  WebGLRenderTarget,
+  type WebGLRenderer,
+} from "three";
+import type { Box } from "../decode/hull_box.ts";
+import type { Decoded } from "../decode/work.ts";
+import type { Camera } from "../view/lens.ts";
+import type { HullMode } from "../view/hash.ts";
+import { CameraBlock } from "./camera_block.ts";
+import * as glsl from "./glsl.ts";
+import { Layers } from "./layers.ts";
+
+/** Depth maps hold distances up to this, metres: no studio is larger. */
+const DEPTH_RANGE_M = 40;
+/** Pixels a side of a cell of the first pass; the surface pass counts on it. */
+const CELL = 4;
+const TILE = 8;
+/** Depth maps are this large. */
+const MAP = 96;
+
+/** From where and through what a picture is taken. */
+export interface Eye {
+  /** World, metres. */
+  readonly position: readonly [number, number, number];
+  /** Camera frame (x right, y down, z forward) to world, row by row. */
+  readonly turn: readonly number[];
+  /** fx, fy, cx, cy in pixels of the picture; a pixel's centre is at a half. */
+  readonly pinhole: readonly [number, number, number, number];
+  readonly skew: number;
+  readonly lens: readonly [number, number, number, number, number];
+  /** World to clip space: for the depth alone. */
+  readonly clip: Matrix4;
+}
+
+/** What may be left out to draw faster. */
+export interface Effort {
+  /** Steps inwards that the photo test may make, 0 to 8. */
+  readonly photoTests: number;
+}
+
+/** Targets of one size. */
+class Targets {
+  readonly start: WebGLRenderTarget;
+  readonly surface: WebGLRenderTarget;
+  readonly width: number;
+  readonly height: number;
+
+  constructor(width: number, height: number) {
+    this.width = width;
+    this.height = height;
+    this.start = new WebGLRenderTarget(Math.ceil(width / CELL), Math.ceil(height / CELL), {
+      minFilter: NearestFilter,
+      magFilter: NearestFilter,
+      colorSpace: NoColorSpace,
+      depthBuffer: false,
+    });
+    const depth = new DepthTexture(width, height, UnsignedIntType);
+    depth.minFilter = NearestFilter;
+    depth.magFilter = NearestFilter;
+    this.surface = new WebGLRenderTarget(width, height, {
+      minFilter: LinearFilter,
+      magFilter: LinearFilter,
+      colorSpace: NoColorSpace,
+      depthTexture: depth,
+    });
+  }
+
+  dispose(): void {
+    this.start.dispose();
+    this.surface.depthTexture?.dispose();
+    this.surface.dispose();
+  }
+}
+
+export class HullView {
+  /** To be added to the scene, after opaque things. */
+  readonly compose: Mesh;
+  /** The box around the hull; null if there is none. */
+  box: Box | null = null;
+  readonly block: CameraBlock;
+  readonly offImageIsOutside: boolean;
+  readonly compiled: glsl.Compiled;
+  readonly common: Record<string, { value: unknown }>;
+  private readonly fields: Layers;
+  private readonly images: Layers;
+  private readonly depths: WebGLArrayRenderTarget;
+  private readonly start: RawShaderMaterial;
+  private readonly surface: RawShaderMaterial;
+  private readonly depth: RawShaderMaterial;
+  private readonly read: RawShaderMaterial;
+  private readonly composing: RawShaderMaterial;
+  private readonly tiles: InstancedBufferGeometry;
+  private readonly quad: Mesh;
+  private readonly tiled: Mesh;
+  private readonly flat = new OrthographicCamera(-1, 1, 1, -1, 0, 1);
+  private readonly scene = new Scene();
+  private targets: Targets | null = null;
+  private reading: WebGLRenderTarget | null = null;
+  private mapsAreOld = true;
+  private hasColour = false;
+
+  constructor(cameras: readonly Camera[], compiled: glsl.Compiled) {
+    this.compiled = compiled;
+    this.offImageIsOutside = compiled.offImageIsOutside;
+    this.block = new CameraBlock(cameras);
+    this.fields = new Layers(cameras.length, "field");
+    this.images = new Layers(cameras.length, "image");
+    this.depths = new WebGLArrayRenderTarget(MAP, MAP, Math.max(1, cameras.length), {
+      minFilter: NearestFilter,
+      magFilter: NearestFilter,
+      colorSpace: NoColorSpace,
+      depthBuffer: false,
+    });
+    this.common = {
+      uField: { value: this.fields.texture as DataArrayTexture },
+      uLow: { value: new Vector3() },
+      uHigh: { value: new Vector3() },
+      uLight: { value: new Vector3(0.4, 0.8, 0.45).normalize() },
+      uUp: { value: new Vector3(0, 1, 0) },
+      uDepthRange: { value: DEPTH_RANGE_M },
+    };
+    const rays = {
+      uEye: { value: new Vector3() },
+      uTurn: { value: new Matrix3() },
+      uPinhole: { value: new Vector4() },
+      uSkew: { value: 0 },
+      uBend: { value: new Vector4() },
+      uBend3: { value: new Vector2() },
+      uPixel: { value: 0.001 },
+      uRange: { value: new Vector2(0, 16) },
+      uStart: { value: null as Texture | null },
+    };
+    this.start = this.material(glsl.QUAD_VERTEX, glsl.START_FRAGMENT, { ...this.common, ...rays, uCell: { value: CELL } });
+    this.surface = this.material(glsl.TILE_VERTEX, glsl.SURFACE_FRAGMENT, {
+      ...this.common,
+      ...rays,
+      uImage: { value: this.images.texture as DataArrayTexture },
+      uDepth: { value: this.depths.texture },
+      uClip: { value: null },
+      uMode: { value: 0 },
+      uTests: { value: 8 },
+      uTiles: { value: new Vector4() },
+      uSize: { value: new Vector2() },
+    });
+    this.surface.depthTest = true;
+    this.surface.depthWrite = true;
+    this.depth = this.material(glsl.QUAD_VERTEX, glsl.DEPTH_FRAGMENT, { ...this.common, uCamera: { value: 0 }, uMap: { value: new Vector2(MAP, MAP) } });
+    this.read = this.material(glsl.QUAD_VERTEX, glsl.READ_FRAGMENT, { uSurface: { value: null }, uFrom: { value: new Vector2() } }, false);
+    this.composing = this.material(
+      glsl.QUAD_VERTEX,
+      glsl.COMPOSE_FRAGMENT,
+      { uColour: { value: null }, uSurface: { value: null }, uScreen: { value: new Vector2() }, uFade: { value: 0 } },
+      false,
+    );
+    this.composing.depthTest = true;
+    this.composing.depthWrite = true;
+    this.composing.transparent = true;
+    this.composing.blending = CustomBlending;
+    this.composing.blendSrc = OneFactor;
+    this.composing.blendDst = OneMinusSrcAlphaFactor;
+    this.composing.premultipliedAlpha = true;
+    const square = [-1, -1, 0, 1, -1, 0, 1, 1, 0, -1, -1, 0, 1, 1, 0, -1, 1, 0];
+    const geometry = new BufferGeometry().setAttribute("position", new Float32BufferAttribute(square, 3));
+    this.tiles = new InstancedBufferGeometry();
+    this.tiles.setAttribute("position", new Float32BufferAttribute(square, 3));
+    this.tiles.instanceCount = 0;
+    this.quad = new Mesh(geometry, this.start);
+    this.tiled = new Mesh(this.tiles, this.surface);
+    this.compose = new Mesh(geometry.clone(), this.composing);
+    for (const mesh of [this.quad, this.tiled, this.compose]) mesh.frustumCulled = false;
+    this.compose.renderOrder = -10;
+    this.compose.visible = false;
+  }
+
+  /** Takes a decoded frame set onto the graphics card. Its bitmaps are closed. */
+  upload(renderer: WebGLRenderer, set: Decoded): void {
+    let [fieldWidth, fieldHeight, imageWidth, imageHeight] = [1, 1, 1, 1];
+    for (const part of set.cameras) {
+      fieldWidth = Math.max(fieldWidth, part.field?.columns ?? 1);
+      fieldHeight = Math.max(fieldHeight, part.field?.rows ?? 1);
+      imageWidth = Math.max(imageWidth, part.image?.width ?? 1);
+      imageHeight = Math.max(imageHeight, part.image?.height ?? 1);
+    }
+    this.fields.fit(fieldWidth, fieldHeight);
+    this.images.fit(imageWidth, imageHeight);
+    this.common.uField.value = this.fields.texture;
+    this.surface.uniforms.uImage.value = this.images.texture;
+    for (let k = 0; k < this.block.count; k++) this.block.absent(k);
+    this.hasColour = false;
+    for (const part of set.cameras) {
+      if (part.field) this.fields.put(renderer, part.camera, part.field.bytes, part.field.columns, part.field.rows);
+      if (part.image) {
+        this.images.put(renderer, part.camera, part.image, part.image.width, part.image.height);
+        this.hasColour = true;
+      }
+      this.block.show(part, this.fields.layer, part.image ? this.images.layer : null);
+      part.image?.close();
+    }
+    this.box = set.box;
+    if (set.box) {
+      (this.common.uLow.value as Vector3).fromArray(set.box.low);
+      (this.common.uHigh.value as Vector3).fromArray(set.box.high);
+    }
+    this.mapsAreOld = true;
+  }
+
+  /** Nothing to see any more. */
+  clear(): void {
+    this.box = null;
+  }
+
+  set up(up: readonly [number, number, number]) {
+    (this.common.uUp.value as Vector3).fromArray(up);
+  }
+
+  /** Towards the light, unit, world. */
+  set light(light: Vector3) {
+    (this.common.uLight.value as Vector3).copy(light);
+  }
+
+  set fade(share: number) {
+    this.composing.uniforms.uFade.value = share;
+  }
+
+  /** Draws the hull for a view into its own picture and readies it for the scene that is drawn next. */
+  draw(renderer: WebGLRenderer, eye: Eye, width: number, height: number, mode: HullMode, effort: Effort, screen: readonly [number, number]): void {
+    const visible = this.box !== null && (mode === "photo" || mode === "shaded");
+    this.compose.visible = visible;
+    if (!visible) return;
+    if (!this.targets || this.targets.width !== width || this.targets.height !== height) {
+      this.targets?.dispose();
+      this.targets = new Targets(width, height);
+    }
+    this.render(renderer, this.targets, eye, mode, effort);
+    const uniforms = this.composing.uniforms;
+    uniforms.uColour.value = this.targets.surface.texture;
+    uniforms.uSurface.value = this.targets.surface.depthTexture;
+    (uniforms.uScreen.value as Vector2).set(screen[0], screen[1]);
+  }
+
+  /** The hull alone from any view: colours and depths, row by row from the bottom. */
+  picture(renderer: WebGLRenderer, eye: Eye, width: number, height: number, mode: "photo" | "shaded"): { rgba: Uint8Array; depth: Float32Array } {
+    const rgba = new Uint8Array(width * height * 4);
+    const depth = new Float32Array(width * height).fill(1);
+    if (!this.box) return { rgba, depth };
+    const targets = new Targets(width, height);
+    this.render(renderer, targets, eye, mode, { photoTests: 8 });
+    renderer.readRenderTargetPixels(targets.surface, 0, 0, width, height, rgba);
+    this.reading ??= new WebGLRenderTarget(1, 1, { colorSpace: NoColorSpace, depthBuffer: false });
+    this.reading.setSize(width, height);
+    this.read.uniforms.uSurface.value = targets.surface.depthTexture;
+    (this.read.uniforms.uFrom.value as Vector2).set(0, 0);
+    this.pass(renderer, this.quad, this.read, this.reading);
+    const bytes = new Uint8Array(width * height * 4);
+    renderer.readRenderTargetPixels(this.reading, 0, 0, width, height, bytes);
+    for (let i = 0; i < depth.length; i++) depth[i] = (bytes[i * 4] * 65536 + bytes[i * 4 + 1] * 256 + bytes[i * 4 + 2]) / 16777215;
+    targets.dispose();
+    renderer.setRenderTarget(null);
+    return { rgba, depth };
+  }
+
+  /** The depth at a point of the picture that was drawn last, shares from the top left; null beside the person. */
+  depthAt(renderer: WebGLRenderer, x: number, y: number): number | null {
+    if (!this.targets || !this.compose.visible) return null;
+    const { width, height, surface } = this.targets;
+    const [column, row] = [Math.floor(x * width), Math.floor((1 - y) * height)];
+    if (column < 0 || row < 0 || column >= width || row >= height) return null;
+    this.reading ??= new WebGLRenderTarget(1, 1, { colorSpace: NoColorSpace, depthBuffer: false });
+    this.reading.setSize(1, 1);
+    this.read.uniforms.uSurface.value = surface.depthTexture;
+    (this.read.uniforms.uFrom.value as Vector2).set(column, row);
+    this.pass(renderer, this.quad, this.read, this.reading);
+    const bytes = new Uint8Array(4);
+    renderer.readRenderTargetPixels(this.reading, 0, 0, 1, 1, bytes);
+    const depth = (bytes[0] * 65536 + bytes[1] * 256 + bytes[2]) / 16777215;
+    return depth < 1 ? depth : null;
+  }
+
+  dispose(): void {
+    this.targets?.dispose();
+    this.reading?.dispose();
+    this.fields.dispose();
+    this.images.dispose();
+    this.depths.dispose();
+    this.block.group.dispose();
+    for (const material of [this.start, this.surface, this.depth, this.read, this.composing]) material.dispose();
+    this.tiles.dispose();
+    this.quad.geometry.dispose();
+    this.compose.geometry.dispose();
+  }
+
+  /** Compiles what is needed, without stalling where the browser can do it aside. */
+  async compile(renderer: WebGLRenderer): Promise<void> {
+    for (const [mesh, material] of [
+      [this.quad, this.start],
+      [this.tiled, this.surface],
+      [this.quad, this.depth],
+      [this.compose, this.composing],
+    ] as const) {
+      const scene = new Scene();
+      mesh.material = material;
+      const parent = mesh.parent;
+      scene.add(mesh);
+      await renderer.compileAsync(scene, this.flat);
+      scene.remove(mesh);
+      parent?.add(mesh);
+    }
+  }
+
+  private render(renderer: WebGLRenderer, targets: Targets, eye: Eye, mode: HullMode, effort: Effort): void {
+    const photo = mode === "photo" && this.hasColour;
+    if (photo && this.mapsAreOld) this.drawMaps(renderer);
+    const { width, height } = targets;
+    this.setRays(eye, height);
+    this.pass(renderer, this.quad, this.start, targets.start);
+    const uniforms = this.surface.uniforms;
+    uniforms.uStart.value = targets.start.texture;
+    uniforms.uClip.value = eye.clip;
+    uniforms.uMode.value = photo ? 0 : 1;
+    uniforms.uTests.value = effort.photoTests;
+    const [columns, rows] = [Math.ceil(width / TILE), Math.ceil(height / TILE)];
+    (uniforms.uTiles.value as Vector4).set(0, 0, columns, rows);
+    (uniforms.uSize.value as Vector2).set(width, height);
+    this.tiles.instanceCount = columns * rows;
+    this.pass(renderer, this.tiled, this.surface, targets.surface);
+  }
+
+  private drawMaps(renderer: WebGLRenderer): void {
+    this.mapsAreOld = false;
+    for (let k = 0; k < this.block.count; k++) {
+      if (!this.block.hasField(k)) continue;
+      this.depth.uniforms.uCamera.value = k;
+      this.pass(renderer, this.quad, this.depth, this.depths, k);
+    }
+  }
+
+  private setRays(eye: Eye, height: number): void {
+    const { low, high } = this.box!;
+    const middle = [0, 1, 2].map((i) => (low[i] + high[i]) / 2);
+    const radius = 0.5 * Math.hypot(high[0] - low[0], high[1] - low[1], high[2] - low[2]) + 0.01;
+    const away = Math.hypot(...middle.map((m, i) => m - eye.position[i]));
+    for (const material of [this.start, this.surface]) {
+      const u = material.uniforms;
+      (u.uEye.value as Vector3).fromArray(eye.position);
+      (u.uTurn.value as Matrix3).fromArray(eye.turn as number[]).transpose();
+      // Rows count from the bottom where the shader runs.
+      const [fx, fy, cx, cy] = eye.pinhole;
+      (u.uPinhole.value as Vector4).set(fx, -fy, cx, height - cy);
+      u.uSkew.value = eye.skew;
+      (u.uBend.value as Vector4).set(eye.lens[0], eye.lens[1], eye.lens[2], eye.lens[3]);
+      (u.uBend3.value as Vector2).set(eye.lens[4], eye.lens.some((k) => k !== 0) ? 1 : 0);
+      u.uPixel.value = 1 / Math.min(eye.pinhole[0], eye.pinhole[1]);
+      const nearest = Math.max(0, away - radius - 0.02);
+      (u.uRange.value as Vector2).set(nearest, away + radius + 0.02 - nearest);
+    }
+  }
+
+  private pass(renderer: WebGLRenderer, mesh: Mesh, material: RawShaderMaterial, target: WebGLRenderTarget, layer = 0): void {
+    mesh.material = material;
+    this.scene.clear();
+    this.scene.add(mesh);
+    const autoClear = renderer.autoClear;
+    const alpha = renderer.getClearAlpha();
+    renderer.autoClear = true;
+    renderer.setClearAlpha(0);
+    const shadows = renderer.shadowMap.autoUpdate;
+    renderer.shadowMap.autoUpdate = false;
+    renderer.setRenderTarget(target, layer);
+    renderer.render(this.scene, this.flat);
+    renderer.setRenderTarget(null);
+    renderer.shadowMap.autoUpdate = shadows;
+    renderer.autoClear = autoClear;
+    renderer.setClearAlpha(alpha);
+    this.scene.clear();
+  }
+
+  material(vertexShader: string, fragmentShader: string, uniforms: Record<string, { value: unknown }>, withCameras = true): RawShaderMaterial {
+    const material = new RawShaderMaterial({
+      glslVersion: GLSL3,
+      vertexShader,
+      fragmentShader,
+      uniforms,
+      defines: withCameras ? glsl.defines(this.compiled) : {},
+      depthTest: false,
+      depthWrite: false,
+      blending: NoBlending,
+    });
+    if (withCameras) material.uniformsGroups = [this.block.group];
+    return material;
+  }
+}

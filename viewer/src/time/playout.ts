@@ -1,0 +1,83 @@
+/**
+ * What is on the screen, and when: live, each frame set as it is decoded; looking back, the sets of the
+ * timeline, standing or going on. Bodies follow the frame that is shown, so that both are of one moment.
+ */
+import type { Kept } from "./timeline.ts";
+import type { Timeline } from "./timeline.ts";
+
+/** Looking back never goes on faster than it came. */
+const RATE = 1;
+
+export class Playout {
+  private readonly timeline: Timeline;
+  /** Null: live. Else the moment looked at, in the timeline's milliseconds. */
+  private at: number | null = null;
+  private playing = false;
+  private lastMs: number | null = null;
+
+  constructor(timeline: Timeline) {
+    this.timeline = timeline;
+  }
+
+  get live(): boolean {
+    return this.at === null;
+  }
+
+  get isPlaying(): boolean {
+    return this.playing;
+  }
+
+  /** The moment that is looked at, if one is. */
+  get moment(): number | null {
+    return this.at;
+  }
+
+  goLive(): void {
+    this.at = null;
+    this.playing = false;
+    this.lastMs = null;
+  }
+
+  /** Looks at a moment; the picture stands. */
+  seek(ms: number): void {
+    const span = this.timeline.span();
+    if (!span) return;
+    this.at = Math.max(span[0], Math.min(span[1], ms));
+    this.playing = false;
+  }
+
+  /** A picture back or on. */
+  beside(direction: 1 | -1): void {
+    const span = this.timeline.span();
+    if (!span) return;
+    const there = this.timeline.beside(this.at ?? span[1], direction);
+    if (there) this.seek(there.atMs);
+  }
+
+  play(playing: boolean): void {
+    if (this.at === null && playing) return;
+    if (this.at === null) {
+      const span = this.timeline.span();
+      if (!span) return;
+      this.at = span[1];
+    }
+    this.playing = playing;
+    this.lastMs = null;
+  }
+
+  /** Moves on; the set that is to be shown then, or null while live. */
+  step(nowMs: number): Kept | null {
+    if (this.at === null) return null;
+    const span = this.timeline.span();
+    if (!span) return null;
+    if (this.playing) {
+      this.at += (nowMs - (this.lastMs ?? nowMs)) * RATE;
+      if (this.at >= span[1]) this.goLive();
+    }
+    this.lastMs = nowMs;
+    if (this.at === null) return null;
+    // What is looked at may be forgotten meanwhile: then the oldest is shown.
+    this.at = Math.max(this.at, span[0]);
+    return this.timeline.at(this.at);
+  }
+}

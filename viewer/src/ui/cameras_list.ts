@@ -1,0 +1,120 @@
+/** The list of cameras: a small image, a mark of health with its word, and the figures. */
+import type { App } from "../app.ts";
+import type { CameraStatus, Hello } from "../feed/text.ts";
+import { byId, bytesText, setPressed, setText } from "./dom.ts";
+
+/** Images older than this are told of, milliseconds. */
+const OLD_MS = 250;
+/** Cameras farther from the others' time than this are told of, milliseconds. */
+const UNSYNCED_MS = 12;
+
+interface Row {
+  readonly button: HTMLButtonElement;
+  readonly dot: HTMLElement;
+  readonly health: HTMLElement;
+  readonly canvas: HTMLCanvasElement;
+}
+
+export class CamerasList {
+  private rows: Row[] = [];
+  private readonly app: App;
+
+  constructor(app: App) {
+    this.app = app;
+  }
+
+  build(hello: Hello): void {
+    const list = byId("cameras");
+    list.replaceChildren();
+    this.rows = hello.cameras.map((camera, index) => {
+      const button = document.createElement("button");
+      const canvas = document.createElement("canvas");
+      [canvas.width, canvas.height] = [120, Math.round((120 * camera.height) / camera.width)];
+      canvas.setAttribute("aria-hidden", "true");
+      const text = document.createElement("span");
+      const name = document.createElement("span");
+      name.className = "name";
+      const dot = document.createElement("span");
+      dot.className = "dot";
+      dot.setAttribute("aria-hidden", "true");
+      const label = document.createElement("span");
+      label.textContent = camera.name;
+      name.append(dot, label);
+      const health = document.createElement("span");
+      health.className = "health";
+      text.append(name, health);
+      button.append(canvas, text);
+      button.title = `Look through ${camera.name}`;
+      button.addEventListener("click", () => this.app.lookThrough(this.app.through === index ? null : index));
+      const item = document.createElement("li");
+      item.append(button);
+      list.append(item);
+      return { button, dot, health, canvas };
+    });
+    this.buildPlain(hello);
+  }
+
+  /** A small image came. It is drawn here too; the caller keeps the bitmap. */
+  thumbnail(index: number, bitmap: ImageBitmap): void {
+    const row = this.rows[index];
+    if (!row) return;
+    row.canvas.getContext("2d")?.drawImage(bitmap, 0, 0, row.canvas.width, row.canvas.height);
+    const plain = this.plain[index];
+    if (!plain) return;
+    if (plain.width !== bitmap.width) [plain.width, plain.height] = [bitmap.width, bitmap.height];
+    plain.getContext("2d")?.drawImage(bitmap, 0, 0);
+  }
+
+  update(cameras: readonly CameraStatus[]): void {
+    let well = 0;
+    this.rows.forEach((row, index) => {
+      const status = cameras[index];
+      const [state, text] = status ? judge(status) : (["warn", "no word of it yet"] as const);
+      if (state === "good") well++;
+      row.dot.className = `dot ${state}`;
+      row.health.classList.toggle("bad", state === "bad");
+      setText(row.health, text);
+    });
+    setText(byId("cameras-health"), cameras.length > 0 ? `${well} of ${this.rows.length} well` : "");
+  }
+
+  pressed(through: number | null): void {
+    this.rows.forEach((row, index) => setPressed(row.button, through === index));
+  }
+
+  private plain: HTMLCanvasElement[] = [];
+
+  private buildPlain(hello: Hello): void {
+    if (this.app.stage) return;
+    const images = byId("plain-images");
+    images.replaceChildren();
+    this.plain = hello.cameras.map((camera) => {
+      const figure = document.createElement("figure");
+      const canvas = document.createElement("canvas");
+      canvas.setAttribute("role", "img");
+      canvas.setAttribute("aria-label", `What ${camera.name} sees`);
+      const caption = document.createElement("figcaption");
+      caption.textContent = camera.name;
+      figure.append(canvas, caption);
+      images.append(figure);
+      return canvas;
+    });
+  }
+}
+
+function judge(status: CameraStatus): readonly ["good" | "warn" | "bad", string] {
+  if (status.problem) return ["bad", `gone: ${status.problem}`];
+  const parts: string[] = [];
+  let state: "good" | "warn" = "good";
+  if (status.age_ms !== undefined) {
+    if (status.age_ms > OLD_MS) state = "warn";
+    parts.push(status.age_ms > OLD_MS ? `late ${Math.round(status.age_ms)} ms` : `${Math.round(status.age_ms)} ms`);
+  }
+  if (status.sync_ms !== undefined) {
+    if (Math.abs(status.sync_ms) > UNSYNCED_MS) state = "warn";
+    parts.push(`${Math.abs(status.sync_ms) > UNSYNCED_MS ? "out of step " : "sync "}${status.sync_ms.toFixed(1)} ms`);
+  }
+  if (status.foreground !== undefined) parts.push(`${(status.foreground * 100).toFixed(1)} %`);
+  if (status.silhouette_bytes !== undefined) parts.push(bytesText(status.silhouette_bytes));
+  return [state, parts.join(" · ")];
+}

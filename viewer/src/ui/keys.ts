@@ -1,0 +1,93 @@
+/** Keys. Those on the canvas move the view; single letters can be turned off, and never act while typing. */
+import type { App } from "../app.ts";
+import type { Layer } from "../view/hash.ts";
+
+export interface Actions {
+  screenshot(): void;
+  share(): void;
+  help(): void;
+  pause(): void;
+  step(): void;
+  reset(): void;
+  escape(): void;
+}
+
+const TURN = 0.12;
+const FINE = 0.2;
+const LAYER_KEYS: Record<string, Layer> = { b: "bodies", c: "cameras", n: "images", k: "touches", g: "grid", s: "shadows" };
+
+export function bindKeys(canvas: HTMLCanvasElement, app: App, actions: Actions, enabled: () => boolean): void {
+  canvas.addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey) return;
+    const share = event.shiftKey ? FINE : 1;
+    const arrows: Record<string, [number, number]> = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+    const arrow = arrows[event.key];
+    if (arrow) {
+      event.preventDefault();
+      if (app.through !== null) app.lookThrough(null);
+      if (event.altKey) app.orbit.pan(arrow[0] * 0.05 * share, -arrow[1] * 0.05 * share, (app.fovDeg * Math.PI) / 180);
+      else app.orbit.turn(arrow[0] * TURN * share, arrow[1] * TURN * share, false);
+      app.changed();
+    } else if (event.key === "+" || event.key === "=" || event.key === "-" || event.key === "_") {
+      event.preventDefault();
+      if (app.through !== null) app.lookThrough(null);
+      const nearer = event.key === "+" || event.key === "=";
+      app.orbit.zoom((nearer ? 0.87 : 1.15) ** share);
+      app.changed();
+    }
+  });
+
+  document.addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey || typing(event.target)) return;
+    if (event.key === "Escape") return actions.escape();
+    if (!enabled() || document.querySelector("dialog[open]")) return;
+    // Space presses a focused button; elsewhere it pauses.
+    if (event.key === " " && event.target instanceof HTMLElement && event.target.closest("button, summary, input, select, a")) return;
+    if (act(event)) event.preventDefault();
+  });
+
+  function act(event: KeyboardEvent): boolean {
+    const key = event.key.toLowerCase();
+    const layer = LAYER_KEYS[key];
+    if (layer) {
+      app.setLayer(layer, !app.layers.has(layer));
+      return true;
+    }
+    if (/^[1-9]$/.test(key)) {
+      app.lookThrough(Number(key) - 1);
+      return true;
+    }
+    const doings: Record<string, () => void> = {
+      "0": () => app.preset("home"),
+      f: () => app.preset("person"),
+      t: () => app.preset("top"),
+      m: () => app.nextMode(),
+      h: () => app.setMode(app.mode === "off" ? "photo" : "off"),
+      "[": () => besides(-1),
+      "]": () => besides(1),
+      l: () => app.goLive(),
+      p: actions.screenshot,
+      v: actions.share,
+      "?": actions.help,
+      " ": actions.pause,
+      ".": actions.step,
+      r: actions.reset,
+    };
+    const doing = doings[key];
+    if (!doing) return false;
+    doing();
+    return true;
+  }
+
+  function besides(direction: 1 | -1): void {
+    app.playout.beside(direction);
+    app.invalidate();
+    app.changed();
+  }
+}
+
+function typing(target: EventTarget | null): boolean {
+  if (!(target instanceof HTMLElement)) return false;
+  if (target.isContentEditable || target instanceof HTMLTextAreaElement || target instanceof HTMLSelectElement) return true;
+  return target instanceof HTMLInputElement && target.type !== "checkbox" && target.type !== "range";
+}

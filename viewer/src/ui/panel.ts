@@ -1,0 +1,203 @@
+/** The panel's buttons and fields: what they do, and what they show. */
+import type { App } from "../app.ts";
+import type { Hello, Scene } from "../feed/text.ts";
+import type { HullMode, Layer } from "../view/hash.ts";
+import { byId, option, setPressed, setText, toast } from "./dom.ts";
+import type { Hands, Kind } from "./hands.ts";
+
+/** Time to leave the room before the background is taken, seconds. */
+const LEAVE_S = 5;
+
+export class Panel {
+  private readonly app: App;
+  private readonly hands: Hands;
+  private countdown: ReturnType<typeof setInterval> | undefined;
+
+  constructor(app: App, hands: Hands) {
+    this.app = app;
+    this.hands = hands;
+    this.bindView();
+    this.bindWorld();
+    this.bindFigures();
+  }
+
+  hello(hello: Hello): void {
+    const camera = byId<HTMLSelectElement>("camera");
+    camera.replaceChildren(option("", "None: free view"), ...hello.cameras.map((c, index) => option(String(index), index < 9 ? `${c.name} (${index + 1})` : c.name)));
+    const scene = byId<HTMLSelectElement>("scene");
+    scene.replaceChildren(...hello.scenes.map((name) => option(name, name)));
+    const response = byId<HTMLSelectElement>("response");
+    response.replaceChildren(...(hello.responses.length > 0 ? hello.responses : ["paper", "off"]).map((name) => option(name, name === "paper" ? "As in the paper" : name === "off" ? "Off" : name)));
+    byId<HTMLFieldSetElement>("steer").disabled = !hello.controller;
+    byId("viewer-note").hidden = hello.controller;
+    const role = byId("role");
+    role.hidden = false;
+    setText(role, hello.controller ? "Controller" : "Viewer");
+    if (this.app.scene) this.scene(this.app.scene);
+  }
+
+  scene(scene: Scene): void {
+    const select = byId<HTMLSelectElement>("scene");
+    if (![...select.options].some(({ value }) => value === scene.scene) && scene.scene) select.append(option(scene.scene, scene.scene));
+    select.value = scene.scene;
+    const { answers_hull, hull_restitution } = scene.parameters;
+    if (answers_hull !== undefined && answers_hull !== null) byId<HTMLSelectElement>("response").value = answers_hull ? "paper" : "off";
+    if (hull_restitution !== undefined && hull_restitution !== null && document.activeElement?.id !== "restitution") {
+      byId<HTMLInputElement>("restitution").value = String(Math.round(hull_restitution * 100));
+      setText(byId("restitution-text"), `${Math.round(hull_restitution * 100)} %`);
+    }
+    if (this.hands.chosen !== null && !scene.bodies.some(({ id }) => id === this.hands.chosen)) this.hands.chosen = null;
+    this.update();
+  }
+
+  /** Shows the state of the view. */
+  update(): void {
+    const { app, hands } = this;
+    for (const button of byId("modes").querySelectorAll<HTMLButtonElement>("[data-mode]")) setPressed(button, button.dataset.mode === app.mode);
+    for (const box of byId("layers").querySelectorAll<HTMLInputElement>("[data-layer]")) box.checked = app.layers.has(box.dataset.layer as Layer);
+    byId<HTMLSelectElement>("camera").value = app.through === null ? "" : String(app.through);
+    byId("through").hidden = app.through === null;
+    byId<HTMLInputElement>("opacity").value = String(Math.round(app.opacity * 100));
+    setText(byId("opacity-text"), `${Math.round(app.opacity * 100)} %`);
+    byId<HTMLInputElement>("in-front").checked = app.inFront;
+    const followed = app.follow === null ? null : app.stage?.bodies.text(app.follow);
+    byId("following").hidden = !followed;
+    if (followed) setText(byId("following"), `Following ${followed.name}. Esc stops.`);
+    const chosen = hands.chosen === null ? null : app.stage?.bodies.text(hands.chosen);
+    byId("chosen-row").hidden = !chosen || !app.controller;
+    if (chosen) setText(byId("chosen"), chosen.name);
+    setPressed(byId("place"), hands.placing);
+    byId("hint").hidden = !hands.placing;
+    if (hands.placing) setText(byId("hint"), "Click where the new body goes. Esc ends it.");
+    this.paused();
+    const through = app.through === null ? "free view" : `through ${app.rig[app.through]?.name}`;
+    setText(byId("summary"), `${through}; person ${app.mode}; ${app.stage?.bodies.count ?? 0} bodies.`);
+  }
+
+  /** Shows whether the world stands. */
+  paused(): void {
+    const { paused } = this.app;
+    const button = byId("pause");
+    setPressed(button, paused);
+    const text = paused ? "Go on" : "Pause";
+    const label = button.querySelector("span")!;
+    if (label.textContent !== text) {
+      label.textContent = text;
+      button.querySelector("use")!.setAttribute("href", paused ? "#i-play" : "#i-pause");
+    }
+  }
+
+  async togglePause(): Promise<void> {
+    await this.ask(this.app.paused ? "resume" : "pause");
+  }
+
+  async ask(command: string, fields: Record<string, unknown> = {}): Promise<void> {
+    const answer = await this.app.command(command, fields);
+    if ("refused" in answer) toast(answer.refused);
+  }
+
+  private bindView(): void {
+    const { app } = this;
+    byId("modes").addEventListener("click", (event) => {
+      const mode = (event.target as HTMLElement).closest<HTMLElement>("[data-mode]")?.dataset.mode;
+      if (mode) app.setMode(mode as HullMode);
+    });
+    for (const button of document.querySelectorAll<HTMLElement>("[data-preset]")) button.addEventListener("click", () => app.preset(button.dataset.preset!));
+    byId("layers").addEventListener("change", (event) => {
+      const box = event.target as HTMLInputElement;
+      if (box.dataset.layer) app.setLayer(box.dataset.layer as Layer, box.checked);
+    });
+    const camera = byId<HTMLSelectElement>("camera");
+    camera.addEventListener("change", () => app.lookThrough(camera.value === "" ? null : Number(camera.value)));
+    const opacity = byId<HTMLInputElement>("opacity");
+    opacity.addEventListener("input", () => {
+      app.opacity = Number(opacity.value) / 100;
+      app.changed();
+    });
+    const inFront = byId<HTMLInputElement>("in-front");
+    inFront.addEventListener("change", () => {
+      app.inFront = inFront.checked;
+      app.changed();
+    });
+  }
+
+  private bindWorld(): void {
+    const { app, hands } = this;
+    byId("pause").addEventListener("click", () => void this.togglePause());
+    byId("step").addEventListener("click", () => void this.ask("step", { steps: 1 }));
+    byId("reset").addEventListener("click", () => void this.ask("reset"));
+    const scene = byId<HTMLSelectElement>("scene");
+    scene.addEventListener("change", () => void this.ask("choose", { scene: scene.value }));
+    const shape = byId<HTMLSelectElement>("shape");
+    shape.addEventListener("change", () => (hands.kind = shape.value as Kind));
+    const size = byId<HTMLInputElement>("size");
+    size.addEventListener("input", () => {
+      hands.sizeM = Number(size.value) / 100;
+      setText(byId("size-text"), `${size.value} cm`);
+    });
+    byId("place").addEventListener("click", () => {
+      hands.placing = !hands.placing;
+      byId("view").classList.toggle("placing", hands.placing);
+      app.changed();
+    });
+    byId("drop").addEventListener("click", () => void hands.drop());
+    byId("push").addEventListener("click", () => void hands.push());
+    byId("remove").addEventListener("click", () => void hands.remove());
+    const response = byId<HTMLSelectElement>("response");
+    response.addEventListener("change", () => void this.ask("set", { answers_hull: response.value !== "off" }));
+    const restitution = byId<HTMLInputElement>("restitution");
+    restitution.addEventListener("input", () => setText(byId("restitution-text"), `${restitution.value} %`));
+    restitution.addEventListener("change", () => void this.ask("set", { hull_restitution: Number(restitution.value) / 100 }));
+    byId("background").addEventListener("click", () => this.takeBackground());
+  }
+
+  private bindFigures(): void {
+    const { app } = this;
+    const quality = byId<HTMLSelectElement>("quality");
+    quality.addEventListener("change", () => {
+      app.quality.fixed = quality.value === "auto" ? null : quality.value === "high" ? 0 : 4;
+      app.changed();
+    });
+    const colour = byId<HTMLSelectElement>("colour");
+    colour.addEventListener("change", () => {
+      app.colour = colour.value as App["colour"];
+      app.changed();
+    });
+  }
+
+  /** Counts down so that the room can be left, takes the background, and tells when it is done. */
+  private takeBackground(): void {
+    const button = byId<HTMLButtonElement>("background");
+    const text = byId("countdown");
+    if (this.countdown !== undefined) {
+      clearInterval(this.countdown);
+      this.countdown = undefined;
+      button.textContent = "Take background";
+      text.hidden = true;
+      return;
+    }
+    const seconds = Math.max(1, Math.min(30, Number(byId<HTMLInputElement>("background-seconds").value) || 3));
+    let left = LEAVE_S;
+    text.hidden = false;
+    button.textContent = "Stop";
+    const tick = () => {
+      if (left > 0) {
+        setText(text, `Leave the room: ${left} s`);
+      } else if (left === 0) {
+        void this.ask("take_background", { seconds });
+        setText(text, `Taking the background: ${seconds} s`);
+      } else if (left <= -seconds) {
+        clearInterval(this.countdown);
+        this.countdown = undefined;
+        button.textContent = "Take background";
+        setText(text, "Background taken.");
+        return;
+      } else {
+        setText(text, `Taking the background: ${seconds + left} s`);
+      }
+      left--;
+    };
+    tick();
+    this.countdown = setInterval(tick, 1000);
+  }
+}
