@@ -23,6 +23,7 @@ const FIRST_CELLS = 6;
 
 /** The box around the hull within the volume, or null if nothing is left. */
 export function hullBox(volume: Box, seen: readonly Seen[], offImageIsOutside: boolean): Box | null {
+  if (offImageIsOutside && seen.some(({ field }) => field === null)) return null;
   let half = [0, 1, 2].map((i) => (volume.high[i] - volume.low[i]) / FIRST_CELLS / 2);
   let cells: number[] = [];
   for (let i = 0; i < FIRST_CELLS; i++) {
@@ -84,7 +85,7 @@ function rejected(x: number, y: number, z: number, radius: number, seen: readonl
     const at = project(camera, x, y, z);
     if (!at) {
       // Behind the camera or beyond its lens: near the border the ball may still reach into view.
-      if (offImageIsOutside && farBehind(camera, x, y, z, radius)) return true;
+      if (offImageIsOutside && farOff(camera, x, y, z, radius)) return true;
       continue;
     }
     const [u, v, depth] = at;
@@ -99,9 +100,15 @@ function rejected(x: number, y: number, z: number, radius: number, seen: readonl
   return false;
 }
 
-function farBehind(camera: Camera, x: number, y: number, z: number, radius: number): boolean {
-  const r2 = camera.rotation[2];
-  return r2[0] * x + r2[1] * y + r2[2] * z + camera.translation[2] < -radius;
+/** Whether a ball is wholly behind the camera or beyond its lens. */
+function farOff(camera: Camera, x: number, y: number, z: number, radius: number): boolean {
+  const [r0, r1, r2] = camera.rotation;
+  const t = camera.translation;
+  const depth = r2[0] * x + r2[1] * y + r2[2] * z + t[2];
+  if (depth <= radius) return depth < -radius;
+  const across = Math.hypot(r0[0] * x + r0[1] * y + r0[2] * z + t[0], r1[0] * x + r1[1] * y + r1[2] * z + t[1]) / depth;
+  const beyond = across - camera.radiusLimit;
+  return beyond > 0 && (beyond * depth) / (Math.hypot(1, across) + beyond) > radius;
 }
 
 /** At least how many pixels an image point is away from the silhouette; below zero inside. */

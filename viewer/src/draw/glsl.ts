@@ -163,9 +163,11 @@ vec3 ray(vec2 px) {
 }
 `;
 
+/** A rectangle of the picture: middle and half size in clip space. */
 export const QUAD_VERTEX = /* glsl */ `
 in vec3 position;
-void main() { gl_Position = vec4(position.xy, 0.0, 1.0); }
+uniform vec4 uPart;
+void main() { gl_Position = vec4(uPart.xy + position.xy * uPart.zw, 0.0, 1.0); }
 `;
 
 /** Low resolution: where no ray of the cell can have met the hull yet. */

@@ -127,6 +127,10 @@ export class HullView {
   private reading: WebGLRenderTarget | null = null;
   private mapsAreOld = true;
   private hasColour = false;
+  /** Counts frame sets: with the view, what the picture in the targets is of. */
+  private version = 0;
+  private drawnKey = "";
+  private drawnPart = new Vector4(0, 0, 1, 1);
 
   constructor(cameras: readonly Camera[], compiled: glsl.Compiled) {
     this.compiled = compiled;
@@ -148,6 +152,7 @@ export class HullView {
       uUp: { value: new Vector3(0, 1, 0) },
       uDepthRange: { value: DEPTH_RANGE_M },
     };
+    const whole = () => ({ value: new Vector4(0, 0, 1, 1) });
     const rays = {
       uEye: { value: new Vector3() },
       uTurn: { value: new Matrix3() },
@@ -159,7 +164,7 @@ export class HullView {
       uRange: { value: new Vector2(0, 16) },
       uStart: { value: null as Texture | null },
     };
-    this.start = this.material(glsl.QUAD_VERTEX, glsl.START_FRAGMENT, { ...this.common, ...rays, uCell: { value: CELL } });
+    this.start = this.material(glsl.QUAD_VERTEX, glsl.START_FRAGMENT, { ...this.common, ...rays, uCell: { value: CELL }, uPart: whole() });
     this.surface = this.material(glsl.TILE_VERTEX, glsl.SURFACE_FRAGMENT, {
       ...this.common,
       ...rays,
@@ -173,12 +178,12 @@ export class HullView {
     });
     this.surface.depthTest = true;
     this.surface.depthWrite = true;
-    this.depth = this.material(glsl.QUAD_VERTEX, glsl.DEPTH_FRAGMENT, { ...this.common, uCamera: { value: 0 }, uMap: { value: new Vector2(MAP, MAP) } });
-    this.read = this.material(glsl.QUAD_VERTEX, glsl.READ_FRAGMENT, { uSurface: { value: null }, uFrom: { value: new Vector2() } }, false);
+    this.depth = this.material(glsl.QUAD_VERTEX, glsl.DEPTH_FRAGMENT, { ...this.common, uCamera: { value: 0 }, uMap: { value: new Vector2(MAP, MAP) }, uPart: whole() });
+    this.read = this.material(glsl.QUAD_VERTEX, glsl.READ_FRAGMENT, { uSurface: { value: null }, uFrom: { value: new Vector2() }, uPart: whole() }, false);
     this.composing = this.material(
       glsl.QUAD_VERTEX,
       glsl.COMPOSE_FRAGMENT,
-      { uColour: { value: null }, uSurface: { value: null }, uScreen: { value: new Vector2() }, uFade: { value: 0 } },
+      { uColour: { value: null }, uSurface: { value: null }, uScreen: { value: new Vector2() }, uFade: { value: 0 }, uPart: whole() },
       false,
     );
     this.composing.depthTest = true;
@@ -231,6 +236,7 @@ export class HullView {
       (this.common.uHigh.value as Vector3).fromArray(set.box.high);
     }
     this.mapsAreOld = true;
+    this.version++;
   }
 
   /** Nothing to see any more. */
@@ -259,9 +265,15 @@ export class HullView {
     if (!this.targets || this.targets.width !== width || this.targets.height !== height) {
       this.targets?.dispose();
       this.targets = new Targets(width, height);
+      this.drawnKey = "";
     }
-    this.render(renderer, this.targets, eye, mode, effort);
+    const key = [this.version, mode, effort.photoTests, ...eye.position, ...eye.turn, ...eye.pinhole].join();
+    if (key !== this.drawnKey) {
+      this.drawnKey = key;
+      this.drawnPart = this.render(renderer, this.targets, eye, mode, effort);
+    }
     const uniforms = this.composing.uniforms;
+    (uniforms.uPart.value as Vector4).copy(this.drawnPart);
     uniforms.uColour.value = this.targets.surface.texture;
     uniforms.uSurface.value = this.targets.surface.depthTexture;
     (uniforms.uScreen.value as Vector2).set(screen[0], screen[1]);
@@ -336,22 +348,49 @@ export class HullView {
     }
   }
 
-  private render(renderer: WebGLRenderer, targets: Targets, eye: Eye, mode: HullMode, effort: Effort): void {
+  /** Draws into targets; returns the part of the picture that the hull can be in. */
+  private render(renderer: WebGLRenderer, targets: Targets, eye: Eye, mode: HullMode, effort: Effort): Vector4 {
     const photo = mode === "photo" && this.hasColour;
     if (photo && this.mapsAreOld) this.drawMaps(renderer);
     const { width, height } = targets;
     this.setRays(eye, height);
+    const [left, bottom, right, top] = this.bounds(eye, width, height);
+    const part = new Vector4((left + right) / width - 1, (bottom + top) / height - 1, (right - left) / width, (top - bottom) / height);
+    // Cells at the edge are larger than the picture.
+    const [across, up] = [targets.start.width * CELL, targets.start.height * CELL];
+    (this.start.uniforms.uPart.value as Vector4).set((left + right) / across - 1, (bottom + top) / up - 1, (right - left) / across, (top - bottom) / up);
     this.pass(renderer, this.quad, this.start, targets.start);
     const uniforms = this.surface.uniforms;
     uniforms.uStart.value = targets.start.texture;
     uniforms.uClip.value = eye.clip;
     uniforms.uMode.value = photo ? 0 : 1;
     uniforms.uTests.value = effort.photoTests;
-    const [columns, rows] = [Math.ceil(width / TILE), Math.ceil(height / TILE)];
-    (uniforms.uTiles.value as Vector4).set(0, 0, columns, rows);
+    const [columns, rows] = [Math.ceil((right - left) / TILE), Math.ceil((top - bottom) / TILE)];
+    (uniforms.uTiles.value as Vector4).set(left / TILE, bottom / TILE, columns, rows);
     (uniforms.uSize.value as Vector2).set(width, height);
     this.tiles.instanceCount = columns * rows;
     this.pass(renderer, this.tiled, this.surface, targets.surface);
+    return part;
+  }
+
+  /** The pixels that the hull's box covers, from the lower left, in whole tiles: all of them if it is near. */
+  private bounds(eye: Eye, width: number, height: number): readonly [number, number, number, number] {
+    const { low, high } = this.box!;
+    const t = eye.turn;
+    let [x0, y0, x1, y1] = [Infinity, Infinity, -Infinity, -Infinity];
+    for (let corner = 0; corner < 8; corner++) {
+      const d = [0, 1, 2].map((i) => ((corner >> i) & 1 ? high[i] : low[i]) - eye.position[i]);
+      const depth = t[2] * d[0] + t[5] * d[1] + t[8] * d[2];
+      if (depth < 0.1 || eye.lens.some((k) => k !== 0)) return [0, 0, tiles(width), tiles(height)];
+      const [nx, ny] = [(t[0] * d[0] + t[3] * d[1] + t[6] * d[2]) / depth, (t[1] * d[0] + t[4] * d[1] + t[7] * d[2]) / depth];
+      const u = eye.pinhole[0] * nx + eye.skew * ny + eye.pinhole[2];
+      const v = height - (eye.pinhole[1] * ny + eye.pinhole[3]);
+      [x0, y0, x1, y1] = [Math.min(x0, u), Math.min(y0, v), Math.max(x1, u), Math.max(y1, v)];
+    }
+    const inside = (n: number, most: number) => Math.max(0, Math.min(tiles(most), n));
+    const down = (n: number) => Math.floor((n - CELL) / TILE) * TILE;
+    const up = (n: number) => Math.ceil((n + CELL) / TILE) * TILE;
+    return [inside(down(x0), width), inside(down(y0), height), inside(up(x1), width), inside(up(y1), height)];
   }
 
   private drawMaps(renderer: WebGLRenderer): void {
@@ -417,4 +456,9 @@ export class HullView {
     if (withCameras) material.uniformsGroups = [this.block.group];
     return material;
   }
+}
+
+/** Up to whole tiles. */
+function tiles(pixels: number): number {
+  return Math.ceil(pixels / TILE) * TILE;
 }

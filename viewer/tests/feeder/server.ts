@@ -136,7 +136,6 @@ class World {
     }
   }
 
-  // eslint-disable-next-line @typescript-eslint/no-explicit-any
   command(message: any): { body?: number } | { why: string } {
     const held = this.bodies.find((body) => body.id === message.body);
     switch (message.command) {
@@ -212,7 +211,6 @@ class Page {
     socket.on("close", () => this.timers.forEach(clearInterval));
   }
 
-  // eslint-disable-next-line @typescript-eslint/no-explicit-any
   private heard(message: any, controller: boolean, commands: string[]): void {
     if (message.op === "shown") this.unshown = Math.max(0, this.unshown - 1);
     if (message.op === "want") this.wants = { ...this.wants, ...message };

@@ -1,0 +1,126 @@
+/** A headless browser, the program it looks at, and what tests ask of both. */
+import assert from "node:assert/strict";
+import { type ChildProcess, spawn } from "node:child_process";
+import { existsSync } from "node:fs";
+import { dirname, join } from "node:path";
+import { fileURLToPath } from "node:url";
+import { type Browser, type BrowserContextOptions, chromium, type Page } from "playwright-core";
+import type { TestPicture } from "../../src/debug.ts";
+
+/** The built page. */
+export const DIST = join(dirname(dirname(dirname(dirname(fileURLToPath(import.meta.url))))), "dist");
+/** The browser: Debian's, or what the environment says. */
+const CHROMIUM = process.env.CHROMIUM ?? "/usr/bin/chromium";
+/** The program under test; tests that need it are skipped aloud without it. */
+export const PROGRAM = process.env.HULLTOUCH_BIN;
+
+export async function launch(): Promise<Browser> {
+  assert.ok(existsSync(CHROMIUM), `no browser at ${CHROMIUM}: install chromium, or set CHROMIUM`);
+  return chromium.launch({
+    executablePath: CHROMIUM,
+    args: [
+      "--no-sandbox",
+      "--disable-gpu",
+      "--use-gl=angle",
+      "--use-angle=swiftshader",
+      "--enable-unsafe-swiftshader",
+      "--disable-quic",
+      "--no-first-run",
+      "--disable-background-networking",
+      "--disable-component-update",
+      "--disable-sync",
+    ],
+  });
+}
+
+/** A page, and everything it complains of. */
+export interface Watched {
+  readonly page: Page;
+  readonly complaints: string[];
+}
+
+/** Messages that say nothing about the page: drivers that tell of their speed, and a link that is cut on purpose. */
+const HARMLESS = [/GL Driver Message/, /KHR_parallel_shader_compile/];
+
+export async function open(browser: Browser, url: string, options: BrowserContextOptions = {}, alsoHarmless: RegExp[] = []): Promise<Watched> {
+  const context = await browser.newContext({ viewport: { width: 480, height: 320 }, ...options });
+  const page = await context.newPage();
+  const complaints: string[] = [];
+  page.on("console", (message) => {
+    if (message.type() !== "error" && message.type() !== "warning") return;
+    if (![...HARMLESS, ...alsoHarmless].some((harmless) => harmless.test(message.text()))) complaints.push(message.text());
+  });
+  page.on("pageerror", (error) => complaints.push(String(error)));
+  await page.goto(url);
+  return { page, complaints };
+}
+
+/** The page's own account of itself. */
+// What tests read of it differs from test to test.
+export async function state(page: Page): Promise<Record<string, any>> {
+  return page.evaluate(() => (window as any).hulltouch.state());
+}
+
+/** Waits until the page says so; a minute, for machines that are busy. */
+export async function until(page: Page, what: string, condition: (state: Record<string, any>) => boolean, seconds = 60): Promise<Record<string, any>> {
+  const end = performance.now() + seconds * 1000;
+  let last: Record<string, any> = {};
+  while (performance.now() < end) {
+    last = await state(page);
+    if (condition(last)) return last;
+    await page.waitForTimeout(50);
+  }
+  assert.fail(`${what}: not within ${seconds} s; the page says ${JSON.stringify(last).slice(0, 1500)}`);
+}
+
+/** A picture of the person alone. */
+export async function picture(page: Page, from: object, width: number, height: number, mode: "photo" | "shaded" = "photo"): Promise<{ rgba: Uint8Array; depthM: Float32Array; mask: Uint8Array; frame: number | null }> {
+  const made = await page.evaluate(([f, w, h, m]) => (window as any).hulltouch.picture(f, w, h, m), [from, width, height, mode] as const);
+  assert.ok(made, "the page draws no picture");
+  const { rgba: colours, depthM: depths, frame } = made as TestPicture;
+  const rgba = new Uint8Array(Buffer.from(colours, "base64"));
+  const depthM = new Float32Array(Uint8Array.from(Buffer.from(depths, "base64")).buffer);
+  const mask = Uint8Array.from({ length: width * height }, (_, i) => (rgba[i * 4 + 3] > 0 ? 1 : 0));
+  return { rgba, depthM, mask, frame };
+}
+
+/** A run of the program, with its page. */
+export class Program {
+  readonly child: ChildProcess;
+  page = "";
+  viewers = "";
+  private log = "";
+
+  private constructor(child: ChildProcess) {
+    this.child = child;
+  }
+
+  static async start(args: readonly string[]): Promise<Program> {
+    assert.ok(PROGRAM, "HULLTOUCH_BIN names no program");
+    const child = spawn(PROGRAM, ["demo", ...args], { stdio: ["ignore", "ignore", "pipe"] });
+    const program = new Program(child);
+    await new Promise<void>((resolve, reject) => {
+      child.stderr!.on("data", (bytes) => {
+        program.log += String(bytes);
+        program.page = /^page: (\S+)/m.exec(program.log)?.[1] ?? "";
+        program.viewers = /^viewers: (\S+)/m.exec(program.log)?.[1] ?? "";
+        if (program.page && program.viewers) resolve();
+      });
+      child.on("error", reject);
+      child.on("exit", (status) => reject(new Error(`the program ended with ${status}: ${program.log}`)));
+    });
+    return program;
+  }
+
+  get complaints(): string {
+    return this.log;
+  }
+
+  /** Ends as a user ends it. */
+  async stop(signal: NodeJS.Signals = "SIGINT"): Promise<void> {
+    if (this.child.exitCode !== null || this.child.signalCode !== null) return;
+    const ended = new Promise((resolve) => this.child.once("exit", resolve));
+    this.child.kill(signal);
+    await ended;
+  }
+}
