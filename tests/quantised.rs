@@ -5,7 +5,7 @@
 use std::sync::Arc;
 
 use hull::cull::WorldBox;
-use hull::pass::{BodyResult, FIRST_REACH, Pass};
+use hull::pass::{BodyResult, Pass, Reaches};
 use hull::question::{Answer, Points, Question};
 use hull::view_set::Scratch;
 use hull::{Observer, Pose, ProbeSettings, Rig, Shape, View, ViewSet};
@@ -161,7 +161,9 @@ fn rounded_passes_respond_within_a_tenth_of_a_millimetre_and_exact_ones_equally(
             for (wire, pass) in [&mut exact, &mut rounded].into_iter().zip(&mut passes) {
                 // Half of the passes ask some of the nodes first.
                 pass.ask_first(if round % 2 == 0 { &[] } else { &[1, 3] });
-                let asked = bodies.iter().map(|points| (points.clone(), FIRST_REACH));
+                let mut reaches = vec![Reaches::default(); bodies.len()];
+                reaches.iter_mut().zip(pass.results()).for_each(|(reaches, result)| reaches.note(result));
+                let asked = bodies.iter().cloned().zip(&reaches);
                 pass.restart(asked, Some(&WorldBox::EVERYWHERE));
                 wire.pass(&scene, &shapes, pass);
             }
@@ -174,7 +176,7 @@ fn rounded_passes_respond_within_a_tenth_of_a_millimetre_and_exact_ones_equally(
     }
     assert!(apart.len() > 900, "bodies meet the person: {}", apart.len());
     apart.sort_by(f64::total_cmp);
-    assert!(apart[apart.len() * 98 / 100] < 2e-5, "{:?}", &apart[apart.len() * 98 / 100..]);
+    assert!(apart[apart.len() * 98 / 100] < 4e-5, "{:?}", &apart[apart.len() * 98 / 100..]);
     // A ray that grazes a pixel's corner leaves one pixel sooner or later, whatever it is rounded by.
     let grazing = apart.iter().filter(|&&apart_m| apart_m > 1e-4).count();
     assert!(grazing * 500 <= apart.len(), "{:?}", &apart[apart.len() - grazing..]);

@@ -24,8 +24,7 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use hull::pass::{BodyResult, FIRST_REACH};
-use hull::reach::Reach;
+use hull::pass::{BodyResult, Reaches};
 use hull::{Pose, Shape};
 
 /// Answers kept a body: more than one question asks, so that none is dropped unused; where one frame is
@@ -54,8 +53,6 @@ pub(crate) struct Asked {
     pub body: usize,
     /// World from body.
     pub pose: Pose,
-    /// How far its edges are worth searching at first.
-    pub reach: Reach,
 }
 
 /// The answers that one step takes.
@@ -99,7 +96,7 @@ struct BodyAnswers {
     /// Whether it may meet the hull there.
     is_near: bool,
     known: VecDeque<Known>,
-    reach: Reach,
+    reaches: Reaches,
 }
 
 #[derive(Clone, Debug)]
@@ -117,7 +114,7 @@ impl Answers {
             present: None,
             is_near: false,
             known: VecDeque::new(),
-            reach: FIRST_REACH,
+            reaches: Reaches::default(),
         };
         let (bodies, touched) = (shapes.map(body).collect(), Touched::default());
         Answers { asks, reuse_within_m, frame: None, step: 0, bodies, is_first: true, touched }
@@ -159,8 +156,7 @@ impl Answers {
     pub fn questions(&self, ahead: &[Vec<Pose>], may_meet: impl Fn(&Shape, &Pose) -> bool) -> Vec<Asked> {
         let near = self.bodies.iter().enumerate().filter(|(_, body)| body.is_near);
         let lacking = near.filter(|(_, body)| self.present(body).is_none());
-        let present = lacking
-            .filter_map(|(index, body)| Some(Asked { body: index, pose: body.present?, reach: body.reach }));
+        let present = lacking.filter_map(|(index, body)| Some(Asked { body: index, pose: body.present? }));
         let mut asked: Vec<Asked> = present.collect();
         let mut planned: Vec<Vec<Pose>> = vec![Vec::new(); self.bodies.len()];
         asked.iter().for_each(|asked| planned[asked.body].push(asked.pose));
@@ -178,10 +174,15 @@ impl Answers {
                     return asked;
                 }
                 planned[index].push(pose);
-                asked.push(Asked { body: index, pose, reach: body.reach });
+                asked.push(Asked { body: index, pose });
             }
         }
         asked
+    }
+
+    /// How far a body's edges are worth searching at first.
+    pub fn reaches(&self, body: usize) -> &Reaches {
+        &self.bodies[body].reaches
     }
 
     /// Takes the answers to what was asked, in the same order.
@@ -208,7 +209,7 @@ impl Answers {
         let touched = taken.results.iter().any(|result| !is_clear(result));
         *(if self.is_first { &mut self.touched.first } else { &mut self.touched.later }) = touched;
         for (body, result) in self.bodies.iter_mut().zip(&taken.results) {
-            body.reach = result.reach();
+            body.reaches.note(result);
         }
         Some(taken)
     }

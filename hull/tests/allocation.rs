@@ -35,7 +35,7 @@ use std::sync::Arc;
 
 use common::{Dice, random_rig};
 use hull::cull::WorldBox;
-use hull::pass::Pass;
+use hull::pass::{Pass, Reaches};
 use hull::question::{Answer, Points};
 use hull::view_set::Scratch;
 use hull::{HullRule, NormalWindow, OutOfView, Pose, ProbeSettings, Shape, VectorPath, ViewSet};
@@ -52,7 +52,10 @@ fn shape() -> Arc<Shape> {
 
 fn run(sets: &[ViewSet], pass: &mut Pass, poses: &[Pose], shape: &Arc<Shape>, buffers: &mut Buffers) {
     let body = |pose: &Pose| Points::Body { shape: Arc::clone(shape), pose: *pose };
-    pass.restart(poses.iter().map(|pose| (body(pose), hull::pass::FIRST_REACH)), Some(&WorldBox::EVERYWHERE));
+    buffers.reaches.resize_with(poses.len(), Reaches::default);
+    buffers.reaches.iter_mut().zip(pass.results()).for_each(|(reaches, result)| reaches.note(result));
+    let bodies = poses.iter().zip(&buffers.reaches).map(|(pose, reaches)| (body(pose), reaches));
+    pass.restart(bodies, Some(&WorldBox::EVERYWHERE));
     while let Some(question) = pass.question() {
         for (set, answer) in sets.iter().zip(&mut buffers.answers) {
             set.answer(question, &mut buffers.scratch, answer);
@@ -69,6 +72,7 @@ fn run(sets: &[ViewSet], pass: &mut Pass, poses: &[Pose], shape: &Arc<Shape>, bu
 struct Buffers {
     scratch: Scratch,
     answers: Vec<Answer>,
+    reaches: Vec<Reaches>,
 }
 
 /// Allocations of passes after others with the same bodies have run, and the touches of the last.

@@ -6,7 +6,7 @@ mod common;
 use common::{Dice, random_rig};
 use hull::cull::WorldBox;
 use hull::oracle::brute;
-use hull::pass::{BodyResult, FIRST_REACH, Pass};
+use hull::pass::{BodyResult, Pass, Reaches};
 use hull::probe::exit::along;
 use hull::question::{Answer, Points};
 use hull::view_set::Scratch;
@@ -23,7 +23,10 @@ fn run(sets: &[ViewSet], settings: ProbeSettings, points: &[[f64; 3]], first: &[
     let mut pass =
         Pass::new(vec![Points::World(points.into())], Some(&WorldBox::EVERYWHERE), settings, sets.len());
     pass.ask_first(first);
-    pass.restart([(Points::World(points.into()), FIRST_REACH)].into_iter(), Some(&WorldBox::EVERYWHERE));
+    pass.restart(
+        [(Points::World(points.into()), &Reaches::default())].into_iter(),
+        Some(&WorldBox::EVERYWHERE),
+    );
     let (mut scratch, mut answer) = (Scratch::default(), Answer::default());
     while let Some(question) = pass.question().cloned() {
         let asks: Vec<bool> = (0..sets.len()).map(|group| pass.asks(group)).collect();

@@ -71,7 +71,7 @@ impl Coordinator {
         let shapes: Vec<&Arc<hull::Shape>> = self.world.moving_bodies().map(|body| &body.shape).collect();
         let points = |asked: &Asked| {
             let points = Points::Body { shape: Arc::clone(shapes[asked.body]), pose: asked.pose };
-            (points, asked.reach)
+            (points, self.answers.reaches(asked.body))
         };
         self.pass.restart(asked.iter().map(points), self.bounds.hull_box());
         self.figures.add_stage("cull", began.elapsed().as_secs_f64() * 1e3);

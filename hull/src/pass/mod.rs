@@ -10,6 +10,7 @@
 //! others for the points that are left. Neither changes an answer.
 
 mod body_exits;
+mod reaches;
 mod sample_rounds;
 
 use std::ops::Range;
@@ -22,8 +23,7 @@ use crate::reach::Reach;
 use crate::rule::ProbeSettings;
 use body_exits::Along;
 
-/// How far the edges of a body of which nothing is known are searched at first.
-pub const FIRST_REACH: Reach = Reach::from_code(110);
+pub use reaches::{FIRST_REACH, Reaches};
 
 /// The rounds of a pass, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -91,15 +91,6 @@ impl Default for BodyResult {
     }
 }
 
-impl BodyResult {
-    /// How far the edges of this body are worth searching at first a moment later.
-    pub fn reach(&self) -> Reach {
-        let distances = self.touches.iter().filter_map(|touch| touch.edge).map(|edge| edge.distance_m);
-        let deepest_m = distances.fold(0.0, f32::max);
-        if deepest_m == 0.0 { FIRST_REACH } else { Reach::covering(1.5 * f64::from(deepest_m) + 0.01) }
-    }
-}
-
 /// Why a group's answer was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum AnswerError {
@@ -151,7 +142,7 @@ pub struct Pass {
 #[derive(Clone, Debug)]
 struct PassBody {
     points: Points,
-    reach: Reach,
+    reaches: Reaches,
     direction: Option<[f32; 3]>,
     longest_m: f32,
     has_exits: bool,
@@ -196,15 +187,20 @@ impl Pass {
             groups: vec![Group::default(); group_count],
             changes_sorted: true,
         };
-        pass.restart(bodies.into_iter().map(|points| (points, FIRST_REACH)), hull_box);
+        let unknown = Reaches::default();
+        pass.restart(bodies.into_iter().map(|points| (points, &unknown)), hull_box);
         pass
     }
 
     /// Starts another pass with the same groups, settings and buffers. With each body goes how far its
-    /// edges are worth searching at first, best [`BodyResult::reach`] of the pass before.
-    pub fn restart(&mut self, bodies: impl Iterator<Item = (Points, Reach)>, hull_box: Option<&WorldBox>) {
+    /// edges are worth searching at first, best as the pass before found them.
+    pub fn restart<'a>(
+        &mut self,
+        bodies: impl Iterator<Item = (Points, &'a Reaches)>,
+        hull_box: Option<&WorldBox>,
+    ) {
         self.count = 0;
-        for (points, reach) in bodies {
+        for (points, known) in bodies {
             let is_near = match (hull_box, &points) {
                 (None, _) => false,
                 (Some(hull_box), Points::Body { shape, pose }) => {
@@ -212,18 +208,19 @@ impl Pass {
                 }
                 (Some(_), Points::World(_)) => true,
             };
+            let old = self.bodies.get_mut(self.count);
+            let (along, mut reaches) = old
+                .map(|old| (std::mem::take(&mut old.along), std::mem::take(&mut old.reaches)))
+                .unwrap_or_default();
+            reaches.copy_from(known);
             let body = PassBody {
                 points,
-                reach,
+                reaches,
                 direction: None,
                 longest_m: 0.0,
                 has_exits: true,
                 is_checked: false,
-                along: self
-                    .bodies
-                    .get_mut(self.count)
-                    .map(|old| std::mem::take(&mut old.along))
-                    .unwrap_or_default(),
+                along,
                 is_near,
             };
             if self.count < self.bodies.len() {

@@ -65,9 +65,14 @@ impl Pass {
         self.question.restart(Kind::Edges);
         let again = self.round == Round::Edges;
         self.pick_touches([0.0; 3], |_, _, touch| fits(touch));
-        let Pass { question, targets, bodies, .. } = self;
+        let Pass { question, targets, bodies, results, .. } = self;
         if !alone && !again {
-            question.within.extend(targets.0.iter().map(|&(body, _)| bodies[body as usize].reach));
+            for of_body in targets.0.chunk_by(|a, b| a.0 == b.0) {
+                let (body, touches) = (of_body[0].0 as usize, &results[of_body[0].0 as usize].touches);
+                let mut from = 0;
+                let samples = of_body.iter().map(|&(_, touch)| touches[touch as usize].sample);
+                question.within.extend(samples.map(|sample| bodies[body].reaches.of(sample, &mut from)));
+            }
         }
         self.ask(Round::Edges, |_| true);
     }

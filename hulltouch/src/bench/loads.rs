@@ -7,9 +7,8 @@ use std::sync::Arc;
 
 use hull::cull::{WorldBox, hull_box};
 use hull::oracle::DenseView;
-use hull::pass::{BodyResult, FIRST_REACH, Pass};
+use hull::pass::{BodyResult, Pass, Reaches};
 use hull::question::{Answer, Points};
-use hull::reach::Reach;
 use hull::silhouette::PixelRect;
 use hull::view_set::Scratch;
 use hull::{Camera, Observer, ProbeSettings, Rig, Silhouette, View, ViewSet};
@@ -179,7 +178,7 @@ pub struct Asked {
     pass: Pass,
     scratch: Scratch,
     answer: Answer,
-    reaches: Vec<Reach>,
+    reaches: Vec<Reaches>,
 }
 
 impl Asked {
@@ -192,10 +191,9 @@ impl Asked {
     /// A full pass over bodies, asked of the groups on this thread one after the other. Bodies that were
     /// asked before are searched at first as far as their edges were then.
     pub fn ask(&mut self, bodies: &[Points], groups: &[&ViewSet], hull_box: &WorldBox) -> Outcome {
-        self.reaches.clear();
-        let known = self.pass.results().iter().map(BodyResult::reach);
-        self.reaches.extend(known.chain(std::iter::repeat(FIRST_REACH)).take(bodies.len()));
-        let asked = bodies.iter().cloned().zip(self.reaches.iter().copied());
+        self.reaches.resize_with(bodies.len(), Reaches::default);
+        self.reaches.iter_mut().zip(self.pass.results()).for_each(|(reaches, result)| reaches.note(result));
+        let asked = bodies.iter().cloned().zip(&self.reaches);
         self.pass.restart(asked, Some(hull_box));
         while let Some(question) = self.pass.question() {
             let next = (0..groups.len()).find(|&group| self.pass.asks(group));

@@ -6,17 +6,19 @@ use hull::question::{Answer, Change, Edge, Kind, NO_EXIT_M, Standing};
 use super::bulk::{Field, pack_f32, unpack, unpack_f32x3};
 use super::choice::{ChoiceWriter, push_number, read_choice, take_number};
 use super::packed::{pack, unpack_at_most, unpack_exactly};
-use super::rounded::{Precision, covering_code, from_octahedral, nearest_code, octahedral, on_scale, step_m};
+use super::rounded::{
+    Precision, UnitBits, covering_code, from_octahedral, nearest_code, octahedral, on_scale, step_m,
+};
 use super::{ConvertError, RefusalReason};
 use crate::{MAX_POINTS, v1};
 
 /// Steps of the scale of rounded distances in three bytes, and in two.
 const STEPS: u32 = 0xff_ffff;
 const FEW_STEPS: u32 = 0xffff;
-/// Up to here two bytes are enough for exits: steps of at most two micrometres. With longer steps, one long
-/// exit among short ones would turn mean directions by so much that responses are off by more than a tenth of
-/// a millimetre.
-const FEW_STEPS_M: f32 = 0.131;
+/// Up to here two bytes are enough for exits, in steps of at most two micrometres, and 16 bits for each part of
+/// a normal. With longer steps, one long exit among short ones would turn mean directions by so much that
+/// responses are off by more than a tenth of a millimetre.
+const SHORT_M: f32 = 0.131;
 
 /// Stands for the pixel of an edge whose pixel was not told.
 const NO_PIXEL: Pixel = Pixel { column: 0, row: 0 };
@@ -144,11 +146,13 @@ fn edges_to_wire(edges: &[Option<Edge>], precision: Precision) -> v1::EdgesAnswe
         wire.normals = pack_f32(present().flat_map(|edge| edge.normal_world));
         return wire;
     }
-    let step_m = step_m(present().map(|edge| edge.distance_m).fold(0.0, f32::max), STEPS);
+    let longest_m = present().map(|edge| edge.distance_m).fold(0.0, f32::max);
+    let step_m = step_m(longest_m, STEPS);
     let code = |edge: &Edge| nearest_code(edge.distance_m, step_m).to_le_bytes().into_iter().take(3);
     wire.step_m = step_m;
     wire.distances = present().flat_map(code).collect::<Vec<u8>>().into();
-    wire.normals = present().flat_map(|edge| octahedral(edge.normal_world)).collect::<Vec<u8>>().into();
+    let bits = if longest_m <= SHORT_M { UnitBits::Sixteen } else { UnitBits::Twenty };
+    wire.normals = octahedral(present().map(|edge| edge.normal_world), bits);
     wire
 }
 
@@ -168,7 +172,7 @@ fn edges_from_wire(answer: &v1::EdgesAnswer) -> Result<Answer, ConvertError> {
         return Err(field("distances").value(format!("holds {distance}, expected finite metres")));
     }
     let normals = if rounded {
-        unpack(normals, set.len(), field("normals"), from_octahedral)?
+        from_octahedral(normals, set.len(), field("normals"))?
     } else {
         field("normals").check_length(normals.len(), set.len() * 12)?;
         unpack_f32x3(normals, field("normals"))?
@@ -251,7 +255,7 @@ fn exits_to_wire(answer: &Answer, precision: Precision) -> v1::ExitsAnswer {
         return wire;
     }
     let longest_m = present().fold(0.0, f32::max);
-    let (steps, width) = if longest_m <= FEW_STEPS_M { (FEW_STEPS, 2) } else { (STEPS, 3) };
+    let (steps, width) = if longest_m <= SHORT_M { (FEW_STEPS, 2) } else { (STEPS, 3) };
     wire.step_m = step_m(longest_m, steps);
     let code = |exit_m| covering_code(exit_m, wire.step_m).to_le_bytes().into_iter().take(width);
     wire.outside = present().flat_map(code).collect::<Vec<u8>>().into();

@@ -1,4 +1,5 @@
-//! Bytes as they are, or compressed where that is smaller; the first byte says which.
+//! Bytes as they are, compressed, or as places in a short table, whichever is smallest; the first byte says
+//! which.
 
 use bytes::Bytes;
 
@@ -7,6 +8,7 @@ use super::bulk::Field;
 
 const PLAIN: u8 = 0;
 const LZ4: u8 = 1;
+const TABLE: u8 = 2;
 
 /// Below this LZ4 finds nothing worth its tokens.
 const LEAST_BYTES: usize = 24;
@@ -16,7 +18,35 @@ pub(super) fn pack(plain: &[u8]) -> Bytes {
     if plain.is_empty() {
         return Bytes::new();
     }
-    store(plain, PLAIN, LZ4).into()
+    let stored = store(plain, PLAIN, LZ4);
+    match table(plain).filter(|table| table.len() < stored.len()) {
+        Some(table) => table.into(),
+        None => stored.into(),
+    }
+}
+
+/// The bytes as a table of those that occur, and four bits for each; `None` if they are too many.
+fn table(plain: &[u8]) -> Option<Vec<u8>> {
+    let mut place = [u8::MAX; 256];
+    let mut values = Vec::with_capacity(16);
+    for &byte in plain {
+        let place = &mut place[usize::from(byte)];
+        if *place == u8::MAX {
+            *place = values.len() as u8;
+            values.push(byte);
+        }
+        if values.len() > 16 {
+            return None;
+        }
+    }
+    let mut bytes = Vec::with_capacity(6 + values.len() + plain.len().div_ceil(2));
+    bytes.push(TABLE);
+    bytes.extend_from_slice(&(plain.len() as u32).to_le_bytes());
+    bytes.push(values.len() as u8);
+    bytes.extend_from_slice(&values);
+    let at = |byte: u8| place[usize::from(byte)];
+    bytes.extend(plain.chunks(2).map(|two| at(two[0]) | two.get(1).map_or(0, |&byte| at(byte) << 4)));
+    Some(bytes)
 }
 
 /// The bytes behind `tag`, or compressed behind `tag_lz4` if that is shorter.
@@ -53,8 +83,23 @@ pub(super) fn unpack_at_most(bytes: &[u8], most: usize, field: Field) -> Result<
         Some((&PLAIN, plain)) if plain.len() <= most => Ok(plain.to_vec()),
         Some((&PLAIN, plain)) => Err(too_long(plain.len(), most, field)),
         Some((&LZ4, block)) => decompress(block, most, field),
-        Some((tag, _)) => Err(field.value(format!("is packed in way {tag}, expected 0 or 1"))),
+        Some((&TABLE, table)) => from_table(table, most, field),
+        Some((tag, _)) => Err(field.value(format!("is packed in way {tag}, expected 0 to 2"))),
     }
+}
+
+fn from_table(bytes: &[u8], most: usize, field: Field) -> Result<Vec<u8>, ConvertError> {
+    let wrong = || field.value("holds a table that is none");
+    let (length, rest) = bytes.split_first_chunk::<4>().ok_or_else(wrong)?;
+    let length = u32::from_le_bytes(*length) as usize;
+    let (&values, rest) = rest.split_first().ok_or_else(wrong)?;
+    let (values, codes) = rest.split_at_checked(usize::from(values)).ok_or_else(wrong)?;
+    if length > most {
+        return Err(too_long(length, most, field));
+    }
+    field.check_length(codes.len(), length.div_ceil(2))?;
+    let code = |at: usize| codes[at / 2] >> (at % 2 * 4) & 15;
+    (0..length).map(|at| values.get(usize::from(code(at))).copied().ok_or_else(wrong)).collect()
 }
 
 /// An LZ4 block of at most `most` bytes. LZ4 shrinks to a 255th at best, so what is set aside is bounded by
@@ -80,8 +125,10 @@ mod tests {
 
     proptest! {
         #[test]
-        fn bytes_come_back(plain in proptest::collection::vec(0u8..4, 0..400), wild: bool) {
-            let plain: Vec<u8> = plain.iter().map(|b| if wild { b.wrapping_mul(83) } else { *b }).collect();
+        fn bytes_come_back(
+            plain in proptest::collection::vec(any::<u8>(), 0..400), different in 1u8..40,
+        ) {
+            let plain: Vec<u8> = plain.iter().map(|b| (b % different).wrapping_mul(83)).collect();
             let packed = pack(&plain);
             prop_assert!(packed.len() <= plain.len() + 1);
             prop_assert_eq!(unpack_exactly(&packed, plain.len(), FIELD), Ok(plain.clone()));
@@ -99,6 +146,13 @@ mod tests {
                 prop_assert!(plain.len() <= most);
             }
         }
+    }
+
+    #[test]
+    fn a_few_different_bytes_take_half() {
+        let plain: Vec<u8> =
+            (0..750u32).map(|at| ((at * at).wrapping_mul(2_654_435_761) >> 28) as u8 * 4).collect();
+        assert_eq!(pack(&plain).len(), 1 + 4 + 1 + 16 + 375);
     }
 
     #[test]

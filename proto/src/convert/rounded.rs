@@ -1,8 +1,12 @@
 //! Numbers in fewer bits, for links that are worth it: unit vectors, poses, distances. Computed with the
 //! operations that every machine rounds alike.
 
+use bytes::Bytes;
 use hull::Pose;
 use hull::body::BodyError;
+
+use super::ConvertError;
+use super::bulk::Field;
 
 /// How exact numbers travel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -10,46 +14,93 @@ pub enum Precision {
     /// Every bit, so that answers are those of a single machine.
     #[default]
     Exact,
-    /// Poses to a micrometre, normals to 0.0002 degrees, exits to two micrometres: a response
+    /// Poses to a micrometre, normals to 0.0002 degrees (0.003 where ways are short), exits to two micrometres: a response
     /// differs by less than 0.1 mm, unless a ray grazes a pixel's corner. The pixels of
     /// edges are not told.
     Quantised,
 }
 
-/// Bytes of a rounded unit vector: two parts of 20 bits. With 16 each, the mean direction of a body that is
-/// half a metre deep is off by enough to move its response by more than a tenth of a millimetre.
-pub(super) const UNIT_BYTES: usize = 5;
-const UNIT_BITS: u32 = 20;
-const UNIT_HALF: f64 = ((1 << (UNIT_BITS - 1)) - 1) as f64;
+/// How finely unit vectors are rounded: two parts of so many bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum UnitBits {
+    /// For short ways: a tenth of a metre along it ends a few micrometres off.
+    Sixteen,
+    /// With 16, the mean direction of a body that is half a metre deep is off by enough to move its response
+    /// by more than a tenth of a millimetre.
+    Twenty,
+}
 
-/// A unit vector as a point of the unfolded octahedron: of the four places around it that whose vector is
-/// nearest.
-pub(super) fn octahedral(unit: [f32; 3]) -> [u8; UNIT_BYTES] {
+impl UnitBits {
+    /// The finest first.
+    const ALL: [UnitBits; 2] = [UnitBits::Twenty, UnitBits::Sixteen];
+
+    fn bits(self) -> u32 {
+        if self == UnitBits::Sixteen { 16 } else { 20 }
+    }
+
+    fn half(self) -> f64 {
+        f64::from((1 << (self.bits() - 1)) - 1)
+    }
+
+    /// Bytes of a unit vector.
+    fn width(self) -> usize {
+        self.bits() as usize / 4
+    }
+}
+
+/// Unit vectors as points of the unfolded octahedron, so finely.
+pub(super) fn octahedral(units: impl Iterator<Item = [f32; 3]>, bits: UnitBits) -> Bytes {
+    let bytes = |unit| code_of(unit, bits).to_le_bytes().into_iter().take(bits.width());
+    units.flat_map(bytes).collect::<Vec<u8>>().into()
+}
+
+/// The same as finely as they need: in 16 bits, if they were rounded to these before.
+pub(super) fn octahedral_again(units: impl Iterator<Item = [f32; 3]> + Clone) -> Bytes {
+    let is_rounded = |unit: [f32; 3]| {
+        unit_of(code_of(unit, UnitBits::Sixteen), UnitBits::Sixteen).map(|part| part as f32) == unit
+    };
+    let bits = if units.clone().all(is_rounded) { UnitBits::Sixteen } else { UnitBits::Twenty };
+    octahedral(units, bits)
+}
+
+/// So many unit vectors of the unfolded octahedron; every code is one. The length says how finely.
+pub(super) fn from_octahedral(
+    bytes: &[u8],
+    count: usize,
+    field: Field,
+) -> Result<Vec<[f32; 3]>, ConvertError> {
+    let fits = |bits: &UnitBits| bytes.len() == count * bits.width();
+    let expected = count * UnitBits::Twenty.width();
+    let wrong = ConvertError::Length { message: field.0, field: field.1, found: bytes.len(), expected };
+    let bits = UnitBits::ALL.into_iter().find(fits).ok_or(wrong)?;
+    let code = |bytes: &[u8]| bytes.iter().rev().fold(0, |code: u64, &byte| code << 8 | u64::from(byte));
+    Ok(bytes
+        .chunks_exact(bits.width())
+        .map(|bytes| unit_of(code(bytes), bits).map(|part| part as f32))
+        .collect())
+}
+
+/// A unit vector's place on the unfolded octahedron: of the four around it that whose vector is nearest.
+fn code_of(unit: [f32; 3], bits: UnitBits) -> u64 {
     let wanted = unit.map(f64::from);
     let [x, y, z] = wanted;
     let length = x.abs() + y.abs() + z.abs();
     let (u, v) = if length > 0.0 { (x / length, y / length) } else { (0.0, 0.0) };
     let (u, v) = if z < 0.0 { folded(u, v) } else { (u, v) };
-    let low = [u, v].map(|part| ((part + 1.0) * UNIT_HALF).floor().clamp(0.0, 2.0 * UNIT_HALF - 1.0) as u64);
-    let around = [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[i, j]| (low[1] + j) << UNIT_BITS | (low[0] + i));
+    let half = bits.half();
+    let low = [u, v].map(|part| ((part + 1.0) * half).floor().clamp(0.0, 2.0 * half - 1.0) as u64);
+    let around = [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[i, j]| (low[1] + j) << bits.bits() | (low[0] + i));
     let off = |&code: &u64| {
-        let found = unit_of(code);
+        let found = unit_of(code, bits);
         (0..3).map(|axis| (found[axis] - wanted[axis]).powi(2)).sum::<f64>()
     };
-    let code = around.into_iter().min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or_default();
-    let [a, b, c, d, e, ..] = code.to_le_bytes();
-    [a, b, c, d, e]
+    around.into_iter().min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or_default()
 }
 
-/// The unit vector of a point of the unfolded octahedron; every code has one.
-pub(super) fn from_octahedral(bytes: [u8; UNIT_BYTES]) -> [f32; 3] {
-    let [a, b, c, d, e] = bytes;
-    unit_of(u64::from_le_bytes([a, b, c, d, e, 0, 0, 0])).map(|part| part as f32)
-}
-
-fn unit_of(code: u64) -> [f64; 3] {
-    let part = |shift: u32| ((code >> shift & PART_MASK) as f64 / UNIT_HALF - 1.0).min(1.0);
-    let (u, v) = (part(0), part(UNIT_BITS));
+fn unit_of(code: u64, bits: UnitBits) -> [f64; 3] {
+    let mask = (1 << bits.bits()) - 1;
+    let part = |shift: u32| ((code >> shift & mask) as f64 / bits.half() - 1.0).min(1.0);
+    let (u, v) = (part(0), part(bits.bits()));
     let z = 1.0 - u.abs() - v.abs();
     let (x, y) = if z < 0.0 { folded(u, v) } else { (u, v) };
     let length = (x * x + y * y + z * z).sqrt();
@@ -144,6 +195,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    const FIELD: Field = Field("Test", "field");
+
     fn unit() -> impl Strategy<Value = [f32; 3]> {
         [-1.0f64..1.0, -1.0f64..1.0, -1.0f64..1.0]
             .prop_filter("long enough", |v| v.iter().map(|c| c * c).sum::<f64>() > 1e-3)
@@ -156,17 +209,25 @@ mod tests {
     proptest! {
         #[test]
         fn unit_vectors_keep_their_direction_and_are_rounded_once(v in unit()) {
-            let back = from_octahedral(octahedral(v));
-            let error: f64 = v.iter().zip(back).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt();
-            prop_assert!(error < 3e-6, "{error}");
-            prop_assert_eq!(from_octahedral(octahedral(back)), back);
+            for (bits, most) in [(UnitBits::Twenty, 3e-6), (UnitBits::Sixteen, 5e-5)] {
+                let bytes = octahedral([v].into_iter(), bits);
+                let back = from_octahedral(&bytes, 1, FIELD).expect("valid");
+                let error: f64 =
+                    v.iter().zip(back[0]).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt();
+                prop_assert!(error < most, "{error}");
+                let again = octahedral_again(back.iter().copied());
+                prop_assert!(again.len() == bytes.len() || bits == UnitBits::Twenty);
+                prop_assert_eq!(from_octahedral(&again, 1, FIELD).expect("valid"), back);
+            }
         }
 
         #[test]
-        fn every_code_is_a_unit_vector(bytes: [u8; UNIT_BYTES]) {
-            let unit = from_octahedral(bytes);
-            let squared: f32 = unit.iter().map(|c| c * c).sum();
+        fn every_code_is_a_unit_vector(bytes: [u8; 5], short: bool) {
+            let bytes = &bytes[..if short { 4 } else { 5 }];
+            let units = from_octahedral(bytes, 1, FIELD).expect("valid");
+            let squared: f32 = units[0].iter().map(|c| c * c).sum();
             prop_assert!((squared - 1.0).abs() < 1e-5);
+            prop_assert!(from_octahedral(&bytes[1..], 1, FIELD).is_err() || !short);
         }
 
         #[test]
@@ -200,6 +261,14 @@ mod tests {
             prop_assert!(on_scale(covering, step) - m <= step * 1.001 + 1e-7);
             prop_assert!(nearest_code(m, step_m(longest_m, 0xff_ffff)) <= 0xff_ffff);
         }
+    }
+
+    #[test]
+    fn short_ways_take_fewer_bits_than_long_ones() {
+        let units = [[0.6, 0.0, 0.8], [0.0, 0.0, -1.0]];
+        assert_eq!(octahedral(units.into_iter(), UnitBits::Sixteen).len(), 8);
+        assert_eq!(octahedral(units.into_iter(), UnitBits::Twenty).len(), 10);
+        assert!(from_octahedral(&[0; 9], 2, FIELD).is_err());
     }
 
     #[test]

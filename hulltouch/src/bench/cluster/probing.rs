@@ -1,9 +1,8 @@
 //! What the benches ask of the hull: passes one after the other, as a running coordinator makes them.
 
 use hull::cull::WorldBox;
-use hull::pass::{FIRST_REACH, Pass};
+use hull::pass::{Pass, Reaches};
 use hull::question::{Answer, Batch, Kind, Points, Question};
-use hull::reach::Reach;
 use hull::view_set::Scratch;
 use hull::{ProbeSettings, ViewSet};
 
@@ -29,7 +28,7 @@ pub fn to_world(points: Points) -> Points {
 pub struct Passes {
     /// The pass that was begun last.
     pub pass: Pass,
-    reaches: Vec<Reach>,
+    reaches: Vec<Reaches>,
 }
 
 impl Passes {
@@ -40,16 +39,15 @@ impl Passes {
 
     /// Begins the next.
     pub fn begin(&mut self, bodies: &[Points]) {
-        let reaches = self.reaches.iter().copied().chain(std::iter::repeat(FIRST_REACH));
+        self.reaches.resize_with(bodies.len(), Reaches::default);
         // Every body touches the person: none would be culled by a box around the hull.
-        self.pass.restart(bodies.iter().cloned().zip(reaches), Some(&WorldBox::EVERYWHERE));
+        self.pass.restart(bodies.iter().cloned().zip(&self.reaches), Some(&WorldBox::EVERYWHERE));
     }
 
     /// Ends it; returns how many samples were inside.
     pub fn end(&mut self) -> usize {
         let results = self.pass.results();
-        self.reaches.clear();
-        self.reaches.extend(results.iter().map(hull::pass::BodyResult::reach));
+        self.reaches.iter_mut().zip(results).for_each(|(reaches, result)| reaches.note(result));
         results.iter().map(|body| body.touches.len()).sum()
     }
 

@@ -2,9 +2,8 @@
 
 use hull::ViewSet;
 use hull::cull::WorldBox;
-use hull::pass::{BodyResult, FIRST_REACH, Pass, Round};
+use hull::pass::{Pass, Reaches, Round};
 use hull::question::{Answer, Points};
-use hull::reach::Reach;
 use hull::view_set::Scratch;
 use serde::Serialize;
 
@@ -70,7 +69,7 @@ struct Clock {
     pass: Pass,
     scratch: Scratch,
     answer: Answer,
-    reaches: Vec<Reach>,
+    reaches: Vec<Reaches>,
     /// Of each round, and last of what is between them.
     seconds: [f64; 6],
     before_s: f64,
@@ -89,11 +88,10 @@ impl Clock {
     }
 
     fn pass(&mut self, groups: &[ViewSet], bodies: &[Points]) -> Outcome {
-        self.reaches.clear();
-        let known = self.pass.results().iter().map(BodyResult::reach);
-        self.reaches.extend(known.chain(std::iter::repeat(FIRST_REACH)).take(bodies.len()));
+        self.reaches.resize_with(bodies.len(), Reaches::default);
+        self.reaches.iter_mut().zip(self.pass.results()).for_each(|(reaches, result)| reaches.note(result));
         self.before_s = thread_time_s();
-        let asked = bodies.iter().cloned().zip(self.reaches.iter().copied());
+        let asked = bodies.iter().cloned().zip(&self.reaches);
         self.pass.restart(asked, Some(&WorldBox::EVERYWHERE));
         self.lap(Round::Done);
         while let Some(question) = self.pass.question() {

@@ -27,6 +27,8 @@ pub struct QuestionReader {
 struct List {
     bodies: Vec<Points>,
     point_count: usize,
+    /// The points that questions choose from, as places in the list.
+    kept: Vec<u32>,
     /// Which bodies took part, with their part of `picked`; `None`: all points of it.
     asked: Vec<(usize, Option<Range<usize>>)>,
     picked: Vec<u32>,
@@ -123,7 +125,7 @@ impl List {
             }
             bodies.push(points);
         }
-        Ok(List { bodies, point_count, asked: Vec::new(), picked: Vec::new() })
+        Ok(List { bodies, point_count, kept: Vec::new(), asked: Vec::new(), picked: Vec::new() })
     }
 
     /// Notes which points are asked about.
@@ -135,18 +137,29 @@ impl List {
                 self.asked.extend((0..self.bodies.len()).map(|body| (body, None)));
                 Ok(())
             }
-            Some(v1::Points { picked: None }) => Ok(()),
-            Some(v1::Points { picked: Some(picked) }) => self.pick(&picked),
+            Some(v1::Points { picked, kept }) => {
+                if let Some(kept) = kept {
+                    self.keep(&kept)?;
+                }
+                picked.map_or(Ok(()), |picked| self.pick(&picked))
+            }
         }
     }
 
+    fn keep(&mut self, bytes: &[u8]) -> Result<(), ConvertError> {
+        self.kept.clear();
+        let kept = &mut self.kept;
+        read_choice(bytes, self.point_count, Field("Points", "kept"), |index| kept.push(index as u32))
+    }
+
     fn pick(&mut self, bytes: &[u8]) -> Result<(), ConvertError> {
-        let List { bodies, point_count, asked, picked } = self;
+        let List { bodies, point_count: _, kept, asked, picked } = self;
         asked.clear();
         picked.clear();
         // The body that the choice has come to, and the points before it and before its end.
         let (mut body, mut start, mut end) = (0, 0, bodies.first().map_or(0, Points::len));
-        read_choice(bytes, *point_count, Field("Points", "picked"), |index| {
+        read_choice(bytes, kept.len(), Field("Points", "picked"), |place| {
+            let index = kept[place] as usize;
             while index >= end {
                 body += 1;
                 (start, end) = (end, end + bodies[body].len());
@@ -225,8 +238,8 @@ fn add_directions(
         Kind::Exits => count,
         Kind::SharedExits => question.batches.len(),
     };
-    if rounded && question.kind == Kind::Exits {
-        question.directions = unpack(bytes, expected, field, from_octahedral)?;
+    if rounded && question.kind != Kind::Classes && question.kind != Kind::Edges {
+        question.directions = from_octahedral(bytes, expected, field)?;
         return Ok(());
     }
     field.check_length(bytes.len(), expected * 12)?;

@@ -207,8 +207,8 @@ proptest! {
     #[test]
     fn any_message_is_a_question_or_an_error(
         kind in 0..5, list in 0u32..10, rounded: bool,
-        has_bodies: bool, known: bool, mode in 0..3,
-        fields in proptest::collection::vec(proptest::collection::vec(any::<u8>(), 0..50), 6),
+        has_bodies: bool, known: bool, mode in 0..4,
+        fields in proptest::collection::vec(proptest::collection::vec(any::<u8>(), 0..50), 7),
         plain: bool,
     ) {
         let mut stream = Stream::default();
@@ -226,7 +226,7 @@ proptest! {
         let message = v1::ProbeRequest {
             id: 0, frame: 0, kind, list,
             bodies: has_bodies.then_some(bodies),
-            points: (mode > 0).then(|| v1::Points { picked: (mode == 1).then(&mut field) }),
+            points: (mode > 0).then(|| v1::Points { picked: (mode % 2 == 1).then(&mut field), kept: (mode > 1).then(&mut field) }),
             offsets: field(), directions: Bytes::new(), within: field(), hints: field(), rounded,
         };
         if let Ok(question) = stream.read(message) {

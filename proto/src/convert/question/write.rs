@@ -4,11 +4,12 @@ use std::sync::Arc;
 
 use bytes::Bytes;
 use hull::question::{Batch, Kind, Points, Question};
+use hull::reach::Reach;
 
 use super::super::bulk::{pack_f32, pack_f64};
 use super::super::choice::ChoiceWriter;
 use super::super::packed::pack;
-use super::super::rounded::{Precision, can_round, octahedral, round_pose};
+use super::super::rounded::{Precision, UnitBits, can_round, octahedral, octahedral_again, round_pose};
 use super::super::shape_key;
 use super::{LISTS, is_kept};
 use crate::v1;
@@ -30,23 +31,31 @@ struct List {
     starts: Vec<usize>,
     wire: v1::Bodies,
     serial: u64,
-    /// The points asked about last; `None`: all.
+    /// The points that later questions choose from, as places in the list, and as a choice.
+    kept: Vec<usize>,
+    kept_wire: Bytes,
+    kept_serial: u64,
+    /// Those of them asked about last; `None`: all of the list.
     picked: Option<Bytes>,
     picked_serial: u64,
 }
 
+/// The serials of a list, of the points kept of it, and of those asked about last.
+type Serials = [u64; 3];
+
 /// What a node knows of the lists of its stream.
 #[derive(Clone, Debug, Default)]
-pub struct StreamKnows([(u64, u64); LISTS]);
+pub struct StreamKnows([Serials; LISTS]);
 
 /// A question in the form of messages.
 #[derive(Clone, Debug)]
 pub struct WrittenQuestion {
     request: v1::ProbeRequest,
     bodies: v1::Bodies,
+    kept: Bytes,
     picked: Option<Bytes>,
     list: usize,
-    serials: (u64, u64),
+    serials: Serials,
     is_kept: bool,
 }
 
@@ -73,9 +82,10 @@ impl QuestionWriter {
         WrittenQuestion {
             request: self.request(list, question),
             bodies: self.lists[list].wire.clone(),
+            kept: self.lists[list].kept_wire.clone(),
             picked,
             list,
-            serials: (self.lists[list].serial, self.lists[list].picked_serial),
+            serials: self.lists[list].serials(),
             is_kept: is_kept(&self.lists[list].bodies),
         }
     }
@@ -92,21 +102,42 @@ impl QuestionWriter {
         }
         held.wire = bodies_to_wire(&held.bodies, self.precision);
         held.serial = self.serial;
-        (held.picked, held.picked_serial) = (None, 0);
+        held.kept.clear();
+        (held.kept_serial, held.picked, held.picked_serial) = (0, None, 0);
     }
 
+    /// The question's points as a choice out of those that are kept; keeps others if it asks about others.
     fn picked(&mut self, list: usize, question: &Question, places: &[usize]) -> Bytes {
-        let starts = &self.lists[list].starts;
-        for (batch, &place) in question.batches.iter().zip(places) {
-            match batch.picked.clone() {
-                Some(range) => {
-                    let picked = &question.picked[range];
-                    picked.iter().for_each(|&index| self.choice.take(starts[place] + index as usize));
-                }
-                None => (starts[place]..starts[place + 1]).for_each(|index| self.choice.take(index)),
-            }
+        let List { starts, kept, .. } = &self.lists[list];
+        let points = || {
+            question.batches.iter().zip(places).flat_map(|(batch, &place)| {
+                let (start, all) = (starts[place], 0..(starts[place + 1] - starts[place]) as u32);
+                let picked = batch.picked.clone().map_or(&[][..], |range| &question.picked[range]);
+                let all = if batch.picked.is_none() { all } else { 0..0 };
+                picked.iter().copied().chain(all).map(move |index| start + index as usize)
+            })
+        };
+        let mut at = 0;
+        let are_kept = points().all(|point| {
+            at += kept[at..].iter().take_while(|&&kept| kept < point).count();
+            kept.get(at) == Some(&point)
+        });
+        if !are_kept {
+            let kept: Vec<usize> = points().collect();
+            kept.iter().for_each(|&point| self.choice.take(point));
+            let wire = self.choice.finish(starts.last().copied().unwrap_or_default());
+            self.serial += 1;
+            let held = &mut self.lists[list];
+            (held.kept, held.kept_wire, held.kept_serial) = (kept, wire, self.serial);
+            (0..held.kept.len()).for_each(|place| self.choice.take(place));
+            return self.choice.finish(held.kept.len());
         }
-        self.choice.finish(starts.last().copied().unwrap_or_default())
+        let mut at = 0;
+        for point in points() {
+            at += kept[at..].iter().take_while(|&&kept| kept < point).count();
+            self.choice.take(at);
+        }
+        self.choice.finish(kept.len())
     }
 
     fn request(&self, list: usize, question: &Question) -> v1::ProbeRequest {
@@ -116,8 +147,9 @@ impl QuestionWriter {
         let whole = batches.iter().all(|batch| batch.picked.is_none());
         let asked = || batches.iter().enumerate().filter(move |(_, batch)| whole || !batch.is_empty());
         let offsets = || asked().flat_map(|(_, batch)| batch.offset_m);
-        let shared = || asked().filter_map(|(index, _)| directions.get(index)).flatten().copied();
-        let codes: Vec<u8> = within.iter().map(|reach| reach.code()).collect();
+        let shared = || asked().filter_map(|(index, _)| directions.get(index)).copied();
+        let code = |reach: &Reach| if rounded { coarse(reach.code()) } else { reach.code() };
+        let codes: Vec<u8> = within.iter().map(code).collect();
         let hints: Vec<u8> = hints.iter().flat_map(|camera| camera.to_le_bytes()).collect();
         v1::ProbeRequest {
             id: 0,
@@ -135,10 +167,9 @@ impl QuestionWriter {
             },
             directions: match kind {
                 Kind::Classes | Kind::Edges => Bytes::new(),
-                Kind::SharedExits => pack_f32(shared()),
-                Kind::Exits if rounded => {
-                    directions.iter().flat_map(|&direction| octahedral(direction)).collect::<Vec<u8>>().into()
-                }
+                Kind::SharedExits if rounded => octahedral(shared(), UnitBits::Twenty),
+                Kind::SharedExits => pack_f32(shared().flatten()),
+                Kind::Exits if rounded => octahedral_again(directions.iter().copied()),
                 Kind::Exits => pack_f32(directions.iter().flatten().copied()),
             },
             within: pack(&codes),
@@ -149,6 +180,10 @@ impl QuestionWriter {
 }
 
 impl List {
+    fn serials(&self) -> Serials {
+        [self.serial, self.kept_serial, self.picked_serial]
+    }
+
     /// The place of each batch's body in the list; `None` if the list does not serve.
     fn places(&self, batches: &[Batch], whole: bool) -> Option<Vec<usize>> {
         if self.serial == 0 || !is_kept(&self.bodies) || whole && batches.len() != self.bodies.len() {
@@ -167,17 +202,18 @@ impl List {
 impl WrittenQuestion {
     /// The message for a node, with what its stream does not know yet.
     pub fn message(&self, knows: &StreamKnows, id: u64, frame: u64) -> v1::ProbeRequest {
-        let (list, points) = knows.0[self.list];
-        let has_list = list == self.serials.0;
-        let has_points = has_list && points == self.serials.1;
+        let [list, kept, picked] = knows.0[self.list];
+        let has_list = list == self.serials[0];
+        let has_kept = has_list && kept == self.serials[1];
+        let has_picked = has_kept && picked == self.serials[2];
         v1::ProbeRequest {
             id,
             frame,
             bodies: (!has_list).then(|| self.bodies.clone()),
-            points: self
-                .picked
-                .as_ref()
-                .map(|picked| v1::Points { picked: (!has_points).then(|| picked.clone()) }),
+            points: self.picked.as_ref().map(|picked| v1::Points {
+                picked: (!has_picked).then(|| picked.clone()),
+                kept: (!has_kept).then(|| self.kept.clone()),
+            }),
             ..self.request.clone()
         }
     }
@@ -186,8 +222,14 @@ impl WrittenQuestion {
 impl StreamKnows {
     /// Notes that the message of a question is on its way.
     pub fn learn(&mut self, question: &WrittenQuestion) {
-        self.0[question.list] = if question.is_kept { question.serials } else { (0, 0) };
+        self.0[question.list] = if question.is_kept { question.serials } else { [0; 3] };
     }
+}
+
+/// A reach that is a little longer, of a few different ones: they take half the bytes.
+fn coarse(code: u8) -> u8 {
+    const STEP: u8 = 4;
+    code.checked_next_multiple_of(STEP).unwrap_or(u8::MAX)
 }
 
 /// The same points, bit for bit.
