@@ -106,7 +106,8 @@ impl Kernels {
         for (view, edges) in self.views.views().iter().zip(&self.edges) {
             let window = view.observer().window_pixels();
             for &edge in black_box(edges) {
-                let sum = sum_of_background(view.edge_candidates().map(), edge, window);
+                let candidates = view.edge_candidates().map();
+                let sum = sum_of_background(candidates, edge, window, self.views.path());
                 count += u64::from(sum.x != 0.0 || sum.y != 0.0);
             }
         }

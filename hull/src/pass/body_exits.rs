@@ -1,8 +1,9 @@
 //! The rounds about bodies: how far a body must move along the mean of its samples' responses (paper §5).
 
-use super::{BodyResult, NoResponse, Pass, PassBody, Round, Touch, changes_of, exit_reach};
+use super::{BodyResult, MANY_EXITS, NoResponse, Pass, PassBody, Round, Touch, changes_of, exit_reach};
 use crate::merge::{first_exit, inside_count};
 use crate::question::Kind;
+use crate::reach::Reach;
 use crate::response::BodyDirection;
 
 /// What is known of a touch's exit along its body's direction.
@@ -22,6 +23,9 @@ pub(super) enum Along {
 /// may be asked again for nothing; of several most, since rounds cost more than answers.
 const FARTHEST_BACK: usize = 4;
 const FARTHEST_BACK_OF_MANY: usize = 24;
+
+/// A direction more oblique than this says little about where it leaves.
+const LEAST_COSINE: f32 = 0.25;
 
 impl Pass {
     /// Finds each body's direction, and asks for exits along it: of the touches that lie farthest back. Most
@@ -56,6 +60,7 @@ impl Pass {
             body.direction.is_some() && body.along.get(at) == Some(&Along::Asked)
         });
         let Pass { question, targets, bodies, results, .. } = self;
+        let is_of_many = targets.0.len() > MANY_EXITS;
         for of_body in targets.0.chunk_by(|a, b| a.0 == b.0) {
             let index = of_body[0].0 as usize;
             question.directions.extend(bodies[index].direction);
@@ -63,9 +68,14 @@ impl Pass {
                 let camera = |&(_, touch): &(u32, u32)| results[index].touches[touch as usize].edge;
                 question.hints.extend(of_body.iter().map(|of| camera(of).map_or(0, |edge| edge.camera)));
             } else if is_first {
-                let exits_m = results[index].touches.iter().filter_map(|touch| touch.exit_m);
-                let reach = exit_reach(exits_m.fold(0.0, f32::max));
-                question.within.extend(of_body.iter().map(|_| reach));
+                let touches = &results[index].touches;
+                let longest_m = touches.iter().filter_map(|touch| touch.exit_m).fold(0.0, f32::max);
+                let farthest = exit_reach(longest_m, false);
+                let reach = |&(_, touch): &(u32, u32)| match bodies[index].direction {
+                    Some(direction) if is_of_many => touches[touch as usize].reach_along(direction),
+                    _ => farthest,
+                };
+                question.within.extend(of_body.iter().map(|of| reach(of).min(farthest)));
             }
         }
         self.ask(Round::BodyExits, |_| true);
@@ -159,6 +169,16 @@ impl Pass {
             }
         }
         if has_marked { self.ask_marked() } else { self.round = Round::Done }
+    }
+}
+
+impl Touch {
+    /// How far its exit in a direction is searched at first, of many: a little farther than if the hull ended
+    /// there in the plane of its exit along its normal.
+    fn reach_along(&self, direction: [f32; 3]) -> Reach {
+        let (Some(edge), Some(exit_m)) = (self.edge, self.exit_m) else { return Reach::UNBOUNDED };
+        let cosine: f32 = edge.normal_world.iter().zip(direction).map(|(n, d)| n * d).sum();
+        Reach::covering(1.25 * f64::from(exit_m / cosine.max(LEAST_COSINE)) + 0.01)
     }
 }
 

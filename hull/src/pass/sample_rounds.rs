@@ -1,6 +1,6 @@
 //! The rounds about single samples: classes, nearest edges, exits along normals (paper §4).
 
-use super::{Pass, Round, Touch, changes_of, exit_reach};
+use super::{MANY_EXITS, Pass, Round, Touch, changes_of, exit_reach};
 use crate::merge::{first_exit, inside_count};
 use crate::question::{Kind, Standing};
 
@@ -97,13 +97,14 @@ impl Pass {
         self.question.restart(Kind::Exits);
         self.pick_touches([0.0; 3], |_, _, touch| touch.edge.is_some() && fits(touch));
         let Pass { question, targets, results, .. } = self;
+        let is_of_many = targets.0.len() > MANY_EXITS;
         for &(body, touch) in &targets.0 {
             let Some(edge) = results[body as usize].touches[touch as usize].edge else { continue };
             question.directions.push(edge.normal_world);
             if alone {
                 question.hints.push(edge.camera);
             } else if !again {
-                question.within.push(exit_reach(edge.distance_m));
+                question.within.push(exit_reach(edge.distance_m, is_of_many));
             }
         }
         self.ask(Round::Exits, |_| true);

@@ -1,29 +1,33 @@
 //! The silhouette's 2D normal at an edge pixel (paper §4.2): the average of the vectors to the
 //! background pixels of a window, from sums over words.
 
+#[cfg(target_arch = "x86_64")]
+mod avx512;
+
 use std::ops::Range;
 
 use nalgebra::Vector2;
 
 use crate::camera::Pixel;
 use crate::silhouette::{BitMap, STRIP};
+use crate::vector::VectorPath;
 
 /// The sum of the vectors from `centre` to every zero bit of the (2k + 1)² window around it, pixels.
 /// The average has the same direction.
 #[inline(always)]
-pub fn sum_of_background(candidates: &BitMap, centre: Pixel, k: u32) -> Vector2<f64> {
+pub fn sum_of_background(candidates: &BitMap, centre: Pixel, k: u32, path: VectorPath) -> Vector2<f64> {
     let k = k as i32;
+    #[cfg(target_arch = "x86_64")]
+    if path == VectorPath::Avx512 {
+        #[allow(unsafe_code, reason = "the path was asked whether it is available when it was chosen")]
+        let (across, down) = unsafe { avx512::sum_of_background(candidates, centre, k) };
+        return Vector2::new(f64::from(across), f64::from(down));
+    }
+    let _ = path;
     let (top, bottom) = (centre.row - k, centre.row + k + 1);
-    let (left, right) = (centre.column - k, centre.column + k + 1);
     let (above, below) = (top.max(candidates.top()), bottom.min(candidates.bottom()));
     let mut sum = Sum::default();
-    let first_strip = (left - candidates.left()).div_euclid(STRIP);
-    let last_strip = (right - 1 - candidates.left()).div_euclid(STRIP);
-    for strip in first_strip..=last_strip {
-        let base = candidates.left() + strip * STRIP;
-        let (from, to) = ((left - base).max(0), (right - base).min(STRIP));
-        let mask = (u32::MAX << from) & (u32::MAX >> (STRIP - to));
-        let across = base - centre.column;
+    for (strip, mask, across) in window_columns(candidates, centre, k) {
         if strip < 0 || strip as usize >= candidates.strips() || above >= below {
             sum.add_same(candidates.beyond(), mask, across, top - centre.row..bottom - centre.row);
             continue;
@@ -35,6 +39,23 @@ pub fn sum_of_background(candidates: &BitMap, centre: Pixel, k: u32) -> Vector2<
         sum.add(words, mask, across, above - centre.row);
     }
     Vector2::new(f64::from(sum.across), f64::from(sum.down))
+}
+
+/// The strips of a window, which the map need not have: the columns that count, and where they begin from
+/// the centre.
+#[inline(always)]
+fn window_columns(
+    candidates: &BitMap,
+    centre: Pixel,
+    k: i32,
+) -> impl Iterator<Item = (i32, u32, i32)> + use<> {
+    let (left, right) = (centre.column - k - candidates.left(), centre.column + k + 1 - candidates.left());
+    let centre = centre.column - candidates.left();
+    (left.div_euclid(STRIP)..=(right - 1).div_euclid(STRIP)).map(move |strip| {
+        let base = strip * STRIP;
+        let (from, to) = ((left - base).max(0), (right - base).min(STRIP));
+        (strip, (u32::MAX << from) & (u32::MAX >> (STRIP - to)), base - centre)
+    })
 }
 
 /// Columns and rows of zeros, from the centre.
@@ -64,15 +85,13 @@ impl Sum {
     }
 }
 
+/// The places of a word that have each binary digit, the highest first.
+const PLACES: [u32; 5] = [0xffff_0000, 0xff00_ff00, 0xf0f0_f0f0, 0xcccc_cccc, 0xaaaa_aaaa];
+
 /// The sum of the places of the ones.
 #[inline(always)]
 fn places(ones: u32) -> i32 {
-    const BITS: [u32; 5] = [0xaaaa_aaaa, 0xcccc_cccc, 0xf0f0_f0f0, 0xff00_ff00, 0xffff_0000];
-    let mut sum = 0;
-    for (power, bits) in BITS.iter().enumerate() {
-        sum += (ones & bits).count_ones() << power;
-    }
-    sum as i32
+    PLACES.iter().fold(0, |sum, bits| 2 * sum + (ones & bits).count_ones() as i32)
 }
 
 #[cfg(test)]
@@ -85,7 +104,7 @@ mod tests {
     #[test]
     fn a_straight_edge_has_a_straight_normal() {
         let map = BitMap::foreground(&drawn(&["#####.....", "#####.....", "#####....."]), 3);
-        let sum = sum_of_background(&map, Pixel { column: 5, row: 1 }, 1);
+        let sum = sum_of_background(&map, Pixel { column: 5, row: 1 }, 1, VectorPath::best());
         assert_eq!(sum, Vector2::new(3.0, 0.0));
     }
 
@@ -108,7 +127,9 @@ mod tests {
                     }
                 }
             }
-            prop_assert_eq!(sum_of_background(&map, Pixel { column, row }, k), expected);
+            for path in VectorPath::ALL.into_iter().filter(|path| path.is_available()) {
+                prop_assert_eq!(sum_of_background(&map, Pixel { column, row }, k, path), expected);
+            }
         }
     }
 }

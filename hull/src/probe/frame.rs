@@ -15,7 +15,7 @@ pub struct Frame {
 }
 
 /// What is not on any image.
-pub(super) const OFF_IMAGE: i32 = i32::MIN;
+pub(crate) const OFF_IMAGE: i32 = i32::MIN;
 
 impl Frame {
     /// The numbers of a camera.

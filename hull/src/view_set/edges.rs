@@ -15,8 +15,6 @@ use crate::question::{Answer, Edge};
 use crate::vector::VectorPath;
 use crate::view::View;
 
-/// Up to here, looking at the whole square first costs less than a search.
-const BOX_PIXELS: f32 = 16.0;
 /// No view.
 const NOBODY: u32 = u32::MAX;
 
@@ -89,7 +87,7 @@ impl ViewSet {
             }
             for (index, view) in self.views.iter().enumerate() {
                 nearest.picks.take(count, |at| nearest.view[at] == index as u32);
-                nearest.find_normals(view, sights.of(index));
+                nearest.find_normals(view, sights.of(index), self.path);
             }
             answer.edges.extend((0..count).map(|at| nearest.edge(at, &self.views)));
         }
@@ -105,15 +103,6 @@ impl Nearest {
         for at in self.picks.iter() {
             let start = Pixel { column: sight.column[at], row: sight.row[at] };
             let limit_pixels = sight.pixels_within(at, self.distance_m[at]);
-            if limit_pixels < BOX_PIXELS {
-                // Most cameras see nothing but foreground so near.
-                let reach = limit_pixels as i32;
-                let corner =
-                    |sign| Pixel { column: start.column + sign * reach, row: start.row + sign * reach };
-                if candidates.map().all_ones(corner(-1), corner(1)) {
-                    continue;
-                }
-            }
             let limit = (limit_pixels * limit_pixels).min(1e12) as i64 + 1;
             if let Some(found) = nearest_edge(candidates, start, limit, path) {
                 self.found.push(at, found.pixel);
@@ -145,7 +134,7 @@ impl Nearest {
 
     /// Finds the normals of the picked points' edges, which are this view's.
     #[inline(always)]
-    fn find_normals(&mut self, view: &View, sight: &Sight) {
+    fn find_normals(&mut self, view: &View, sight: &Sight, path: VectorPath) {
         let (candidates, window) = (view.edge_candidates().map(), view.observer().window_pixels());
         for (block, places) in self.picks.blocks() {
             let (mut x, mut y) = ([0.0; LANES], [0.0; LANES]);
@@ -153,7 +142,7 @@ impl Nearest {
             for lane in 0..count {
                 let at = usize::from(places[lane]);
                 let pixel = Pixel { column: self.column[at], row: self.row[at] };
-                let sum = sum_of_background(candidates, pixel, window);
+                let sum = sum_of_background(candidates, pixel, window, path);
                 (x[lane], y[lane]) = (sum.x, sum.y);
                 if sum.x == 0.0 && sum.y == 0.0 {
                     x[lane] = f64::from(pixel.column - sight.column[at]);

@@ -2,11 +2,12 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::sights::{CHUNK, Sought};
+use super::picks::Picks;
+use super::sights::{CHUNK, Sight, Sought};
 use super::{Asked, Scratch, ViewSet};
 use crate::camera::Pixel;
 use crate::coordinates::Coordinates;
-use crate::probe::exit::along;
+use crate::probe::frame::OFF_IMAGE;
 use crate::question::{Answer, Change, NO_EXIT_M};
 use crate::view::View;
 
@@ -27,82 +28,51 @@ impl ViewSet {
             }
             return;
         }
-        let mut first = 0;
         for from in (0..points.len()).step_by(CHUNK) {
             let chunk = Chunk { from, count: (points.len() - from).min(CHUNK) };
-            first = self.chunk_exits(asked, points, &chunk, first, scratch);
+            self.chunk_exits(asked, points, &chunk, scratch);
             answer.exits_m.extend_from_slice(&scratch.rays.exit_m[..chunk.count]);
         }
     }
 
     /// The exits of a chunk of points: first in the camera that is worth trying first, then in those that
-    /// see anything but foreground before that. Returns the last winner.
+    /// see anything but foreground before that.
     #[inline(always)]
-    fn chunk_exits(
-        &self,
-        asked: &Asked,
-        points: &Coordinates,
-        chunk: &Chunk,
-        mut first: usize,
-        scratch: &mut Scratch,
-    ) -> usize {
-        let Scratch { sights, moved, rays, .. } = scratch;
+    fn chunk_exits(&self, asked: &Asked, points: &Coordinates, chunk: &Chunk, scratch: &mut Scratch) {
+        let Scratch { sights, rays, .. } = scratch;
         sights.look(&self.views, points, chunk.from, Sought::Place, self.path);
-        moved.clear();
         for at in 0..chunk.count {
             let point = chunk.from + at;
-            let (a, n) = (points.point(point), asked.direction(point));
-            let n = Vector3::from(n.map(f64::from));
-            first = self.hinted(asked, point, first);
-            let view = &self.views[first];
-            let reach_m = asked.reach(point);
-            let exit_m = view.exit_within(&a, &n, limit_m(view, NO_EXIT_M, reach_m), reach_m);
-            rays.exit_m[at] = exit_m;
-            rays.tried[at] = first as u32;
-            let end_m = exit_m.min(reach_m).min(self.most_depth_m);
-            moved.push(along(&a, &n, end_m));
-            rays.end_m[at] = end_m;
+            let n = asked.direction(point).map(f64::from);
+            (rays.n.x[at], rays.n.y[at], rays.n.z[at]) = (n[0], n[1], n[2]);
+            rays.reach_m[at] = asked.reach(point);
+            rays.exit_m[at] = NO_EXIT_M;
+            rays.end_m[at] = rays.reach_m[at].min(self.most_depth_m);
+            rays.first[at] = self.hinted(asked, point).unwrap_or(sights.least_clear(at)) as u32;
         }
-        for (index, view) in self.views.iter().enumerate() {
-            let sight = sights.of(index);
-            let ends = &mut rays.ends;
-            let (column, row) = (&mut ends.0[..chunk.count], &mut ends.1[..chunk.count]);
-            view.frame().pixels(&moved.x, &moved.y, &moved.z, column, row);
-            let bend_pixels = view.observer().bend_pixels() as f32;
-            for at in 0..chunk.count {
-                if sight.clear_m[at] > rays.end_m[at] || rays.tried[at] == index as u32 {
-                    continue;
-                }
-                let start = Pixel { column: sight.column[at], row: sight.row[at] };
-                let end = Pixel { column: ends.0[at], row: ends.1[at] };
-                let bow = if bend_pixels == 0.0 { 0 } else { 1 };
-                let is_bounded = bow == 0 || sight.bow_pixels(at, rays.end_m[at], bend_pixels) < 1.0;
-                if is_bounded && is_clear(view, start, end, bow) {
-                    continue;
-                }
-                let point = chunk.from + at;
-                let (a, n) = (points.point(point), asked.direction(point));
-                let n = Vector3::from(n.map(f64::from));
-                let reach_m = asked.reach(point);
-                let limit_m = limit_m(view, rays.exit_m[at], reach_m);
-                let exit_m = view.exit_within(&a, &n, limit_m, reach_m);
-                if exit_m < rays.exit_m[at] {
-                    rays.exit_m[at] = exit_m;
-                    first = index;
-                }
+        for is_first in [true, false] {
+            for (index, view) in self.views.iter().enumerate() {
+                let sight = sights.of(index);
+                rays.picks.take(chunk.count, |at| {
+                    let may_leave = sight.clear_m[at] <= rays.end_m[at];
+                    may_leave & ((rays.first[at] == index as u32) == is_first)
+                });
+                rays.leave(view, sight, points, chunk.from);
             }
         }
-        first
     }
 
-    /// The view that is worth trying first: the hinted camera's, or else the last winner.
+    /// The view that is worth trying first.
     #[inline(always)]
-    fn hinted(&self, asked: &Asked, at: usize, last: usize) -> usize {
-        let Some(hint) = asked.hint(at) else { return last };
-        if self.views[last].observer().rig_index() == hint {
-            return last;
+    fn hinted(&self, asked: &Asked, at: usize) -> Option<usize> {
+        let hint = asked.hint(at)?;
+        // Most often all cameras of the rig are here.
+        let is_hinted = |view: &View| view.observer().rig_index() == hint;
+        let same = usize::from(hint);
+        if self.views.get(same).is_some_and(is_hinted) {
+            return Some(same);
         }
-        self.views.iter().position(|view| view.observer().rig_index() == hint).unwrap_or(last)
+        self.views.iter().position(is_hinted)
     }
 
     /// Where the ray leaves when cameras may be silent; what happens before goes to `changes`.
@@ -135,13 +105,55 @@ impl View {
     }
 }
 
-/// True if the rectangle around two pixels, so many pixels larger on every side, is all foreground.
-#[inline(always)]
-fn is_clear(view: &View, a: Pixel, b: Pixel, larger: i32) -> bool {
-    let (left, right) = (a.column.min(b.column) - larger, a.column.max(b.column) + larger);
-    let (top, bottom) = (a.row.min(b.row) - larger, a.row.max(b.row) + larger);
-    let corner = |column, row| Pixel { column, row };
-    view.foreground().map().all_ones(corner(left, top), corner(right, bottom))
+impl Rays {
+    /// Finds the exits of the picked rays from a view, as far as they are of interest.
+    #[inline(always)]
+    fn leave(&mut self, view: &View, sight: &Sight, points: &Coordinates, from: usize) {
+        let count = self.picks.len();
+        let Rays { moved, n, ends, .. } = self;
+        for (place, at) in self.picks.iter().enumerate() {
+            let (a, end_m) = (points.point(from + at), f64::from(self.end_m[at]));
+            moved.x[place] = a.x + end_m * n.x[at];
+            moved.y[place] = a.y + end_m * n.y[at];
+            moved.z[place] = a.z + end_m * n.z[at];
+        }
+        let (column, row) = (&mut ends.0[..count], &mut ends.1[..count]);
+        view.frame().pixels(&moved.x[..count], &moved.y[..count], &moved.z[..count], column, row);
+        let bend_pixels = view.observer().bend_pixels() as f32;
+        for (place, at) in self.picks.iter().enumerate() {
+            let end = Pixel { column: self.ends.0[place], row: self.ends.1[place] };
+            if sight.is_clear_to(view, at, end, self.end_m[at], bend_pixels) {
+                continue;
+            }
+            let reach_m = self.reach_m[at];
+            let limit_m = limit_m(view, self.exit_m[at], reach_m);
+            let (a, n) = (points.point(from + at), Vector3::new(self.n.x[at], self.n.y[at], self.n.z[at]));
+            let exit_m = view.exit_within(&a, &n, limit_m, reach_m);
+            if exit_m < self.exit_m[at] {
+                self.exit_m[at] = exit_m;
+                self.end_m[at] = self.end_m[at].min(exit_m);
+            }
+        }
+    }
+}
+
+impl Sight {
+    /// True if all that a view sees of a ray from a point to its end is foreground.
+    #[inline(always)]
+    fn is_clear_to(&self, view: &View, at: usize, end: Pixel, end_m: f32, bend_pixels: f32) -> bool {
+        if end.column == OFF_IMAGE {
+            return false;
+        }
+        let start = Pixel { column: self.column[at], row: self.row[at] };
+        let bow = if bend_pixels == 0.0 { 0 } else { 1 };
+        if bow != 0 && self.bow_pixels(at, end_m, bend_pixels) >= 1.0 {
+            return false;
+        }
+        let (left, right) = (start.column.min(end.column) - bow, start.column.max(end.column) + bow);
+        let (top, bottom) = (start.row.min(end.row) - bow, start.row.max(end.row) + bow);
+        let corner = |column, row| Pixel { column, row };
+        view.foreground().map().all_ones(corner(left, top), corner(right, bottom))
+    }
 }
 
 /// Some of a batch's points.
@@ -150,21 +162,49 @@ struct Chunk {
     count: usize,
 }
 
+/// A number of each point of a chunk, for each axis.
+#[derive(Clone, Debug)]
+struct Axes {
+    x: [f64; CHUNK],
+    y: [f64; CHUNK],
+    z: [f64; CHUNK],
+}
+
+impl Default for Axes {
+    fn default() -> Axes {
+        Axes { x: [0.0; CHUNK], y: [0.0; CHUNK], z: [0.0; CHUNK] }
+    }
+}
+
 /// What is known of the rays of a chunk.
 #[derive(Clone, Debug)]
 pub(super) struct Rays {
+    n: Axes,
+    reach_m: [f32; CHUNK],
     exit_m: [f32; CHUNK],
     /// How far the ray is of interest.
     end_m: [f32; CHUNK],
-    /// The view that was searched first.
-    tried: [u32; CHUNK],
-    /// Where a view sees the ends: column and row.
+    /// The view that is searched first.
+    first: [u32; CHUNK],
+    picks: Picks,
+    /// The ends of the picked rays.
+    moved: Axes,
+    /// Where a view sees them: column and row.
     ends: ([i32; CHUNK], [i32; CHUNK]),
 }
 
 impl Default for Rays {
     fn default() -> Rays {
-        Rays { exit_m: [0.0; CHUNK], end_m: [0.0; CHUNK], tried: [0; CHUNK], ends: ([0; CHUNK], [0; CHUNK]) }
+        Rays {
+            n: Axes::default(),
+            reach_m: [0.0; CHUNK],
+            exit_m: [0.0; CHUNK],
+            end_m: [0.0; CHUNK],
+            first: [0; CHUNK],
+            picks: Picks::default(),
+            moved: Axes::default(),
+            ends: ([0; CHUNK], [0; CHUNK]),
+        }
     }
 }
 

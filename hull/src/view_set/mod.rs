@@ -39,7 +39,6 @@ pub struct ViewSet {
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {
     points: Coordinates,
-    moved: Coordinates,
     block: Box<Block>,
     sights: Sights,
     nearest: Nearest,
