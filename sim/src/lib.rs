@@ -25,4 +25,6 @@ pub use scene::{
     ShapeRequest, StageHint,
 };
 pub use solid::Solid;
-pub use world::{Body, Fault, FaultKind, StepReport, World, WorldError, WorldSettings};
+pub use world::{
+    Body, BodyId, CommandError, Fault, FaultKind, Prepared, Set, StepReport, World, WorldError, WorldSettings,
+};

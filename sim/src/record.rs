@@ -5,7 +5,8 @@ use core::fmt;
 use hull::Pose;
 use nalgebra::Vector3;
 
-/// A hash over every body's pose at the start and after every step: equal digests, equal runs.
+/// A hash over every body's pose at the start and after every step, and over bodies that come and go: equal
+/// digests, equal runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TrajectoryDigest(pub [u8; 32]);
 
@@ -31,6 +32,19 @@ impl Trajectory {
         self.0.update(&bytes);
     }
 
+    /// Takes in a body that comes while the world runs.
+    pub(crate) fn add_body(&mut self, id: u32, pose: &Pose) {
+        self.0.update(b"body comes");
+        self.0.update(&id.to_le_bytes());
+        self.add([pose].into_iter());
+    }
+
+    /// Takes in a body that goes.
+    pub(crate) fn remove_body(&mut self, id: u32) {
+        self.0.update(b"body goes");
+        self.0.update(&id.to_le_bytes());
+    }
+
     /// The digest so far.
     pub(crate) fn digest(&self) -> TrajectoryDigest {
         TrajectoryDigest(*self.0.finalize().as_bytes())
@@ -42,7 +56,11 @@ impl Trajectory {
 pub struct BodyRecord {
     /// The body's name.
     pub name: String,
-    /// Where it was at time 0.
+    /// When it came, seconds: 0 for the scene's own.
+    pub from_s: f64,
+    /// When it was taken away, seconds.
+    pub removed_s: Option<f64>,
+    /// Where it was when it came.
     pub start: Pose,
     /// Where it is now.
     pub end: Pose,
@@ -62,9 +80,11 @@ pub struct BodyRecord {
 
 impl BodyRecord {
     /// The record of a body that has just been put down.
-    pub(crate) fn new(name: &str, start: Pose) -> BodyRecord {
+    pub(crate) fn new(name: &str, start: Pose, from_s: f64) -> BodyRecord {
         BodyRecord {
             name: name.to_owned(),
+            from_s,
+            removed_s: None,
             start,
             end: start,
             moved_m: 0.0,
@@ -103,7 +123,7 @@ mod tests {
         let lying = rotation::about(Vector3::x(), 90f64.to_radians());
         let yawed = rotation::about(Vector3::y(), 1.0) * lying;
         let tilted = rotation::about(Vector3::x(), 30f64.to_radians()) * lying;
-        let mut record = BodyRecord::new("b", pose([0.0; 3], lying));
+        let mut record = BodyRecord::new("b", pose([0.0; 3], lying), 0.0);
         record.add(pose([0.0; 3], yawed), 0.0, Vector3::y());
         assert!(record.max_tilt_deg < 1e-9, "{}", record.max_tilt_deg);
         record.add(pose([0.0; 3], tilted), 0.0, Vector3::y());
@@ -114,7 +134,7 @@ mod tests {
     #[test]
     fn what_moves_before_a_touch_is_told_from_what_moves_after() {
         let still = nalgebra::UnitQuaternion::identity();
-        let mut record = BodyRecord::new("b", pose([0.0; 3], still));
+        let mut record = BodyRecord::new("b", pose([0.0; 3], still), 0.0);
         record.add(pose([0.0, 0.01, 0.0], still), 2.0, Vector3::y());
         record.first_touch_s = Some(0.5);
         record.add(pose([0.0, 0.5, 0.0], still), 1.0, Vector3::y());

@@ -1,5 +1,7 @@
 //! The rigid-body solver. No other file knows rapier's worlds, and none of its types leave the crate.
 
+mod hold;
+
 use crate::scene::{BodySpec, Heft, Scene};
 use crate::solid::Solid;
 use hull::Pose;
@@ -7,6 +9,8 @@ use rapier3d::prelude::{
     ColliderBuilder, CollisionPipeline, PhysicsPipeline, PhysicsWorld, RigidBodyBuilder, RigidBodyHandle,
     Rotation, SharedShape, Vector,
 };
+
+use hold::Hold;
 
 /// Deep overlaps (a response may push a body centimetres into a neighbour) are pushed apart no faster
 /// than this, m/s. A resting body that is overlapped is never thrown: it glides out at this speed.
@@ -21,6 +25,7 @@ const SOLVER_ITERATIONS: usize = 8;
 pub(crate) struct Solver {
     physics: PhysicsWorld,
     handles: Vec<RigidBodyHandle>,
+    holds: Vec<Hold>,
 }
 
 /// A body's state as the solver has it.
@@ -60,17 +65,53 @@ impl Solver {
                 .restitution(floor.restitution as f32);
             physics.insert_collider(ground, None);
         }
-        let mut handles = vec![];
+        let mut solver = Solver { physics, handles: vec![], holds: vec![] };
         for (index, spec) in specs.iter().enumerate() {
-            let collider = collider(spec).ok_or(index)?;
-            handles.push(physics.insert(body(spec), collider).0);
+            solver.add(spec).ok_or(index)?;
         }
-        Ok(Solver { physics, handles })
+        Ok(solver)
+    }
+
+    /// Puts another body last; `None` if rapier does not take its geometry.
+    pub(crate) fn add(&mut self, spec: &BodySpec) -> Option<()> {
+        let collider = collider(spec)?;
+        self.handles.push(self.physics.insert(body(spec), collider).0);
+        Some(())
+    }
+
+    /// Takes a body away; those after it move up. Whoever rested on it wakes.
+    pub(crate) fn remove(&mut self, index: usize) {
+        self.let_go(index);
+        self.physics.remove_body(self.handles.remove(index));
+    }
+
+    /// Pushes a body, N s, at a point of the world, metres, or at its centre of mass.
+    pub(crate) fn push(&mut self, index: usize, impulse_n_s: [f64; 3], at_m: Option<[f64; 3]>) {
+        let body = &mut self.physics.bodies[self.handles[index]];
+        let impulse = vector(impulse_n_s);
+        body.apply_impulse(impulse, true);
+        if let Some(at_m) = at_m {
+            // Where it is now: a response may have moved it since the solver's last step.
+            let centre_m = body.translation() + body.rotation() * body.local_center_of_mass();
+            body.apply_torque_impulse((vector(at_m) - centre_m).cross(impulse), true);
+        }
+    }
+
+    /// What a body weighs, kg.
+    pub(crate) fn mass_kg(&self, index: usize) -> f64 {
+        f64::from(self.physics.bodies[self.handles[index]].mass())
+    }
+
+    /// Sets another gravity, m/s², and wakes everybody.
+    pub(crate) fn set_gravity(&mut self, gravity_m_s2: [f64; 3]) {
+        self.physics.gravity = vector(gravity_m_s2);
+        self.handles.iter().for_each(|&handle| self.physics.bodies[handle].wake_up(true));
     }
 
     /// Advances all bodies by one step; what the solver itself switched off is switched on again, so
     /// that the caller decides.
     pub(crate) fn step(&mut self) {
+        self.pull();
         self.physics.step();
         let switched_off: Vec<_> = self.physics.quarantine().bodies().to_vec();
         for handle in switched_off {
@@ -119,7 +160,7 @@ impl Solver {
             soft_bodies: from.soft_bodies.clone(),
             ccd_solver: from.ccd_solver.clone(),
         };
-        Solver { physics, handles: self.handles.clone() }
+        Solver { physics, handles: self.handles.clone(), holds: self.holds.clone() }
     }
 
     /// Puts a body elsewhere, metres: the pose changes, no velocity does.
@@ -149,7 +190,7 @@ impl Solver {
 fn body(spec: &BodySpec) -> RigidBodyBuilder {
     let builder = if spec.fixed { RigidBodyBuilder::fixed() } else { RigidBodyBuilder::dynamic() };
     let damping = if spec.solid.rolls() { ROLLING_DAMPING_PER_S } else { 0.0 };
-    builder.pose(rapier_pose(&spec.pose)).angular_damping(damping)
+    builder.pose(rapier_pose(&spec.pose)).linvel(vector(spec.velocity_m_s)).angular_damping(damping)
 }
 
 fn collider(spec: &BodySpec) -> Option<ColliderBuilder> {

@@ -13,7 +13,7 @@ pub(super) const DEFAULT_FRICTION: f64 = 0.6;
 pub(super) const DEFAULT_RESTITUTION: f64 = 0.1;
 /// No position, height or spacing is farther from the origin, metres: `f32` keeps a tenth of a
 /// millimetre there.
-pub(super) const MAX_POSITION_M: f64 = 1000.0;
+pub(crate) const MAX_POSITION_M: f64 = 1000.0;
 /// Whoever may be missed at a greater depth, metres, is not seen to collide.
 const MAX_REUSE_M: f64 = 0.1;
 

@@ -34,6 +34,8 @@ mod expand;
 mod file;
 mod request;
 
+pub(crate) use check::MAX_POSITION_M;
+pub(crate) use request::speed;
 pub use request::{BodyRequest, MAX_SPEED_M_S, RequestError, ShapeRequest};
 
 use crate::solid::{HullError, Solid};

@@ -116,7 +116,7 @@ impl BodyRequest {
 }
 
 /// The speed of a velocity; `None` beyond [`MAX_SPEED_M_S`], or without numbers.
-pub(super) fn speed(velocity_m_s: [f64; 3]) -> Option<f64> {
+pub(crate) fn speed(velocity_m_s: [f64; 3]) -> Option<f64> {
     let speed_m_s = nalgebra::Vector3::from(velocity_m_s).norm();
     (speed_m_s <= MAX_SPEED_M_S).then_some(speed_m_s)
 }

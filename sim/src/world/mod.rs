@@ -4,12 +4,14 @@
 //! the step, with the film of the step's end, and hands in the answers; the step applies them and then
 //! lets the solver move all bodies by dt.
 
+mod commands;
 mod foresight;
 mod settings;
 mod step;
 #[cfg(test)]
 mod tests;
 
+pub use commands::{BodyId, CommandError, MAX_SAMPLES, Prepared, Set};
 pub use settings::{WorldError, WorldSettings};
 pub use step::{Fault, FaultKind, StepReport};
 
@@ -20,11 +22,14 @@ use crate::solid::Solid;
 use crate::solver::Solver;
 use hull::{Pose, Shape};
 use nalgebra::Vector3;
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 /// One body as it is now, with what a renderer needs.
 #[derive(Clone, Debug)]
 pub struct Body {
+    /// Counts all bodies that there ever were in the world: none is given twice.
+    pub id: BodyId,
     /// Unique in the world.
     pub name: String,
     /// Its samples; bodies of the same solid share one shape.
@@ -45,11 +50,20 @@ pub struct Body {
 
 /// All bodies of a scene and the solver that moves them.
 pub struct World {
+    scene: Scene,
+    /// What it was made with.
+    start: WorldSettings,
+    /// What holds now.
     settings: WorldSettings,
+    answers_hull: bool,
+    gravity_m_s2: [f64; 3],
     up: Vector3<f64>,
     solver: Solver,
     bodies: Vec<Body>,
     records: Vec<BodyRecord>,
+    /// Of bodies that were taken away, the latest.
+    removed: VecDeque<BodyRecord>,
+    next_id: BodyId,
     /// Indices of the bodies that are not fixed.
     moving: Vec<usize>,
     trajectory: Trajectory,
@@ -65,29 +79,56 @@ impl World {
         let solver = Solver::new(scene, &specs, settings.dt_s)
             .map_err(|index| WorldError::Solid { body: specs[index].name.clone() })?;
         let shapes = shapes(&specs, settings.covering_radius_m)?;
-        let moving = (0..specs.len()).filter(|index| !specs[*index].fixed).collect();
-        let mut bodies = vec![];
-        for (index, (spec, shape)) in specs.into_iter().zip(shapes).enumerate() {
-            // The pose as the solver has it, so that what is asked and what is stepped are the same.
-            let pose = solver.state(index).pose().unwrap_or(spec.pose);
-            bodies.push(Body {
-                name: spec.name,
-                shape,
-                solid: spec.solid,
-                color: spec.color,
-                fixed: spec.fixed,
-                pose,
-                velocity_m_s: [0.0; 3],
-                spin_rad_s: [0.0; 3],
-            });
-        }
-        let records = bodies.iter().map(|body| BodyRecord::new(&body.name, body.pose)).collect();
-        let mut trajectory = Trajectory::default();
-        trajectory.add(bodies.iter().map(|body| &body.pose));
-        Ok(World { settings, up: scene.up().into(), solver, bodies, records, moving, trajectory, steps: 0 })
+        let mut world = World {
+            scene: scene.clone(),
+            start: settings,
+            settings,
+            answers_hull: true,
+            gravity_m_s2: scene.gravity_m_s2(),
+            up: scene.up().into(),
+            solver,
+            bodies: vec![],
+            records: vec![],
+            removed: VecDeque::new(),
+            next_id: 0,
+            moving: vec![],
+            trajectory: Trajectory::default(),
+            steps: 0,
+        };
+        specs.into_iter().zip(shapes).for_each(|(spec, shape)| world.take_in(spec, shape));
+        world.trajectory.add(world.bodies.iter().map(|body| &body.pose));
+        Ok(world)
     }
 
-    /// Every body as it is now, fixed ones too, in the scene's order.
+    /// Takes in the body that the solver has next.
+    fn take_in(&mut self, spec: BodySpec, shape: Arc<Shape>) {
+        let index = self.bodies.len();
+        // The pose as the solver has it, so that what is asked and what is stepped are the same.
+        let pose = self.solver.state(index).pose().unwrap_or(spec.pose);
+        self.records.push(BodyRecord::new(&spec.name, pose, self.time_s()));
+        if !spec.fixed {
+            self.moving.push(index);
+        }
+        self.bodies.push(Body {
+            id: self.next_id,
+            name: spec.name,
+            shape,
+            solid: spec.solid,
+            color: spec.color,
+            fixed: spec.fixed,
+            pose,
+            velocity_m_s: spec.velocity_m_s,
+            spin_rad_s: [0.0; 3],
+        });
+        self.next_id += 1;
+    }
+
+    /// What it began as.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// Every body as it is now, fixed ones too, in the order in which they came: ids ascend.
     pub fn bodies(&self) -> &[Body] {
         &self.bodies
     }
@@ -102,17 +143,22 @@ impl World {
         &self.records
     }
 
+    /// What bodies did that were taken away, the last thousand of them in the order in which they went.
+    pub fn removed(&self) -> impl ExactSizeIterator<Item = &BodyRecord> {
+        self.removed.iter()
+    }
+
     /// The hash over every pose so far.
     pub fn digest(&self) -> TrajectoryDigest {
         self.trajectory.digest()
     }
 
-    /// What the world was made with.
+    /// What holds for the world: what it was made with, but for what was set since.
     pub fn settings(&self) -> &WorldSettings {
         &self.settings
     }
 
-    /// The unit vector against gravity.
+    /// The unit vector against the scene's gravity.
     pub fn up(&self) -> [f64; 3] {
         self.up.into()
     }

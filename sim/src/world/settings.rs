@@ -2,6 +2,7 @@
 
 use crate::response::ResponseMode;
 use crate::samples::DEFAULT_COVERING_RADIUS_M;
+use crate::scene::HullSurface;
 use hull::body::BodyError;
 use thiserror::Error;
 
@@ -36,6 +37,11 @@ impl Default for WorldSettings {
 }
 
 impl WorldSettings {
+    /// The same on a scene's own surface of the hull.
+    pub fn on(self, surface: HullSurface) -> WorldSettings {
+        WorldSettings { mirror_restitution: surface.restitution, hull_friction: surface.friction, ..self }
+    }
+
     /// Whether the numbers are possible.
     pub(super) fn check(&self) -> Result<(), WorldError> {
         for (key, found, low, high) in [

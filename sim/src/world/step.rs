@@ -60,11 +60,14 @@ impl World {
         Ok(report)
     }
 
-    /// Applies what the hull says about one body.
+    /// Applies what the hull says about one body; bodies that do not answer are only counted.
     fn touch(&mut self, index: usize, response: &BodyResponse, report: &mut StepReport) {
         let time_s = self.next_time_s();
         report.touched += 1;
         report.inside_samples += response.inside_samples;
+        if !self.answers_hull {
+            return;
+        }
         self.solver.wake(index);
         if let Some(response_m) = response.response_m {
             let ResponseMode::Paper = self.settings.response;

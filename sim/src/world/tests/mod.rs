@@ -1,6 +1,7 @@
 //! The world under gravity alone, and with answers from hulls that are simple enough to work out.
 
 mod answers;
+mod commands;
 mod foresight;
 mod settling;
 mod surfaces;

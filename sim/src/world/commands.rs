@@ -1,0 +1,289 @@
+//! What others may do to a world between two steps. Each does all or nothing, and the same commands at the
+//! same steps give the same world, bit for bit.
+
+use super::{Body, World, WorldError};
+use crate::samples;
+use crate::scene::{BodySpec, MAX_BODIES, MAX_POSITION_M, MAX_SPEED_M_S, Scene, speed};
+use hull::Shape;
+use nalgebra::Vector3;
+use std::sync::Arc;
+use thiserror::Error;
+
+/// A body's number: unique within a world, never given twice.
+pub type BodyId = u32;
+
+/// Samples of all moving bodies at most, once bodies are added: half of what one question may hold, and a
+/// quarter of a second of a node's work.
+pub const MAX_SAMPLES: usize = 500_000;
+/// Records kept of bodies that are gone.
+const MAX_REMOVED: usize = 1000;
+/// A grip or a push may lie this far off the body's bounding ball, metres: pages point at where it was.
+const BESIDE_M: f64 = 0.5;
+
+/// Why a command did nothing. Every message is one line.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum CommandError {
+    /// No such body, any more or yet.
+    #[error("there is no body {0}")]
+    NoBody(BodyId),
+    /// A body that never moves.
+    #[error("body `{0}` is fixed and never moves")]
+    Fixed(String),
+    /// A value that cannot be.
+    #[error("{key}: {found}, expected {expected}")]
+    Value {
+        /// Which.
+        key: &'static str,
+        /// Its value.
+        found: String,
+        /// What would be right.
+        expected: String,
+    },
+    /// Bodies or samples beyond the bound.
+    #[error("{found} {what}, expected at most {most}")]
+    TooMany {
+        /// Of what.
+        what: &'static str,
+        /// How many there would be.
+        found: usize,
+        /// How many there may be.
+        most: usize,
+    },
+    /// Geometry that the solver or the sampling refuses.
+    #[error(transparent)]
+    World(#[from] WorldError),
+}
+
+/// A body that is checked and sampled, ready for the world that prepared it.
+#[derive(Clone, Debug)]
+pub struct Prepared {
+    spec: BodySpec,
+    shape: Arc<Shape>,
+}
+
+/// Parameters to set; `None` leaves one as it is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Set {
+    /// Whether bodies answer the hull at all.
+    pub answers_hull: Option<bool>,
+    /// The share of the speed into the hull that is mirrored, 0 to 1.
+    pub hull_restitution: Option<f64>,
+    /// Coulomb friction of the hull, 0 to 10.
+    pub hull_friction: Option<f64>,
+    /// m/s², within ±100 along each axis.
+    pub gravity_m_s2: Option<[f64; 3]>,
+}
+
+impl Prepared {
+    /// Its samples, to be registered with whoever will be asked about it.
+    pub fn shape(&self) -> &Arc<Shape> {
+        &self.shape
+    }
+}
+
+impl World {
+    /// Checks a body and samples it. A body without a name gets one; a name that is taken is refused.
+    pub fn prepare(&self, mut spec: BodySpec) -> Result<Prepared, CommandError> {
+        let count = self.bodies.len() + 1;
+        if count > MAX_BODIES {
+            return Err(CommandError::TooMany { what: "bodies", found: count, most: MAX_BODIES });
+        }
+        let is_taken = |name: &str| self.bodies.iter().any(|body| body.name == name);
+        if spec.name.is_empty() {
+            let mut names = (self.next_id..).map(|number| format!("{}_{number}", spec.solid.kind()));
+            spec.name = names.find(|name| !is_taken(name)).unwrap_or_default();
+        } else if is_taken(&spec.name) {
+            return Err(wrong("name", format_args!("`{}`", spec.name), "one that no body has"));
+        }
+        within("position", spec.pose.position_m(), MAX_POSITION_M)?;
+        check_speed(spec.velocity_m_s)?;
+        let shape = self.shape_of(&spec)?;
+        let samples: usize = self.moving_bodies().map(|body| body.shape.samples_body().len()).sum();
+        let found = samples + shape.samples_body().len();
+        if !spec.fixed && found > MAX_SAMPLES {
+            return Err(CommandError::TooMany { what: "samples of all bodies", found, most: MAX_SAMPLES });
+        }
+        Ok(Prepared { spec, shape })
+    }
+
+    /// Puts a body into the world.
+    pub fn spawn(&mut self, prepared: Prepared) -> Result<BodyId, CommandError> {
+        let Prepared { spec, shape } = prepared;
+        if self.solver.add(&spec).is_none() {
+            return Err(WorldError::Solid { body: spec.name }.into());
+        }
+        let id = self.next_id;
+        self.take_in(spec, shape);
+        if let Some(body) = self.bodies.last() {
+            self.trajectory.add_body(id, &body.pose);
+        }
+        Ok(id)
+    }
+
+    /// Takes a body away.
+    pub fn remove(&mut self, id: BodyId) -> Result<(), CommandError> {
+        let index = self.index_of(id)?;
+        self.solver.remove(index);
+        self.bodies.remove(index);
+        let mut record = self.records.remove(index);
+        record.removed_s = Some(self.time_s());
+        if self.removed.len() == MAX_REMOVED {
+            self.removed.pop_front();
+        }
+        self.removed.push_back(record);
+        self.moving = (0..self.bodies.len()).filter(|&index| !self.bodies[index].fixed).collect();
+        self.trajectory.remove_body(id);
+        Ok(())
+    }
+
+    /// Pushes a body, N s, at a point of the world on or near it, metres, or at its centre of mass.
+    pub fn push(
+        &mut self,
+        id: BodyId,
+        impulse_n_s: [f64; 3],
+        at_m: Option<[f64; 3]>,
+    ) -> Result<(), CommandError> {
+        let index = self.moving_index(id)?;
+        let most_n_s = self.solver.mass_kg(index) * MAX_SPEED_M_S;
+        let found_n_s = Vector3::from(impulse_n_s).norm();
+        if found_n_s.is_nan() || found_n_s > most_n_s {
+            let expected = format!("at most {most_n_s:.3} N s for a body of this mass");
+            return Err(wrong("impulse", format_args!("{found_n_s} N s"), &expected));
+        }
+        if let Some(at_m) = at_m {
+            let body = &self.bodies[index];
+            near("at", Vector3::from(at_m) - Vector3::from(body.pose.position_m()), body)?;
+        }
+        self.solver.push(index, impulse_n_s, at_m);
+        self.bodies[index].velocity_m_s = self.solver.state(index).velocity_m_s.map(f64::from);
+        Ok(())
+    }
+
+    /// Holds a body by a point of it (body frame) and draws that point to a target (world), metres, until it
+    /// is let go; held again, it is held anew.
+    pub fn grab(
+        &mut self,
+        id: BodyId,
+        grip_body_m: [f64; 3],
+        target_m: [f64; 3],
+    ) -> Result<(), CommandError> {
+        let index = self.moving_index(id)?;
+        near("grip", Vector3::from(grip_body_m), &self.bodies[index])?;
+        within("target", target_m, MAX_POSITION_M)?;
+        self.solver.hold(index, grip_body_m, target_m);
+        Ok(())
+    }
+
+    /// Lets a body go. It keeps the velocity it has, or is thrown with another, m/s. Who is not held may be
+    /// thrown, too.
+    pub fn release(&mut self, id: BodyId, velocity_m_s: Option<[f64; 3]>) -> Result<(), CommandError> {
+        let index = self.moving_index(id)?;
+        if let Some(velocity_m_s) = velocity_m_s {
+            check_speed(velocity_m_s)?;
+            self.solver.set_velocity(index, velocity_m_s);
+            self.bodies[index].velocity_m_s = velocity_m_s;
+        }
+        self.solver.let_go(index);
+        Ok(())
+    }
+
+    /// Sets parameters: all of them, or none if one cannot be.
+    pub fn set(&mut self, set: Set) -> Result<(), CommandError> {
+        let mut settings = self.settings;
+        settings.mirror_restitution = set.hull_restitution.unwrap_or(settings.mirror_restitution);
+        settings.hull_friction = set.hull_friction.unwrap_or(settings.hull_friction);
+        settings.check()?;
+        if let Some(gravity_m_s2) = set.gravity_m_s2 {
+            within("gravity", gravity_m_s2, 100.0)?;
+            self.gravity_m_s2 = gravity_m_s2;
+            self.solver.set_gravity(gravity_m_s2);
+        }
+        self.settings = settings;
+        self.answers_hull = set.answers_hull.unwrap_or(self.answers_hull);
+        Ok(())
+    }
+
+    /// Every parameter as it is.
+    pub fn parameters(&self) -> Set {
+        Set {
+            answers_hull: Some(self.answers_hull),
+            hull_restitution: Some(self.settings.mirror_restitution),
+            hull_friction: Some(self.settings.hull_friction),
+            gravity_m_s2: Some(self.gravity_m_s2),
+        }
+    }
+
+    /// The same scene from its start, with all that it was made with.
+    pub fn again(&self) -> Result<World, WorldError> {
+        World::new(&self.scene, self.start)
+    }
+
+    /// Another scene, with the same seed and length of a step.
+    pub fn with_scene(&self, scene: &Scene) -> Result<World, WorldError> {
+        World::new(scene, self.start.on(scene.hull()))
+    }
+
+    /// A body.
+    pub fn body(&self, id: BodyId) -> Option<&Body> {
+        self.index_of(id).ok().map(|index| &self.bodies[index])
+    }
+
+    /// Whether somebody holds a body.
+    pub fn is_grabbed(&self, id: BodyId) -> bool {
+        self.index_of(id).is_ok_and(|index| self.solver.is_held(index))
+    }
+
+    /// Whether the solver has put a body to sleep, because it lies still; never true of fixed ones.
+    pub fn is_asleep(&self, id: BodyId) -> bool {
+        self.moving_index(id).is_ok_and(|index| self.solver.sleeps(index))
+    }
+
+    fn index_of(&self, id: BodyId) -> Result<usize, CommandError> {
+        self.bodies.binary_search_by_key(&id, |body| body.id).map_err(|_| CommandError::NoBody(id))
+    }
+
+    fn moving_index(&self, id: BodyId) -> Result<usize, CommandError> {
+        let index = self.index_of(id)?;
+        let body = &self.bodies[index];
+        if body.fixed { Err(CommandError::Fixed(body.name.clone())) } else { Ok(index) }
+    }
+
+    /// The samples of a solid; bodies of equal ones share them.
+    fn shape_of(&self, spec: &BodySpec) -> Result<Arc<Shape>, CommandError> {
+        if let Some(body) = self.bodies.iter().find(|body| body.solid == spec.solid) {
+            return Ok(Arc::clone(&body.shape));
+        }
+        let shape = samples::shape(&spec.solid, self.settings.covering_radius_m)
+            .map_err(|source| WorldError::Samples { body: spec.name.clone(), source })?;
+        Ok(Arc::new(shape))
+    }
+}
+
+fn wrong(key: &'static str, found: impl core::fmt::Display, expected: &str) -> CommandError {
+    CommandError::Value { key, found: found.to_string(), expected: expected.to_owned() }
+}
+
+/// Each component within ±most.
+fn within(key: &'static str, vector: [f64; 3], most: f64) -> Result<(), CommandError> {
+    match vector.iter().find(|component| !(-most..=most).contains(*component)) {
+        Some(found) => Err(wrong(key, found, &format!("a number from -{most} to {most}"))),
+        None => Ok(()),
+    }
+}
+
+fn check_speed(velocity_m_s: [f64; 3]) -> Result<(), CommandError> {
+    let expected = || format!("at most {MAX_SPEED_M_S} m/s");
+    speed(velocity_m_s)
+        .map(drop)
+        .ok_or_else(|| wrong("velocity", format_args!("{velocity_m_s:?}"), &expected()))
+}
+
+/// Whether a point (from the body's origin) is one of the body, or nearly.
+fn near(key: &'static str, from_origin_m: Vector3<f64>, body: &Body) -> Result<(), CommandError> {
+    let (found_m, most_m) = (from_origin_m.norm(), body.solid.radius_m() + BESIDE_M);
+    if found_m <= most_m {
+        return Ok(());
+    }
+    let expected = format!("at most {most_m:.2} m for body `{}`", body.name);
+    Err(wrong(key, format_args!("{found_m:.2} m from the body's origin"), &expected))
+}
