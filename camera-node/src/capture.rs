@@ -2,6 +2,10 @@
 //! ring. In real time a frame that comes too late is passed over; in lock-step every frame is made, as
 //! far ahead as credits allow.
 
+mod lesson;
+
+pub use lesson::{Lesson, MAX_LESSON_FRAMES};
+
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::JoinHandle;
@@ -14,6 +18,7 @@ use thiserror::Error;
 use crate::frames::{CameraFrame, FrameRing, Stamp};
 use crate::source::{Image, Kind, OpenContext, Source, SourceError};
 use crate::{NodeCamera, NodeConfig};
+use lesson::{Desk, Pupil};
 
 /// How long a thread sleeps at most before it looks whether it should stop.
 const NAP: Duration = Duration::from_millis(20);
@@ -80,6 +85,10 @@ pub struct Film {
     fps: f64,
     ring: Arc<FrameRing>,
     cameras: Vec<Arc<Mutex<ReadyCamera>>>,
+    /// One a camera.
+    desks: Vec<Arc<Desk>>,
+    /// Why a camera has no background to learn, if one has none.
+    no_lessons: Option<String>,
     run: Mutex<Option<Run>>,
 }
 
@@ -115,7 +124,9 @@ impl Film {
             .into_iter()
             .map(|camera| camera.map(|camera| Arc::new(Mutex::new(camera))))
             .collect::<Result<_, _>>()?;
-        Ok(Film { fps: config.fps, ring, cameras, run: Mutex::new(None) })
+        let desks = config.cameras.iter().map(|_| Arc::default()).collect();
+        let no_lessons = config.cameras.iter().find_map(lesson::why_not);
+        Ok(Film { fps: config.fps, ring, cameras, desks, no_lessons, run: Mutex::new(None) })
     }
 
     /// Begins a run. The pace it runs at already changes nothing; another one begins film anew. Blocks
@@ -153,7 +164,9 @@ impl Film {
                 source,
                 ring: Arc::clone(&self.ring),
                 gate: Arc::clone(&gate),
+                desk: Arc::clone(&self.desks[index]),
             };
+            roll.desk.set(None);
             rolls.push(roll);
         }
         let mut threads = Vec::new();
@@ -175,6 +188,23 @@ impl Film {
         }
         *run = Some(Run { pace, gate, threads });
         Ok(())
+    }
+
+    /// Has every camera learn its background anew from frames of the film; until it has, the old one stays in
+    /// use. Refused, in one line, if a camera has none to learn.
+    pub fn take_background(&self, lesson: Lesson) -> Result<(), String> {
+        self.can_take_background(lesson)?;
+        self.desks.iter().for_each(|desk| desk.set(Some(lesson)));
+        Ok(())
+    }
+
+    /// Whether [`Film::take_background`] would be refused, and why.
+    pub fn can_take_background(&self, lesson: Lesson) -> Result<(), String> {
+        let Lesson { frames, .. } = lesson;
+        if !(1..=MAX_LESSON_FRAMES).contains(&frames) {
+            return Err(format!("a background of {frames} frames, expected 1 to {MAX_LESSON_FRAMES}"));
+        }
+        self.no_lessons.clone().map_or(Ok(()), Err)
     }
 
     /// Lets a lock-step run go on up to this frame.
@@ -245,12 +275,14 @@ struct Roll {
     source: Box<dyn Source>,
     ring: Arc<FrameRing>,
     gate: Arc<Gate>,
+    desk: Arc<Desk>,
 }
 
 impl Roll {
     fn film(mut self, camera: &mut ReadyCamera) -> Result<(), CaptureError> {
         let name = camera.config.camera.name().to_owned();
         let mut image = Image::default();
+        let mut pupil = Pupil::default();
         let mut next = 0u64;
         loop {
             let Some(at_least) = self.await_turn(next) else { return Ok(()) };
@@ -274,6 +306,14 @@ impl Roll {
             };
             let segment_ms = began.elapsed().as_secs_f64() * 1e3;
             self.ring.offer(self.index, stamp, CameraFrame::new(&camera.observer, silhouette, segment_ms));
+            if let Some(learnt) = pupil.look(&self.desk, taken.number, &image) {
+                match learnt.and_then(|model| camera.use_background(model)) {
+                    Ok(()) => {
+                        tracing::info!("camera {name:?}: a new background from frame {} on", taken.number + 1)
+                    }
+                    Err(problem) => tracing::warn!("camera {name:?} keeps its background: {problem}"),
+                }
+            }
             next = taken.number + 1;
         }
     }
@@ -310,6 +350,15 @@ fn silhouette(camera: &mut ReadyCamera, image: &Image) -> Result<Silhouette, Str
             cutter.cut(format, &image.data, camera.config.camera.name())
         }
         (Kind::Colour(_), None) => Err("colour frames and no segmenter, expected masks".into()),
+    }
+}
+
+impl ReadyCamera {
+    /// Frames are cut out with another background from now on.
+    fn use_background(&mut self, model: BackgroundModel) -> Result<(), String> {
+        let cutter = self.cutter.as_mut().ok_or("it cuts nothing out")?;
+        *cutter = Cutter::new(&cutter.settings, model.format(), Some(model), cutter.cores)?;
+        Ok(())
     }
 }
 

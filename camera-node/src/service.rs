@@ -22,7 +22,7 @@ use tonic::transport::server::TcpIncoming;
 use tonic::{Request, Response, Status, Streaming};
 
 use crate::NodeConfig;
-use crate::capture::{CaptureError, Film, Pace};
+use crate::capture::{CaptureError, Film, Lesson, Pace};
 use crate::cores::{Cores, work_ns};
 use crate::frames::{FilmState, Frame, FrameError, FrameRing};
 use crate::listen::{Listen, Listener};
@@ -409,6 +409,21 @@ impl CameraNode for Service {
         };
         tokio::spawn(stream.serve(request.into_inner()));
         Ok(Response::new(Box::pin(ReceiverStream::new(receiver))))
+    }
+
+    async fn take_background(
+        &self,
+        request: Request<v1::TakeBackgroundRequest>,
+    ) -> Result<Response<v1::TakeBackgroundReply>, Status> {
+        let v1::TakeBackgroundRequest { first_frame, frames, check_only } = request.into_inner();
+        let lesson = Lesson { first_frame, frames };
+        let taken = if check_only {
+            self.film.can_take_background(lesson)
+        } else {
+            self.film.take_background(lesson)
+        };
+        taken.map_err(Status::failed_precondition)?;
+        Ok(Response::new(v1::TakeBackgroundReply {}))
     }
 
     type FetchSilhouettesStream = Replies<v1::Silhouette>;

@@ -68,11 +68,18 @@ pub(crate) enum Event {
 pub(crate) struct Common {
     pub settings: ProbeSettings,
     pub fps: f64,
-    pub shapes: Vec<Arc<Shape>>,
+    /// What bodies there are; a node that comes back is told.
+    pub shapes: Mutex<Vec<Arc<Shape>>>,
     pub counters: Arc<ByteCounters>,
     pub pace: Mutex<Option<Pace>>,
     /// Wakes the loop when any node told anything.
     pub told: Arc<Notify>,
+}
+
+impl Common {
+    fn shapes(&self) -> Vec<Arc<Shape>> {
+        self.shapes.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
 }
 
 /// One node as the coordinator sees it.
@@ -176,11 +183,29 @@ impl Link {
         self.state().knows = StreamKnows::default();
     }
 
+    /// The facts of its newest frame.
+    pub fn newest(&self) -> Option<FrameFacts> {
+        self.state().frames.back().cloned()
+    }
+
     /// Registers the run's shapes once more.
     pub async fn register_shapes(&self) -> Result<(), tonic::Status> {
         let client = self.state().connection.as_ref().map(|connection| connection.client.clone());
         let Some(mut client) = client else { return Err(tonic::Status::unavailable("not connected")) };
-        register(&mut client, &self.common.shapes).await
+        register(&mut client, &self.common.shapes()).await
+    }
+
+    /// Has the node's cameras learn their backgrounds anew from so many frames; or only asks whether they could.
+    pub async fn take_background(
+        &self,
+        first_frame: u64,
+        frames: u64,
+        check_only: bool,
+    ) -> Result<(), String> {
+        let client = self.state().connection.as_ref().map(|connection| connection.client.clone());
+        let mut client = client.ok_or("not connected")?;
+        let request = v1::TakeBackgroundRequest { first_frame, frames, check_only };
+        client.take_background(request).await.map(drop).map_err(|status| status.message().to_owned())
     }
 
     /// The silhouettes of a frame by place in the rig, and how many bytes they travelled as.
@@ -258,7 +283,7 @@ impl Link {
         let said = |status: tonic::Status| status.message().to_owned();
         let described = client.describe(v1::DescribeRequest {}).await.map_err(said)?.into_inner();
         self.check(&described)?;
-        register(&mut client, &self.common.shapes).await.map_err(said)?;
+        register(&mut client, &self.common.shapes()).await.map_err(said)?;
         let pace = *self.common.pace.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(pace) = pace {
             client.start(start_request(pace)).await.map_err(said)?;

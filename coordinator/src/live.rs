@@ -25,11 +25,11 @@ pub enum Command {
     Pause,
     /// Steps go on, with the film of then.
     Resume,
-    /// So many steps, and paused again.
+    /// So many steps, and paused again: answered at once, the world's state tells when they are made.
     Step(u32),
     /// The scene from its start, with its seed.
     Reset,
-    /// Another scene from its start.
+    /// Another scene from its start, under the gravity of this one: the rig's up is the same.
     Choose(Scene),
     /// Another body; the answer is its number.
     Spawn(Box<BodySpec>),

@@ -7,6 +7,9 @@
 
 mod ask;
 mod clock;
+mod film;
+mod orders;
+mod publish;
 mod watch;
 
 pub use watch::{Snapshot, Watcher};
@@ -23,8 +26,13 @@ use crate::answers::{Answers, Asks};
 use crate::bounds::HullBounds;
 use crate::facts::{FilmState, Pace};
 use crate::figures::Figures;
+use crate::live::{Command, Live};
+use crate::record::{EndRecord, Recorder, Schedule, Scheduled, Sees, StepRecord};
 use crate::transport::Transport;
 use clock::{Clock, frame_at, unix_now_s};
+use film::Film;
+use orders::Steering;
+use publish::Seen;
 use watch::Recent;
 
 /// How far a lock-step node may film ahead of the frame in use: half of its ring.
@@ -93,6 +101,21 @@ pub struct Coordinator {
     blind: Option<String>,
     missing_since: Option<Instant>,
     recent: Recent,
+    clock: Clock,
+    live: Option<Live>,
+    steering: Steering,
+    recorder: Option<Box<dyn Recorder>>,
+    schedule: Option<Box<dyn Schedule>>,
+    /// The next step of the schedule, until it is made.
+    scheduled: Option<Scheduled>,
+    /// Frames that nobody expected: film went by while no steps were wanted.
+    frames_passed: u64,
+    /// What was done since the last step.
+    commands: Vec<Command>,
+    /// Counts worlds.
+    generation: u32,
+    scene_version: u64,
+    seen: Seen,
 }
 
 impl Coordinator {
@@ -107,10 +130,13 @@ impl Coordinator {
         let shapes = world.moving_bodies().map(|body| Arc::clone(&body.shape));
         let answers = Answers::new(shapes, settings.asks, settings.reuse_within_m);
         let pass = Pass::new(vec![], None, settings.probes, transport.group_count());
+        let pace = Pace { epoch_unix_s: unix_now_s(), lock_step: settings.lock_step };
+        let max_lag_s = (FRAMES_KEPT / settings.fps - settings.latency_s).clamp(0.02, MAX_LAG_S);
         Coordinator {
             transport,
             world,
             observers,
+            clock: Clock::new(pace, settings.latency_s, max_lag_s),
             settings,
             figures: Figures { samples, ..Figures::default() },
             pass,
@@ -121,7 +147,36 @@ impl Coordinator {
             blind: None,
             missing_since: None,
             recent: Recent::new(0, 0),
+            live: None,
+            steering: Steering::default(),
+            recorder: None,
+            schedule: None,
+            scheduled: None,
+            frames_passed: 0,
+            commands: Vec::new(),
+            generation: 0,
+            scene_version: 0,
+            seen: Seen::default(),
         }
+    }
+
+    /// Takes orders from followers, and lets them watch.
+    pub fn with_live(mut self, live: Live) -> Coordinator {
+        self.live = Some(live);
+        self.publish_scene();
+        self
+    }
+
+    /// Has the run kept.
+    pub fn with_recorder(mut self, recorder: Box<dyn Recorder>) -> Coordinator {
+        self.recorder = Some(recorder);
+        self
+    }
+
+    /// Follows a schedule: it decides what every step sees and what comes before it.
+    pub fn with_schedule(mut self, schedule: Box<dyn Schedule>) -> Coordinator {
+        self.schedule = Some(schedule);
+        self
     }
 
     /// Runs until film or time ends, or `stop` completes. Returns the world as it ended.
@@ -133,66 +188,113 @@ impl Coordinator {
         self.transport.ready(self.settings.connect_patience).await.map_err(RunError::Nodes)?;
         let lock_step = self.settings.lock_step;
         let epoch_unix_s = unix_now_s() + if lock_step { 0.0 } else { 0.3 };
-        let pace = Pace { epoch_unix_s, lock_step };
-        self.transport.start(pace).await.map_err(RunError::Nodes)?;
+        self.clock.pace = Pace { epoch_unix_s, lock_step };
+        self.transport.start(self.clock.pace).await.map_err(RunError::Nodes)?;
         let began = Instant::now();
-        let latency_s = self.settings.latency_s;
-        let max_lag_s = (FRAMES_KEPT / self.settings.fps - latency_s).clamp(0.02, MAX_LAG_S);
-        let mut clock = Clock { pace, latency_s, max_lag_s, slipped_s: 0.0 };
         tokio::pin!(stop);
         loop {
-            let film_s = self.world.next_time_s() + clock.slipped_s;
-            if self.settings.seconds.is_some_and(|seconds| film_s > seconds + 1e-9) {
-                break;
-            }
-            let stepped = tokio::select! {
+            let went_on = tokio::select! {
                 biased;
                 () = &mut stop => break,
-                stepped = self.step(&mut clock, film_s, watcher) => stepped?,
+                went_on = self.turn(watcher) => went_on?,
             };
-            if !stepped {
+            if !went_on {
                 break;
             }
             // A step may not wait at all; let the connections breathe.
             tokio::task::yield_now().await;
         }
         self.figures.wall_s = began.elapsed().as_secs_f64();
+        self.finish();
+        Ok((self.figures, self.world))
+    }
+
+    /// What is known at the end alone.
+    fn finish(&mut self) {
         let bytes = self.transport.bytes();
         self.figures.bytes_to_nodes = bytes.to_nodes;
         self.figures.bytes_from_nodes = bytes.from_nodes;
         self.figures.bytes_silhouettes = self.transport.silhouette_bytes();
-        self.figures.slipped_s = clock.slipped_s;
-        self.figures.steps = self.world.steps();
+        self.figures.slipped_s = self.clock.slipped_s;
         self.figures.film_failure = match self.transport.film(0) {
             FilmState::Failed(why) => Some(why),
             FilmState::Ended if self.figures.frames == 0 => {
                 Some("it ended without a frame that all cameras have".into())
             }
-            FilmState::Running | FilmState::Ended => self.blind.filter(|_| self.figures.frames == 0),
+            FilmState::Running | FilmState::Ended => self.blind.clone().filter(|_| self.figures.frames == 0),
         };
-        Ok((self.figures, self.world))
+        let Coordinator { recorder, commands, figures, world, .. } = self;
+        if let Some(recorder) = recorder {
+            recorder.end(&EndRecord { commands, figures, world });
+        }
     }
 
-    /// One step with its pass; false if film has ended and was held long enough.
-    async fn step(
-        &mut self,
-        clock: &mut Clock,
-        film_s: f64,
-        watcher: &mut dyn Watcher,
-    ) -> Result<bool, RunError> {
+    /// One step, or a while of waiting for somebody to say "go on"; false at the end of film or time.
+    async fn turn(&mut self, watcher: &mut dyn Watcher) -> Result<bool, RunError> {
+        if self.scheduled.is_none()
+            && let Some(schedule) = &mut self.schedule
+        {
+            self.scheduled = schedule.next();
+            if self.scheduled.is_none() {
+                return Ok(false);
+            }
+        }
+        if self.steering.is_paused() {
+            return Ok(self.rest(watcher).await);
+        }
+        let film_s = self.scheduled_film_s().unwrap_or_else(|| self.film_s());
+        if self.is_over(film_s) {
+            return Ok(false);
+        }
+        if !self.settings.lock_step {
+            self.clock.sleep_until(film_s).await;
+        }
+        self.take_orders().await;
+        if self.steering.is_paused() {
+            return Ok(true);
+        }
+        match self.scheduled.take() {
+            Some(Scheduled { commands, sees }) => {
+                self.follow(commands).await?;
+                self.scheduled_step(sees, watcher).await
+            }
+            None => self.film_step(watcher).await,
+        }
+    }
+
+    /// Film time of the next step's end, seconds.
+    fn film_s(&self) -> f64 {
+        self.world.next_time_s() + self.clock.offset_s()
+    }
+
+    /// The same where a schedule says it.
+    fn scheduled_film_s(&self) -> Option<f64> {
+        match self.scheduled.as_ref()?.sees {
+            Sees::Film => None,
+            Sees::Recorded { film_s, .. } | Sees::Given { film_s, .. } => Some(film_s),
+        }
+    }
+
+    fn is_over(&self, film_s: f64) -> bool {
+        self.settings.seconds.is_some_and(|seconds| film_s > seconds + 1e-9)
+    }
+
+    /// A step that sees what film has for it; false if film has ended and was held long enough.
+    async fn film_step(&mut self, watcher: &mut dyn Watcher) -> Result<bool, RunError> {
+        let film_s = self.film_s();
         let wanted = frame_at(film_s, self.settings.fps);
-        self.figures.frames_expected = wanted + 1;
+        self.figures.frames_expected = (wanted + 1).saturating_sub(self.frames_passed);
         if self.settings.lock_step {
             self.await_frame(wanted).await?;
         } else {
-            clock.sleep_until(film_s).await;
-            clock.slip(film_s);
+            self.clock.slip(film_s);
         }
         let newest = self.transport.newest_common(wanted);
         let ended = self.transport.film(wanted) == FilmState::Ended;
         if ended && newest.is_none_or(|newest| newest < wanted) {
             let last_s = newest.map_or(0.0, |newest| (newest + 1) as f64 / self.settings.fps);
-            self.figures.frames_expected = newest.map_or(0, |newest| newest + 1);
+            self.figures.frames_expected =
+                newest.map_or(0, |newest| (newest + 1).saturating_sub(self.frames_passed));
             if film_s > last_s + self.settings.hold_s {
                 return Ok(false);
             }
@@ -200,80 +302,102 @@ impl Coordinator {
             self.figures.late_steps += u64::from(newest != Some(wanted));
         }
         if newest != self.frame && newest.is_some() {
-            self.use_frame(newest);
+            self.use_frame(newest).await?;
         }
         let began = Instant::now();
-        let results = self.collide(film_s, ended).await;
-        let touching = self.apply(results.as_deref())?;
+        let results = self.collide(film_s, if ended { Film::Ended } else { Film::Runs }).await;
+        self.make(film_s, began, results, None, watcher).await
+    }
+
+    /// A step that sees what another run's step saw.
+    async fn scheduled_step(&mut self, sees: Sees, watcher: &mut dyn Watcher) -> Result<bool, RunError> {
+        let (film_s, frame, given) = match sees {
+            Sees::Film => return self.film_step(watcher).await,
+            Sees::Recorded { film_s, frame } => (film_s, frame, None),
+            Sees::Given { film_s, frame, responses } => (film_s, frame, Some(responses)),
+        };
+        self.figures.frames_expected = frame_at(film_s, self.settings.fps) + 1;
+        if given.is_none()
+            && let Some(frame) = frame
+        {
+            self.await_recorded(frame).await?;
+        }
+        if frame != self.frame && frame.is_some() {
+            self.use_frame(frame).await?;
+        }
+        let began = Instant::now();
+        let mut results = None;
+        if frame.is_none() {
+            self.go_blind("there was no hull when this was recorded".into());
+        } else if given.is_none() {
+            results = self.collide(film_s, Film::Given).await;
+            if let (None, Some(why)) = (&results, &self.blind) {
+                return Err(RunError::Film(format!("recorded frame {frame:?}: {why}")));
+            }
+        } else {
+            self.blind = None;
+        }
+        self.make(film_s, began, results, given, watcher).await
+    }
+
+    /// The step itself, with the hull's answers, and what is told of it.
+    async fn make(
+        &mut self,
+        film_s: f64,
+        began: Instant,
+        results: Option<Vec<BodyResult>>,
+        given: Option<Vec<BodyResponse>>,
+        watcher: &mut dyn Watcher,
+    ) -> Result<bool, RunError> {
+        let responses = given.unwrap_or_else(|| match &results {
+            Some(results) => results.iter().map(response).collect(),
+            None => vec![BodyResponse::UNTOUCHED; self.world.moving_bodies().len()],
+        });
+        self.note_touches(&responses, results.as_deref());
+        self.seen.touching = self.apply(&responses)?;
+        self.seen.film_s = film_s;
+        self.seen.frame = self.frame.filter(|_| self.blind.is_none());
+        self.steering.count();
         let step_ms = began.elapsed().as_secs_f64() * 1e3;
         self.figures.step_ms.add(step_ms);
+        self.figures.steps += 1;
         self.note_age(results.as_deref());
-        self.report(watcher, film_s, step_ms, touching);
+        self.record(&responses, results.as_deref(), step_ms);
+        self.publish_world();
+        self.report(watcher, Some(step_ms));
         self.picture(watcher, film_s, results.as_deref()).await;
         Ok(true)
     }
 
-    /// Lock-step: waits until every node has a frame that new, or film has ended.
-    async fn await_frame(&mut self, wanted: u64) -> Result<(), RunError> {
-        self.transport.credit(wanted + FRAMES_AHEAD);
-        let deadline = Instant::now() + LOCK_STEP_PATIENCE;
-        loop {
-            match self.transport.film(wanted) {
-                FilmState::Failed(why) => return Err(RunError::Film(why)),
-                FilmState::Ended => return Ok(()),
-                FilmState::Running => {}
-            }
-            let newest = self.transport.newest_common(u64::MAX);
-            if newest.is_some_and(|newest| newest >= wanted) {
-                return Ok(());
-            }
-            let missing = self.transport.missing();
-            if missing.is_empty() {
-                self.missing_since = None;
-            } else {
-                // A node may come back; a dead one makes no hull, and no reason to wait for ever.
-                let gone = self.missing_since.get_or_insert_with(Instant::now).elapsed();
-                if gone > LOCK_STEP_PATIENCE {
-                    return Err(RunError::Nodes(missing.join("; ")));
-                }
-                if gone > RETURN_PATIENCE {
-                    return Ok(());
-                }
-            }
-            if Instant::now() > deadline {
-                return Err(RunError::Film(format!(
-                    "frame {wanted} did not come within {} s",
-                    LOCK_STEP_PATIENCE.as_secs()
-                )));
-            }
-            self.transport.told(Duration::from_millis(100)).await;
-        }
-    }
-
-    fn use_frame(&mut self, frame: Option<u64>) {
-        self.frame = frame;
-        self.figures.frames += 1;
-        let facts = frame.and_then(|frame| self.transport.facts(frame)).unwrap_or_default();
-        let cameras = facts.iter().flat_map(|facts| &facts.cameras);
-        if let Some(slowest_ms) = cameras.map(|camera| camera.segment_ms).reduce(f64::max) {
-            self.figures.add_stage("segment", slowest_ms);
-        }
-    }
-
     /// Steps the world with the hull's answers; returns how many bodies touch it.
-    fn apply(&mut self, results: Option<&[BodyResult]>) -> Result<usize, RunError> {
-        let responses: Vec<BodyResponse> = match results {
-            Some(results) => results.iter().map(response).collect(),
-            None => vec![BodyResponse::UNTOUCHED; self.world.moving_bodies().len()],
-        };
+    fn apply(&mut self, responses: &[BodyResponse]) -> Result<usize, RunError> {
         let began = Instant::now();
-        let report = self.world.step(&responses).map_err(|error| RunError::World(error.to_string()))?;
+        let report = self.world.step(responses).map_err(|error| RunError::World(error.to_string()))?;
         self.figures.add_stage("physics", began.elapsed().as_secs_f64() * 1e3);
         self.figures.faults += report.faults.len() as u64;
         for fault in &report.faults {
             tracing::error!("body {} was not finite ({:?}) and was put back", fault.body, fault.kind);
         }
         Ok(report.touched)
+    }
+
+    /// Tells the recorder of the step that was made.
+    fn record(&mut self, responses: &[BodyResponse], results: Option<&[BodyResult]>, step_ms: f64) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.step(&StepRecord {
+                generation: self.generation,
+                step: self.world.steps(),
+                commands: &self.commands,
+                film_s: self.seen.film_s,
+                slipped_s: self.seen.film_s - self.world.time_s(),
+                frame: self.seen.frame,
+                responses,
+                results,
+                step_ms,
+                world: &self.world,
+            });
+        }
+        self.commands.clear();
     }
 }
 

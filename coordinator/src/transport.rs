@@ -8,14 +8,16 @@ use hull::question::Answer;
 use hull::view_set::Scratch;
 use hull::{Observer, ProbeSettings, Shape, Silhouette, View, ViewSet};
 use proto::convert::{Precision, SilhouetteEncoding};
+use thiserror::Error;
 use tokio::sync::{Notify, mpsc, watch};
 
 use crate::camera_client::{Common, ExpectedNode, Link};
 use crate::counting::{ByteCounters, ByteCounts};
 use crate::facts::{FilmState, FrameFacts, Pace};
 use crate::fanout::Fanout;
+use crate::record::Fetching;
 
-/// A picture is not worth more of a step's time.
+/// A picture, or word to the cameras, is not worth more of a step's time.
 const PICTURE_PATIENCE: Duration = Duration::from_secs(2);
 
 /// The frames of cameras that are filmed in this very process.
@@ -36,6 +38,32 @@ pub trait LocalFrames: Send {
     fn with_views(&self, frame: u64, use_views: &mut dyn FnMut(&ViewSet)) -> bool;
     /// The silhouettes of a frame in rig order.
     fn silhouettes(&self, frame: u64) -> Option<Vec<Arc<Silhouette>>>;
+    /// Has every camera learn its background anew from so many frames; the error says why one cannot.
+    fn take_background(&self, first_frame: u64, frames: u64) -> Result<(), String> {
+        let _ = (first_frame, frames);
+        Err("these cameras learn no background".into())
+    }
+}
+
+/// What a node told, for those who want to know how cameras do.
+pub(crate) struct NodeTold {
+    /// Why it is not there, if so.
+    pub problem: Option<String>,
+    /// The places of its cameras in the rig.
+    pub cameras: Vec<u16>,
+    /// What is known of its newest frame.
+    pub newest: Option<FrameFacts>,
+}
+
+/// Why nodes did not all do what they were told.
+#[derive(Debug, Error)]
+pub(crate) enum TransportError {
+    /// One is not there.
+    #[error("{0}")]
+    Gone(String),
+    /// One will not.
+    #[error("{0}")]
+    Refused(String),
 }
 
 /// A layout, connected.
@@ -93,7 +121,7 @@ impl Transport {
         let common = Arc::new(Common {
             settings,
             fps,
-            shapes,
+            shapes: std::sync::Mutex::new(shapes),
             counters: Arc::new(ByteCounters::default()),
             pace: std::sync::Mutex::default(),
             told: Arc::clone(&told),
@@ -238,6 +266,71 @@ impl Transport {
         common.into_iter().rfind(|&frame| frame <= wanted)
     }
 
+    /// The newest frame that any camera told of.
+    pub(crate) fn newest(&self) -> Option<u64> {
+        if let Transport::InProcess { frames, .. } = self {
+            return frames.frames().last().copied();
+        }
+        self.links().iter().filter_map(|link| link.newest()).map(|facts| facts.frame).max()
+    }
+
+    /// What every node told.
+    pub(crate) fn nodes_told(&self) -> Vec<NodeTold> {
+        if let Transport::InProcess { frames, .. } = self {
+            let newest = frames.frames().last().and_then(|&frame| frames.facts(frame));
+            let cameras = newest.iter().flat_map(|facts| &facts.cameras).map(|camera| camera.rig_index);
+            return vec![NodeTold { problem: None, cameras: cameras.collect(), newest }];
+        }
+        let told = self.links().iter().map(|link| NodeTold {
+            problem: (!link.is_up()).then(|| link.problem().unwrap_or_else(|| "does not answer".into())),
+            cameras: link.node.cameras.iter().map(|camera| camera.rig_index).collect(),
+            newest: link.newest(),
+        });
+        told.collect()
+    }
+
+    /// Makes shapes known to all nodes, also to those that come back later. All of them are told, whatever one
+    /// of them says.
+    pub(crate) async fn register_shapes(&self, shapes: Vec<Arc<Shape>>) -> Result<(), TransportError> {
+        let Some(nodes) = self.nodes() else { return Ok(()) };
+        *nodes.common.shapes.lock().unwrap_or_else(PoisonError::into_inner) = shapes;
+        // Where silhouettes are gathered, nobody is asked about shapes.
+        let asked: &[Arc<Link>] = if let Transport::Cluster(_) = self { self.links() } else { &[] };
+        let told = asked.iter().map(|link| async move {
+            let said = |status: tonic::Status| format!("node {}: {}", link.node.address, status.message());
+            match link.register_shapes().await {
+                Ok(()) => Ok(()),
+                Err(status) if status.code() == tonic::Code::Unavailable => {
+                    Err(TransportError::Gone(said(status)))
+                }
+                Err(status) => Err(TransportError::Refused(said(status))),
+            }
+        });
+        let told = futures::future::join_all(told).await;
+        let (refused, rest): (Vec<_>, Vec<_>) =
+            told.into_iter().partition(|told| matches!(told, Err(TransportError::Refused(_))));
+        refused.into_iter().chain(rest).collect()
+    }
+
+    /// Has every camera of every node learn its background anew from so many frames of film. If one cannot, none
+    /// does.
+    pub(crate) async fn take_background(&self, first_frame: u64, frames: u64) -> Result<(), String> {
+        if let Transport::InProcess { frames: cameras, .. } = self {
+            return cameras.take_background(first_frame, frames);
+        }
+        for check_only in [true, false] {
+            let told = self.links().iter().map(|link| async move {
+                let taken = link.take_background(first_frame, frames, check_only);
+                let taken = tokio::time::timeout(PICTURE_PATIENCE, taken).await;
+                taken
+                    .unwrap_or_else(|_| Err("it did not answer in time".into()))
+                    .map_err(|why| format!("node {}: {why}", link.node.address))
+            });
+            futures::future::join_all(told).await.into_iter().collect::<Result<(), String>>()?;
+        }
+        Ok(())
+    }
+
     /// What all cameras told of a frame.
     pub fn facts(&self, frame: u64) -> Option<Vec<FrameFacts>> {
         match self {
@@ -316,6 +409,19 @@ impl Transport {
                 .await;
         let (silhouettes, _) = fetched.map_err(|_| "silhouettes did not come in time".to_owned())??;
         Ok(silhouettes.into_iter().map(Arc::new).collect())
+    }
+
+    /// The same as something to wait for elsewhere.
+    pub(crate) fn fetching(&self, frame: u64) -> Fetching {
+        if let Transport::InProcess { frames, .. } = self {
+            let found = frames.silhouettes(frame).ok_or_else(|| format!("frame {frame} is gone"));
+            return Box::pin(futures::future::ready(found));
+        }
+        let links = self.links().to_vec();
+        Box::pin(async move {
+            let (silhouettes, _) = fetch(&links, frame, SilhouetteEncoding::RunsLz4).await?;
+            Ok(silhouettes.into_iter().map(Arc::new).collect())
+        })
     }
 
     /// Bytes at the sockets so far.

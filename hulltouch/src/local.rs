@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use camera_node::NodeConfig;
-use camera_node::capture::{Film, Pace};
+use camera_node::capture::{Film, Lesson, Pace};
 use camera_node::frames::{FilmState, FrameRing};
 use coordinator::{CameraFacts, ExpectedCamera, ExpectedNode, FrameFacts, LocalFrames};
 use hull::{Silhouette, ViewSet};
@@ -282,5 +282,9 @@ impl LocalFrames for InProcess {
     fn silhouettes(&self, frame: u64) -> Option<Vec<Arc<Silhouette>>> {
         let frame = self.ring.get(frame).ok()?;
         Some(frame.cameras.iter().map(|camera| Arc::clone(&camera.silhouette)).collect())
+    }
+
+    fn take_background(&self, first_frame: u64, frames: u64) -> Result<(), String> {
+        self.film.take_background(Lesson { first_frame, frames })
     }
 }

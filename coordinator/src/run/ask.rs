@@ -8,7 +8,7 @@ use hull::pass::BodyResult;
 use hull::question::Points;
 
 use super::clock::steps_that_share;
-use super::{Coordinator, LOCK_STEP_PATIENCE};
+use super::{Coordinator, Film, LOCK_STEP_PATIENCE};
 use crate::answers::{Asked, MAX_STEPS_AHEAD};
 use crate::bounds::HullBounds;
 use crate::facts::FilmState;
@@ -21,8 +21,10 @@ const STALE_S: f64 = 1.0;
 
 impl Coordinator {
     /// What the hull says about every moving body; `None` if there is no hull.
-    pub(super) async fn collide(&mut self, film_s: f64, ended: bool) -> Option<Vec<BodyResult>> {
-        if let Some(why) = self.why_blind(film_s, ended) {
+    pub(super) async fn collide(&mut self, film_s: f64, film: Film) -> Option<Vec<BodyResult>> {
+        if film != Film::Given
+            && let Some(why) = self.why_blind(film_s, film == Film::Ended)
+        {
             self.go_blind(why);
             return None;
         }
@@ -102,7 +104,7 @@ impl Coordinator {
     }
 
     /// Says once that there is no hull; the world goes on.
-    fn go_blind(&mut self, why: String) {
+    pub(super) fn go_blind(&mut self, why: String) {
         self.figures.blind_steps += 1;
         if self.blind.is_none() {
             tracing::error!("no hull, bodies meet nobody: {why}");

@@ -25,12 +25,31 @@ pub(super) struct Clock {
     pub latency_s: f64,
     /// Beyond this lag nodes may have dropped the frame of a step.
     pub max_lag_s: f64,
+    /// Film time that was given up because steps took too long.
     pub slipped_s: f64,
+    /// Film time that went by without steps on purpose: pauses, and the worlds before this one.
+    pub passed_s: f64,
+    /// A run that follows a schedule has its film times from there, so that its pauses shift them all.
+    pub shifted_s: f64,
 }
 
 impl Clock {
+    pub fn new(pace: Pace, latency_s: f64, max_lag_s: f64) -> Clock {
+        Clock { pace, latency_s, max_lag_s, slipped_s: 0.0, passed_s: 0.0, shifted_s: 0.0 }
+    }
+
+    /// By how much film time is ahead of a world's own.
+    pub fn offset_s(&self) -> f64 {
+        self.slipped_s + self.passed_s
+    }
+
+    /// How long ago the step of a film time was due; negative before.
+    fn lag_s(&self, film_s: f64) -> f64 {
+        unix_now_s() - (self.pace.epoch_unix_s + film_s + self.latency_s + self.shifted_s)
+    }
+
     pub async fn sleep_until(&self, film_s: f64) {
-        let left_s = self.pace.epoch_unix_s + film_s + self.latency_s - unix_now_s();
+        let left_s = -self.lag_s(film_s);
         if left_s > 0.0 {
             tokio::time::sleep(Duration::from_secs_f64(left_s)).await;
         }
@@ -38,11 +57,21 @@ impl Clock {
 
     /// Gives up film time that steps can no longer make good.
     pub fn slip(&mut self, film_s: f64) {
-        let lag_s = unix_now_s() - (self.pace.epoch_unix_s + film_s + self.latency_s);
+        let lag_s = self.lag_s(film_s);
         if lag_s > self.max_lag_s {
             tracing::warn!("steps lag {lag_s:.2} s behind film, which goes on without them");
             self.slipped_s += lag_s;
         }
+    }
+
+    /// Lets the film go by that came since a step was due: nobody wanted the step.
+    pub fn pass(&mut self, film_s: f64) {
+        self.passed_s += self.lag_s(film_s).max(0.0);
+    }
+
+    /// The same where film times are given: they are due later from now on.
+    pub fn shift(&mut self, film_s: f64) {
+        self.shifted_s += self.lag_s(film_s).max(0.0);
     }
 }
 

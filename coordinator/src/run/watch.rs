@@ -11,7 +11,7 @@ use super::Coordinator;
 use super::clock::unix_now_s;
 use crate::figures::{Percentiles, Progress};
 
-const REPORT_EVERY: Duration = Duration::from_millis(250);
+pub(super) const REPORT_EVERY: Duration = Duration::from_millis(250);
 
 /// All that a picture of one step needs.
 pub struct Snapshot<'a> {
@@ -61,8 +61,9 @@ impl Coordinator {
         }
     }
 
-    pub(super) fn report(&mut self, watcher: &mut dyn Watcher, film_s: f64, step_ms: f64, touching: usize) {
-        self.recent.steps_ms.add(step_ms);
+    /// Tells how the run stands, four times a second; `step_ms` is what a step took, if one was made.
+    pub(super) fn report(&mut self, watcher: &mut dyn Watcher, step_ms: Option<f64>) {
+        step_ms.into_iter().for_each(|step_ms| self.recent.steps_ms.add(step_ms));
         let elapsed = self.recent.since.elapsed();
         if elapsed < REPORT_EVERY {
             return;
@@ -70,18 +71,22 @@ impl Coordinator {
         let bytes = self.transport.bytes();
         let bytes = bytes.to_nodes + bytes.from_nodes;
         let passes = self.figures.passes;
-        watcher.progress(&Progress {
-            film_s,
+        let progress = Progress {
+            film_s: self.seen.film_s,
             frame: self.frame,
             steps_per_s: self.recent.steps_ms.count() as f64 / elapsed.as_secs_f64(),
             passes_per_s: (passes - self.recent.passes) as f64 / elapsed.as_secs_f64(),
             p50_ms: self.recent.steps_ms.p50().unwrap_or(0.0),
             p99_ms: self.recent.steps_ms.p99().unwrap_or(0.0),
             samples: self.figures.samples,
-            contacts: touching,
+            contacts: self.seen.touching,
             bytes_per_s: (bytes - self.recent.bytes) as f64 / elapsed.as_secs_f64(),
             blind: self.blind.clone(),
-        });
+        };
+        watcher.progress(&progress);
+        self.publish_status(progress);
+        // Somebody may have begun to watch a world that does not move.
+        self.publish_world();
         self.recent = Recent::new(bytes, passes);
     }
 

@@ -196,6 +196,7 @@ mod tests {
 
     fn body(solid: Solid) -> Body {
         Body {
+            id: 0,
             name: "body".to_owned(),
             shape: Arc::new(Shape::new(vec![[0.0; 3]]).expect("a sample")),
             solid,

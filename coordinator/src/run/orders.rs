@@ -1,0 +1,239 @@
+//! What others ask of a run: taken between steps, done before the next.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+use std::time::Duration;
+
+use hull::Shape;
+use sim::{Set, World};
+use tokio::time::timeout;
+
+use super::clock::frame_at;
+use super::watch::{REPORT_EVERY, Watcher};
+use super::{Coordinator, FRAMES_AHEAD, RunError};
+use crate::answers::Answers;
+use crate::live::{Command, Done, Order, Parameters, Refused};
+use crate::transport::TransportError;
+
+/// The most steps that one command makes: a quarter of an hour.
+const MAX_STEPS: u32 = 100_000;
+/// A node that does not take a shape within this time will be told again when it first misses it.
+const REGISTER_PATIENCE: Duration = Duration::from_millis(500);
+/// The least and the most film that a background is learnt from, seconds.
+const BACKGROUND_S: std::ops::RangeInclusive<f64> = 0.2..=30.0;
+
+/// Whether steps are made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Steering {
+    /// Step after step.
+    #[default]
+    Running,
+    /// So many steps more.
+    Counting(u64),
+    /// None.
+    Paused,
+}
+
+impl Steering {
+    pub fn is_paused(self) -> bool {
+        self == Steering::Paused
+    }
+
+    /// A step was made.
+    pub fn count(&mut self) {
+        if let Steering::Counting(left) = self {
+            *left -= 1;
+            if *left == 0 {
+                *self = Steering::Paused;
+            }
+        }
+    }
+}
+
+impl Coordinator {
+    /// Does everything that is asked by now.
+    pub(super) async fn take_orders(&mut self) {
+        while let Some(order) = self.live.as_mut().and_then(|live| live.orders.try_recv().ok()) {
+            self.take(order).await;
+        }
+    }
+
+    /// While paused: waits for an order, not for long, and lets film go by; false if the run's time is over.
+    pub(super) async fn rest(&mut self, watcher: &mut dyn Watcher) -> bool {
+        let order = match &mut self.live {
+            Some(live) => timeout(REPORT_EVERY, live.orders.recv()).await,
+            None => Ok(None),
+        };
+        match order {
+            Ok(Some(order)) => self.take(order).await,
+            // Nobody is left who could ever say "go on".
+            Ok(None) => self.steering = Steering::Running,
+            Err(_) => {}
+        }
+        self.take_orders().await;
+        self.let_film_pass();
+        self.report(watcher, None);
+        !self.is_over(self.film_s())
+    }
+
+    /// Film that came since the last step was due is nobody's.
+    fn let_film_pass(&mut self) {
+        if self.settings.lock_step {
+            return;
+        }
+        match self.scheduled_film_s() {
+            Some(film_s) => self.clock.shift(film_s),
+            None => {
+                let before = frame_at(self.film_s(), self.settings.fps);
+                self.clock.pass(self.film_s());
+                self.frames_passed += frame_at(self.film_s(), self.settings.fps) - before;
+            }
+        }
+    }
+
+    async fn take(&mut self, order: Order) {
+        let Order { command, reply } = order;
+        let steers = matches!(command, Command::Pause | Command::Resume | Command::Step(_));
+        let done = if self.schedule.is_some() && !steers {
+            Err(Refused("this run follows a recording, which others steered: pause, resume or step".into()))
+        } else {
+            self.carry_out(command).await
+        };
+        // Whoever asked may have gone.
+        let _ = reply.send(done);
+        self.publish_world();
+    }
+
+    /// Does one thing, and keeps it for the record.
+    pub(super) async fn carry_out(&mut self, command: Command) -> Result<Done, Refused> {
+        let done = self.done(&command).await?;
+        if command.changes_world() {
+            self.commands.push(command);
+        }
+        Ok(done)
+    }
+
+    async fn done(&mut self, command: &Command) -> Result<Done, Refused> {
+        match *command {
+            Command::Pause => self.steering = Steering::Paused,
+            Command::Resume => self.steering = Steering::Running,
+            Command::Step(steps) => self.count_steps(steps)?,
+            Command::Reset => self.begin_world(self.world.again()).await?,
+            Command::Choose(ref scene) => {
+                let scene = scene.clone().with_gravity(self.world.scene().gravity_m_s2()).map_err(refused)?;
+                self.begin_world(self.world.with_scene(&scene)).await?;
+            }
+            Command::Spawn(ref spec) => {
+                let prepared = self.world.prepare((**spec).clone()).map_err(refused)?;
+                let shapes = self.shapes().chain([Arc::clone(prepared.shape())]).collect();
+                self.register(shapes).await?;
+                let id = self.world.spawn(prepared).map_err(refused)?;
+                self.bodies_changed();
+                return Ok(Done::Spawned(id));
+            }
+            Command::Remove(body) => {
+                self.world.remove(body).map_err(refused)?;
+                self.bodies_changed();
+            }
+            Command::Push { body, impulse_n_s, at_m } => {
+                self.world.push(body, impulse_n_s, at_m).map_err(refused)?;
+            }
+            Command::Grab { body, grip_body_m, target_m } => {
+                self.world.grab(body, grip_body_m, target_m).map_err(refused)?;
+            }
+            Command::Release { body, velocity_m_s } => {
+                self.world.release(body, velocity_m_s).map_err(refused)?;
+            }
+            Command::Set(parameters) => {
+                self.world.set(set(parameters)).map_err(refused)?;
+                self.publish_scene();
+            }
+            Command::TakeBackground { seconds } => self.take_background(seconds).await?,
+        }
+        Ok(Done::Done)
+    }
+
+    fn count_steps(&mut self, steps: u32) -> Result<(), Refused> {
+        if !(1..=MAX_STEPS).contains(&steps) {
+            return Err(Refused(format!("{steps} steps, expected 1 to {MAX_STEPS}")));
+        }
+        let left = if let Steering::Counting(left) = self.steering { left } else { 0 };
+        self.steering = Steering::Counting((left + u64::from(steps)).min(MAX_STEPS.into()));
+        Ok(())
+    }
+
+    /// Puts a new world in the place of the old; film goes on from where it is.
+    async fn begin_world(&mut self, world: Result<World, sim::WorldError>) -> Result<(), Refused> {
+        let world = world.map_err(refused)?;
+        let shapes = world.moving_bodies().map(|body| Arc::clone(&body.shape)).collect();
+        self.register(shapes).await?;
+        self.clock.passed_s += self.world.time_s();
+        self.settings.reuse_within_m = world.scene().hull().reuse_within_m;
+        self.world = world;
+        self.generation += 1;
+        self.seen.forget_bodies();
+        self.bodies_changed();
+        Ok(())
+    }
+
+    /// Bodies have come or gone: what was known of them by their places no longer holds.
+    fn bodies_changed(&mut self) {
+        let (asks, reuse_m) = (self.settings.asks, self.settings.reuse_within_m);
+        self.answers = Answers::new(self.shapes(), asks, reuse_m);
+        self.figures.samples = self.shapes().map(|shape| shape.samples_body().len()).sum();
+        self.publish_scene();
+    }
+
+    /// The moving bodies' shapes, in their order.
+    pub(super) fn shapes(&self) -> impl Iterator<Item = Arc<Shape>> {
+        self.world.moving_bodies().map(|body| Arc::clone(&body.shape))
+    }
+
+    /// Makes shapes known to all nodes before they are asked about.
+    async fn register(&mut self, shapes: Vec<Arc<Shape>>) -> Result<(), Refused> {
+        let distinct: HashMap<[u8; 32], Arc<Shape>> =
+            shapes.into_iter().map(|shape| (shape.digest(), shape)).collect();
+        let registered = self.transport.register_shapes(distinct.into_values().collect());
+        match timeout(REGISTER_PATIENCE, registered).await {
+            Ok(Err(TransportError::Refused(why))) => Err(Refused(why)),
+            // A node that is gone, or slow, is told when it is back, or when it first misses a shape.
+            Ok(Ok(()) | Err(TransportError::Gone(_))) | Err(_) => Ok(()),
+        }
+    }
+
+    async fn take_background(&mut self, seconds: f64) -> Result<(), Refused> {
+        if !BACKGROUND_S.contains(&seconds) {
+            let (low, high) = (BACKGROUND_S.start(), BACKGROUND_S.end());
+            return Err(Refused(format!("a background of {seconds} s, expected {low} to {high} s")));
+        }
+        let frames = (seconds * self.settings.fps).ceil() as u64;
+        self.transport.take_background(self.frame_to_come(), frames).await.map_err(Refused)
+    }
+
+    /// A frame that no camera has filmed before word of it comes, so that all begin at the same one.
+    fn frame_to_come(&self) -> u64 {
+        const WORD_S: f64 = 0.25;
+        if self.settings.lock_step {
+            return frame_at(self.film_s(), self.settings.fps) + FRAMES_AHEAD + 1;
+        }
+        self.transport.newest().map_or(0, |newest| newest + 1) + (WORD_S * self.settings.fps).ceil() as u64
+    }
+
+    /// Does what a schedule has before a step.
+    pub(super) async fn follow(&mut self, commands: Vec<Command>) -> Result<(), RunError> {
+        for command in commands.into_iter().filter(Command::changes_world) {
+            let said = |why: Refused| RunError::World(format!("a recorded command was refused: {why}"));
+            self.carry_out(command).await.map_err(said)?;
+        }
+        Ok(())
+    }
+}
+
+fn set(parameters: Parameters) -> Set {
+    let Parameters { answers_hull, hull_restitution, hull_friction, gravity_m_s2 } = parameters;
+    Set { answers_hull, hull_restitution, hull_friction, gravity_m_s2 }
+}
+
+fn refused(error: impl std::error::Error) -> Refused {
+    Refused(error.to_string())
+}
