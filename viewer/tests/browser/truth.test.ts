@@ -1,0 +1,97 @@
+/** The page's person against the studio's own truth, from views that no camera has, live. */
+import assert from "node:assert/strict";
+import { spawnSync } from "node:child_process";
+import { mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { dirname, join } from "node:path";
+import { after, before, test } from "node:test";
+import type { Browser } from "playwright-core";
+import { looking, overlap } from "../feeder/person.ts";
+import { launch, open, picture, PROGRAM, Program, until, type Watched } from "./browser.ts";
+
+const SIDE = 240;
+const FOCAL = 300;
+const FPS = 10;
+/** Between cameras: they stand every 45 degrees. */
+const VIEWS = [0.39, 2.75, 4.32].map((angle, index) => ({
+  name: `between_${index}`,
+  ...looking([2.6 * Math.sin(angle), 1.0 + 0.3 * index, 2.6 * Math.cos(angle)], [0, 0.95, 0]),
+}));
+
+let browser: Browser;
+let program: Program;
+let watched: Watched;
+before(async () => {
+  browser = await launch();
+  program = await Program.start(["--headless", "--listen", "127.0.0.1:0", "--fps", String(FPS), "--scene", "topple"]);
+  watched = await open(browser, `${program.viewers}#mode=photo`);
+  await until(watched.page, "frames with colour", ({ framesShown }) => framesShown > 5);
+});
+after(async () => {
+  await browser?.close();
+  await program?.stop();
+});
+
+type Mat3 = readonly (readonly number[])[];
+
+/** The axis times the angle of a rotation. */
+function rodrigues(r: Mat3): number[] {
+  const axis = [r[2][1] - r[1][2], r[0][2] - r[2][0], r[1][0] - r[0][1]];
+  const sine = Math.hypot(...axis) / 2;
+  const angle = Math.atan2(sine, (r[0][0] + r[1][1] + r[2][2] - 1) / 2);
+  assert.ok(sine > 1e-6, "a view that is neither straight nor turned about");
+  return axis.map((part) => (part / (2 * sine)) * angle);
+}
+
+/** The studio's truth of a frame: masks and colours of all views. */
+function truth(frame: number): { mask: Uint8Array; rgb: Uint8Array }[] {
+  const folder = mkdtempSync(join(tmpdir(), "hulltouch-truth-"));
+  try {
+    const sections = VIEWS.map((view) => {
+      const matrix = [[FOCAL, 0, (SIDE - 1) / 2], [0, FOCAL, (SIDE - 1) / 2], [0, 0, 1]];
+      return `[${view.name}]\nname = "${view.name}"\nsize = [${SIDE}, ${SIDE}]\nmatrix = ${floats(matrix)}\ndistortions = ${floats([0, 0, 0, 0, 0])}\nrotation = ${floats(rodrigues(view.rotation as Mat3))}\ntranslation = ${floats(view.translation as number[])}\n`;
+    });
+    writeFileSync(join(folder, "rig.toml"), sections.join("\n"));
+    const program = join(dirname(PROGRAM!), "examples", "truth");
+    const made = spawnSync(program, [join(folder, "rig.toml"), folder, "sweep", String(FPS), String(frame)], { encoding: "utf8" });
+    assert.equal(made.status, 0, `${program}: ${made.error ?? made.stderr}`);
+    const read = (name: string, ending: string) => new Uint8Array(readFileSync(join(folder, `${name}.${ending}`)));
+    return VIEWS.map(({ name }) => ({ mask: read(name, "mask").map((value) => (value ? 1 : 0)), rgb: read(name, "rgb") }));
+  } finally {
+    rmSync(folder, { recursive: true });
+  }
+}
+
+/** As TOML has them: numbers with a point. */
+function floats(value: number[] | number[][]): string {
+  return JSON.stringify(value, (_, part) => (typeof part === "number" ? `#${part.toFixed(12)}#` : part)).replaceAll('"#', "").replaceAll('#"', "");
+}
+
+test("between cameras the outline and the colours are the person's", async (t) => {
+  // Pictures of one frame: the page is asked until all views show the same.
+  const taken = [];
+  for (let tries = 0; tries < 30 && taken.length < VIEWS.length; tries++) {
+    taken.length = 0;
+    for (const view of VIEWS) {
+      const pinhole = [FOCAL, FOCAL, (SIDE - 1) / 2, (SIDE - 1) / 2];
+      taken.push(await picture(watched.page, { rotation: view.rotation, translation: view.translation, pinhole }, SIDE, SIDE));
+    }
+    if (taken.some(({ frame }) => frame !== taken[0].frame)) taken.length = 0;
+  }
+  assert.equal(taken.length, VIEWS.length, "three pictures of one frame");
+  const truths = truth(taken[0].frame!);
+  for (const [index, { mask, rgba }] of taken.entries()) {
+    const { mask: person, rgb } = truths[index];
+    const overlapped = overlap(mask, person);
+    let [sum, count] = [0, 0];
+    for (let i = 0; i < person.length; i++) {
+      if (!person[i] || !mask[i]) continue;
+      for (let c = 0; c < 3; c++) sum += Math.abs(rgba[i * 4 + c] - rgb[i * 3 + c]);
+      count += 3;
+    }
+    const error = sum / Math.max(count, 1);
+    t.diagnostic(`${VIEWS[index].name}: overlap ${overlapped.toFixed(4)}, colours differ by ${error.toFixed(2)} of 255`);
+    assert.ok(overlapped >= 0.9, `${VIEWS[index].name}: overlap ${overlapped.toFixed(4)}`);
+    assert.ok(error <= 12, `${VIEWS[index].name}: colours differ by ${error.toFixed(2)}`);
+  }
+});
