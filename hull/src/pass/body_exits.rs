@@ -178,7 +178,7 @@ impl Touch {
     fn reach_along(&self, direction: [f32; 3]) -> Reach {
         let (Some(edge), Some(exit_m)) = (self.edge, self.exit_m) else { return Reach::UNBOUNDED };
         let cosine: f32 = edge.normal_world.iter().zip(direction).map(|(n, d)| n * d).sum();
-        Reach::covering(1.25 * f64::from(exit_m / cosine.max(LEAST_COSINE)) + 0.01)
+        Reach::covering(1.25 * f64::from(exit_m / cosine.max(LEAST_COSINE)) + 0.01).coarse()
     }
 }
 

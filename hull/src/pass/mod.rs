@@ -389,7 +389,7 @@ const MANY_EXITS: usize = 500;
 /// How far an exit is searched at first, from the distance that hints at it.
 fn exit_reach(distance_m: f32, is_of_many: bool) -> Reach {
     let distance_m = f64::from(distance_m);
-    Reach::covering(if is_of_many { 1.25 * distance_m + 0.005 } else { 4.0 * distance_m + 0.05 })
+    Reach::covering(if is_of_many { 1.25 * distance_m + 0.005 } else { 4.0 * distance_m + 0.05 }).coarse()
 }
 
 /// The changes of a point, in a list sorted by point, from where those of the point before it end.

@@ -70,11 +70,10 @@ impl ViewSet {
             let Scratch { sights, nearest, .. } = scratch;
             sights.look(&self.views, points, from, Sought::Centre, self.path);
             nearest.view = [NOBODY; CHUNK];
-            for at in 0..count {
-                nearest.distance_m[at] = asked.reach(from + at);
-            }
+            asked.reaches(from, &mut nearest.distance_m[..count]);
             // First in the view that is likely to win: what it finds bounds the others' searches.
-            for is_first in [true, false] {
+            let turns: &[bool] = if self.views.len() == 1 { &[true] } else { &[true, false] };
+            for &is_first in turns {
                 for (index, view) in self.views.iter().enumerate() {
                     let sight = sights.of(index);
                     nearest.picks.take(count, |at| {

@@ -41,16 +41,12 @@ impl ViewSet {
     fn chunk_exits(&self, asked: &Asked, points: &Coordinates, chunk: &Chunk, scratch: &mut Scratch) {
         let Scratch { sights, rays, .. } = scratch;
         sights.look(&self.views, points, chunk.from, Sought::Place, self.path);
+        rays.begin(asked, chunk, self.most_depth_m);
         for at in 0..chunk.count {
-            let point = chunk.from + at;
-            let n = asked.direction(point).map(f64::from);
-            (rays.n.x[at], rays.n.y[at], rays.n.z[at]) = (n[0], n[1], n[2]);
-            rays.reach_m[at] = asked.reach(point);
-            rays.exit_m[at] = NO_EXIT_M;
-            rays.end_m[at] = rays.reach_m[at].min(self.most_depth_m);
-            rays.first[at] = self.hinted(asked, point).unwrap_or(sights.least_clear(at)) as u32;
+            rays.first[at] = self.hinted(asked, chunk.from + at).unwrap_or(sights.least_clear(at)) as u32;
         }
-        for is_first in [true, false] {
+        let turns: &[bool] = if self.views.len() == 1 { &[true] } else { &[true, false] };
+        for &is_first in turns {
             for (index, view) in self.views.iter().enumerate() {
                 let sight = sights.of(index);
                 rays.picks.take(chunk.count, |at| {
@@ -106,6 +102,22 @@ impl View {
 }
 
 impl Rays {
+    /// Takes a chunk's directions and reaches.
+    #[inline(always)]
+    fn begin(&mut self, asked: &Asked, chunk: &Chunk, most_depth_m: f32) {
+        for at in 0..chunk.count {
+            let n = asked.direction(chunk.from + at);
+            self.n.x[at] = f64::from(n[0]);
+            self.n.y[at] = f64::from(n[1]);
+            self.n.z[at] = f64::from(n[2]);
+        }
+        asked.reaches(chunk.from, &mut self.reach_m[..chunk.count]);
+        for at in 0..CHUNK {
+            self.exit_m[at] = NO_EXIT_M;
+            self.end_m[at] = self.reach_m[at].min(most_depth_m);
+        }
+    }
+
     /// Finds the exits of the picked rays from a view, as far as they are of interest.
     #[inline(always)]
     fn leave(&mut self, view: &View, sight: &Sight, points: &Coordinates, from: usize) {

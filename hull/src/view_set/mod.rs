@@ -201,6 +201,16 @@ impl Asked<'_> {
         self.question.within.get(self.first_point + at).map_or(f32::INFINITY, |reach| reach.m())
     }
 
+    /// The reaches of some points that follow one another.
+    #[inline(always)]
+    fn reaches(&self, from: usize, reaches_m: &mut [f32]) {
+        let first = self.first_point + from;
+        match self.question.within.get(first..first + reaches_m.len()) {
+            Some(within) => within.iter().zip(reaches_m).for_each(|(within, m)| *m = within.m()),
+            None => reaches_m.fill(f32::INFINITY),
+        }
+    }
+
     #[inline(always)]
     fn direction(&self, at: usize) -> [f32; 3] {
         let shared = self.question.kind == Kind::SharedExits;

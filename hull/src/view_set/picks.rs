@@ -26,14 +26,8 @@ impl Picks {
     /// Adds a point; there must be room.
     #[inline(always)]
     pub fn push(&mut self, at: usize) {
-        self.push_if(at, true);
-    }
-
-    /// Adds a point if it fits; there must be room.
-    #[inline(always)]
-    pub fn push_if(&mut self, at: usize, fits: bool) {
-        self.places[self.count.min(CHUNK - 1)] = at as u8;
-        self.count += usize::from(fits);
+        self.places[self.count] = at as u8;
+        self.count += 1;
     }
 
     /// Takes the points that fit of the first so many, instead of those before.
@@ -43,17 +37,12 @@ impl Picks {
         for (at, fitting) in fitting[..count].iter_mut().enumerate() {
             *fitting = u8::from(fits(at));
         }
-        // Eight bytes of ones and zeros to eight bits.
-        let (eights, _) = fitting.as_chunks::<8>();
-        self.count = 0;
-        for (eight, first) in eights.iter().zip((0..).step_by(8)) {
-            let mut bits = u64::from_le_bytes(*eight).wrapping_mul(0x0102_0408_1020_4080) >> 56;
-            while bits != 0 {
-                self.places[self.count] = first + bits.trailing_zeros() as u8;
-                self.count += 1;
-                bits &= bits - 1;
-            }
+        let mut kept = 0;
+        for (at, &fits) in fitting[..count].iter().enumerate() {
+            self.places[kept] = at as u8;
+            kept += usize::from(fits);
         }
+        self.count = kept;
     }
 
     /// How many there are.
