@@ -76,7 +76,7 @@ export class App {
   private fence: { sync: WebGLSync; began: number } | null = null;
   private poses = "";
   private receivedBefore = 0;
-  private wasLost = false;
+  private toFollow: string | null = null;
   private lookedThrough: number | null = null;
   private hashTimer: ReturnType<typeof setTimeout> | undefined;
   private startView: View | null = null;
@@ -95,6 +95,7 @@ export class App {
     canvas.addEventListener("webglcontextlost", (event) => {
       event.preventDefault();
       this.fence = null;
+      this.stage?.release();
       observer.fault("The graphics card was lost; waiting for it.");
     });
     canvas.addEventListener("webglcontextrestored", () => this.onRestored());
@@ -195,6 +196,14 @@ export class App {
     return { ...this.orbit.now, target, distance: (radius / Math.sin((this.fovDeg * Math.PI) / 360)) * 1.05 };
   }
 
+  /** Follows the body that an address named, as soon as it is there. */
+  private followNamed(): void {
+    const body = this.toFollow === null ? null : this.scene?.bodies.find(({ name }) => name === this.toFollow);
+    if (!body) return;
+    this.toFollow = null;
+    this.followBody(body.id);
+  }
+
   viewText(): ViewText {
     return {
       eye: this.orbit.eye(),
@@ -217,10 +226,8 @@ export class App {
       const index = this.rig.findIndex((camera) => camera.name === view.camera);
       this.lookThrough(index < 0 ? null : index);
     }
-    if (view.follow) {
-      const body = this.scene?.bodies.find(({ name }) => name === view.follow);
-      if (body) this.followBody(body.id);
-    }
+    this.toFollow = view.follow ?? null;
+    this.followNamed();
     this.changed();
   }
 
@@ -252,7 +259,6 @@ export class App {
 
   private onLink(state: LinkState, retry: number | null, why: string | null): void {
     if (state === "lost") {
-      this.wasLost = true;
       this.ready = null;
       if (this.stage?.hull) this.stage.hull.fade = 1;
       this.invalidate();
@@ -270,6 +276,7 @@ export class App {
         this.stage?.setScene(text);
         if (this.follow !== null && !text.bodies.some(({ id }) => id === this.follow)) this.followBody(null);
         this.poses = "";
+        this.followNamed();
         this.observer.scene(text);
         this.invalidate();
         break;
@@ -303,11 +310,12 @@ export class App {
       this.startView = this.orbit.now;
     }
     this.observer.hello(hello);
-    if (!sameRig) await this.stage?.setRig(hello);
+    // The shaders compile meanwhile; everything else is there at once.
+    const compiled = sameRig ? null : this.stage?.setRig(hello);
     if (this.stage?.hull) this.stage.hull.fade = 0;
     if (first) this.applyHash(location.hash);
+    await compiled;
     if (this.scene) this.stage?.setScene(this.scene);
-    if (this.wasLost && sameRig) this.wasLost = false;
     this.observer.view();
     this.updateWant();
     this.invalidate();
@@ -324,7 +332,7 @@ export class App {
     const rise = floor + 0.95 - along(middle);
     const target = middle.map((m, i) => m + rise * up[i]) as unknown as Vec3;
     const reach = Math.max(...low.map((l, i) => (up[i] > 0.5 ? 0 : high[i] - l)));
-    return { target, azimuth: 0.62, polar: 1.36, distance: Math.max(3.3, Math.min(7, reach * 0.9)) };
+    return { target, azimuth: 0.62, polar: 1.36, distance: Math.max(2.9, Math.min(7, reach * 0.85)) };
   }
 
   private onBinary(type: number, buffer: ArrayBuffer): void {
@@ -573,13 +581,8 @@ export class App {
   }
 
   private onRestored(): void {
-    if (!this.hello || !this.stage) return;
-    void this.stage.setRig(this.hello).then(() => {
-      if (this.scene) this.stage!.setScene(this.scene);
-      this.shownKept = null;
-      this.poses = "";
-      this.invalidate();
-    });
+    this.shownKept = null;
+    this.invalidate();
   }
 }
 

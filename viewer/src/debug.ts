@@ -5,6 +5,7 @@
 import type { App } from "./app.ts";
 import { clipOf, eyeOfCamera, PICTURE_FAR_M, PICTURE_NEAR_M } from "./draw/stage.ts";
 import type { Eye } from "./draw/hull.ts";
+import type { Hands } from "./ui/hands.ts";
 import type { Mat3, Vec3 } from "./view/lens.ts";
 
 /** A camera of the rig by its place, or a pinhole: fx, fy, cx, cy with pixel centres at whole numbers. */
@@ -29,9 +30,15 @@ export interface Debug {
   picture(from: From, width: number, height: number, mode?: "photo" | "shaded"): TestPicture | null;
   /** Where a point of the world is on the canvas, CSS pixels; null behind the view. */
   onCanvas(point: Vec3): [number, number] | null;
+  /** The body under a point of the canvas; null if there is none, or something before it. */
+  bodyAt(x: number, y: number): number | null;
+  /** What is under a point of the canvas: body, person, floor or nothing. */
+  placeAt(x: number, y: number): string | null;
+  /** Bodies that never move. */
+  fixedBodies(): number[];
 }
 
-export function debug(app: App, version: string): Debug {
+export function debug(app: App, hands: Hands, version: string): Debug {
   return {
     state: () => ({
       version,
@@ -61,9 +68,13 @@ export function debug(app: App, version: string): Debug {
       step: app.worlds.newest()?.step ?? null,
       bodies: (app.moment?.bodies ?? []).map((body) => ({ ...body, name: app.scene?.bodies.find(({ id }) => id === body.id)?.name ?? null })),
       box: app.stage?.hull?.box ?? null,
+      hasBackdrop: app.stage?.cameras?.backdrop.visible ?? false,
     }),
     picture: (from, width, height, mode = "photo") => picture(app, from, width, height, mode),
     onCanvas: (point) => app.onCanvas(point),
+    bodyAt: (x, y) => hands.hit(x, y, false)?.body ?? null,
+    placeAt: (x, y) => hands.hit(x, y)?.what ?? null,
+    fixedBodies: () => (app.scene?.bodies ?? []).filter(({ fixed }) => fixed).map(({ id }) => id),
   };
 }
 

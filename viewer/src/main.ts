@@ -23,7 +23,6 @@ const VERSION = "0.1.0";
 
 /** Whether there is WebGL2, and on what. A context of its own, given back at once. */
 function probe(): { antialias: boolean; software: boolean; name: string } | null {
-  if (new URLSearchParams(location.search).has("plain")) return null;
   const canvas = document.createElement("canvas");
   const gl = canvas.getContext("webgl2", { antialias: false, depth: false });
   if (!gl) return null;
@@ -137,6 +136,7 @@ window.addEventListener("resize", measure);
 openPanel(matchMedia("(min-width: 721px)").matches);
 if (!graphics) {
   canvas.hidden = true;
+  document.body.classList.add("no-view");
   byId("plain").hidden = false;
 }
 setInterval(() => {
@@ -144,14 +144,14 @@ setInterval(() => {
   timeline.update();
 }, 250);
 app.start();
-window.hulltouch = debug(app, VERSION);
+window.hulltouch = debug(app, hands, VERSION);
 
 function showLink(): void {
   const state = byId("link").dataset.state;
   if (state === "open") {
     const now = performance.now();
     const frames = app.rates.frames.perSecond(now);
-    setText(byId("link-text"), app.paused ? "Paused" : app.hello ? `Live · ${frames.toFixed(0)} frames/s` : "Connected");
+    setText(byId("link-text"), app.paused ? "Paused" : app.hello && app.stage ? `Live · ${frames.toFixed(0)} frames/s` : "Connected");
     return;
   }
   setText(byId("link-text"), state === "lost" ? "Link lost" : "Connecting…");

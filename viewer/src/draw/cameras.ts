@@ -175,6 +175,14 @@ export class Cameras {
     this.backdrop.visible = false;
   }
 
+  /** The card lost everything: the images are put onto it again when it is there. */
+  release(): void {
+    for (const texture of [this.behindTexture, ...this.drawn.map((drawn) => drawn.texture)]) {
+      texture.dispose();
+      if (texture.image) texture.needsUpdate = true;
+    }
+  }
+
   /** Image planes, for picking a camera with the pointer. */
   planes(): Mesh[] {
     return this.drawn.filter((drawn) => drawn.lines.visible).map((drawn) => drawn.plane);

@@ -1,5 +1,5 @@
-/** The silhouettes' cones: from each camera's centre through its outline, as thin sheets. */
-import { AdditiveBlending, BufferGeometry, DoubleSide, DynamicDrawUsage, Float32BufferAttribute, Group, LineBasicMaterial, LineSegments, Mesh, MeshBasicMaterial } from "three";
+/** The silhouettes' cones: from each camera's centre through its outline, as thin sheets and some rays. */
+import { BufferGeometry, DoubleSide, DynamicDrawUsage, Float32BufferAttribute, Group, LineBasicMaterial, LineSegments, Mesh, MeshBasicMaterial } from "three";
 import type { Box } from "../decode/hull_box.ts";
 import type { Decoded } from "../decode/work.ts";
 import { type Camera, normalised, pointAt } from "../view/lens.ts";
@@ -7,6 +7,8 @@ import { cameraColor } from "./cameras.ts";
 
 /** As many segments as the decoder gives. */
 const MAX_SEGMENTS = 1500;
+/** Every so many points of an outline, its ray is drawn. */
+const RAY_EVERY = 24;
 
 export class Cones {
   readonly group = new Group();
@@ -18,12 +20,12 @@ export class Cones {
     this.cameras = cameras;
     this.sheets = cameras.map((_, index) => {
       const color = cameraColor(index, cameras.length);
-      const material = new MeshBasicMaterial({ color, transparent: true, opacity: 0.045, side: DoubleSide, depthWrite: false, blending: AdditiveBlending });
+      const material = new MeshBasicMaterial({ color, transparent: true, opacity: 0.022, side: DoubleSide, depthWrite: false });
       return new Mesh(dynamic(MAX_SEGMENTS * 3), material);
     });
     this.outlines = cameras.map((_, index) => {
       const color = cameraColor(index, cameras.length);
-      return new LineSegments(dynamic(MAX_SEGMENTS * 2), new LineBasicMaterial({ color, transparent: true, opacity: 0.8 }));
+      return new LineSegments(dynamic(MAX_SEGMENTS * 3), new LineBasicMaterial({ color, transparent: true, opacity: 0.4, depthWrite: false }));
     });
     for (const thing of [...this.sheets, ...this.outlines]) {
       thing.frustumCulled = false;
@@ -59,6 +61,7 @@ export class Cones {
     const lines = outline.getAttribute("position");
     const depth = farthest(camera, volume);
     let count = 0;
+    let ends = 0;
     for (let at = 0; at < segments.length; at += 4) {
       const a = normalised(camera, segments[at], segments[at + 1]);
       const b = normalised(camera, segments[at + 2], segments[at + 3]);
@@ -68,14 +71,18 @@ export class Cones {
       triangles.setXYZ(count * 3, ...camera.centre);
       triangles.setXYZ(count * 3 + 1, ...from);
       triangles.setXYZ(count * 3 + 2, ...to);
-      lines.setXYZ(count * 2, ...from);
-      lines.setXYZ(count * 2 + 1, ...to);
+      lines.setXYZ(ends++, ...from);
+      lines.setXYZ(ends++, ...to);
+      if (count % RAY_EVERY === 0) {
+        lines.setXYZ(ends++, ...camera.centre);
+        lines.setXYZ(ends++, ...from);
+      }
       count++;
     }
     triangles.needsUpdate = true;
     lines.needsUpdate = true;
     sheet.setDrawRange(0, count * 3);
-    outline.setDrawRange(0, count * 2);
+    outline.setDrawRange(0, ends);
   }
 }
 

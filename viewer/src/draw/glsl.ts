@@ -348,8 +348,8 @@ vec3 clay(vec3 normal, vec3 dir) {
   float key = max(dot(normal, uLight), 0.0);
   float fill = 0.5 + 0.5 * dot(normal, uUp);
   float rim = pow(1.0 - max(dot(normal, -dir), 0.0), 3.0);
-  vec3 lit = vec3(0.80, 0.78, 0.75) * (0.62 * key + 0.20) + vec3(0.16, 0.20, 0.26) * fill + vec3(0.16, 0.19, 0.23) * rim;
-  return pow(lit, vec3(0.86));
+  vec3 lit = vec3(0.84, 0.80, 0.75) * (0.66 * key + 0.10) + vec3(0.13, 0.16, 0.20) * fill + vec3(0.10, 0.13, 0.17) * rim;
+  return lit;
 }
 
 void main() {

@@ -239,9 +239,22 @@ export class HullView {
     this.version++;
   }
 
-  /** Nothing to see any more. */
-  clear(): void {
+  /** The card lost everything: lets go of what was on it. There is nothing to see until the next frame set. */
+  release(): void {
     this.box = null;
+    this.version++;
+    this.mapsAreOld = true;
+    this.targets?.dispose();
+    this.targets = null;
+    this.reading?.dispose();
+    this.depths.dispose();
+    this.fields.forget();
+    this.images.forget();
+    this.common.uField.value = this.fields.texture;
+    this.surface.uniforms.uImage.value = this.images.texture;
+    for (const material of [this.start, this.surface, this.depth, this.read, this.composing]) material.dispose();
+    for (const mesh of [this.quad, this.tiled, this.compose]) mesh.geometry.dispose();
+    this.block.group.dispose();
   }
 
   set up(up: readonly [number, number, number]) {
@@ -259,7 +272,7 @@ export class HullView {
 
   /** Draws the hull for a view into its own picture and readies it for the scene that is drawn next. */
   draw(renderer: WebGLRenderer, eye: Eye, width: number, height: number, mode: HullMode, effort: Effort, screen: readonly [number, number]): void {
-    const visible = this.box !== null && (mode === "photo" || mode === "shaded");
+    const visible = this.box !== null && mode !== "off";
     this.compose.visible = visible;
     if (!visible) return;
     if (!this.targets || this.targets.width !== width || this.targets.height !== height) {

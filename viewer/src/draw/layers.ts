@@ -57,6 +57,12 @@ export class Layers {
     }
   }
 
+  /** The card lost what was in it. */
+  forget(): void {
+    this.texture.dispose();
+    this.texture = this.allocate();
+  }
+
   dispose(): void {
     this.texture.dispose();
   }

@@ -115,6 +115,11 @@ export class Stage {
   }
 
   setScene(scene: SceneText): void {
+    if (this.hello && scene.floor_m !== undefined && scene.floor_m !== this.hello.floor_m) {
+      // Another scene may stand on another floor.
+      this.hello = { ...this.hello, floor_m: scene.floor_m };
+      this.makeGround(this.hello);
+    }
     this.bodies.describe(scene.bodies);
     this.shadowsAreOld = true;
   }
@@ -171,6 +176,24 @@ export class Stage {
   /** The hull's shading, position, and so on alone, through any pinhole: for checks. */
   hullPicture(eye: Eye, width: number, height: number, mode: "photo" | "shaded"): { rgba: Uint8Array; depth: Float32Array } | null {
     return this.hull?.picture(this.renderer, eye, width, height, mode) ?? null;
+  }
+
+  /**
+   * The card lost everything: lets go of all that was on it, while nobody minds. What the page holds itself
+   * goes back onto the card by itself.
+   */
+  release(): void {
+    this.scene.traverse((thing) => {
+      const { geometry, material } = thing as Mesh;
+      geometry?.dispose();
+      for (const each of Array.isArray(material) ? material : material ? [material] : []) each.dispose();
+      thing.customDepthMaterial?.dispose();
+    });
+    this.light.shadow.map?.dispose();
+    this.light.shadow.map = null;
+    this.hull?.release();
+    this.cameras?.release();
+    this.shadowsAreOld = true;
   }
 
   /** A point of the world as the last picture has it, −1 to 1; null behind the view. */
@@ -255,7 +278,7 @@ export class Stage {
     this.light.castShadow = wanted;
     const box = this.hull?.box;
     if (this.shadowBox) {
-      this.shadowBox.visible = wanted && !!box && (mode === "photo" || mode === "shaded");
+      this.shadowBox.visible = wanted && !!box && mode !== "off";
       if (box) {
         this.shadowBox.position.fromArray(box.low.map((l, i) => (l + box.high[i]) / 2));
         this.shadowBox.scale.fromArray(box.low.map((l, i) => Math.max(1e-3, box.high[i] - l)));

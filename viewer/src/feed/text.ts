@@ -61,6 +61,8 @@ export interface Scene {
   readonly version: number;
   readonly scene: string;
   readonly parameters: Partial<Parameters>;
+  /** Height of its floor along up, metres; null for none, undefined if the server does not say. */
+  readonly floor_m?: number | null;
   readonly bodies: readonly BodyText[];
 }
 
@@ -201,6 +203,7 @@ function scene(value: Record<string, unknown>): Scene {
     version: Number(value.version ?? 0),
     scene: String(value.scene ?? ""),
     parameters: isRecord(value.parameters) ? (value.parameters as Partial<Parameters>) : {},
+    ...(typeof value.floor_m === "number" || value.floor_m === null ? { floor_m: value.floor_m } : {}),
     bodies,
   };
 }

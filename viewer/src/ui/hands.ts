@@ -262,7 +262,7 @@ export class Hands {
 
   private personHit(x: number, y: number): (Hit & { distance: number }) | null {
     const stage = this.app.stage!;
-    if (this.app.mode !== "photo" && this.app.mode !== "shaded") return null;
+    if (this.app.mode === "off") return null;
     const { clientWidth, clientHeight } = stage.renderer.domElement;
     const depth = stage.hullDepthAt(x / clientWidth, y / clientHeight);
     if (depth === null) return null;

@@ -14,7 +14,7 @@ const CHROMIUM = process.env.CHROMIUM ?? "/usr/bin/chromium";
 /** The program under test; tests that need it are skipped aloud without it. */
 export const PROGRAM = process.env.HULLTOUCH_BIN;
 
-export async function launch(): Promise<Browser> {
+export async function launch(more: readonly string[] = []): Promise<Browser> {
   assert.ok(existsSync(CHROMIUM), `no browser at ${CHROMIUM}: install chromium, or set CHROMIUM`);
   return chromium.launch({
     executablePath: CHROMIUM,
@@ -29,6 +29,7 @@ export async function launch(): Promise<Browser> {
       "--disable-background-networking",
       "--disable-component-update",
       "--disable-sync",
+      ...more,
     ],
   });
 }

@@ -29,7 +29,7 @@ interface Body extends BodyText {
 }
 
 const TYPES: Record<string, string> = { ".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml", ".json": "application/json" };
-const TOKEN = "test";
+const TOKEN = process.env.TOKEN ?? "test";
 const STATE_HZ = 60;
 
 export interface Feeder {
@@ -87,11 +87,12 @@ class World {
   readonly film: Film;
   private readonly start: readonly BodyText[];
   private readonly began = performance.now();
-  private timer: ReturnType<typeof setInterval>;
+  private readonly timer: ReturnType<typeof setInterval>;
   private nextId = 1000;
   step = 0;
   generation = 1;
   version = 1;
+  scene = "topple";
   paused = false;
 
   constructor(bodies: readonly BodyText[], film: Film) {
@@ -120,8 +121,7 @@ class World {
 
   private advance(): void {
     if (this.paused) return;
-    const target = Math.floor(((performance.now() - this.began) / 1000) * 120);
-    this.step = Math.max(this.step + 1, target);
+    this.step += 2;
     for (const body of this.bodies) {
       if (body.held) {
         body.position = [...body.held];
@@ -166,12 +166,15 @@ class World {
         return {};
       case "reset":
       case "choose":
+        this.scene = message.scene ?? this.scene;
         this.bodies.splice(0, this.bodies.length, ...this.start.map((body, index) => World.body(body, index)));
         this.generation++;
         this.version++;
         this.step = 0;
         return {};
       case "step":
+        this.step += message.steps;
+        return {};
       case "set":
       case "push":
       case "take_background":
@@ -254,7 +257,7 @@ class Page {
     if (this.version !== world.version) {
       this.version = world.version;
       const bodies = world.bodies.map(({ id, name, color, fixed, shape }) => ({ id, name, color, fixed, shape }));
-      this.text({ op: "scene", generation: world.generation, version: world.version, scene: "topple", parameters: { answers_hull: true, hull_restitution: 0.3, hull_friction: 0.5, gravity_m_s2: [0, -9.81, 0] }, bodies });
+      this.text({ op: "scene", generation: world.generation, version: world.version, scene: world.scene, parameters: { answers_hull: true, hull_restitution: 0.3, hull_friction: 0.5, gravity_m_s2: [0, -9.81, 0] }, bodies });
     }
     this.socket.send(worldMessage(this.seq++, world.generation, world.step, world.filmS, world.frame, world.paused, world.bodies));
   }
