@@ -39,9 +39,11 @@ impl Lens {
     /// Undistorted to distorted normalised coordinates; call only within [`Self::max_radius_squared`].
     #[inline]
     pub fn distort(&self, x: f64, y: f64) -> (f64, f64) {
-        if self.straight {
-            return (x, y);
-        }
+        if self.straight { (x, y) } else { self.bend(x, y) }
+    }
+
+    #[inline(always)]
+    fn bend(&self, x: f64, y: f64) -> (f64, f64) {
         let [k1, k2, p1, p2, k3] = self.coefficients;
         let r2 = x * x + y * y;
         let c = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
@@ -50,7 +52,7 @@ impl Lens {
     }
 
     /// The derivative of [`Self::distort`] by `(x, y)`.
-    #[inline]
+    #[inline(always)]
     pub fn jacobian(&self, x: f64, y: f64) -> Matrix2<f64> {
         let [k1, k2, p1, p2, k3] = self.coefficients;
         let r2 = x * x + y * y;
@@ -70,40 +72,76 @@ impl Lens {
     /// point within the first stationary radius is seen (corners of very wide lenses).
     #[inline(always)]
     pub fn undistort(&self, xd: f64, yd: f64) -> Option<(f64, f64)> {
-        if self.straight { Some((xd, yd)) } else { self.unbend(xd, yd) }
+        let [[x], [y]] = self.undistort_lanes([xd], [yd]);
+        (!x.is_nan()).then_some((x, y))
     }
 
-    /// Few steps from a quick start do for lenses as they are made; where they do not, a start that is safe.
-    fn unbend(&self, xd: f64, yd: f64) -> Option<(f64, f64)> {
-        let target = Vector2::new(xd, yd);
-        let squared = target.norm_squared();
-        let [k1, k2, _, _, k3] = self.coefficients;
-        let mut scale = 1.0;
-        for _ in 0..2 {
-            let s = squared * scale * scale;
-            scale = 1.0 / (1.0 + s * (k1 + s * (k2 + s * k3)));
+    /// The same for some places at once; not numbers where nothing is seen.
+    #[inline(always)]
+    pub(crate) fn undistort_lanes<const N: usize>(&self, xd: [f64; N], yd: [f64; N]) -> [[f64; N]; 2] {
+        if self.straight {
+            return [xd, yd];
         }
-        if scale > 0.0 && squared * scale * scale < 0.8 * self.max_radius_squared {
-            let mut point = target * scale;
-            for _ in 0..5 {
-                let (x, y) = self.distort(point.x, point.y);
-                let miss = target - Vector2::new(x, y);
-                if miss.amax() <= 1e-12 * (1.0 + target.amax()) {
-                    if point.norm_squared() < 0.9 * self.max_radius_squared {
-                        return Some((point.x, point.y));
-                    }
-                    break;
-                }
-                // The inverse of a two by two matrix, written out.
-                let j = self.jacobian(point.x, point.y);
-                let (a, b, c, d) = (j[(0, 0)], j[(0, 1)], j[(1, 0)], j[(1, 1)]);
-                let over = 1.0 / (a * d - b * c);
-                point += Vector2::new(d * miss.x - b * miss.y, a * miss.y - c * miss.x) * over;
+        let ([mut x, mut y], is_found) = self.unbend(&xd, &yd);
+        for at in 0..N {
+            if !is_found[at] {
+                let target = Vector2::new(xd[at], yd[at]);
+                (x[at], y[at]) = self.unbend_safely(&target).unwrap_or((f64::NAN, f64::NAN));
             }
         }
-        self.unbend_safely(&target)
+        [x, y]
     }
 
+    /// Few steps from a quick start do for lenses as they are made; false where they do not, or may have led
+    /// beyond the first stationary radius.
+    #[inline(always)]
+    fn unbend<const N: usize>(&self, xd: &[f64; N], yd: &[f64; N]) -> ([[f64; N]; 2], [bool; N]) {
+        let [k1, k2, _, _, k3] = self.coefficients;
+        let ([mut x, mut y], mut is_fair) = ([[0.0; N]; 2], [false; N]);
+        for at in 0..N {
+            let squared = xd[at] * xd[at] + yd[at] * yd[at];
+            let mut scale = 1.0;
+            for _ in 0..2 {
+                let s = squared * scale * scale;
+                scale = 1.0 / (1.0 + s * (k1 + s * (k2 + s * k3)));
+            }
+            is_fair[at] = (scale > 0.0) & (squared * scale * scale < 0.8 * self.max_radius_squared);
+            (x[at], y[at]) = (xd[at] * scale, yd[at] * scale);
+        }
+        let mut is_found = [false; N];
+        for _ in 0..5 {
+            for at in 0..N {
+                let (near, moved) = self.newton((xd[at], yd[at]), (x[at], y[at]));
+                is_found[at] = near;
+                (x[at], y[at]) = moved;
+            }
+            if is_found.iter().all(|&found| found) {
+                break;
+            }
+        }
+        for at in 0..N {
+            let seen = x[at] * x[at] + y[at] * y[at] < 0.9 * self.max_radius_squared;
+            is_found[at] &= is_fair[at] & seen;
+        }
+        ([x, y], is_found)
+    }
+
+    /// Whether a place's distorted coordinates are the target to 1e-12; if not, Newton's next place.
+    #[inline(always)]
+    fn newton(&self, (xd, yd): (f64, f64), (x, y): (f64, f64)) -> (bool, (f64, f64)) {
+        let greater = |a: f64, b: f64| if a.abs() > b.abs() { a.abs() } else { b.abs() };
+        let (bent_x, bent_y) = self.bend(x, y);
+        let (miss_x, miss_y) = (xd - bent_x, yd - bent_y);
+        let near = greater(miss_x, miss_y) <= 1e-12 * (1.0 + greater(xd, yd));
+        // The inverse of a two by two matrix, written out.
+        let j = self.jacobian(x, y);
+        let (a, b, c, d) = (j[(0, 0)], j[(0, 1)], j[(1, 0)], j[(1, 1)]);
+        let over = 1.0 / (a * d - b * c);
+        let (next_x, next_y) = (x + (d * miss_x - b * miss_y) * over, y + (a * miss_y - c * miss_x) * over);
+        (near, (if near { x } else { next_x }, if near { y } else { next_y }))
+    }
+
+    #[cold]
     fn unbend_safely(&self, target: &Vector2<f64>) -> Option<(f64, f64)> {
         let mut point = target * self.radial_scale(target.norm());
         for _ in 0..50 {

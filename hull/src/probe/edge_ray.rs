@@ -19,12 +19,7 @@ pub fn normalised(camera: &Camera, frame: &Frame, column: &[i32; LANES], row: &[
         y[at] = (f64::from(row[at]) - cy) / fy;
         x[at] = (f64::from(column[at]) - cx - skew * y[at]) / fx;
     }
-    if !frame.straight {
-        for at in 0..LANES {
-            (x[at], y[at]) = camera.lens().undistort(x[at], y[at]).unwrap_or((f64::NAN, f64::NAN));
-        }
-    }
-    [x, y]
+    camera.lens().undistort_lanes(x, y)
 }
 
 /// How far the rays through normalised coordinates pass points of the world, metres.

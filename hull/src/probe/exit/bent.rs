@@ -21,6 +21,9 @@ impl View {
         let per_pixel = 1.0 / (1.000_001 * bounds.stretch);
         let ray = Ray::new(self, a, n);
         let mut here = ray.seen(0.0)?;
+        if limit_m < ray.most_m && ray.seen(limit_m).is_ok_and(|end| ray.is_clear_between(&here, &end)) {
+            return Ok(None);
+        }
         while here.t < limit_m {
             if here.camera.z < NEAREST_M {
                 return Err(Unseen);
@@ -80,6 +83,18 @@ impl<'a> Ray<'a> {
         let at = self.start + self.step * t;
         let image = self.view.camera().image_from_camera(&at).ok_or(Unseen)?;
         Ok(Sighted { t, camera: at, image, pixel: Pixel::holding(image.x, image.y) })
+    }
+
+    /// True if nothing but foreground is between two places: in the chord's rectangle, larger by as much as
+    /// the ray's image may be away from its chord.
+    #[inline(always)]
+    fn is_clear_between(&self, a: &Sighted, b: &Sighted) -> bool {
+        let across = b.camera.xy() / b.camera.z - a.camera.xy() / a.camera.z;
+        let bow = 0.1251 * self.view.observer().bend_pixels() * across.norm_squared() + 1e-9;
+        let (low, high) = (a.image.inf(&b.image), a.image.sup(&b.image));
+        let low = Pixel::holding(low.x - bow, low.y - bow);
+        let high = Pixel::holding(high.x + bow, high.y + bow);
+        self.view.foreground().map().all_ones(low, high)
     }
 
     /// How far the ray goes on until it is `apart` from there in normalised coordinates; not so far that

@@ -82,7 +82,8 @@ impl<'a> Span<'a> {
         let sign = if parabola.length > 0.0 { 1 } else { -1 };
         let edge_of = |step: i32| f64::from(first) + f64::from(sign) * (f64::from(step) - 0.5);
         let last = (last - first).abs();
-        let steps = last.min(parabola.steps_until(self.share(limit_m)));
+        let limit = self.share(limit_m);
+        let steps = last.min(parabola.steps_until(limit));
         let entered = |step: i32| {
             if step > last {
                 return end;
@@ -93,14 +94,14 @@ impl<'a> Span<'a> {
             if low == high {
                 return low;
             }
-            let share = self.root(major, edge, sign, parabola.share(edge - parabola.from), (0.0, 1.0));
-            floor(self.image(share).0[minor] + 0.5)
+            self.entered(major, edge, sign, parabola.share(edge - parabola.from))
         };
         let track = Track { first, sign, steps, shrink: parabola.shrink(self.bend) };
-        let share = match track.first_crossing::<ACROSS>(foreground, start, entered)? {
+        let crossing = track.first_crossing::<ACROSS>(foreground, start, entered)?;
+        let (axis, edge, sign, guess, range) = match crossing {
             Crossing::Along(left) => {
                 let edge = f64::from(left) + 0.5 * f64::from(sign);
-                self.root(major, edge, sign, parabola.share(edge - parabola.from), (0.0, 1.0))
+                (major, edge, sign, parabola.share(edge - parabola.from), (0.0, 1.0))
             }
             Crossing::Beside { step, left, down } => {
                 let edge = f64::from(left) + 0.5 * f64::from(down);
@@ -110,10 +111,19 @@ impl<'a> Span<'a> {
                 let guess = low + (high - low) * ((edge - a) / (b - a));
                 let slack = 0.1 / parabola.length.abs();
                 let range = (parabola.share(low) - slack, parabola.share(high) + slack);
-                self.root(minor, edge, down, parabola.share(guess), range)
+                (minor, edge, down, parabola.share(guess), range)
             }
         };
-        Some(self.t(share))
+        let is_beyond = guess - parabola.error / parabola.length.abs() > limit;
+        (!is_beyond).then(|| self.t(self.root(axis, edge, sign, guess, range)))
+    }
+
+    /// The pixel of the other axis in which the image crosses an edge, where the parabola leaves that in doubt.
+    #[cold]
+    #[inline(never)]
+    fn entered(&self, major: usize, edge: f64, sign: i32, guess: f64) -> i32 {
+        let share = self.root(major, edge, sign, guess, (0.0, 1.0));
+        floor(self.image(share).0[1 - major] + 0.5)
     }
 
     /// Where the image crosses an edge of an axis, upwards if `sign` is one: Newton's steps from a guess,
