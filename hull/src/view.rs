@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use crate::camera::{Camera, Pixel};
 use crate::cull::Frustum;
+use crate::probe::classify::Sieve;
 use crate::probe::frame::Frame;
 use crate::rule::{OutOfView, ProbeSettings};
 use crate::silhouette::{BitMap, Index, PixelRect, Silhouette};
@@ -53,7 +54,6 @@ impl Observer {
         let bounds = Bounds::of(&camera, pad);
         Observer {
             frame: Frame::of(&camera),
-            camera,
             rig_index,
             settings,
             ignored: ignored.map(|mask| BitMap::foreground(mask, 0)),
@@ -61,6 +61,7 @@ impl Observer {
             blocked,
             window_pixels,
             bounds,
+            camera,
         }
     }
 
@@ -124,6 +125,7 @@ impl Observer {
 pub struct View {
     observer: Arc<Observer>,
     foreground: Index,
+    sieve: Sieve,
     /// Zero where a pixel is a candidate for the background edge; `None` if that is the foreground.
     candidates: Option<Index>,
     frustum: Option<Frustum>,
@@ -134,6 +136,7 @@ impl View {
     /// Prepares a frame for probing. The silhouette must have the camera's size.
     pub fn new(observer: Arc<Observer>, silhouette: &Silhouette) -> View {
         let foreground = Index::foreground(silhouette, 1);
+        let sieve = Sieve::new(&observer.frame, &observer.bounds, foreground.map(), silhouette.bounds());
         let candidates = observer.blocked.as_ref().map(|blocked| {
             let mut map = blocked.clone();
             map.add(silhouette);
@@ -141,7 +144,7 @@ impl View {
         });
         let admitted = observer.admitted(silhouette.bounds());
         let frustum = admitted.map(|rect| Frustum::of(&observer.camera, rect));
-        View { observer, foreground, candidates, frustum, has_foreground: silhouette.area() > 0 }
+        View { observer, foreground, sieve, candidates, frustum, has_foreground: silhouette.area() > 0 }
     }
 
     /// The fixed side of this camera.
@@ -160,6 +163,12 @@ impl View {
     #[inline]
     pub(crate) fn frame(&self) -> &Frame {
         &self.observer.frame
+    }
+
+    /// What tells most points inside or outside without a pixel.
+    #[inline]
+    pub(crate) fn sieve(&self) -> &Sieve {
+        &self.sieve
     }
 
     /// Ones at foreground pixels, zeros elsewhere.

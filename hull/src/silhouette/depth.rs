@@ -19,7 +19,7 @@ const MAX_LEVEL: usize = 120;
 /// What is read beyond a level when a word is.
 const PADDING: usize = 3;
 /// The level of a cell without any ones.
-pub(crate) const EMPTY: u8 = u8::MAX;
+const EMPTY: u8 = u8::MAX;
 /// Binary digits of a level.
 const DIGITS: usize = 7;
 
@@ -82,13 +82,6 @@ impl Depth {
     #[inline]
     pub(crate) fn not_full(&self) -> &BitMap {
         &self.not_full
-    }
-
-    /// Two to this are pixels of a cell's side; the first column and row of cells, in cells; how many there
-    /// are; their levels row by row, with room for a word to be read at the last one.
-    #[inline(always)]
-    pub(crate) fn cells(&self) -> (u32, [i32; 2], [usize; 2], &[u8]) {
-        (self.shift, [self.left, self.top], [self.columns, self.rows], &self.levels)
     }
 
     /// The level of the cell that holds a pixel.

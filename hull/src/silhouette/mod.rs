@@ -4,13 +4,14 @@ mod bitmap;
 mod bytes;
 mod depth;
 mod index;
+mod sketch;
 
 pub use bitmap::BitMap;
 pub(crate) use bitmap::STRIP;
 pub use bytes::DecodeError;
 pub use depth::Depth;
-pub(crate) use depth::EMPTY;
 pub use index::Index;
+pub(crate) use sketch::{CODES, COLUMNS, ROWS, SIDES as SKETCH_SIDES, Sketch, UNKNOWN, UNSEEN};
 
 use thiserror::Error;
 

@@ -10,6 +10,8 @@ use crate::camera::Camera;
 pub(crate) struct Bounds {
     /// No image moves faster than this, pixels; over the padded image alone.
     pub stretch: f64,
+    /// The normalised radius of the padded image, if its lens bends.
+    pub reach: f64,
     /// On the second derivative along a line, pixels.
     pub bend: f64,
     /// On the third, pixels.
@@ -32,9 +34,11 @@ impl Bounds {
     pub fn of(camera: &Camera, pad: u32) -> Bounds {
         let affine = affine_stretch(camera);
         if camera.lens().is_straight() {
-            return Bounds { stretch: affine, bend: 0.0, twist: 0.0, span: f64::INFINITY };
+            let endless = f64::INFINITY;
+            return Bounds { stretch: affine, reach: endless, bend: 0.0, twist: 0.0, span: endless };
         }
-        let r = reach(camera, pad);
+        let reach = reach(camera, pad);
+        let r = reach;
         let [k1, k2, p1, p2, k3] = camera.lens().coefficients();
         let tangential = p1.abs() + p2.abs();
         // Across and along the radius.
@@ -46,7 +50,7 @@ impl Bounds {
         let bend = affine * (r * (6.0 * k1 + s * (20.0 * k2 + s * 42.0 * k3)) + 8.0 * tangential);
         let twist = affine * (6.0 * k1 + s * (60.0 * k2 + s * 210.0 * k3));
         let span = LONGEST_SPAN.min((SPAN_TWIST_PIXELS / twist).cbrt()).min(SPAN_BEND * affine / bend);
-        Bounds { stretch, bend, twist, span }
+        Bounds { stretch, reach, bend, twist, span }
     }
 }
 

@@ -167,10 +167,9 @@ impl ViewSet {
         standings.resize(first + points.len(), Standing::OUTSIDE);
         let all = Standing::inside(self.views.len());
         for from in (0..points.len()).step_by(BLOCK) {
-            block.load(points, from, (first + from) as u32);
-            block.keep_inside(&self.views, &self.rejecting, self.path);
+            block.keep_inside(points, from, &self.views, &self.rejecting, self.path);
             for &place in block.places() {
-                standings[place as usize] = all;
+                standings[first + from + place as usize] = all;
             }
         }
     }
