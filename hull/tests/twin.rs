@@ -3,15 +3,20 @@
 
 mod common;
 
+use std::sync::Arc;
+
 use common::{Dice, random_rig};
 use hull::cull::WorldBox;
-use hull::oracle::brute;
+use hull::oracle::{DenseView, brute};
 use hull::pass::{BodyResult, Pass, Reaches};
 use hull::probe::exit::along;
-use hull::question::{Answer, Points};
+use hull::question::{Answer, Batch, Kind, NO_EXIT_M, Points, Question};
+use hull::reach::Reach;
 use hull::view_set::Scratch;
-use hull::{HullRule, NormalWindow, OutOfView, ProbeSettings, VectorPath, ViewSet};
-use nalgebra::{Point3, Vector3};
+use hull::{
+    Camera, HullRule, NormalWindow, Observer, OutOfView, ProbeSettings, Silhouette, VectorPath, View, ViewSet,
+};
+use nalgebra::{Matrix3, Point3, Vector3};
 
 const MARCH_M: f64 = 5e-4;
 
@@ -75,7 +80,7 @@ fn check(seed: u64, settings: ProbeSettings, with_ignored: bool) -> (usize, usiz
 
 /// The contract of an exit: not inside at t, inside just before, and inside at all marched points up to it.
 fn exit_holds(
-    dense: &[hull::oracle::DenseView],
+    dense: &[DenseView],
     settings: &ProbeSettings,
     a: &Point3<f64>,
     n: &Vector3<f64>,
@@ -121,4 +126,50 @@ fn answers_equal_the_twin_with_ignore_masks() {
 fn answers_equal_the_twin_when_cameras_abstain() {
     check_many(settings(OutOfView::Abstain, 2), true);
     check_many(settings(OutOfView::Abstain, 1), false);
+}
+
+#[test]
+fn rays_that_pass_beside_or_behind_a_camera_leave_before_it() {
+    let settings = settings(OutOfView::Outside, 1);
+    for lens in [[0.0; 5], [-0.2, 0.02, 0.001, -0.001, 0.0]] {
+        let k = Matrix3::new(100.0, 0.0, 60.0, 0.0, 100.0, 45.0, 0.0, 0.0, 1.0);
+        let camera =
+            Camera::new("near", (120, 90), k, lens, Vector3::zeros(), Vector3::zeros()).expect("valid");
+        let mask = vec![255; 120 * 90];
+        let silhouette = Silhouette::from_mask(120, 90, &mask).expect("size");
+        let observer = Observer::new(camera.clone(), 0, settings, None);
+        let views = vec![View::new(Arc::new(observer), &silhouette)];
+        let dense = [DenseView { camera, mask, ignored: None }];
+        let mut dice = Dice(77);
+        let mut ray = || {
+            let depth_m = dice.between(0.1, 0.7);
+            let point = [depth_m * dice.between(-0.3, 0.3), depth_m * dice.between(-0.3, 0.3), depth_m];
+            let [x, y] = [(); 2].map(|()| dice.between(-0.6, 0.6));
+            (point, Vector3::new(x, y, -1.0).normalize().map(|part| part as f32))
+        };
+        let rays: Vec<_> = (0..200).map(|_| ray()).collect();
+        let points: Vec<[f64; 3]> = rays.iter().map(|(point, _)| *point).collect();
+        let question = Question {
+            kind: Kind::Exits,
+            batches: vec![Batch::all(Points::World(points.into()))],
+            directions: rays.iter().map(|(_, direction)| (*direction).into()).collect(),
+            ..Question::default()
+        };
+        for path in VectorPath::ALL.into_iter().filter(|path| path.is_available()) {
+            let set = ViewSet::new(views.clone()).with_path(path);
+            for reach_m in [None, Some(0.9)] {
+                let within = reach_m.map_or(vec![], |reach_m| vec![Reach::covering(reach_m); rays.len()]);
+                let question = Question { within, ..question.clone() };
+                let mut answer = Answer::default();
+                set.answer(&question, &mut Scratch::default(), &mut answer);
+                for ((point, direction), &exit_m) in rays.iter().zip(&answer.exits_m) {
+                    let (a, n) = (Point3::from(*point), direction.map(f64::from));
+                    let found = (exit_m != NO_EXIT_M).then_some(exit_m);
+                    let twin_m = brute::exit(&dense, &settings, &a, &n, MARCH_M);
+                    assert!(twin_m.is_some(), "every ray leaves");
+                    assert!(exit_holds(&dense, &settings, &a, &n, found, twin_m), "{point:?} {n:?} {path:?}");
+                }
+            }
+        }
+    }
 }
