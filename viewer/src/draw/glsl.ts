@@ -313,10 +313,13 @@ vec4 photo(vec3 P, vec3 normal, vec3 eyeDir, float slack) {
     vec2 past = max(-px, px - CAM(k, 6).yz);
     if (max(past.x, past.y) > 0.0) continue;
     vec3 toCam = normalize(CAM(k, 11).xyz - P);
+    float facing = dot(normal, toCam);
+    // Who looks at the back of it has no say, unless nobody looks at its front.
+    if (facing < -0.6) continue;
     // Never quite nothing: a colour is better than none.
-    float w = 1e-4 + visible(k, n, X.z, slack);
-    w *= 1e-3 + smoothstep(-1.0, 3.5, -fieldAt(k, px));
-    w *= 0.02 + smoothstep(0.03, 0.45, dot(normal, toCam));
+    float w = 1e-3 + smoothstep(-1.0, 3.5, -fieldAt(k, px));
+    w *= 0.02 + smoothstep(0.03, 0.45, facing);
+    w *= 1e-4 + (w > 1e-4 ? visible(k, n, X.z, slack) : 0.0);
     base[k] = w;
     angle[k] = acos(clamp(dot(toCam, -eyeDir), -1.0, 1.0));
     place[k] = px;
@@ -413,6 +416,10 @@ out vec4 depth;
 void main() {
   vec4 box = CAM(uCamera, 10);
   vec2 n = box.xy + gl_FragCoord.xy / uMap * (box.zw - box.xy);
+  // Beside its own silhouette a camera sees nothing of the hull; a texel of margin for those that are shared.
+  depth = vec4(0.0);
+  vec2 texel = (CAM(uCamera, 7).zw - CAM(uCamera, 7).xy) / uMap;
+  if (fieldAt(uCamera, toImage(uCamera, n)) > max(texel.x, texel.y)) return;
   vec3 dir = CAM(uCamera, 0).xyz * n.x + CAM(uCamera, 1).xyz * n.y + CAM(uCamera, 2).xyz;
   float stretch = length(dir);
   dir /= stretch;
@@ -426,7 +433,7 @@ void main() {
     if (h <= 0.002) { hit = true; break; }
     t += max(h, 0.006);
   }
-  if (!hit) { depth = vec4(0.0); return; }
+  if (!hit) return;
   depth = vec4(pack16(t / stretch / uDepthRange), 1.0, 1.0);
 }
 `;

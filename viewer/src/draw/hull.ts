@@ -44,8 +44,8 @@ const DEPTH_RANGE_M = 40;
 /** Pixels a side of a cell of the first pass; the surface pass counts on it. */
 const CELL = 4;
 const TILE = 8;
-/** Depth maps are this large. */
-const MAP = 96;
+/** Depth maps are this large: about a quarter of the silhouettes' own pixels. */
+const MAPS = [64, 96, 128] as const;
 
 /** From where and through what a picture is taken. */
 export interface Eye {
@@ -126,6 +126,8 @@ export class HullView {
   private targets: Targets | null = null;
   private reading: WebGLRenderTarget | null = null;
   private mapsAreOld = true;
+  /** The longest side of the fields, texels. */
+  private fieldSide = 1;
   private hasColour = false;
   /** Counts frame sets: with the view, what the picture in the targets is of. */
   private version = 0;
@@ -138,7 +140,7 @@ export class HullView {
     this.block = new CameraBlock(cameras);
     this.fields = new Layers(cameras.length, "field");
     this.images = new Layers(cameras.length, "image");
-    this.depths = new WebGLArrayRenderTarget(MAP, MAP, Math.max(1, cameras.length), {
+    this.depths = new WebGLArrayRenderTarget(MAPS[0], MAPS[0], Math.max(1, cameras.length), {
       minFilter: NearestFilter,
       magFilter: NearestFilter,
       colorSpace: NoColorSpace,
@@ -178,7 +180,7 @@ export class HullView {
     });
     this.surface.depthTest = true;
     this.surface.depthWrite = true;
-    this.depth = this.material(glsl.QUAD_VERTEX, glsl.DEPTH_FRAGMENT, { ...this.common, uCamera: { value: 0 }, uMap: { value: new Vector2(MAP, MAP) }, uPart: whole() });
+    this.depth = this.material(glsl.QUAD_VERTEX, glsl.DEPTH_FRAGMENT, { ...this.common, uCamera: { value: 0 }, uMap: { value: new Vector2() }, uPart: whole() });
     this.read = this.material(glsl.QUAD_VERTEX, glsl.READ_FRAGMENT, { uSurface: { value: null }, uFrom: { value: new Vector2() }, uPart: whole() }, false);
     this.composing = this.material(
       glsl.QUAD_VERTEX,
@@ -215,6 +217,7 @@ export class HullView {
       imageWidth = Math.max(imageWidth, part.image?.width ?? 1);
       imageHeight = Math.max(imageHeight, part.image?.height ?? 1);
     }
+    this.fieldSide = Math.max(fieldWidth, fieldHeight);
     this.fields.fit(fieldWidth, fieldHeight);
     this.images.fit(imageWidth, imageHeight);
     this.common.uField.value = this.fields.texture;
@@ -408,6 +411,9 @@ export class HullView {
 
   private drawMaps(renderer: WebGLRenderer): void {
     this.mapsAreOld = false;
+    const side = MAPS.find((map) => map * 5 >= this.fieldSide) ?? MAPS[2];
+    if (this.depths.width !== side) this.depths.setSize(side, side, Math.max(1, this.block.count));
+    (this.depth.uniforms.uMap.value as Vector2).set(side, side);
     for (let k = 0; k < this.block.count; k++) {
       if (!this.block.hasField(k)) continue;
       this.depth.uniforms.uCamera.value = k;
