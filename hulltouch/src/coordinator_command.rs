@@ -7,6 +7,7 @@ use clap::Args;
 
 use crate::failure::{Failure, Outcome};
 use crate::node::read_cluster_file;
+use crate::record::RecordOptions;
 use crate::run::{AskName, ResponseName, Setup, TransportName, check_response, run_deployed};
 
 /// Ask the nodes of a cluster file, merge their answers and step the world.
@@ -40,6 +41,8 @@ pub struct CoordinatorArguments {
     /// Write pictures from a viewpoint between the cameras, one a second of film.
     #[arg(long, value_name = "DIR")]
     snapshot: Option<PathBuf>,
+    #[command(flatten)]
+    record: RecordOptions,
 }
 
 /// Runs until film or time ends.
@@ -64,6 +67,7 @@ pub fn run(arguments: &CoordinatorArguments) -> Outcome {
         live_line: true,
         json: arguments.json.clone(),
         snapshots: arguments.snapshot.clone(),
+        record: arguments.record.checked()?,
     };
     run_deployed(&setup, patience)
 }

@@ -10,6 +10,7 @@ use crate::cluster_file::ClusterFile;
 use crate::coordinator_command::checked_seconds;
 use crate::failure::{Failure, Outcome};
 use crate::node::read_cluster_file;
+use crate::record::RecordOptions;
 use crate::run::{AskName, PrecisionName, ResponseName, Setup, TransportName, check_response, run_locally};
 
 /// From capture to the step that sees it: rendering and segmenting eight cameras on two cores takes
@@ -24,18 +25,8 @@ const EMPTY_RECORDING_S: f64 = 4.0;
     hulltouch demo --scene crowd --seconds 10 --snapshot pics\n  \
     hulltouch demo --recording deploy/uu_horseman.cluster.toml --unpaced --headless --json out.json")]
 pub struct DemoArguments {
-    /// A scene by name (topple, lift, crowd) or a scene file [default: topple, or the recording's].
-    #[arg(long, value_name = "NAME|FILE")]
-    scene: Option<String>,
-    /// How many cameras the studio has.
-    #[arg(long, default_value_t = 8, conflicts_with = "recording")]
-    cameras: usize,
-    /// The size of their images.
-    #[arg(long, default_value = "640x480", value_name = "WxH", value_parser = parse_size, conflicts_with = "recording")]
-    size: (u32, u32),
-    /// Frames per second.
-    #[arg(long, default_value_t = 30.0, value_name = "F", conflicts_with = "recording")]
-    fps: f64,
+    #[command(flatten)]
+    studio: StudioArguments,
     /// End after so many seconds of film [default: on Ctrl-C, or when a recording ends].
     #[arg(long, value_name = "S")]
     seconds: Option<f64>,
@@ -57,9 +48,6 @@ pub struct DemoArguments {
     /// How bodies answer the hull.
     #[arg(long, value_enum, default_value = "paper")]
     response: ResponseName,
-    /// Decides what a run leaves to chance [default: 1, or the recording's].
-    #[arg(long, value_name = "K")]
-    seed: Option<u64>,
     /// Play a cluster file (rig, a source for each camera, background, scene) instead of the studio.
     #[arg(long, value_name = "CLUSTER.toml")]
     recording: Option<PathBuf>,
@@ -72,6 +60,28 @@ pub struct DemoArguments {
     /// Write pictures from a viewpoint between the cameras, one a second of film.
     #[arg(long, value_name = "DIR")]
     snapshot: Option<PathBuf>,
+    #[command(flatten)]
+    record: RecordOptions,
+}
+
+/// The synthetic studio, and what decides a run in it.
+#[derive(Debug, Args)]
+pub struct StudioArguments {
+    /// A scene by name (topple, lift, crowd) or a scene file [default: topple, or the cluster file's].
+    #[arg(long, value_name = "NAME|FILE")]
+    scene: Option<String>,
+    /// How many cameras the studio has.
+    #[arg(long, default_value_t = 8, conflicts_with = "recording")]
+    cameras: usize,
+    /// The size of their images.
+    #[arg(long, default_value = "640x480", value_name = "WxH", value_parser = parse_size, conflicts_with = "recording")]
+    size: (u32, u32),
+    /// Frames per second.
+    #[arg(long, default_value_t = 30.0, value_name = "F", conflicts_with = "recording")]
+    fps: f64,
+    /// Decides what a run leaves to chance [default: 1, or the cluster file's].
+    #[arg(long, value_name = "K")]
+    pub seed: Option<u64>,
 }
 
 /// Runs until film or time ends, or Ctrl-C.
@@ -83,14 +93,18 @@ pub fn run(arguments: DemoArguments) -> Outcome {
     }
     let studio = tempfile::tempdir().map_err(Failure::run)?;
     let (mut file, scene) = match &arguments.recording {
-        Some(path) => recording(path, &arguments)?,
-        None => synthetic(studio.path(), &arguments)?,
+        Some(path) => arguments.studio.cluster(path)?,
+        None => arguments.studio.synthetic(studio.path())?,
     };
+    if arguments.empty && arguments.recording.is_some() {
+        // A background clip may be a single plate: it is held for as long as the run is to last.
+        file.hold_s = arguments.seconds.unwrap_or(EMPTY_RECORDING_S);
+    }
     if let Some(precision) = arguments.precision {
         file.precision = precision.into();
     }
     let setup = Setup {
-        seed: arguments.seed.or(file.seed).unwrap_or(1),
+        seed: arguments.studio.seed.or(file.seed).unwrap_or(1),
         file,
         scene,
         transport: arguments.transport,
@@ -101,62 +115,66 @@ pub fn run(arguments: DemoArguments) -> Outcome {
         live_line: !arguments.headless,
         json: arguments.json,
         snapshots: arguments.snapshot,
+        record: arguments.record.checked()?,
     };
     run_locally(&setup)
 }
 
-fn recording(path: &Path, arguments: &DemoArguments) -> Outcome<(ClusterFile, Scene)> {
-    let mut file = read_cluster_file(path)?;
-    let scene = match &arguments.scene {
-        Some(scene) => load_scene(scene)?,
-        None => file.load_scene().map_err(Failure::input)?,
-    };
-    if arguments.empty {
-        // A background clip may be a single plate: it is held for as long as the run is to last.
-        file.hold_s = arguments.seconds.unwrap_or(EMPTY_RECORDING_S);
+impl StudioArguments {
+    /// A cluster file and its scene, or another one.
+    pub fn cluster(&self, path: &Path) -> Outcome<(ClusterFile, Scene)> {
+        let file = read_cluster_file(path)?;
+        let scene = match &self.scene {
+            Some(scene) => load_scene(scene)?,
+            None => file.load_scene().map_err(Failure::input)?,
+        };
+        Ok((file, scene))
     }
-    Ok((file, scene))
-}
 
-/// Writes the studio's cluster file into a folder of its own, for the node processes to read.
-fn synthetic(folder: &Path, arguments: &DemoArguments) -> Outcome<(ClusterFile, Scene)> {
-    let scene = load_scene(arguments.scene.as_deref().unwrap_or("topple"))?;
-    if !(1..=64).contains(&arguments.cameras) {
-        let found = arguments.cameras;
-        return Err(Failure::input(format_args!("--cameras is {found}, expected 1 to 64")));
-    }
-    if !(arguments.fps >= 1.0 && arguments.fps <= 1000.0) {
-        return Err(Failure::input(format_args!("--fps is {}, expected 1 to 1000", arguments.fps)));
-    }
-    let rig = studio_rig(arguments.cameras, arguments.size)
-        .map_err(|error| Failure::input(format_args!("--size: {error}")))?;
-    let stage = scene.stage().cloned().unwrap_or_default();
-    let motion: Motion = if stage.motion.is_empty() {
-        Motion::default()
-    } else {
-        stage.motion.parse().map_err(|error| Failure::input(format_args!("scene, stage.motion: {error}")))?
-    };
-    for prop in &stage.props {
-        prop.parse::<Prop>().map_err(|error| Failure::input(format_args!("scene, stage.props: {error}")))?;
-    }
-    let seed = arguments.seed.unwrap_or(1);
-    let mut text = format!(
-        "rig = \"rig.toml\"\nscene = \"topple\"\nfps = {:?}\nlatency_s = {DEMO_LATENCY_S}\nmin_views = {}\n",
-        arguments.fps,
-        arguments.cameras.min(2),
-    );
-    for camera in rig.cameras() {
-        text += &format!(
-            "[[camera]]\nname = {:?}\nsource = {{ kind = \"stage\", motion = \"{motion}\", props = {:?}, seed = {seed} }}\n",
-            camera.name(),
-            stage.props,
+    /// Writes the studio's cluster file into a folder of its own, for the node processes to read.
+    pub fn synthetic(&self, folder: &Path) -> Outcome<(ClusterFile, Scene)> {
+        let scene = load_scene(self.scene.as_deref().unwrap_or("topple"))?;
+        if !(1..=64).contains(&self.cameras) {
+            let found = self.cameras;
+            return Err(Failure::input(format_args!("--cameras is {found}, expected 1 to 64")));
+        }
+        if !(self.fps >= 1.0 && self.fps <= 1000.0) {
+            return Err(Failure::input(format_args!("--fps is {}, expected 1 to 1000", self.fps)));
+        }
+        let rig = studio_rig(self.cameras, self.size)
+            .map_err(|error| Failure::input(format_args!("--size: {error}")))?;
+        let stage = scene.stage().cloned().unwrap_or_default();
+        let motion: Motion = if stage.motion.is_empty() {
+            Motion::default()
+        } else {
+            stage
+                .motion
+                .parse()
+                .map_err(|error| Failure::input(format_args!("scene, stage.motion: {error}")))?
+        };
+        for prop in &stage.props {
+            prop.parse::<Prop>()
+                .map_err(|error| Failure::input(format_args!("scene, stage.props: {error}")))?;
+        }
+        let seed = self.seed.unwrap_or(1);
+        let mut text = format!(
+            "rig = \"rig.toml\"\nscene = \"topple\"\nfps = {:?}\nlatency_s = {DEMO_LATENCY_S}\nmin_views = {}\n",
+            self.fps,
+            self.cameras.min(2),
         );
+        for camera in rig.cameras() {
+            text += &format!(
+                "[[camera]]\nname = {:?}\nsource = {{ kind = \"stage\", motion = \"{motion}\", props = {:?}, seed = {seed} }}\n",
+                camera.name(),
+                stage.props,
+            );
+        }
+        let path = folder.join("studio.cluster.toml");
+        std::fs::write(folder.join("rig.toml"), rig.to_toml())
+            .map_err(|error| Failure::unwritable(folder, error))?;
+        std::fs::write(&path, text).map_err(|error| Failure::unwritable(&path, error))?;
+        Ok((read_cluster_file(&path)?, scene))
     }
-    let path = folder.join("studio.cluster.toml");
-    std::fs::write(folder.join("rig.toml"), rig.to_toml())
-        .map_err(|error| Failure::unwritable(folder, error))?;
-    std::fs::write(&path, text).map_err(|error| Failure::unwritable(&path, error))?;
-    Ok((read_cluster_file(&path)?, scene))
 }
 
 /// A scene by name, or from a file.

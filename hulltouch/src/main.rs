@@ -13,6 +13,8 @@ mod local;
 mod node;
 mod picture;
 mod query;
+mod record;
+mod replay;
 mod report;
 mod rig;
 mod run;
@@ -38,6 +40,8 @@ enum Command {
     Demo(demo::DemoArguments),
     Node(node::NodeArguments),
     Coordinator(coordinator_command::CoordinatorArguments),
+    Record(record::RecordArguments),
+    Replay(replay::ReplayArguments),
     Rig(rig::RigArguments),
     Query(query::QueryArguments),
     Bench(bench::BenchArguments),
@@ -50,6 +54,8 @@ fn main() -> ExitCode {
         Command::Demo(arguments) => demo::run(arguments),
         Command::Node(arguments) => node::run(&arguments),
         Command::Coordinator(arguments) => coordinator_command::run(&arguments),
+        Command::Record(arguments) => record::run(arguments),
+        Command::Replay(arguments) => replay::run(&arguments),
         Command::Rig(arguments) => rig::run(&arguments),
         Command::Query(arguments) => query::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),

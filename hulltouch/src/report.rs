@@ -1,6 +1,7 @@
 //! What a run prints and writes: the JSON of spec'd keys, and a few lines for people.
 
 use coordinator::{Figures, Percentiles};
+use recording::Recorded;
 use serde_json::{Value, json};
 use sim::World;
 
@@ -136,4 +137,17 @@ pub fn summary(setup: &Setup, figures: &Figures, world: &World) -> String {
         );
     }
     text
+}
+
+/// What was recorded, in a line.
+pub fn recorded(file: &str, recorded: &Recorded) -> String {
+    let Recorded { steps, frames, frames_lost } = recorded;
+    let lost = if *frames_lost > 0 { format!(", {frames_lost} frames are missing") } else { String::new() };
+    format!("recorded in {file}: {steps} steps, {frames} frames{lost}\n")
+}
+
+/// The same as JSON.
+pub fn recorded_json(file: &str, recorded: &Recorded) -> Value {
+    let Recorded { steps, frames, frames_lost } = recorded;
+    json!({ "file": file, "steps": steps, "frames": frames, "frames_lost": frames_lost })
 }

@@ -5,16 +5,19 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use clap::ValueEnum;
+use coordinator::record::{Recorder, Schedule};
 use coordinator::{Asks, Coordinator, ExpectedNode, Progress, RunSettings, Snapshot, Transport, Watcher};
 use indicatif::{ProgressBar, ProgressStyle};
 use proto::convert::Precision;
+use recording::RecordingFile;
 use serde_json::Value;
-use sim::{ResponseMode, Scene, World, WorldSettings};
+use sim::{Scene, World, WorldSettings};
 
 use crate::cluster_file::ClusterFile;
 use crate::failure::{Failure, Outcome, check_writable, write_whole};
 use crate::local::{InProcess, LocalCluster, expected_node};
 use crate::node::{interrupted, node_config};
+use crate::record::{self, RecordTo};
 use crate::report::{self, Overlap};
 use crate::snapshot::Album;
 
@@ -101,6 +104,32 @@ pub struct Setup {
     pub json: Option<PathBuf>,
     /// Where pictures go.
     pub snapshots: Option<PathBuf>,
+    /// Where the run is recorded.
+    pub record: Option<RecordTo>,
+}
+
+/// What decides a run besides its set-up.
+pub struct Course {
+    /// The world's settings.
+    pub world: WorldSettings,
+    /// The whole rig's observers, in rig order.
+    pub observers: Vec<Arc<hull::Observer>>,
+    /// Who is told of every step.
+    pub recorder: Option<Box<dyn Recorder>>,
+    /// What the run follows.
+    pub schedule: Option<Box<dyn Schedule>>,
+    /// The file that the recorder fills.
+    pub file: Option<RecordingFile>,
+}
+
+/// A run that is over.
+pub struct Played {
+    /// Its figures.
+    pub json: Value,
+    /// The same in a few lines.
+    pub summary: String,
+    /// Why it failed, if it did.
+    pub failure: Option<Failure>,
 }
 
 /// Refuses what is not there yet.
@@ -145,7 +174,7 @@ pub fn run_deployed(setup: &Setup, patience: Duration) -> Outcome {
 }
 
 /// Says now what would fail at the end.
-fn prepare_outputs(setup: &Setup) -> Outcome {
+pub fn prepare_outputs(setup: &Setup) -> Outcome {
     if let Some(json) = &setup.json {
         check_writable("--json", json)?;
     }
@@ -188,16 +217,28 @@ fn run(
     transport: impl FnOnce(&World, Option<Vec<Arc<hull::Observer>>>) -> Transport,
     connect_patience: Duration,
 ) -> Outcome {
-    let surface = setup.scene.hull();
-    let settings = WorldSettings {
-        seed: setup.seed,
-        response: ResponseMode::Paper,
-        mirror_restitution: surface.restitution,
-        hull_friction: surface.friction,
-        ..WorldSettings::default()
-    };
-    let world = World::new(&setup.scene, settings).map_err(Failure::input)?;
-    let observers = observers(setup)?;
+    let world = WorldSettings { seed: setup.seed, ..WorldSettings::default() }.on(setup.scene.hull());
+    let mut course =
+        Course { world, observers: observers(setup)?, recorder: None, schedule: None, file: None };
+    if let Some(to) = &setup.record {
+        let (recorder, file) = record::begin(setup, to, world)?;
+        course.recorder = Some(Box::new(recorder));
+        course.file = Some(file);
+    }
+    let played = play(setup, course, transport, connect_patience)?;
+    played.tell(setup)?;
+    played.failure.map_or(Ok(()), Err)
+}
+
+/// Makes a run.
+pub fn play(
+    setup: &Setup,
+    course: Course,
+    transport: impl FnOnce(&World, Option<Vec<Arc<hull::Observer>>>) -> Transport,
+    connect_patience: Duration,
+) -> Outcome<Played> {
+    let Course { world, observers, recorder, schedule, file } = course;
+    let world = World::new(&setup.scene, world).map_err(Failure::input)?;
     let run_settings = RunSettings {
         probes: setup.file.probes,
         fps: setup.file.fps,
@@ -209,16 +250,29 @@ fn run(
             AskName::Frame => Asks::EachFrame,
             AskName::Step => Asks::EachStep,
         },
-        reuse_within_m: surface.reuse_within_m,
+        reuse_within_m: setup.scene.hull().reuse_within_m,
         connect_patience,
     };
     let mut watcher = Console::new(setup, &observers);
     let for_gather = (setup.transport == TransportName::Gather).then(|| observers.clone());
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::run)?;
-    let ran = runtime.block_on(async {
+    let (ran, recorded) = runtime.block_on(async {
         let transport = transport(&world, for_gather);
-        let coordinator = Coordinator::new(transport, world, observers, run_settings);
-        coordinator.run(&mut watcher, interrupted()).await
+        let mut coordinator = Coordinator::new(transport, world, observers, run_settings);
+        if let Some(recorder) = recorder {
+            coordinator = coordinator.with_recorder(recorder);
+        }
+        if let Some(schedule) = schedule {
+            coordinator = coordinator.with_schedule(schedule);
+        }
+        let ran = coordinator.run(&mut watcher, interrupted()).await;
+        // The last frames are still on their way to the file, over connections that live here.
+        let complete = file.map(|file| tokio::task::spawn_blocking(move || file.finish()));
+        let recorded = match complete {
+            Some(complete) => Some(complete.await),
+            None => None,
+        };
+        (ran, recorded)
     });
     watcher.line.finish_and_clear();
     let overlaps = match watcher.album {
@@ -226,18 +280,33 @@ fn run(
         None => Vec::new(),
     };
     let (figures, world) = ran.map_err(Failure::run)?;
-    let figures_json: Value = report::json(setup, &figures, &world, &overlaps);
-    if let Some(path) = &setup.json {
-        let text = serde_json::to_string_pretty(&figures_json).map_err(Failure::run)?;
-        write_whole(path, text.as_bytes())?;
+    let mut json: Value = report::json(setup, &figures, &world, &overlaps);
+    let mut summary = report::summary(setup, &figures, &world);
+    let mut failure =
+        figures.film_failure.as_ref().map(|why| Failure::run(format_args!("film failed: {why}")));
+    match recorded.transpose().map_err(Failure::run)? {
+        Some(Ok(recorded)) => {
+            let name = setup.record.as_ref().map_or_else(String::new, |to| to.path.display().to_string());
+            summary += &report::recorded(&name, &recorded);
+            json["recording"] = report::recorded_json(&name, &recorded);
+        }
+        Some(Err(error)) => failure = failure.or(Some(record::failure(error))),
+        None => {}
     }
-    use std::io::Write as _;
-    let summary = report::summary(setup, &figures, &world);
-    // A closed standard output is no reason to fail a run that went well.
-    let _ = std::io::stdout().write_all(summary.as_bytes());
-    match &figures.film_failure {
-        Some(why) => Err(Failure::run(format_args!("film failed: {why}"))),
-        None => Ok(()),
+    Ok(Played { json, summary, failure })
+}
+
+impl Played {
+    /// Prints and writes what is known of the run.
+    pub fn tell(&self, setup: &Setup) -> Outcome {
+        if let Some(path) = &setup.json {
+            let text = serde_json::to_string_pretty(&self.json).map_err(Failure::run)?;
+            write_whole(path, text.as_bytes())?;
+        }
+        use std::io::Write as _;
+        // A closed standard output is no reason to fail a run that went well.
+        let _ = std::io::stdout().write_all(self.summary.as_bytes());
+        Ok(())
     }
 }
 

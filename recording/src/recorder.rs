@@ -3,10 +3,8 @@
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use coordinator::live::Command;
 use coordinator::record::{EndRecord, FrameRecord, Recorder, StepRecord};
 use prost::Message;
-use sim::Scene;
 
 use crate::channels::Channel;
 use crate::convert::{self, RunHeader, command_to_message, vector};
@@ -38,7 +36,6 @@ pub struct RunRecorder {
     times: Times,
     sink: Sink,
     fetcher: Fetcher,
-    scene: Scene,
     bodies_due_s: f64,
     figures_due_s: f64,
     recent: Recent,
@@ -98,7 +95,6 @@ pub fn record(
         times,
         sink,
         fetcher,
-        scene: header.scene.clone(),
         bodies_due_s: 0.0,
         figures_due_s: FIGURES_EVERY_S,
         recent: Recent::default(),
@@ -117,14 +113,7 @@ impl Recorder for RunRecorder {
         let step = step_message(record);
         let mut entries = Vec::new();
         if self.is_first() || !record.commands.is_empty() {
-            let chosen = record.commands.iter().rev().find_map(|command| match command {
-                Command::Choose(scene) => Some(scene),
-                _ => None,
-            });
-            if let Some(scene) = chosen {
-                self.scene = scene.clone();
-            }
-            let scene = convert::scene(record.generation, &self.scene, record.world);
+            let scene = convert::scene(record.generation, record.world);
             entries.push(Entry::new(Channel::Scene, log_ns, &scene));
         }
         entries.push(Entry::new(Channel::Step, log_ns, &step));

@@ -2,16 +2,16 @@
 
 use coordinator::record::StepRecord;
 use nalgebra::Point3;
-use sim::{Body, Scene, World};
+use sim::{Body, World};
 
 use super::numbers::{colour, rotation, vector};
 use super::solid::solid;
 use crate::messages::{self, Bodies, BodyLook, Touch, Touches};
 
 /// What bodies there are.
-pub(crate) fn scene(generation: u32, scene: &Scene, world: &World) -> messages::Scene {
-    let look = |(id, body): (u32, &Body)| BodyLook {
-        id,
+pub(crate) fn scene(generation: u32, world: &World) -> messages::Scene {
+    let look = |body: &Body| BodyLook {
+        id: body.id,
         name: body.name.clone(),
         solid: Some(solid(&body.solid)),
         colour: Some(colour(body.color)),
@@ -19,20 +19,20 @@ pub(crate) fn scene(generation: u32, scene: &Scene, world: &World) -> messages::
     };
     messages::Scene {
         generation,
-        name: scene.name().to_owned(),
-        bodies: numbered(world).map(look).collect(),
+        name: world.scene().name().to_owned(),
+        bodies: world.bodies().iter().map(look).collect(),
         up: Some(vector(world.up())),
-        floor_m: scene.floor().map(|floor| floor.height_m),
+        floor_m: world.scene().floor().map(|floor| floor.height_m),
     }
 }
 
 /// Where all bodies are.
 pub(crate) fn bodies(record: &StepRecord<'_>) -> Bodies {
     let mut responses = record.responses.iter();
-    let body = |(id, body): (u32, &Body)| {
+    let body = |body: &Body| {
         let response = if body.fixed { None } else { responses.next() };
         messages::Body {
-            id,
+            id: body.id,
             position_m: Some(vector(body.pose.position_m())),
             rotation: Some(rotation(body.pose.rotation_xyzw())),
             velocity_m_s: Some(vector(body.velocity_m_s)),
@@ -46,21 +46,20 @@ pub(crate) fn bodies(record: &StepRecord<'_>) -> Bodies {
         step: record.step,
         film_s: record.film_s,
         frame: record.frame,
-        bodies: numbered(record.world).map(body).collect(),
+        bodies: record.world.bodies().iter().map(body).collect(),
     }
 }
 
 /// The samples that were inside the hull, where their bodies are after the step; `None` without any.
 pub(crate) fn touches(record: &StepRecord<'_>) -> Option<Touches> {
-    let moving = numbered(record.world).filter(|(_, body)| !body.fixed);
     let mut found = Vec::new();
-    for ((id, body), result) in moving.zip(record.results.unwrap_or_default()) {
+    for (body, result) in record.world.moving_bodies().zip(record.results.unwrap_or_default()) {
         let world_from_body = body.pose.world_from_body();
         let samples = body.shape.samples_body();
         found.extend(result.touches.iter().map(|touch| {
             let point: Point3<f64> = world_from_body(samples[touch.sample as usize]);
             Touch {
-                body: id,
+                body: body.id,
                 point_m: Some(vector(point.into())),
                 response_m: Some(vector(touch.response_m().unwrap_or_default())),
             }
@@ -68,9 +67,4 @@ pub(crate) fn touches(record: &StepRecord<'_>) -> Option<Touches> {
     }
     let is_any = !found.is_empty();
     is_any.then_some(Touches { step: record.step, film_s: record.film_s, touches: found })
-}
-
-/// All bodies with their numbers.
-fn numbered(world: &World) -> impl Iterator<Item = (u32, &Body)> {
-    (0..).zip(world.bodies())
 }

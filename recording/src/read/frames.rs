@@ -34,6 +34,8 @@ struct Inner {
     frames: VecDeque<Arc<Frame>>,
     state: FilmState,
     epoch_unix_s: f64,
+    /// The run may use frames up to this.
+    credited: u64,
 }
 
 /// A silhouette of an unpacked chunk, with its camera.
@@ -54,6 +56,7 @@ impl RecordedFrames {
             frames: VecDeque::new(),
             state: FilmState::Running,
             epoch_unix_s: header.began_unix_s,
+            credited: 0,
         };
         let (observers, fps) = (header.observers(), header.fps);
         Ok(RecordedFrames { index, observers, fps, inner: Mutex::new(inner), version: watch::Sender::new(0) })
@@ -151,21 +154,21 @@ impl LocalFrames for RecordedFrames {
         Ok(())
     }
 
-    /// Reads the frame, so that a step finds it.
     fn credit(&self, up_to_frame: u64) {
-        if self.frame(up_to_frame).is_some() {
-            self.version.send_modify(|version| *version += 1);
-        }
+        self.lock().credited = up_to_frame;
+        self.version.send_modify(|version| *version += 1);
     }
 
     fn watch(&self) -> watch::Receiver<u64> {
         self.version.subscribe()
     }
 
-    /// Those that are kept ready.
+    /// The last of those up to where the run may go. They are read when they are asked for.
     fn frames(&self) -> Vec<u64> {
-        let mut numbers: Vec<u64> = self.lock().frames.iter().map(|frame| frame.number).collect();
-        numbers.sort_unstable();
+        let credited = self.lock().credited;
+        let mut numbers: Vec<u64> =
+            self.index.frames.range(..=credited).rev().map(|(&frame, _)| frame).take(KEPT_FRAMES).collect();
+        numbers.reverse();
         numbers
     }
 

@@ -1,0 +1,193 @@
+//! Runs that are recorded and replayed: the same digest, files that other programs read, and files of runs that
+//! were killed.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use coordinator::Figures;
+use coordinator::record::{EndRecord, Recorder as _, StepRecord};
+use recording::{Overwrites, Recording};
+use serde_json::Value;
+use sim::{BodyResponse, World};
+
+fn hulltouch() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_hulltouch"))
+}
+
+fn figures(path: &Path) -> Value {
+    serde_json::from_str(&std::fs::read_to_string(path).expect("written")).expect("JSON")
+}
+
+fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// A short lock-step run of a small studio in a file; its figures.
+fn record(folder: &Path, more: &[&str]) -> (PathBuf, Value) {
+    let (file, json) = (folder.join("run.mcap"), folder.join("run.json"));
+    let output = hulltouch()
+        .args(["demo", "--cameras", "3", "--size", "320x240", "--seconds", "3", "--unpaced", "--headless"])
+        .arg("--record")
+        .arg(&file)
+        .arg("--json")
+        .arg(&json)
+        .args(more)
+        .output()
+        .expect("runs");
+    assert!(output.status.success(), "{}", said(&output));
+    (file, figures(&json))
+}
+
+fn replay(file: &Path, more: &[&str]) -> (Output, Value) {
+    let json = file.with_extension("replay.json");
+    let output = hulltouch()
+        .arg("replay")
+        .arg(file)
+        .args(["--headless", "--json"])
+        .arg(&json)
+        .args(more)
+        .output()
+        .expect("runs");
+    let figures = if output.status.success() { figures(&json) } else { Value::Null };
+    (output, figures)
+}
+
+#[test]
+fn a_replay_is_the_run_again() {
+    let folder = tempfile::tempdir().expect("folder");
+    let (file, run) = record(folder.path(), &[]);
+    assert!(run["inside_samples"].as_u64().expect("a number") > 20, "bodies meet the person");
+    assert_eq!((&run["recording"]["steps"], &run["recording"]["frames"]), (&run["steps"], &run["frames"]));
+    assert_eq!(run["recording"]["frames_lost"], 0);
+    for more in [&["--unpaced"][..], &[]] {
+        let (output, replayed) = replay(&file, more);
+        assert!(output.status.success(), "{}", said(&output));
+        for key in ["trajectory_digest", "steps", "frames", "inside_samples", "samples", "bodies"] {
+            assert_eq!(replayed[key], run[key], "{key}");
+        }
+        assert_eq!(
+            (&replayed["replay"]["given_steps"], &replayed["replay"]["cut_off"]),
+            (&Value::from(0), &Value::Null)
+        );
+        assert!(String::from_utf8_lossy(&output.stdout).contains("the same digest"));
+    }
+    let again = hulltouch().args(["record", "--seconds", "1"]).arg(&file).output().expect("runs");
+    assert_eq!(again.status.code(), Some(2), "a file that is there is not touched");
+    assert!(said(&again).contains("is there already"), "{}", said(&again));
+}
+
+#[test]
+fn rounded_answers_are_taken_as_they_were() {
+    let folder = tempfile::tempdir().expect("folder");
+    let (file, run) = record(folder.path(), &["--precision", "quantised"]);
+    let (output, replayed) = replay(&file, &["--unpaced"]);
+    assert!(output.status.success(), "{}", said(&output));
+    assert_eq!(replayed["trajectory_digest"], run["trajectory_digest"]);
+    assert!(replayed["replay"]["given_steps"].as_u64().expect("a number") > 300);
+    assert!(String::from_utf8_lossy(&output.stdout).contains("with the recorded answers"));
+}
+
+#[test]
+fn a_step_that_differs_is_named_and_the_replay_fails() {
+    let folder = tempfile::tempdir().expect("folder");
+    let (file, _) = record(folder.path(), &["--transport", "inprocess"]);
+    let mut header = Recording::open(&file).expect("a recording").header().clone();
+    let mut world = World::new(&header.scene, header.world).expect("a world");
+    header.world.seed += 1;
+    let other = folder.path().join("other.mcap");
+    let (mut recorder, recording) =
+        recording::record(&other, Overwrites::Never, &header).expect("a new file");
+    let responses = vec![BodyResponse::UNTOUCHED; world.moving_bodies().len()];
+    for step in 1..=30 {
+        world.step(&responses).expect("steps");
+        recorder.step(&StepRecord {
+            generation: 0,
+            step,
+            commands: &[],
+            film_s: world.time_s(),
+            slipped_s: 0.0,
+            frame: None,
+            responses: &responses,
+            results: None,
+            step_ms: 0.0,
+            world: &world,
+        });
+    }
+    recorder.end(&EndRecord { commands: &[], figures: &Figures::default(), world: &world });
+    recording.finish().expect("written");
+    let (output, _) = replay(&other, &["--unpaced"]);
+    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+    assert!(said(&output).contains("step 1 (0.008 s) differs"), "{}", said(&output));
+}
+
+#[test]
+fn a_run_that_is_killed_leaves_a_recording_up_to_its_last_moments() {
+    let folder = tempfile::tempdir().expect("folder");
+    let file = folder.path().join("run.mcap");
+    let mut demo = hulltouch()
+        .args(["demo", "--cameras", "3", "--size", "160x120", "--headless", "--record"])
+        .arg(&file)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("starts");
+    let deadline = Instant::now() + Duration::from_secs(120);
+    let film_s = || Recording::open(&file).map_or(0.0, |recording| recording.film_s());
+    while film_s() < 2.0 {
+        assert!(Instant::now() < deadline, "two seconds are recorded sooner or later");
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    let there_s = film_s();
+    demo.kill().expect("SIGKILL");
+    demo.wait().expect("it was killed");
+    let (output, replayed) = replay(&file, &["--unpaced"]);
+    assert!(output.status.success(), "{}", said(&output));
+    assert!(said(&output).contains("not complete"), "{}", said(&output));
+    let steps = replayed["replay"]["steps"].as_f64().expect("a number");
+    assert!(steps / 120.0 > there_s - 0.5, "{steps} steps, {there_s} s were on the disk");
+    assert_eq!(replayed["replay"]["difference"], Value::Null);
+    if let Some(found) = read_by_python(&file, &["--stream"]) {
+        assert_eq!(
+            (&found["cut_off"], &found["channels"]["/step"]),
+            (&Value::from(true), &replayed["replay"]["steps"])
+        );
+    }
+}
+
+#[test]
+fn python_reads_every_message() {
+    let folder = tempfile::tempdir().expect("folder");
+    let (file, run) = record(folder.path(), &[]);
+    let Some(found) = read_by_python(&file, &[]) else { return };
+    let channels = &found["channels"];
+    assert_eq!(channels["/step"], run["steps"]);
+    assert_eq!(found["digest"], run["trajectory_digest"]);
+    assert_eq!(found["inside_samples"], run["inside_samples"]);
+    assert_eq!((&found["frames"], &found["cameras"]), (&run["frames"], &run["cameras"]));
+    assert_eq!(found["scene"], run["scene"]);
+    let silhouettes =
+        channels.as_object().expect("an object").iter().filter(|(topic, _)| topic.ends_with("/silhouette"));
+    assert!(
+        silhouettes.clone().count() == 3 && silhouettes.clone().all(|(_, count)| *count == run["frames"])
+    );
+    assert!(found["area"].as_u64().expect("a number") > 100_000, "somebody is there");
+    for topic in ["/header", "/end", "/scene"] {
+        assert_eq!(channels[topic], 1, "{topic}");
+    }
+    for topic in ["/bodies", "/touches", "/figures"] {
+        assert!(channels[topic].as_u64().is_some_and(|count| count > 5), "{topic}");
+    }
+}
+
+/// What `tests/python/recording.py` finds; nothing without a Python that has what it needs.
+fn read_by_python(file: &Path, more: &[&str]) -> Option<Value> {
+    let Some(python) = std::env::var_os("HULLTOUCH_PYTHON") else {
+        eprintln!("skipped: HULLTOUCH_PYTHON names no Python with tests/python/requirements.txt");
+        return None;
+    };
+    let program = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/python/recording.py");
+    let output = Command::new(python).arg(program).arg(file).args(more).output().expect("Python runs");
+    assert!(output.status.success(), "{}", said(&output));
+    Some(serde_json::from_slice(&output.stdout).expect("JSON"))
+}
