@@ -1,5 +1,6 @@
 /** The page's state and its loop: what came, what is shown, what is asked. Buttons and keys are in ui/. */
 import { Decoder } from "./decode/decoder.ts";
+import type { Box } from "./decode/hull_box.ts";
 import type { Decoded } from "./decode/work.ts";
 import { Stage } from "./draw/stage.ts";
 import { LEVELS, Quality } from "./draw/quality.ts";
@@ -80,6 +81,7 @@ export class App {
   private lookedThrough: number | null = null;
   private hashTimer: ReturnType<typeof setTimeout> | undefined;
   private startView: View | null = null;
+  private met = false;
 
   constructor(canvas: HTMLCanvasElement, graphics: { antialias: boolean; software: boolean } | null, url: () => string, observer: Observer) {
     this.canvas = canvas;
@@ -308,6 +310,7 @@ export class App {
       this.orbit = new Orbit(hello.up, hello.floor_m, this.firstView(hello));
       this.orbit.reduced = matchMedia("(prefers-reduced-motion: reduce)").matches;
       this.startView = this.orbit.now;
+      this.met = false;
     }
     this.observer.hello(hello);
     // The shaders compile meanwhile; everything else is there at once.
@@ -322,17 +325,20 @@ export class App {
   }
 
   /** Three quarters from the front, with the working volume in the picture. */
-  private firstView(hello: Hello): View {
+  private firstView(hello: Hello, person: Box | null = null): View {
     const { low, high } = hello.volume;
     const up = hello.up;
-    const middle = low.map((l, i) => (l + high[i]) / 2) as unknown as [number, number, number];
+    const around = person ?? hello.volume;
+    const middle = around.low.map((l, i) => (l + around.high[i]) / 2) as unknown as [number, number, number];
     const along = (p: readonly number[]) => p[0] * up[0] + p[1] * up[1] + p[2] * up[2];
     // People stand: the middle of what is seen is about a metre above the floor.
     const floor = hello.floor_m ?? Math.min(along(low), along(high));
     const rise = floor + 0.95 - along(middle);
     const target = middle.map((m, i) => m + rise * up[i]) as unknown as Vec3;
     const reach = Math.max(...low.map((l, i) => (up[i] > 0.5 ? 0 : high[i] - l)));
-    return { target, azimuth: 0.62, polar: 1.36, distance: Math.max(2.9, Math.min(7, reach * 0.85)) };
+    const distance = Math.max(2.9, Math.min(7, reach * 0.85));
+    const views = [0.62, 0.45, 0.8, 0.3, 0.95, 1.1, -0.62, 0.1, 1.3].map((azimuth): View => ({ target, azimuth, polar: 1.36, distance }));
+    return views.find((view) => !inTheWay(hello, up, view)) ?? views[0];
   }
 
   private onBinary(type: number, buffer: ArrayBuffer): void {
@@ -449,10 +455,21 @@ export class App {
     this.drawNow(now, idle ? 0 : this.quality.number);
   }
 
+  /** Whoever has not chosen a view begins with one of the person, wherever in the volume that is. */
+  private meetPerson(box: Box | null): void {
+    if (this.met || !box || !this.hello) return;
+    this.met = true;
+    const wide = box.low.map((l, i) => box.high[i] - l).some((side) => side > 2.6);
+    if (wide || this.orbit.now !== this.startView) return;
+    this.orbit.jump(this.firstView(this.hello, box));
+    this.startView = this.orbit.now;
+  }
+
   /** Shows what is decoded; the server may send the next. */
   private takeReady(now: number): void {
     const set = this.ready!;
     this.ready = null;
+    this.meetPerson(set.box);
     this.stage!.showFrame(set);
     this.stage!.hull!.fade = 0;
     this.shown = { frame: set.frame, atMs: now, seq: set.seq };
@@ -584,6 +601,17 @@ export class App {
     this.shownKept = null;
     this.invalidate();
   }
+}
+
+/** Whether a camera stands between the eye and what it looks at. */
+function inTheWay(hello: Hello, up: Vec3, view: View): boolean {
+  const eye = new Orbit(up, null, view).eye(view);
+  const ahead = view.target.map((t, i) => (t - eye[i]) / view.distance);
+  return hello.cameras.some(({ rotation: r, translation: t }) => {
+    const to = [0, 1, 2].map((i) => -(r[0][i] * t[0] + r[1][i] * t[1] + r[2][i] * t[2]) - eye[i]);
+    const away = Math.hypot(...to);
+    return away < view.distance && to.reduce((sum, x, i) => sum + x * ahead[i], 0) > 0.93 * away;
+  });
 }
 
 function close(set: Decoded): void {

@@ -454,9 +454,9 @@ void main() {
   if (sum.a < 0.02) discard;
   ivec2 pixel = ivec2(uv * size);
   ivec2 most = ivec2(size) - 1;
-  vec4 sharp = texelFetch(uColour, min(pixel, most), 0);
+  float alpha = texelFetch(uColour, min(pixel, most), 0).a;
   float depth = texelFetch(uSurface, min(pixel, most), 0).r;
-  if (sharp.a < 0.5) {
+  if (alpha < 0.5) {
     depth = 1.0;
     for (int i = 0; i < 9; i++) {
       ivec2 at = clamp(pixel + ivec2(i % 3, i / 3) - 1, ivec2(0), most);
@@ -464,7 +464,8 @@ void main() {
     }
   }
   // Inside, the picture as sharp as it is; only its edge is softened.
-  vec3 rgb = sum.a > 0.98 ? sharp.rgb : sum.rgb / sum.a;
+  vec4 here = textureLod(uColour, uv, 0.0);
+  vec3 rgb = sum.a > 0.98 ? here.rgb / here.a : sum.rgb / sum.a;
   float grey = dot(rgb, vec3(0.299, 0.587, 0.114));
   rgb = mix(rgb, vec3(grey) * 0.7, uFade);
   colour = vec4(rgb * sum.a, sum.a);

@@ -40,6 +40,7 @@ export class Connection {
   private attempt = 0;
   private timer: ReturnType<typeof setTimeout> | undefined;
   private heardAt = 0;
+  private watchedAt = 0;
   private nextId = 1;
   private goodbye: string | null = null;
   private wanted: Want | null = null;
@@ -142,7 +143,11 @@ export class Connection {
   }
 
   private watch(): void {
-    if (this.open && performance.now() - this.heardAt > SILENCE_MS) {
+    const now = performance.now();
+    // A page that stood still itself has no right to call the server silent.
+    if (now - this.watchedAt > 2500) this.heardAt = now;
+    this.watchedAt = now;
+    if (this.open && now - this.heardAt > SILENCE_MS) {
       const socket = this.socket!;
       this.socket = null;
       socket.close();

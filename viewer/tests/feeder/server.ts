@@ -16,6 +16,8 @@ export interface Film {
   readonly fps: number;
   readonly rule: Hello["rule"];
   readonly colour: boolean;
+  /** Which way is up; +Y unless told. */
+  readonly up?: Hello["up"];
   /** All cameras at a frame. */
   frame(index: number): readonly Part[];
   /** Small whole images, or none. */
@@ -203,7 +205,7 @@ class Page {
     this.film = film;
     this.world = world;
     const { cameras, volume, fps, rule, colour } = film;
-    this.text({ op: "hello", version: 1, program: "test", session: "feeder", controller, fps, dt_s: 1 / 120, latency_s: 0.1, cameras, rule, up: [0, 1, 0], floor_m: 0, volume, scenes: ["topple", "lift"], responses: ["paper", "off"], colour });
+    this.text({ op: "hello", version: 1, program: "test", session: "feeder", controller, fps, dt_s: 1 / 120, latency_s: 0.1, cameras, rule, up: film.up ?? [0, 1, 0], floor_m: 0, volume, scenes: ["topple", "lift"], responses: ["paper", "off"], colour });
     this.timers.push(
       setInterval(() => this.sendFrame(sent), 1000 / fps / 4),
       setInterval(() => this.sendWorld(), 1000 / STATE_HZ),
