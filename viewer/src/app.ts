@@ -154,6 +154,11 @@ export class App {
     this.changed();
   }
 
+  /** Bodies are marked otherwise now. */
+  placeAnew(): void {
+    this.poses = "";
+  }
+
   /** Looks through a camera; null: back to the free view. */
   lookThrough(index: number | null): void {
     if (index !== null && !this.rig[index]) return;
@@ -168,7 +173,6 @@ export class App {
   followBody(id: number | null): void {
     this.follow = id;
     if (id !== null) this.through = null;
-    this.stage?.bodies.highlight(id);
     this.changed();
   }
 
@@ -483,9 +487,7 @@ export class App {
   }
 
   private lookAtTimeline(now: number): void {
-    const wasLive = this.playout.live;
     const kept = this.playout.step(now);
-    if (!wasLive) this.observer.view();
     if (!kept || this.seeking || this.shownKept === kept.atMs) return;
     this.seeking = true;
     this.shownKept = kept.atMs;

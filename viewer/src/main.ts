@@ -52,10 +52,12 @@ const app = new App(canvas, graphics, () => feedUrl(token), {
       retryAt = performance.now() + (retryInMs ?? 0);
       lostWhy = why;
       byId("banner").classList.remove("calm");
+      byId("retry").hidden = false;
     }
     showLink();
   },
   hello: (hello) => {
+    blindBefore = null;
     cameras.build(hello);
     panel.hello(hello);
     byId("banner").hidden = true;
@@ -68,6 +70,8 @@ const app = new App(canvas, graphics, () => feedUrl(token), {
     showBlind(status.blind ?? status.progress?.blind ?? null);
   },
   view: () => {
+    app.stage?.bodies.highlight(hands.chosen ?? app.follow);
+    app.placeAnew();
     panel.update();
     cameras.pressed(app.through);
     timeline.update();
@@ -164,7 +168,8 @@ function showLink(): void {
 
 /** Says why there is no hull, as long as there is none. */
 function showBlind(why: string | null): void {
-  if (lostSince !== null) return;
+  if (lostSince !== null || why === blindBefore) return;
+  blindBefore = why;
   const banner = byId("banner");
   banner.classList.toggle("calm", why !== null);
   byId("retry").hidden = why !== null;
@@ -172,6 +177,7 @@ function showBlind(why: string | null): void {
   banner.hidden = why === null;
 }
 
+let blindBefore: string | null = null;
 let faults = 0;
 
 /** Something that came made no sense: told a few times, then only counted. */

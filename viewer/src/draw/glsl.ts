@@ -246,20 +246,21 @@ vec3 normalAt(vec3 P, float reached) {
   for (int k = 0; k < N; k++) {
     if (abs(CAM(k, 4).w - 1.0) > 0.5) continue;
     vec2 c = cone(k, P);
-    float say = exp((c.x - reached) / 0.012);
+    float say = exp((c.x - reached) / 0.016);
     if (c.y < 0.0 || say < 0.02) continue;
     vec3 X = toCamera(k, P);
     vec2 n = X.xy / X.z;
     vec2 px = toImage(k, n);
-    // A ring of about two centimetres, three pixels at least.
+    // Rings of about three centimetres and half of it, four pixels at least: outlines are noisy.
     vec4 m = CAM(k, 3);
-    float ring = clamp(0.02 * m.x / X.z, 3.0, 12.0 * CAM(k, 6).w);
+    float ring = clamp(0.03 * m.x / X.z, 4.0, 20.0 * CAM(k, 6).w);
     vec2 g = vec2(0.0);
-    for (int i = 0; i < 8; i++) {
-      float angle = float(i) * 0.78539816;
-      vec2 to = vec2(cos(angle), sin(angle));
-      g += to * clamp(fieldAt(k, px + to * ring), -ring, ring);
+    for (int i = 0; i < 12; i++) {
+      float angle = float(i) * 0.52359878;
+      vec2 to = vec2(cos(angle), sin(angle)) * ((i & 1) == 0 ? ring : 0.6 * ring);
+      g += to * clamp(fieldAt(k, px + to), -ring, ring);
     }
+    g /= ring;
     float length_ = length(g);
     if (length_ < 0.2) continue;
     g /= length_;

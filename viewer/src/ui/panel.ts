@@ -46,6 +46,7 @@ export class Panel {
       byId<HTMLInputElement>("restitution").value = String(Math.round(hull_restitution * 100));
       setText(byId("restitution-text"), `${Math.round(hull_restitution * 100)} %`);
     }
+    byId<HTMLSelectElement>("body").replaceChildren(option("", "None"), ...scene.bodies.map(({ id, name }) => option(String(id), name)));
     if (this.hands.chosen !== null && !scene.bodies.some(({ id }) => id === this.hands.chosen)) this.hands.chosen = null;
     this.update();
   }
@@ -60,9 +61,9 @@ export class Panel {
     byId<HTMLInputElement>("opacity").value = String(Math.round(app.opacity * 100));
     setText(byId("opacity-text"), `${Math.round(app.opacity * 100)} %`);
     byId<HTMLInputElement>("in-front").checked = app.inFront;
-    const followed = app.follow === null ? null : app.stage?.bodies.text(app.follow);
-    byId("following").hidden = !followed;
-    if (followed) setText(byId("following"), `Following ${followed.name}. Esc stops.`);
+    byId<HTMLSelectElement>("body").value = String(hands.chosen ?? app.follow ?? "");
+    setPressed(byId("follow"), app.follow !== null);
+    byId<HTMLButtonElement>("follow").disabled = hands.chosen === null && app.follow === null;
     const chosen = hands.chosen === null ? null : app.stage?.bodies.text(hands.chosen);
     byId("chosen-row").hidden = !chosen || !app.controller;
     if (chosen) setText(byId("chosen"), chosen.name);
@@ -114,6 +115,12 @@ export class Panel {
       app.opacity = Number(opacity.value) / 100;
       app.changed();
     });
+    const body = byId<HTMLSelectElement>("body");
+    body.addEventListener("change", () => {
+      this.hands.chosen = body.value === "" ? null : Number(body.value);
+      app.followBody(app.follow === null ? null : this.hands.chosen);
+    });
+    byId("follow").addEventListener("click", () => app.followBody(app.follow === null ? this.hands.chosen : null));
     const inFront = byId<HTMLInputElement>("in-front");
     inFront.addEventListener("change", () => {
       app.inFront = inFront.checked;

@@ -5,7 +5,7 @@ import { after, before, describe, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
 import { launch, open, Program, PROGRAM, state, until, type Watched } from "./browser.ts";
 
-const TOKEN = "browser-test";
+const TOKEN = "browsertest1";
 /** What browsers say of a server that is gone on purpose. */
 const GONE = [/WebSocket connection to/, /ERR_CONNECTION_REFUSED/];
 const DEMO = ["--cameras", "8", "--size", "640x480", "--token", TOKEN];
