@@ -383,11 +383,9 @@ impl CameraNode for Service {
         request: Request<v1::RegisterShapesRequest>,
     ) -> Result<Response<v1::RegisterShapesReply>, Status> {
         let v1::RegisterShapesRequest { shapes } = request.into_inner();
-        for shape in &shapes {
-            let shape = proto::convert::shape_from_wire(shape)
-                .map_err(|error| Status::invalid_argument(error.to_string()))?;
-            self.shapes.register(shape).map_err(|error| Status::resource_exhausted(error.to_string()))?;
-        }
+        let shapes: Result<Vec<_>, _> = shapes.iter().map(proto::convert::shape_from_wire).collect();
+        let shapes = shapes.map_err(|error| Status::invalid_argument(error.to_string()))?;
+        self.shapes.register(shapes).map_err(|error| Status::resource_exhausted(error.to_string()))?;
         Ok(Response::new(v1::RegisterShapesReply {}))
     }
 

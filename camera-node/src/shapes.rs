@@ -1,7 +1,7 @@
 //! The shapes that coordinators have registered, by content.
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use hull::Shape;
 use proto::convert::shape_key;
@@ -10,16 +10,14 @@ use thiserror::Error;
 /// Samples kept in all: 48 MB. A studio's scene has tens of thousands.
 pub const MAX_KEPT_SAMPLES: usize = 4_000_000;
 
-/// Why a shape is not kept.
+/// Why shapes are not kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum ShapeError {
-    /// No room.
-    #[error("{asked} samples beside {kept}, at most {MAX_KEPT_SAMPLES} are kept")]
+    /// No room, even without all others.
+    #[error("{asked} samples at once, at most {MAX_KEPT_SAMPLES} are kept")]
     Full {
         /// Samples to register.
         asked: usize,
-        /// Samples there.
-        kept: usize,
     },
     /// Two shapes begin with the same eight bytes of digest.
     #[error("shape {0:016x} is registered with other samples")]
@@ -29,30 +27,64 @@ pub enum ShapeError {
 /// Registered shapes.
 #[derive(Default)]
 pub struct Shapes {
-    kept: Mutex<HashMap<u64, Arc<Shape>>>,
+    kept: Mutex<Kept>,
+}
+
+#[derive(Default)]
+struct Kept {
+    /// Each shape, and when it was last asked for.
+    by_key: HashMap<u64, (Arc<Shape>, u64)>,
+    /// Counts askings.
+    now: u64,
 }
 
 impl Shapes {
-    /// Keeps a shape; one that is there already costs nothing.
-    pub fn register(&self, shape: Shape) -> Result<(), ShapeError> {
-        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        let key = shape_key(&shape.digest());
-        if let Some(known) = kept.get(&key) {
-            return if known.digest() == shape.digest() { Ok(()) } else { Err(ShapeError::Clash(key)) };
+    /// Keeps the shapes of one call. Where there is no room, those go that nobody asked for the longest: in a
+    /// run whose bodies come and go for days. Whoever asks for them again registers them again.
+    pub fn register(&self, shapes: Vec<Shape>) -> Result<(), ShapeError> {
+        let distinct: HashMap<u64, Shape> =
+            shapes.into_iter().map(|shape| (shape_key(&shape.digest()), shape)).collect();
+        let asked = distinct.values().map(samples).sum();
+        if asked > MAX_KEPT_SAMPLES {
+            return Err(ShapeError::Full { asked });
         }
-        let samples: usize = kept.values().map(|shape| shape.samples_body().len()).sum();
-        let asked = shape.samples_body().len();
-        if samples + asked > MAX_KEPT_SAMPLES {
-            return Err(ShapeError::Full { asked, kept: samples });
+        let mut kept = self.lock();
+        for (&key, shape) in &distinct {
+            if kept.by_key.get(&key).is_some_and(|(known, _)| known.digest() != shape.digest()) {
+                return Err(ShapeError::Clash(key));
+            }
         }
-        kept.insert(key, Arc::new(shape));
+        kept.now += 1;
+        let now = kept.now;
+        for (key, shape) in distinct {
+            kept.by_key.entry(key).or_insert_with(|| (Arc::new(shape), now)).1 = now;
+        }
+        while kept.by_key.values().map(|(shape, _)| samples(shape)).sum::<usize>() > MAX_KEPT_SAMPLES {
+            // Equal ages are this call's, which fit: an older one goes first.
+            let oldest = kept.by_key.iter().min_by_key(|(key, (_, asked))| (*asked, **key));
+            let Some(key) = oldest.map(|(key, _)| *key) else { break };
+            kept.by_key.remove(&key);
+        }
         Ok(())
     }
 
     /// The shape of that key.
     pub fn get(&self, key: u64) -> Option<Arc<Shape>> {
-        self.kept.lock().unwrap_or_else(PoisonError::into_inner).get(&key).cloned()
+        let mut kept = self.lock();
+        kept.now += 1;
+        let now = kept.now;
+        let (shape, asked) = kept.by_key.get_mut(&key)?;
+        *asked = now;
+        Some(Arc::clone(shape))
     }
+
+    fn lock(&self) -> MutexGuard<'_, Kept> {
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+fn samples(shape: &Shape) -> usize {
+    shape.samples_body().len()
 }
 
 #[cfg(test)]
@@ -60,18 +92,30 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shapes_are_found_by_content_and_bounded() {
+    fn shapes_are_found_by_content() {
         let shapes = Shapes::default();
         let small = Shape::new(vec![[0.0; 3]; 10]).expect("finite");
         let key = shape_key(&small.digest());
         assert!(shapes.get(key).is_none());
-        assert_eq!(shapes.register(small.clone()), Ok(()));
-        assert_eq!(shapes.register(small.clone()), Ok(()));
+        assert_eq!(shapes.register(vec![small.clone(), small.clone()]), Ok(()));
+        assert_eq!(shapes.register(vec![small.clone()]), Ok(()));
         assert_eq!(shapes.get(key).as_deref(), Some(&small));
+    }
+
+    #[test]
+    fn where_there_is_no_room_those_go_that_nobody_asked_for_the_longest() {
+        let shapes = Shapes::default();
         let large = |x| Shape::new(vec![[x, 0.0, 0.0]; 1 << 20]).expect("finite");
+        let key = |x| shape_key(&large(x).digest());
         for x in 1..=3 {
-            assert_eq!(shapes.register(large(x as f32)), Ok(()));
+            assert_eq!(shapes.register(vec![large(x as f32)]), Ok(()));
         }
-        assert!(matches!(shapes.register(large(4.0)), Err(ShapeError::Full { .. })));
+        assert!(shapes.get(key(1.0)).is_some());
+        assert_eq!(shapes.register(vec![large(4.0)]), Ok(()));
+        let there = [1.0, 2.0, 3.0, 4.0].map(|x| shapes.get(key(x)).is_some());
+        assert_eq!(there, [true, false, true, true]);
+        let four = (5..9).map(|x| large(x as f32)).collect();
+        assert!(matches!(shapes.register(four), Err(ShapeError::Full { .. })));
+        assert!(shapes.get(key(4.0)).is_some(), "what is refused changes nothing");
     }
 }

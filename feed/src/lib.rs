@@ -10,9 +10,13 @@ mod facts;
 mod gate;
 pub mod hello;
 pub mod message;
+pub mod osc;
 mod page;
 pub mod pictures;
 mod server;
+mod state_socket;
+mod ticks;
+mod world_service;
 
 pub use facts::RunFacts;
 pub use gate::Token;

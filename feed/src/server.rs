@@ -19,6 +19,7 @@ use crate::facts::RunFacts;
 use crate::gate::{Gate, Token, random_hex};
 use crate::page;
 use crate::pictures::Pictures;
+use crate::{state_socket, world_service};
 
 /// Pages get so long to hear that the run ends.
 const LAST_WORDS: Duration = Duration::from_millis(300);
@@ -130,9 +131,11 @@ fn bind(settings: &FeedSettings) -> Result<std::net::TcpListener, FeedError> {
 }
 
 /// Everything that is served. Each part brings its own routes.
-fn router(shared: &Arc<Shared>) -> Router {
+async fn router(shared: &Arc<Shared>) -> Router {
     let guarded = axum::middleware::from_fn_with_state(Arc::clone(shared), guard);
-    Router::new().merge(page::routes()).layer(guarded).with_state(Arc::clone(shared))
+    let calls: Router<Arc<Shared>> = world_service::routes(shared).await.with_state(());
+    let routes = Router::new().merge(page::routes()).merge(state_socket::routes()).merge(calls);
+    routes.layer(guarded).with_state(Arc::clone(shared))
 }
 
 async fn guard(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
@@ -153,7 +156,7 @@ async fn serve(listener: std::net::TcpListener, shared: Arc<Shared>) {
     };
     let mut ending = shared.ending.clone();
     let mut ended = ending.clone();
-    let serving = axum::serve(listener, router(&shared)).with_graceful_shutdown(async move {
+    let serving = axum::serve(listener, router(&shared).await).with_graceful_shutdown(async move {
         // An end whose sender is gone is an end.
         let _ = ending.wait_for(|ended| *ended).await;
     });

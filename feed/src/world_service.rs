@@ -1,0 +1,381 @@
+//! The gRPC service `World` for programs: the only place of this crate, beside the pictures', that speaks the
+//! protocol.
+
+use std::pin::Pin;
+use std::sync::Arc;
+
+use coordinator::live::{BodyLook, BodyState, Command, Done, Parameters, SceneState, WorldState};
+use proto::v1;
+use proto::v1::world_server::{World, WorldServer};
+use sim::{BodyRequest, Scene, ShapeRequest, Solid};
+use tokio::sync::mpsc;
+use tokio_stream::Stream;
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::service::Routes;
+use tonic::{Request, Response, Status};
+
+use crate::server::Shared;
+use crate::ticks::{DEFAULT_RATE_HZ, Ticks};
+
+/// States that wait for a caller that reads slowly; beyond, ticks are left out.
+const MAX_WAITING: usize = 2;
+/// The longest message, bytes: a convex hull of 256 points fits.
+const MAX_MESSAGE_BYTES: usize = 64 << 10;
+
+/// The service with health and reflection, to be merged into the server's routes.
+pub(crate) async fn routes(shared: &Arc<Shared>) -> axum::Router {
+    let (reporter, health) = tonic_health::server::health_reporter();
+    reporter.set_serving::<WorldServer<Service>>().await;
+    let reflection = || {
+        tonic_reflection::server::Builder::configure()
+            .register_encoded_file_descriptor_set(v1::DESCRIPTORS)
+            .with_service_name("hulltouch.v1.World")
+    };
+    let describe_error = "the protocol's own description is valid";
+    let world = WorldServer::new(Service(Arc::clone(shared))).max_decoding_message_size(MAX_MESSAGE_BYTES);
+    Routes::new(world)
+        .add_service(health)
+        .add_service(reflection().build_v1().expect(describe_error))
+        .add_service(reflection().build_v1alpha().expect(describe_error))
+        .prepare()
+        .into_axum_router()
+}
+
+/// The state behind every call.
+pub(crate) struct Service(Arc<Shared>);
+
+impl Service {
+    fn may_steer<T>(&self, request: &Request<T>) -> bool {
+        let authorization = request.metadata().get("authorization").and_then(|value| value.to_str().ok());
+        self.0.gate.may_steer(authorization.and_then(|value| value.strip_prefix("Bearer ")))
+    }
+
+    /// Has something done for whoever holds the token.
+    async fn order<T>(
+        &self,
+        request: Request<T>,
+        command: impl FnOnce(T) -> Result<Command, String>,
+    ) -> Result<Done, Status> {
+        if !self.may_steer(&request) {
+            return Err(Status::permission_denied(
+                "a viewer cannot steer: send metadata \"authorization: Bearer TOKEN\"",
+            ));
+        }
+        let command = command(request.into_inner()).map_err(Status::invalid_argument)?;
+        let follower = &self.0.follower;
+        follower.order(command).await.map_err(|why| {
+            let is_over = follower.world.has_changed().is_err();
+            let status = if is_over { Status::unavailable } else { Status::failed_precondition };
+            status(why.to_string())
+        })
+    }
+
+    async fn done<T>(
+        &self,
+        request: Request<T>,
+        command: impl FnOnce(T) -> Result<Command, String>,
+    ) -> Result<Response<v1::Done>, Status> {
+        self.order(request, command).await.map(|_| Response::new(v1::Done {}))
+    }
+}
+
+type Followed = Pin<Box<dyn Stream<Item = Result<v1::WorldState, Status>> + Send>>;
+
+#[tonic::async_trait]
+impl World for Service {
+    async fn describe(
+        &self,
+        request: Request<v1::DescribeWorldRequest>,
+    ) -> Result<Response<v1::WorldDescription>, Status> {
+        let scene = self.0.follower.scene.borrow().clone();
+        let scene = scene.ok_or_else(|| Status::unavailable("the run has not begun"))?;
+        let facts = &self.0.facts;
+        Ok(Response::new(v1::WorldDescription {
+            scenes: Scene::names().map(Into::into).collect(),
+            frames_per_s: facts.fps,
+            step_s: facts.step_s,
+            may_steer: self.may_steer(&request),
+            ..description(&scene)
+        }))
+    }
+
+    type FollowStream = Followed;
+
+    async fn follow(&self, request: Request<v1::FollowRequest>) -> Result<Response<Followed>, Status> {
+        let v1::FollowRequest { rate_hz, touches } = request.into_inner();
+        let rate_hz = if rate_hz == 0.0 { DEFAULT_RATE_HZ } else { rate_hz };
+        let mut ticks = Ticks::new(&self.0.follower, rate_hz).map_err(Status::invalid_argument)?;
+        let (sender, receiver) = mpsc::channel(MAX_WAITING);
+        let mut ending = self.0.ending.clone();
+        tokio::spawn(async move {
+            let follow = async {
+                while let Some(world) = ticks.next().await {
+                    // A caller that reads slowly misses this one.
+                    if let Err(mpsc::error::TrySendError::Closed(_)) =
+                        sender.try_send(Ok(state(&world, touches)))
+                    {
+                        return;
+                    }
+                }
+            };
+            tokio::select! {
+                () = follow => {}
+                () = sender.closed() => {}
+                // An end whose sender is gone is an end.
+                _ = ending.wait_for(|ended| *ended) => {}
+            }
+        });
+        Ok(Response::new(Box::pin(ReceiverStream::new(receiver))))
+    }
+
+    async fn spawn(&self, request: Request<v1::SpawnRequest>) -> Result<Response<v1::SpawnReply>, Status> {
+        match self.order(request, spawn).await? {
+            Done::Spawned(body) => Ok(Response::new(v1::SpawnReply { body })),
+            Done::Done => Err(Status::internal("the run spawned nothing")),
+        }
+    }
+
+    async fn remove(&self, request: Request<v1::RemoveRequest>) -> Result<Response<v1::Done>, Status> {
+        self.done(request, |v1::RemoveRequest { body }| Ok(Command::Remove(body))).await
+    }
+
+    async fn push(&self, request: Request<v1::PushRequest>) -> Result<Response<v1::Done>, Status> {
+        self.done(request, |v1::PushRequest { body, impulse, at }| {
+            let impulse_n_s = needed("impulse", impulse)?;
+            Ok(Command::Push { body, impulse_n_s, at_m: at.map(numbers) })
+        })
+        .await
+    }
+
+    async fn grab(&self, request: Request<v1::GrabRequest>) -> Result<Response<v1::Done>, Status> {
+        self.done(request, |v1::GrabRequest { body, grip, target }| {
+            let grip_body_m = grip.map(numbers).unwrap_or_default();
+            Ok(Command::Grab { body, grip_body_m, target_m: needed("target", target)? })
+        })
+        .await
+    }
+
+    async fn release(&self, request: Request<v1::ReleaseRequest>) -> Result<Response<v1::Done>, Status> {
+        self.done(request, |v1::ReleaseRequest { body, velocity }| {
+            Ok(Command::Release { body, velocity_m_s: velocity.map(numbers) })
+        })
+        .await
+    }
+
+    async fn set_parameters(&self, request: Request<v1::Parameters>) -> Result<Response<v1::Done>, Status> {
+        self.done(request, |v1::Parameters { answers_hull, hull_restitution, hull_friction, gravity }| {
+            let gravity_m_s2 = gravity.map(numbers);
+            let set = Parameters { answers_hull, hull_restitution, hull_friction, gravity_m_s2 };
+            if set == Parameters::default() {
+                return Err("no parameter is given, expected one or more".into());
+            }
+            Ok(Command::Set(set))
+        })
+        .await
+    }
+
+    async fn pause(&self, request: Request<v1::PauseRequest>) -> Result<Response<v1::Done>, Status> {
+        self.done(request, |_| Ok(Command::Pause)).await
+    }
+
+    async fn resume(&self, request: Request<v1::ResumeRequest>) -> Result<Response<v1::Done>, Status> {
+        self.done(request, |_| Ok(Command::Resume)).await
+    }
+
+    async fn step(&self, request: Request<v1::StepRequest>) -> Result<Response<v1::Done>, Status> {
+        self.done(request, |v1::StepRequest { steps }| Ok(Command::Step(steps.max(1)))).await
+    }
+
+    async fn reset(&self, request: Request<v1::ResetRequest>) -> Result<Response<v1::Done>, Status> {
+        self.done(request, |_| Ok(Command::Reset)).await
+    }
+
+    async fn choose(&self, request: Request<v1::ChooseRequest>) -> Result<Response<v1::Done>, Status> {
+        self.done(request, |v1::ChooseRequest { scene }| {
+            Scene::named(&scene).map(Command::Choose).map_err(|error| error.to_string())
+        })
+        .await
+    }
+
+    async fn take_background(
+        &self,
+        request: Request<v1::TakeWorldBackgroundRequest>,
+    ) -> Result<Response<v1::Done>, Status> {
+        let command = |v1::TakeWorldBackgroundRequest { seconds }| Ok(Command::TakeBackground { seconds });
+        self.done(request, command).await
+    }
+}
+
+fn numbers(v1::Vector { x, y, z }: v1::Vector) -> [f64; 3] {
+    [x, y, z]
+}
+
+fn vector([x, y, z]: [f64; 3]) -> Option<v1::Vector> {
+    Some(v1::Vector { x, y, z })
+}
+
+fn needed(key: &str, found: Option<v1::Vector>) -> Result<[f64; 3], String> {
+    found.map(numbers).ok_or_else(|| format!("{key} is missing, expected a vector"))
+}
+
+/// A body as it is asked for, with the checks of a scene's bodies.
+fn spawn(request: v1::SpawnRequest) -> Result<Command, String> {
+    let v1::SpawnRequest { shape, position, rotation, velocity, mass, density, friction, .. } = request;
+    let body = BodyRequest {
+        name: Some(request.name),
+        shape: shape_request(shape.and_then(|shape| shape.kind))?,
+        position: needed("position", position)?,
+        rotation_xyzw: rotation.map(|v1::Quaternion { x, y, z, w }| [x, y, z, w]),
+        velocity: velocity.map(numbers),
+        mass,
+        density,
+        friction,
+        restitution: request.restitution,
+        fixed: request.fixed,
+        color: request.color.map(|v1::Color { red, green, blue }| [red, green, blue]),
+    };
+    body.check().map(|spec| Command::Spawn(Box::new(spec))).map_err(|error| error.to_string())
+}
+
+fn shape_request(kind: Option<v1::body_shape::Kind>) -> Result<ShapeRequest, String> {
+    use v1::body_shape::{Ball, Box, Capsule, Cone, Cylinder, Hull, Kind};
+    Ok(match kind.ok_or("shape is missing, expected box, ball, capsule, cylinder, cone or hull")? {
+        Kind::Box(Box { size }) => ShapeRequest::Box { size: needed("shape.box.size", size)? },
+        Kind::Ball(Ball { radius }) => ShapeRequest::Ball { radius },
+        Kind::Capsule(Capsule { radius, length }) => ShapeRequest::Capsule { radius, length },
+        Kind::Cylinder(Cylinder { radius, height }) => ShapeRequest::Cylinder { radius, height },
+        Kind::Cone(Cone { radius, height }) => ShapeRequest::Cone { radius, height },
+        Kind::Hull(Hull { points }) => {
+            ShapeRequest::Hull { points: points.into_iter().map(numbers).collect() }
+        }
+    })
+}
+
+fn shape(solid: &Solid) -> v1::BodyShape {
+    use v1::body_shape::{Ball, Box, Capsule, Cone, Cylinder, Hull, Kind};
+    let kind = match *solid {
+        Solid::Box { size_m } => Kind::Box(Box { size: vector(size_m) }),
+        Solid::Ball { radius_m: radius } => Kind::Ball(Ball { radius }),
+        Solid::Capsule { radius_m: radius, length_m: length } => Kind::Capsule(Capsule { radius, length }),
+        Solid::Cylinder { radius_m: radius, height_m: height } => Kind::Cylinder(Cylinder { radius, height }),
+        Solid::Cone { radius_m: radius, height_m: height } => Kind::Cone(Cone { radius, height }),
+        Solid::Hull(ref hull) => Kind::Hull(Hull {
+            points: hull.corners_m().iter().filter_map(|&corner| vector(corner)).collect(),
+        }),
+    };
+    v1::BodyShape { kind: Some(kind) }
+}
+
+fn description(scene: &SceneState) -> v1::WorldDescription {
+    let Parameters { answers_hull, hull_restitution, hull_friction, gravity_m_s2 } = scene.parameters;
+    let gravity = gravity_m_s2.and_then(vector);
+    let body = |look: &BodyLook| {
+        let [red, green, blue] = look.color.map(f64::from);
+        v1::BodyDescription {
+            id: look.id,
+            name: look.name.clone(),
+            shape: Some(shape(&look.solid)),
+            color: Some(v1::Color { red, green, blue }),
+            fixed: look.fixed,
+        }
+    };
+    v1::WorldDescription {
+        generation: scene.generation,
+        version: scene.version,
+        scene: scene.scene.clone(),
+        bodies: scene.bodies.iter().map(body).collect(),
+        parameters: Some(v1::Parameters { answers_hull, hull_restitution, hull_friction, gravity }),
+        up: vector(scene.up),
+        floor_m: scene.floor_m,
+        ..v1::WorldDescription::default()
+    }
+}
+
+fn state(world: &WorldState, with_touches: bool) -> v1::WorldState {
+    let touches = if with_touches { &world.touches[..] } else { &[] };
+    let touch = |touch: &coordinator::live::TouchPoint| {
+        Some(v1::Touch {
+            body: world.bodies.get(touch.body as usize)?.id,
+            point: vector(touch.point_m.map(f64::from)),
+            response: vector(touch.response_m.map(f64::from)),
+        })
+    };
+    v1::WorldState {
+        generation: world.generation,
+        step: world.step,
+        film_s: world.film_s,
+        frame: world.frame,
+        paused: world.paused,
+        bodies: world.bodies.iter().map(body_state).collect(),
+        touches: touches.iter().filter_map(touch).collect(),
+    }
+}
+
+fn body_state(body: &BodyState) -> v1::BodyState {
+    let [x, y, z, w] = body.pose.rotation_xyzw();
+    v1::BodyState {
+        id: body.id,
+        position: vector(body.pose.position_m()),
+        rotation: Some(v1::Quaternion { x, y, z, w }),
+        velocity: vector(body.velocity_m_s),
+        spin: vector(body.spin_rad_s),
+        inside_samples: body.inside_samples,
+        response: body.response_m.and_then(vector),
+        grabbed: body.grabbed,
+        asleep: body.asleep,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shapes_go_out_as_they_come_in() {
+        let hull = (0..8).map(|i| [i & 1, i >> 1 & 1, i >> 2].map(|bit| 0.2 * f64::from(bit) - 0.1));
+        let points: Vec<[f64; 3]> = hull.collect();
+        let requests = [
+            ShapeRequest::Box { size: [0.1, 0.2, 0.3] },
+            ShapeRequest::Ball { radius: 0.1 },
+            ShapeRequest::Capsule { radius: 0.1, length: 0.2 },
+            ShapeRequest::Cylinder { radius: 0.1, height: 0.2 },
+            ShapeRequest::Cone { radius: 0.1, height: 0.2 },
+            ShapeRequest::Hull { points },
+        ];
+        for request in requests {
+            let body = |shape| BodyRequest {
+                name: None,
+                shape,
+                position: [0.0; 3],
+                rotation_xyzw: None,
+                velocity: None,
+                mass: None,
+                density: None,
+                friction: None,
+                restitution: None,
+                fixed: false,
+                color: None,
+            };
+            let solid = body(request).check().expect("a body").solid;
+            let again = shape_request(shape(&solid).kind).expect("a shape");
+            let again = body(again).check().expect("a body").solid;
+            match (&solid, &again) {
+                // The order of corners is the convex hull's own business.
+                (Solid::Hull(a), Solid::Hull(b)) => assert_eq!(a.corners_m().len(), b.corners_m().len()),
+                _ => assert_eq!(solid, again),
+            }
+        }
+    }
+
+    #[test]
+    fn a_spawn_without_shape_or_place_says_so() {
+        let error = |request| spawn(request).expect_err("refused");
+        assert!(error(v1::SpawnRequest::default()).starts_with("shape is missing"));
+        let ball = v1::body_shape::Kind::Ball(v1::body_shape::Ball { radius: 0.1 });
+        let shape = Some(v1::BodyShape { kind: Some(ball) });
+        let request = v1::SpawnRequest { shape, ..v1::SpawnRequest::default() };
+        assert_eq!(error(request.clone()), "position is missing, expected a vector");
+        let request = v1::SpawnRequest { position: vector([0.0; 3]), mass: Some(-1.0), ..request };
+        assert_eq!(error(request), "mass: -1, expected a number from 0.001 to 10000");
+    }
+}

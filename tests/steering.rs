@@ -1,0 +1,428 @@
+//! A run that is steered while it goes on: over every layout, from orders and from a record.
+
+use std::net::SocketAddr;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use camera_node::capture::{Film, Lesson, Pace};
+use camera_node::frames::{FilmState, FrameRing};
+use camera_node::service::Node;
+use camera_node::source::{SourceConfig, StageConfig};
+use camera_node::{NodeCamera, NodeConfig};
+use coordinator::live::{Command, Done, Follower, Parameters, WorldState, live};
+use coordinator::record::{EndRecord, FrameRecord, Recorder, Schedule, Scheduled, Sees, StepRecord};
+use coordinator::{
+    Asks, CameraFacts, Coordinator, ExpectedCamera, ExpectedNode, Figures, FrameFacts, LocalFrames, Progress,
+    RunSettings, Snapshot, Transport, Watcher,
+};
+use hull::{Observer, ProbeSettings, Rig, Silhouette, ViewSet};
+use proto::Address;
+use segment::SegmentSettings;
+use sim::{BodyRequest, Scene, World, WorldSettings};
+use stage::{Motion, Prop};
+use tokio::sync::watch;
+
+const FPS: f64 = 30.0;
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// Cameras in a small studio, and what is to happen there.
+struct Studio {
+    rig: Rig,
+    stage: StageConfig,
+    seconds: f64,
+    lock_step: bool,
+}
+
+impl Studio {
+    fn new(motion: Motion, seconds: f64) -> Studio {
+        let stage = StageConfig { motion, ..StageConfig::default() };
+        Studio { rig: stage::studio_rig(4, (160, 120)).expect("a rig"), stage, seconds, lock_step: true }
+    }
+
+    fn config(&self, cameras: std::ops::Range<usize>) -> NodeConfig {
+        let camera = |index: usize| NodeCamera {
+            camera: self.rig.cameras()[index].clone(),
+            rig_index: index as u16,
+            source: SourceConfig::Stage(self.stage.clone()),
+            background: None,
+            segmentation: SegmentSettings::default(),
+            ignored: None,
+        };
+        NodeConfig { cameras: cameras.map(camera).collect(), settings: ProbeSettings::default(), fps: FPS }
+    }
+
+    fn in_process(&self) -> Transport {
+        let config = self.config(0..4);
+        let ring = Arc::new(FrameRing::new(config.cameras.len()));
+        let film = Film::prepare(&config, Arc::clone(&ring)).expect("films");
+        Transport::in_process(Box::new(Local { film, ring }))
+    }
+
+    /// Two nodes of two cameras each, served in this process.
+    async fn over(&self, layout: &str, world: &World) -> Transport {
+        if layout == "inprocess" {
+            return self.in_process();
+        }
+        let mut nodes = vec![];
+        for cameras in [0..2, 2..4] {
+            let listen = SocketAddr::from(([127, 0, 0, 1], 0));
+            let node = Node::open(self.config(cameras.clone()), listen, false).await.expect("opens");
+            let address: Address = node.address().expect("bound").to_string().parse().expect("an address");
+            tokio::spawn(node.serve(std::future::pending()));
+            let camera = |index: usize| {
+                let camera = &self.rig.cameras()[index];
+                ExpectedCamera {
+                    name: camera.name().to_owned(),
+                    rig_index: index as u16,
+                    size: (camera.width(), camera.height()),
+                    calibration_digest: camera.digest(),
+                }
+            };
+            nodes.push(ExpectedNode { address, cameras: cameras.map(camera).collect() });
+        }
+        let shapes = world.moving_bodies().map(|body| Arc::clone(&body.shape)).collect();
+        let gather = (layout == "gather").then(|| self.observers());
+        Transport::connect(nodes, gather, ProbeSettings::default(), FPS, shapes)
+    }
+
+    fn observers(&self) -> Vec<Arc<Observer>> {
+        self.config(0..4).observers()
+    }
+
+    fn world(&self) -> World {
+        let scene = Scene::from_toml("steered", SCENE).expect("a scene");
+        World::new(&scene, WorldSettings::default()).expect("a world")
+    }
+
+    fn coordinator(&self, transport: Transport) -> Coordinator {
+        let settings = RunSettings {
+            probes: ProbeSettings::default(),
+            fps: FPS,
+            latency_s: 0.3,
+            hold_s: 0.0,
+            seconds: Some(self.seconds),
+            lock_step: self.lock_step,
+            asks: Asks::EachFrame,
+            reuse_within_m: 0.0,
+            connect_patience: PATIENCE,
+        };
+        Coordinator::new(transport, self.world(), self.observers(), settings)
+    }
+}
+
+const SCENE: &str = "
+    [[bodies]]
+    name = 'box'
+    shape.box.size = [0.2, 0.2, 0.2]
+    count = 3
+    place.stack.foot = [0.6, 0.0, 0.3]";
+
+/// Cameras that are filmed in this process.
+struct Local {
+    film: Film,
+    ring: Arc<FrameRing>,
+}
+
+impl LocalFrames for Local {
+    fn start(&self, pace: coordinator::Pace) -> Result<(), String> {
+        let coordinator::Pace { epoch_unix_s, lock_step } = pace;
+        self.film.start(Pace { epoch_unix_s, lock_step }).map_err(|error| error.to_string())
+    }
+
+    fn credit(&self, up_to_frame: u64) {
+        self.film.credit(up_to_frame);
+    }
+
+    fn watch(&self) -> watch::Receiver<u64> {
+        self.ring.watch()
+    }
+
+    fn frames(&self) -> Vec<u64> {
+        self.ring.news(None).1.iter().map(|frame| frame.number).collect()
+    }
+
+    fn facts(&self, frame: u64) -> Option<FrameFacts> {
+        let frame = self.ring.get(frame).ok()?;
+        let cameras = frame.cameras.iter().map(|camera| CameraFacts {
+            rig_index: camera.rig_index,
+            admitted: camera.admitted,
+            area: camera.silhouette.area(),
+            silhouette_bytes: camera.bytes.len() as u32,
+            segment_ms: camera.segment_ms,
+        });
+        Some(FrameFacts {
+            frame: frame.number,
+            capture_time_s: frame.capture_time_s,
+            captured_unix_s: frame.captured_unix_s,
+            cameras: cameras.collect(),
+            skipped: frame.skipped,
+        })
+    }
+
+    fn film(&self) -> coordinator::FilmState {
+        match self.ring.state() {
+            FilmState::Running => coordinator::FilmState::Running,
+            FilmState::Ended => coordinator::FilmState::Ended,
+            FilmState::Failed(why) => coordinator::FilmState::Failed(why),
+        }
+    }
+
+    fn with_views(&self, frame: u64, use_views: &mut dyn FnMut(&ViewSet)) -> bool {
+        self.ring.get(frame).is_ok_and(|frame| {
+            use_views(&frame.views);
+            true
+        })
+    }
+
+    fn silhouettes(&self, frame: u64) -> Option<Vec<Arc<Silhouette>>> {
+        let frame = self.ring.get(frame).ok()?;
+        Some(frame.cameras.iter().map(|camera| Arc::clone(&camera.silhouette)).collect())
+    }
+
+    fn take_background(&self, first_frame: u64, frames: u64) -> Result<(), String> {
+        self.film.take_background(Lesson { first_frame, frames })
+    }
+}
+
+struct Quiet;
+
+impl Watcher for Quiet {
+    fn progress(&mut self, _: &Progress) {}
+
+    fn wants_snapshot(&mut self, _: f64) -> bool {
+        false
+    }
+
+    fn snapshot(&mut self, _: Snapshot<'_>) {}
+}
+
+/// What was kept of a run.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Kept {
+    steps: Vec<Scheduled>,
+    digests: Vec<String>,
+    generations: Vec<u32>,
+    touches: usize,
+    /// Foreground pixels of all cameras, by frame.
+    areas: Vec<(u64, u64)>,
+    ended: bool,
+}
+
+struct Keeper(Arc<Mutex<Kept>>);
+
+impl Recorder for Keeper {
+    fn frame(&mut self, record: FrameRecord<'_>) {
+        let areas = record.facts.iter().flat_map(|facts| &facts.cameras).map(|camera| camera.area);
+        self.0.lock().expect("whole").areas.push((record.frame, areas.sum()));
+    }
+
+    fn step(&mut self, record: &StepRecord<'_>) {
+        let mut kept = self.0.lock().expect("whole");
+        let sees = Sees::Recorded { film_s: record.film_s, frame: record.frame };
+        kept.steps.push(Scheduled { commands: record.commands.to_vec(), sees });
+        kept.digests.push(record.world.digest().to_string());
+        kept.generations.push(record.generation);
+        kept.touches += record.responses.iter().map(|response| response.inside_samples).sum::<usize>();
+    }
+
+    fn end(&mut self, record: &EndRecord<'_>) {
+        assert!(record.figures.steps > 0);
+        self.0.lock().expect("whole").ended = true;
+    }
+}
+
+/// What to do, by the number of steps made before.
+struct Plan<F>(u64, F);
+
+impl<F: Fn(u64) -> Vec<Command> + Send> Schedule for Plan<F> {
+    fn next(&mut self) -> Option<Scheduled> {
+        self.0 += 1;
+        Some(Scheduled { commands: self.1(self.0 - 1), sees: Sees::Film })
+    }
+}
+
+struct Again(std::vec::IntoIter<Scheduled>);
+
+impl Schedule for Again {
+    fn next(&mut self) -> Option<Scheduled> {
+        self.0.next()
+    }
+}
+
+fn spawned(text: &str) -> Command {
+    let spec = BodyRequest::from_toml(text).and_then(BodyRequest::check).expect("a body");
+    Command::Spawn(Box::new(spec))
+}
+
+/// A ball and a hull fall on the person, a box is dragged into him and thrown, one goes; then all over again.
+fn acts(step: u64) -> Vec<Command> {
+    match step {
+        10 => vec![
+            spawned("shape.ball.radius = 0.12\nposition = [0.02, 1.9, 0.02]"),
+            spawned(
+                "shape.capsule = { radius = 0.08, length = 0.3 }\nposition = [0.1, 1.2, 0.5]\nvelocity = [0, 1, -2]",
+            ),
+        ],
+        30 => vec![Command::Grab { body: 2, grip_body_m: [0.1, 0.0, 0.0], target_m: [0.1, 1.1, 0.1] }],
+        60 => vec![
+            Command::Release { body: 2, velocity_m_s: Some([0.0, 1.0, 2.0]) },
+            Command::Remove(3),
+            Command::Push { body: 0, impulse_n_s: [-1.0, 0.5, -0.3], at_m: None },
+        ],
+        80 => vec![Command::Set(Parameters { hull_restitution: Some(1.0), ..Parameters::default() })],
+        100 => vec![Command::Reset, spawned("shape.ball.radius = 0.2\nposition = [0, 2, 0]")],
+        _ => vec![],
+    }
+}
+
+async fn play(studio: &Studio, layout: &str, schedule: Box<dyn Schedule>) -> (Kept, Figures, World) {
+    let transport = studio.over(layout, &studio.world()).await;
+    let kept = Arc::new(Mutex::new(Kept::default()));
+    let coordinator = studio
+        .coordinator(transport)
+        .with_recorder(Box::new(Keeper(Arc::clone(&kept))))
+        .with_schedule(schedule);
+    let (figures, world) = coordinator.run(&mut Quiet, std::future::pending()).await.expect("runs");
+    let kept = kept.lock().expect("whole").clone();
+    (kept, figures, world)
+}
+
+#[tokio::test]
+async fn commands_at_the_same_steps_are_the_same_run_over_every_layout_and_from_its_record() {
+    let studio = Studio::new(Motion::Wave, 1.5);
+    let (first, figures, world) = play(&studio, "inprocess", Box::new(Plan(0, acts))).await;
+    assert!(first.ended && figures.steps == 180, "{}", figures.steps);
+    assert_eq!((first.generations[99], first.generations[100], world.steps()), (0, 1, 80));
+    assert!(first.touches > 100, "bodies meet the person: {}", first.touches);
+    assert_eq!((world.bodies().len(), world.removed().len()), (4, 0));
+    for layout in ["gather", "cluster"] {
+        let (kept, ..) = play(&studio, layout, Box::new(Plan(0, acts))).await;
+        assert_eq!(kept.digests, first.digests, "{layout}");
+        assert_eq!(kept.steps, first.steps, "{layout}");
+    }
+    let again = Again(first.steps.clone().into_iter());
+    let (kept, _, end) = play(&studio, "cluster", Box::new(again)).await;
+    assert_eq!((&kept.digests, &kept.steps), (&first.digests, &first.steps));
+    assert_eq!(end.digest(), world.digest());
+    let (other, ..) = play(&studio, "inprocess", Box::new(Plan(1, acts))).await;
+    assert_ne!(other.digests, first.digests, "a step earlier is another run");
+}
+
+/// The world once it is as asked.
+async fn seen(follower: &mut Follower, is_it: impl Fn(&WorldState) -> bool) -> Arc<WorldState> {
+    let found = follower.world.wait_for(|world| world.as_deref().is_some_and(&is_it));
+    let found = tokio::time::timeout(PATIENCE, found).await.expect("in time").expect("the run goes on");
+    found.clone().expect("a world")
+}
+
+#[tokio::test]
+async fn a_run_is_paused_stepped_changed_and_begun_anew_by_those_who_follow_it() {
+    let studio = Studio::new(Motion::Idle, 1000.0);
+    let (live, mut follower) = live();
+    let coordinator = studio.coordinator(studio.in_process()).with_live(live);
+    let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
+    let mut quiet = Quiet;
+    let run = coordinator.run(&mut quiet, async { drop(stopped.await) });
+    let steer = async {
+        let _watching = follower.watch();
+        seen(&mut follower, |world| world.step > 5).await;
+        follower.order(Command::Pause).await.expect("paused");
+        let paused = seen(&mut follower, |world| world.paused).await;
+        let spawn = spawned("shape.ball.radius = 0.1\nposition = [1, 1, 1]\nname = 'mine'");
+        assert_eq!(follower.order(spawn.clone()).await, Ok(Done::Spawned(3)));
+        let refused = follower.order(spawn).await.expect_err("the name is taken");
+        assert_eq!(refused.to_string(), "name: `mine`, expected one that no body has");
+        let scene = follower.scene.borrow().clone().expect("a scene");
+        assert_eq!((scene.generation, scene.bodies.len(), &scene.bodies[3].name[..]), (0, 4, "mine"));
+        let spawned = seen(&mut follower, |world| world.bodies.len() == 4).await;
+        assert_eq!((spawned.step, spawned.paused), (paused.step, true), "seen before a step is made");
+        follower.order(Command::Step(7)).await.expect("counted");
+        let stepped = seen(&mut follower, |world| world.paused && world.step > paused.step).await;
+        assert_eq!(stepped.step, paused.step + 7);
+        assert!(stepped.bodies[3].pose.position_m()[1] < 1.0, "it falls");
+        follower.order(Command::Remove(3)).await.expect("gone");
+        assert_eq!(
+            follower.order(Command::Remove(3)).await.expect_err("twice").to_string(),
+            "there is no body 3"
+        );
+        follower.order(Command::Reset).await.expect("anew");
+        let anew = seen(&mut follower, |world| world.generation == 1).await;
+        assert_eq!((anew.step, anew.bodies.len(), anew.paused), (0, 3, true));
+        follower.order(Command::Choose(Scene::named("crowd").expect("shipped"))).await.expect("chosen");
+        assert_eq!(follower.scene.borrow().clone().expect("a scene").scene, "crowd");
+        follower.order(Command::Resume).await.expect("resumed");
+        let on = seen(&mut follower, |world| world.generation == 2 && world.step > 20).await;
+        assert!(
+            on.bodies.len() == 40 && on.film_s > stepped.film_s && on.frame > stepped.frame,
+            "film goes on"
+        );
+        drop(stop);
+    };
+    let (ran, ()) = tokio::join!(run, steer);
+    let (_, world) = ran.expect("runs");
+    assert_eq!(world.scene().name(), "crowd");
+    assert!(follower.order(Command::Pause).await.is_err(), "it is over");
+}
+
+#[tokio::test]
+async fn film_goes_by_while_a_live_run_is_paused_and_nothing_counts_as_missed() {
+    let studio = Studio { lock_step: false, ..Studio::new(Motion::Idle, 1000.0) };
+    let (live, mut follower) = live();
+    let coordinator = studio.coordinator(studio.in_process()).with_live(live);
+    let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
+    let mut quiet = Quiet;
+    let run = coordinator.run(&mut quiet, async { drop(stopped.await) });
+    let steer = async {
+        let _watching = follower.watch();
+        seen(&mut follower, |world| world.step > 5).await;
+        follower.order(Command::Pause).await.expect("paused");
+        let before = seen(&mut follower, |world| world.paused).await;
+        tokio::time::sleep(Duration::from_millis(1500)).await;
+        follower.order(Command::Resume).await.expect("resumed");
+        let after = seen(&mut follower, |world| world.step > before.step).await;
+        assert!(after.film_s - before.film_s > 1.2, "{} {}", before.film_s, after.film_s);
+        assert!(after.step - before.step < 60, "steps are not made good");
+        drop(stop);
+    };
+    let (ran, ()) = tokio::join!(run, steer);
+    let (figures, _) = ran.expect("runs");
+    let missed = figures.frames_expected.saturating_sub(figures.frames);
+    assert!(missed < 30, "a second and a half of film went by on purpose, not {missed} frames missed");
+}
+
+#[tokio::test]
+async fn what_stands_still_vanishes_once_the_background_is_taken() {
+    let mut studio = Studio::new(Motion::Idle, 4.0);
+    studio.stage.props = vec![Prop::Table];
+    let world = studio.world();
+    let (live, follower) = live();
+    let kept = Arc::new(Mutex::new(Kept::default()));
+    let coordinator = studio
+        .coordinator(studio.over("cluster", &world).await)
+        .with_live(live)
+        .with_recorder(Box::new(Keeper(Arc::clone(&kept))));
+    let ordered = async {
+        let error = follower.order(Command::TakeBackground { seconds: 60.0 }).await.expect_err("too long");
+        assert_eq!(error.to_string(), "a background of 60 s, expected 0.2 to 30 s");
+        follower.order(Command::TakeBackground { seconds: 1.0 }).await.expect("taken");
+    };
+    let mut quiet = Quiet;
+    let (ran, ()) = tokio::join!(coordinator.run(&mut quiet, std::future::pending()), ordered);
+    ran.expect("runs");
+    let areas = kept.lock().expect("whole").areas.clone();
+    let (first, last) = (areas[1].1, areas[areas.len() - 1].1);
+    assert!(first > 1000, "the person and the table are seen: {areas:?}");
+    assert!(last < first / 10, "nobody is seen any more: {areas:?}");
+    let kept_up = areas.iter().filter(|(frame, _)| (2..25).contains(frame));
+    assert!(kept_up.into_iter().all(|(_, area)| 2 * area > first), "until then the old one stays: {areas:?}");
+}
+
+#[tokio::test]
+async fn cameras_without_a_background_say_so_and_none_of_the_others_learns() {
+    let studio = Studio::new(Motion::Idle, 0.3);
+    let mut config = studio.config(0..4);
+    config.cameras[2].segmentation.method = segment::Method::Chroma;
+    let film = Film::prepare(&config, Arc::new(FrameRing::new(4))).expect("films");
+    let refused = film.take_background(Lesson { first_frame: 1, frames: 30 }).expect_err("refused");
+    assert_eq!(refused, "camera \"cam_2\" learns no background: it is keyed by colour");
+}
