@@ -3,13 +3,16 @@
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use coordinator::Figures;
+use coordinator::live::{Command as Ask, Follower, Parameters, WorldState, live};
 use coordinator::record::{EndRecord, Recorder as _, StepRecord};
+use coordinator::{Coordinator, Figures, Progress, RunSettings, Snapshot, Transport, Watcher};
+use hull::Pose;
 use recording::{Overwrites, Recording};
 use serde_json::Value;
-use sim::{BodyResponse, World};
+use sim::{BodyResponse, BodySpec, Heft, Scene, Solid, World};
 
 fn hulltouch() -> Command {
     Command::new(env!("CARGO_BIN_EXE_hulltouch"))
@@ -97,7 +100,7 @@ fn a_step_that_differs_is_named_and_the_replay_fails() {
     header.world.seed += 1;
     let other = folder.path().join("other.mcap");
     let (mut recorder, recording) =
-        recording::record(&other, Overwrites::Never, &header).expect("a new file");
+        recording::record(&other, Overwrites::Never, &header, None).expect("a new file");
     let responses = vec![BodyResponse::UNTOUCHED; world.moving_bodies().len()];
     for step in 1..=30 {
         world.step(&responses).expect("steps");
@@ -119,6 +122,103 @@ fn a_step_that_differs_is_named_and_the_replay_fails() {
     let (output, _) = replay(&other, &["--unpaced"]);
     assert_eq!(output.status.code(), Some(1), "{}", said(&output));
     assert!(said(&output).contains("step 1 (0.008 s) differs"), "{}", said(&output));
+}
+
+/// Nobody looks.
+struct Nobody;
+
+impl Watcher for Nobody {
+    fn progress(&mut self, _progress: &Progress) {}
+    fn wants_snapshot(&mut self, _film_s: f64) -> bool {
+        false
+    }
+    fn snapshot(&mut self, _snapshot: Snapshot<'_>) {}
+}
+
+/// Does a little of everything, each at its film time.
+async fn steer(mut follower: Follower) {
+    let _watching = follower.watch();
+    let scene = follower.scene.borrow().clone().expect("published");
+    let body = scene.bodies.iter().find(|body| !body.fixed).expect("one that moves").id;
+    let ball = BodySpec {
+        name: String::new(),
+        solid: Solid::Ball { radius_m: 0.1 },
+        pose: Pose::new([0.0, 2.0, 0.1], [0.0, 0.0, 0.0, 1.0]).expect("a pose"),
+        velocity_m_s: [0.1, -1.0, 0.0],
+        heft: Heft::MassKg(0.5),
+        friction: 0.5,
+        restitution: 0.4,
+        fixed: false,
+        color: [1.0, 0.0, 0.0],
+    };
+    let lift = Scene::named("lift").expect("a scene");
+    let held =
+        |height_m: f64| Ask::Grab { body, grip_body_m: [0.05, 0.0, 0.0], target_m: [0.3, height_m, 0.2] };
+    let light = Parameters {
+        gravity_m_s2: Some([0.0, -4.0, 0.0]),
+        hull_friction: Some(0.2),
+        ..Parameters::default()
+    };
+    let orders = [
+        (0.2, Ask::Spawn(Box::new(ball.clone()))),
+        (0.3, Ask::Push { body, impulse_n_s: [0.0, 2.0, 0.5], at_m: None }),
+        (0.4, held(1.0)),
+        (0.5, held(1.5)),
+        (0.7, Ask::Release { body, velocity_m_s: Some([0.0, 1.0, -2.0]) }),
+        (0.8, Ask::Set(light)),
+        (0.9, Ask::Pause),
+        (0.9, Ask::Resume),
+        (1.1, Ask::Remove(body)),
+        (1.3, Ask::Reset),
+        (1.5, Ask::Spawn(Box::new(ball))),
+        (1.7, Ask::Choose(lift)),
+    ];
+    for (film_s, command) in orders {
+        let is_there =
+            |world: &Option<Arc<WorldState>>| world.as_ref().is_some_and(|world| world.film_s >= film_s);
+        follower.world.wait_for(is_there).await.expect("it runs");
+        let said = format!("{command:?}");
+        follower.order(command).await.unwrap_or_else(|why| panic!("{said}: {why}"));
+    }
+}
+
+#[test]
+fn what_was_asked_of_a_run_is_asked_again() {
+    let folder = tempfile::tempdir().expect("folder");
+    let (film, _) = record(folder.path(), &["--transport", "inprocess"]);
+    let film = Recording::open(&film).expect("a recording");
+    let header = film.header();
+    let steered = folder.path().join("steered.mcap");
+    let (recorder, file) = recording::record(&steered, Overwrites::Never, header, None).expect("a new file");
+    let settings = RunSettings {
+        probes: header.probes,
+        fps: header.fps,
+        latency_s: 0.0,
+        hold_s: 0.0,
+        seconds: Some(2.5),
+        lock_step: true,
+        asks: header.asks,
+        reuse_within_m: 0.0,
+        connect_patience: Duration::ZERO,
+    };
+    let world = World::new(&header.scene, header.world).expect("a world");
+    let (live, follower) = live();
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
+    let (figures, world) = runtime.block_on(async {
+        let transport = Transport::in_process(Box::new(film.frames().expect("readable")));
+        let coordinator = Coordinator::new(transport, world, header.observers(), settings);
+        let coordinator = coordinator.with_live(live).with_recorder(Box::new(recorder));
+        let (mut nobody, for_ever) = (Nobody, std::future::pending());
+        tokio::join!(coordinator.run(&mut nobody, for_ever), steer(follower)).0.expect("it runs")
+    });
+    assert_eq!(file.finish().expect("written").steps, figures.steps);
+    let (output, replayed) = replay(&steered, &["--unpaced"]);
+    assert!(output.status.success(), "{}", said(&output));
+    assert_eq!(replayed["trajectory_digest"], world.digest().to_string());
+    assert_eq!(
+        (&replayed["replay"]["given_steps"], &replayed["steps"]),
+        (&Value::from(0), &Value::from(figures.steps))
+    );
 }
 
 #[test]

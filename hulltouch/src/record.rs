@@ -134,7 +134,7 @@ pub fn begin(setup: &Setup, to: &RecordTo, world: WorldSettings) -> Outcome<(Run
         transport: setup.transport.name().to_owned(),
         lock_step: setup.lock_step,
     };
-    recording::record(&to.path, to.overwrites, &header).map_err(failure)
+    recording::record(&to.path, to.overwrites, &header, None).map_err(failure)
 }
 
 /// A recording that failed.

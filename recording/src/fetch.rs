@@ -1,5 +1,6 @@
-//! Fetches the silhouettes of the frames that a run uses, beside the run.
+//! Fetches the silhouettes of the frames that a run uses, and their colours if wanted, beside the run.
 
+use std::pin::Pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::thread::JoinHandle;
@@ -22,6 +23,26 @@ const EASY: usize = 1;
 /// A frame that has not come by then has been dropped by its node long ago.
 const PATIENCE: Duration = Duration::from_secs(2);
 
+/// What was cut out of a camera's image around its foreground.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ColourCrop {
+    /// The camera's place in the rig.
+    pub camera: u16,
+    /// Left, top, width and height of the cut in the camera's own full-resolution pixels.
+    pub crop: [u32; 4],
+    /// The JPEG shows it 2 to this power times smaller.
+    pub scale_log2: u32,
+    /// The JPEG.
+    pub jpeg: Vec<u8>,
+}
+
+/// Colours of a frame on their way; cameras that have none are left out.
+pub type FetchingColours = Pin<Box<dyn Future<Output = Result<Vec<ColourCrop>, String>> + Send>>;
+/// Begins to fetch the colours of a frame.
+pub type Colours = Box<dyn Fn(u64) -> FetchingColours + Send>;
+/// Makes that, on the thread and within the runtime where it is used.
+pub type ColourSource = Box<dyn FnOnce() -> Colours + Send>;
+
 /// Hands frames to a thread that waits for them.
 #[derive(Debug)]
 pub(crate) struct Fetcher {
@@ -41,6 +62,7 @@ struct Counts {
     fetching: AtomicUsize,
     frames: AtomicU64,
     lost: AtomicU64,
+    colourless: AtomicU64,
 }
 
 struct Wanted {
@@ -52,15 +74,18 @@ struct Wanted {
 
 impl Fetcher {
     /// A fetcher and its thread.
-    pub fn begin(sink: Sink, times: Times) -> (Fetcher, Fetches) {
+    pub fn begin(sink: Sink, times: Times, colours: Option<ColourSource>) -> (Fetcher, Fetches) {
         let (wanted, asked) = mpsc::channel(MAX_FETCHING);
         let counts = Arc::new(Counts::default());
         let thread = {
             let counts = Arc::clone(&counts);
             std::thread::spawn(move || {
-                let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build();
+                let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
                 match runtime {
-                    Ok(runtime) => runtime.block_on(fetch_all(asked, sink, times, &counts)),
+                    Ok(runtime) => runtime.block_on(async {
+                        let colours = colours.map(|source| source());
+                        fetch_all(asked, sink, times, colours, &counts).await;
+                    }),
                     Err(error) => tracing::error!("silhouettes are not recorded: {error}"),
                 }
             })
@@ -108,6 +133,12 @@ impl Fetches {
 }
 
 impl Counts {
+    fn lack_colour(&self, frame: u64, why: &str) {
+        if self.colourless.fetch_add(1, Ordering::Relaxed) == 0 {
+            tracing::warn!("the recording lacks the colours of frame {frame}: {why} (told once)");
+        }
+    }
+
     fn lose(&self, frame: u64, why: &str) {
         self.fetching.fetch_sub(1, Ordering::Relaxed);
         if self.lost.fetch_add(1, Ordering::Relaxed) == 0 {
@@ -118,7 +149,13 @@ impl Counts {
     }
 }
 
-async fn fetch_all(mut asked: mpsc::Receiver<Wanted>, sink: Sink, times: Times, counts: &Arc<Counts>) {
+async fn fetch_all(
+    mut asked: mpsc::Receiver<Wanted>,
+    sink: Sink,
+    times: Times,
+    colours: Option<Colours>,
+    counts: &Arc<Counts>,
+) {
     let mut fetches = tokio::task::JoinSet::new();
     while let Some(wanted) = asked.recv().await {
         while fetches.len() >= MAX_FETCHING {
@@ -126,20 +163,53 @@ async fn fetch_all(mut asked: mpsc::Receiver<Wanted>, sink: Sink, times: Times, 
         }
         while fetches.try_join_next().is_some() {}
         let (sink, counts) = (sink.clone(), Arc::clone(counts));
-        fetches.spawn(async move {
-            let Wanted { frame, facts, silhouettes } = wanted;
-            let fetched = tokio::time::timeout(PATIENCE, silhouettes).await;
-            match fetched.unwrap_or_else(|_| Err("it did not come in time".into())) {
-                Ok(silhouettes) => {
-                    sink.put(entries(frame, &facts, &silhouettes, times));
-                    counts.frames.fetch_add(1, Ordering::Relaxed);
-                    counts.fetching.fetch_sub(1, Ordering::Relaxed);
-                }
-                Err(why) => counts.lose(frame, &why),
-            }
-        });
+        let colours = colours.as_ref().map(|fetch| fetch(wanted.frame));
+        fetches.spawn(fetch(wanted, colours, sink, times, counts));
     }
     while fetches.join_next().await.is_some() {}
+}
+
+async fn fetch(
+    wanted: Wanted,
+    colours: Option<FetchingColours>,
+    sink: Sink,
+    times: Times,
+    counts: Arc<Counts>,
+) {
+    let Wanted { frame, facts, silhouettes } = wanted;
+    let colours = async {
+        match colours {
+            Some(colours) => in_time(colours).await,
+            None => Ok(Vec::new()),
+        }
+    };
+    let (silhouettes, colours) = tokio::join!(in_time(silhouettes), colours);
+    match silhouettes {
+        Ok(silhouettes) => {
+            let mut all = entries(frame, &facts, &silhouettes, times);
+            match colours {
+                Ok(colours) => all.extend(colours.into_iter().map(|crop| colour_entry(frame, crop, times))),
+                Err(why) => counts.lack_colour(frame, &why),
+            }
+            sink.put(all);
+            counts.frames.fetch_add(1, Ordering::Relaxed);
+            counts.fetching.fetch_sub(1, Ordering::Relaxed);
+        }
+        Err(why) => counts.lose(frame, &why),
+    }
+}
+
+/// What comes within our patience.
+async fn in_time<T>(fetching: impl Future<Output = Result<T, String>>) -> Result<T, String> {
+    let fetched = tokio::time::timeout(PATIENCE, fetching).await;
+    fetched.unwrap_or_else(|_| Err("it did not come in time".into()))
+}
+
+fn colour_entry(frame: u64, crop: ColourCrop, times: Times) -> Entry {
+    let ColourCrop { camera, crop: [left, top, width, height], scale_log2, jpeg } = crop;
+    let message =
+        messages::Colour { frame, camera: camera.into(), left, top, width, height, scale_log2, jpeg };
+    Entry::new(Channel::Colour(camera.into()), times.log_ns(frame as f64 / times.fps), &message)
 }
 
 fn entries(

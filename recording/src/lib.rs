@@ -14,6 +14,10 @@ mod recorder;
 mod writer;
 
 pub use convert::{ConvertError, RunHeader};
-pub use read::{Difference, ReadError, RecordedFrames, RecordedSteps, Recording, StepCheck};
+pub use fetch::{ColourCrop, ColourSource, Colours, FetchingColours};
+pub use read::{
+    Difference, ReadError, RecordedFrames, RecordedPicture, RecordedPictures, RecordedSteps, Recording,
+    StepCheck,
+};
 pub use recorder::{Recorded, RecordingFile, RunRecorder, record};
 pub use writer::{Overwrites, WriteError};

@@ -8,7 +8,7 @@ use prost::Message;
 
 use crate::channels::Channel;
 use crate::convert::{self, RunHeader, command_to_message, vector};
-use crate::fetch::{Fetcher, Fetches};
+use crate::fetch::{ColourSource, Fetcher, Fetches};
 use crate::messages::{End, Figures, Response, Step};
 use crate::writer::{Entry, FileWriter, Overwrites, Sink, WriteError};
 
@@ -78,18 +78,19 @@ pub(crate) fn unix_ns(unix_s: f64) -> u64 {
     (unix_s * 1e9) as u64
 }
 
-/// Creates a file for a run. The header is on the disk when this returns.
+/// Creates a file for a run. The header is on the disk when this returns. Colours are kept if there is a source.
 pub fn record(
     path: &Path,
     overwrites: Overwrites,
     header: &RunHeader,
+    colours: Option<ColourSource>,
 ) -> Result<(RunRecorder, RecordingFile), WriteError> {
     let times = Times { began_unix_s: header.began_unix_s, fps: header.fps };
     let log_ns = times.log_ns(0.0);
     let first = Entry::new(Channel::Header, log_ns, &header.to_message());
     let writer = FileWriter::create(path, overwrites, header.lock_step, &header.names(), first)?;
     let sink = writer.sink().clone();
-    let (fetcher, fetches) = Fetcher::begin(sink.clone(), times);
+    let (fetcher, fetches) = Fetcher::begin(sink.clone(), times, colours);
     let last = Arc::new(Mutex::new(End::default()));
     let recorder = RunRecorder {
         times,

@@ -1,7 +1,6 @@
 //! The silhouettes of a recording as the frames of a coordinator.
 
 use std::collections::VecDeque;
-use std::fs::File;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use coordinator::{CameraFacts, FilmState, FrameFacts, LocalFrames, Pace};
@@ -9,15 +8,12 @@ use hull::{Observer, Silhouette, View, ViewSet};
 use proto::convert::{SilhouetteEncoding, silhouette_from_data};
 use tokio::sync::watch;
 
+use super::unpack::Unpacker;
 use super::{Index, ReadError};
-use crate::channels::Channel;
 use crate::convert::RunHeader;
-use crate::messages;
 
 /// Frames kept ready: as many as a node keeps.
 const KEPT_FRAMES: usize = 8;
-/// Chunks kept unpacked: a frame may lie over two, and the next begins where it ends.
-const KEPT_CHUNKS: usize = 2;
 
 /// The frames of a recording, read when they are wanted.
 pub struct RecordedFrames {
@@ -29,17 +25,13 @@ pub struct RecordedFrames {
 }
 
 struct Inner {
-    file: File,
-    chunks: VecDeque<(u32, Vec<Unpacked>)>,
+    unpacker: Unpacker,
     frames: VecDeque<Arc<Frame>>,
     state: FilmState,
     epoch_unix_s: f64,
     /// The run may use frames up to this.
     credited: u64,
 }
-
-/// A silhouette of an unpacked chunk, with its camera.
-type Unpacked = (usize, messages::Silhouette);
 
 struct Frame {
     number: u64,
@@ -51,8 +43,7 @@ struct Frame {
 impl RecordedFrames {
     pub(super) fn begin(header: &RunHeader, index: Arc<Index>) -> Result<RecordedFrames, ReadError> {
         let inner = Inner {
-            file: index.open()?,
-            chunks: VecDeque::new(),
+            unpacker: Unpacker::begin(Arc::clone(&index), false)?,
             frames: VecDeque::new(),
             state: FilmState::Running,
             epoch_unix_s: header.began_unix_s,
@@ -93,11 +84,7 @@ impl RecordedFrames {
     fn read(&self, inner: &mut Inner, number: u64, cameras: &[u32]) -> Result<Frame, ReadError> {
         let mut parts = Vec::with_capacity(cameras.len());
         for (camera, &chunk) in cameras.iter().enumerate() {
-            let unpacked = self.unpacked(inner, chunk)?;
-            let is_it = |(of, found): &&Unpacked| *of == camera && found.frame == number;
-            let (_, found) = unpacked.iter().find(is_it).ok_or_else(|| {
-                self.index.refused(format_args!("frame {number} of camera {camera} is not where it was"))
-            })?;
+            let found = inner.unpacker.silhouette(chunk, camera, number)?;
             let size = {
                 let camera = self.observers[camera].camera();
                 (camera.width(), camera.height())
@@ -128,23 +115,6 @@ impl RecordedFrames {
         };
         let silhouettes = parts.into_iter().map(|(silhouette, ..)| Arc::new(silhouette)).collect();
         Ok(Frame { number, views, silhouettes, facts })
-    }
-
-    fn unpacked<'a>(&self, inner: &'a mut Inner, chunk: u32) -> Result<&'a [Unpacked], ReadError> {
-        if let Some(at) = inner.chunks.iter().position(|(kept, _)| *kept == chunk) {
-            return Ok(&inner.chunks[at].1);
-        }
-        let is_wanted = |channel| matches!(channel, Channel::Silhouette(_));
-        let found = self.index.messages(&mut inner.file, chunk, "Silhouette", is_wanted)?;
-        let of_camera = |(channel, message)| match channel {
-            Channel::Silhouette(camera) => Some((camera, message)),
-            _ => None,
-        };
-        if inner.chunks.len() == KEPT_CHUNKS {
-            inner.chunks.pop_front();
-        }
-        inner.chunks.push_back((chunk, found.into_iter().filter_map(of_camera).collect()));
-        Ok(inner.chunks.back().map_or(&[], |(_, unpacked)| unpacked))
     }
 }
 

@@ -6,12 +6,14 @@ mod frames;
 mod schedule;
 #[cfg(test)]
 mod tests;
+mod unpack;
 
 pub use check::{Difference, StepCheck};
 pub use frames::RecordedFrames;
 pub use schedule::RecordedSteps;
+pub use unpack::{RecordedPicture, RecordedPictures};
 
-use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -55,6 +57,8 @@ struct Index {
     with_steps: Vec<u32>,
     /// Of each frame that all cameras have, the chunk of each camera's silhouette.
     frames: BTreeMap<u64, Vec<u32>>,
+    /// The same of colours, as far as there are any.
+    colours: BTreeMap<u64, Vec<u32>>,
 }
 
 impl Recording {
@@ -80,6 +84,7 @@ impl Recording {
             chunks: looked.chunks,
             with_steps: looked.with_steps,
             frames,
+            colours: looked.colours,
         };
         Ok(Recording {
             header,
@@ -131,6 +136,16 @@ impl Recording {
         RecordedSteps::begin(&self.header, Arc::clone(&self.index))
     }
 
+    /// What it shows of its frames.
+    pub fn pictures(&self) -> Result<RecordedPictures, ReadError> {
+        RecordedPictures::begin(Arc::clone(&self.index))
+    }
+
+    /// Whether there are colours.
+    pub fn has_colour(&self) -> bool {
+        !self.index.colours.is_empty()
+    }
+
     /// Its frames.
     pub fn frames(&self) -> Result<RecordedFrames, ReadError> {
         RecordedFrames::begin(&self.header, Arc::clone(&self.index))
@@ -148,6 +163,7 @@ struct Looked {
     chunks: Vec<Place>,
     with_steps: Vec<u32>,
     frames: BTreeMap<u64, Vec<u32>>,
+    colours: BTreeMap<u64, Vec<u32>>,
     steps: u64,
     last: Option<messages::Step>,
     is_complete: bool,
@@ -209,17 +225,25 @@ impl Looked {
             }
             Channel::Silhouette(camera) => {
                 let frame = decode::<messages::Silhouette>("Silhouette", data)?.frame;
-                let cameras = self.frames.entry(frame).or_default();
-                if cameras.len() <= camera {
-                    cameras.resize(camera + 1, NO_CHUNK);
-                }
-                cameras[camera] = chunk;
+                note(&mut self.frames, frame, camera, chunk);
+            }
+            Channel::Colour(camera) => {
+                let frame = decode::<messages::Colour>("Colour", data)?.frame;
+                note(&mut self.colours, frame, camera, chunk);
             }
             Channel::End => self.is_complete = true,
             _ => {}
         }
         Ok(())
     }
+}
+
+fn note(frames: &mut BTreeMap<u64, Vec<u32>>, frame: u64, camera: usize, chunk: u32) {
+    let cameras = frames.entry(frame).or_default();
+    if cameras.len() <= camera {
+        cameras.resize(camera + 1, NO_CHUNK);
+    }
+    cameras[camera] = chunk;
 }
 
 impl Index {
@@ -231,26 +255,21 @@ impl Index {
         ReadError { path: self.path.clone(), problem: problem.to_string() }
     }
 
-    /// The messages of a chunk that `wanted` names, decoded.
-    fn messages<M: Message + Default>(
-        &self,
-        file: &mut File,
-        chunk: u32,
-        name: &str,
-        wanted: impl Fn(Channel) -> bool,
-    ) -> Result<VecDeque<(Channel, M)>, ReadError> {
+    fn lacks(&self, frame: u64, camera: usize) -> ReadError {
+        self.refused(format_args!("frame {frame} of camera {camera} is not where it was"))
+    }
+
+    /// The messages of a chunk with their channels.
+    fn messages(&self, file: &mut File, chunk: u32) -> Result<Vec<(Channel, Vec<u8>)>, ReadError> {
         let place = self.chunks.get(chunk as usize).ok_or_else(|| self.refused("no such chunk"))?;
         let found = chunk::read(file, *place).map_err(|problem| self.refused(problem))?;
-        let mut messages = VecDeque::new();
-        for found in found {
-            let Found::Message(header, data) = found else { continue };
-            let Some(&channel) = self.channels.get(&header.channel_id) else { continue };
-            if wanted(channel) {
-                let message = decode::<M>(name, &data).map_err(|problem| self.refused(problem))?;
-                messages.push_back((channel, message));
+        let of_channel = |found| match found {
+            Found::Message(header, data) => {
+                self.channels.get(&header.channel_id).map(|&channel| (channel, data))
             }
-        }
-        Ok(messages)
+            Found::Channel(..) => None,
+        };
+        Ok(found.into_iter().filter_map(of_channel).collect())
     }
 }
 

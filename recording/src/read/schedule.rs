@@ -8,7 +8,7 @@ use coordinator::record::{Schedule, Scheduled, Sees};
 use proto::convert::Precision;
 use sim::BodyResponse;
 
-use super::{Index, ReadError};
+use super::{Index, ReadError, decode};
 use crate::channels::Channel;
 use crate::convert::{RunHeader, command_from_message, finite};
 use crate::messages::{Response, Step};
@@ -22,7 +22,7 @@ pub struct RecordedSteps {
     index: Arc<Index>,
     file: File,
     next_chunk: usize,
-    steps: VecDeque<(Channel, Step)>,
+    steps: VecDeque<Step>,
     is_rounded: bool,
     told: Arc<Told>,
 }
@@ -65,10 +65,12 @@ impl RecordedSteps {
         while self.steps.is_empty() {
             let Some(&chunk) = self.index.with_steps.get(self.next_chunk) else { return Ok(None) };
             self.next_chunk += 1;
-            let is_step = |channel| channel == Channel::Step;
-            self.steps = self.index.messages(&mut self.file, chunk, "Step", is_step)?;
+            let found = self.index.messages(&mut self.file, chunk)?;
+            let steps = found.iter().filter(|(channel, _)| *channel == Channel::Step);
+            let steps = steps.map(|(_, data)| decode("Step", data)).collect::<Result<_, _>>();
+            self.steps = steps.map_err(|problem| self.index.refused(problem))?;
         }
-        Ok(self.steps.pop_front().map(|(_, step)| step))
+        Ok(self.steps.pop_front())
     }
 
     fn scheduled(&self, step: Step) -> Result<Scheduled, ReadError> {

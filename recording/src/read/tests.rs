@@ -14,7 +14,7 @@ use sim::solid::ConvexHull;
 use sim::{BodyResponse, BodySpec, Heft, Scene, Solid, World, WorldSettings};
 
 use super::{Recording, StepCheck};
-use crate::{Overwrites, RecordingFile, RunHeader, RunRecorder, record};
+use crate::{ColourCrop, Overwrites, RecordingFile, RunHeader, RunRecorder, record};
 
 const SIZE: (u32, u32) = (64, 48);
 
@@ -64,8 +64,12 @@ struct TestRun {
 
 impl TestRun {
     fn begin(path: &Path, precision: Precision) -> TestRun {
+        TestRun::begin_with(path, precision, None)
+    }
+
+    fn begin_with(path: &Path, precision: Precision, colours: Option<crate::ColourSource>) -> TestRun {
         let header = header(precision);
-        let (recorder, file) = record(path, Overwrites::Never, &header).expect("a new file");
+        let (recorder, file) = record(path, Overwrites::Never, &header, colours).expect("a new file");
         let world = World::new(&header.scene, header.world).expect("a world");
         TestRun { world, recorder, file, digests: vec![] }
     }
@@ -190,6 +194,41 @@ fn what_is_read_is_what_was_recorded() {
     assert!(seen.windows(2).all(|pair| film_s(&pair[1]) > film_s(&pair[0])));
 }
 
+/// Camera 1 has colours, from frame 3 on.
+fn some_colours() -> crate::ColourSource {
+    let crop = |frame: u64| ColourCrop {
+        camera: 1,
+        crop: [8, 16, 24, 32],
+        scale_log2: 1,
+        jpeg: vec![frame as u8; 99],
+    };
+    Box::new(move || {
+        Box::new(move |frame| {
+            let found = if frame < 3 { Err("nothing yet".into()) } else { Ok(vec![crop(frame)]) };
+            Box::pin(std::future::ready(found))
+        })
+    })
+}
+
+#[test]
+fn colours_are_kept_where_there_are_any() {
+    let folder = tempfile::tempdir().expect("folder");
+    let path = folder.path().join("run.mcap");
+    let mut run = TestRun::begin_with(&path, Precision::Exact, Some(some_colours()));
+    (0..40).for_each(|_| run.step(&[]));
+    run.end();
+    let recording = Recording::open(&path).expect("a recording");
+    assert!(recording.has_colour());
+    let pictures = recording.pictures().expect("readable");
+    let of = |frame| pictures.frame(frame).expect("readable").expect("it is there");
+    assert_eq!((of(1)[1].colour.clone(), of(7)[0].colour.clone()), (None, None));
+    let crop = of(7)[1].colour.clone().expect("colours");
+    assert_eq!((crop.crop, crop.scale_log2, &crop.jpeg[..2]), ([8, 16, 24, 32], 1, &[7, 7][..]));
+    let runs = proto::convert::silhouette_data(&silhouette(7, 0), proto::convert::SilhouetteEncoding::Runs);
+    assert_eq!(of(7)[0].runs, runs);
+    assert_eq!(pictures.frame(2).expect("readable"), None, "it was never recorded");
+}
+
 #[test]
 fn rounded_answers_are_given_and_a_step_that_differs_is_named() {
     let folder = tempfile::tempdir().expect("folder");
@@ -272,9 +311,11 @@ fn a_file_that_is_there_stays_until_the_new_one_is_complete() {
     let folder = tempfile::tempdir().expect("folder");
     let path = folder.path().join("run.mcap");
     std::fs::write(&path, "precious").expect("written");
-    let error = record(&path, Overwrites::Never, &header(Precision::Exact)).expect_err("refused").to_string();
+    let error =
+        record(&path, Overwrites::Never, &header(Precision::Exact), None).expect_err("refused").to_string();
     assert!(error.contains("is there already"), "{error}");
-    let (recorder, file) = record(&path, Overwrites::AtTheEnd, &header(Precision::Exact)).expect("beside it");
+    let (recorder, file) =
+        record(&path, Overwrites::AtTheEnd, &header(Precision::Exact), None).expect("beside it");
     drop((recorder, file));
     assert_eq!(std::fs::read_to_string(&path).expect("still there"), "precious");
     assert_eq!(
@@ -283,7 +324,7 @@ fn a_file_that_is_there_stays_until_the_new_one_is_complete() {
         "nothing recorded, nothing left"
     );
     let (mut recorder, file) =
-        record(&path, Overwrites::AtTheEnd, &header(Precision::Exact)).expect("beside");
+        record(&path, Overwrites::AtTheEnd, &header(Precision::Exact), None).expect("beside");
     let world = World::new(&header(Precision::Exact).scene, WorldSettings::default()).expect("a world");
     recorder.step(&StepRecord {
         generation: 0,
