@@ -38,6 +38,8 @@ export class App {
   readonly stage: Stage | null;
   readonly connection: Connection;
   readonly quality: Quality;
+  /** The level at which a picture that stands is drawn: without a graphics card it must not take seconds. */
+  private readonly finest: number;
   readonly timeline = new Timeline();
   readonly playout = new Playout(this.timeline);
   readonly worlds = new Worlds();
@@ -87,7 +89,8 @@ export class App {
     this.canvas = canvas;
     this.observer = observer;
     this.stage = graphics ? new Stage(canvas, graphics.antialias) : null;
-    this.quality = new Quality(graphics?.software ? 2 : 0);
+    this.quality = new Quality(graphics?.software ? 3 : 0);
+    this.finest = graphics?.software ? 2 : 0;
     this.connection = new Connection(url, {
       link: (state, retry, why) => this.onLink(state, retry, why),
       text: (text) => this.onText(text),
@@ -451,12 +454,12 @@ export class App {
     if (this.fence && !this.fenceDone(now)) return;
     if (this.stage.renderer.getContext().isContextLost()) return;
     const { level } = this.quality;
-    const idle = !this.dirty && !this.ready && now - this.drawnAt > IDLE_MS && this.drawnLevel > 0 && this.quality.fixed === null;
+    const idle = !this.dirty && !this.ready && now - this.drawnAt > IDLE_MS && this.drawnLevel > this.finest && this.quality.fixed === null;
     if (!idle && now - this.drawnAt < level.everyMs) return;
     if (this.ready) this.takeReady(now);
     this.placeBodies(now);
     if (!this.dirty && !idle) return;
-    this.drawNow(now, idle ? 0 : this.quality.number);
+    this.drawNow(now, idle ? Math.min(this.finest, this.quality.number) : this.quality.number);
   }
 
   /** Whoever has not chosen a view begins with one of the person, wherever in the volume that is. */

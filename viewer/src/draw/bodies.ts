@@ -12,7 +12,7 @@ import {
   LineBasicMaterial,
   LineSegments,
   Mesh,
-  MeshStandardMaterial,
+  MeshLambertMaterial,
   SphereGeometry,
 } from "three";
 import type { BodyPose } from "../feed/message.ts";
@@ -24,7 +24,7 @@ interface Drawn {
   readonly text: BodyText;
   readonly mesh: Mesh;
   readonly edges: LineSegments;
-  readonly material: MeshStandardMaterial;
+  readonly material: MeshLambertMaterial;
   readonly edge: LineBasicMaterial;
   readonly key: string;
 }
@@ -90,10 +90,8 @@ export class Bodies {
   private add(body: BodyText): void {
     const geometry = geometryOf(body.shape);
     const color = new Color().setRGB(body.color[0], body.color[1], body.color[2], "srgb");
-    const material = new MeshStandardMaterial({
+    const material = new MeshLambertMaterial({
       color,
-      roughness: 0.62,
-      metalness: 0,
       flatShading: "hull" in body.shape,
       polygonOffset: true,
       polygonOffsetFactor: 1,

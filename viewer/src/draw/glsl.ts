@@ -6,6 +6,8 @@ export interface Compiled {
   readonly cameras: number;
   readonly offImageIsOutside: boolean;
   readonly minViews: number;
+  /** No camera has a lens that bends. */
+  readonly straight: boolean;
 }
 
 export function defines(compiled: Compiled): Record<string, string | number> {
@@ -13,6 +15,7 @@ export function defines(compiled: Compiled): Record<string, string | number> {
     N: Math.max(1, compiled.cameras),
     MIN_VIEWS: compiled.minViews,
     ...(compiled.offImageIsOutside ? { OUTSIDE: 1 } : {}),
+    ...(compiled.straight ? { STRAIGHT: 1 } : {}),
   };
 }
 
@@ -39,13 +42,16 @@ vec3 toCamera(int k, vec3 P) {
 
 // Normalised coordinates to the image, half a pixel on: pixel (i, j) covers i to i + 1.
 vec2 toImage(int k, vec2 n) {
+  vec4 m = CAM(k, 3);
+#ifdef STRAIGHT
+  return vec2(m.x * n.x + m.y * n.y + m.z, CAM(k, 4).x * n.y + m.w) + 0.5;
+#endif
   vec4 bend = CAM(k, 5);
   float k3 = CAM(k, 6).x;
   float r2 = dot(n, n);
   float c = 1.0 + r2 * (bend.x + r2 * (bend.y + r2 * k3));
   float xy = n.x * n.y;
   vec2 d = c * n + vec2(2.0 * bend.z * xy + bend.w * (r2 + 2.0 * n.x * n.x), bend.z * (r2 + 2.0 * n.y * n.y) + 2.0 * bend.w * xy);
-  vec4 m = CAM(k, 3);
   return vec2(m.x * d.x + m.y * d.y + m.z, CAM(k, 4).x * d.y + m.w) + 0.5;
 }
 
@@ -363,43 +369,53 @@ void main() {
   vec3 dir = ray(gl_FragCoord.xy);
   vec2 span = within(uEye, dir);
   float t = max(unpack16(start.xy) * uRange.y + uRange.x, span.x);
+  // Forward until inside, then halving between the last point outside and the first inside: one loop, so
+  // that the hull is compiled once.
   float outside = t;
-  float h = 1.0;
-  bool hit = false;
-  for (int i = 0; i < 96; i++) {
-    if (t > span.y) break;
-    h = hull(uEye + dir * t);
-    if (h <= 0.0) { hit = true; break; }
-    outside = t;
-    t += max(h, max(0.0012, 0.5 * uPixel * t));
+  float inside = -1.0;
+  float reached = 0.0;
+  int halvings = 0;
+  for (int i = 0; i < 100; i++) {
+    float h = hull(uEye + dir * t);
+    if (h <= 0.0) {
+      inside = t;
+      reached = h;
+    } else {
+      outside = t;
+    }
+    if (inside < 0.0) {
+      t += max(h, max(0.0012, 0.5 * uPixel * t));
+      if (t > span.y) break;
+    } else {
+      if (halvings == 4) break;
+      halvings++;
+      t = 0.5 * (outside + inside);
+    }
   }
-  if (!hit) discard;
-  for (int i = 0; i < 4; i++) {
-    float middle = 0.5 * (outside + t);
-    if (hull(uEye + dir * middle) <= 0.0) t = middle; else outside = middle;
-  }
+  if (inside < 0.0) discard;
+  t = inside;
   vec3 P = uEye + dir * t;
-  vec3 normal = normalAt(P, hull(P));
+  vec3 normal = normalAt(P, reached);
   if (dot(normal, normal) < 0.25) normal = -dir;
   vec4 best = vec4(-1.0);
   if (uMode == 0) {
-    best = photo(P, normal, dir, 0.0);
-    float carved = 0.0;
+    // Where cameras disagree the hull lies before the person: a few steps inwards they may agree.
     float inward = max(0.006, 1.5 * uPixel * t);
-    vec4 tried = best;
-    float cost = best.w;
-    for (int i = 1; i <= uTests; i++) {
-      if (tried.w < 0.004) break;
-      carved += inward;
-      vec3 Q = uEye + dir * (t + carved);
-      if (hull(Q) > 0.004) break;
-      tried = photo(Q, normal, dir, carved);
+    vec3 surface = P;
+    float cost = 1e3;
+    for (int i = 0; i <= uTests; i++) {
+      float carved = inward * float(i);
+      vec3 Q = surface + dir * carved;
+      if (i > 0 && hull(Q) > 0.004) break;
+      vec4 tried = photo(Q, normal, dir, carved);
       if (tried.w < 0.0) break;
-      if (tried.w < 0.004 || tried.w + 0.0012 * float(i) < cost) {
+      bool agreed = tried.w < 0.004;
+      if (agreed || tried.w + 0.0012 * float(i) < cost) {
         cost = tried.w + 0.0012 * float(i);
         best = tried;
         P = Q;
       }
+      if (agreed) break;
     }
   }
   colour = vec4(best.w >= 0.0 ? best.rgb : clay(normal, dir), 1.0);

@@ -65,6 +65,8 @@ export interface Eye {
 export interface Effort {
   /** Steps inwards that the photo test may make, 0 to 8. */
   readonly photoTests: number;
+  /** Halvings of the depth maps' size. */
+  readonly coarseMaps: number;
 }
 
 /** Targets of one size. */
@@ -301,7 +303,7 @@ export class HullView {
     const depth = new Float32Array(width * height).fill(1);
     if (!this.box) return { rgba, depth };
     const targets = new Targets(width, height);
-    this.render(renderer, targets, eye, mode, { photoTests: 8 });
+    this.render(renderer, targets, eye, mode, { photoTests: 8, coarseMaps: 0 });
     renderer.readRenderTargetPixels(targets.surface, 0, 0, width, height, rgba);
     this.reading ??= new WebGLRenderTarget(1, 1, { colorSpace: NoColorSpace, depthBuffer: false });
     this.reading.setSize(width, height);
@@ -367,7 +369,7 @@ export class HullView {
   /** Draws into targets; returns the part of the picture that the hull can be in. */
   private render(renderer: WebGLRenderer, targets: Targets, eye: Eye, mode: HullMode, effort: Effort): Vector4 {
     const photo = mode === "photo" && this.hasColour;
-    if (photo && this.mapsAreOld) this.drawMaps(renderer);
+    if (photo) this.drawMaps(renderer, effort.coarseMaps);
     const { width, height } = targets;
     this.setRays(eye, height);
     const [left, bottom, right, top] = this.bounds(eye, width, height);
@@ -409,9 +411,10 @@ export class HullView {
     return [inside(down(x0), width), inside(down(y0), height), inside(up(x1), width), inside(up(y1), height)];
   }
 
-  private drawMaps(renderer: WebGLRenderer): void {
+  private drawMaps(renderer: WebGLRenderer, coarse: number): void {
+    const side = (MAPS.find((map) => map * 5 >= this.fieldSide) ?? MAPS[2]) >> coarse;
+    if (!this.mapsAreOld && this.depths.width >= side) return;
     this.mapsAreOld = false;
-    const side = MAPS.find((map) => map * 5 >= this.fieldSide) ?? MAPS[2];
     if (this.depths.width !== side) this.depths.setSize(side, side, Math.max(1, this.block.count));
     (this.depth.uniforms.uMap.value as Vector2).set(side, side);
     for (let k = 0; k < this.block.count; k++) {

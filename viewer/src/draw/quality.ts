@@ -5,18 +5,20 @@ export interface Level {
   /** Of the person's picture, to the screen. */
   readonly scale: number;
   readonly photoTests: number;
+  /** Depth maps are made at so many halvings of their size. */
+  readonly coarseMaps: number;
   readonly shadows: boolean;
   /** Least time between drawings, milliseconds. */
   readonly everyMs: number;
 }
 
 export const LEVELS: readonly Level[] = [
-  { scale: 1, photoTests: 8, shadows: true, everyMs: 0 },
-  { scale: 0.75, photoTests: 8, shadows: true, everyMs: 0 },
-  { scale: 0.75, photoTests: 4, shadows: false, everyMs: 0 },
-  { scale: 0.5, photoTests: 2, shadows: false, everyMs: 0 },
-  { scale: 0.5, photoTests: 0, shadows: false, everyMs: 0 },
-  { scale: 0.35, photoTests: 0, shadows: false, everyMs: 66 },
+  { scale: 1, photoTests: 8, coarseMaps: 0, shadows: true, everyMs: 0 },
+  { scale: 0.75, photoTests: 8, coarseMaps: 0, shadows: true, everyMs: 0 },
+  { scale: 0.75, photoTests: 4, coarseMaps: 0, shadows: false, everyMs: 0 },
+  { scale: 0.5, photoTests: 2, coarseMaps: 1, shadows: false, everyMs: 0 },
+  { scale: 0.5, photoTests: 0, coarseMaps: 1, shadows: false, everyMs: 0 },
+  { scale: 0.35, photoTests: 0, coarseMaps: 1, shadows: false, everyMs: 66 },
 ];
 
 /** Longer than this is too long, shorter than that has room, milliseconds a drawing. */

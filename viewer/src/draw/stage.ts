@@ -105,6 +105,7 @@ export class Stage {
       cameras: this.rig.length,
       offImageIsOutside: hello.rule.out_of_view === "outside",
       minViews: hello.rule.min_views,
+      straight: this.rig.every(({ straight }) => straight),
     });
     this.hull.up = hello.up;
     this.scene.add(this.cameras.group, this.cameras.backdrop, this.cones.group, this.hull.compose);

@@ -10,6 +10,8 @@ import { toast } from "./dom.ts";
 const MAX_THROW_M_S = 9;
 /** The throw is the mean movement of so long before letting go, milliseconds. */
 const THROW_MS = 90;
+/** About that of light wood: bodies that a person can shove. */
+const DENSITY_KG_M3 = 120;
 const PALETTE: readonly Vec3[] = [
   [0.85, 0.47, 0.24],
   [0.24, 0.55, 0.8],
@@ -206,7 +208,7 @@ export class Hands {
   private async spawn(at: Vector3, shape: Shape): Promise<void> {
     const color = PALETTE[this.spawned % PALETTE.length];
     this.spawned++;
-    const answer = await this.app.command("spawn", { shape, color, position: at.toArray() });
+    const answer = await this.app.command("spawn", { shape, color, position: at.toArray(), density: DENSITY_KG_M3 });
     this.tell(answer);
     if ("body" in answer && answer.body !== undefined) {
       this.chosen = answer.body;

@@ -73,7 +73,7 @@ for (const bent of [false, true]) {
         assert.ok(found >= 0.99, `${view.name}: overlap ${found.toFixed(4)}`);
         const error = colourError(rgba, film.colours[index], film.masks[index], mask);
         t.diagnostic(`${view.name}: overlap ${found.toFixed(4)}, colours ${error.toFixed(2)}`);
-        assert.ok(error <= 6, `${view.name}: colours differ by ${error.toFixed(2)}`);
+        assert.ok(error <= 7, `${view.name}: colours differ by ${error.toFixed(2)}`);
       }
     });
 
