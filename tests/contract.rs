@@ -230,6 +230,8 @@ async fn suite(address: Listen, rig: &Rig) {
 
     answers_are_the_hulls_own(&mut client, &mut probe, rig).await;
     refuses_what_makes_no_question(&mut client, &mut probe).await;
+    let early = pictures(&mut client, 1, v1::fetch_pictures_request::Kind::Crops).await;
+    assert!(early.iter().all(|picture| picture.jpeg.is_empty()), "colours are kept from the first ask on");
 
     for number in 3..=12 {
         credits.send(v1::FrameCredit { up_to_frame: number }).await.expect("sent");
@@ -240,6 +242,7 @@ async fn suite(address: Listen, rig: &Rig) {
     let gone = client.fetch_silhouettes(gone).await;
     assert_eq!(gone.expect_err("gone").code(), tonic::Code::OutOfRange);
 
+    makes_pictures_of_frame_12(&mut client, rig).await;
     survives_strangers(&address).await;
     assert!(matches!(probe.ask(12, &one).await, ProbeAnswer::Answer(_)), "it goes on serving");
     tells_its_health_and_its_protocol(&address).await;
@@ -345,6 +348,53 @@ async fn refuses_what_makes_no_question(client: &mut Client, probe: &mut Probe) 
     assert_eq!(lied.expect_err("a lie").code(), tonic::Code::InvalidArgument);
     let never = v1::StartRequest { epoch_unix_s: f64::NAN, lock_step: true };
     assert_eq!(client.start(never).await.expect_err("NaN").code(), tonic::Code::InvalidArgument);
+}
+
+async fn pictures(
+    client: &mut Client,
+    frame: u64,
+    kind: v1::fetch_pictures_request::Kind,
+) -> Vec<v1::Picture> {
+    let (kind, cameras) = (kind.into(), vec![]);
+    let request = v1::FetchPicturesRequest { frame, scale_log2: 1, jpeg_quality: 80, kind, cameras };
+    let told = client.fetch_pictures(request).await.expect("fetches").into_inner();
+    told.collect::<Result<_, _>>().await.expect("no error")
+}
+
+/// After the first ask: silhouettes, and the colours of the person; whole images were never asked for.
+async fn makes_pictures_of_frame_12(client: &mut Client, rig: &Rig) {
+    use v1::fetch_pictures_request::Kind;
+    for frame in [12, u64::MAX] {
+        let crops = pictures(client, frame, Kind::Crops).await;
+        assert_eq!(crops.len(), rig.cameras().len());
+        for (camera, picture) in rig.cameras().iter().zip(&crops) {
+            assert_eq!((picture.frame, picture.scale_log2), (12, 1));
+            let size = (camera.width(), camera.height());
+            let silhouette =
+                silhouette_from_data(&picture.runs, size, SilhouetteEncoding::Runs).expect("runs");
+            let bounds = silhouette.bounds().expect("a person is there");
+            assert!(picture.left <= bounds.left && picture.top <= bounds.top);
+            assert!(picture.left + picture.width >= bounds.right);
+            assert!(picture.top + picture.height >= bounds.bottom);
+            let image = image::load_from_memory(&picture.jpeg).expect("a JPEG");
+            assert_eq!((image.width(), image.height()), (picture.width / 2, picture.height / 2));
+        }
+    }
+    let whole = pictures(client, 12, Kind::Whole).await;
+    assert!(whole.iter().all(|picture| picture.runs.is_empty() && picture.jpeg.is_empty()));
+    let lone = pictures(client, 12, Kind::Silhouettes).await;
+    assert!(lone.iter().all(|picture| !picture.runs.is_empty() && picture.jpeg.is_empty()));
+    for (frame, scale_log2, expected) in [
+        (0, 1, tonic::Code::OutOfRange),
+        (13, 1, tonic::Code::Unavailable),
+        (12, 9, tonic::Code::InvalidArgument),
+        (12, 1000, tonic::Code::InvalidArgument),
+    ] {
+        let (jpeg_quality, kind, cameras) = (80, Kind::Crops.into(), vec![]);
+        let request = v1::FetchPicturesRequest { frame, scale_log2, jpeg_quality, kind, cameras };
+        let refused = client.fetch_pictures(request).await.expect_err("refused");
+        assert_eq!(refused.code(), expected, "{refused}");
+    }
 }
 
 async fn survives_strangers(address: &Listen) {

@@ -305,11 +305,12 @@ impl Roll {
                 skipped: taken.number.saturating_sub(next),
             };
             let segment_ms = began.elapsed().as_secs_f64() * 1e3;
+            self.ring.colours().keep(self.index, taken.number, &image, &silhouette);
             self.ring.offer(self.index, stamp, CameraFrame::new(&camera.observer, silhouette, segment_ms));
             if let Some(learnt) = pupil.look(&self.desk, taken.number, &image) {
                 match learnt.and_then(|model| camera.use_background(model)) {
                     Ok(()) => {
-                        tracing::info!("camera {name:?}: a new background from frame {} on", taken.number + 1)
+                        tracing::info!("camera {name:?}: a new background from frame {} on", taken.number + 1);
                     }
                     Err(problem) => tracing::warn!("camera {name:?} keeps its background: {problem}"),
                 }

@@ -10,6 +10,8 @@ use hull::{Observer, Silhouette, View, ViewSet};
 use thiserror::Error;
 use tokio::sync::watch;
 
+use crate::pictures::Colours;
+
 /// How many frames are kept: enough for a coordinator that lags by a quarter of a second at 30
 /// frames/s, little enough that eight 8K silhouettes stay within 100 MB.
 pub const RING_FRAMES: usize = 8;
@@ -149,6 +151,7 @@ pub struct FrameRing {
     camera_count: usize,
     inner: Mutex<Inner>,
     version: watch::Sender<u64>,
+    colours: Colours,
 }
 
 impl FrameRing {
@@ -158,6 +161,7 @@ impl FrameRing {
             camera_count,
             inner: Mutex::new(Inner::new(camera_count)),
             version: watch::Sender::new(0),
+            colours: Colours::new(camera_count),
         }
     }
 
@@ -167,6 +171,7 @@ impl FrameRing {
         let run = inner.run + 1;
         *inner = Inner { run, ..Inner::new(self.camera_count) };
         drop(inner);
+        self.colours.clear();
         self.changed();
     }
 
@@ -252,6 +257,16 @@ impl FrameRing {
         }
         let found = inner.ring.iter().find(|frame| frame.number == number);
         found.cloned().ok_or(FrameError::Gone { asked: number, oldest, newest })
+    }
+
+    /// The newest frame, if there is one.
+    pub fn newest(&self) -> Option<Arc<Frame>> {
+        self.lock().ring.back().cloned()
+    }
+
+    /// The colours of recent frames, as far as somebody asks for them.
+    pub fn colours(&self) -> &Colours {
+        &self.colours
     }
 
     /// The run, and its frames that came after what was told of one (run, frame number), oldest first.

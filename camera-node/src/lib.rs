@@ -1,13 +1,14 @@
 //! A camera node: sources, segmentation, the ring of silhouettes, and the service that answers probes.
 //!
 //! One process serves one or more cameras. Film runs on a thread a camera ([`capture`]), finished frames
-//! wait in a bounded ring ([`frames`]), probes are computed on threads of their own and only their
+//! wait in a bounded ring ([`frames`]), pictures for people are made while asked for ([`pictures`]), probes are computed on threads of their own and only their
 //! bytes pass through the async [`service`].
 
 pub mod capture;
 pub mod cores;
 pub mod frames;
 pub mod listen;
+pub mod pictures;
 pub mod service;
 pub mod shapes;
 pub mod source;

@@ -26,6 +26,7 @@ use crate::capture::{CaptureError, Film, Lesson, Pace};
 use crate::cores::{Cores, work_ns};
 use crate::frames::{FilmState, Frame, FrameError, FrameRing};
 use crate::listen::{Listen, Listener};
+use crate::pictures::{Darkroom, Picture, PictureError, PictureKind, PictureOrder};
 use crate::shapes::Shapes;
 
 /// Questions that wait at most: more than the bodies of a pass ever overlap; beyond, the node says busy
@@ -62,6 +63,9 @@ pub enum ServeError {
         /// What the system says.
         error: std::io::Error,
     },
+    /// The system gives no thread.
+    #[error("cannot start a thread: {0}")]
+    Thread(std::io::Error),
     /// Learning the backgrounds panicked.
     #[error("learning the backgrounds failed: {0}")]
     Panicked(String),
@@ -188,10 +192,11 @@ pub struct Service {
     /// Questions that were put into the queue and are not answered.
     waiting: Arc<AtomicUsize>,
     jobs: SyncSender<Job>,
+    darkroom: Darkroom,
 }
 
 impl Service {
-    fn new(config: NodeConfig, ring: Arc<FrameRing>) -> Result<Service, CaptureError> {
+    fn new(config: NodeConfig, ring: Arc<FrameRing>) -> Result<Service, ServeError> {
         let film = Arc::new(Film::prepare(&config, Arc::clone(&ring))?);
         let shapes = Arc::new(Shapes::default());
         let (jobs, queue) = sync_channel(MAX_WAITING);
@@ -200,7 +205,9 @@ impl Service {
         let (working, count) = (Arc::clone(&worker), Arc::clone(&waiting));
         // The thread ends when the last sender is gone.
         std::thread::spawn(move || work(&working, &queue, &count));
-        Ok(Service { config, film, ring, shapes, worker, waiting, jobs })
+        let rig_indices = config.cameras.iter().map(|camera| camera.rig_index).collect();
+        let darkroom = Darkroom::new(Arc::clone(&ring), rig_indices).map_err(ServeError::Thread)?;
+        Ok(Service { config, film, ring, shapes, worker, waiting, jobs, darkroom })
     }
 }
 
@@ -448,6 +455,58 @@ impl CameraNode for Service {
         let cameras = tokio_stream::iter(0..self.config.cameras.len());
         Ok(Response::new(Box::pin(cameras.map(silhouette))))
     }
+
+    type FetchPicturesStream = Replies<v1::Picture>;
+
+    async fn fetch_pictures(
+        &self,
+        request: Request<v1::FetchPicturesRequest>,
+    ) -> Result<Response<Self::FetchPicturesStream>, Status> {
+        let order = picture_order(request.into_inner())?;
+        // Room for all of them: the darkroom never waits for a reader.
+        let (sender, receiver) = mpsc::channel(self.config.cameras.len());
+        let deliver = move |picture| {
+            if sender.try_send(Ok(picture_to_wire(picture))).is_err() {
+                tracing::debug!("a picture found no reader");
+            }
+        };
+        self.darkroom.order(order, deliver).map_err(|error| match error {
+            PictureError::Frame(FrameError::Gone { .. }) => Status::out_of_range(error.to_string()),
+            PictureError::Frame(FrameError::NotYet { .. }) => Status::unavailable(error.to_string()),
+            PictureError::Order { .. } => Status::invalid_argument(error.to_string()),
+            PictureError::Busy => Status::resource_exhausted(error.to_string()),
+        })?;
+        Ok(Response::new(Box::pin(ReceiverStream::new(receiver))))
+    }
+}
+
+fn picture_order(request: v1::FetchPicturesRequest) -> Result<PictureOrder, Status> {
+    use v1::fetch_pictures_request::Kind;
+    let kind = match request.kind() {
+        Kind::Silhouettes => PictureKind::Silhouettes,
+        Kind::Crops => PictureKind::Crops,
+        Kind::Whole => PictureKind::Whole,
+    };
+    let v1::FetchPicturesRequest { frame, scale_log2, jpeg_quality, kind: _, cameras } = request;
+    let wrong = |field: &str, found: u32| {
+        Status::invalid_argument(format!("FetchPicturesRequest.{field} is {found}, expected less"))
+    };
+    Ok(PictureOrder {
+        frame: (frame != u64::MAX).then_some(frame),
+        kind,
+        scale_log2: scale_log2.try_into().map_err(|_| wrong("scale_log2", scale_log2))?,
+        jpeg_quality: jpeg_quality.try_into().map_err(|_| wrong("jpeg_quality", jpeg_quality))?,
+        cameras: cameras
+            .into_iter()
+            .map(|camera| camera.try_into().map_err(|_| wrong("cameras", camera)))
+            .collect::<Result<_, _>>()?,
+    })
+}
+
+fn picture_to_wire(picture: Picture) -> v1::Picture {
+    let Picture { rig_index, frame, captured_unix_s, runs, crop, scale_log2, jpeg } = picture;
+    let ([left, top, width, height], rig_index, scale_log2) = (crop, rig_index.into(), scale_log2.into());
+    v1::Picture { rig_index, runs, left, top, width, height, jpeg, frame, captured_unix_s, scale_log2 }
 }
 
 /// Sends every frame as it comes, then how the film ended.

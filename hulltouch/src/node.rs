@@ -76,6 +76,7 @@ fn serve_failure(error: ServeError) -> Failure {
         ServeError::Capture(_)
         | ServeError::Listen { .. }
         | ServeError::Panicked(_)
+        | ServeError::Thread(_)
         | ServeError::Transport(_) => Failure::run(error),
     }
 }

@@ -15,6 +15,7 @@
 mod bits;
 mod blobs;
 mod convert;
+mod crop;
 mod gain;
 mod kernel;
 mod layout;
@@ -25,6 +26,7 @@ mod settings;
 mod thresholds;
 
 pub use convert::{from_rgb, to_rgb};
+pub use crop::CROP_GRID;
 pub use layout::{Format, Layout, Range, Sampling, SizeError};
 pub use model::{BackgroundBuilder, BackgroundModel, MAX_CLIP_FRAMES, ModelError};
 pub use segmenter::{SegmentError, Segmented, Segmenter};
