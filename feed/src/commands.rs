@@ -2,9 +2,8 @@
 //! says which is not, what was found and what was expected.
 
 use coordinator::live::{BodyId, Command, Parameters};
-use hull::Pose;
 use serde_json::{Map, Value};
-use sim::{BodySpec, Scene};
+use sim::{BodyRequest, BodySpec, Scene};
 
 /// The longest a background may be learnt, seconds.
 const MAX_BACKGROUND_S: f64 = 60.0;
@@ -53,7 +52,7 @@ fn command(message: &Map<String, Value>) -> Result<Command, String> {
             let scene = Scene::named(fields.text("scene")?);
             Command::Choose(scene.map_err(|error| error.to_string())?)
         }
-        "spawn" => Command::Spawn(Box::new(spawn(&fields)?)),
+        "spawn" => Command::Spawn(Box::new(spawn(message)?)),
         "remove" => {
             only(&["body"])?;
             Command::Remove(fields.body()?)
@@ -107,38 +106,13 @@ fn parameters(fields: &Fields<'_>) -> Result<Parameters, String> {
     Ok(set)
 }
 
-/// A body as a scene file would have it, placed where the command says.
-fn spawn(fields: &Fields<'_>) -> Result<BodySpec, String> {
-    let of_scene = ["color", "mass", "density", "friction", "restitution", "fixed"];
-    fields.only(&[&["shape", "position", "rotation_xyzw", "name"][..], &of_scene].concat())?;
-    let position_m = fields.vector("position")?;
-    let rotation = fields.optional("rotation_xyzw", Fields::numbers::<4>)?.unwrap_or([0.0, 0.0, 0.0, 1.0]);
-    let pose = Pose::new(position_m, rotation).map_err(|error| format!("spawn: {error}"))?;
-    let name = if fields.has("name") { fields.text("name")? } else { "spawned" };
-    let mut body = toml::Table::new();
-    body.insert("name".into(), name.into());
-    body.insert("shape".into(), toml_of(fields.value("shape")?, "shape")?);
-    let place = toml::Table::from_iter([("at".to_owned(), toml::Value::try_from(position_m).map_err(text)?)]);
-    body.insert("place".into(), place.into());
-    for key in of_scene.into_iter().filter(|key| fields.has(key)) {
-        body.insert(key.into(), toml_of(fields.value(key)?, key)?);
-    }
-    let bodies = toml::Value::Array(vec![body.into()]);
-    let scene = toml::Table::from_iter([("bodies".to_owned(), bodies)]);
-    let scene = toml::to_string(&scene).map_err(text)?;
-    // The scene's own checks name the key, what was found and what was expected.
-    let scene = Scene::from_toml("spawn", &scene).map_err(text)?;
-    let body = scene.bodies(1).into_iter().next().ok_or("spawn makes no body")?;
-    Ok(BodySpec { pose, ..body })
-}
-
-fn text(error: impl std::fmt::Display) -> String {
-    error.to_string()
-}
-
-/// JSON has nothing that TOML has not, but `null`.
-fn toml_of(value: &Value, key: &str) -> Result<toml::Value, String> {
-    toml::Value::try_from(value).map_err(|error| format!("spawn.{key} is {}: {error}", short(value)))
+/// A body with a scene's keys, and a pose of its own.
+fn spawn(message: &Map<String, Value>) -> Result<BodySpec, String> {
+    let own = message.iter().filter(|(key, _)| !ENVELOPE.contains(&key.as_str()));
+    let own = own.map(|(key, value)| (key.clone(), value.clone())).collect();
+    let request: BodyRequest =
+        serde_json::from_value(Value::Object(own)).map_err(|error| format!("spawn: {error}"))?;
+    request.check().map_err(|error| format!("spawn.{error}"))
 }
 
 /// The fields of an object, and whose they are.
@@ -222,7 +196,7 @@ impl<'a> Fields<'a> {
 }
 
 /// A value in a line of bearable length.
-fn short(value: &Value) -> String {
+pub(crate) fn short(value: &Value) -> String {
     const MOST: usize = 60;
     let text = value.to_string();
     if text.chars().count() <= MOST { text } else { text.chars().take(MOST).chain("…".chars()).collect() }
@@ -273,13 +247,14 @@ mod tests {
     #[test]
     fn a_body_is_spawned_as_a_scene_file_would_have_it() {
         let spawn = json!({"command": "spawn", "shape": {"box": {"size": [0.2, 0.3, 0.4]}},
-            "position": [0, 2, 1], "rotation_xyzw": [0, 1, 0, 0], "mass": 2, "color": [1, 0, 0.5]});
+            "position": [0, 2, 1], "rotation_xyzw": [0, 1, 0, 0], "mass": 2, "velocity": [0, 0, 3], "color": [1, 0, 0.5]});
         let Command::Spawn(body) = read(spawn).expect("a command") else { panic!("a spawn") };
         assert_eq!(body.solid, Solid::Box { size_m: [0.2, 0.3, 0.4] });
         assert_eq!(
             (body.pose.position_m(), body.pose.rotation_xyzw()),
             ([0.0, 2.0, 1.0], [0.0, 1.0, 0.0, 0.0])
         );
+        assert_eq!(body.velocity_m_s, [0.0, 0.0, 3.0]);
         assert_eq!((body.heft, body.color), (Heft::MassKg(2.0), [1.0, 0.0, 0.5]));
         let hull = json!({"command": "spawn", "position": [0, 1, 0], "name": "rock",
             "shape": {"hull": {"points": [[0, 0, 0], [0.2, 0, 0], [0, 0.2, 0], [0, 0, 0.2]]}}});
@@ -315,14 +290,14 @@ mod tests {
             (json!({"command": "step", "steps": 1e9}), "step.steps is 1000000000.0, expected a whole number"),
             (
                 json!({"command": "spawn", "position": [0, 0, 0], "shape": {"ball": {"radius": 90}}}),
-                "ball.radius: 90",
+                "spawn.shape.ball.radius: 90",
             ),
             (json!({"command": "spawn", "position": [0, 0, 0], "shape": {"torus": {}}}), "torus"),
             (
                 json!({"command": "spawn", "position": [0, 0, 0], "shape": {"ball": {"radius": 0.1}}, "mass": -1}),
-                "mass: -1",
+                "spawn.mass: -1",
             ),
-            (json!({"command": "spawn", "position": [0, 0, 0], "shape": null}), "spawn.shape is null"),
+            (json!({"command": "spawn", "position": [0, 0, 0], "shape": null}), "spawn: "),
         ] {
             let error = read(message.clone()).expect_err("refused");
             assert!(error.contains(expected) && !error.contains('\n'), "{message}: {error}");

@@ -78,7 +78,6 @@ impl Gate {
     }
 
     /// Whether this text is the token.
-    #[cfg_attr(not(test), expect(dead_code, reason = "the sockets ask it"))]
     pub fn may_steer(&self, token: Option<&str>) -> bool {
         token.is_some_and(|token| self.token.is(token))
     }

@@ -4,17 +4,16 @@ use coordinator::live::{BodyLook, CameraStatus, Done, RunStatus, SceneState};
 use serde_json::{Value, json};
 use sim::{Scene, Solid};
 
-use crate::facts::RunFacts;
+use crate::facts::{RunFacts, Volume};
 use hull::Camera;
 use hull::rule::OutOfView;
 
 /// The version of the format.
 pub const VERSION: u8 = 1;
 
-/// What a page hears first.
-pub fn hello(facts: &RunFacts, session: &str, is_controller: bool) -> String {
+/// What a page hears first. `volume` is that of the facts, found once: that takes a while.
+pub fn hello(facts: &RunFacts, volume: &Volume, session: &str, is_controller: bool) -> String {
     let rule = facts.probes.rule();
-    let volume = facts.volume();
     json!({
         "op": "hello",
         "version": VERSION,

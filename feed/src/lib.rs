@@ -6,18 +6,25 @@
 //! silhouettes and colours of a frame, only while somebody looks. `docs/feed.md` is the format in words.
 
 pub mod commands;
+mod connection;
 mod facts;
 mod gate;
 pub mod hello;
+mod hub;
+mod incoming;
 pub mod message;
 pub mod osc;
+mod outbox;
 mod page;
+mod page_state;
 pub mod pictures;
 mod server;
+mod socket;
 mod state_socket;
 mod ticks;
+mod tier;
 mod world_service;
 
-pub use facts::RunFacts;
+pub use facts::{RunFacts, Volume};
 pub use gate::Token;
 pub use server::{Feed, FeedError, FeedSettings};

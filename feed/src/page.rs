@@ -8,7 +8,6 @@ use axum::routing::get;
 /// The built page.
 #[derive(rust_embed::RustEmbed)]
 #[folder = "../viewer/dist"]
-#[allow_missing = true]
 struct Files;
 
 /// Where the page begins.

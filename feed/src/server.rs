@@ -2,6 +2,7 @@
 
 use std::net::SocketAddr;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -9,22 +10,20 @@ use axum::Router;
 use axum::extract::{Request, State};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
-use axum::serve::ListenerExt as _;
 use coordinator::live::Follower;
 use thiserror::Error;
 use tokio::net::TcpListener;
 use tokio::sync::watch;
 
-use crate::facts::RunFacts;
+use crate::connection::{Counting, Taken};
+use crate::facts::{RunFacts, Volume};
 use crate::gate::{Gate, Token, random_hex};
-use crate::page;
+use crate::hub::Hub;
 use crate::pictures::Pictures;
-use crate::{state_socket, world_service};
+use crate::{page, socket, state_socket, world_service};
 
 /// Pages get so long to hear that the run ends.
 const LAST_WORDS: Duration = Duration::from_millis(300);
-/// What the kernel keeps for a page that reads slowly, bytes: beyond, what is sent would be old when it comes.
-const SEND_BUFFER_BYTES: usize = 256 << 10;
 
 /// Where to serve, and who steers.
 #[derive(Clone, Debug)]
@@ -54,14 +53,17 @@ pub enum FeedError {
 }
 
 /// What every part of the server shares.
-#[expect(dead_code, reason = "the sockets read them")]
 pub(crate) struct Shared {
     pub facts: RunFacts,
+    /// The facts' own.
+    pub volume: Volume,
     pub follower: Follower,
-    pub pictures: Arc<dyn Pictures>,
+    pub hub: Hub,
     pub gate: Gate,
     /// New with every start of a server, so that a page sees that it talks to another run.
     pub session: String,
+    /// How many pages look.
+    pub pages: Arc<AtomicUsize>,
     /// True once the server ends.
     pub ending: watch::Receiver<bool>,
 }
@@ -70,42 +72,56 @@ pub(crate) struct Shared {
 #[derive(Debug)]
 pub struct Feed {
     address: SocketAddr,
+    pages: Arc<AtomicUsize>,
     end: watch::Sender<bool>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Feed {
-    /// Binds the address and begins to serve. `pictures` is asked only while somebody looks.
+    /// Binds the address and begins to serve. `pictures` is called once, within the server's own runtime; what
+    /// it returns is asked only while somebody looks.
     pub fn start(
         settings: &FeedSettings,
         facts: RunFacts,
         follower: Follower,
-        pictures: Arc<dyn Pictures>,
+        pictures: impl FnOnce() -> Arc<dyn Pictures>,
     ) -> Result<Feed, FeedError> {
         let listener = bind(settings)?;
         let system = |error: std::io::Error| FeedError::System(error.to_string());
         let address = listener.local_addr().map_err(system)?;
         listener.set_nonblocking(true).map_err(system)?;
         let (end, ending) = watch::channel(false);
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(system)?;
+        let pictures = {
+            let _within = runtime.enter();
+            pictures()
+        };
+        let pages: Arc<AtomicUsize> = Arc::default();
         let shared = Arc::new(Shared {
+            hub: Hub::new(pictures, facts.fps),
+            volume: facts.volume(),
             facts,
             follower,
-            pictures,
+            pages: Arc::clone(&pages),
             gate: Gate::new(settings.token.clone(), address),
             session: random_hex().map_err(FeedError::System)?,
             ending,
         });
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(system)?;
         let thread = std::thread::Builder::new().name("feed".into()).spawn(move || {
             runtime.block_on(serve(listener, shared));
             runtime.shutdown_timeout(LAST_WORDS);
         });
-        Ok(Feed { address, end, thread: Some(thread.map_err(system)?) })
+        Ok(Feed { address, pages, end, thread: Some(thread.map_err(system)?) })
     }
 
     /// Where it listens.
     pub fn address(&self) -> SocketAddr {
         self.address
+    }
+
+    /// How many pages look now.
+    pub fn pages(&self) -> usize {
+        self.pages.load(Ordering::Relaxed)
     }
 }
 
@@ -134,8 +150,8 @@ fn bind(settings: &FeedSettings) -> Result<std::net::TcpListener, FeedError> {
 async fn router(shared: &Arc<Shared>) -> Router {
     let guarded = axum::middleware::from_fn_with_state(Arc::clone(shared), guard);
     let calls: Router<Arc<Shared>> = world_service::routes(shared).await.with_state(());
-    let routes = Router::new().merge(page::routes()).merge(state_socket::routes()).merge(calls);
-    routes.layer(guarded).with_state(Arc::clone(shared))
+    let routes = Router::new().merge(socket::routes()).merge(state_socket::routes());
+    routes.merge(page::routes()).merge(calls).layer(guarded).with_state(Arc::clone(shared))
 }
 
 async fn guard(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
@@ -147,16 +163,13 @@ async fn guard(State(shared): State<Arc<Shared>>, request: Request, next: Next) 
 
 async fn serve(listener: std::net::TcpListener, shared: Arc<Shared>) {
     let listener = match TcpListener::from_std(listener) {
-        Ok(listener) => listener.tap_io(|stream| {
-            // A socket that takes neither setting still works, only later.
-            let _ = stream.set_nodelay(true);
-            let _ = socket2::SockRef::from(&*stream).set_send_buffer_size(SEND_BUFFER_BYTES);
-        }),
+        Ok(listener) => Counting(listener),
         Err(error) => return tracing::error!("the page cannot be served: {error}"),
     };
+    let service = router(&shared).await.into_make_service_with_connect_info::<Taken>();
     let mut ending = shared.ending.clone();
     let mut ended = ending.clone();
-    let serving = axum::serve(listener, router(&shared).await).with_graceful_shutdown(async move {
+    let serving = axum::serve(listener, service).with_graceful_shutdown(async move {
         // An end whose sender is gone is an end.
         let _ = ending.wait_for(|ended| *ended).await;
     });
@@ -168,4 +181,11 @@ async fn serve(listener: std::net::TcpListener, shared: Arc<Shared>) {
         served = serving => if let Err(error) = served { tracing::error!("serving the page failed: {error}") },
         () = hurry => {}
     }
+    let pages_told = async {
+        while shared.pages.load(Ordering::Relaxed) > 0 {
+            tokio::time::sleep(Duration::from_millis(5)).await;
+        }
+    };
+    // Pages that do not listen are not waited for.
+    let _ = tokio::time::timeout(LAST_WORDS, pages_told).await;
 }

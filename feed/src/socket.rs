@@ -1,0 +1,190 @@
+//! One page: a WebSocket that gets the newest of everything, as fast as it takes it.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+use axum::Router;
+use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade, close_code};
+use axum::extract::{ConnectInfo, Query, State};
+use axum::http::StatusCode;
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use futures::stream::{SplitSink, SplitStream};
+use futures::{SinkExt as _, StreamExt as _};
+use serde::Deserialize;
+
+use crate::connection::Taken;
+use crate::hello;
+use crate::outbox::{Item, Outbox};
+use crate::page_state::{Page, Verdict};
+use crate::server::Shared;
+
+/// The subprotocol, with the format's version.
+const PROTOCOL: &str = "hulltouch.feed.v1";
+/// Pages at once: a hundred megabits a second carry seven of them at full rate.
+const MAX_PAGES: usize = 64;
+/// The longest message of a page, bytes: a body of 256 points takes 20 KB.
+const MAX_MESSAGE_BYTES: usize = 64 << 10;
+/// A page whose socket takes nothing for so long, or that does not answer a ping, is dropped.
+pub(crate) const PATIENCE: Duration = Duration::from_secs(5);
+/// What WebSocket closes may give as a reason, bytes.
+const MAX_REASON_BYTES: usize = 123;
+/// How often a page's link is looked at, and its status told.
+pub(crate) const STATUS_EVERY: Duration = Duration::from_millis(250);
+/// How often a page is asked whether it is there.
+const PING_EVERY: Duration = Duration::from_secs(1);
+
+/// The page's socket.
+pub(crate) fn routes() -> Router<Arc<Shared>> {
+    Router::new().route("/feed", get(upgrade))
+}
+
+#[derive(Deserialize)]
+struct Parameters {
+    token: Option<String>,
+}
+
+async fn upgrade(
+    State(shared): State<Arc<Shared>>,
+    Query(parameters): Query<Parameters>,
+    ConnectInfo(taken): ConnectInfo<Taken>,
+    upgrade: WebSocketUpgrade,
+) -> Response {
+    let Some(seat) = Seat::take(&shared.pages) else {
+        let why = format!("{MAX_PAGES} pages look already, expected fewer\n");
+        return (StatusCode::SERVICE_UNAVAILABLE, why).into_response();
+    };
+    let is_controller = shared.gate.may_steer(parameters.token.as_deref());
+    upgrade
+        .protocols([PROTOCOL])
+        .max_message_size(MAX_MESSAGE_BYTES)
+        .max_frame_size(MAX_MESSAGE_BYTES)
+        .on_upgrade(move |socket| async move {
+            serve(socket, shared, is_controller, taken).await;
+            drop(seat);
+        })
+}
+
+/// One of the places for pages, given back when dropped.
+struct Seat(Arc<AtomicUsize>);
+
+impl Seat {
+    fn take(pages: &Arc<AtomicUsize>) -> Option<Seat> {
+        let taken = pages.fetch_add(1, Ordering::AcqRel);
+        let seat = Seat(Arc::clone(pages));
+        (taken < MAX_PAGES).then_some(seat)
+    }
+}
+
+impl Drop for Seat {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::AcqRel);
+    }
+}
+
+async fn serve(socket: WebSocket, shared: Arc<Shared>, is_controller: bool, taken: Taken) {
+    let (sink, stream) = socket.split();
+    let outbox = Arc::new(Outbox::default());
+    let mut writing = tokio::spawn(write(sink, Arc::clone(&outbox)));
+    let mut page = Page::new(shared, Arc::clone(&outbox), is_controller, taken);
+    let verdict = tokio::select! {
+        verdict = talk(&mut page, stream) => verdict,
+        _ = &mut writing => Verdict::Gone,
+    };
+    page.end();
+    match verdict {
+        Verdict::Gone => {}
+        Verdict::Stuck => tracing::info!("a page that stopped reading was dropped"),
+        Verdict::Bye(why) => {
+            outbox.bye(why);
+            let _ = tokio::time::timeout(PATIENCE, &mut writing).await;
+        }
+    }
+    writing.abort();
+}
+
+/// Takes what comes, and lets the page's state decide what goes, until there is a reason to end.
+async fn talk(page: &mut Page, mut stream: SplitStream<WebSocket>) -> Verdict {
+    let mut status = tokio::time::interval(STATUS_EVERY);
+    let mut pings = tokio::time::interval(PING_EVERY);
+    page.begin();
+    loop {
+        let (state_due, frame_due) = (page.state_due(), page.frame_due());
+        let verdict = tokio::select! {
+            message = stream.next() => match message {
+                Some(Ok(Message::Text(text))) => page.read(&text),
+                Some(Ok(Message::Pong(number))) => page.pong(&number),
+                // Pings are answered already.
+                Some(Ok(Message::Ping(_))) => None,
+                Some(Ok(Message::Binary(_))) => Some(Verdict::Bye("a binary message, expected texts".into())),
+                Some(Ok(Message::Close(_))) | None => Some(Verdict::Gone),
+                Some(Err(error)) => Some(Verdict::Bye(format!("no message: {error}"))),
+            },
+            verdict = page.changed() => verdict,
+            () = sleep_until(state_due) => page.send_state(),
+            // Asked for below.
+            () = sleep_until(frame_due) => None,
+            _ = status.tick() => page.look_at_link(),
+            _ = pings.tick() => page.ping(),
+        };
+        if let Some(verdict) = verdict {
+            return verdict;
+        }
+        page.pull_frame();
+    }
+}
+
+async fn sleep_until(due: Option<Instant>) {
+    match due {
+        Some(due) => tokio::time::sleep_until(due.into()).await,
+        None => std::future::pending().await,
+    }
+}
+
+/// Sends what the outbox holds, until the peer is gone or the last word is said.
+async fn write(mut sink: SplitSink<WebSocket, Message>, outbox: Arc<Outbox>) {
+    loop {
+        let sent = match outbox.next().await {
+            Item::Text(text) => sink.send(Message::text(text)).await,
+            Item::Binary(bytes) => sink.send(Message::Binary(bytes)).await,
+            Item::Frame(messages) => send_frame(&mut sink, &outbox, messages).await,
+            Item::Ping => send_ping(&mut sink, outbox.begin_ping(false), &outbox).await,
+            Item::Bye(why) => {
+                // The peer may have gone already.
+                let _ = sink.send(Message::text(hello::bye(&why))).await;
+                let _ = sink.send(Message::Close(Some(close_frame(&why)))).await;
+                return;
+            }
+        };
+        if sent.is_err() {
+            return;
+        }
+    }
+}
+
+type Sink = SplitSink<WebSocket, Message>;
+
+async fn send_frame(
+    sink: &mut Sink,
+    outbox: &Outbox,
+    messages: Vec<bytes::Bytes>,
+) -> Result<(), axum::Error> {
+    let ping = outbox.begin_ping(true);
+    for message in messages {
+        sink.send(Message::Binary(message)).await?;
+    }
+    send_ping(sink, ping, outbox).await
+}
+
+async fn send_ping(sink: &mut Sink, number: u32, outbox: &Outbox) -> Result<(), axum::Error> {
+    sink.send(Message::Ping(number.to_le_bytes().to_vec().into())).await?;
+    outbox.ping_handed(number);
+    Ok(())
+}
+
+fn close_frame(why: &str) -> CloseFrame {
+    let most = (0..=MAX_REASON_BYTES).rev().find(|&most| why.is_char_boundary(most.min(why.len())));
+    let reason = why.get(..most.unwrap_or_default().min(why.len())).unwrap_or_default();
+    CloseFrame { code: close_code::POLICY, reason: reason.into() }
+}

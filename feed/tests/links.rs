@@ -1,0 +1,141 @@
+//! Pages that read slowly or not at all, and the others beside them.
+
+mod common;
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::Duration;
+
+use common::*;
+use serde_json::json;
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+use tokio::net::{TcpListener, TcpStream};
+use tokio_tungstenite::MaybeTlsStream;
+
+/// Publishes thirty frames a second until dropped.
+struct Film(Arc<AtomicBool>);
+
+impl Film {
+    fn roll(run: Arc<Run>) -> Film {
+        let rolls = Arc::new(AtomicBool::new(true));
+        let goes_on = Arc::clone(&rolls);
+        tokio::spawn(async move {
+            let mut ticks = tokio::time::interval(Duration::from_secs_f64(1.0 / FPS));
+            for frame in 1.. {
+                ticks.tick().await;
+                if !goes_on.load(Ordering::SeqCst) {
+                    break;
+                }
+                run.publish(frame);
+            }
+        });
+        Film(rolls)
+    }
+}
+
+impl Drop for Film {
+    fn drop(&mut self) {
+        self.0.store(false, Ordering::SeqCst);
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_page_that_stops_reading_is_dropped_and_the_others_get_every_frame() {
+    let run = Arc::new(Run::start());
+    let stopped = run.viewer().await;
+    let shown: Arc<Vec<AtomicU64>> = Arc::new((0..9).map(|_| AtomicU64::new(0)).collect());
+    let mut readers = Vec::new();
+    for reader in 0..9 {
+        let (mut page, shown) = (run.viewer().await, Arc::clone(&shown));
+        readers.push(tokio::spawn(async move {
+            loop {
+                let frame = frame_of(&page.hear_kind(1).await);
+                let before = shown[reader].swap(frame, Ordering::SeqCst);
+                assert!(before == 0 || frame == before + 1, "frame {frame} after {before}");
+            }
+        }));
+    }
+    until("all pages are there", || run.feed.pages() == 10).await;
+    let mut frame = 0;
+    while run.feed.pages() == 10 {
+        frame += 1;
+        run.publish(frame);
+        let all_have_it = || shown.iter().all(|shown| shown.load(Ordering::SeqCst) == frame);
+        until("every page that reads gets every frame", all_have_it).await;
+    }
+    assert_eq!(run.feed.pages(), 9);
+    assert!(readers.iter().all(|reader| !reader.is_finished()));
+    assert_eq!(run.studio.asked().len() as u64, frame, "each frame was made once for all of them");
+    drop(stopped);
+}
+
+/// A proxy that lets so many bytes a second through from the server.
+async fn narrow(to: std::net::SocketAddr, bytes_per_s: usize) -> std::net::SocketAddr {
+    let listener = TcpListener::bind("127.0.0.1:0").await.expect("listens");
+    let address = listener.local_addr().expect("bound");
+    tokio::spawn(async move {
+        let (page, _) = listener.accept().await.expect("a page");
+        let server = TcpStream::connect(to).await.expect("the server");
+        // What queues on the way is what a home router queues.
+        socket2::SockRef::from(&server).set_recv_buffer_size(32 << 10).expect("set");
+        let (mut from_page, mut to_page) = page.into_split();
+        let (mut from_server, mut to_server) = server.into_split();
+        tokio::spawn(async move { tokio::io::copy(&mut from_page, &mut to_server).await });
+        let mut buffer = vec![0; bytes_per_s / 50];
+        let mut ticks = tokio::time::interval(Duration::from_millis(20));
+        loop {
+            ticks.tick().await;
+            match from_server.read(&mut buffer).await {
+                Ok(0) | Err(_) => return,
+                Ok(read) => {
+                    if to_page.write_all(&buffer[..read]).await.is_err() {
+                        return;
+                    }
+                }
+            }
+        }
+    });
+    address
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_page_on_a_narrow_link_gets_fewer_and_smaller_frames_and_none_is_old() {
+    let run = Arc::new(Run::start());
+    // Full frames make 82 KB, thirty a second 2.5 MB/s; half ones 1 MB/s.
+    let address = narrow(run.feed.address(), 1_300_000).await;
+    let mut page = Page::open(&format!("ws://{address}/feed")).await;
+    let mut beside = run.viewer().await;
+    let film = Film::roll(Arc::clone(&run));
+    let beside = tokio::spawn(async move {
+        let (mut frames, mut tier) = (0, String::new());
+        while frames < 90 {
+            match beside.hear().await {
+                Heard::Binary(bytes) if bytes[4] == 1 => frames += 1,
+                Heard::Text(text) if text["op"] == "status" => tier = text["feed"]["tier"].to_string(),
+                Heard::Close(why) => panic!("dropped: {why:?}"),
+                _ => {}
+            }
+        }
+        tier
+    });
+    let mut behind = 0;
+    loop {
+        match page.hear().await {
+            Heard::Binary(bytes) if bytes[4] == 1 => {
+                behind = behind.max(run.studio.newest.load(Ordering::SeqCst) - frame_of(&bytes));
+            }
+            Heard::Text(text) if text["op"] == "status" && text["feed"]["tier"] == json!("half") => {
+                assert!(text["feed"]["dropped"].as_u64() > Some(0), "{text}");
+                break;
+            }
+            Heard::Close(why) => panic!("a slow page was dropped: {why:?}"),
+            _ => {}
+        }
+    }
+    // 82 KB on the way, as much in the kernel, 32 KB at the router: a third of a second, and a busy machine.
+    assert!(behind < 60, "a frame came {behind} frames after it was new");
+    while page.hear_kind(1).await[48 + 3] != 1 {}
+    assert_eq!(beside.await.expect("no panic"), "\"full\"", "the page beside it has a link of its own");
+    drop(film);
+    assert!(matches!(page.socket.get_ref(), MaybeTlsStream::Plain(_)));
+}

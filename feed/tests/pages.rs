@@ -1,0 +1,257 @@
+//! What pages see and may do, over real sockets.
+
+mod common;
+
+use std::sync::atomic::Ordering;
+
+use common::*;
+use coordinator::live::Command;
+use feed::pictures::PictureKind;
+use serde_json::json;
+use tokio_tungstenite::tungstenite;
+
+#[tokio::test]
+async fn a_page_is_told_what_the_run_is() {
+    let run = Run::start();
+    run.publish_scene();
+    run.publish_status();
+    let mut page = run.viewer().await;
+    let hello = page.hear_op("hello").await;
+    assert_eq!(
+        (&hello["version"], &hello["controller"], &hello["fps"]),
+        (&json!(1), &json!(false), &json!(30.0))
+    );
+    assert_eq!(hello["session"].as_str().map(str::len), Some(32));
+    let camera = &hello["cameras"][0];
+    assert_eq!(
+        (&camera["name"], &camera["width"], &camera["height"]),
+        (&json!("cam_0"), &json!(640), &json!(480))
+    );
+    assert_eq!(camera["matrix"], json!([[400.0, 0.0, 320.0], [0.0, 400.0, 240.0], [0.0, 0.0, 1.0]]));
+    let radius = camera["max_radius"].as_f64().expect("this lens has one");
+    assert!((radius - (1.0f64 / 0.9).sqrt()).abs() < 1e-6, "1 + 3 k1 r2 is zero there: {radius}");
+    assert!(hello["cameras"][1]["max_radius"].is_null(), "a straight lens has none");
+    assert_eq!(hello["rule"], json!({"min_views": 2, "out_of_view": "outside"}));
+    assert!(hello["scenes"].as_array().expect("names").contains(&json!("topple")));
+    let volume = &hello["volume"];
+    assert!(volume["low"][0].as_f64() < volume["high"][0].as_f64());
+
+    let scene = page.hear_op("scene").await;
+    assert_eq!((&scene["scene"], &scene["version"]), (&json!("by hand"), &json!(3)));
+    assert_eq!(scene["bodies"][0]["shape"], json!({"ball": {"radius": 0.125}}));
+    assert_eq!(scene["parameters"]["answers_hull"], json!(true));
+
+    let status = page.hear_op("status").await;
+    assert_eq!((&status["blind"], &status["paused"]), (&json!("no node"), &json!(false)));
+    assert_eq!(status["progress"]["film_s"], json!(2.5));
+    assert_eq!(status["cameras"][0]["problem"], json!("it sleeps"));
+    assert_eq!((&status["feed"]["tier"], &status["feed"]["pages"]), (&json!("full"), &json!(1)));
+    run.publish_scene();
+    page.hear_op("scene").await;
+}
+
+#[tokio::test]
+async fn a_page_gets_frames_and_bodies_as_it_wants_them() {
+    let run = Run::start();
+    let mut page = run.viewer().await;
+    run.publish(10);
+    let set = page.hear_frame(10).await;
+    assert_eq!(usize::from(u16_at(&set, 6)), CAMERAS);
+    assert_eq!(set[48 + 2], 3, "runs and colours");
+    assert_eq!(u32_at(&set, 48 + 24) as usize, JPEG_BYTES[0]);
+    let world = page.hear_kind(2).await;
+    assert_eq!((u16_at(&world, 6), frame_of(&world[24..])), (1, 10));
+    assert_eq!(u32_at(&world, 48 + 48), 2, "touches");
+
+    page.say(
+        json!({"op": "want", "colour": "half", "touches": false, "image_of": "cam_2", "thumbnails_hz": 5}),
+    )
+    .await;
+    run.publish(11);
+    let mut set = page.hear_frame(10).await;
+    while set[48 + 3] != 1 {
+        set = page.hear_kind(1).await;
+    }
+    assert_eq!(u32_at(&set, 48 + 24) as usize, JPEG_BYTES[1]);
+    let image = page.hear_kind(3).await;
+    assert_eq!((u16_at(&image, 6), u16_at(&image, 48), u32_at(&image, 40)), (1, 2, 0), "camera 2 alone");
+    let thumbnails = page.hear_kind(3).await;
+    assert_eq!((usize::from(u16_at(&thumbnails, 6)), u32_at(&thumbnails, 40)), (CAMERAS, 1));
+    assert_eq!(thumbnails[48 + 3], 2, "640 pixels become 160");
+    run.publish(12);
+    let world = page.hear_kind(2).await;
+    assert_eq!(world.len(), 48 + 48 + 4, "without touches");
+
+    page.say(json!({"op": "want", "colour": "off", "image_of": null, "thumbnails_hz": 0})).await;
+    run.publish(13);
+    // Silhouettes alone.
+    while page.hear_frame(13).await[48 + 2] != 1 {}
+    page.say(json!({"op": "want", "silhouettes": false})).await;
+    run.publish(14);
+    // Told of every frame still.
+    while u16_at(&page.hear_frame(14).await, 6) != 0 {}
+}
+
+#[tokio::test]
+async fn nobody_is_asked_for_pictures_while_nobody_looks() {
+    let run = Run::start();
+    for frame in 0..20 {
+        run.publish(frame);
+        tokio::task::yield_now().await;
+    }
+    assert_eq!(run.studio.asked(), []);
+    let mut page = run.viewer().await;
+    page.hear_frame(19).await;
+    let asked = run.studio.asked();
+    assert_eq!((asked.len(), asked[0].kind, asked[0].frame), (1, PictureKind::Crops, Some(19)));
+    drop(page);
+    until("the page's place is free", || run.feed.pages() == 0).await;
+    for frame in 20..40 {
+        run.publish(frame);
+        tokio::task::yield_now().await;
+    }
+    assert_eq!(run.studio.asked().len(), 1);
+}
+
+#[tokio::test]
+async fn a_page_that_shows_nothing_gets_two_frame_sets_and_then_the_newest() {
+    let run = Run::start();
+    let mut page = run.viewer().await;
+    page.shows = false;
+    let mut seqs = Vec::new();
+    for frame in 1..=2 {
+        run.publish(frame);
+        seqs.push(seq_of(&page.hear_frame(frame).await));
+    }
+    for frame in 3..=9 {
+        run.publish(frame);
+        // A world after the frame's: the page has had the time to get a third.
+        page.hear_kind(2).await;
+    }
+    assert_eq!(run.studio.asked().len(), 2, "nothing is made for a page that cannot take it");
+    page.say(json!({"op": "shown", "seq": seqs[0]})).await;
+    assert_eq!(frame_of(&page.hear_kind(1).await), 9, "what lay between is passed over");
+    let status = loop {
+        let status = page.hear_op("status").await;
+        if status["feed"]["sent"] == 3 {
+            break status;
+        }
+    };
+    assert_eq!(status["feed"]["dropped"], json!(6));
+}
+
+#[tokio::test]
+async fn who_has_the_token_steers_and_nobody_else() {
+    let run = Run::start();
+    let mut viewer = run.viewer().await;
+    viewer.say(json!({"op": "command", "id": 1, "command": "pause"})).await;
+    let refused = viewer.hear_op("refused").await;
+    let why = "a viewer cannot steer: open the page with its token";
+    assert_eq!((&refused["id"], &refused["why"]), (&json!(1), &json!(why)));
+    let mut wrong = Page::open(&format!("ws://{}/feed?token=let-me-steeR", run.feed.address())).await;
+    assert_eq!(wrong.hear_op("hello").await["controller"], json!(false));
+    assert!(run.ordered.lock().expect("whole").is_empty());
+
+    let mut controller = run.controller().await;
+    assert_eq!(controller.hear_op("hello").await["controller"], json!(true));
+    controller.say(json!({"op": "command", "id": 2, "command": "pause"})).await;
+    assert_eq!(controller.hear_op("done").await, json!({"op": "done", "id": 2}));
+    let ball = json!({"op": "command", "id": 3, "command": "spawn", "position": [0, 2, 0],
+        "shape": {"ball": {"radius": 0.1}}});
+    controller.say(ball).await;
+    assert_eq!(controller.hear_op("done").await, json!({"op": "done", "id": 3, "body": 12}));
+    controller.say(json!({"op": "command", "id": 4, "command": "remove", "body": 99})).await;
+    let refused = controller.hear_op("refused").await;
+    assert_eq!(refused, json!({"op": "refused", "id": 4, "why": "no body has number 99"}));
+    controller.say(json!({"op": "command", "id": 5, "command": "remove", "body": "x"})).await;
+    let why = controller.hear_op("refused").await["why"].clone();
+    assert_eq!(why, json!("remove.body is \"x\", expected a whole number from 0 to 4294967295"));
+    let ordered = run.ordered.lock().expect("whole");
+    assert!(matches!(ordered[..], [Command::Pause, Command::Spawn(_), Command::Remove(99)]));
+}
+
+#[tokio::test]
+async fn what_a_page_holds_falls_when_it_goes() {
+    let run = Run::start();
+    let mut page = run.controller().await;
+    for (id, body) in [(1, 5), (2, 6)] {
+        let grab = json!({"op": "command", "id": id, "command": "grab", "body": body,
+            "grip": [0, 0, 0], "target": [0, 1, 0]});
+        page.say(grab).await;
+        page.hear_op("done").await;
+    }
+    page.say(json!({"op": "command", "id": 3, "command": "release", "body": 5, "velocity": [0, 1, 0]})).await;
+    page.hear_op("done").await;
+    drop(page);
+    until("the other body is let go", || run.ordered.lock().expect("whole").len() == 4).await;
+    let last = run.ordered.lock().expect("whole").pop();
+    assert_eq!(last, Some(Command::Release { body: 6, velocity_m_s: None }));
+}
+
+#[tokio::test]
+async fn a_message_that_is_none_closes_the_page_with_one_line_and_nothing_else() {
+    let run = Run::start();
+    let mut good = run.viewer().await;
+    for (bad, why) in [
+        (tungstenite::Message::text("{"), "no JSON: "),
+        (tungstenite::Message::text(r#"{"op":"dance"}"#), "op is \"dance\", expected "),
+        (
+            tungstenite::Message::text(r#"{"op":"want","fps":"all"}"#),
+            "want.fps is \"all\", expected 0 to 240",
+        ),
+        (tungstenite::Message::text(r#"{"op":"want","image_of":"cam_9"}"#), "want.image_of is \"cam_9\""),
+        (tungstenite::Message::text(r#"{"op":"command","command":"pause"}"#), "command.id is missing"),
+        (tungstenite::Message::binary(vec![1, 2, 3]), "a binary message, expected texts"),
+        (tungstenite::Message::text("x".repeat(100_000)), "no message: "),
+    ] {
+        use futures::SinkExt as _;
+        let mut page = run.controller().await;
+        page.socket.send(bad).await.expect("sent");
+        let bye = page.hear_op("bye").await["why"].as_str().expect("a reason").to_owned();
+        assert!(bye.starts_with(why) && !bye.contains('\n'), "{bye}");
+        assert!(matches!(page.hear().await, Heard::Close(_)));
+    }
+    run.publish(5);
+    good.hear_frame(5).await;
+    until("their places are free", || run.feed.pages() == 1).await;
+}
+
+#[tokio::test]
+async fn pages_beyond_the_bound_are_turned_away() {
+    let run = Run::start();
+    let mut pages = Vec::new();
+    for _ in 0..64 {
+        let mut page = run.viewer().await;
+        pages.push(tokio::spawn(async move { while !matches!(page.hear().await, Heard::Close(_)) {} }));
+    }
+    let url = format!("ws://{}/feed", run.feed.address());
+    match connect(&url).await {
+        Err(tungstenite::Error::Http(response)) => assert_eq!(response.status(), 503),
+        other => panic!("expected 503, found {other:?}"),
+    }
+    pages.pop().expect("a page").abort();
+    until("a place is free", || run.feed.pages() < 64).await;
+    connect(&url).await.expect("there is a place again");
+}
+
+#[tokio::test]
+async fn a_page_that_comes_while_all_stands_still_sees_what_there_is() {
+    let run = Run::start();
+    run.publish_world(Some(7), true);
+    run.studio.oldest.store(50, Ordering::SeqCst);
+    run.studio.newest.store(60, Ordering::SeqCst);
+    let mut page = run.viewer().await;
+    let world = page.hear_kind(2).await;
+    assert_eq!(u32_at(&world, 20), 1, "paused");
+    assert_eq!(frame_of(&page.hear_kind(1).await), 60, "frame 7 is gone: the newest");
+}
+
+#[tokio::test]
+async fn pages_are_told_when_the_run_ends() {
+    let run = Run::start();
+    let mut page = run.viewer().await;
+    page.hear_op("hello").await;
+    let ended = tokio::task::spawn_blocking(move || drop(run));
+    assert_eq!(page.hear_op("bye").await["why"], json!("the run has ended"));
+    ended.await.expect("no panic");
+}
