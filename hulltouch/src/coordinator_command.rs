@@ -7,6 +7,7 @@ use clap::Args;
 
 use crate::failure::{Failure, Outcome};
 use crate::node::read_cluster_file;
+use crate::page::PageArguments;
 use crate::record::RecordOptions;
 use crate::run::{AskName, ResponseName, Setup, TransportName, check_response, run_deployed};
 
@@ -35,6 +36,11 @@ pub struct CoordinatorArguments {
     /// How long to wait for nodes at the beginning, seconds.
     #[arg(long, value_name = "S", default_value_t = 60.0)]
     patience: f64,
+    /// Show nothing while it runs, and serve no page unless --listen says where.
+    #[arg(long)]
+    headless: bool,
+    #[command(flatten)]
+    page: PageArguments,
     /// Write the run's figures.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -64,7 +70,8 @@ pub fn run(arguments: &CoordinatorArguments) -> Outcome {
         lock_step: arguments.unpaced,
         empty: false,
         seconds: checked_seconds(arguments.seconds)?,
-        live_line: true,
+        live_line: !arguments.headless,
+        page: arguments.page.checked(arguments.headless)?,
         json: arguments.json.clone(),
         snapshots: arguments.snapshot.clone(),
         record: arguments.record.checked()?,

@@ -10,6 +10,7 @@ use crate::cluster_file::ClusterFile;
 use crate::coordinator_command::checked_seconds;
 use crate::failure::{Failure, Outcome};
 use crate::node::read_cluster_file;
+use crate::page::PageArguments;
 use crate::record::RecordOptions;
 use crate::run::{AskName, PrecisionName, ResponseName, Setup, TransportName, check_response, run_locally};
 
@@ -30,9 +31,11 @@ pub struct DemoArguments {
     /// End after so many seconds of film [default: on Ctrl-C, or when a recording ends].
     #[arg(long, value_name = "S")]
     seconds: Option<f64>,
-    /// Show nothing while it runs.
+    /// Show nothing while it runs, and serve no page unless --listen says where.
     #[arg(long)]
     headless: bool,
+    #[command(flatten)]
+    page: PageArguments,
     /// Use every frame, as fast as frames can be made: two runs of one seed are the same run.
     #[arg(long)]
     unpaced: bool,
@@ -88,6 +91,7 @@ pub struct StudioArguments {
 pub fn run(arguments: DemoArguments) -> Outcome {
     check_response(arguments.response)?;
     let seconds = checked_seconds(arguments.seconds)?;
+    let page = arguments.page.checked(arguments.headless)?;
     if cfg!(debug_assertions) {
         tracing::warn!("this is a debug build and slow: build with --release, or run `cargo demo`");
     }
@@ -113,6 +117,7 @@ pub fn run(arguments: DemoArguments) -> Outcome {
         empty: arguments.empty,
         seconds,
         live_line: !arguments.headless,
+        page,
         json: arguments.json,
         snapshots: arguments.snapshot,
         record: arguments.record.checked()?,

@@ -10,10 +10,13 @@ use std::time::{Duration, Instant};
 use camera_node::NodeConfig;
 use camera_node::capture::{Film, Lesson, Pace};
 use camera_node::frames::{FilmState, FrameRing};
+use camera_node::pictures::{Darkroom, Picture, PictureKind, PictureOrder};
 use coordinator::{CameraFacts, ExpectedCamera, ExpectedNode, FrameFacts, LocalFrames};
+use feed::pictures::{CameraPicture, FramePictures, PictureRequest, Pictures};
+use futures::future::BoxFuture;
 use hull::{Silhouette, ViewSet};
 use proto::Address;
-use tokio::sync::watch;
+use tokio::sync::{mpsc, watch};
 
 use crate::cluster_file::ClusterFile;
 use crate::failure::{Failure, Outcome};
@@ -224,6 +227,46 @@ impl InProcess {
         let ring = Arc::new(FrameRing::new(config.cameras.len()));
         let film = Film::prepare(config, Arc::clone(&ring)).map_err(Failure::run)?;
         Ok(InProcess { film, ring })
+    }
+
+    /// Pictures of its frames, made on a thread of their own.
+    pub fn pictures(&self, config: &NodeConfig) -> Outcome<LocalPictures> {
+        let rig_indices = config.cameras.iter().map(|camera| camera.rig_index).collect();
+        Darkroom::new(Arc::clone(&self.ring), rig_indices).map(LocalPictures).map_err(Failure::run)
+    }
+}
+
+/// Pictures of cameras filmed in this process.
+pub struct LocalPictures(Darkroom);
+
+impl Pictures for LocalPictures {
+    fn fetch(&self, request: PictureRequest) -> BoxFuture<'static, Result<FramePictures, String>> {
+        let PictureRequest { frame, kind, scale_log2, jpeg_quality, cameras } = request;
+        let kind = match kind {
+            feed::pictures::PictureKind::Silhouettes => PictureKind::Silhouettes,
+            feed::pictures::PictureKind::Crops => PictureKind::Crops,
+            feed::pictures::PictureKind::Whole => PictureKind::Whole,
+        };
+        // More cameras than any rig has.
+        let (sender, mut pictures) = mpsc::channel(usize::from(u16::MAX));
+        let deliver = move |picture: Picture| {
+            // Who asked may have gone.
+            let _ = sender.try_send(picture);
+        };
+        let order = PictureOrder { frame, kind, scale_log2, jpeg_quality, cameras };
+        let ordered = self.0.order(order, deliver).map_err(|error| error.to_string());
+        Box::pin(async move {
+            ordered?;
+            let (mut frame, mut captured_unix_s, mut cameras) = (0, 0.0, Vec::new());
+            while let Some(picture) = pictures.recv().await {
+                let Picture { rig_index: camera, frame: of, captured_unix_s: captured, .. } = picture;
+                (frame, captured_unix_s) = (of, captured);
+                let Picture { runs, crop, scale_log2, jpeg, .. } = picture;
+                let crop = crop.map(|side| side as u16);
+                cameras.push(CameraPicture { camera, runs, scale_log2, crop, jpeg });
+            }
+            Ok(FramePictures { frame, captured_unix_s, cameras })
+        })
     }
 }
 

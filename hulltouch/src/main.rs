@@ -11,6 +11,7 @@ mod expand;
 mod failure;
 mod local;
 mod node;
+mod page;
 mod picture;
 mod query;
 mod record;

@@ -100,6 +100,7 @@ pub fn run(arguments: RecordArguments) -> Outcome {
         empty: false,
         seconds: checked_seconds(arguments.seconds)?,
         live_line: true,
+        page: None,
         json: arguments.json,
         snapshots: None,
         record: Some(record),

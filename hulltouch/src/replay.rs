@@ -50,6 +50,7 @@ pub fn run(arguments: &ReplayArguments) -> Outcome {
         recorder: Some(check.recorder()),
         schedule: Some(Box::new(steps)),
         file: None,
+        pictures: None,
     };
     let mut played = play(&setup, course, |_, _| Transport::in_process(Box::new(frames)), Duration::ZERO)?;
     let difference = check.difference().map(|difference| difference.to_string());
@@ -118,6 +119,7 @@ fn setup(recording: &Recording, arguments: &ReplayArguments) -> Setup {
         empty: false,
         seconds: None,
         live_line: !arguments.headless,
+        page: None,
         json: arguments.json.clone(),
         snapshots: arguments.snapshot.clone(),
         record: None,

@@ -7,7 +7,10 @@ use std::time::Duration;
 use clap::ValueEnum;
 use coordinator::record::{Recorder, Schedule};
 use coordinator::{Asks, Coordinator, ExpectedNode, Progress, RunSettings, Snapshot, Transport, Watcher};
+use feed::FeedSettings;
+use feed::pictures::NodePictures;
 use indicatif::{ProgressBar, ProgressStyle};
+use proto::Address;
 use proto::convert::Precision;
 use recording::RecordingFile;
 use serde_json::Value;
@@ -17,6 +20,7 @@ use crate::cluster_file::ClusterFile;
 use crate::failure::{Failure, Outcome, check_writable, write_whole};
 use crate::local::{InProcess, LocalCluster, expected_node};
 use crate::node::{interrupted, node_config};
+use crate::page::{self, PageSource};
 use crate::record::{self, RecordTo};
 use crate::report::{self, Overlap};
 use crate::snapshot::Album;
@@ -100,6 +104,8 @@ pub struct Setup {
     pub seconds: Option<f64>,
     /// A live line of figures on a terminal.
     pub live_line: bool,
+    /// Where the page is served, if at all.
+    pub page: Option<FeedSettings>,
     /// Where figures go.
     pub json: Option<PathBuf>,
     /// Where pictures go.
@@ -120,6 +126,8 @@ pub struct Course {
     pub schedule: Option<Box<dyn Schedule>>,
     /// The file that the recorder fills.
     pub file: Option<RecordingFile>,
+    /// What a page shows of the cameras; without it no page is served.
+    pub pictures: Option<PageSource>,
 }
 
 /// A run that is over.
@@ -148,12 +156,16 @@ pub fn run_locally(setup: &Setup) -> Outcome {
             let all: Vec<usize> = (0..setup.file.cameras.len()).collect();
             let config = node_config(&setup.file, &all, setup.empty)?;
             let frames = InProcess::prepare(&config)?;
-            run(setup, |_, _| Transport::in_process(Box::new(frames)), Duration::ZERO)
+            let pictures = Arc::new(frames.pictures(&config)?);
+            let pictures = PageSource::of_cameras(&setup.file, || pictures);
+            run(setup, |_, _| Transport::in_process(Box::new(frames)), pictures, Duration::ZERO)
         }
         TransportName::Cluster | TransportName::Gather => {
             let cluster = LocalCluster::start(&setup.file, setup.empty)?;
             let nodes = cluster.nodes().to_vec();
-            run(setup, |world, gather| connect(setup, nodes, world, gather), Duration::from_secs(20))
+            let pictures = node_pictures(setup, &nodes);
+            let transport = |world: &World, gather| connect(setup, nodes, world, gather);
+            run(setup, transport, pictures, Duration::from_secs(20))
         }
     }
 }
@@ -170,7 +182,16 @@ pub fn run_deployed(setup: &Setup, patience: Duration) -> Outcome {
         })?;
         nodes.push(expected_node(&setup.file, address.clone(), &indices));
     }
-    run(setup, |world, gather| connect(setup, nodes, world, gather), patience)
+    let pictures = node_pictures(setup, &nodes);
+    run(setup, |world, gather| connect(setup, nodes, world, gather), pictures, patience)
+}
+
+/// Asks the nodes themselves, over connections of the page's own.
+fn node_pictures(setup: &Setup, nodes: &[ExpectedNode]) -> PageSource {
+    let cameras = |node: &ExpectedNode| node.cameras.iter().map(|camera| camera.rig_index).collect();
+    let nodes: Vec<(Address, Vec<u16>)> =
+        nodes.iter().map(|node| (node.address.clone(), cameras(node))).collect();
+    PageSource::of_cameras(&setup.file, || Arc::new(NodePictures::new(nodes)))
 }
 
 /// Says now what would fail at the end.
@@ -215,11 +236,18 @@ fn observers(setup: &Setup) -> Outcome<Vec<Arc<hull::Observer>>> {
 fn run(
     setup: &Setup,
     transport: impl FnOnce(&World, Option<Vec<Arc<hull::Observer>>>) -> Transport,
+    pictures: PageSource,
     connect_patience: Duration,
 ) -> Outcome {
     let world = WorldSettings { seed: setup.seed, ..WorldSettings::default() }.on(setup.scene.hull());
-    let mut course =
-        Course { world, observers: observers(setup)?, recorder: None, schedule: None, file: None };
+    let mut course = Course {
+        world,
+        observers: observers(setup)?,
+        recorder: None,
+        schedule: None,
+        file: None,
+        pictures: Some(pictures),
+    };
     if let Some(to) = &setup.record {
         let (recorder, file) = record::begin(setup, to, world)?;
         course.recorder = Some(Box::new(recorder));
@@ -237,8 +265,8 @@ pub fn play(
     transport: impl FnOnce(&World, Option<Vec<Arc<hull::Observer>>>) -> Transport,
     connect_patience: Duration,
 ) -> Outcome<Played> {
-    let Course { world, observers, recorder, schedule, file } = course;
-    let world = World::new(&setup.scene, world).map_err(Failure::input)?;
+    let Course { world: settings, observers, recorder, schedule, file, pictures } = course;
+    let world = World::new(&setup.scene, settings).map_err(Failure::input)?;
     let run_settings = RunSettings {
         probes: setup.file.probes,
         fps: setup.file.fps,
@@ -253,12 +281,17 @@ pub fn play(
         reuse_within_m: setup.scene.hull().reuse_within_m,
         connect_patience,
     };
+    let serve = |pictures| page::serve(setup, settings.dt_s, pictures);
+    let (page, live) = pictures.map(serve).transpose()?.flatten().unzip();
     let mut watcher = Console::new(setup, &observers);
     let for_gather = (setup.transport == TransportName::Gather).then(|| observers.clone());
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::run)?;
     let (ran, recorded) = runtime.block_on(async {
         let transport = transport(&world, for_gather);
         let mut coordinator = Coordinator::new(transport, world, observers, run_settings);
+        if let Some(live) = live {
+            coordinator = coordinator.with_live(live);
+        }
         if let Some(recorder) = recorder {
             coordinator = coordinator.with_recorder(recorder);
         }
@@ -274,6 +307,8 @@ pub fn play(
         };
         (ran, recorded)
     });
+    // Pages hear that it is over before figures are written.
+    drop(page);
     watcher.line.finish_and_clear();
     let overlaps = match watcher.album {
         Some(album) => runtime.block_on(finish(album))?,

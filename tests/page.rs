@@ -1,0 +1,240 @@
+//! The page of a whole run, as a browser would use it: hull, colours and bodies over real processes.
+
+use std::io::{BufRead as _, BufReader, Read as _};
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+use camera_node::capture::{Film, Pace};
+use camera_node::frames::FrameRing;
+use camera_node::pictures::{Darkroom, Picture, PictureKind, PictureOrder};
+use camera_node::source::{SourceConfig, StageConfig};
+use camera_node::{NodeCamera, NodeConfig};
+use futures::{SinkExt as _, StreamExt as _};
+use hull::ProbeSettings;
+use proto::convert::{SilhouetteEncoding, silhouette_from_data};
+use segment::SegmentSettings;
+use serde_json::{Value, json};
+use tokio::net::TcpStream;
+use tokio_tungstenite::tungstenite::Message;
+use tokio_tungstenite::{MaybeTlsStream, WebSocketStream};
+
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A demo and the address that its first line tells.
+struct Demo {
+    child: Child,
+    socket: String,
+    viewers: String,
+    errors: BufReader<std::process::ChildStderr>,
+}
+
+impl Demo {
+    fn start(more: &[&str]) -> Demo {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_hulltouch"))
+            .args(["demo", "--headless", "--listen", "127.0.0.1:0", "--cameras", "2", "--size", "160x120"])
+            .args(more)
+            .env("RUST_LOG", "error")
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("starts");
+        let mut errors = BufReader::new(child.stderr.take().expect("piped"));
+        let mut line = |prefix: &str| {
+            let mut line = String::new();
+            errors.read_line(&mut line).expect("a line");
+            line.trim().strip_prefix(prefix).unwrap_or_else(|| panic!("found {line:?}")).to_owned()
+        };
+        let socket = line("page: http://").replacen("/?", "/feed?", 1);
+        let viewers = line("viewers: http://");
+        assert_eq!(socket.split('/').next(), viewers.split('/').next());
+        Demo { child, socket: format!("ws://{socket}"), viewers: format!("ws://{viewers}feed"), errors }
+    }
+
+    async fn connect(&self, url: &str) -> Page {
+        Page(tokio_tungstenite::connect_async(url).await.expect("connects").0)
+    }
+}
+
+impl Drop for Demo {
+    fn drop(&mut self) {
+        // Ended already, unless the test has failed.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+struct Page(WebSocketStream<MaybeTlsStream<TcpStream>>);
+
+impl Page {
+    async fn say(&mut self, text: Value) {
+        self.0.send(Message::text(text.to_string())).await.expect("sent");
+    }
+
+    async fn hear(&mut self) -> Message {
+        let heard = tokio::time::timeout(PATIENCE, self.0.next()).await.expect("in time");
+        heard.expect("not closed").expect("a message")
+    }
+
+    async fn op(&mut self, op: &str) -> Value {
+        loop {
+            if let Message::Text(text) = self.hear().await {
+                let text: Value = serde_json::from_str(&text).expect("JSON");
+                if text["op"] == op {
+                    return text;
+                }
+            }
+        }
+    }
+
+    async fn binary(&mut self, kind: u8) -> Vec<u8> {
+        loop {
+            if let Message::Binary(bytes) = self.hear().await {
+                if bytes[4] == 1 {
+                    let seq = u32_at(&bytes, 8);
+                    self.say(json!({"op": "shown", "seq": seq})).await;
+                }
+                if bytes[4] == kind {
+                    return bytes.to_vec();
+                }
+            }
+        }
+    }
+}
+
+fn u32_at(bytes: &[u8], at: usize) -> u32 {
+    u32::from_le_bytes(bytes[at..at + 4].try_into().expect("long enough"))
+}
+
+/// Of both cameras: a silhouette, and a JPEG of the size that is told.
+fn shows_the_person(set: &[u8]) -> bool {
+    assert_eq!(u16::from_le_bytes([set[6], set[7]]), 2, "both cameras");
+    (0..2).all(|camera| {
+        let entry = 48 + 32 * camera;
+        let part = |at: usize| {
+            let (offset, length) = (u32_at(set, entry + at) as usize, u32_at(set, entry + at + 4) as usize);
+            &set[offset..offset + length]
+        };
+        silhouette_from_data(part(12), (160, 120), SilhouetteEncoding::Runs).expect("a silhouette");
+        if set[entry + 2] & 2 == 0 {
+            return false;
+        }
+        let sides = [8, 10].map(|at| u16::from_le_bytes([set[entry + at], set[entry + at + 1]]));
+        let image = image::load_from_memory(part(20)).expect("a JPEG");
+        assert_eq!([image.width(), image.height()], sides.map(u32::from));
+        true
+    })
+}
+
+async fn a_run_is_seen_and_steered(more: &[&str]) {
+    let mut demo = Demo::start(more);
+    let mut viewer = demo.connect(&demo.viewers).await;
+    let hello = viewer.op("hello").await;
+    assert_eq!((&hello["controller"], hello["cameras"].as_array().map(Vec::len)), (&json!(false), Some(2)));
+    let mut page = demo.connect(&demo.socket).await;
+    assert_eq!(page.op("hello").await["controller"], json!(true));
+    assert_eq!(page.op("scene").await["scene"], json!("topple"));
+    // The first frames come before anybody asked for colours.
+    while !shows_the_person(&page.binary(1).await) {}
+    let world = page.binary(2).await;
+    assert_eq!(u16::from_le_bytes([world[6], world[7]]), 12, "bodies of the scene");
+    while page.op("status").await["progress"]["film_s"].as_f64().is_none() {}
+
+    viewer.say(json!({"op": "command", "id": 1, "command": "pause"})).await;
+    viewer.op("refused").await;
+    page.say(json!({"op": "command", "id": 2, "command": "pause"})).await;
+    page.op("done").await;
+    while u32_at(&page.binary(2).await, 20) & 1 == 0 {}
+    let ball = json!({"op": "command", "id": 3, "command": "spawn", "position": [0, 3, 1],
+        "shape": {"ball": {"radius": 0.1}}});
+    page.say(ball).await;
+    assert!(page.op("done").await["body"].is_u64());
+    assert_eq!(page.op("scene").await["bodies"].as_array().map(Vec::len), Some(13));
+    page.say(json!({"op": "command", "id": 4, "command": "resume"})).await;
+    page.op("done").await;
+    drop(viewer);
+    assert_eq!(page.op("bye").await["why"], json!("the run has ended"));
+    let status = demo.child.wait().expect("reaped");
+    let mut errors = String::new();
+    demo.errors.read_to_string(&mut errors).expect("text");
+    assert!(status.success(), "{status}: {errors}");
+}
+
+#[tokio::test]
+async fn a_run_over_node_processes_is_seen_and_steered() {
+    a_run_is_seen_and_steered(&["--seconds", "8"]).await;
+}
+
+#[tokio::test]
+async fn a_run_in_one_process_is_seen_and_steered() {
+    a_run_is_seen_and_steered(&["--seconds", "8", "--transport", "inprocess"]).await;
+}
+
+#[test]
+fn a_token_that_cannot_stand_in_an_address_is_bad_input() {
+    let output = Command::new(env!("CARGO_BIN_EXE_hulltouch"))
+        .args(["demo", "--listen", "127.0.0.1:0", "--token", "a b c d e f"])
+        .output()
+        .expect("starts");
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{errors}");
+    assert!(errors.contains("--token is a token of 11 bytes, expected 8 to 128 letters"), "{errors}");
+}
+
+/// What eight cameras of the studio send a page by default, a second, in bits: the mean of frames all over
+/// a walk past them.
+#[test]
+fn eight_cameras_at_full_rate_fit_into_fifteen_megabits() {
+    let rig = stage::studio_rig(8, (640, 480)).expect("a rig");
+    let camera = |(index, camera): (usize, &hull::Camera)| NodeCamera {
+        camera: camera.clone(),
+        rig_index: index as u16,
+        source: SourceConfig::Stage(StageConfig::default()),
+        background: None,
+        segmentation: SegmentSettings::default(),
+        ignored: None,
+    };
+    let config = NodeConfig {
+        cameras: rig.cameras().iter().enumerate().map(camera).collect(),
+        settings: ProbeSettings::default(),
+        fps: 30.0,
+    };
+    let ring = std::sync::Arc::new(FrameRing::new(8));
+    let film = Film::prepare(&config, std::sync::Arc::clone(&ring)).expect("backgrounds");
+    let darkroom = Darkroom::new(std::sync::Arc::clone(&ring), (0..8).collect()).expect("a thread");
+    (0..8).for_each(|camera| ring.colours().ask(camera, false));
+    film.start(Pace { epoch_unix_s: 0.0, lock_step: true }).expect("films");
+    let (mut runs, mut jpegs, mut sets) = (0, 0, 0);
+    for frame in 0..45 {
+        film.credit(frame);
+        let found = loop {
+            match ring.get(frame) {
+                Ok(found) => break found,
+                Err(_) => std::thread::sleep(Duration::from_millis(2)),
+            }
+        };
+        if frame % 3 != 0 {
+            continue;
+        }
+        let (sender, pictures) = std::sync::mpsc::channel();
+        let order = PictureOrder {
+            frame: Some(found.number),
+            kind: PictureKind::Crops,
+            scale_log2: 0,
+            jpeg_quality: feed::pictures::FULL_JPEG_QUALITY,
+            cameras: vec![],
+        };
+        darkroom.order(order, move |picture: Picture| drop(sender.send(picture))).expect("in order");
+        let pictures: Vec<Picture> = pictures.into_iter().collect();
+        assert!(pictures.len() == 8 && pictures.iter().all(|picture| !picture.jpeg.is_empty()));
+        runs += pictures.iter().map(|picture| picture.runs.len()).sum::<usize>();
+        jpegs += pictures.iter().map(|picture| picture.jpeg.len()).sum::<usize>();
+        sets += 1;
+    }
+    // Table and header of a frame set; sixty worlds of twelve bodies and twenty touches.
+    let frames = 30 * ((runs + jpegs) / sets + 48 + 8 * (32 + 6));
+    let worlds = 60 * (48 + 12 * 48 + 4 + 20 * 28);
+    let bits = 8 * (frames + worlds);
+    eprintln!("runs {} B, JPEGs {} B a frame; {:.2} Mbit/s", runs / sets, jpegs / sets, bits as f64 / 1e6);
+    assert!(bits <= 15_000_000, "{bits} bits a second");
+}
