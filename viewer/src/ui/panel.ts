@@ -2,7 +2,7 @@
 import type { App } from "../app.ts";
 import type { Hello, Scene } from "../feed/text.ts";
 import type { HullMode, Layer } from "../view/hash.ts";
-import { byId, option, setPressed, setText, toast } from "./dom.ts";
+import { announce, byId, option, setPressed, setText, toast } from "./dom.ts";
 import type { Hands, Kind } from "./hands.ts";
 
 /** Time to leave the room before the background is taken, seconds. */
@@ -83,6 +83,7 @@ export class Panel {
     const text = paused ? "Go on" : "Pause";
     const label = button.querySelector("span")!;
     if (label.textContent !== text) {
+      announce(paused ? "The world stands." : "The world goes on.");
       label.textContent = text;
       button.querySelector("use")!.setAttribute("href", paused ? "#i-play" : "#i-pause");
     }
