@@ -310,7 +310,10 @@ impl Roll {
             if let Some(learnt) = pupil.look(&self.desk, taken.number, &image) {
                 match learnt.and_then(|model| camera.use_background(model)) {
                     Ok(()) => {
-                        tracing::info!("camera {name:?}: a new background from frame {} on", taken.number + 1);
+                        tracing::info!(
+                            "camera {name:?}: a new background from frame {} on",
+                            taken.number + 1
+                        );
                     }
                     Err(problem) => tracing::warn!("camera {name:?} keeps its background: {problem}"),
                 }
