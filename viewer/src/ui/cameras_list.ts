@@ -104,17 +104,18 @@ export class CamerasList {
 
 function judge(status: CameraStatus): readonly ["good" | "warn" | "bad", string] {
   if (status.problem) return ["bad", `gone: ${status.problem}`];
-  const parts: string[] = [];
+  const time: string[] = [];
+  const sight: string[] = [];
   let state: "good" | "warn" = "good";
   if (status.age_ms !== undefined) {
     if (status.age_ms > OLD_MS) state = "warn";
-    parts.push(status.age_ms > OLD_MS ? `late ${Math.round(status.age_ms)} ms` : `${Math.round(status.age_ms)} ms`);
+    time.push(status.age_ms > OLD_MS ? `late ${Math.round(status.age_ms)} ms` : `${Math.round(status.age_ms)} ms`);
   }
   if (status.sync_ms !== undefined) {
     if (Math.abs(status.sync_ms) > UNSYNCED_MS) state = "warn";
-    parts.push(`${Math.abs(status.sync_ms) > UNSYNCED_MS ? "out of step " : "sync "}${status.sync_ms.toFixed(1)} ms`);
+    time.push(`${Math.abs(status.sync_ms) > UNSYNCED_MS ? "out of step " : "sync "}${status.sync_ms.toFixed(1)} ms`);
   }
-  if (status.foreground !== undefined) parts.push(`${(status.foreground * 100).toFixed(1)} %`);
-  if (status.silhouette_bytes !== undefined) parts.push(bytesText(status.silhouette_bytes));
-  return [state, parts.join(" · ")];
+  if (status.foreground !== undefined) sight.push(`${(status.foreground * 100).toFixed(1)} % foreground`);
+  if (status.silhouette_bytes !== undefined) sight.push(bytesText(status.silhouette_bytes));
+  return [state, [time, sight].map((line) => line.join(" · ")).join("\n")];
 }
