@@ -20,6 +20,8 @@ const FOV_DEG = 42;
 const BEHIND_S = 0.05;
 /** Bodies run on by so much after the frame they belong to, seconds. */
 const AHEAD_S = 0.12;
+/** Pictures that take longer are slow: frames wait for them, not they for frames. */
+const SLOW_PICTURE_MS = 80;
 /** With nothing going on, one picture at full effort is drawn after so long, milliseconds. */
 const IDLE_MS = 300;
 
@@ -71,6 +73,8 @@ export class App {
   private ready: Decoded | null = null;
   private shown: { frame: number; atMs: number; seq: number } | null = null;
   private shownKept: number | null = null;
+  /** The live set whose picture is being drawn. */
+  private drawing: { seq: number; capturedUnixS: number } | null = null;
   private seeking = false;
   private dirty = true;
   private drawnAt = 0;
@@ -100,6 +104,7 @@ export class App {
     canvas.addEventListener("webglcontextlost", (event) => {
       event.preventDefault();
       this.fence = null;
+      this.drawn();
       this.stage?.release();
       observer.fault("The graphics card was lost; waiting for it.");
     });
@@ -268,6 +273,8 @@ export class App {
 
   private onLink(state: LinkState, retry: number | null, why: string | null): void {
     if (state === "lost") {
+      this.drawing = null;
+      if (this.ready) close(this.ready);
       this.ready = null;
       if (this.stage?.hull) this.stage.hull.fade = 1;
       this.invalidate();
@@ -472,7 +479,7 @@ export class App {
     this.startView = this.orbit.now;
   }
 
-  /** Shows what is decoded; the server may send the next. */
+  /** Takes what is decoded onto the card. */
   private takeReady(now: number): void {
     const set = this.ready!;
     this.ready = null;
@@ -482,11 +489,17 @@ export class App {
     this.shown = { frame: set.frame, atMs: now, seq: set.seq };
     this.framesShown++;
     this.rates.frames.add(now);
-    if (this.playout.live) {
-      this.latencyMs.add(Date.now() - set.capturedUnixS * 1000);
-      this.connection.credit.shown(set.seq);
-    }
+    if (this.playout.live) this.drawing = { seq: set.seq, capturedUnixS: set.capturedUnixS };
     this.dirty = true;
+  }
+
+  /** The set that was taken last is on the screen: the server may send the next. */
+  private drawn(): void {
+    if (!this.drawing) return;
+    this.latencyMs.add(Date.now() - this.drawing.capturedUnixS * 1000);
+    this.connection.credit.slow = this.quality.averageMs > SLOW_PICTURE_MS;
+    this.connection.credit.shown(this.drawing.seq);
+    this.drawing = null;
   }
 
   private lookAtTimeline(now: number): void {
@@ -554,6 +567,7 @@ export class App {
     const sync = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
     gl.flush();
     this.fence = sync ? { sync, began: performance.now() } : null;
+    if (!sync) this.drawn();
   }
 
   /** Whether the card is done with the last picture: none is begun before. */
@@ -565,6 +579,7 @@ export class App {
     if (state === gl.TIMEOUT_EXPIRED && now - began < 5000) return false;
     gl.deleteSync(sync);
     this.fence = null;
+    this.drawn();
     if (this.drawnLevel === this.quality.number) {
       const before = this.quality.number;
       this.quality.took(performance.now() - began);

@@ -4,10 +4,21 @@
  */
 export class Credit {
   private readonly pending: number[] = [];
+  private readonly withheld: number[] = [];
   private readonly acknowledge: (seq: number) => void;
+  private isSlow = false;
 
   constructor(acknowledge: (seq: number) => void) {
     this.acknowledge = acknowledge;
+  }
+
+  /**
+   * A page that draws slowly withholds one acknowledgement: what it shows next then leaves the server when
+   * the last was shown, instead of growing old here.
+   */
+  set slow(isSlow: boolean) {
+    this.isSlow = isSlow;
+    this.settle();
   }
 
   /** A set came. */
@@ -19,7 +30,8 @@ export class Credit {
   shown(seq: number): void {
     const at = this.pending.indexOf(seq);
     if (at < 0) return;
-    for (const done of this.pending.splice(0, at + 1)) this.acknowledge(done);
+    this.withheld.push(...this.pending.splice(0, at + 1));
+    this.settle();
   }
 
   /** A set will never be shown: it was broken, or the page is hidden. */
@@ -32,11 +44,16 @@ export class Credit {
 
   /** Sets that came and were not acknowledged. */
   get outstanding(): number {
-    return this.pending.length;
+    return this.pending.length + this.withheld.length;
   }
 
   /** A new connection owes nothing. */
   reset(): void {
     this.pending.length = 0;
+    this.withheld.length = 0;
+  }
+
+  private settle(): void {
+    while (this.withheld.length > (this.isSlow ? 1 : 0)) this.acknowledge(this.withheld.shift()!);
   }
 }

@@ -27,7 +27,7 @@ export class Panel {
     const scene = byId<HTMLSelectElement>("scene");
     scene.replaceChildren(...hello.scenes.map((name) => option(name, name)));
     const response = byId<HTMLSelectElement>("response");
-    response.replaceChildren(...(hello.responses.length > 0 ? hello.responses : ["paper", "off"]).map((name) => option(name, name === "paper" ? "As in the paper" : name === "off" ? "Off" : name)));
+    response.replaceChildren(...(hello.responses.length > 0 ? hello.responses : ["paper", "off"]).map((name) => option(name, name === "paper" ? "Moves bodies" : name === "off" ? "Off" : name)));
     byId<HTMLFieldSetElement>("steer").disabled = !hello.controller;
     byId("viewer-note").hidden = hello.controller;
     const role = byId("role");

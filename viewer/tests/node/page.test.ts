@@ -19,6 +19,22 @@ test("what is shown is acknowledged, with what it replaced", () => {
   assert.equal(credit.outstanding, 0);
 });
 
+test("a slow page has one set on its way at a time, and owes nothing once it is quick", () => {
+  const said: number[] = [];
+  const credit = new Credit((seq) => said.push(seq));
+  credit.slow = true;
+  for (const seq of [1, 2]) credit.received(seq);
+  credit.shown(1);
+  assert.deepEqual(said, []);
+  credit.shown(2);
+  assert.deepEqual(said, [1]);
+  credit.received(3);
+  credit.shown(3);
+  assert.deepEqual([said, credit.outstanding], [[1, 2], 1]);
+  credit.slow = false;
+  assert.deepEqual([said, credit.outstanding], [[1, 2, 3], 0]);
+});
+
 test("waits double to eight seconds, and differ between pages", () => {
   const middle = [0, 1, 2, 3, 4, 50].map((attempt) => backoffMs(attempt, () => 0.5));
   assert.deepEqual(middle, [500, 1000, 2000, 4000, 8000, 8000]);
