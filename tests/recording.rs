@@ -124,6 +124,30 @@ fn a_step_that_differs_is_named_and_the_replay_fails() {
     assert!(said(&output).contains("step 1 (0.008 s) differs"), "{}", said(&output));
 }
 
+#[test]
+fn colours_are_recorded_and_a_replay_has_a_page() {
+    let folder = tempfile::tempdir().expect("folder");
+    let (file, run) = record(folder.path(), &["--record-colour"]);
+    let recording = Recording::open(&file).expect("a recording");
+    assert!(recording.has_colour());
+    let pictures = recording.pictures().expect("readable");
+    let cameras = |frame: u64| pictures.frame(frame).expect("readable").unwrap_or_default();
+    let coloured = (0..91).flat_map(cameras).filter_map(|camera| camera.colour);
+    let jpegs: Vec<_> = coloured.map(|colour| colour.jpeg).collect();
+    assert!(jpegs.len() > 30, "{} crops of 91 frames of three cameras", jpegs.len());
+    assert!(jpegs.iter().all(|jpeg| jpeg.starts_with(&[0xff, 0xd8])), "they are JPEGs");
+    let (output, replayed) = replay(&file, &["--listen", "127.0.0.1:0"]);
+    assert!(output.status.success(), "{}", said(&output));
+    assert!(said(&output).contains("page: http://127.0.0.1:"), "{}", said(&output));
+    assert_eq!(replayed["trajectory_digest"], run["trajectory_digest"]);
+    if let Some(found) = read_by_python(&file, &[]) {
+        let channels = found["channels"].as_object().expect("an object").iter();
+        let counts =
+            channels.filter(|(topic, _)| topic.ends_with("/colour")).filter_map(|(_, count)| count.as_u64());
+        assert_eq!(counts.sum::<u64>(), jpegs.len() as u64);
+    }
+}
+
 /// Nobody looks.
 struct Nobody;
 

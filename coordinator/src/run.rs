@@ -328,7 +328,10 @@ impl Coordinator {
         let began = Instant::now();
         let mut results = None;
         if frame.is_none() {
-            self.go_blind("there was no hull when this was recorded".into());
+            // At the beginning nothing is lost yet.
+            if self.frame.is_some() {
+                self.go_blind("there was no hull when this was recorded".into());
+            }
         } else if given.is_none() {
             results = self.collide(film_s, Film::Given).await;
             if let (None, Some(why)) = (&results, &self.blind) {

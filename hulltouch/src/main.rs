@@ -5,6 +5,7 @@
 
 mod bench;
 mod cluster_file;
+mod colours;
 mod coordinator_command;
 mod demo;
 mod expand;

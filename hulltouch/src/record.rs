@@ -6,7 +6,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use clap::Args;
 use coordinator::Asks;
 use proto::convert::Precision;
-use recording::{Overwrites, RecordingFile, RunHeader, RunRecorder, WriteError};
+use recording::{ColourSource, Overwrites, RecordingFile, RunHeader, RunRecorder, WriteError};
 use sim::WorldSettings;
 
 use crate::coordinator_command::checked_seconds;
@@ -37,6 +37,9 @@ pub struct RecordArguments {
     /// Use every frame, as fast as frames can be made, instead of real time.
     #[arg(long)]
     unpaced: bool,
+    /// Keep the colours around the foreground, too.
+    #[arg(long)]
+    colour: bool,
     /// Replace the file if it is there.
     #[arg(long)]
     force: bool,
@@ -51,6 +54,9 @@ pub struct RecordOptions {
     /// Record the run in an MCAP file, for `hulltouch replay` and other tools.
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
+    /// Keep the colours around the foreground, too.
+    #[arg(long = "record-colour", requires = "record")]
+    colour: bool,
     /// Replace the file of --record if it is there.
     #[arg(long, requires = "record")]
     force: bool,
@@ -63,27 +69,30 @@ pub struct RecordTo {
     pub path: PathBuf,
     /// Whether it may take the place of another.
     pub overwrites: Overwrites,
+    /// With colours.
+    pub colour: bool,
 }
 
 impl RecordTo {
-    fn checked(path: PathBuf, force: bool) -> Outcome<RecordTo> {
+    fn checked(path: PathBuf, force: bool, colour: bool) -> Outcome<RecordTo> {
         if path.exists() && !force {
             return Err(Failure::input(WriteError::Exists(path)));
         }
-        Ok(RecordTo { path, overwrites: if force { Overwrites::AtTheEnd } else { Overwrites::Never } })
+        let overwrites = if force { Overwrites::AtTheEnd } else { Overwrites::Never };
+        Ok(RecordTo { path, overwrites, colour })
     }
 }
 
 impl RecordOptions {
     /// Says now what would fail later.
     pub fn checked(&self) -> Outcome<Option<RecordTo>> {
-        self.record.clone().map(|path| RecordTo::checked(path, self.force)).transpose()
+        self.record.clone().map(|path| RecordTo::checked(path, self.force, self.colour)).transpose()
     }
 }
 
 /// Runs until film or time ends, or Ctrl-C.
 pub fn run(arguments: RecordArguments) -> Outcome {
-    let record = RecordTo::checked(arguments.file, arguments.force)?;
+    let record = RecordTo::checked(arguments.file, arguments.force, arguments.colour)?;
     let studio = tempfile::tempdir().map_err(Failure::run)?;
     let (file, scene) = match &arguments.recording {
         Some(path) => arguments.studio.cluster(path)?,
@@ -109,7 +118,12 @@ pub fn run(arguments: RecordArguments) -> Outcome {
 }
 
 /// Begins the recording of a run.
-pub fn begin(setup: &Setup, to: &RecordTo, world: WorldSettings) -> Outcome<(RunRecorder, RecordingFile)> {
+pub fn begin(
+    setup: &Setup,
+    to: &RecordTo,
+    world: WorldSettings,
+    colours: Option<ColourSource>,
+) -> Outcome<(RunRecorder, RecordingFile)> {
     let all: Vec<usize> = (0..setup.file.cameras.len()).collect();
     let cameras = node_config(&setup.file, &all, false)?.cameras;
     let header = RunHeader {
@@ -135,7 +149,7 @@ pub fn begin(setup: &Setup, to: &RecordTo, world: WorldSettings) -> Outcome<(Run
         transport: setup.transport.name().to_owned(),
         lock_step: setup.lock_step,
     };
-    recording::record(&to.path, to.overwrites, &header, None).map_err(failure)
+    recording::record(&to.path, to.overwrites, &header, colours).map_err(failure)
 }
 
 /// A recording that failed.

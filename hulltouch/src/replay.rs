@@ -1,6 +1,7 @@
 //! `hulltouch replay`: a recorded run once more.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 
 use clap::Args;
@@ -9,7 +10,9 @@ use recording::{Recording, StepCheck};
 use serde_json::json;
 
 use crate::cluster_file::{ClusterFile, SceneChoice};
+use crate::colours::FilePictures;
 use crate::failure::{Failure, Outcome};
+use crate::page::{PageArguments, PageSource};
 use crate::run::{AskName, Course, Setup, TransportName, play, prepare_outputs};
 
 /// Replay a recorded run: the same steps over the same silhouettes. Exit status 1 if a step differs.
@@ -21,9 +24,11 @@ pub struct ReplayArguments {
     /// As fast as it goes, instead of in real time.
     #[arg(long)]
     unpaced: bool,
-    /// Show nothing while it runs.
+    /// Show nothing while it runs, and serve no page unless --listen says where.
     #[arg(long)]
     headless: bool,
+    #[command(flatten)]
+    page: PageArguments,
     /// Write the run's figures.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -40,9 +45,10 @@ pub fn run(arguments: &ReplayArguments) -> Outcome {
     }
     let steps = recording.steps().map_err(Failure::input)?;
     let frames = recording.frames().map_err(Failure::input)?;
+    let pictures = FilePictures::new(recording.pictures().map_err(Failure::input)?);
     let check = StepCheck::of(&steps);
     let header = recording.header();
-    let setup = setup(&recording, arguments);
+    let setup = setup(&recording, arguments)?;
     prepare_outputs(&setup)?;
     let course = Course {
         world: header.world,
@@ -50,7 +56,10 @@ pub fn run(arguments: &ReplayArguments) -> Outcome {
         recorder: Some(check.recorder()),
         schedule: Some(Box::new(steps)),
         file: None,
-        pictures: None,
+        pictures: Some(PageSource {
+            pictures: Box::new(move || Arc::new(pictures)),
+            has_colour: recording.has_colour(),
+        }),
     };
     let mut played = play(&setup, course, |_, _| Transport::in_process(Box::new(frames)), Duration::ZERO)?;
     let difference = check.difference().map(|difference| difference.to_string());
@@ -90,7 +99,7 @@ fn summary(recording: &Recording, check: &StepCheck) -> String {
 }
 
 /// The recorded run's own set-up.
-fn setup(recording: &Recording, arguments: &ReplayArguments) -> Setup {
+fn setup(recording: &Recording, arguments: &ReplayArguments) -> Outcome<Setup> {
     let header = recording.header();
     let file = ClusterFile {
         path: arguments.file.clone(),
@@ -106,7 +115,7 @@ fn setup(recording: &Recording, arguments: &ReplayArguments) -> Setup {
         precision: header.precision,
         cameras: Vec::new(),
     };
-    Setup {
+    Ok(Setup {
         file,
         scene: header.scene.clone(),
         seed: header.world.seed,
@@ -119,9 +128,9 @@ fn setup(recording: &Recording, arguments: &ReplayArguments) -> Setup {
         empty: false,
         seconds: None,
         live_line: !arguments.headless,
-        page: None,
+        page: arguments.page.checked(arguments.headless)?,
         json: arguments.json.clone(),
         snapshots: arguments.snapshot.clone(),
         record: None,
-    }
+    })
 }

@@ -8,15 +8,16 @@ use clap::ValueEnum;
 use coordinator::record::{Recorder, Schedule};
 use coordinator::{Asks, Coordinator, ExpectedNode, Progress, RunSettings, Snapshot, Transport, Watcher};
 use feed::FeedSettings;
-use feed::pictures::NodePictures;
+use feed::pictures::{NodePictures, Pictures};
 use indicatif::{ProgressBar, ProgressStyle};
 use proto::Address;
 use proto::convert::Precision;
-use recording::RecordingFile;
+use recording::{ColourSource, RecordingFile};
 use serde_json::Value;
 use sim::{Scene, World, WorldSettings};
 
 use crate::cluster_file::ClusterFile;
+use crate::colours::colours;
 use crate::failure::{Failure, Outcome, check_writable, write_whole};
 use crate::local::{InProcess, LocalCluster, expected_node};
 use crate::node::{interrupted, node_config};
@@ -157,15 +158,17 @@ pub fn run_locally(setup: &Setup) -> Outcome {
             let config = node_config(&setup.file, &all, setup.empty)?;
             let frames = InProcess::prepare(&config)?;
             let pictures = Arc::new(frames.pictures(&config)?);
+            let of_run = Arc::clone(&pictures);
+            let colours = record_colours(setup, || of_run);
             let pictures = PageSource::of_cameras(&setup.file, || pictures);
-            run(setup, |_, _| Transport::in_process(Box::new(frames)), pictures, Duration::ZERO)
+            run(setup, |_, _| Transport::in_process(Box::new(frames)), pictures, colours, Duration::ZERO)
         }
         TransportName::Cluster | TransportName::Gather => {
             let cluster = LocalCluster::start(&setup.file, setup.empty)?;
             let nodes = cluster.nodes().to_vec();
-            let pictures = node_pictures(setup, &nodes);
+            let (pictures, colours) = node_pictures(setup, &nodes);
             let transport = |world: &World, gather| connect(setup, nodes, world, gather);
-            run(setup, transport, pictures, Duration::from_secs(20))
+            run(setup, transport, pictures, colours, Duration::from_secs(20))
         }
     }
 }
@@ -182,16 +185,26 @@ pub fn run_deployed(setup: &Setup, patience: Duration) -> Outcome {
         })?;
         nodes.push(expected_node(&setup.file, address.clone(), &indices));
     }
-    let pictures = node_pictures(setup, &nodes);
-    run(setup, |world, gather| connect(setup, nodes, world, gather), pictures, patience)
+    let (pictures, colours) = node_pictures(setup, &nodes);
+    run(setup, |world, gather| connect(setup, nodes, world, gather), pictures, colours, patience)
 }
 
-/// Asks the nodes themselves, over connections of the page's own.
-fn node_pictures(setup: &Setup, nodes: &[ExpectedNode]) -> PageSource {
+/// Colours for the recording, if it is to have any.
+fn record_colours<P: Pictures + 'static>(
+    setup: &Setup,
+    make: impl FnOnce() -> Arc<P> + Send + 'static,
+) -> Option<ColourSource> {
+    setup.record.as_ref().filter(|to| to.colour).map(|_| colours(make))
+}
+
+/// Asks the nodes themselves, over connections of the page's and of the recording's own.
+fn node_pictures(setup: &Setup, nodes: &[ExpectedNode]) -> (PageSource, Option<ColourSource>) {
     let cameras = |node: &ExpectedNode| node.cameras.iter().map(|camera| camera.rig_index).collect();
     let nodes: Vec<(Address, Vec<u16>)> =
         nodes.iter().map(|node| (node.address.clone(), cameras(node))).collect();
-    PageSource::of_cameras(&setup.file, || Arc::new(NodePictures::new(nodes)))
+    let of_run = nodes.clone();
+    let colours = record_colours(setup, || Arc::new(NodePictures::new(of_run)));
+    (PageSource::of_cameras(&setup.file, || Arc::new(NodePictures::new(nodes))), colours)
 }
 
 /// Says now what would fail at the end.
@@ -237,6 +250,7 @@ fn run(
     setup: &Setup,
     transport: impl FnOnce(&World, Option<Vec<Arc<hull::Observer>>>) -> Transport,
     pictures: PageSource,
+    colours: Option<ColourSource>,
     connect_patience: Duration,
 ) -> Outcome {
     let world = WorldSettings { seed: setup.seed, ..WorldSettings::default() }.on(setup.scene.hull());
@@ -249,7 +263,7 @@ fn run(
         pictures: Some(pictures),
     };
     if let Some(to) = &setup.record {
-        let (recorder, file) = record::begin(setup, to, world)?;
+        let (recorder, file) = record::begin(setup, to, world, colours)?;
         course.recorder = Some(Box::new(recorder));
         course.file = Some(file);
     }

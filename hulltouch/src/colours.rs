@@ -1,0 +1,95 @@
+//! Colours on their way into a recording, and out of it to the page.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use feed::pictures::{CameraPicture, FramePictures, PictureKind, PictureRequest, Pictures};
+use futures::future::BoxFuture;
+use recording::{ColourCrop, ColourSource, RecordedPicture, RecordedPictures};
+
+/// Finer than what a page asks for: recorded once, it is looked at again.
+const QUALITY: u8 = 85;
+/// No frame was asked for yet.
+const NONE: u64 = u64::MAX;
+
+/// What cuts the colours of a run for its recording.
+pub fn colours<P: Pictures + 'static>(make: impl FnOnce() -> Arc<P> + Send + 'static) -> ColourSource {
+    Box::new(move || {
+        let pictures = make();
+        Box::new(move |frame| {
+            let fetching = pictures.fetch(PictureRequest {
+                frame: Some(frame),
+                kind: PictureKind::Crops,
+                scale_log2: 0,
+                jpeg_quality: QUALITY,
+                cameras: Vec::new(),
+            });
+            Box::pin(async move {
+                let found = fetching.await?.cameras.into_iter();
+                Ok(found.filter(|picture| !picture.jpeg.is_empty()).map(|picture| crop(&picture)).collect())
+            })
+        })
+    })
+}
+
+fn crop(picture: &CameraPicture) -> ColourCrop {
+    ColourCrop {
+        camera: picture.camera,
+        crop: picture.crop.map(u32::from),
+        scale_log2: picture.scale_log2.into(),
+        jpeg: picture.jpeg.to_vec(),
+    }
+}
+
+/// A recording's pictures for a page: as they were recorded, whatever size is asked for. There are no whole
+/// images.
+pub struct FilePictures {
+    pictures: Arc<RecordedPictures>,
+    /// The frame that was asked for last.
+    newest: AtomicU64,
+}
+
+impl FilePictures {
+    /// Pictures of a file.
+    pub fn new(pictures: RecordedPictures) -> FilePictures {
+        FilePictures { pictures: Arc::new(pictures), newest: AtomicU64::new(NONE) }
+    }
+}
+
+impl Pictures for FilePictures {
+    fn fetch(&self, request: PictureRequest) -> BoxFuture<'static, Result<FramePictures, String>> {
+        let frame = request.frame.unwrap_or_else(|| self.newest.load(Ordering::Relaxed));
+        self.newest.store(frame, Ordering::Relaxed);
+        let pictures = Arc::clone(&self.pictures);
+        // Reading a file waits for a disk.
+        let reading = tokio::task::spawn_blocking(move || read(&pictures, frame, &request));
+        Box::pin(async move { reading.await.unwrap_or_else(|error| Err(error.to_string())) })
+    }
+}
+
+fn read(pictures: &RecordedPictures, frame: u64, request: &PictureRequest) -> Result<FramePictures, String> {
+    let found = pictures.frame(frame).map_err(|error| error.to_string())?;
+    let found = found.ok_or_else(|| format!("frame {frame} is not in the recording"))?;
+    let captured_unix_s = found.first().map_or(0.0, |picture| picture.captured_unix_s);
+    let wanted = found.into_iter().filter(|picture| {
+        request.kind != PictureKind::Whole
+            && (request.cameras.is_empty() || request.cameras.contains(&picture.camera))
+    });
+    let cameras = wanted.map(|picture| shown(picture, request.kind)).collect();
+    Ok(FramePictures { frame, captured_unix_s, cameras })
+}
+
+fn shown(picture: RecordedPicture, kind: PictureKind) -> CameraPicture {
+    let RecordedPicture { camera, runs, colour, .. } = picture;
+    let silhouette = CameraPicture { camera, runs: runs.into(), ..CameraPicture::default() };
+    match colour.filter(|_| kind == PictureKind::Crops) {
+        Some(ColourCrop { crop, scale_log2, jpeg, .. }) => CameraPicture {
+            // Sides are 16,384 pixels at most.
+            crop: crop.map(|side| u16::try_from(side).unwrap_or(u16::MAX)),
+            scale_log2: scale_log2.min(3) as u8,
+            jpeg: jpeg.into(),
+            ..silhouette
+        },
+        None => silhouette,
+    }
+}
