@@ -190,9 +190,14 @@ impl Link {
 
     /// Registers the run's shapes once more.
     pub async fn register_shapes(&self) -> Result<(), tonic::Status> {
+        self.register(&self.common.shapes()).await
+    }
+
+    /// Registers shapes.
+    pub async fn register(&self, shapes: &[Arc<Shape>]) -> Result<(), tonic::Status> {
         let client = self.state().connection.as_ref().map(|connection| connection.client.clone());
         let Some(mut client) = client else { return Err(tonic::Status::unavailable("not connected")) };
-        register(&mut client, &self.common.shapes()).await
+        register(&mut client, shapes).await
     }
 
     /// Has the node's cameras learn their backgrounds anew from so many frames; or only asks whether they could.

@@ -1,5 +1,6 @@
 //! The three layouts behind one face: which frames there are, and a pass over one of them.
 
+use std::collections::HashSet;
 use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -289,16 +290,27 @@ impl Transport {
         told.collect()
     }
 
-    /// Makes shapes known to all nodes, also to those that come back later. All of them are told, whatever one
-    /// of them says.
+    /// Makes shapes known to all nodes, also to those that come back later: these and no others. Nodes are told
+    /// those that they may lack, and all of them are told, whatever one of them says.
     pub(crate) async fn register_shapes(&self, shapes: Vec<Arc<Shape>>) -> Result<(), TransportError> {
         let Some(nodes) = self.nodes() else { return Ok(()) };
-        *nodes.common.shapes.lock().unwrap_or_else(PoisonError::into_inner) = shapes;
+        let news = {
+            let mut known = nodes.common.shapes.lock().unwrap_or_else(PoisonError::into_inner);
+            let digests: HashSet<[u8; 32]> = known.iter().map(|shape| shape.digest()).collect();
+            let is_new = |shape: &&Arc<Shape>| !digests.contains(&shape.digest());
+            let news: Vec<Arc<Shape>> = shapes.iter().filter(is_new).cloned().collect();
+            *known = shapes;
+            news
+        };
+        if news.is_empty() {
+            return Ok(());
+        }
+        let news = &news;
         // Where silhouettes are gathered, nobody is asked about shapes.
         let asked: &[Arc<Link>] = if let Transport::Cluster(_) = self { self.links() } else { &[] };
         let told = asked.iter().map(|link| async move {
             let said = |status: tonic::Status| format!("node {}: {}", link.node.address, status.message());
-            match link.register_shapes().await {
+            match link.register(news).await {
                 Ok(()) => Ok(()),
                 Err(status) if status.code() == tonic::Code::Unavailable => {
                     Err(TransportError::Gone(said(status)))
