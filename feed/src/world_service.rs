@@ -39,6 +39,8 @@ pub(crate) async fn routes(shared: &Arc<Shared>) -> axum::Router {
         .add_service(reflection().build_v1alpha().expect(describe_error))
         .prepare()
         .into_axum_router()
+        // What no call answers is the page's to answer.
+        .reset_fallback()
 }
 
 /// The state behind every call.
