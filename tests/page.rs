@@ -153,6 +153,8 @@ async fn a_run_is_seen_and_steered(more: &[&str]) {
     page.say(json!({"op": "command", "id": 4, "command": "resume"})).await;
     page.op("done").await;
     drop(viewer);
+    let pid = rustix::process::Pid::from_child(&demo.child);
+    rustix::process::kill_process(pid, rustix::process::Signal::TERM).expect("told to end");
     assert_eq!(page.op("bye").await["why"], json!("the run has ended"));
     let status = demo.child.wait().expect("reaped");
     let mut errors = String::new();
@@ -162,12 +164,12 @@ async fn a_run_is_seen_and_steered(more: &[&str]) {
 
 #[tokio::test]
 async fn a_run_over_node_processes_is_seen_and_steered() {
-    a_run_is_seen_and_steered(&["--seconds", "8"]).await;
+    a_run_is_seen_and_steered(&[]).await;
 }
 
 #[tokio::test]
 async fn a_run_in_one_process_is_seen_and_steered() {
-    a_run_is_seen_and_steered(&["--seconds", "8", "--transport", "inprocess"]).await;
+    a_run_is_seen_and_steered(&["--transport", "inprocess"]).await;
 }
 
 #[test]
@@ -221,7 +223,7 @@ fn eight_cameras_at_full_rate_fit_into_fifteen_megabits() {
             frame: Some(found.number),
             kind: PictureKind::Crops,
             scale_log2: 0,
-            jpeg_quality: feed::pictures::FULL_JPEG_QUALITY,
+            jpeg_quality: feed::pictures::JPEG_QUALITY,
             cameras: vec![],
         };
         darkroom.order(order, move |picture: Picture| drop(sender.send(picture))).expect("in order");

@@ -9,7 +9,7 @@ use coordinator::live::WorldState;
 use tokio::sync::OnceCell;
 
 use crate::message;
-use crate::pictures::{FramePictures, PictureKind, PictureRequest, Pictures};
+use crate::pictures::{FramePictures, JPEG_QUALITY, PictureKind, PictureRequest, Pictures};
 use crate::tier::Tier;
 
 /// Messages remembered: every tier of the last frames. What a page asks for that came later than the others is
@@ -79,17 +79,11 @@ impl Hub {
     }
 
     async fn make(&self, frame: Option<u64>, look: Look) -> Result<Made, String> {
-        let (kind, scale_log2, jpeg_quality, cameras) = match look {
-            Look::FrameSet { tier: Tier::Off, .. } => (PictureKind::Silhouettes, 0, 1, vec![]),
-            Look::FrameSet { tier, .. } => {
-                (PictureKind::Crops, tier.scale_log2(), tier.jpeg_quality(), vec![])
-            }
-            Look::Thumbnails { scale_log2 } => {
-                (PictureKind::Whole, scale_log2, Tier::Quarter.jpeg_quality(), vec![])
-            }
-            Look::Image { camera, tier } => {
-                (PictureKind::Whole, tier.scale_log2(), tier.jpeg_quality(), vec![camera])
-            }
+        let (kind, scale_log2, cameras) = match look {
+            Look::FrameSet { tier: Tier::Off, .. } => (PictureKind::Silhouettes, 0, vec![]),
+            Look::FrameSet { tier, .. } => (PictureKind::Crops, tier.scale_log2(), vec![]),
+            Look::Thumbnails { scale_log2 } => (PictureKind::Whole, scale_log2, vec![]),
+            Look::Image { camera, tier } => (PictureKind::Whole, tier.scale_log2(), vec![camera]),
         };
         let mut pictures = match (frame, look) {
             // A page that wants neither still hears of every frame.
@@ -97,7 +91,7 @@ impl Hub {
                 FramePictures { frame, captured_unix_s: 0.0, cameras: vec![] }
             }
             _ => {
-                let request = PictureRequest { frame, kind, scale_log2, jpeg_quality, cameras };
+                let request = PictureRequest { frame, kind, scale_log2, jpeg_quality: JPEG_QUALITY, cameras };
                 self.pictures.fetch(request).await?
             }
         };

@@ -13,6 +13,7 @@ pub mod hello;
 mod hub;
 mod incoming;
 pub mod message;
+mod orders;
 pub mod osc;
 mod outbox;
 mod page;

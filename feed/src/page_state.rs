@@ -1,20 +1,17 @@
 //! What one page has, wants and may get: which frame next, at which tier, and whether it still reads.
 
-use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use coordinator::live::{BodyId, Command, Done, Follower, Refused, Watching};
-use futures::StreamExt as _;
+use coordinator::live::{Follower, Watching};
 use futures::future::BoxFuture;
-use futures::stream::FuturesOrdered;
 
-use crate::commands::Request;
 use crate::connection::Taken;
 use crate::hello::{self, FeedStatus};
 use crate::hub::{Look, Made};
 use crate::incoming::{self, Incoming, Want};
+use crate::orders::Orders;
 use crate::outbox::Outbox;
 use crate::server::Shared;
 use crate::socket::{PATIENCE, STATUS_EVERY};
@@ -22,8 +19,6 @@ use crate::tier::{Link, Tier};
 
 /// Frame sets that a page has not shown yet: one on its way while one is drawn.
 const CREDIT: usize = 2;
-/// Commands of one page that wait for the loop.
-const MAX_ORDERS: usize = 64;
 /// Width of a thumbnail, pixels, where the image is not too large for that.
 const THUMBNAIL_PIXELS: u32 = 160;
 /// The most that pictures are made smaller: by 2 to the power of this.
@@ -44,14 +39,6 @@ pub(crate) enum Verdict {
     Bye(String),
 }
 
-type Order = BoxFuture<'static, (u64, Option<Hold>, Result<Done, Refused>)>;
-/// What a command that is done changes about who holds what.
-#[derive(Clone, Copy)]
-enum Hold {
-    Takes(BodyId),
-    Leaves(BodyId),
-}
-
 type Delivery = BoxFuture<'static, Result<Vec<Made>, String>>;
 
 pub(crate) struct Page {
@@ -62,9 +49,7 @@ pub(crate) struct Page {
     taken: Taken,
     want: Want,
     link: Link,
-    /// In their order: a release must not overtake its grab.
-    orders: FuturesOrdered<Order>,
-    held: BTreeSet<BodyId>,
+    orders: Orders,
     /// The frame set that is being made.
     making: Option<Delivery>,
     /// Frame sets that were sent and not shown.
@@ -95,6 +80,7 @@ impl Page {
         follower.world.mark_changed();
         follower.scene.mark_changed();
         let watching = follower.watch();
+        let orders = Orders::new(follower.clone(), is_controller);
         let now = Instant::now();
         let want = Want { fps: shared.facts.fps, ..Want::default() };
         Page {
@@ -106,8 +92,7 @@ impl Page {
             seen_bytes: taken.bytes(),
             taken,
             want,
-            orders: FuturesOrdered::new(),
-            held: BTreeSet::new(),
+            orders,
             making: None,
             unshown: Vec::new(),
             asked: None,
@@ -148,7 +133,7 @@ impl Page {
                 self.is_state_new = true;
                 None
             }
-            Some((id, hold, answer)) = orders.next() => self.answer(id, hold, answer),
+            answer = orders.answered() => self.tell(answer),
             made = wait_for(making) => {
                 self.making = None;
                 self.deliver(made);
@@ -160,27 +145,9 @@ impl Page {
         }
     }
 
-    fn answer(&mut self, id: u64, hold: Option<Hold>, answer: Result<Done, Refused>) -> Option<Verdict> {
-        match (&answer, hold) {
-            (Ok(_), Some(Hold::Takes(body))) => drop(self.held.insert(body)),
-            (Ok(_), Some(Hold::Leaves(body))) => drop(self.held.remove(&body)),
-            _ => {}
-        }
-        self.tell(match answer {
-            Ok(done) => hello::done(id, done),
-            Err(Refused(why)) => hello::refused(id, &why),
-        })
-    }
-
-    /// The page has gone: nobody holds on to what it held.
-    pub fn end(mut self) {
-        let (follower, held) = (self.follower.clone(), std::mem::take(&mut self.held));
-        tokio::spawn(async move {
-            for body in held {
-                // A body that is gone needs no release.
-                let _ = follower.order(Command::Release { body, velocity_m_s: None }).await;
-            }
-        });
+    /// The page has gone.
+    pub fn end(self) {
+        self.orders.end();
     }
 
     /// A text that must arrive.
@@ -196,7 +163,10 @@ impl Page {
                 self.unshown.retain(|unshown| *unshown != seq);
                 None
             }
-            Ok(Incoming::Command(request)) => self.order(request),
+            Ok(Incoming::Command(request)) => {
+                let refusal = self.orders.take(request);
+                refusal.and_then(|refusal| self.tell(refusal))
+            }
             Err(why) => Some(Verdict::Bye(why)),
         }
     }
@@ -217,29 +187,6 @@ impl Page {
         }
         self.want = want;
         None
-    }
-
-    fn order(&mut self, Request { id, command }: Request) -> Option<Verdict> {
-        let refused = |why: &str| hello::refused(id, why);
-        if !self.is_controller {
-            return self.tell(refused("a viewer cannot steer: open the page with its token"));
-        }
-        if self.orders.len() >= MAX_ORDERS {
-            return self.tell(refused(&format!("{MAX_ORDERS} commands wait, expected fewer")));
-        }
-        match command {
-            Err(why) => self.tell(refused(&why)),
-            Ok(command) => {
-                let follower = self.follower.clone();
-                let hold = match command {
-                    Command::Grab { body, .. } => Some(Hold::Takes(body)),
-                    Command::Release { body, .. } => Some(Hold::Leaves(body)),
-                    _ => None,
-                };
-                self.orders.push_back(Box::pin(async move { (id, hold, follower.order(command).await) }));
-                None
-            }
-        }
     }
 
     /// When the next world goes out, if there is a new one.

@@ -13,8 +13,8 @@ use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpStream, UnixStream};
 use tonic::transport::{Channel, Endpoint, Uri};
 
-/// JPEG quality of crops at full size: eight cameras of 640 × 480 stay within 15 Mbit/s at 30 frames/s.
-pub const FULL_JPEG_QUALITY: u8 = 75;
+/// JPEG quality of all pictures: eight cameras of 640 × 480 stay within 15 Mbit/s at 30 frames/s.
+pub const JPEG_QUALITY: u8 = 80;
 
 /// What of a camera's image is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]

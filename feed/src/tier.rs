@@ -7,8 +7,6 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use crate::pictures::FULL_JPEG_QUALITY;
-
 /// A link that is too slow for so long gets less.
 const SLOW: Duration = Duration::from_secs(3);
 /// A link at ease for so long gets more.
@@ -53,14 +51,6 @@ impl Tier {
             Tier::Full => 0,
             Tier::Half => 1,
             Tier::Quarter | Tier::Off => 2,
-        }
-    }
-
-    /// JPEG quality: what is small is looked at enlarged, and costs little.
-    pub fn jpeg_quality(self) -> u8 {
-        match self {
-            Tier::Full => FULL_JPEG_QUALITY,
-            Tier::Half | Tier::Quarter | Tier::Off => 80,
         }
     }
 
