@@ -71,7 +71,7 @@ pub fn run(arguments: &CoordinatorArguments) -> Outcome {
         empty: false,
         seconds: checked_seconds(arguments.seconds)?,
         live_line: !arguments.headless,
-        page: arguments.page.checked(arguments.headless)?,
+        outlets: arguments.page.checked(arguments.headless)?,
         json: arguments.json.clone(),
         snapshots: arguments.snapshot.clone(),
         record: arguments.record.checked()?,

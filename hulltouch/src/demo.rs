@@ -91,7 +91,7 @@ pub struct StudioArguments {
 pub fn run(arguments: DemoArguments) -> Outcome {
     check_response(arguments.response)?;
     let seconds = checked_seconds(arguments.seconds)?;
-    let page = arguments.page.checked(arguments.headless)?;
+    let outlets = arguments.page.checked(arguments.headless)?;
     if cfg!(debug_assertions) {
         tracing::warn!("this is a debug build and slow: build with --release, or run `cargo demo`");
     }
@@ -117,7 +117,7 @@ pub fn run(arguments: DemoArguments) -> Outcome {
         empty: arguments.empty,
         seconds,
         live_line: !arguments.headless,
-        page,
+        outlets,
         json: arguments.json,
         snapshots: arguments.snapshot,
         record: arguments.record.checked()?,

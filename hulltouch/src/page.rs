@@ -1,12 +1,13 @@
-//! The page beside a run: where it is served, who may steer, and the lines that say so.
+//! What others see of a run: where its page is served and who may steer, where OSC goes, and the lines that say so.
 
 use std::io::Write as _;
-use std::net::SocketAddr;
+use std::net::{SocketAddr, ToSocketAddrs as _};
 use std::sync::Arc;
 
 use camera_node::SourceConfig;
 use clap::Args;
-use coordinator::live::{Live, live};
+use coordinator::live::{Follower, Live, live};
+use feed::osc::Osc;
 use feed::pictures::Pictures;
 use feed::{Feed, FeedError, FeedSettings, RunFacts, Token};
 
@@ -26,11 +27,34 @@ pub struct PageArguments {
     /// What lets a page steer the run, at least 8 letters and digits [default: a new one each run].
     #[arg(long, value_name = "T", env = "HULLTOUCH_TOKEN", hide_env_values = true)]
     token: Option<String>,
+    /// Send the world as Open Sound Control to this address, over UDP.
+    #[arg(long, value_name = "HOST:PORT")]
+    osc: Option<String>,
+}
+
+/// Where a run can be seen and steered; by default nowhere.
+#[derive(Clone, Debug, Default)]
+pub struct Outlets {
+    /// The page, and what programs use.
+    pub page: Option<FeedSettings>,
+    /// Who gets OSC.
+    pub osc: Option<SocketAddr>,
+}
+
+/// What serves as long as it lives.
+#[derive(Debug)]
+pub struct Served {
+    _page: Option<Feed>,
+    _osc: Option<Osc>,
 }
 
 impl PageArguments {
-    /// Where to serve, and for whom; `None`: nowhere. A headless run serves only where it is told to.
-    pub fn checked(&self, headless: bool) -> Outcome<Option<FeedSettings>> {
+    /// What is served where, and for whom. A headless run serves its page only where it is told to.
+    pub fn checked(&self, headless: bool) -> Outcome<Outlets> {
+        Ok(Outlets { page: self.page(headless)?, osc: self.osc.as_deref().map(osc_address).transpose()? })
+    }
+
+    fn page(&self, headless: bool) -> Outcome<Option<FeedSettings>> {
         if headless && self.listen.is_none() {
             return Ok(None);
         }
@@ -62,10 +86,35 @@ impl PageSource {
     }
 }
 
-/// Serves the page of a run, and says where. What is returned beside the server belongs to the run.
-pub fn serve(setup: &Setup, step_s: f64, source: PageSource) -> Outcome<Option<(Feed, Live)>> {
-    let Some(settings) = &setup.page else { return Ok(None) };
+/// The address that a host's name and a port mean.
+fn osc_address(text: &str) -> Outcome<SocketAddr> {
+    let wrong = |why: &str| Failure::input(format_args!("--osc {text}: {why}, expected HOST:PORT"));
+    let mut found = text.to_socket_addrs().map_err(|error| wrong(&error.to_string()))?;
+    found.next().ok_or_else(|| wrong("no such host"))
+}
+
+/// Serves a run where its outlets say. What is returned beside the server belongs to the run; without a source
+/// there is no page.
+pub fn serve(setup: &Setup, step_s: f64, source: Option<PageSource>) -> Outcome<Option<(Served, Live)>> {
+    let Outlets { page, osc } = &setup.outlets;
+    let page = page.as_ref().zip(source);
+    if page.is_none() && osc.is_none() {
+        return Ok(None);
+    }
     let (live, follower) = live();
+    let osc = osc.map(|to| Osc::start(to, follower.clone()));
+    let osc = osc.transpose().map_err(|why| Failure::input(format_args!("--osc: {why}")))?;
+    let page = page.map(|(settings, source)| serve_page(setup, settings, step_s, follower, source));
+    Ok(Some((Served { _page: page.transpose()?, _osc: osc }, live)))
+}
+
+fn serve_page(
+    setup: &Setup,
+    settings: &FeedSettings,
+    step_s: f64,
+    follower: Follower,
+    source: PageSource,
+) -> Outcome<Feed> {
     let file = &setup.file;
     let facts = RunFacts {
         rig: file.rig.clone(),
@@ -88,5 +137,5 @@ pub fn serve(setup: &Setup, step_s: f64, source: PageSource) -> Outcome<Option<(
     let token = settings.token.text();
     // A closed standard error is no reason not to run.
     let _ = writeln!(std::io::stderr(), "page: http://{address}/?token={token}\nviewers: http://{address}/");
-    Ok(Some((feed, live)))
+    Ok(feed)
 }

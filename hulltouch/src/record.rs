@@ -13,6 +13,7 @@ use crate::coordinator_command::checked_seconds;
 use crate::demo::StudioArguments;
 use crate::failure::{Failure, Outcome};
 use crate::node::node_config;
+use crate::page::Outlets;
 use crate::run::{AskName, Setup, TransportName, run_deployed, run_locally};
 
 /// How long deployed nodes are waited for.
@@ -109,7 +110,7 @@ pub fn run(arguments: RecordArguments) -> Outcome {
         empty: false,
         seconds: checked_seconds(arguments.seconds)?,
         live_line: true,
-        page: None,
+        outlets: Outlets::default(),
         json: arguments.json,
         snapshots: None,
         record: Some(record),

@@ -128,7 +128,7 @@ fn setup(recording: &Recording, arguments: &ReplayArguments) -> Outcome<Setup> {
         empty: false,
         seconds: None,
         live_line: !arguments.headless,
-        page: arguments.page.checked(arguments.headless)?,
+        outlets: arguments.page.checked(arguments.headless)?,
         json: arguments.json.clone(),
         snapshots: arguments.snapshot.clone(),
         record: None,

@@ -7,7 +7,6 @@ use std::time::Duration;
 use clap::ValueEnum;
 use coordinator::record::{Recorder, Schedule};
 use coordinator::{Asks, Coordinator, ExpectedNode, Progress, RunSettings, Snapshot, Transport, Watcher};
-use feed::FeedSettings;
 use feed::pictures::{NodePictures, Pictures};
 use indicatif::{ProgressBar, ProgressStyle};
 use proto::Address;
@@ -21,7 +20,7 @@ use crate::colours::colours;
 use crate::failure::{Failure, Outcome, check_writable, write_whole};
 use crate::local::{InProcess, LocalCluster, expected_node};
 use crate::node::{interrupted, node_config};
-use crate::page::{self, PageSource};
+use crate::page::{self, Outlets, PageSource};
 use crate::record::{self, RecordTo};
 use crate::report::{self, Overlap};
 use crate::snapshot::Album;
@@ -105,8 +104,8 @@ pub struct Setup {
     pub seconds: Option<f64>,
     /// A live line of figures on a terminal.
     pub live_line: bool,
-    /// Where the page is served, if at all.
-    pub page: Option<FeedSettings>,
+    /// Where it can be seen and steered.
+    pub outlets: Outlets,
     /// Where figures go.
     pub json: Option<PathBuf>,
     /// Where pictures go.
@@ -295,8 +294,7 @@ pub fn play(
         reuse_within_m: setup.scene.hull().reuse_within_m,
         connect_patience,
     };
-    let serve = |pictures| page::serve(setup, settings.dt_s, pictures);
-    let (page, live) = pictures.map(serve).transpose()?.flatten().unzip();
+    let (served, live) = page::serve(setup, settings.dt_s, pictures)?.unzip();
     let mut watcher = Console::new(setup, &observers);
     let for_gather = (setup.transport == TransportName::Gather).then(|| observers.clone());
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::run)?;
@@ -322,7 +320,7 @@ pub fn play(
         (ran, recorded)
     });
     // Pages hear that it is over before figures are written.
-    drop(page);
+    drop(served);
     watcher.line.finish_and_clear();
     let overlaps = match watcher.album {
         Some(album) => runtime.block_on(finish(album))?,

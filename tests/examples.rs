@@ -1,0 +1,104 @@
+//! The examples for programs do what they say, against a running demo.
+
+#[path = "shared/demo.rs"]
+mod demo;
+
+use std::io::{BufRead as _, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+use demo::{Demo, TOKEN};
+use serde_json::Value;
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// The Python that has what the examples need; CI makes one.
+fn python() -> Option<Command> {
+    let python = std::env::var_os("HULLTOUCH_PYTHON");
+    if python.is_none() {
+        eprintln!("HULLTOUCH_PYTHON is not set: the Python examples are not run");
+    }
+    python.map(Command::new)
+}
+
+#[track_caller]
+fn text(output: &Output) -> String {
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{said}");
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+#[test]
+fn the_python_program_follows_and_kicks_its_ball() {
+    let Some(mut python) = python() else { return };
+    let demo = Demo::start(&[]);
+    let output = python
+        .arg(root().join("examples/python/follow_and_push.py"))
+        .args(["--address", &demo.address, "--token", TOKEN, "--seconds", "12"])
+        .output()
+        .expect("runs");
+    let said = text(&output);
+    assert!(said.starts_with("scene topple: right_stand, right_0"), "{said}");
+    let last = said.lines().last().unwrap_or_default();
+    let numbers: Vec<u32> = last.split(' ').filter_map(|word| word.parse().ok()).collect();
+    assert!(last.ends_with("kicks") && numbers.len() == 2, "{last}");
+    assert!(numbers[0] > 60 && numbers[1] >= 1, "{said}");
+}
+
+#[test]
+fn the_python_program_says_why_it_cannot() {
+    let Some(mut python) = python() else { return };
+    let demo = Demo::start(&[]);
+    let output = python
+        .arg(root().join("examples/python/follow_and_push.py"))
+        .args(["--address", &demo.address, "--token", "not-the-token"])
+        .output()
+        .expect("runs");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!output.status.success() && said.contains("a viewer cannot steer"), "{said}");
+    assert_eq!(said.lines().count(), 1, "{said}");
+}
+
+#[test]
+fn the_python_printer_prints_what_comes_over_osc() {
+    let Some(mut python) = python() else { return };
+    let mut printer = python
+        .arg(root().join("examples/python/osc_print.py"))
+        .args(["--port", "0", "--messages", "60"])
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("starts");
+    let mut lines = BufReader::new(printer.stdout.take().expect("piped")).lines().map_while(Result::ok);
+    let first = lines.next().expect("it tells its port");
+    let port = first.strip_prefix("listening on port ").expect("a port");
+    let _demo = Demo::start(&["--osc", &format!("127.0.0.1:{port}")]);
+    let printed: Vec<String> = lines.collect();
+    assert!(printer.wait().expect("ends").success());
+    assert_eq!(printed.len(), 60);
+    assert!(printed.iter().any(|line| line.starts_with("/hulltouch/world 0 ")), "{printed:?}");
+    assert!(printed.iter().any(|line| line.starts_with("/hulltouch/body/right_0/pose ")), "{printed:?}");
+}
+
+#[test]
+fn the_javascript_of_the_page_follows_draws_and_spawns() {
+    let node = Command::new("node").arg("--version").output();
+    if !node.is_ok_and(|node| node.status.success()) {
+        eprintln!("there is no node: the JavaScript example is not run");
+        return;
+    }
+    let demo = Demo::start(&[]);
+    let output = Command::new("node")
+        // Newer ones have it without being asked.
+        .arg("--experimental-websocket")
+        .arg(root().join("tests/example.mjs"))
+        .args([&demo.address, TOKEN])
+        .output()
+        .expect("runs");
+    let found: Value = serde_json::from_str(&text(&output)).expect("JSON");
+    assert_eq!((&found["body"], &found["bodies"]), (&Value::from(12), &Value::from(13)));
+    assert!(found["refused"].as_str().is_some_and(|why| why.starts_with("a viewer cannot steer")), "{found}");
+    let drawn = found["drawn"].as_array().expect("names");
+    assert!(drawn.contains(&Value::from("mine")) && drawn.contains(&Value::from("left_4")), "{found}");
+}

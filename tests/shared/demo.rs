@@ -1,0 +1,50 @@
+//! A demo of this program that serves programs, for tests that talk to it.
+
+use std::io::{BufRead as _, BufReader};
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::channel;
+use std::time::Duration;
+
+/// What lets its holder steer.
+pub const TOKEN: &str = "a-token-for-tests";
+
+/// A live demo of three small cameras; it ends with its test.
+pub struct Demo {
+    child: Child,
+    /// Where its page is: host and port.
+    pub address: String,
+}
+
+impl Demo {
+    /// Starts one with more arguments, and waits until it serves.
+    pub fn start(more: &[&str]) -> Demo {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_hulltouch"))
+            .args(["demo", "--cameras", "3", "--size", "160x120", "--seconds", "600", "--headless"])
+            .args(["--listen", "127.0.0.1:0", "--token", TOKEN])
+            .args(more)
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("starts");
+        let stderr = child.stderr.take().expect("piped");
+        let (tell, told) = channel();
+        std::thread::spawn(move || {
+            for line in BufReader::new(stderr).lines().map_while(Result::ok) {
+                if let Some(address) = line.strip_prefix("page: http://") {
+                    // The test may have given up.
+                    let _ = tell.send(address.split('/').next().unwrap_or_default().to_owned());
+                }
+            }
+        });
+        let address = told.recv_timeout(Duration::from_secs(120)).expect("it tells where its page is");
+        Demo { child, address }
+    }
+}
+
+impl Drop for Demo {
+    fn drop(&mut self) {
+        // Its nodes end with it.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
