@@ -107,6 +107,7 @@ export class Program {
         program.viewers = /^viewers: (\S+)/m.exec(program.log)?.[1] ?? "";
         if (program.page && program.viewers) resolve();
       });
+      setTimeout(() => reject(new Error(`the program served no page within a minute: ${program.log}`)), 60_000).unref();
       child.on("error", reject);
       child.on("exit", (status) => reject(new Error(`the program ended with ${status}: ${program.log}`)));
     });
@@ -122,6 +123,8 @@ export class Program {
     if (this.child.exitCode !== null || this.child.signalCode !== null) return;
     const ended = new Promise((resolve) => this.child.once("exit", resolve));
     this.child.kill(signal);
+    const late = setTimeout(() => this.child.kill("SIGKILL"), 20_000);
     await ended;
+    clearTimeout(late);
   }
 }
