@@ -150,7 +150,7 @@ fn bind(settings: &FeedSettings) -> Result<std::net::TcpListener, FeedError> {
 async fn router(shared: &Arc<Shared>) -> Router {
     let guarded = axum::middleware::from_fn_with_state(Arc::clone(shared), guard);
     // What no route takes is the page's to answer.
-    let calls: Router<Arc<Shared>> = world_service::routes(shared).await.reset_fallback().with_state(());
+    let calls: Router<Arc<Shared>> = world_service::routes(shared).await.with_state(());
     let routes = Router::new().merge(socket::routes()).merge(state_socket::routes());
     routes.merge(page::routes()).merge(calls).layer(guarded).with_state(Arc::clone(shared))
 }
