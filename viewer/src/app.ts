@@ -22,6 +22,8 @@ const BEHIND_S = 0.05;
 const AHEAD_S = 0.12;
 /** Pictures that take longer are slow: frames wait for them, not they for frames. */
 const SLOW_PICTURE_MS = 80;
+/** Sets that are neither shown nor followed by others for so long will never be, milliseconds. */
+const STALLED_MS = 3000;
 /** With nothing going on, one picture at full effort is drawn after so long, milliseconds. */
 const IDLE_MS = 300;
 
@@ -80,6 +82,8 @@ export class App {
   private drawnAt = 0;
   private drawnLevel = 0;
   private lastLoop = 0;
+  /** When a set last came or was shown. */
+  private movedAt = 0;
   private fence: { sync: WebGLSync; began: number } | null = null;
   private poses = "";
   private receivedBefore = 0;
@@ -372,6 +376,7 @@ export class App {
     }
     if (type !== 1 || buffer.byteLength < 48) return;
     this.connection.credit.received(seq);
+    this.movedAt = now;
     this.timeline.add({ atMs: now, frame: Number(new DataView(buffer).getBigUint64(16, true)), message: buffer });
     if (!this.playout.live || document.hidden || !this.stage) {
       this.connection.credit.dropped(seq);
@@ -458,6 +463,10 @@ export class App {
       return;
     }
     this.lookAtTimeline(now);
+    if (now - this.movedAt > STALLED_MS && this.connection.credit.outstanding > 0) {
+      this.movedAt = now;
+      this.connection.credit.giveBack();
+    }
     if (this.fence && !this.fenceDone(now)) return;
     if (this.stage.renderer.getContext().isContextLost()) return;
     const { level } = this.quality;
@@ -499,6 +508,7 @@ export class App {
     this.latencyMs.add(Date.now() - this.drawing.capturedUnixS * 1000);
     this.connection.credit.slow = this.quality.averageMs > SLOW_PICTURE_MS;
     this.connection.credit.shown(this.drawing.seq);
+    this.movedAt = performance.now();
     this.drawing = null;
   }
 

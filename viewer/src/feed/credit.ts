@@ -42,6 +42,11 @@ export class Credit {
     this.acknowledge(seq);
   }
 
+  /** Nothing moves any more, for whatever reason: gives everything back, so that the server goes on. */
+  giveBack(): void {
+    for (const seq of [...this.withheld.splice(0), ...this.pending.splice(0)]) this.acknowledge(seq);
+  }
+
   /** Sets that came and were not acknowledged. */
   get outstanding(): number {
     return this.pending.length + this.withheld.length;

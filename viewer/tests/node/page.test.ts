@@ -35,6 +35,17 @@ test("a slow page has one set on its way at a time, and owes nothing once it is 
   assert.deepEqual([said, credit.outstanding], [[1, 2, 3], 0]);
 });
 
+test("what hangs is given back, once", () => {
+  const said: number[] = [];
+  const credit = new Credit((seq) => said.push(seq));
+  credit.slow = true;
+  for (const seq of [1, 2]) credit.received(seq);
+  credit.shown(1);
+  credit.giveBack();
+  credit.shown(2);
+  assert.deepEqual([said, credit.outstanding], [[1, 2], 0]);
+});
+
 test("waits double to eight seconds, and differ between pages", () => {
   const middle = [0, 1, 2, 3, 4, 50].map((attempt) => backoffMs(attempt, () => 0.5));
   assert.deepEqual(middle, [500, 1000, 2000, 4000, 8000, 8000]);
