@@ -87,6 +87,24 @@ impl Page {
         }
     }
 
+    /// Hears until a command is done and something else has been heard, in whichever order they come; returns
+    /// the answer.
+    async fn done_and(&mut self, mut is_it: impl FnMut(&Message) -> bool) -> Value {
+        let (mut done, mut heard) = (None, false);
+        loop {
+            let message = self.hear().await;
+            heard |= is_it(&message);
+            if let Message::Text(text) = &message {
+                let text: Value = serde_json::from_str(text).expect("JSON");
+                done = done.or((text["op"] == "done").then_some(text));
+            }
+            match done {
+                Some(done) if heard => return done,
+                _ => {}
+            }
+        }
+    }
+
     async fn binary(&mut self, kind: u8) -> Vec<u8> {
         loop {
             if let Message::Binary(bytes) = self.hear().await {
@@ -143,13 +161,22 @@ async fn a_run_is_seen_and_steered(more: &[&str]) {
     viewer.say(json!({"op": "command", "id": 1, "command": "pause"})).await;
     viewer.op("refused").await;
     page.say(json!({"op": "command", "id": 2, "command": "pause"})).await;
-    page.op("done").await;
-    while u32_at(&page.binary(2).await, 20) & 1 == 0 {}
+    let is_paused = |message: &Message| match message {
+        Message::Binary(bytes) => bytes[4] == 2 && u32_at(bytes, 20) & 1 == 1,
+        _ => false,
+    };
+    page.done_and(is_paused).await;
     let ball = json!({"op": "command", "id": 3, "command": "spawn", "position": [0, 3, 1],
         "shape": {"ball": {"radius": 0.1}}});
     page.say(ball).await;
-    assert!(page.op("done").await["body"].is_u64());
-    assert_eq!(page.op("scene").await["bodies"].as_array().map(Vec::len), Some(13));
+    let has_thirteen = |message: &Message| match message {
+        Message::Text(text) => {
+            let text: Value = serde_json::from_str(text).expect("JSON");
+            text["op"] == "scene" && text["bodies"].as_array().map(Vec::len) == Some(13)
+        }
+        _ => false,
+    };
+    assert!(page.done_and(has_thirteen).await["body"].is_u64());
     page.say(json!({"op": "command", "id": 4, "command": "resume"})).await;
     page.op("done").await;
     drop(viewer);
