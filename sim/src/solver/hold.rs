@@ -14,8 +14,9 @@ const FREQUENCY_PER_S: f32 = 20.0;
 const FAR_M: f32 = 0.5;
 /// The pull never changes a body's speed faster than this, m/s²: ten times its weight.
 const MAX_PULL_M_S2: f32 = 100.0;
-/// A held body loses its spin at this rate: a hand does not let it swing for long.
-const SPIN_DAMPING_PER_S: f32 = 4.0;
+/// A held body loses its spin at this rate: a hand does not let it swing for long, and a thin rod held beside its
+/// axis must not turn about it for ever.
+const SPIN_DAMPING_PER_S: f32 = 10.0;
 
 /// One hold.
 #[derive(Clone, Copy, Debug)]
