@@ -15,10 +15,11 @@ use crate::{MAX_POINTS, v1};
 /// Steps of the scale of rounded distances in three bytes, and in two.
 const STEPS: u32 = 0xff_ffff;
 const FEW_STEPS: u32 = 0xffff;
-/// Up to here two bytes are enough for exits, in steps of at most two micrometres, and 16 bits for each part of
-/// a normal. With longer steps, one long exit among short ones would turn mean directions by so much that
+/// Up to here two bytes are enough for exits, in steps of at most two micrometres. With longer steps, one long exit among short ones would turn mean directions by so much that
 /// responses are off by more than a tenth of a millimetre.
 const SHORT_M: f32 = 0.131;
+/// Up to here 16 bits for each part of a normal are enough: ways of that length end a few micrometres off.
+const SHORT_NORMALS_M: f32 = 0.12;
 
 /// Stands for the pixel of an edge whose pixel was not told.
 const NO_PIXEL: Pixel = Pixel { column: 0, row: 0 };
@@ -151,7 +152,7 @@ fn edges_to_wire(edges: &[Option<Edge>], precision: Precision) -> v1::EdgesAnswe
     let code = |edge: &Edge| nearest_code(edge.distance_m, step_m).to_le_bytes().into_iter().take(3);
     wire.step_m = step_m;
     wire.distances = present().flat_map(code).collect::<Vec<u8>>().into();
-    let bits = if longest_m <= SHORT_M { UnitBits::Sixteen } else { UnitBits::Twenty };
+    let bits = if longest_m <= SHORT_NORMALS_M { UnitBits::Sixteen } else { UnitBits::Twenty };
     wire.normals = octahedral(present().map(|edge| edge.normal_world), bits);
     wire
 }
