@@ -1,19 +1,22 @@
 //! What a run prints and writes: the JSON of spec'd keys, and a few lines for people.
 
 use coordinator::{Figures, Percentiles};
+use hull::Camera;
 use recording::Recorded;
 use serde_json::{Value, json};
 use sim::World;
 
 use crate::run::Setup;
 
-/// The intersection over union of the hull drawn into real cameras, at one picture.
+/// One picture: from where it was taken, and the intersection over union of the hull drawn into real cameras.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Overlap {
     /// Film time, seconds.
     pub film_s: f64,
     /// The frame.
     pub frame: u64,
+    /// The viewpoint, which is no camera's.
+    pub view: Camera,
     /// Each camera's name and figure.
     pub cameras: Vec<(String, f64)>,
 }
@@ -95,7 +98,20 @@ fn body((body, record): (&sim::Body, &sim::BodyRecord)) -> Value {
 fn overlap(overlap: &Overlap) -> Value {
     let cameras: serde_json::Map<String, Value> =
         overlap.cameras.iter().map(|(name, figure)| (name.clone(), json!(figure))).collect();
-    json!({ "film_s": overlap.film_s, "frame": overlap.frame, "cameras": cameras })
+    json!({ "film_s": overlap.film_s, "frame": overlap.frame, "view": view(&overlap.view), "cameras": cameras })
+}
+
+/// Pinhole and place: rows of matrices; pixel centres at whole numbers; from world to camera, metres.
+fn view(camera: &Camera) -> Value {
+    let rows = |matrix: &nalgebra::Matrix3<f64>| -> Vec<[f64; 3]> {
+        matrix.row_iter().map(|row| [row[0], row[1], row[2]]).collect()
+    };
+    json!({
+        "size": [camera.width(), camera.height()],
+        "matrix": rows(camera.intrinsics()),
+        "rotation": rows(camera.rotation()),
+        "translation": <[f64; 3]>::from(*camera.translation_m()),
+    })
 }
 
 fn percentiles(figures: &Percentiles) -> Value {

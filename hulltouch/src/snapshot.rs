@@ -124,6 +124,6 @@ impl Artist {
         crate::failure::write_whole(&path, png.get_ref())?;
         let names = self.rig.cameras().iter().map(|camera| camera.name().to_owned());
         let cameras = names.zip(overlaps(&views)).collect();
-        Ok(Overlap { film_s: moment.film_s, frame: moment.frame, cameras })
+        Ok(Overlap { film_s: moment.film_s, frame: moment.frame, view: camera, cameras })
     }
 }

@@ -6,7 +6,7 @@ import type { App } from "./app.ts";
 import { clipOf, eyeOfCamera, PICTURE_FAR_M, PICTURE_NEAR_M } from "./draw/stage.ts";
 import type { Eye } from "./draw/hull.ts";
 import type { Hands } from "./ui/hands.ts";
-import type { Mat3, Vec3 } from "./view/lens.ts";
+import type { CameraText, Mat3, Vec3 } from "./view/lens.ts";
 
 /** A camera of the rig by its place, or a pinhole: fx, fy, cx, cy with pixel centres at whole numbers. */
 export type From = { readonly camera: number } | { readonly rotation: Mat3; readonly translation: Vec3; readonly pinhole: readonly [number, number, number, number] };
@@ -26,6 +26,8 @@ export interface TestPicture {
 export interface Debug {
   /** Counts and states. */
   state(): Record<string, unknown>;
+  /** The cameras as the run told them. */
+  rig(): readonly CameraText[];
   /** The person alone; null without a hull, or without WebGL2. */
   picture(from: From, width: number, height: number, mode?: "photo" | "shaded"): TestPicture | null;
   /** Where a point of the world is on the canvas, CSS pixels; null behind the view. */
@@ -70,6 +72,7 @@ export function debug(app: App, hands: Hands, version: string): Debug {
       box: app.stage?.hull?.box ?? null,
       hasBackdrop: app.stage?.cameras?.backdrop.visible ?? false,
     }),
+    rig: () => app.hello?.cameras ?? [],
     picture: (from, width, height, mode = "photo") => picture(app, from, width, height, mode),
     onCanvas: (point) => app.onCanvas(point),
     bodyAt: (x, y) => hands.hit(x, y, false)?.body ?? null,

@@ -5,6 +5,7 @@ import { existsSync } from "node:fs";
 import { dirname, join } from "node:path";
 import { fileURLToPath } from "node:url";
 import { type Browser, type BrowserContextOptions, chromium, type Page } from "playwright-core";
+import { WebSocket } from "ws";
 import type { TestPicture } from "../../src/debug.ts";
 
 /** The built page. */
@@ -96,9 +97,10 @@ export class Program {
     this.child = child;
   }
 
-  static async start(args: readonly string[]): Promise<Program> {
+  /** A run that serves a page: `demo`, unless another subcommand is named. */
+  static async start(args: readonly string[], subcommand = "demo"): Promise<Program> {
     assert.ok(PROGRAM, "HULLTOUCH_BIN names no program");
-    const child = spawn(PROGRAM, ["demo", ...args], { stdio: ["ignore", "ignore", "pipe"] });
+    const child = spawn(PROGRAM, [subcommand, ...args], { stdio: ["ignore", "ignore", "pipe"] });
     const program = new Program(child);
     await new Promise<void>((resolve, reject) => {
       child.stderr!.on("data", (bytes) => {
@@ -126,5 +128,25 @@ export class Program {
     const late = setTimeout(() => this.child.kill("SIGKILL"), 20_000);
     await ended;
     clearTimeout(late);
+  }
+}
+
+/** Steers a run as a program does; resolves when it is done. */
+export async function steer(program: Program, command: string, fields: object = {}): Promise<void> {
+  const { host, searchParams } = new URL(program.page);
+  const socket = new WebSocket(`ws://${host}/state?rate=1&token=${searchParams.get("token")}`);
+  try {
+    await new Promise<void>((resolve, reject) => {
+      socket.on("open", () => socket.send(JSON.stringify({ op: "command", id: 1, command, ...fields })));
+      socket.on("message", (data) => {
+        const text = JSON.parse(String(data));
+        if (text.op === "done") resolve();
+        if (text.op === "refused") reject(new Error(`${command}: ${text.why}`));
+      });
+      socket.on("error", reject);
+      socket.on("close", () => reject(new Error(`${command}: the run has gone`)));
+    });
+  } finally {
+    socket.close();
   }
 }
