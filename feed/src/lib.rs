@@ -17,6 +17,7 @@ mod orders;
 pub mod osc;
 mod outbox;
 mod page;
+mod page_frames;
 mod page_state;
 pub mod pictures;
 mod server;

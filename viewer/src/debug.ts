@@ -2,7 +2,7 @@
  * `window.hulltouch`: what tests and curious people may look at. Pictures are of the person alone, from any
  * view, at any size, independent of the screen.
  */
-import type { App } from "./app.ts";
+import type { App } from "./app/app.ts";
 import { clipOf, eyeOfCamera, PICTURE_FAR_M, PICTURE_NEAR_M } from "./draw/stage.ts";
 import type { Eye } from "./draw/hull.ts";
 import type { Hands } from "./ui/hands.ts";
@@ -51,19 +51,19 @@ export function debug(app: App, hands: Hands, version: string): Debug {
       through: app.through,
       follow: app.follow,
       paused: app.paused,
-      live: app.playout.live,
-      behindMs: app.playout.live ? 0 : (app.timeline.span()?.[1] ?? 0) - (app.playout.moment ?? 0),
+      live: app.frames.playout.live,
+      behindMs: app.frames.playout.live ? 0 : (app.frames.timeline.span()?.[1] ?? 0) - (app.frames.playout.moment ?? 0),
       eye: app.orbit.eye(),
       target: app.orbit.now.target,
-      framesShown: app.framesShown,
-      frame: app.shownFrame,
-      pictures: app.pictures,
+      framesShown: app.frames.count,
+      frame: (app.frames.shown?.frame ?? null),
+      pictures: (app.drawing?.count ?? 0),
       quality: app.quality.number,
       drawMs: app.quality.averageMs,
-      latencyMs: app.latencyMs.get(),
+      latencyMs: app.frames.latencyMs.get(),
       receivedBytes: app.connection.received,
       outstanding: app.connection.credit.outstanding,
-      timelineFrames: app.timeline.length,
+      timelineFrames: app.frames.timeline.length,
       cameras: app.hello?.cameras.length ?? 0,
       scene: app.scene?.scene ?? null,
       generation: app.moment?.world.generation ?? null,
@@ -106,7 +106,7 @@ function picture(app: App, from: From, width: number, height: number, mode: "pho
       depth[row * width + column] = made.rgba[(below * width + column) * 4 + 3] > 0 ? metres : 0;
     }
   }
-  return { width, height, rgba: base64(rgba), depthM: base64(new Uint8Array(depth.buffer)), frame: app.shownFrame };
+  return { width, height, rgba: base64(rgba), depthM: base64(new Uint8Array(depth.buffer)), frame: (app.frames.shown?.frame ?? null) };
 }
 
 function eyeOfPinhole(from: { rotation: Mat3; translation: Vec3; pinhole: readonly [number, number, number, number] }): Eye {

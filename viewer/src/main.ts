@@ -1,6 +1,6 @@
 /** The page: puts its parts together. */
 import "./style.css";
-import { App } from "./app.ts";
+import { App } from "./app/app.ts";
 import { type Debug, debug } from "./debug.ts";
 import { feedUrl, takeToken } from "./token.ts";
 import { CamerasList } from "./ui/cameras_list.ts";
@@ -97,7 +97,7 @@ const actions = {
     if (hands.placing) hands.placing = false;
     else if (app.through !== null) app.lookThrough(null);
     else if (app.follow !== null) app.followBody(null);
-    else if (!app.playout.live) app.goLive();
+    else if (!app.frames.playout.live) app.goLive();
     canvas.classList.remove("placing");
     app.changed();
   },
@@ -115,7 +115,7 @@ byId("fullscreen").addEventListener("click", () => {
   else document.documentElement.requestFullscreen().catch(() => toast("This browser has no full screen."));
 });
 byId("panel-toggle").addEventListener("click", () => openPanel(document.body.classList.contains("panel-closed")));
-window.addEventListener("hashchange", () => app.applyHash(location.hash));
+window.addEventListener("hashchange", () => app.address.apply(location.hash));
 
 function openPanel(open: boolean): void {
   document.body.classList.toggle("panel-closed", !open);
@@ -154,7 +154,7 @@ function showLink(): void {
   const state = byId("link").dataset.state;
   if (state === "open") {
     const now = performance.now();
-    const frames = app.rates.frames.perSecond(now);
+    const frames = app.frames.rate.perSecond(now);
     setText(byId("link-text"), app.paused ? "Paused" : app.hello && app.stage ? `Live · ${frames.toFixed(0)} frames/s` : "Connected");
     return;
   }
@@ -198,7 +198,7 @@ async function screenshot(): Promise<void> {
 }
 
 async function share(): Promise<void> {
-  const url = `${location.origin}${location.pathname}#${writeHash(app.viewText())}`;
+  const url = `${location.origin}${location.pathname}#${writeHash(app.address.text())}`;
   try {
     await navigator.clipboard.writeText(url);
     toast("A link to this view is copied.");

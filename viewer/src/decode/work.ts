@@ -60,3 +60,8 @@ export interface Failed {
   readonly id: number;
   readonly why: string;
 }
+
+/** Closes images that nobody draws. */
+export function closeImages(set: Decoded): void {
+  for (const part of set.cameras) part.image?.close();
+}

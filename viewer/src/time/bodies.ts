@@ -13,6 +13,16 @@ export function between(before: WorldMessage, after: WorldMessage, filmS: number
   });
 }
 
+/** Changes when a body is seen to move: by more than a fifth of a millimetre. */
+export function posesKey(moment: { readonly world: WorldMessage; readonly bodies: readonly BodyPose[] }): string {
+  let key = `${moment.world.generation}/${moment.world.touches.length}`;
+  for (const { id, position, rotation, touching, grabbed } of moment.bodies) {
+    key += `|${id}${touching ? "t" : ""}${grabbed ? "g" : ""}`;
+    for (const n of [...position, ...rotation]) key += `,${Math.round(n * 5000)}`;
+  }
+  return key;
+}
+
 type V3 = readonly [number, number, number];
 type V4 = readonly [number, number, number, number];
 

@@ -1,5 +1,5 @@
 /** The list of cameras: a small image, a mark of health with its word, and the figures. */
-import type { App } from "../app.ts";
+import type { App } from "../app/app.ts";
 import type { CameraStatus, Hello } from "../feed/text.ts";
 import { byId, bytesText, setPressed, setText } from "./dom.ts";
 

@@ -1,5 +1,5 @@
 /** The figures: of the page, the link and the run. */
-import type { App } from "../app.ts";
+import type { App } from "../app/app.ts";
 import { byId, bytesText } from "./dom.ts";
 
 export class Figures {
@@ -18,11 +18,11 @@ export class Figures {
     const { progress, feed } = app.status ?? {};
     const status = app.status;
     const ms = (value: number | null | undefined, digits = 1) => (value === null || value === undefined ? null : `${value.toFixed(digits)} ms`);
-    this.show("Pictures drawn", `${app.rates.pictures.perSecond(now).toFixed(0)} /s`);
-    this.show("Frames shown", `${app.rates.frames.perSecond(now).toFixed(1)} /s`);
-    this.show("From lens to screen", ms(app.latencyMs.get(), 0));
-    this.show("Link", `${((app.rates.bytes.perSecond(now) * 8) / 1e6).toFixed(1)} Mbit/s`);
-    this.show("Decoding", ms(app.decodeMs.get()));
+    this.show("Pictures drawn", `${(app.drawing?.rate.perSecond(now) ?? 0).toFixed(0)} /s`);
+    this.show("Frames shown", `${app.frames.rate.perSecond(now).toFixed(1)} /s`);
+    this.show("From lens to screen", ms(app.frames.latencyMs.get(), 0));
+    this.show("Link", `${((app.loop.received.perSecond(now) * 8) / 1e6).toFixed(1)} Mbit/s`);
+    this.show("Decoding", ms(app.frames.decodeMs.get()));
     this.show("Drawing", ms(app.quality.averageMs || null));
     this.show("Person drawn at", app.stage ? `${Math.round(app.quality.level.scale * 100)} %` : null);
     this.show("Colour sent", feed?.tier ?? null);
@@ -39,7 +39,7 @@ export class Figures {
     this.show("Late steps", status?.late_steps?.toString() ?? null);
     this.show("Steps without hull", status?.blind_steps?.toString() ?? null);
     this.show("Film", progress?.film_s === undefined ? null : `${progress.film_s.toFixed(1)} s`);
-    this.show("Looking back", `${app.timeline.length} frames, ${bytesText(app.timeline.byteLength)}`);
+    this.show("Looking back", `${app.frames.timeline.length} frames, ${bytesText(app.frames.timeline.byteLength)}`);
     this.show("Graphics", this.renderer);
   }
 

@@ -1,6 +1,6 @@
 /** Hands in the scene: what the pointer is on, carrying and throwing bodies, placing new ones. */
 import { Plane, Raycaster, Vector2, Vector3, type Mesh } from "three";
-import type { App } from "../app.ts";
+import type { App } from "../app/app.ts";
 import { radiusOf } from "../draw/bodies.ts";
 import type { Shape } from "../feed/text.ts";
 import type { Vec3 } from "../view/lens.ts";
@@ -116,7 +116,7 @@ export class Hands {
   grab(hit: Hit): boolean {
     const { app } = this;
     const mesh = hit.body === null ? null : app.stage?.bodies.mesh(hit.body);
-    if (!mesh || hit.body === null || !app.controller || app.stage!.bodies.text(hit.body)?.fixed || !app.playout.live) return false;
+    if (!mesh || hit.body === null || !app.controller || app.stage!.bodies.text(hit.body)?.fixed || !app.frames.playout.live) return false;
     const grip = mesh.worldToLocal(hit.point.clone());
     const facing = app.stage!.view.getWorldDirection(new Vector3());
     this.held = {

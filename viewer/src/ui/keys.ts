@@ -1,5 +1,5 @@
 /** Keys. Those on the canvas move the view; single letters can be turned off, and never act while typing. */
-import type { App } from "../app.ts";
+import type { App } from "../app/app.ts";
 import type { Layer } from "../view/hash.ts";
 
 export interface Actions {
@@ -80,7 +80,7 @@ export function bindKeys(canvas: HTMLCanvasElement, app: App, actions: Actions, 
   }
 
   function besides(direction: 1 | -1): void {
-    app.playout.beside(direction);
+    app.frames.playout.beside(direction);
     app.invalidate();
     app.changed();
   }

@@ -1,5 +1,5 @@
 /** The panel's buttons and fields: what they do, and what they show. */
-import type { App } from "../app.ts";
+import type { App } from "../app/app.ts";
 import type { Hello, Scene } from "../feed/text.ts";
 import type { HullMode, Layer } from "../view/hash.ts";
 import { announce, byId, option, setPressed, setText, toast } from "./dom.ts";

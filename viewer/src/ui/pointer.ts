@@ -1,5 +1,5 @@
 /** Pointers and the wheel on the canvas: turning, moving across, zooming, and what {@link Hands} do. */
-import type { App } from "../app.ts";
+import type { App } from "../app/app.ts";
 import type { Hands } from "./hands.ts";
 
 /** A full turn takes so many heights of the canvas. */

@@ -1,5 +1,5 @@
 /** The last seconds: look back, play on from there, back to live. */
-import type { App } from "../app.ts";
+import type { App } from "../app/app.ts";
 import { SPAN_MS } from "../time/timeline.ts";
 import { byId, setPressed, setText } from "./dom.ts";
 
@@ -10,7 +10,7 @@ export class TimelineBar {
   constructor(app: App) {
     this.app = app;
     this.scrub.addEventListener("input", () => {
-      const span = app.timeline.span();
+      const span = app.frames.timeline.span();
       if (!span) return;
       const behind = (-Number(this.scrub.value) / 1000) * SPAN_MS;
       if (behind <= 0) app.goLive();
@@ -22,7 +22,7 @@ export class TimelineBar {
       this.update();
     });
     byId("look-back").addEventListener("click", () => {
-      const { playout } = app;
+      const { playout } = app.frames;
       if (playout.live) app.lookBack(performance.now());
       else playout.play(!playout.isPlaying);
       app.invalidate();
@@ -31,7 +31,7 @@ export class TimelineBar {
   }
 
   update(): void {
-    const { playout, timeline } = this.app;
+    const { playout, timeline } = this.app.frames;
     const span = timeline.span();
     const behindMs = playout.live || !span ? 0 : Math.max(0, span[1] - (playout.moment ?? span[1]));
     const value = String(Math.round((-behindMs / SPAN_MS) * 1000));

@@ -1,0 +1,189 @@
+//! Which frame sets one page gets, and when: no more than it shows, the newest, and the images beside them.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use bytes::Bytes;
+use futures::future::BoxFuture;
+
+use crate::hub::{Look, Made};
+use crate::incoming::Want;
+use crate::server::Shared;
+use crate::tier::Tier;
+
+/// Frame sets that a page has not shown yet: one on its way while one is drawn.
+const CREDIT: usize = 2;
+/// Width of a thumbnail, pixels, where the image is not too large for that.
+const THUMBNAIL_PIXELS: u32 = 160;
+/// The most that pictures are made smaller: by 2 to the power of this.
+const MAX_SCALE_LOG2: u8 = 3;
+/// A page that comes while all stands still asks again after so long, until it has colours.
+const ASK_AGAIN: Duration = Duration::from_millis(300);
+/// Asks in vain at most.
+const MAX_ASKS: u32 = 5;
+
+type Delivery = BoxFuture<'static, Result<Vec<Made>, String>>;
+
+/// The newest frame of the run.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Newest {
+    pub frame: u64,
+    /// Whether the world stands still: then no other frame comes.
+    pub is_paused: bool,
+}
+
+pub(crate) struct PageFrames {
+    shared: Arc<Shared>,
+    /// The frame set that is being made.
+    making: Option<Delivery>,
+    /// Frame sets that were sent and not shown.
+    unshown: Vec<u32>,
+    /// The last frame that was asked for, and when.
+    asked: Option<(u64, Instant)>,
+    /// When the newest frame is to be asked for, if it is too early now.
+    due: Option<Instant>,
+    has_colour: bool,
+    asks_in_vain: u32,
+    thumbnails_sent: Option<Instant>,
+    sent: u64,
+    dropped: u64,
+}
+
+impl PageFrames {
+    pub fn new(shared: Arc<Shared>) -> PageFrames {
+        PageFrames {
+            shared,
+            making: None,
+            unshown: Vec::new(),
+            asked: None,
+            due: None,
+            has_colour: false,
+            asks_in_vain: 0,
+            thumbnails_sent: None,
+            sent: 0,
+            dropped: 0,
+        }
+    }
+
+    /// Frame sets that were sent, and frames that were wanted and left out.
+    pub fn counts(&self) -> (u64, u64) {
+        (self.sent, self.dropped)
+    }
+
+    /// The page has shown a frame set.
+    pub fn shown(&mut self, seq: u32) {
+        self.unshown.retain(|unshown| *unshown != seq);
+    }
+
+    /// What it has is not what it wants: the same frame once more.
+    pub fn again(&mut self) {
+        self.asked = None;
+        self.asks_in_vain = 0;
+    }
+
+    /// When the newest frame is to be asked for, if that was too early.
+    pub fn due(&self) -> Option<Instant> {
+        self.due
+    }
+
+    /// The next frame set's messages, when they are made; for ever if none are being made.
+    pub async fn made(&mut self) -> Result<Vec<Bytes>, String> {
+        let made = match &mut self.making {
+            Some(making) => making.await,
+            None => std::future::pending().await,
+        };
+        self.making = None;
+        let made = made?;
+        if let Some(first) = made.first() {
+            self.has_colour = first.has_colour;
+            self.unshown.push(first.seq);
+            self.sent += 1;
+        }
+        Ok(made.into_iter().map(|made| made.bytes).collect())
+    }
+
+    /// Asks for the newest frame, if the page may have it now. `is_clear`: nothing else waits to be sent.
+    pub fn pull(&mut self, newest: Option<Newest>, want: &Want, tier: Tier, is_clear: bool) {
+        self.due = None;
+        if self.making.is_some() || want.fps <= 0.0 || self.unshown.len() >= CREDIT || !is_clear {
+            return;
+        }
+        let Some(Newest { frame, is_paused }) = newest else { return };
+        let interval = self.interval(want);
+        let now = Instant::now();
+        match self.asked {
+            Some((asked, at)) if asked == frame => {
+                // All stands still, and what was kept of the frame is not what is wanted: what there is now.
+                let lacks = self.sent == 0 || (tier != Tier::Off && !self.has_colour);
+                let may = is_paused && lacks && self.shared.facts.has_colour && self.asks_in_vain < MAX_ASKS;
+                if !may || now.duration_since(at) < ASK_AGAIN {
+                    return;
+                }
+                self.asks_in_vain += 1;
+                self.making = Some(self.newest(want, tier));
+            }
+            Some((_, at)) if now.duration_since(at) + self.slack() < interval => {
+                self.due = Some(at + interval - self.slack());
+                return;
+            }
+            _ => self.making = Some(self.delivery(frame, want, tier)),
+        }
+        self.count_dropped(frame, want);
+        self.asked = Some((frame, now));
+    }
+
+    /// Between wanted frame sets.
+    pub fn interval(&self, want: &Want) -> Duration {
+        Duration::from_secs_f64(1.0 / want.fps.min(self.shared.facts.fps).max(0.01))
+    }
+
+    /// Frames do not come on the clock's tick: half a film frame early is in time.
+    fn slack(&self) -> Duration {
+        Duration::from_secs_f64(0.5 / self.shared.facts.fps.max(0.01))
+    }
+
+    fn count_dropped(&mut self, frame: u64, want: &Want) {
+        if let Some((asked, _)) = self.asked {
+            let wanted = (self.shared.facts.fps / want.fps.min(self.shared.facts.fps)).round().max(1.0);
+            let passed = frame.saturating_sub(asked) as f64 / wanted;
+            self.dropped += (passed.round() as u64).saturating_sub(1);
+        }
+    }
+
+    /// A frame set, with the images that are wanted too.
+    fn delivery(&mut self, frame: u64, want: &Want, tier: Tier) -> Delivery {
+        let mut looks = vec![look(want, tier)];
+        let image_of = want.image_of.as_ref().and_then(|name| self.shared.facts.rig.index_of(name));
+        if let Some(camera) = image_of {
+            looks.push(Look::Image { camera: camera as u16, tier });
+        }
+        let now = Instant::now();
+        let due = |sent: Instant| now.duration_since(sent).as_secs_f64() * want.thumbnails_hz >= 1.0;
+        if want.thumbnails_hz > 0.0 && self.thumbnails_sent.is_none_or(due) {
+            self.thumbnails_sent = Some(now);
+            looks.push(Look::Thumbnails { scale_log2: self.thumbnail_scale() });
+        }
+        let shared = Arc::clone(&self.shared);
+        Box::pin(async move {
+            let made = looks.into_iter().map(|look| shared.hub.look(frame, look));
+            let mut made = futures::future::join_all(made).await.into_iter();
+            let first = made.next().unwrap_or_else(|| Err("nothing was asked for".into()))?;
+            // Images that there are not are no reason to keep the rest back.
+            Ok(std::iter::once(first).chain(made.flatten()).collect())
+        })
+    }
+
+    fn newest(&self, want: &Want, tier: Tier) -> Delivery {
+        let (shared, look) = (Arc::clone(&self.shared), look(want, tier));
+        Box::pin(async move { shared.hub.look_at_newest(look).await.map(|made| vec![made]) })
+    }
+
+    fn thumbnail_scale(&self) -> u8 {
+        let widest = self.shared.facts.rig.cameras().iter().map(hull::Camera::width).max().unwrap_or(1);
+        (0..MAX_SCALE_LOG2).find(|scale| widest >> scale <= THUMBNAIL_PIXELS).unwrap_or(MAX_SCALE_LOG2)
+    }
+}
+
+fn look(want: &Want, tier: Tier) -> Look {
+    Look::FrameSet { silhouettes: want.silhouettes, tier }
+}

@@ -1,0 +1,314 @@
+/** The page's state: what came of the run, what is looked at, what is asked. Buttons and keys are in ui/. */
+import type { Box } from "../decode/hull_box.ts";
+import { Quality } from "../draw/quality.ts";
+import { Stage } from "../draw/stage.ts";
+import { type Answer, Connection, type LinkState, type Want } from "../feed/connection.ts";
+import { parseMessage, type WorldMessage } from "../feed/message.ts";
+import type { Hello, Scene, Status, Text } from "../feed/text.ts";
+import { type Moment, Worlds } from "../time/worlds.ts";
+import { HULL_MODES, type HullMode, type Layer } from "../view/hash.ts";
+import type { Camera, Vec3 } from "../view/lens.ts";
+import { Orbit, type View } from "../view/orbit.ts";
+import { isPerson, presetView, startView, viewOf } from "../view/start.ts";
+import { Address } from "./address.ts";
+import { Drawing } from "./drawing.ts";
+import { Frames } from "./frames.ts";
+import { Images } from "./images.ts";
+import { Loop } from "./loop.ts";
+import type { Observer } from "./observer.ts";
+import { wantOf } from "./want.ts";
+
+export const FOV_DEG = 42;
+/** Pictures that take longer are slow: frames wait for them, not they for frames. */
+const SLOW_PICTURE_MS = 80;
+
+export class App {
+  readonly stage: Stage | null;
+  readonly connection: Connection;
+  readonly quality: Quality;
+  readonly frames: Frames;
+  readonly drawing: Drawing | null;
+  readonly address = new Address(this);
+  readonly loop = new Loop(this);
+  readonly worlds = new Worlds();
+  orbit: Orbit = new Orbit([0, 1, 0], 0, { target: [0, 1, 0], azimuth: 0.6, polar: 1.3, distance: 4 });
+  hello: Hello | null = null;
+  scene: Scene | null = null;
+  status: Status | null = null;
+  mode: HullMode = "photo";
+  layers = new Set<Layer>(["bodies", "cameras", "images", "grid", "shadows"]);
+  /** The camera that is looked through. */
+  through: number | null = null;
+  opacity = 0.5;
+  inFront = false;
+  /** The body that is followed. */
+  follow: number | null = null;
+  fovDeg = FOV_DEG;
+  colour: Want["colour"] = "full";
+  moment: Moment | null = null;
+  /** CSS pixels that panels cover at the right and at the bottom: the view's middle is that of the rest. */
+  covered: readonly [number, number] = [0, 0];
+  /** Whether somebody drags the view. */
+  held = false;
+  /** Whether the panel shows small images. */
+  wantsThumbnails = true;
+  private readonly images: Images;
+  private readonly observer: Observer;
+  readonly canvas: HTMLCanvasElement;
+  private lookedThrough: number | null = null;
+  private startView: View | null = null;
+  private met = false;
+
+  constructor(canvas: HTMLCanvasElement, graphics: { antialias: boolean; software: boolean } | null, url: () => string, observer: Observer) {
+    this.canvas = canvas;
+    this.observer = observer;
+    this.stage = graphics ? new Stage(canvas, graphics.antialias) : null;
+    this.quality = new Quality(graphics?.software ? 3 : 0);
+    this.connection = new Connection(url, {
+      link: (state, retry, why) => this.onLink(state, retry, why),
+      text: (text) => this.onText(text),
+      binary: (type, buffer) => this.onBinary(type, buffer),
+      complaint: (why) => observer.fault(why),
+    });
+    const wanted = () => ({ contours: this.mode === "cones", colour: this.mode === "photo" });
+    this.frames = new Frames(this.connection.credit, wanted, (text) => observer.fault(text));
+    const listener = { drawn: () => this.frames.drawn(this.quality.averageMs > SLOW_PICTURE_MS), levelChanged: () => this.updateWant() };
+    this.drawing = this.stage && new Drawing(this.stage, this.quality, graphics?.software ? 2 : 0, listener);
+    this.images = new Images({
+      cameras: () => this.stage?.cameras ?? null,
+      through: () => this.through,
+      thumbnail: (camera, bitmap) => observer.thumbnail(camera, bitmap),
+      fault: (text) => observer.fault(text),
+    });
+    this.listen();
+    this.resize();
+  }
+
+  start(): void {
+    this.connection.connect();
+    this.loop.start();
+  }
+
+  /** Something changed that is seen. */
+  invalidate(): void {
+    this.drawing?.invalidate();
+  }
+
+  get rig(): readonly Camera[] {
+    return this.stage?.rig ?? [];
+  }
+
+  // What is asked of the run.
+
+  command(command: string, fields: Record<string, unknown> = {}): Promise<Answer> {
+    return this.connection.command(command, fields);
+  }
+
+  get paused(): boolean {
+    return this.worlds.newest()?.paused ?? this.status?.paused ?? false;
+  }
+
+  get controller(): boolean {
+    return this.hello?.controller ?? false;
+  }
+
+  // The view.
+
+  setMode(mode: HullMode): void {
+    this.mode = mode;
+    this.changed();
+  }
+
+  nextMode(): void {
+    this.setMode(HULL_MODES[(HULL_MODES.indexOf(this.mode) + 1) % HULL_MODES.length]);
+  }
+
+  setLayer(layer: Layer, on: boolean): void {
+    if (on) this.layers.add(layer);
+    else this.layers.delete(layer);
+    this.changed();
+  }
+
+  /** Bodies are marked otherwise now. */
+  placeAnew(): void {
+    this.loop.placeAnew();
+  }
+
+  /** Looks through a camera; null: back to the free view. */
+  lookThrough(index: number | null): void {
+    if (index !== null && !this.rig[index]) return;
+    this.through = index;
+    if (index !== null) this.follow = null;
+    if (this.lookedThrough !== index) this.stage?.cameras?.clearBehind();
+    this.lookedThrough = index;
+    this.changed();
+  }
+
+  /** Follows a body; null: stays. */
+  followBody(id: number | null): void {
+    this.follow = id;
+    if (id !== null) this.through = null;
+    this.changed();
+  }
+
+  /** Flies to one of the views that have names. */
+  preset(name: string): void {
+    if (!this.startView) return;
+    this.through = null;
+    if (name === "home") this.followBody(null);
+    const box = this.stage?.hull?.box;
+    this.orbit.fly(name === "person" && box ? viewOf(box, this.orbit.now, this.fovDeg) : presetView(name, this.startView));
+    this.changed();
+  }
+
+  /** The view or what is drawn changed: the address, the panel and the wants follow. */
+  changed(): void {
+    this.invalidate();
+    this.observer.view();
+    this.updateWant();
+    this.address.changed();
+  }
+
+  /** Says what this page can use now. */
+  updateWant(): void {
+    if (this.hello) this.connection.want(wantOf(this, this.hello));
+  }
+
+  // Time.
+
+  lookBack(ms: number): void {
+    this.frames.lookBack(ms);
+    this.invalidate();
+  }
+
+  goLive(): void {
+    this.frames.goLive();
+    this.invalidate();
+  }
+
+  // What comes.
+
+  private onLink(state: LinkState, retry: number | null, why: string | null): void {
+    if (state === "lost") {
+      this.frames.disconnected();
+      if (this.stage?.hull) this.stage.hull.fade = 1;
+      this.invalidate();
+    }
+    this.observer.link(state, retry, why);
+  }
+
+  private onText(text: Text): void {
+    switch (text.op) {
+      case "hello":
+        void this.onHello(text);
+        break;
+      case "scene":
+        this.scene = text;
+        this.stage?.setScene(text);
+        if (this.follow !== null && !text.bodies.some(({ id }) => id === this.follow)) this.followBody(null);
+        this.loop.placeAnew();
+        this.address.followNamed();
+        this.observer.scene(text);
+        this.invalidate();
+        break;
+      case "status":
+        this.status = text;
+        this.stage?.cameras?.health(new Set((text.cameras ?? []).flatMap((camera, index) => (camera.problem ? [index] : []))));
+        this.observer.status(text);
+        break;
+      default:
+        break;
+    }
+  }
+
+  private async onHello(hello: Hello): Promise<void> {
+    const before = this.hello;
+    const first = before === null;
+    this.hello = hello;
+    const sameRig = before !== null && JSON.stringify([before.cameras, before.rule, before.volume, before.up]) === JSON.stringify([hello.cameras, hello.rule, hello.volume, hello.up]);
+    if (before && before.session !== hello.session) {
+      this.worlds.clear();
+      this.frames.forget();
+    }
+    this.frames.setup(hello);
+    if (!sameRig) {
+      this.through = null;
+      this.orbit = new Orbit(hello.up, hello.floor_m, startView(hello));
+      this.orbit.reduced = matchMedia("(prefers-reduced-motion: reduce)").matches;
+      this.startView = this.orbit.now;
+      this.met = false;
+    }
+    this.observer.hello(hello);
+    // The shaders compile meanwhile; everything else is there at once.
+    const compiled = sameRig ? null : this.stage?.setRig(hello);
+    if (this.stage?.hull) this.stage.hull.fade = 0;
+    if (first) this.address.apply(location.hash);
+    await compiled;
+    if (this.scene) this.stage?.setScene(this.scene);
+    this.observer.view();
+    this.updateWant();
+    this.invalidate();
+  }
+
+  private onBinary(type: number, buffer: ArrayBuffer): void {
+    if (type === 1) {
+      this.frames.came(buffer, !document.hidden && this.stage !== null);
+    } else if (type === 2) {
+      try {
+        this.worlds.add(parseMessage(buffer) as WorldMessage);
+      } catch (error) {
+        this.observer.fault(error instanceof Error ? error.message : String(error));
+      }
+    } else if (type === 3 && this.hello) {
+      void this.images.came(buffer, this.hello).then(() => this.invalidate());
+    }
+  }
+
+  /** Whoever has not chosen a view begins with one of the person, wherever in the volume that is. */
+  meetPerson(box: Box | null): void {
+    if (this.met || !box || !this.hello) return;
+    this.met = true;
+    if (!isPerson(box) || this.orbit.now !== this.startView) return;
+    this.orbit.jump(startView(this.hello, box));
+    this.startView = this.orbit.now;
+  }
+
+  /** What is on the screen, drawn once more at full effort, as PNG. */
+  async screenshot(): Promise<Blob | null> {
+    if (!this.drawing) return null;
+    this.drawing.draw(performance.now(), 0, this.loop.picture());
+    // Before the browser shows it and forgets it.
+    return new Promise((done) => this.canvas.toBlob(done, "image/png"));
+  }
+
+  /** Where a point is on the canvas, CSS pixels from its corner; null behind the view. */
+  onCanvas(point: Vec3): [number, number] | null {
+    const at = this.stage?.toClip(point);
+    return at ? [(at[0] * 0.5 + 0.5) * this.canvas.clientWidth, (0.5 - at[1] * 0.5) * this.canvas.clientHeight] : null;
+  }
+
+  private listen(): void {
+    this.canvas.addEventListener("webglcontextlost", (event) => {
+      event.preventDefault();
+      this.drawing?.lost();
+      this.stage?.release();
+      this.observer.fault("The graphics card was lost; waiting for it.");
+    });
+    this.canvas.addEventListener("webglcontextrestored", () => {
+      this.frames.lookAgain();
+      this.invalidate();
+    });
+    document.addEventListener("visibilitychange", () => {
+      this.updateWant();
+      this.invalidate();
+    });
+    new ResizeObserver(() => this.resize()).observe(this.canvas);
+  }
+
+  private resize(): void {
+    const { clientWidth, clientHeight } = this.canvas;
+    if (!this.stage || clientWidth === 0 || clientHeight === 0) return;
+    this.stage.resize(clientWidth, clientHeight, Math.min(devicePixelRatio, 2));
+    this.invalidate();
+  }
+}

@@ -1,0 +1,103 @@
+/** When pictures are drawn, and how finely: only what changed, one at a time, as fast as the card is done with them. */
+import { LEVELS, type Quality } from "../draw/quality.ts";
+import type { Picture, Stage } from "../draw/stage.ts";
+import { Rate } from "../time/clock.ts";
+
+/** With nothing going on, one picture at full effort is drawn after so long, milliseconds. */
+const IDLE_MS = 300;
+/** The card is not waited for longer than this, milliseconds: a lost context never signals. */
+const PATIENCE_MS = 5000;
+
+/** Who hears of it. */
+export interface DrawingListener {
+  /** The card is done with the last picture. */
+  drawn(): void;
+  /** Pictures are drawn more or less finely from now on. */
+  levelChanged(): void;
+}
+
+export class Drawing {
+  /** Pictures so far. */
+  count = 0;
+  readonly rate = new Rate();
+  private readonly stage: Stage;
+  private readonly quality: Quality;
+  /** The level at which a picture that stands is drawn: without a graphics card it must not take seconds. */
+  private readonly finest: number;
+  private readonly listener: DrawingListener;
+  private isOld = true;
+  private drawnAt = 0;
+  private drawnLevel = 0;
+  private fence: { sync: WebGLSync; began: number } | null = null;
+
+  constructor(stage: Stage, quality: Quality, finest: number, listener: DrawingListener) {
+    this.stage = stage;
+    this.quality = quality;
+    this.finest = finest;
+    this.listener = listener;
+  }
+
+  /** Something changed that is seen. */
+  invalidate(): void {
+    this.isOld = true;
+  }
+
+  /** The card lost everything, and what was being drawn. */
+  lost(): void {
+    this.fence = null;
+    this.listener.drawn();
+  }
+
+  /** Whether a picture may be begun: the card is there, done with the last one, and it is time. */
+  isFree(now: number, isNew: boolean): boolean {
+    if (this.fence && !this.isDone(now, this.fence)) return false;
+    if (this.gl.isContextLost()) return false;
+    return this.isIdle(now, isNew) || now - this.drawnAt >= this.quality.level.everyMs;
+  }
+
+  /** Draws if anything changed, or if it has stood long enough for a better picture. */
+  drawIfOld(now: number, picture: () => Omit<Picture, "level">): void {
+    const isIdle = this.isIdle(now, false);
+    if (!this.isOld && !isIdle) return;
+    this.draw(now, isIdle ? Math.min(this.finest, this.quality.number) : this.quality.number, picture());
+  }
+
+  /** Draws now. */
+  draw(now: number, level: number, picture: Omit<Picture, "level">): void {
+    this.isOld = false;
+    this.drawnAt = now;
+    this.drawnLevel = level;
+    this.stage.draw({ ...picture, level: LEVELS[level] });
+    this.count++;
+    this.rate.add(now);
+    const { gl } = this;
+    if (this.fence) gl.deleteSync(this.fence.sync);
+    const sync = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    gl.flush();
+    this.fence = sync ? { sync, began: performance.now() } : null;
+    if (!sync) this.listener.drawn();
+  }
+
+  private get gl(): WebGL2RenderingContext {
+    return this.stage.renderer.getContext() as WebGL2RenderingContext;
+  }
+
+  private isIdle(now: number, isNew: boolean): boolean {
+    return !this.isOld && !isNew && now - this.drawnAt > IDLE_MS && this.drawnLevel > this.finest && this.quality.fixed === null;
+  }
+
+  private isDone(now: number, { sync, began }: { sync: WebGLSync; began: number }): boolean {
+    const { gl } = this;
+    const state = gl.clientWaitSync(sync, 0, 0);
+    if (state === gl.TIMEOUT_EXPIRED && now - began < PATIENCE_MS) return false;
+    gl.deleteSync(sync);
+    this.fence = null;
+    this.listener.drawn();
+    if (this.drawnLevel === this.quality.number) {
+      const before = this.quality.number;
+      this.quality.took(performance.now() - began);
+      if (before !== this.quality.number) this.listener.levelChanged();
+    }
+    return true;
+  }
+}
