@@ -26,6 +26,8 @@ pub struct RunFacts {
     pub floor_m: Option<f64>,
     /// Whether any camera films in colour.
     pub has_colour: bool,
+    /// Whether it is a recorded run made again: then nothing can be asked of it but to stand and go on.
+    pub is_replay: bool,
 }
 
 /// A box along the axes of the world.
@@ -38,6 +40,11 @@ pub struct Volume {
 }
 
 impl RunFacts {
+    /// What pages are told when it is over.
+    pub fn end(&self) -> &'static str {
+        if self.is_replay { "the recording has ended" } else { "the run has ended" }
+    }
+
     /// The box around where a hull can be: where as many cameras see a point as the rule asks for, all of them
     /// if the unseen counts as outside. Found on a grid around the point that the cameras look at; the whole
     /// grid where it finds none.
@@ -119,6 +126,7 @@ pub(crate) mod tests {
             up: [0.0, 1.0, 0.0],
             floor_m: Some(0.0),
             has_colour: true,
+            is_replay: false,
         }
     }
 

@@ -37,6 +37,7 @@ pub fn hello(facts: &RunFacts, volume: &Volume, session: &str, is_controller: bo
         "scenes": Scene::names().collect::<Vec<_>>(),
         "responses": ["paper", "off"],
         "colour": facts.has_colour,
+        "replay": facts.is_replay,
     })
     .to_string()
 }

@@ -109,7 +109,7 @@ impl Page {
             }
             // There is room for a frame now.
             () = outbox.drained() => None,
-            _ = ending.wait_for(|ended| *ended) => Some(Verdict::Bye("the run has ended".into())),
+            _ = ending.wait_for(|ended| *ended) => Some(Verdict::Bye(shared.facts.end().into())),
         }
     }
 

@@ -31,6 +31,7 @@ async fn a_page_is_told_what_the_run_is() {
     let radius = camera["max_radius"].as_f64().expect("this lens has one");
     assert!((radius - (1.0f64 / 0.9).sqrt()).abs() < 1e-6, "1 + 3 k1 r2 is zero there: {radius}");
     assert!(hello["cameras"][1]["max_radius"].is_null(), "a straight lens has none");
+    assert_eq!(hello["replay"], json!(false));
     assert_eq!(hello["rule"], json!({"min_views": 2, "out_of_view": "outside"}));
     assert!(hello["scenes"].as_array().expect("names").contains(&json!("topple")));
     let volume = &hello["volume"];

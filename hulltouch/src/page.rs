@@ -73,6 +73,8 @@ pub struct PageSource {
     pub pictures: Box<dyn FnOnce() -> Arc<dyn Pictures>>,
     /// Whether any of it has colours.
     pub has_colour: bool,
+    /// Whether it is a recording that is shown.
+    pub is_replay: bool,
 }
 
 impl PageSource {
@@ -82,7 +84,7 @@ impl PageSource {
         pictures: impl FnOnce() -> Arc<P> + 'static,
     ) -> PageSource {
         let has_colour = file.cameras.iter().any(|camera| !matches!(camera.source, SourceConfig::Masks(_)));
-        PageSource { pictures: Box::new(move || pictures()), has_colour }
+        PageSource { pictures: Box::new(move || pictures()), has_colour, is_replay: false }
     }
 }
 
@@ -125,6 +127,7 @@ fn serve_page(
         up: setup.scene.up(),
         floor_m: setup.scene.floor().map(|floor| floor.height_m),
         has_colour: source.has_colour,
+        is_replay: source.is_replay,
     };
     let feed = Feed::start(settings, facts, follower, source.pictures).map_err(|error| match error {
         FeedError::Listen { .. } => Failure::input(format_args!("--listen: {error}")),

@@ -59,6 +59,7 @@ pub fn run(arguments: &ReplayArguments) -> Outcome {
         pictures: Some(PageSource {
             pictures: Box::new(move || Arc::new(pictures)),
             has_colour: recording.has_colour(),
+            is_replay: true,
         }),
     };
     let mut played = play(&setup, course, |_, _| Transport::in_process(Box::new(frames)), Duration::ZERO)?;

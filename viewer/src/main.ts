@@ -2,6 +2,7 @@
 import "./style.css";
 import { App } from "./app/app.ts";
 import { type Debug, debug } from "./debug.ts";
+import { hasEnded } from "./feed/text.ts";
 import { feedUrl, takeToken } from "./token.ts";
 import { CamerasList } from "./ui/cameras_list.ts";
 import { announce, byId, setText, toast } from "./ui/dom.ts";
@@ -37,6 +38,9 @@ const canvas = byId<HTMLCanvasElement>("view");
 const graphics = probe();
 const token = takeToken();
 let lostSince: number | null = null;
+let lostWhy: string | null = null;
+/** What the program said when it went because all was over. */
+let ended: string | null = null;
 let retryAt: number | null = null;
 
 const app = new App(canvas, graphics, () => feedUrl(token), {
@@ -47,17 +51,20 @@ const app = new App(canvas, graphics, () => feedUrl(token), {
       lostSince = null;
       byId("banner").hidden = true;
     } else if (state === "lost") {
-      if (lostSince === null) announce("The connection was lost.");
+      // What is said first is why: that nobody answers after it is no news.
+      ended = hasEnded(why) ? why : ended;
+      if (lostSince === null) announce(ended ? sentence(ended) : "The connection was lost.");
       lostSince ??= performance.now();
       retryAt = performance.now() + (retryInMs ?? 0);
       lostWhy = why;
-      byId("banner").classList.remove("calm");
-      byId("retry").hidden = false;
+      byId("banner").classList.toggle("calm", ended !== null);
+      byId("retry").hidden = ended !== null;
     }
     showLink();
   },
   hello: (hello) => {
     blindBefore = null;
+    ended = null;
     cameras.build(hello);
     panel.hello(hello);
     byId("banner").hidden = true;
@@ -79,7 +86,6 @@ const app = new App(canvas, graphics, () => feedUrl(token), {
   thumbnail: (camera, bitmap) => cameras.thumbnail(camera, bitmap),
   fault: (text) => fault(text),
 });
-let lostWhy: string | null = null;
 const hands = new Hands(app);
 const panel = new Panel(app, hands);
 const cameras = new CamerasList(app);
@@ -155,15 +161,24 @@ function showLink(): void {
   if (state === "open") {
     const now = performance.now();
     const frames = app.frames.rate.perSecond(now);
-    setText(byId("link-text"), app.paused ? "Paused" : app.hello && app.stage ? `Live · ${frames.toFixed(0)} frames/s` : "Connected");
+    setText(byId("link-text"), app.paused ? "Paused" : app.hello && app.stage ? `${app.hello.replay ? "Recorded" : "Live"} · ${frames.toFixed(0)} frames/s` : "Connected");
     return;
   }
-  setText(byId("link-text"), state === "lost" ? "Link lost" : "Connecting…");
+  setText(byId("link-text"), ended ? "Ended" : state === "lost" ? "Link lost" : "Connecting…");
   if (lostSince === null) return;
+  if (ended) {
+    setText(byId("banner-text"), `${sentence(ended)} You see its last picture; the bar below looks back.`);
+    byId("banner").hidden = false;
+    return;
+  }
   const left = Math.max(0, Math.ceil(((retryAt ?? 0) - performance.now()) / 1000));
   const reason = lostWhy ? ` (${lostWhy})` : "";
   setText(byId("banner-text"), state === "lost" && left > 0 ? `The link to the program is gone${reason}. Trying again in ${left} s.` : `The link to the program is gone${reason}. Trying again…`);
   byId("banner").hidden = false;
+}
+
+function sentence(text: string): string {
+  return `${text[0].toUpperCase()}${text.slice(1)}.`;
 }
 
 /** Says why there is no hull, as long as there is none. */

@@ -120,6 +120,7 @@ impl Run {
             up: [0.0, 1.0, 0.0],
             floor_m: Some(0.0),
             has_colour: true,
+            is_replay: false,
         };
         let settings = FeedSettings {
             listen: ([127, 0, 0, 1], 0).into(),

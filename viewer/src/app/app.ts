@@ -4,7 +4,7 @@ import { Quality } from "../draw/quality.ts";
 import { Stage } from "../draw/stage.ts";
 import { type Answer, Connection, type LinkState, type Want } from "../feed/connection.ts";
 import { parseMessage, type WorldMessage } from "../feed/message.ts";
-import type { Hello, Scene, Status, Text } from "../feed/text.ts";
+import { hasEnded, type Hello, type Scene, type Status, type Text } from "../feed/text.ts";
 import { type Moment, Worlds } from "../time/worlds.ts";
 import { HULL_MODES, type HullMode, type Layer } from "../view/hash.ts";
 import type { Camera, Vec3 } from "../view/lens.ts";
@@ -112,6 +112,11 @@ export class App {
     return this.hello?.controller ?? false;
   }
 
+  /** Whether bodies can be moved and added: what is recorded stays as it is. */
+  get steers(): boolean {
+    return this.controller && !this.hello?.replay;
+  }
+
   // The view.
 
   setMode(mode: HullMode): void {
@@ -191,7 +196,7 @@ export class App {
   private onLink(state: LinkState, retry: number | null, why: string | null): void {
     if (state === "lost") {
       this.frames.disconnected();
-      if (this.stage?.hull) this.stage.hull.fade = 1;
+      if (this.stage?.hull) this.stage.hull.fade = hasEnded(why) ? 0 : 1;
       this.invalidate();
     }
     this.observer.link(state, retry, why);

@@ -28,6 +28,8 @@ export interface Hello {
   readonly scenes: readonly string[];
   readonly responses: readonly string[];
   readonly colour: boolean;
+  /** A recorded run made again: it can be held and gone on with, no more. */
+  readonly replay: boolean;
 }
 
 export type Shape =
@@ -116,6 +118,11 @@ export type Text =
   | { readonly op: "refused"; readonly id: number; readonly why: string }
   | { readonly op: "bye"; readonly why: string };
 
+/** Whether a server went because there is no more to show. */
+export function hasEnded(why: string | null): boolean {
+  return why !== null && / has ended$/.test(why);
+}
+
 /** Reads a text message; null for an op that this page does not know (a newer server's). */
 export function parseText(text: string): Text | null {
   let value: unknown;
@@ -168,6 +175,7 @@ function hello(value: Record<string, unknown>): Hello {
     scenes: list(value.scenes ?? [], "scenes").map(String),
     responses: list(value.responses ?? [], "responses").map(String),
     colour: value.colour !== false,
+    replay: value.replay === true,
   };
 }
 

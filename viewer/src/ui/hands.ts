@@ -116,7 +116,7 @@ export class Hands {
   grab(hit: Hit): boolean {
     const { app } = this;
     const mesh = hit.body === null ? null : app.stage?.bodies.mesh(hit.body);
-    if (!mesh || hit.body === null || !app.controller || app.stage!.bodies.text(hit.body)?.fixed || !app.frames.playout.live) return false;
+    if (!mesh || hit.body === null || !app.steers || app.stage!.bodies.text(hit.body)?.fixed || !app.frames.playout.live) return false;
     const grip = mesh.worldToLocal(hit.point.clone());
     const facing = app.stage!.view.getWorldDirection(new Vector3());
     this.held = {

@@ -29,7 +29,10 @@ export class Panel {
     const response = byId<HTMLSelectElement>("response");
     response.replaceChildren(...(hello.responses.length > 0 ? hello.responses : ["paper", "off"]).map((name) => option(name, name === "paper" ? "Moves bodies" : name === "off" ? "Off" : name)));
     byId<HTMLFieldSetElement>("steer").disabled = !hello.controller;
+    byId<HTMLFieldSetElement>("change").disabled = hello.replay;
+    byId<HTMLButtonElement>("reset").disabled = hello.replay;
     byId("viewer-note").hidden = hello.controller;
+    byId("replay-note").hidden = !hello.replay;
     const role = byId("role");
     role.hidden = false;
     setText(role, hello.controller ? "Controller" : "Viewer");
@@ -65,7 +68,7 @@ export class Panel {
     setPressed(byId("follow"), app.follow !== null);
     byId<HTMLButtonElement>("follow").disabled = hands.chosen === null && app.follow === null;
     const chosen = hands.chosen === null ? null : app.stage?.bodies.text(hands.chosen);
-    byId("chosen-row").hidden = !chosen || !app.controller;
+    byId("chosen-row").hidden = !chosen || !app.steers;
     if (chosen) setText(byId("chosen"), chosen.name);
     setPressed(byId("place"), hands.placing);
     byId("hint").hidden = !hands.placing;

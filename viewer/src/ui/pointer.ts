@@ -33,7 +33,7 @@ export function bindPointer(canvas: HTMLCanvasElement, app: App, hands: Hands, o
     moved = fingers.size > 1;
     app.orbit.hold();
     app.held = true;
-    if (fingers.size === 1 && event.button === 0 && !hands.placing && app.controller) {
+    if (fingers.size === 1 && event.button === 0 && !hands.placing && app.steers) {
       const hit = hands.hit(x, y, false);
       if (hit?.body !== null && hit && hands.grab(hit)) {
         hands.chosen = hit.body;

@@ -1,0 +1,101 @@
+/** A recorded run on the page: the person and the bodies that were recorded, and how it ends. */
+import assert from "node:assert/strict";
+import { spawnSync } from "node:child_process";
+import { mkdtempSync, readFileSync, rmSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { after, before, describe, test } from "node:test";
+import type { Browser, Page } from "playwright-core";
+import { launch, open, picture, PROGRAM, Program, state, steer, until, type Watched } from "./browser.ts";
+
+/** What browsers say of a server that is gone. */
+const GONE = [/WebSocket connection to/, /ERR_CONNECTION_REFUSED/];
+const SECONDS = 5;
+
+interface Recorded {
+  readonly name: string;
+  readonly end: readonly number[];
+}
+
+const distance = (a: readonly number[], b: readonly number[]) => Math.hypot(...a.map((n, i) => n - b[i]));
+
+/** The share of a picture from the page's own view that shows the person. */
+async function personShare(page: Page): Promise<number> {
+  const { mask } = await picture(page, { camera: 0 }, 160, 120, "photo");
+  return mask.reduce((sum, one) => sum + one, 0) / mask.length;
+}
+
+describe("a recording", { skip: PROGRAM ? false : "HULLTOUCH_BIN names no program" }, () => {
+  let folder: string;
+  let recorded: Recorded[];
+  let browser: Browser;
+  let program: Program;
+  let watched: Watched;
+  let page: Page;
+  before(async () => {
+    folder = mkdtempSync(join(tmpdir(), "hulltouch-replay-"));
+    const [file, json] = [join(folder, "run.mcap"), join(folder, "run.json")];
+    const made = spawnSync(PROGRAM!, ["record", file, "--seconds", String(SECONDS), "--unpaced", "--colour", "--json", json], { encoding: "utf8" });
+    assert.equal(made.status, 0, `${made.error ?? made.stderr}`);
+    recorded = JSON.parse(readFileSync(json, "utf8")).bodies;
+    browser = await launch();
+    program = await Program.start([file, "--listen", "127.0.0.1:0"], "replay");
+    // It waits for nobody: held until there is a browser, at a step that has seen film.
+    await steer(program, "pause");
+    await steer(program, "step", { steps: 12 });
+    watched = await open(browser, program.page, { viewport: { width: 960, height: 600 } }, GONE);
+    page = watched.page;
+  });
+  after(async () => {
+    await browser?.close();
+    await program?.stop();
+    if (folder) rmSync(folder, { recursive: true });
+  });
+
+  test("is held and gone on with, and takes no other command", async () => {
+    const held = await until(page, "a person, standing", ({ framesShown, paused, bodies }) => framesShown > 0 && paused && bodies.length > 0);
+    assert.deepEqual(new Set(held.bodies.map(({ name }: { name: string }) => name)), new Set(recorded.map(({ name }) => name)));
+    assert.ok(await page.getByText("A recorded run").isVisible());
+    assert.ok(await page.getByRole("button", { name: "Restart" }).isDisabled());
+    assert.ok(await page.getByRole("button", { name: "Drop from above" }).isDisabled());
+    await page.getByRole("button", { name: "Step" }).click();
+    await until(page, "one step", ({ step }) => step === held.step + 1);
+    await page.getByRole("button", { name: "Go on" }).click();
+    const going = await until(page, "film", ({ framesShown, step }) => framesShown > held.framesShown + 3 && step > held.step + 60);
+    assert.match((await page.locator("#link-text").textContent())!, /^Recorded/);
+    assert.ok(going.cameras === 8 && (await personShare(page)) > 0.02, "the person is there");
+  });
+
+  test("looks back while it goes on", async () => {
+    await until(page, "something to look back at", ({ timelineFrames }) => timelineFrames > 4);
+    await page.locator("#scrub").fill("-60");
+    const back = await until(page, "the past", ({ live, behindMs }) => !live && behindMs > 300);
+    await until(page, "the recording goes on meanwhile", ({ step }) => step > back.step);
+    await page.getByRole("button", { name: "Live", exact: true }).click();
+    await until(page, "the newest again", ({ live }) => live);
+  });
+
+  test("says that it is over, and leaves its last picture", async () => {
+    await page.locator("#banner", { hasText: "The recording has ended." }).waitFor({ state: "visible", timeout: 60_000 });
+    assert.equal(await page.locator("#link-text").textContent(), "Ended");
+    assert.equal(program.child.exitCode ?? (await new Promise((done) => program.child.once("exit", done))), 0, "each step was as recorded");
+    const end = await state(page);
+    for (const { name, end: there } of recorded) {
+      const body = end.bodies.find((each: { name: string }) => each.name === name);
+      assert.ok(distance(body.position, there) < 0.1, `${name} is at ${body.position}, was at ${there}`);
+    }
+    assert.ok((await personShare(page)) > 0.02, "the person is still there");
+  });
+
+  test("can be looked back at when it is over", async () => {
+    const end = await state(page);
+    await page.locator("#scrub").fill("-150");
+    await until(page, "the past", ({ live, frame }) => !live && frame < end.frame - 15);
+    assert.ok((await personShare(page)) > 0.02, "the person of then");
+    // Trying to find the program again must not hide how it ended.
+    await page.waitForTimeout(1500);
+    assert.match((await page.locator("#banner").textContent())!, /^The recording has ended/);
+  });
+
+  test("nothing was complained of", () => assert.deepEqual(watched.complaints, []));
+});
