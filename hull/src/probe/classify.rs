@@ -7,10 +7,12 @@ mod avx512;
 mod doubts;
 mod sieve;
 
+use std::ops::Range;
+
 use nalgebra::Point3;
 
 use crate::coordinates::Coordinates;
-use crate::silhouette::CODES;
+use crate::silhouette::{CODES, NONE};
 use crate::vector::VectorPath;
 use crate::view::{Class, View};
 use doubts::Asked;
@@ -29,6 +31,9 @@ const PLACE: u32 = BLOCK.ilog2();
 const GROUP: usize = (u32::BITS - PLACE) as usize;
 /// Points whose cells are found before one is looked up.
 const CHUNK: usize = 256;
+/// Views whose sketches are asked together before points are dropped, the first of a group and all others.
+const FIRST_STAGE: usize = 2;
+const STAGE: usize = 6;
 
 impl View {
     /// What this camera says of one point.
@@ -52,7 +57,7 @@ pub struct Block {
     /// The points with doubts.
     doubtful: [u32; ROOM],
     /// Where on a view's sketch some of the points lie.
-    cells: [u32; CHUNK],
+    cells: [[u32; CHUNK]; STAGE],
     asked: Asked,
     len: usize,
     origin: [f64; 3],
@@ -69,7 +74,7 @@ impl Default for Block {
             tag: [0; ROOM],
             next: [0; ROOM],
             doubtful: [0; ROOM],
-            cells: [0; CHUNK],
+            cells: [[0; CHUNK]; STAGE],
             asked: Asked::default(),
             len: 0,
             origin: [0.0; 3],
@@ -92,10 +97,9 @@ impl Block {
     ) {
         self.load(points_world, from);
         for group in order.chunks(GROUP) {
-            for (number, &view) in group.iter().enumerate() {
-                self.sift(views[view].sieve(), 1 << (PLACE + number as u32), path);
-            }
-            self.resolve(points_world, from, views, group, group.len() < GROUP);
+            let is_last = group.len() < GROUP;
+            self.sift(views, group, is_last, path);
+            self.resolve(points_world, from, views, group, is_last);
         }
     }
 
@@ -124,34 +128,43 @@ impl Block {
 
     /// Drops the points that a view's sketch rejects, and notes those that it does not tell.
     #[inline(always)]
-    fn sift(&mut self, sieve: &Sieve, doubt: u32, path: VectorPath) {
-        let sums = sieve.about(&self.origin, &self.largest);
+    fn sift(&mut self, views: &[View], group: &[usize], is_last: bool, path: VectorPath) {
         #[cfg(target_arch = "x86_64")]
         if path == VectorPath::Avx512 {
-            #[allow(unsafe_code, reason = "the path was asked whether it is available when it was chosen")]
-            unsafe {
-                avx512::sift(self, sieve, &sums, doubt);
+            for (number, &view) in group.iter().enumerate() {
+                let sieve = views[view].sieve();
+                let sums = sieve.about(&self.origin, &self.largest);
+                #[allow(
+                    unsafe_code,
+                    reason = "the path was asked whether it is available when it was chosen"
+                )]
+                unsafe {
+                    avx512::sift(self, sieve, &sums, 1 << (PLACE + number as u32));
+                }
             }
             return;
         }
         let _ = path;
-        if sieve.lens().is_some() {
-            self.sift_portable::<false, false>(sieve, &sums, doubt);
-        } else if sums.all_certain {
-            self.sift_portable::<true, true>(sieve, &sums, doubt);
-        } else {
-            self.sift_portable::<true, false>(sieve, &sums, doubt);
+        let mut first = 0;
+        while first < group.len() {
+            let width = if first == 0 { FIRST_STAGE } else { STAGE };
+            let stage = &group[first..group.len().min(first + width)];
+            self.stage(views, stage, first, is_last && first + stage.len() == group.len());
+            first += stage.len();
         }
     }
 
+    /// The same for some views of a group, whose sketches are all asked before points are dropped.
     #[inline(always)]
-    fn sift_portable<const STRAIGHT: bool, const CERTAIN: bool>(
-        &mut self,
-        sieve: &Sieve,
-        sums: &Sums,
-        doubt: u32,
-    ) {
-        let codes = sieve.codes();
+    fn stage(&mut self, views: &[View], stage: &[usize], number: usize, is_last: bool) {
+        let nothing = (views[stage[0]].sieve(), Sums::default());
+        let mut asked = [nothing; STAGE];
+        for (asked, &view) in asked.iter_mut().zip(stage) {
+            let sieve = views[view].sieve();
+            *asked = (sieve, sieve.about(&self.origin, &self.largest));
+        }
+        let codes = asked.map(|(sieve, _)| sieve.codes());
+        let doubts = PLACE + number as u32;
         let mut kept = 0;
         let mut from = 0;
         while from < self.len {
@@ -159,22 +172,67 @@ impl Block {
             // Whole vectors, but not those that hold no point any more.
             let lanes = count.next_multiple_of(8).min(BLOCK - from);
             let (x, y, z) = (&self.x[from..][..lanes], &self.y[from..][..lanes], &self.z[from..][..lanes]);
-            for (((cell, &x), &y), &z) in self.cells.iter_mut().zip(x).zip(y).zip(z) {
-                *cell = sums.cell::<STRAIGHT, CERTAIN>(sieve, x, y, z);
+            for ((cells, (sieve, sums)), _) in self.cells.iter_mut().zip(&asked).zip(stage) {
+                sums.cells(sieve, (x, y, z), cells);
             }
-            for (at, &cell) in (from..from + count).zip(self.cells.iter()) {
-                let code = i32::from(codes[cell as usize % CODES]);
-                // Written always, counted when kept: no branch to mispredict.
-                let (at, to) = (at % BLOCK, kept % BLOCK);
-                self.x[to] = self.x[at];
-                self.y[to] = self.y[at];
-                self.z[to] = self.z[at];
-                self.tag[to] = self.tag[at] | ((code >> 1) as u32 & doubt);
-                kept += (code & 1) as usize;
-            }
+            let range = from..from + count;
+            kept = match stage.len() {
+                1 => self.keep::<1>(range, kept, &codes, doubts, is_last),
+                2 => self.keep::<2>(range, kept, &codes, doubts, is_last),
+                3 => self.keep::<3>(range, kept, &codes, doubts, is_last),
+                4 => self.keep::<4>(range, kept, &codes, doubts, is_last),
+                5 => self.keep::<5>(range, kept, &codes, doubts, is_last),
+                _ => self.keep::<6>(range, kept, &codes, doubts, is_last),
+            };
             from += count;
         }
         self.len = kept;
+    }
+
+    /// Moves the points of a range that no sketch of a stage rejects to those kept before, and returns how many
+    /// are kept then. Of the last ones nobody asks for more than the tag.
+    #[inline(always)]
+    fn keep<const VIEWS: usize>(
+        &mut self,
+        range: Range<usize>,
+        kept: usize,
+        codes: &[&[u8; CODES]; STAGE],
+        doubts: u32,
+        is_last: bool,
+    ) -> usize {
+        if is_last {
+            self.keep_some::<VIEWS, false>(range, kept, codes, doubts)
+        } else {
+            self.keep_some::<VIEWS, true>(range, kept, codes, doubts)
+        }
+    }
+
+    #[inline(always)]
+    fn keep_some<const VIEWS: usize, const ALL: bool>(
+        &mut self,
+        range: Range<usize>,
+        mut kept: usize,
+        codes: &[&[u8; CODES]; STAGE],
+        doubts: u32,
+    ) -> usize {
+        let first = range.start;
+        for at in range {
+            let mut told = 0;
+            for view in (0..VIEWS).rev() {
+                let cell = self.cells[view][(at - first) % CHUNK];
+                told = 2 * told + u32::from(codes[view][cell as usize % CODES]);
+            }
+            // Written always, counted when kept: no branch to mispredict.
+            let (at, to) = (at % BLOCK, kept % BLOCK);
+            if ALL {
+                self.x[to] = self.x[at];
+                self.y[to] = self.y[at];
+                self.z[to] = self.z[at];
+            }
+            self.tag[to] = self.tag[at] | told << doubts;
+            kept += usize::from(told < u32::from(NONE));
+        }
+        kept
     }
 }
 

@@ -11,7 +11,7 @@ pub(crate) use bitmap::STRIP;
 pub use bytes::DecodeError;
 pub use depth::Depth;
 pub use index::Index;
-pub(crate) use sketch::{CODES, COLUMNS, ROWS, SIDES as SKETCH_SIDES, Sketch, UNKNOWN, UNSEEN};
+pub(crate) use sketch::{CODES, COLUMNS, NONE, ROWS, SIDES as SKETCH_SIDES, Sketch, UNKNOWN, UNSEEN};
 
 use thiserror::Error;
 

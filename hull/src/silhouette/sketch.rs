@@ -15,12 +15,12 @@ const MARGIN_CELLS: f64 = 1.0 / 48.0;
 /// What a cell's border grows by is a little more than the margin, for rounding.
 const GROWN: f64 = 1.0 + 1e-6;
 
-/// What a cell says: nothing is foreground.
-pub(crate) const NONE: i8 = 0;
-/// All is foreground.
-pub(crate) const ALL: i8 = 1;
+/// What a cell says: all is foreground.
+pub(crate) const ALL: u8 = 0;
 /// Some may be.
-pub(crate) const SOME: i8 = -1;
+pub(crate) const SOME: u8 = 1;
+/// Nothing is; much more than the others.
+pub(crate) const NONE: u8 = 64;
 
 /// In place of a cell: a place where nothing is foreground.
 pub(crate) const UNSEEN: u32 = (COLUMNS * ROWS) as u32;
@@ -44,7 +44,7 @@ pub(crate) struct Sketch {
     /// Ones where there is nothing else.
     pub full: [u32; ROWS],
     /// The same for each cell, row by row: [`NONE`], [`ALL`] or [`SOME`].
-    pub codes: [i8; CODES],
+    pub codes: [u8; CODES],
 }
 
 impl Sketch {
@@ -98,7 +98,13 @@ impl Sketch {
             let codes = self.codes[row * COLUMNS..][..COLUMNS].iter_mut();
             for (bit, code) in codes.enumerate() {
                 let (is_some, is_full) = (some >> bit & 1, full >> bit & 1);
-                *code = if is_full == 1 { ALL } else { NONE - is_some as i8 };
+                *code = if is_full == 1 {
+                    ALL
+                } else if is_some == 1 {
+                    SOME
+                } else {
+                    NONE
+                };
             }
         }
     }

@@ -22,6 +22,9 @@ use edges::Nearest;
 use exits::Rays;
 use sights::Sights;
 
+/// Fewer points than this are classified one by one.
+const FEW: usize = 16;
+
 /// Cameras of one process at one instant.
 #[derive(Clone, Debug)]
 pub struct ViewSet {
@@ -159,7 +162,7 @@ impl ViewSet {
 
     #[inline(always)]
     fn append_standings(&self, points: &Coordinates, block: &mut Block, standings: &mut Vec<Standing>) {
-        if !self.always_judge {
+        if !self.always_judge || points.len() < FEW {
             standings.extend((0..points.len()).map(|at| self.standing(&points.point(at))));
             return;
         }
@@ -174,10 +177,11 @@ impl ViewSet {
         }
     }
 
+    #[inline(always)]
     fn standing(&self, point: &Point3<f64>) -> Standing {
         let mut count = 0;
-        for view in &self.views {
-            match view.classify(point) {
+        for &view in &self.rejecting {
+            match self.views[view].classify(point) {
                 Class::Outside => return Standing::OUTSIDE,
                 Class::Inside => count += 1,
                 Class::Unknown => {}

@@ -6,7 +6,7 @@ use crate::coordinates::Coordinates;
 use crate::view::View;
 
 /// Points that are looked up together.
-const CHUNK: usize = 64;
+const CHUNK: usize = 256;
 /// No point.
 const NOBODY: u32 = u32::MAX;
 /// The digits of a tag that are the place.

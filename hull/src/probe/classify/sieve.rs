@@ -62,7 +62,7 @@ pub(super) struct SieveLens {
 }
 
 /// A sieve about an origin.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Sums {
     /// Factors of a point relative to the origin, and a constant: along, down, depth.
     pub rows: [[f32; 4]; 3],
@@ -122,7 +122,7 @@ impl Sieve {
 
     /// What every cell says, and what beyond them.
     #[inline(always)]
-    pub(super) fn codes(&self) -> &[i8; CODES] {
+    pub(super) fn codes(&self) -> &[u8; CODES] {
         &self.sketch.codes
     }
 
@@ -186,6 +186,30 @@ fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
 }
 
 impl Sums {
+    /// The cells of points.
+    #[inline(always)]
+    pub fn cells(&self, sieve: &Sieve, points: (&[f32], &[f32], &[f32]), cells: &mut [u32]) {
+        if !sieve.straight {
+            self.cells_of::<false, false>(sieve, points, cells);
+        } else if self.all_certain {
+            self.cells_of::<true, true>(sieve, points, cells);
+        } else {
+            self.cells_of::<true, false>(sieve, points, cells);
+        }
+    }
+
+    #[inline(always)]
+    fn cells_of<const STRAIGHT: bool, const CERTAIN: bool>(
+        &self,
+        sieve: &Sieve,
+        (x, y, z): (&[f32], &[f32], &[f32]),
+        cells: &mut [u32],
+    ) {
+        for (((cell, &x), &y), &z) in cells.iter_mut().zip(x).zip(y).zip(z) {
+            *cell = self.cell::<STRAIGHT, CERTAIN>(sieve, x, y, z);
+        }
+    }
+
     /// The cell of a point, or one of the two codes beyond the cells.
     #[inline(always)]
     pub fn cell<const STRAIGHT: bool, const CERTAIN: bool>(
@@ -196,7 +220,7 @@ impl Sums {
         z: f32,
     ) -> u32 {
         let (s, t, certain, unseen) = self.place::<STRAIGHT>(sieve, x, y, z);
-        let cell = whole(t, ROWS) * COLUMNS as u32 + whole(s, COLUMNS);
+        let cell = cell(s, t);
         if CERTAIN {
             return cell;
         }
@@ -238,17 +262,27 @@ impl SieveLens {
     }
 }
 
-/// The whole part of a number, which may not be less than zero or reach the end: the cells of the border are
-/// as all beyond. Done with a sum alone, so that loops around it vectorise on every processor; a whole number
-/// may be taken for a little less.
+/// The cell of a place. Places beyond are taken for ones in the border's cells, which say the same. Done with
+/// sums alone, so that loops around it vectorise on every processor; a whole number along may be taken for a
+/// little less.
 #[inline(always)]
-fn whole(number: f32, end: usize) -> u32 {
+fn cell(s: f32, t: f32) -> u32 {
     /// In singles of this size, and half, the last binary digit is one.
     const UNIT_LESS_HALF: f32 = 8_388_607.5;
+    /// The same for digits that stand where a row's columns end.
+    const ROW_LESS_HALF: f32 = UNIT_LESS_HALF / COLUMNS as f32;
+    const COLUMN: u32 = COLUMNS as u32 - 1;
+    digits(t, ROWS, ROW_LESS_HALF) & ((ROWS as u32 - 1) * COLUMNS as u32)
+        | digits(s, COLUMNS, UNIT_LESS_HALF) & COLUMN
+}
+
+/// The digits of a number from zero to less than the end, or the nearest that is, added to another.
+#[inline(always)]
+fn digits(number: f32, end: usize, sum: f32) -> u32 {
     let last = end as f32 - 0.5;
     let number = if number > 0.5 { number } else { 0.5 };
     let number = if number < last { number } else { last };
-    (number + UNIT_LESS_HALF).to_bits() & (end as u32 - 1)
+    (number + sum).to_bits()
 }
 
 #[cfg(test)]
@@ -329,6 +363,18 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_cell_is_that_of_the_whole_parts() {
+        let whole = |number: f32, end: usize| (number.floor() as i32).clamp(0, end as i32 - 1) as u32;
+        let numbers = |end: usize| (-2..end as i32 + 3).map(|number| number as f32);
+        for (s, t) in numbers(COLUMNS).flat_map(|s| numbers(ROWS).map(move |t| (s, t))) {
+            for (s, t) in [(s.next_up(), t.next_down()), (s.next_down(), t.next_up()), (s + 0.5, t + 0.98)] {
+                assert_eq!(cell(s, t), whole(t, ROWS) * COLUMNS as u32 + whole(s, COLUMNS), "{s} {t}");
+            }
+        }
+        assert_eq!(cell(1e30, -1e30), COLUMNS as u32 - 1);
     }
 
     #[test]
