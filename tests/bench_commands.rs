@@ -118,3 +118,26 @@ fn settings_out_of_bounds_are_refused() {
         assert!(said.contains(word), "{said}");
     }
 }
+
+#[test]
+fn feed_counts_what_a_page_is_sent_and_what_a_thin_link_leaves_of_it() {
+    let folder = tempfile::tempdir().expect("folder");
+    let arguments = ["feed", "--size", "160x120", "--cameras", "2", "--link", "0,0.4", "--seconds", "2"];
+    let (figures, printed) = bench(folder.path(), &arguments);
+    assert_eq!(figures["bench"], "feed");
+    let [whole, thin] = &rows(&figures)[..] else { panic!("two rows in {figures}") };
+    for row in [whole, thin] {
+        assert_eq!((number(row, "cameras"), number(row, "fps")), (2.0, 30.0));
+        assert!(number(row, "sets_per_s") > 1.0 && number(row, "bytes_per_set") > 100.0, "{row}");
+        assert!(number(row, "step_p50_ms") > 0.0 && number(row, "step_p50_alone_ms") > 0.0, "{row}");
+        assert!(number(row, "delay_p50_ms") <= number(row, "delay_max_ms"), "{row}");
+    }
+    assert!(whole["link_mbit_per_s"].is_null() && number(thin, "link_mbit_per_s") == 0.4);
+    // What the kernel took before the link did may come in a turn's first moments.
+    assert!(
+        number(thin, "mbit_per_s") < 0.6 && number(thin, "mbit_per_s") < number(whole, "mbit_per_s"),
+        "{figures}"
+    );
+    assert!(printed.contains("studio 160x120"), "{printed}");
+    assert!(folder.path().join("charts/feed.svg").exists());
+}

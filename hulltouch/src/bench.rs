@@ -2,6 +2,7 @@
 
 mod bandwidth;
 mod cluster;
+mod feed;
 mod loads;
 mod outputs;
 mod peers;
@@ -26,6 +27,7 @@ pub struct BenchArguments {
 enum BenchCommand {
     Bandwidth(bandwidth::BandwidthBenchArguments),
     Cluster(cluster::ClusterBenchArguments),
+    Feed(feed::FeedBenchArguments),
     Query(query::QueryBenchArguments),
     Segment(segment::SegmentBenchArguments),
 }
@@ -38,6 +40,7 @@ pub fn run(arguments: &BenchArguments) -> Outcome {
     match &arguments.command {
         BenchCommand::Bandwidth(arguments) => bandwidth::run(arguments),
         BenchCommand::Cluster(arguments) => cluster::run(arguments),
+        BenchCommand::Feed(arguments) => feed::run(arguments),
         BenchCommand::Query(arguments) => query::run(arguments),
         BenchCommand::Segment(arguments) => segment::run(arguments),
     }
