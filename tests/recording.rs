@@ -1,14 +1,19 @@
 //! Runs that are recorded and replayed: the same digest, files that other programs read, and files of runs that
 //! were killed.
 
+#[path = "shared/demo.rs"]
+mod demo;
+
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Output};
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use coordinator::live::{Command as Ask, Follower, Parameters, WorldState, live};
 use coordinator::record::{EndRecord, Recorder as _, StepRecord};
 use coordinator::{Coordinator, Figures, Progress, RunSettings, Snapshot, Transport, Watcher};
+use demo::Demo;
+use futures::StreamExt as _;
 use hull::Pose;
 use recording::{Overwrites, Recording};
 use serde_json::Value;
@@ -245,31 +250,35 @@ fn what_was_asked_of_a_run_is_asked_again() {
     );
 }
 
+/// Follows a run until its world is so old; how old it was last, seconds.
+async fn followed(address: &str, time_s: f64) -> f64 {
+    let socket = tokio_tungstenite::connect_async(format!("ws://{address}/state?rate=120")).await;
+    let mut socket = socket.expect("connects").0;
+    loop {
+        let message = socket.next().await.expect("not closed").expect("a message");
+        let state: Value = serde_json::from_str(message.to_text().expect("text")).expect("JSON");
+        if let Some(now_s) = state["time_s"].as_f64().filter(|now_s| *now_s >= time_s) {
+            return now_s;
+        }
+    }
+}
+
 #[test]
-fn a_run_that_is_killed_leaves_a_recording_up_to_its_last_moments() {
+fn a_run_that_is_killed_leaves_a_recording_up_to_its_last_second() {
     let folder = tempfile::tempdir().expect("folder");
     let file = folder.path().join("run.mcap");
-    let mut demo = hulltouch()
-        .args(["demo", "--cameras", "3", "--size", "160x120", "--headless", "--record"])
-        .arg(&file)
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()
-        .expect("starts");
-    let deadline = Instant::now() + Duration::from_secs(120);
-    let film_s = || Recording::open(&file).map_or(0.0, |recording| recording.film_s());
-    while film_s() < 2.0 {
-        assert!(Instant::now() < deadline, "two seconds are recorded sooner or later");
-        std::thread::sleep(Duration::from_millis(50));
-    }
-    let there_s = film_s();
-    demo.kill().expect("SIGKILL");
-    demo.wait().expect("it was killed");
+    let demo = Demo::start(&["--record", file.to_str().expect("a path")]);
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
+    let followed =
+        async { tokio::time::timeout(Duration::from_secs(120), followed(&demo.address, 3.0)).await };
+    let reached_s = runtime.block_on(followed).expect("three seconds pass sooner or later");
+    // SIGKILL.
+    drop(demo);
     let (output, replayed) = replay(&file, &["--unpaced"]);
     assert!(output.status.success(), "{}", said(&output));
     assert!(said(&output).contains("not complete"), "{}", said(&output));
     let steps = replayed["replay"]["steps"].as_f64().expect("a number");
-    assert!(steps / 120.0 > there_s - 0.5, "{steps} steps, {there_s} s were on the disk");
+    assert!(steps / 120.0 > reached_s - 1.0, "{steps} steps of {reached_s} s");
     assert_eq!(replayed["replay"]["difference"], Value::Null);
     if let Some(found) = read_by_python(&file, &["--stream"]) {
         assert_eq!(

@@ -13,7 +13,7 @@ use thiserror::Error;
 use tokio::sync::{mpsc, oneshot, watch};
 
 /// Commands that wait for the next step at most: a page that drags sends one a picture.
-const MAX_WAITING: usize = 256;
+pub(crate) const MAX_WAITING: usize = 256;
 
 /// A body's number: unique within a generation of the world, never given twice.
 pub type BodyId = u32;

@@ -327,7 +327,7 @@ impl Coordinator {
         }
         let began = Instant::now();
         let mut results = None;
-        if frame.is_none() {
+        if frame.is_none() && given.is_none() {
             // At the beginning nothing is lost yet.
             if self.frame.is_some() {
                 self.go_blind("there was no hull when this was recorded".into());

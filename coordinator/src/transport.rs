@@ -4,6 +4,7 @@ use std::collections::HashSet;
 use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
+use futures::future::BoxFuture;
 use hull::pass::{Pass, Round};
 use hull::question::Answer;
 use hull::view_set::Scratch;
@@ -82,6 +83,25 @@ pub enum Transport {
         /// What of the news has been seen.
         news: watch::Receiver<u64>,
     },
+}
+
+/// The first frame of film that a background is learnt from: one that no camera has filmed before word of it
+/// comes, so that all begin at the same one.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum First {
+    /// This one.
+    Frame(u64),
+    /// So many after the newest.
+    After(u64),
+}
+
+impl First {
+    fn after(self, newest: Option<u64>) -> u64 {
+        match self {
+            First::Frame(frame) => frame,
+            First::After(frames) => newest.map_or(0, |newest| newest + 1) + frames,
+        }
+    }
 }
 
 /// Buffers for probing in this process, kept from pass to pass.
@@ -325,22 +345,22 @@ impl Transport {
     }
 
     /// Has every camera of every node learn its background anew from so many frames of film. If one cannot, none
-    /// does.
-    pub(crate) async fn take_background(&self, first_frame: u64, frames: u64) -> Result<(), String> {
+    /// does. What is returned holds on to the nodes by itself.
+    pub(crate) fn take_background(
+        &self,
+        first: First,
+        frames: u64,
+    ) -> BoxFuture<'static, Result<(), String>> {
         if let Transport::InProcess { frames: cameras, .. } = self {
-            return cameras.take_background(first_frame, frames);
+            let taken = cameras.take_background(first.after(self.newest()), frames);
+            return Box::pin(futures::future::ready(taken));
         }
-        for check_only in [true, false] {
-            let told = self.links().iter().map(|link| async move {
-                let taken = link.take_background(first_frame, frames, check_only);
-                let taken = tokio::time::timeout(PICTURE_PATIENCE, taken).await;
-                taken
-                    .unwrap_or_else(|_| Err("it did not answer in time".into()))
-                    .map_err(|why| format!("node {}: {why}", link.node.address))
-            });
-            futures::future::join_all(told).await.into_iter().collect::<Result<(), String>>()?;
-        }
-        Ok(())
+        let links = self.links().to_vec();
+        Box::pin(async move {
+            tell_of_background(&links, 0, frames, true).await?;
+            let newest = links.iter().filter_map(|link| link.newest()).map(|facts| facts.frame).max();
+            tell_of_background(&links, first.after(newest), frames, false).await
+        })
     }
 
     /// What all cameras told of a frame.
@@ -477,6 +497,22 @@ async fn fetch(
     }
     all.sort_by_key(|(rig_index, _)| *rig_index);
     Ok((all.into_iter().map(|(_, silhouette)| silhouette).collect(), bytes))
+}
+
+async fn tell_of_background(
+    links: &[Arc<Link>],
+    first_frame: u64,
+    frames: u64,
+    check_only: bool,
+) -> Result<(), String> {
+    let told = links.iter().map(|link| async move {
+        let taken = link.take_background(first_frame, frames, check_only);
+        let taken = tokio::time::timeout(PICTURE_PATIENCE, taken).await;
+        taken
+            .unwrap_or_else(|_| Err("it did not answer in time".into()))
+            .map_err(|why| format!("node {}: {why}", link.node.address))
+    });
+    futures::future::join_all(told).await.into_iter().collect()
 }
 
 fn run_locally(pass: &mut Pass, views: &ViewSet, local: &mut Local, took: &mut dyn FnMut(Round, f64)) {

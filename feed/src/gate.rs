@@ -54,6 +54,31 @@ impl fmt::Debug for Token {
     }
 }
 
+/// Where pages come from: `https://host` or `https://host:port`, or with `http`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Origin {
+    authority: String,
+    text: String,
+}
+
+impl Origin {
+    /// An origin as browsers tell it.
+    pub fn new(text: &str) -> Result<Origin, String> {
+        let authority = text.strip_prefix("https://").or_else(|| text.strip_prefix("http://"));
+        let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-.:[]".contains(&byte);
+        match authority {
+            Some(authority) if !authority.is_empty() && authority.bytes().all(is_plain) => {
+                Ok(Origin { authority: authority.into(), text: text.into() })
+            }
+            _ => Err(format!("{text:?}, expected https://HOST or https://HOST:PORT")),
+        }
+    }
+
+    fn is_host(&self, asked: &str) -> bool {
+        self.authority.eq_ignore_ascii_case(asked)
+    }
+}
+
 /// 128 bits from the system, as hexadecimal digits.
 pub(crate) fn random_hex() -> Result<String, String> {
     let mut bytes = [0u8; 16];
@@ -70,11 +95,13 @@ pub(crate) fn random_hex() -> Result<String, String> {
 pub(crate) struct Gate {
     token: Token,
     is_loopback: bool,
+    /// Where a proxy shows this server.
+    origin: Option<Origin>,
 }
 
 impl Gate {
-    pub fn new(token: Token, address: SocketAddr) -> Gate {
-        Gate { token, is_loopback: address.ip().is_loopback() }
+    pub fn new(token: Token, address: SocketAddr, origin: Option<Origin>) -> Gate {
+        Gate { token, is_loopback: address.ip().is_loopback(), origin }
     }
 
     /// Whether this text is the token.
@@ -92,12 +119,14 @@ impl Gate {
         let Some(asked) = asked else {
             return Err((StatusCode::BAD_REQUEST, "no Host, expected one".into()));
         };
-        if self.is_loopback && !is_loopback_name(host_of(&asked)) {
+        let is_shown = self.origin.as_ref().is_some_and(|origin| origin.is_host(&asked));
+        if self.is_loopback && !is_shown && !is_loopback_name(host_of(&asked)) {
             return refused(format!("Host is {asked:?}, expected localhost or a loopback address"));
         }
         let Some(origin) = text(header::ORIGIN) else { return Ok(()) };
         let from = origin.split_once("://").map_or("", |(_, rest)| rest);
-        let is_own = from.eq_ignore_ascii_case(&asked);
+        let is_shown = self.origin.as_ref().is_some_and(|shown| shown.text.eq_ignore_ascii_case(&origin));
+        let is_own = is_shown || from.eq_ignore_ascii_case(&asked);
         // A page under development comes from another port of this machine.
         let is_near = self.is_loopback && is_loopback_name(host_of(from));
         if is_own || is_near {
@@ -125,7 +154,13 @@ mod tests {
     use super::*;
 
     fn check(listen: &str, host: &str, origin: Option<&str>) -> bool {
-        let gate = Gate::new(Token::new("12345678").expect("a token"), listen.parse().expect("an address"));
+        check_behind(None, listen, host, origin)
+    }
+
+    fn check_behind(proxy: Option<&str>, listen: &str, host: &str, origin: Option<&str>) -> bool {
+        let token = Token::new("12345678").expect("a token");
+        let proxy = proxy.map(|proxy| Origin::new(proxy).expect("an origin"));
+        let gate = Gate::new(token, listen.parse().expect("an address"), proxy);
         let mut headers = HeaderMap::new();
         headers.insert(header::HOST, host.parse().expect("a value"));
         if let Some(origin) = origin {
@@ -156,9 +191,24 @@ mod tests {
     }
 
     #[test]
+    fn a_proxy_that_was_told_of_may_ask_in_its_own_name() {
+        let behind =
+            |host, origin| check_behind(Some("https://studio.example"), "127.0.0.1:8470", host, Some(origin));
+        // Some proxies keep the Host, some put their own there.
+        assert!(behind("studio.example", "https://studio.example"));
+        assert!(behind("127.0.0.1:8470", "https://studio.example"));
+        assert!(!behind("studio.example", "https://evil.example"));
+        assert!(!behind("127.0.0.1:8470", "http://studio.example"), "another scheme is another origin");
+        assert!(!behind("evil.example", "https://studio.example"));
+        for wrong in ["studio.example", "https://", "https://studio.example/", "ftp://studio.example"] {
+            assert!(Origin::new(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
     fn the_token_alone_lets_steer() {
         let token = Token::new("abcd-1234").expect("a token");
-        let gate = Gate::new(token.clone(), SocketAddr::from(([127, 0, 0, 1], 1)));
+        let gate = Gate::new(token.clone(), SocketAddr::from(([127, 0, 0, 1], 1)), None);
         assert!(gate.may_steer(Some("abcd-1234")));
         assert!(!gate.may_steer(Some("abcd-1235")) && !gate.may_steer(Some("")) && !gate.may_steer(None));
         assert_eq!(format!("{token:?}"), "Token(hidden)");

@@ -23,8 +23,8 @@ pub(crate) enum Look {
     FrameSet { silhouettes: bool, tier: Tier },
     /// Whole images of all cameras, both sides divided by 2 to the power of this.
     Thumbnails { scale_log2: u8 },
-    /// The whole image of one camera.
-    Image { camera: u16, tier: Tier },
+    /// The whole image of one camera, made smaller in the same way.
+    Image { camera: u16, scale_log2: u8 },
 }
 
 /// A message about a frame.
@@ -83,7 +83,7 @@ impl Hub {
             Look::FrameSet { tier: Tier::Off, .. } => (PictureKind::Silhouettes, 0, vec![]),
             Look::FrameSet { tier, .. } => (PictureKind::Crops, tier.scale_log2(), vec![]),
             Look::Thumbnails { scale_log2 } => (PictureKind::Whole, scale_log2, vec![]),
-            Look::Image { camera, tier } => (PictureKind::Whole, tier.scale_log2(), vec![camera]),
+            Look::Image { camera, scale_log2 } => (PictureKind::Whole, scale_log2, vec![camera]),
         };
         let mut pictures = match (frame, look) {
             // A page that wants neither still hears of every frame.

@@ -9,6 +9,8 @@ use crate::tier::Tier;
 const MAX_FPS: f64 = 240.0;
 const MAX_STATE_HZ: f64 = 240.0;
 const MAX_THUMBNAILS_HZ: f64 = 5.0;
+/// Whoever wants some wants one in ten seconds at least.
+const LEAST_HZ: f64 = 0.1;
 
 /// What a page wants to see.
 #[derive(Clone, Debug, PartialEq)]
@@ -70,8 +72,10 @@ pub(crate) fn parse(text: &str, want: &Want) -> Result<Incoming, String> {
 fn change(mut want: Want, object: &Map<String, Value>) -> Result<Want, String> {
     for (key, value) in object {
         let rate = |most: f64| {
-            let found = value.as_f64().filter(|rate| (0.0..=most).contains(rate));
-            found.ok_or_else(|| wrong(&format!("want.{key}"), Some(value), &format!("0 to {most}")))
+            let found = value.as_f64().filter(|&rate| rate == 0.0 || (LEAST_HZ..=most).contains(&rate));
+            found.ok_or_else(|| {
+                wrong(&format!("want.{key}"), Some(value), &format!("0, or {LEAST_HZ} to {most}"))
+            })
         };
         let truth =
             || value.as_bool().ok_or_else(|| wrong(&format!("want.{key}"), Some(value), "true or false"));
@@ -133,8 +137,9 @@ mod tests {
             ("[]", "no JSON object, expected one with \"op\""),
             ("{}", "op is missing, expected \"want\", \"shown\" or \"command\""),
             (r#"{"op":"dance"}"#, "op is \"dance\", expected "),
-            (r#"{"op":"want","fps":-1}"#, "want.fps is -1, expected 0 to 240"),
-            (r#"{"op":"want","thumbnails_hz":9}"#, "want.thumbnails_hz is 9, expected 0 to 5"),
+            (r#"{"op":"want","fps":-1}"#, "want.fps is -1, expected 0, or 0.1 to 240"),
+            (r#"{"op":"want","state_hz":1e-300}"#, "want.state_hz is 1e-300, expected 0, or 0.1 to 240"),
+            (r#"{"op":"want","thumbnails_hz":9}"#, "want.thumbnails_hz is 9, expected 0, or 0.1 to 5"),
             (r#"{"op":"want","colour":"best"}"#, "want.colour is \"best\", expected \"full\""),
             (r#"{"op":"want","size":1}"#, "want.\"size\" is unknown, expected colour"),
             (r#"{"op":"shown","seq":-1}"#, "shown.seq is -1, expected a frame set's seq"),

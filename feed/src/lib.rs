@@ -28,5 +28,5 @@ mod tier;
 mod world_service;
 
 pub use facts::{RunFacts, Volume};
-pub use gate::Token;
+pub use gate::{Origin, Token};
 pub use server::{Feed, FeedError, FeedSettings};

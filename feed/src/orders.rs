@@ -72,9 +72,17 @@ impl Orders {
         }
     }
 
-    /// The page has gone: what it held falls.
-    pub fn end(self) {
+    /// Another world has begun: what was held is no more.
+    pub fn forget_held(&mut self) {
+        self.held.clear();
+    }
+
+    /// The page has gone: what it held falls, and what it was about to hold.
+    pub fn end(mut self) {
         tokio::spawn(async move {
+            while !self.waiting.is_empty() {
+                self.answered().await;
+            }
             for body in self.held {
                 // A body that is gone needs no release.
                 let _ = self.follower.order(Command::Release { body, velocity_m_s: None }).await;

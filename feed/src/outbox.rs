@@ -163,6 +163,18 @@ impl Outbox {
         number
     }
 
+    /// The number of a ping to go behind what begins to be sent now, if no other is on its way: so it always shows
+    /// how long what was sent takes to arrive.
+    pub fn begin_ping_alone(&self) -> Option<u32> {
+        let is_alone = self.slots().pings.is_empty();
+        is_alone.then(|| self.begin_ping(false))
+    }
+
+    /// How long the oldest of what has not arrived yet has been on its way.
+    pub fn on_its_way(&self) -> Option<Duration> {
+        self.slots().pings.front().map(|ping| ping.began.elapsed())
+    }
+
     /// The kernel has taken a ping and all before it.
     pub fn ping_handed(&self, number: u32) {
         let mut slots = self.slots();
@@ -239,13 +251,16 @@ mod tests {
     #[test]
     fn a_ping_answers_for_those_before_it() {
         let outbox = Outbox::default();
+        assert_eq!(outbox.on_its_way(), None);
         let frame = outbox.begin_ping(true);
         let own = outbox.begin_ping(false);
+        assert!(outbox.on_its_way().is_some() && outbox.begin_ping_alone().is_none());
         assert!(outbox.frame_waits().is_some() && outbox.silence().is_none(), "not handed over yet");
         outbox.ping_handed(frame);
         assert!(outbox.silence().is_some());
         assert_eq!(outbox.pong(own).map(|arrival| arrival.is_of_frame), Some(false));
         assert!(outbox.frame_waits().is_none() && outbox.silence().is_none());
         assert_eq!(outbox.pong(frame), None, "an answer twice");
+        assert!(outbox.begin_ping_alone().is_some());
     }
 }

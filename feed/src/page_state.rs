@@ -16,6 +16,13 @@ use crate::server::Shared;
 use crate::socket::{PATIENCE, STATUS_EVERY};
 use crate::tier::Link;
 
+/// A link on which a frame set takes no longer than this, beyond what any message takes, carries the next one
+/// meanwhile.
+const QUICK: Duration = Duration::from_millis(100);
+/// While something has been on its way for longer than this, beyond what any message takes, nothing follows but
+/// what must not be lost.
+const LATE: Duration = Duration::from_millis(250);
+
 /// Why a page's connection ends.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Verdict {
@@ -41,6 +48,10 @@ pub(crate) struct Page {
     is_state_new: bool,
     /// The least that a ping of its own took.
     base: Duration,
+    /// Whether the last frame set arrived soon enough for the next to follow it on its way.
+    is_quick: bool,
+    /// The world's, when bodies were last told.
+    generation: u32,
     /// Bytes taken when the link was last looked at, and when they last grew or nothing waited.
     seen_bytes: u64,
     moved: Instant,
@@ -71,6 +82,8 @@ impl Page {
             state_sent: now,
             is_state_new: false,
             base: PATIENCE,
+            is_quick: false,
+            generation: 0,
             moved: now,
             _watching: watching,
         }
@@ -91,8 +104,12 @@ impl Page {
         let mut ending = shared.ending.clone();
         tokio::select! {
             Ok(()) = follower.scene.changed() => {
-                let scene = follower.scene.borrow_and_update().clone();
-                scene.and_then(|scene| self.tell(hello::scene(&scene)))
+                let scene = follower.scene.borrow_and_update().clone()?;
+                if scene.generation != self.generation {
+                    orders.forget_held();
+                    self.generation = scene.generation;
+                }
+                self.tell(hello::scene(&scene))
             }
             Ok(()) = follower.world.changed() => {
                 follower.world.mark_unchanged();
@@ -157,13 +174,18 @@ impl Page {
 
     /// When the next world goes out, if there is a new one.
     pub fn state_due(&self) -> Option<Instant> {
-        let due = self.is_state_new && self.want.state_hz > 0.0;
+        let due = self.is_state_new && self.want.state_hz > 0.0 && !self.is_late();
         due.then(|| self.state_sent + Duration::from_secs_f64(1.0 / self.want.state_hz))
     }
 
     /// When the newest frame is to be asked for, if that was too early.
     pub fn frame_due(&self) -> Option<Instant> {
         self.frames.due()
+    }
+
+    /// Whether what was sent is on its way for so long that more would only queue.
+    fn is_late(&self) -> bool {
+        self.outbox.on_its_way().is_some_and(|on_its_way| on_its_way > self.base + LATE)
     }
 
     /// Sends the newest world.
@@ -186,7 +208,10 @@ impl Page {
             let world = self.follower.world.borrow();
             world.as_ref().and_then(|world| Some(Newest { frame: world.frame?, is_paused: world.paused }))
         };
-        self.frames.pull(newest, &self.want, self.link.tier(), self.outbox.is_clear());
+        // On a slow link a second frame set would only queue behind the first.
+        let has_room = self.is_quick || self.outbox.frame_waits().is_none();
+        let is_clear = self.outbox.is_clear() && has_room && !self.is_late();
+        self.frames.pull(newest, &self.want, self.link.tier(), is_clear);
     }
 
     /// A ping was answered.
@@ -194,6 +219,7 @@ impl Page {
         let number = number.try_into().map(u32::from_le_bytes).ok()?;
         let arrival = self.outbox.pong(number)?;
         if arrival.is_of_frame {
+            self.is_quick = arrival.took < self.base + QUICK;
             self.link.arrived(Instant::now(), arrival.took);
         }
         self.base = self.base.min(arrival.took);

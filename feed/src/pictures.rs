@@ -70,12 +70,13 @@ pub struct FramePictures {
 
 /// Makes pictures.
 pub trait Pictures: Send + Sync {
-    /// The pictures of a frame; the error is one line. Never takes longer than half a second.
+    /// The pictures of a frame; the error is one line. Takes half a second at most; of the newest frame, where
+    /// cameras have to agree on one, twice that.
     fn fetch(&self, request: PictureRequest) -> BoxFuture<'static, Result<FramePictures, String>>;
 }
 
-/// All nodes of a frame together get so long.
-const FETCH_PATIENCE: Duration = Duration::from_millis(500);
+/// All cameras of a frame together get so long.
+pub const FETCH_PATIENCE: Duration = Duration::from_millis(500);
 /// A node that took too long is left alone for so long, so that it does not hold up every frame of the others.
 const REST: Duration = Duration::from_secs(2);
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(2);
@@ -111,27 +112,40 @@ impl NodePictures {
 
 impl Pictures for NodePictures {
     fn fetch(&self, request: PictureRequest) -> BoxFuture<'static, Result<FramePictures, String>> {
-        let asked = self.nodes.iter().filter_map(|node| node.fetch(&request));
-        let asked = futures::future::join_all(asked.collect::<Vec<_>>());
+        let nodes = self.nodes.clone();
         Box::pin(async move {
-            let mut found: Option<FramePictures> = None;
-            let mut problem = String::from("no node has these cameras");
-            for told in asked.await {
-                match told {
-                    Err(why) => problem = why,
-                    Ok(pictures) => match &mut found {
-                        None => found = Some(pictures),
-                        // Newest frames may differ: the first node's counts.
-                        Some(all) if all.frame == pictures.frame => all.cameras.extend(pictures.cameras),
-                        Some(_) => {}
-                    },
-                }
+            let found = fetch(&nodes, &request).await;
+            // The newest of each: of one that all of them have, if they differ.
+            let common = found.iter().flatten().map(|pictures| pictures.frame).min();
+            let differ = found.iter().flatten().any(|pictures| Some(pictures.frame) != common);
+            if differ {
+                let request = PictureRequest { frame: common, ..request };
+                return merged(fetch(&nodes, &request).await);
             }
-            let mut found = found.filter(|found| !found.cameras.is_empty()).ok_or(problem)?;
-            found.cameras.sort_by_key(|camera| camera.camera);
-            Ok(found)
+            merged(found)
         })
     }
+}
+
+async fn fetch(nodes: &[Arc<NodeLink>], request: &PictureRequest) -> Vec<Result<FramePictures, String>> {
+    futures::future::join_all(nodes.iter().filter_map(|node| node.fetch(request))).await
+}
+
+/// All nodes' pictures of one frame.
+fn merged(told: Vec<Result<FramePictures, String>>) -> Result<FramePictures, String> {
+    let mut found: Option<FramePictures> = None;
+    let mut problem = String::from("no node has these cameras");
+    for told in told {
+        match (told, &mut found) {
+            (Err(why), _) => problem = why,
+            (Ok(pictures), None) => found = Some(pictures),
+            (Ok(pictures), Some(all)) if pictures.frame == all.frame => all.cameras.extend(pictures.cameras),
+            (Ok(pictures), Some(_)) => problem = format!("frame {} is another one", pictures.frame),
+        }
+    }
+    let mut found = found.filter(|found| !found.cameras.is_empty()).ok_or(problem)?;
+    found.cameras.sort_by_key(|camera| camera.camera);
+    Ok(found)
 }
 
 impl NodeLink {
@@ -151,6 +165,7 @@ impl NodeLink {
         if !is_asked || rests {
             return None;
         }
+        let is_whole = request.kind == PictureKind::Whole;
         let request = to_wire(request, cameras);
         let (link, mut client) = (Arc::clone(self), self.client.clone());
         Some(async move {
@@ -166,7 +181,10 @@ impl NodeLink {
                 Ok(Ok(pictures)) => from_wire(pictures, &link.cameras),
                 Ok(Err(status)) => Err(one_line(&status)),
                 Err(_) => {
-                    *link.rests_until() = Some(Instant::now() + REST);
+                    // Whole images are asked for one by one, and hold up nobody.
+                    if !is_whole {
+                        *link.rests_until() = Some(Instant::now() + REST);
+                    }
                     Err(format!("no pictures within {} ms", FETCH_PATIENCE.as_millis()))
                 }
             }

@@ -17,7 +17,7 @@ use tokio::sync::watch;
 
 use crate::connection::{Counting, Taken};
 use crate::facts::{RunFacts, Volume};
-use crate::gate::{Gate, Token, random_hex};
+use crate::gate::{Gate, Origin, Token, random_hex};
 use crate::hub::Hub;
 use crate::pictures::Pictures;
 use crate::{page, socket, state_socket, world_service};
@@ -34,6 +34,8 @@ pub struct FeedSettings {
     pub or_any_port: bool,
     /// What lets its holder steer.
     pub token: Token,
+    /// Where a proxy in front of this server shows it.
+    pub origin: Option<Origin>,
 }
 
 /// Why there is no feed.
@@ -64,8 +66,28 @@ pub(crate) struct Shared {
     pub session: String,
     /// How many pages look.
     pub pages: Arc<AtomicUsize>,
+    /// How many programs follow, over JSON or gRPC.
+    pub programs: Arc<AtomicUsize>,
     /// True once the server ends.
     pub ending: watch::Receiver<bool>,
+}
+
+/// One of so many places for those who follow, given back when dropped.
+pub(crate) struct Seat(Arc<AtomicUsize>);
+
+impl Seat {
+    /// A place, if one is free.
+    pub fn take(taken: &Arc<AtomicUsize>, most: usize) -> Option<Seat> {
+        let before = taken.fetch_add(1, Ordering::AcqRel);
+        let seat = Seat(Arc::clone(taken));
+        (before < most).then_some(seat)
+    }
+}
+
+impl Drop for Seat {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::AcqRel);
+    }
 }
 
 /// A server that runs until it is dropped.
@@ -103,7 +125,8 @@ impl Feed {
             facts,
             follower,
             pages: Arc::clone(&pages),
-            gate: Gate::new(settings.token.clone(), address),
+            programs: Arc::default(),
+            gate: Gate::new(settings.token.clone(), address, settings.origin.clone()),
             session: random_hex().map_err(FeedError::System)?,
             ending,
         });

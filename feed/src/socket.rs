@@ -1,7 +1,6 @@
 //! One page: a WebSocket that gets the newest of everything, as fast as it takes it.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use axum::Router;
@@ -13,12 +12,13 @@ use axum::routing::get;
 use futures::stream::{SplitSink, SplitStream};
 use futures::{SinkExt as _, StreamExt as _};
 use serde::Deserialize;
+use tokio::task::JoinHandle;
 
 use crate::connection::Taken;
 use crate::hello;
 use crate::outbox::{Item, Outbox};
 use crate::page_state::{Page, Verdict};
-use crate::server::Shared;
+use crate::server::{Seat, Shared};
 
 /// The subprotocol, with the format's version.
 const PROTOCOL: &str = "hulltouch.feed.v1";
@@ -51,7 +51,7 @@ async fn upgrade(
     ConnectInfo(taken): ConnectInfo<Taken>,
     upgrade: WebSocketUpgrade,
 ) -> Response {
-    let Some(seat) = Seat::take(&shared.pages) else {
+    let Some(seat) = Seat::take(&shared.pages, MAX_PAGES) else {
         let why = format!("{MAX_PAGES} pages look already, expected fewer\n");
         return (StatusCode::SERVICE_UNAVAILABLE, why).into_response();
     };
@@ -66,31 +66,14 @@ async fn upgrade(
         })
 }
 
-/// One of the places for pages, given back when dropped.
-struct Seat(Arc<AtomicUsize>);
-
-impl Seat {
-    fn take(pages: &Arc<AtomicUsize>) -> Option<Seat> {
-        let taken = pages.fetch_add(1, Ordering::AcqRel);
-        let seat = Seat(Arc::clone(pages));
-        (taken < MAX_PAGES).then_some(seat)
-    }
-}
-
-impl Drop for Seat {
-    fn drop(&mut self) {
-        self.0.fetch_sub(1, Ordering::AcqRel);
-    }
-}
-
 async fn serve(socket: WebSocket, shared: Arc<Shared>, is_controller: bool, taken: Taken) {
     let (sink, stream) = socket.split();
     let outbox = Arc::new(Outbox::default());
-    let mut writing = tokio::spawn(write(sink, Arc::clone(&outbox)));
+    let mut writing = Writing(tokio::spawn(write(sink, Arc::clone(&outbox))));
     let mut page = Page::new(shared, Arc::clone(&outbox), is_controller, taken);
     let verdict = tokio::select! {
         verdict = talk(&mut page, stream) => verdict,
-        _ = &mut writing => Verdict::Gone,
+        _ = &mut writing.0 => Verdict::Gone,
     };
     page.end();
     match verdict {
@@ -98,10 +81,18 @@ async fn serve(socket: WebSocket, shared: Arc<Shared>, is_controller: bool, take
         Verdict::Stuck => tracing::info!("a page that stopped reading was dropped"),
         Verdict::Bye(why) => {
             outbox.bye(why);
-            let _ = tokio::time::timeout(PATIENCE, &mut writing).await;
+            let _ = tokio::time::timeout(PATIENCE, &mut writing.0).await;
         }
     }
-    writing.abort();
+}
+
+/// The task that writes to a page, which ends with the page.
+struct Writing(JoinHandle<()>);
+
+impl Drop for Writing {
+    fn drop(&mut self) {
+        self.0.abort();
+    }
 }
 
 /// Takes what comes, and lets the page's state decide what goes, until there is a reason to end.
@@ -147,7 +138,7 @@ async fn write(mut sink: SplitSink<WebSocket, Message>, outbox: Arc<Outbox>) {
     loop {
         let sent = match outbox.next().await {
             Item::Text(text) => sink.send(Message::text(text)).await,
-            Item::Binary(bytes) => sink.send(Message::Binary(bytes)).await,
+            Item::Binary(bytes) => send_world(&mut sink, &outbox, bytes).await,
             Item::Frame(messages) => send_frame(&mut sink, &outbox, messages).await,
             Item::Ping => send_ping(&mut sink, outbox.begin_ping(false), &outbox).await,
             Item::Bye(why) => {
@@ -175,6 +166,15 @@ async fn send_frame(
         sink.send(Message::Binary(message)).await?;
     }
     send_ping(sink, ping, outbox).await
+}
+
+async fn send_world(sink: &mut Sink, outbox: &Outbox, world: bytes::Bytes) -> Result<(), axum::Error> {
+    let ping = outbox.begin_ping_alone();
+    sink.send(Message::Binary(world)).await?;
+    match ping {
+        Some(ping) => send_ping(sink, ping, outbox).await,
+        None => Ok(()),
+    }
 }
 
 async fn send_ping(sink: &mut Sink, number: u32, outbox: &Outbox) -> Result<(), axum::Error> {

@@ -15,8 +15,8 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 use tokio::sync::watch;
 
-use crate::server::Shared;
-use crate::ticks::{DEFAULT_RATE_HZ, Ticks};
+use crate::server::{Seat, Shared};
+use crate::ticks::{DEFAULT_RATE_HZ, MAX_PROGRAMS, Ticks};
 use crate::{commands, hello};
 
 /// The longest message a program may send, bytes: a convex hull of 256 points fits.
@@ -41,6 +41,10 @@ async fn open(
     Query(asked): Query<Asked>,
     upgrade: WebSocketUpgrade,
 ) -> Response {
+    let Some(seat) = Seat::take(&shared.programs, MAX_PROGRAMS) else {
+        let why = format!("{MAX_PROGRAMS} programs follow already, expected fewer\n");
+        return (StatusCode::SERVICE_UNAVAILABLE, why).into_response();
+    };
     let ticks = match Ticks::new(&shared.follower, asked.rate.unwrap_or(DEFAULT_RATE_HZ)) {
         Ok(ticks) => ticks,
         Err(why) => return (StatusCode::BAD_REQUEST, why + "\n").into_response(),
@@ -48,8 +52,9 @@ async fn open(
     let may_steer = shared.gate.may_steer(asked.token.as_deref());
     let upgrade = upgrade.max_message_size(MAX_MESSAGE_BYTES).max_frame_size(MAX_MESSAGE_BYTES);
     upgrade.on_upgrade(move |socket| async move {
-        let program = Program { shared, may_steer, held: BTreeSet::new() };
+        let program = Program { shared, may_steer, generation: 0, held: BTreeSet::new() };
         program.serve(socket, ticks).await;
+        drop(seat);
     })
 }
 
@@ -57,7 +62,9 @@ async fn open(
 struct Program {
     shared: Arc<Shared>,
     may_steer: bool,
-    /// Bodies that it holds: let go when it goes.
+    /// The world's, when it was last seen.
+    generation: u32,
+    /// Bodies of that world that it holds: let go when it goes.
     held: BTreeSet<BodyId>,
 }
 
@@ -67,7 +74,13 @@ impl Program {
         loop {
             let text = tokio::select! {
                 world = ticks.next() => match world {
-                    Some(world) => state(&world, self.shared.follower.scene.borrow().as_deref()),
+                    Some(world) => {
+                        if world.generation != self.generation {
+                            self.held.clear();
+                            self.generation = world.generation;
+                        }
+                        state(&world, self.shared.follower.scene.borrow().as_deref())
+                    }
                     None => break,
                 },
                 heard = socket.recv() => match heard {

@@ -9,6 +9,8 @@ use tokio::time::{Interval, MissedTickBehavior};
 
 /// Rates that can be asked for, a second: none is above the steps'.
 pub const RATE_HZ: std::ops::RangeInclusive<f64> = 1.0..=120.0;
+/// Programs that follow at once, over JSON and gRPC together: each has its state made for it.
+pub(crate) const MAX_PROGRAMS: usize = 64;
 /// The rate of those who ask for none.
 pub const DEFAULT_RATE_HZ: f64 = 30.0;
 

@@ -9,6 +9,8 @@ use std::time::{Duration, Instant};
 
 /// A link that is too slow for so long gets less.
 const SLOW: Duration = Duration::from_secs(3);
+/// A frame set that was on its way for so long is too large: there is less at once.
+const TOO_LATE: Duration = Duration::from_millis(500);
 /// A link at ease for so long gets more.
 const EASE: Duration = Duration::from_secs(10);
 /// A link that could not take more waits twice as long each time, up to so long.
@@ -132,7 +134,8 @@ impl Link {
         };
         let slow = note(&mut self.slow_since, mean.is_some_and(|mean| mean > interval));
         let easy = note(&mut self.easy_since, mean.is_some_and(|mean| mean * EASE_FACTOR < interval));
-        if slow >= SLOW && self.tier != Tier::Off {
+        let is_late = self.arrivals.iter().any(|(_, took)| took.saturating_sub(base) > TOO_LATE);
+        if (slow >= SLOW || is_late) && self.tier != Tier::Off {
             let was_raised = self.raised_at.is_some_and(|at| now.duration_since(at) < EASE);
             self.patience = if was_raised { (2 * self.patience).min(LONGEST_EASE) } else { self.patience };
             self.change(self.tier.less());
@@ -175,6 +178,17 @@ mod tests {
         let tiers = play(&mut link, Instant::now(), 30, took);
         assert_eq!(tiers[1], Tier::Full, "not at once");
         assert_eq!(tiers[5..], vec![Tier::Half; 25], "20 ms fit, with no room for more");
+    }
+
+    #[test]
+    fn a_frame_set_that_comes_much_too_late_is_the_last_of_its_size() {
+        let mut link = Link::new(Tier::Full);
+        let began = Instant::now();
+        link.arrived(began, BASE + Duration::from_millis(700));
+        link.judge(began, None, BASE, INTERVAL);
+        assert_eq!(link.tier(), Tier::Half);
+        link.judge(began + Duration::from_millis(250), None, BASE, INTERVAL);
+        assert_eq!(link.tier(), Tier::Half, "it counts once");
     }
 
     #[test]

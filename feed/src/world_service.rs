@@ -14,8 +14,8 @@ use tokio_stream::wrappers::ReceiverStream;
 use tonic::service::Routes;
 use tonic::{Request, Response, Status};
 
-use crate::server::Shared;
-use crate::ticks::{DEFAULT_RATE_HZ, Ticks};
+use crate::server::{Seat, Shared};
+use crate::ticks::{DEFAULT_RATE_HZ, MAX_PROGRAMS, Ticks};
 
 /// States that wait for a caller that reads slowly; beyond, ticks are left out.
 const MAX_WAITING: usize = 2;
@@ -107,6 +107,9 @@ impl World for Service {
         let v1::FollowRequest { rate_hz, touches } = request.into_inner();
         let rate_hz = if rate_hz == 0.0 { DEFAULT_RATE_HZ } else { rate_hz };
         let mut ticks = Ticks::new(&self.0.follower, rate_hz).map_err(Status::invalid_argument)?;
+        let seat = Seat::take(&self.0.programs, MAX_PROGRAMS).ok_or_else(|| {
+            Status::resource_exhausted(format!("{MAX_PROGRAMS} programs follow already, expected fewer"))
+        })?;
         let (sender, receiver) = mpsc::channel(MAX_WAITING);
         let mut ending = self.0.ending.clone();
         tokio::spawn(async move {
@@ -126,6 +129,7 @@ impl World for Service {
                 // An end whose sender is gone is an end.
                 _ = ending.wait_for(|ended| *ended) => {}
             }
+            drop(seat);
         });
         Ok(Response::new(Box::pin(ReceiverStream::new(receiver))))
     }

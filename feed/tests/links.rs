@@ -101,8 +101,8 @@ async fn narrow(to: std::net::SocketAddr, bytes_per_s: usize) -> std::net::Socke
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_page_on_a_narrow_link_gets_fewer_and_smaller_frames_and_none_is_old() {
     let run = Arc::new(Run::start());
-    // Full frames make 82 KB, thirty a second 2.5 MB/s; half ones 1 MB/s.
-    let address = narrow(run.feed.address(), 1_300_000).await;
+    // A megabit a second. Full frame sets make 82 KB, two thirds of a second each.
+    let address = narrow(run.feed.address(), 125_000).await;
     let mut page = Page::open(&format!("ws://{address}/feed")).await;
     let mut beside = run.viewer().await;
     let film = Film::roll(Arc::clone(&run));
@@ -132,8 +132,8 @@ async fn a_page_on_a_narrow_link_gets_fewer_and_smaller_frames_and_none_is_old()
             _ => {}
         }
     }
-    // 82 KB on the way, as much in the kernel, 32 KB at the router: a third of a second, and a busy machine.
-    assert!(behind < 60, "a frame came {behind} frames after it was new");
+    // One frame set on the way and some worlds, 32 KB at the router: not a second, and a busy machine.
+    assert!(behind < 45, "a frame came {behind} frames after it was new");
     while page.hear_kind(1).await[48 + 3] != 1 {}
     assert_eq!(beside.await.expect("no panic"), "\"full\"", "the page beside it has a link of its own");
     drop(film);

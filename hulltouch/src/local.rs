@@ -12,7 +12,7 @@ use camera_node::capture::{Film, Lesson, Pace};
 use camera_node::frames::{FilmState, FrameRing};
 use camera_node::pictures::{Darkroom, Picture, PictureKind, PictureOrder};
 use coordinator::{CameraFacts, ExpectedCamera, ExpectedNode, FrameFacts, LocalFrames};
-use feed::pictures::{CameraPicture, FramePictures, PictureRequest, Pictures};
+use feed::pictures::{CameraPicture, FETCH_PATIENCE, FramePictures, PictureRequest, Pictures};
 use futures::future::BoxFuture;
 use hull::{Silhouette, ViewSet};
 use proto::Address;
@@ -258,12 +258,18 @@ impl Pictures for LocalPictures {
         Box::pin(async move {
             ordered?;
             let (mut frame, mut captured_unix_s, mut cameras) = (0, 0.0, Vec::new());
-            while let Some(picture) = pictures.recv().await {
+            let deadline = tokio::time::Instant::now() + FETCH_PATIENCE;
+            loop {
+                let picture = tokio::time::timeout_at(deadline, pictures.recv()).await;
+                let Some(picture) = picture.map_err(|_| "no pictures in time")? else { break };
                 let Picture { rig_index: camera, frame: of, captured_unix_s: captured, .. } = picture;
                 (frame, captured_unix_s) = (of, captured);
                 let Picture { runs, crop, scale_log2, jpeg, .. } = picture;
                 let crop = crop.map(|side| side as u16);
                 cameras.push(CameraPicture { camera, runs, scale_log2, crop, jpeg });
+            }
+            if cameras.is_empty() {
+                return Err("no camera has this frame".into());
             }
             Ok(FramePictures { frame, captured_unix_s, cameras })
         })

@@ -9,7 +9,7 @@ use clap::Args;
 use coordinator::live::{Follower, Live, live};
 use feed::osc::Osc;
 use feed::pictures::Pictures;
-use feed::{Feed, FeedError, FeedSettings, RunFacts, Token};
+use feed::{Feed, FeedError, FeedSettings, Origin, RunFacts, Token};
 
 use crate::cluster_file::ClusterFile;
 use crate::failure::{Failure, Outcome};
@@ -27,6 +27,9 @@ pub struct PageArguments {
     /// What lets a page steer the run, at least 8 letters and digits [default: a new one each run].
     #[arg(long, value_name = "T", env = "HULLTOUCH_TOKEN", hide_env_values = true)]
     token: Option<String>,
+    /// Where a proxy with a certificate shows the page, as in https://studio.example: its name is answered too.
+    #[arg(long, value_name = "ORIGIN")]
+    origin: Option<String>,
     /// Send the world as Open Sound Control to this address, over UDP.
     #[arg(long, value_name = "HOST:PORT")]
     osc: Option<String>,
@@ -63,7 +66,9 @@ impl PageArguments {
             None => Token::random().map_err(Failure::run)?,
         };
         let (listen, or_any_port) = (self.listen.unwrap_or(LISTEN), self.listen.is_none());
-        Ok(Some(FeedSettings { listen, or_any_port, token }))
+        let origin = self.origin.as_deref().map(Origin::new).transpose();
+        let origin = origin.map_err(|why| Failure::input(format_args!("--origin is {why}")))?;
+        Ok(Some(FeedSettings { listen, or_any_port, token, origin }))
     }
 }
 
@@ -91,8 +96,10 @@ impl PageSource {
 /// The address that a host's name and a port mean.
 fn osc_address(text: &str) -> Outcome<SocketAddr> {
     let wrong = |why: &str| Failure::input(format_args!("--osc {text}: {why}, expected HOST:PORT"));
-    let mut found = text.to_socket_addrs().map_err(|error| wrong(&error.to_string()))?;
-    found.next().ok_or_else(|| wrong("no such host"))
+    let found: Vec<SocketAddr> = text.to_socket_addrs().map_err(|error| wrong(&error.to_string()))?.collect();
+    // A name may mean both; tools that take OSC listen on the older one.
+    let old = found.iter().find(|address| address.is_ipv4());
+    old.or(found.first()).copied().ok_or_else(|| wrong("no such host"))
 }
 
 /// Serves a run where its outlets say. What is returned beside the server belongs to the run; without a source

@@ -247,7 +247,8 @@ impl Chunks {
             self.flush()?;
         }
         if self.due.is_none() {
-            self.due = Some((Instant::now() + CHUNK_LASTS, newest_ns + CHUNK_LASTS.as_nanos() as u64));
+            let until_ns = newest_ns.saturating_add(CHUNK_LASTS.as_nanos() as u64);
+            self.due = Some((Instant::now() + CHUNK_LASTS, until_ns));
         }
         for entry in entries {
             let Some((id, count)) = self.ids.get_mut(&entry.channel) else { continue };

@@ -12,11 +12,13 @@ use super::clock::frame_at;
 use super::watch::{REPORT_EVERY, Watcher};
 use super::{Coordinator, FRAMES_AHEAD, RunError};
 use crate::answers::Answers;
-use crate::live::{Command, Done, Order, Parameters, Refused};
-use crate::transport::TransportError;
+use crate::live::{Command, Done, MAX_WAITING, Order, Parameters, Refused};
+use crate::transport::{First, TransportError};
 
 /// The most steps that one command makes: a quarter of an hour.
 const MAX_STEPS: u32 = 100_000;
+/// Commands between two steps that a recording keeps.
+const MAX_KEPT: usize = 10_000;
 /// A node that does not take a shape within this time will be told again when it first misses it.
 const REGISTER_PATIENCE: Duration = Duration::from_millis(500);
 /// The least and the most film that a background is learnt from, seconds.
@@ -51,9 +53,10 @@ impl Steering {
 }
 
 impl Coordinator {
-    /// Does everything that is asked by now.
+    /// Does what is asked by now, as much of it as may wait between two steps.
     pub(super) async fn take_orders(&mut self) {
-        while let Some(order) = self.live.as_mut().and_then(|live| live.orders.try_recv().ok()) {
+        for _ in 0..MAX_WAITING {
+            let Some(order) = self.live.as_mut().and_then(|live| live.orders.try_recv().ok()) else { break };
             self.take(order).await;
         }
     }
@@ -93,6 +96,12 @@ impl Coordinator {
 
     async fn take(&mut self, order: Order) {
         let Order { command, reply } = order;
+        if let (Command::TakeBackground { seconds }, None) = (&command, &self.schedule) {
+            let taken = self.take_background(*seconds);
+            // Nodes are told while steps go on.
+            tokio::spawn(async move { reply.send(taken.await.map(|()| Done::Done)) });
+            return;
+        }
         let steers = matches!(command, Command::Pause | Command::Resume | Command::Step(_));
         let done = if self.schedule.is_some() && !steers {
             Err(Refused("this run follows a recording, which others steered: pause, resume or step".into()))
@@ -106,9 +115,15 @@ impl Coordinator {
 
     /// Does one thing, and keeps it for the record.
     pub(super) async fn carry_out(&mut self, command: Command) -> Result<Done, Refused> {
+        let is_kept = self.recorder.is_some() && command.changes_world();
+        if is_kept && self.commands.len() == MAX_KEPT {
+            return Err(Refused(format!(
+                "{MAX_KEPT} commands since the last step, expected a step before more"
+            )));
+        }
         let done = self.done(&command).await?;
-        if command.changes_world() {
-            self.commands.push(command);
+        if is_kept {
+            keep(&mut self.commands, command);
         }
         Ok(done)
     }
@@ -201,22 +216,20 @@ impl Coordinator {
         }
     }
 
-    async fn take_background(&mut self, seconds: f64) -> Result<(), Refused> {
-        if !BACKGROUND_S.contains(&seconds) {
+    /// What tells all cameras, or says why it cannot be; it does not need the run any more.
+    fn take_background(&self, seconds: f64) -> impl Future<Output = Result<(), Refused>> + Send + use<> {
+        let fps = self.settings.fps;
+        let taken = if BACKGROUND_S.contains(&seconds) {
+            let frames = (seconds * fps).ceil() as u64;
+            // In lock-step cameras wait for the run, which is where it is now.
+            let first = frame_at(self.film_s(), fps) + FRAMES_AHEAD + 1;
+            let first = if self.settings.lock_step { First::Frame(first) } else { First::After(word(fps)) };
+            Ok(self.transport.take_background(first, frames))
+        } else {
             let (low, high) = (BACKGROUND_S.start(), BACKGROUND_S.end());
-            return Err(Refused(format!("a background of {seconds} s, expected {low} to {high} s")));
-        }
-        let frames = (seconds * self.settings.fps).ceil() as u64;
-        self.transport.take_background(self.frame_to_come(), frames).await.map_err(Refused)
-    }
-
-    /// A frame that no camera has filmed before word of it comes, so that all begin at the same one.
-    fn frame_to_come(&self) -> u64 {
-        const WORD_S: f64 = 0.25;
-        if self.settings.lock_step {
-            return frame_at(self.film_s(), self.settings.fps) + FRAMES_AHEAD + 1;
-        }
-        self.transport.newest().map_or(0, |newest| newest + 1) + (WORD_S * self.settings.fps).ceil() as u64
+            Err(Refused(format!("a background of {seconds} s, expected {low} to {high} s")))
+        };
+        async move { taken?.await.map_err(Refused) }
     }
 
     /// Does what a schedule has before a step.
@@ -229,6 +242,27 @@ impl Coordinator {
     }
 }
 
+/// Frames until word has reached every camera.
+fn word(fps: f64) -> u64 {
+    const WORD_S: f64 = 0.25;
+    (WORD_S * fps).ceil() as u64
+}
+
+/// Keeps a command. Of a body that is drawn from place to place before a step only the last place counts.
+fn keep(commands: &mut Vec<Command>, command: Command) {
+    let grabbed =
+        |command: &Command| if let Command::Grab { body, .. } = *command { Some(body) } else { None };
+    if let Some(body) = grabbed(&command) {
+        let others = commands.iter().rposition(|kept| grabbed(kept).is_none());
+        let drawn = commands.iter().rposition(|kept| grabbed(kept) == Some(body));
+        if let Some(place) = drawn.filter(|&place| others.is_none_or(|others| place > others)) {
+            commands[place] = command;
+            return;
+        }
+    }
+    commands.push(command);
+}
+
 fn set(parameters: Parameters) -> Set {
     let Parameters { answers_hull, hull_restitution, hull_friction, gravity_m_s2 } = parameters;
     Set { answers_hull, hull_restitution, hull_friction, gravity_m_s2 }
@@ -236,4 +270,18 @@ fn set(parameters: Parameters) -> Set {
 
 fn refused(error: impl std::error::Error) -> Refused {
     Refused(error.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_a_body_that_is_drawn_the_last_place_is_kept() {
+        let grab = |body, x| Command::Grab { body, grip_body_m: [0.0; 3], target_m: [x, 0.0, 0.0] };
+        let mut kept = Vec::new();
+        let all = [grab(1, 0.1), grab(2, 0.2), grab(1, 0.3), Command::Reset, grab(1, 0.4), grab(1, 0.5)];
+        all.into_iter().for_each(|command| keep(&mut kept, command));
+        assert_eq!(kept, [grab(1, 0.3), grab(2, 0.2), Command::Reset, grab(1, 0.5)]);
+    }
 }

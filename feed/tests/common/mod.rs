@@ -126,6 +126,7 @@ impl Run {
             listen: ([127, 0, 0, 1], 0).into(),
             or_any_port: false,
             token: Token::new(TOKEN).expect("a token"),
+            origin: None,
         };
         let pictures: Arc<dyn Pictures> = studio.clone();
         let feed = Feed::start(&settings, facts, follower.clone(), move || pictures).expect("a feed");

@@ -1,9 +1,6 @@
 //! Solids and bodies as they are put down.
 
-use std::sync::Arc;
-
-use sim::solid::ConvexHull;
-use sim::{BodySpec, Heft, Solid};
+use sim::{BodyRequest, BodySpec, Heft, ShapeRequest, Solid};
 
 use super::ConvertError;
 use super::numbers::{colour, colour_from_message, finite, pose_from_message, required, rotation, vector};
@@ -27,19 +24,21 @@ pub(crate) fn solid(found: &Solid) -> messages::Solid {
     messages::Solid { solid: Some(kind) }
 }
 
-fn solid_from_message(found: Option<messages::Solid>) -> Result<Solid, ConvertError> {
+fn shape_request(found: Option<messages::Solid>) -> Result<ShapeRequest, ConvertError> {
     let kind = found.and_then(|found| found.solid).ok_or_else(|| ConvertError::missing("Solid", "solid"))?;
     Ok(match kind {
-        Kind::BoxSizeM(size_m) => Solid::Box { size_m: finite("Solid", &size_m)? },
-        Kind::BallRadiusM(radius_m) => Solid::Ball { radius_m },
-        Kind::Capsule(Round { radius_m, length_m }) => Solid::Capsule { radius_m, length_m },
-        Kind::Cylinder(Round { radius_m, length_m }) => Solid::Cylinder { radius_m, height_m: length_m },
-        Kind::Cone(Round { radius_m, length_m }) => Solid::Cone { radius_m, height_m: length_m },
+        Kind::BoxSizeM(size_m) => ShapeRequest::Box { size: finite("Solid", &size_m)? },
+        Kind::BallRadiusM(radius) => ShapeRequest::Ball { radius },
+        Kind::Capsule(Round { radius_m, length_m }) => {
+            ShapeRequest::Capsule { radius: radius_m, length: length_m }
+        }
+        Kind::Cylinder(Round { radius_m, length_m }) => {
+            ShapeRequest::Cylinder { radius: radius_m, height: length_m }
+        }
+        Kind::Cone(Round { radius_m, length_m }) => ShapeRequest::Cone { radius: radius_m, height: length_m },
         Kind::Hull(Polyhedron { points_m, .. }) => {
-            let points =
-                points_m.iter().map(|point| finite("Solid", point)).collect::<Result<Vec<_>, _>>()?;
-            let hull = ConvexHull::new(&points).map_err(|error| ConvertError::new("Solid", error))?;
-            Solid::Hull(Arc::new(hull))
+            let points = points_m.iter().map(|point| finite("Solid", point));
+            ShapeRequest::Hull { points: points.collect::<Result<_, _>>()? }
         }
     })
 }
@@ -65,22 +64,28 @@ pub(crate) fn body_spec(spec: &BodySpec) -> messages::BodySpec {
     }
 }
 
-/// The body of a message.
+/// The body of a message, with the checks of a scene's bodies.
 pub(crate) fn body_spec_from_message(spec: messages::BodySpec) -> Result<BodySpec, ConvertError> {
     const NAME: &str = "BodySpec";
     let pose = pose_from_message(NAME, spec.position_m.as_ref(), spec.rotation.as_ref())?;
-    Ok(BodySpec {
-        name: spec.name,
-        solid: solid_from_message(spec.solid)?,
-        pose,
-        velocity_m_s: required(NAME, "velocity_m_s", spec.velocity_m_s.as_ref())?,
-        heft: match spec.heft.ok_or_else(|| ConvertError::missing(NAME, "heft"))? {
-            body_spec::Heft::MassKg(kg) => Heft::MassKg(kg),
-            body_spec::Heft::DensityKgM3(kg_m3) => Heft::DensityKgM3(kg_m3),
-        },
-        friction: spec.friction,
-        restitution: spec.restitution,
+    let (mass, density) = match spec.heft.ok_or_else(|| ConvertError::missing(NAME, "heft"))? {
+        body_spec::Heft::MassKg(kg) => (Some(kg), None),
+        body_spec::Heft::DensityKgM3(kg_m3) => (None, Some(kg_m3)),
+    };
+    let request = BodyRequest {
+        name: Some(spec.name),
+        shape: shape_request(spec.solid)?,
+        position: pose.position_m(),
+        rotation_xyzw: None,
+        velocity: Some(required(NAME, "velocity_m_s", spec.velocity_m_s.as_ref())?),
+        mass,
+        density,
+        friction: Some(spec.friction),
+        restitution: Some(spec.restitution),
         fixed: spec.fixed,
-        color: colour_from_message(spec.colour.as_ref()),
-    })
+        color: Some(colour_from_message(spec.colour.as_ref()).map(f64::from)),
+    };
+    let checked = request.check().map_err(|error| ConvertError::new(NAME, error))?;
+    // A rotation that was normalised once is not normalised again: every bit counts.
+    Ok(BodySpec { pose, ..checked })
 }

@@ -26,6 +26,10 @@ use crate::convert::RunHeader;
 use crate::messages;
 use chunk::{Chunks, Found, Place};
 
+/// Film of longer runs, and frames beyond these, are no run's.
+const FILM_S: std::ops::RangeInclusive<f64> = 0.0..=1e9;
+const MAX_FRAME: u64 = 1 << 40;
+
 /// Why a file is no recording that could be replayed.
 #[derive(Debug, Error)]
 #[error("{}: {problem}", path.display())]
@@ -214,6 +218,9 @@ impl Looked {
         match channel {
             Channel::Step => {
                 let step = decode::<messages::Step>("Step", data)?;
+                if !FILM_S.contains(&step.film_s) || step.frame.is_some_and(|frame| frame > MAX_FRAME) {
+                    return Err(format!("a step at {} s of frame {:?}", step.film_s, step.frame));
+                }
                 if self.last.as_ref().is_some_and(|last| last.film_s >= step.film_s) {
                     return Err(format!("steps are out of order at {:.3} s", step.film_s));
                 }

@@ -344,6 +344,60 @@ fn a_file_that_is_there_stays_until_the_new_one_is_complete() {
 }
 
 #[test]
+fn a_step_at_no_time_of_film_ends_a_recording() {
+    let folder = tempfile::tempdir().expect("folder");
+    let world = World::new(&header(Precision::Exact).scene, WorldSettings::default()).expect("a world");
+    for (film_s, frame) in [(f64::INFINITY, 0), (f64::NAN, 0), (-1.0, 0), (1e300, 0), (1.0, u64::MAX)] {
+        let path = folder.path().join(format!("{film_s:e}_{frame}.mcap"));
+        let (mut recorder, file) =
+            record(&path, Overwrites::Never, &header(Precision::Exact), None).expect("a new file");
+        recorder.step(&StepRecord {
+            generation: 0,
+            step: 1,
+            commands: &[],
+            film_s,
+            slipped_s: 0.0,
+            frame: Some(frame),
+            responses: &[],
+            results: None,
+            step_ms: 0.0,
+            world: &world,
+        });
+        recorder.end(&EndRecord { commands: &[], figures: &Figures::default(), world: &world });
+        file.finish().expect("complete");
+        let error = Recording::open(&path).expect_err("no step that could be made").to_string();
+        assert!(error.lines().count() == 1, "{error}");
+    }
+}
+
+#[test]
+fn a_body_that_cannot_be_is_refused() {
+    let spawned = |radius_m, mass_kg, restitution| {
+        let solid = Solid::Ball { radius_m };
+        let (pose, velocity_m_s, heft) = (hull::Pose::IDENTITY, [0.0; 3], Heft::MassKg(mass_kg));
+        let spec = BodySpec {
+            name: "b".into(),
+            solid,
+            pose,
+            velocity_m_s,
+            heft,
+            friction: 0.3,
+            restitution,
+            fixed: false,
+            color: [0.5; 3],
+        };
+        crate::convert::command_from_message(crate::convert::command_to_message(&Command::Spawn(Box::new(
+            spec,
+        ))))
+    };
+    assert!(spawned(0.1, 1.0, 0.1).is_ok());
+    for (radius_m, mass_kg, restitution) in [(1e6, 1.0, 0.1), (0.1, f64::NAN, 0.1), (0.1, 1.0, 2.0)] {
+        let error = spawned(radius_m, mass_kg, restitution).expect_err("no body").to_string();
+        assert!(error.starts_with("BodySpec: ") && error.contains("expected"), "{error}");
+    }
+}
+
+#[test]
 fn every_command_survives() {
     let corners: Vec<[f64; 3]> =
         (0..8).map(|i| [i & 1, i >> 1 & 1, i >> 2].map(|bit| 0.2 * f64::from(bit) - 0.1)).collect();
