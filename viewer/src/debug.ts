@@ -62,6 +62,7 @@ export function debug(app: App, hands: Hands, version: string): Debug {
       drawMs: app.quality.averageMs,
       latencyMs: app.frames.latencyMs.get(),
       receivedBytes: app.connection.received,
+      stalls: app.frames.stalls,
       outstanding: app.connection.credit.outstanding,
       timelineFrames: app.frames.timeline.length,
       cameras: app.hello?.cameras.length ?? 0,

@@ -1,6 +1,7 @@
 /** The view in the page's address: read when it changes, written when the view has come to rest. */
 import { readHash, type ViewText, writeHash } from "../view/hash.ts";
-import { type App, FOV_DEG } from "./app.ts";
+import { FOV_DEG } from "../view/start.ts";
+import type { App } from "./app.ts";
 
 /** The address is written so long after the last change, milliseconds. */
 const REST_MS = 400;

@@ -9,7 +9,7 @@ import { type Moment, Worlds } from "../time/worlds.ts";
 import { HULL_MODES, type HullMode, type Layer } from "../view/hash.ts";
 import type { Camera, Vec3 } from "../view/lens.ts";
 import { Orbit, type View } from "../view/orbit.ts";
-import { isPerson, presetView, startView, viewOf } from "../view/start.ts";
+import { FOV_DEG, isPerson, presetView, startView, viewOf } from "../view/start.ts";
 import { Address } from "./address.ts";
 import { Drawing } from "./drawing.ts";
 import { Frames } from "./frames.ts";
@@ -18,7 +18,6 @@ import { Loop } from "./loop.ts";
 import type { Observer } from "./observer.ts";
 import { wantOf } from "./want.ts";
 
-export const FOV_DEG = 42;
 /** Pictures that take longer are slow: frames wait for them, not they for frames. */
 const SLOW_PICTURE_MS = 80;
 
@@ -121,6 +120,7 @@ export class App {
 
   setMode(mode: HullMode): void {
     this.mode = mode;
+    this.frames.again();
     this.changed();
   }
 
@@ -300,7 +300,7 @@ export class App {
       this.observer.fault("The graphics card was lost; waiting for it.");
     });
     this.canvas.addEventListener("webglcontextrestored", () => {
-      this.frames.lookAgain();
+      this.frames.again();
       this.invalidate();
     });
     document.addEventListener("visibilitychange", () => {

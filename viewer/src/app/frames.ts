@@ -10,6 +10,9 @@ import { Timeline } from "../time/timeline.ts";
 /** Sets that are neither shown nor followed by others for so long will never be, milliseconds. */
 const STALLED_MS = 3000;
 
+/** Sets that lack a camera are passed over for so long after one that lacked none, milliseconds. */
+const WHOLE_MS = 5000;
+
 /** What is to be decoded of a set. */
 export type Wanted = Pick<Job, "contours" | "colour">;
 
@@ -27,6 +30,8 @@ export class Frames {
   readonly latencyMs = new Median();
   /** Sets that were put on the screen so far. */
   count = 0;
+  /** How often credit hung and was given back. */
+  stalls = 0;
   shown: Shown | null = null;
   private readonly decoder = new Decoder();
   private readonly credit: Credit;
@@ -35,11 +40,15 @@ export class Frames {
   /** Decoded, and not on the card yet. */
   private ready: Decoded | null = null;
   /** The live set whose picture is being drawn. */
-  private drawing: { seq: number; capturedUnixS: number } | null = null;
+  private drawing: { seq: number; capturedUnixS: number | null } | null = null;
+  private takenSeq: number | null = null;
   private shownKept: number | null = null;
   private seeking = false;
   /** When a set last came or was shown. */
   private movedAt = 0;
+  /** Cameras of the run, and when a set last came that had all of them. */
+  private cameras = 0;
+  private wholeAt = -Infinity;
 
   constructor(credit: Credit, wanted: () => Wanted, fault: (text: string) => void) {
     this.credit = credit;
@@ -49,6 +58,7 @@ export class Frames {
 
   /** A connection: how its sets are to be understood. */
   setup(hello: Hello): void {
+    this.cameras = hello.cameras.length;
     this.decoder.setup({ cameras: hello.cameras, volume: hello.volume, offImageIsOutside: hello.rule.out_of_view === "outside" });
   }
 
@@ -73,9 +83,17 @@ export class Frames {
     const seq = header.getUint32(8, true);
     this.credit.received(seq);
     this.movedAt = performance.now();
+    if (this.lacksSome(header.getUint16(6, true))) return this.credit.dropped(seq);
     this.timeline.add({ atMs: this.movedAt, frame: Number(header.getBigUint64(16, true)), message: buffer });
     if (this.playout.live && canDraw) void this.decodeLive(buffer, seq);
     else this.credit.dropped(seq);
+  }
+
+  /** Whether a node was too busy for its part of a set: of the other cameras a person would be far too large. */
+  private lacksSome(count: number): boolean {
+    if (count === this.cameras) this.wholeAt = this.movedAt;
+    // None at all: only the frame's number was asked for.
+    return count > 0 && count < this.cameras && this.movedAt - this.wholeAt < WHOLE_MS;
   }
 
   private async decodeLive(message: ArrayBuffer, seq: number): Promise<void> {
@@ -121,9 +139,19 @@ export class Frames {
     });
   }
 
-  /** What the timeline shows is to be decoded again. */
-  lookAgain(): void {
+  /** The set that is on the screen is needed once more: the card lost it, or other things of it are wanted. */
+  again(): void {
     this.shownKept = null;
+    if (!this.playout.live || this.ready || !this.shown) return;
+    const { frame } = this.shown;
+    const kept = this.timeline.newest();
+    if (!kept || kept.frame !== frame) return;
+    void this.decoder.decode({ message: kept.message, ...this.wanted() }).then((outcome) => {
+      if (outcome.op !== "decoded") return;
+      // What came meanwhile is newer.
+      if (this.playout.live && !this.ready && this.shown?.frame === frame) this.ready = outcome;
+      else closeImages(outcome);
+    });
   }
 
   get isReady(): boolean {
@@ -138,14 +166,16 @@ export class Frames {
     this.shown = { frame: set.frame, atMs: now };
     this.count++;
     this.rate.add(now);
-    if (this.playout.live) this.drawing = { seq: set.seq, capturedUnixS: set.capturedUnixS };
+    if (this.playout.live) this.drawing = { seq: set.seq, capturedUnixS: set.seq === this.takenSeq ? null : set.capturedUnixS };
+    this.takenSeq = set.seq;
     return set;
   }
 
   /** The set that was taken last is on the screen: the server may send the next. */
   drawn(isSlow: boolean): void {
     if (!this.drawing) return;
-    this.latencyMs.add(Date.now() - this.drawing.capturedUnixS * 1000);
+    // What is drawn once more tells nothing of how long it took to come.
+    if (this.drawing.capturedUnixS !== null) this.latencyMs.add(Date.now() - this.drawing.capturedUnixS * 1000);
     this.credit.slow = isSlow;
     this.credit.shown(this.drawing.seq);
     this.movedAt = performance.now();
@@ -156,6 +186,7 @@ export class Frames {
   unstall(now: number): void {
     if (now - this.movedAt <= STALLED_MS || this.credit.outstanding === 0) return;
     this.movedAt = now;
+    this.stalls++;
     this.credit.giveBack();
   }
 }

@@ -354,11 +354,13 @@ vec4 photo(vec3 P, vec3 normal, vec3 eyeDir, float slack) {
   return vec4(sum, spread.x + spread.y + spread.z);
 }
 
+// A lamp that stands, and a weaker one at the eye: from behind a person is no shadow.
 vec3 clay(vec3 normal, vec3 dir) {
   float key = max(dot(normal, uLight), 0.0);
   float fill = 0.5 + 0.5 * dot(normal, uUp);
-  float rim = pow(1.0 - max(dot(normal, -dir), 0.0), 3.0);
-  vec3 lit = vec3(0.84, 0.80, 0.75) * (0.66 * key + 0.10) + vec3(0.13, 0.16, 0.20) * fill + vec3(0.10, 0.13, 0.17) * rim;
+  float facing = max(dot(normal, -dir), 0.0);
+  float rim = pow(1.0 - facing, 3.0);
+  vec3 lit = vec3(0.84, 0.80, 0.75) * (0.58 * key + 0.20 * facing + 0.06) + vec3(0.13, 0.16, 0.20) * fill + vec3(0.10, 0.13, 0.17) * rim;
   return lit;
 }
 

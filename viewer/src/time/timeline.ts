@@ -38,6 +38,11 @@ export class Timeline {
     return this.kept.length;
   }
 
+  /** The set that came last. */
+  newest(): Kept | null {
+    return this.kept.at(-1) ?? null;
+  }
+
   /** The first and the last moment that are kept; null if nothing is. */
   span(): readonly [number, number] | null {
     return this.kept.length > 0 ? [this.kept[0].atMs, this.kept[this.kept.length - 1].atMs] : null;

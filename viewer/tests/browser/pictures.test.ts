@@ -125,3 +125,25 @@ filmed("cameras that see a part only", { bent: true, outside: false, colour: fal
     }
   });
 });
+
+test("sets that lack cameras, of nodes that are busy, change nothing", async () => {
+  const film = await known(browser, { bent: false, outside: true, colour: false });
+  let sent = 0;
+  const some = { ...film.film, frame: () => (sent++ % 2 === 0 ? film.film.frame(0) : film.film.frame(0).slice(0, 1)) };
+  const feeder = await serve(some, DIST);
+  const { page, complaints } = await open(browser, `${feeder.address}#mode=shaded`);
+  try {
+    await until(page, "a first frame", ({ framesShown }) => framesShown > 0);
+    const whole = await picture(page, { camera: 0 }, 160, 120, "shaded");
+    for (let round = 0; round < 12; round++) {
+      await page.waitForTimeout(70);
+      const { mask } = await picture(page, { camera: 0 }, 160, 120, "shaded");
+      assert.ok(overlap(mask, whole.mask) > 0.999, `round ${round}`);
+    }
+    assert.ok(sent > 4, "both kinds came");
+    assert.deepEqual(complaints, []);
+  } finally {
+    await page.context().close();
+    await feeder.close();
+  }
+});
