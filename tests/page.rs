@@ -18,7 +18,7 @@ use tokio::net::TcpStream;
 use tokio_tungstenite::tungstenite::Message;
 use tokio_tungstenite::{MaybeTlsStream, WebSocketStream};
 
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_secs(100);
 
 /// A demo and the address that its first line tells.
 struct Demo {
@@ -52,7 +52,8 @@ impl Demo {
     }
 
     async fn connect(&self, url: &str) -> Page {
-        Page(tokio_tungstenite::connect_async(url).await.expect("connects").0)
+        let (socket, _) = tokio_tungstenite::connect_async(url).await.expect("connects");
+        Page { socket, deadline: tokio::time::Instant::now() + PATIENCE }
     }
 }
 
@@ -64,15 +65,19 @@ impl Drop for Demo {
     }
 }
 
-struct Page(WebSocketStream<MaybeTlsStream<TcpStream>>);
+struct Page {
+    socket: WebSocketStream<MaybeTlsStream<TcpStream>>,
+    /// By then it has heard all that its test waits for.
+    deadline: tokio::time::Instant,
+}
 
 impl Page {
     async fn say(&mut self, text: Value) {
-        self.0.send(Message::text(text.to_string())).await.expect("sent");
+        self.socket.send(Message::text(text.to_string())).await.expect("sent");
     }
 
     async fn hear(&mut self) -> Message {
-        let heard = tokio::time::timeout(PATIENCE, self.0.next()).await.expect("in time");
+        let heard = tokio::time::timeout_at(self.deadline, self.socket.next()).await.expect("in time");
         heard.expect("not closed").expect("a message")
     }
 
@@ -236,7 +241,9 @@ fn eight_cameras_at_full_rate_fit_into_fifteen_megabits() {
     let (mut runs, mut jpegs, mut sets) = (0, 0, 0);
     for frame in 0..45 {
         film.credit(frame);
+        let deadline = std::time::Instant::now() + PATIENCE;
         let found = loop {
+            assert!(std::time::Instant::now() < deadline, "frame {frame} is filmed sooner or later");
             match ring.get(frame) {
                 Ok(found) => break found,
                 Err(_) => std::thread::sleep(Duration::from_millis(2)),

@@ -140,8 +140,8 @@ impl Coordinator {
             }
             Command::Spawn(ref spec) => {
                 let prepared = self.world.prepare((**spec).clone()).map_err(refused)?;
-                let shapes = self.shapes().chain([Arc::clone(prepared.shape())]).collect();
-                self.register(shapes).await?;
+                let asked_about = (!spec.fixed).then(|| Arc::clone(prepared.shape()));
+                self.register(self.shapes().chain(asked_about).collect()).await?;
                 let id = self.world.spawn(prepared).map_err(refused)?;
                 self.bodies_changed();
                 return Ok(Done::Spawned(id));

@@ -6,6 +6,7 @@ use crate::samples;
 use crate::scene::{BodySpec, MAX_BODIES, MAX_POSITION_M, MAX_SPEED_M_S, Scene, speed};
 use hull::Shape;
 use nalgebra::Vector3;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use thiserror::Error;
 
@@ -15,6 +16,8 @@ pub type BodyId = u32;
 /// Samples of all moving bodies at most, once bodies are added: half of what one question may hold, and a
 /// quarter of a second of a node's work.
 pub const MAX_SAMPLES: usize = 500_000;
+/// Samples of all different shapes at most, those of fixed bodies too: some 50 MB.
+const MAX_KEPT_SAMPLES: usize = 4_000_000;
 /// Records kept of bodies that are gone.
 const MAX_REMOVED: usize = 1000;
 /// A grip or a push may lie this far off the body's bounding ball, metres: pages point at where it was.
@@ -102,6 +105,11 @@ impl World {
         let found = samples + shape.samples_body().len();
         if !spec.fixed && found > MAX_SAMPLES {
             return Err(CommandError::TooMany { what: "samples of all bodies", found, most: MAX_SAMPLES });
+        }
+        let found = self.kept_samples(&shape);
+        if found > MAX_KEPT_SAMPLES {
+            let what = "samples of all different shapes";
+            return Err(CommandError::TooMany { what, found, most: MAX_KEPT_SAMPLES });
         }
         Ok(Prepared { spec, shape })
     }
@@ -246,6 +254,14 @@ impl World {
         let index = self.index_of(id)?;
         let body = &self.bodies[index];
         if body.fixed { Err(CommandError::Fixed(body.name.clone())) } else { Ok(index) }
+    }
+
+    /// Samples of all different shapes, this one among them.
+    fn kept_samples(&self, shape: &Arc<Shape>) -> usize {
+        let shapes = self.bodies.iter().map(|body| &body.shape).chain([shape]);
+        let kept: BTreeMap<*const Shape, usize> =
+            shapes.map(|shape| (Arc::as_ptr(shape), shape.samples_body().len())).collect();
+        kept.values().sum()
     }
 
     /// The samples of a solid; bodies of equal ones share them.

@@ -13,12 +13,12 @@ export function wantOf(app: App, hello: Hello): Want {
   const isDrawn = stage !== null && (mode === "photo" || mode === "shaded" || mode === "cones");
   const hasImages = (layers.has("cameras") && layers.has("images")) || app.wantsThumbnails;
   return {
-    colour: mode === "photo" && isDrawn ? (isWeak && colour === "full" ? "half" : colour) : "off",
+    colour: mode === "photo" && isDrawn && !hidden ? (isWeak && colour === "full" ? "half" : colour) : "off",
     fps: hidden ? 1 : Math.min(60, Math.max(1, Math.round(hello.fps))),
     state_hz: hidden ? 1 : 60,
     touches: layers.has("touches"),
     thumbnails_hz: hidden ? 0 : stage === null ? 4 : hasImages ? 1 : 0,
-    image_of: app.through !== null && app.opacity > 0 ? (app.rig[app.through]?.name ?? null) : null,
+    image_of: app.through !== null && !hidden && app.opacity > 0 ? (app.rig[app.through]?.name ?? null) : null,
     silhouettes: isDrawn && !hidden,
   };
 }

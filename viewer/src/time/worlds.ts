@@ -17,12 +17,8 @@ export class Worlds {
   private readonly worlds: WorldMessage[] = [];
   private bytes = 0;
 
-  /** A world came. One that is older than the newest begins a new run of time. */
+  /** A world came. After a reset, what lay before it stays for looking back, in order of arrival. */
   add(world: WorldMessage): void {
-    const newest = this.newest();
-    if (newest && (newest.generation !== world.generation || world.step < newest.step)) {
-      // A reset: what lies before it stays for looking back, in order of arrival.
-    }
     this.worlds.push(world);
     this.bytes += world.bytes;
     while (this.worlds.length > MAX_WORLDS || (this.bytes > MAX_BYTES && this.worlds.length > 2)) {

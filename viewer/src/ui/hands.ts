@@ -55,6 +55,8 @@ interface Held {
   target: Vector3;
   readonly path: { at: number; point: Vector3 }[];
   sentAt: number;
+  /** Whether an answer is waited for. */
+  isAsking: boolean;
 }
 
 export class Hands {
@@ -126,6 +128,7 @@ export class Hands {
       target: hit.point.clone(),
       path: [{ at: performance.now(), point: hit.point.clone() }],
       sentAt: 0,
+      isAsking: false,
     };
     this.send();
     return true;
@@ -219,8 +222,8 @@ export class Hands {
   private move(point: Vector3): void {
     const held = this.held!;
     const up = new Vector3(...(this.app.hello?.up ?? [0, 1, 0]));
-    const floor = this.app.hello?.floor_m;
-    if (floor !== null && floor !== undefined) point.addScaledVector(up, Math.max(0, floor + 0.02 - point.dot(up)));
+    const floor = this.floor();
+    if (floor !== null) point.addScaledVector(up, Math.max(0, floor + 0.02 - point.dot(up)));
     held.target = point;
     held.path.push({ at: performance.now(), point: point.clone() });
     if (held.path.length > 64) held.path.shift();
@@ -233,12 +236,25 @@ export class Hands {
     const now = performance.now();
     if (now - held.sentAt < 14) return;
     held.sentAt = now;
-    void this.app.command("grab", { body: held.body, grip: held.grip, target: held.target.toArray() }).then((answer) => {
+    // One at a time: a run that stands still for a moment is not sent a hundred places.
+    if (held.isAsking) return;
+    held.isAsking = true;
+    const sent = held.target;
+    void this.app.command("grab", { body: held.body, grip: held.grip, target: sent.toArray() }).then((answer) => {
+      held.isAsking = false;
+      if (!("refused" in answer) && this.held === held && !held.target.equals(sent)) this.send();
       if ("refused" in answer && this.held === held) {
         this.held = null;
         toast(answer.refused);
+        void this.app.command("release", { body: held.body });
       }
     });
+  }
+
+  /** Height of the scene's floor, or of the run's where the scene says nothing; metres along up. */
+  private floor(): number | null {
+    const { scene, hello } = this.app;
+    return (scene?.floor_m === undefined ? hello?.floor_m : scene.floor_m) ?? null;
   }
 
   private tell(answer: { refused?: string } | object): void {
@@ -277,7 +293,7 @@ export class Hands {
     const { hello } = this.app;
     if (!hello) return null;
     const normal = new Vector3(...hello.up);
-    const height = hello.floor_m ?? Math.min(new Vector3(...hello.volume.low).dot(normal), new Vector3(...hello.volume.high).dot(normal));
+    const height = this.floor() ?? Math.min(new Vector3(...hello.volume.low).dot(normal), new Vector3(...hello.volume.high).dot(normal));
     const point = this.raycaster.ray.intersectPlane(new Plane(normal, -height), new Vector3());
     if (!point || point.distanceTo(this.raycaster.ray.origin) > 30) return null;
     return { point, normal, body: null, what: "floor", distance: point.distanceTo(this.raycaster.ray.origin) };

@@ -188,6 +188,11 @@ export class Panel {
       return;
     }
     const seconds = Math.max(1, Math.min(30, Number(byId<HTMLInputElement>("background-seconds").value) || 3));
+    const stop = () => {
+      clearInterval(this.countdown);
+      this.countdown = undefined;
+      button.textContent = "Take background";
+    };
     let left = LEAVE_S;
     text.hidden = false;
     button.textContent = "Stop";
@@ -195,12 +200,14 @@ export class Panel {
       if (left > 0) {
         setText(text, `Leave the room: ${left} s`);
       } else if (left === 0) {
-        void this.ask("take_background", { seconds });
         setText(text, `Taking the background: ${seconds} s`);
+        void this.app.command("take_background", { seconds }).then((answer) => {
+          if (!("refused" in answer)) return;
+          stop();
+          setText(text, `No background was taken: ${answer.refused}`);
+        });
       } else if (left <= -seconds) {
-        clearInterval(this.countdown);
-        this.countdown = undefined;
-        button.textContent = "Take background";
+        stop();
         setText(text, "Background taken.");
         return;
       } else {

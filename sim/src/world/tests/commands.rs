@@ -231,4 +231,13 @@ fn bodies_and_samples_are_bounded() {
     };
     assert!((2..20).contains(&count), "{count}");
     assert!(error.contains("samples of all bodies, expected at most 500000"), "{error}");
+    // Fixed ones are never asked about, but their samples are there.
+    let error = (1..500).find_map(|size| {
+        let edge = 5.0 - 0.001 * f64::from(size);
+        let fixed = format!("fixed = true\nshape.box.size = [{edge}, 5, 5]\nposition = [0, 3, 0]");
+        let prepared = world.prepare(request(&fixed));
+        prepared.map(|prepared| world.spawn(prepared).expect("room")).err()
+    });
+    let error = error.expect("a bound").to_string();
+    assert!(error.contains("samples of all different shapes, expected at most 4000000"), "{error}");
 }
