@@ -201,11 +201,12 @@ impl Standing {
     }
 
     /// What two groups say together.
+    #[inline]
     pub fn and(self, other: Standing) -> Standing {
-        match (self.inside_count(), other.inside_count()) {
-            (Some(a), Some(b)) => Standing::inside(a + b),
-            _ => Standing::OUTSIDE,
-        }
+        // Without branches: many are merged at once.
+        let is_outside = (self == Standing::OUTSIDE) | (other == Standing::OUTSIDE);
+        let count = self.0.saturating_add(other.0).min(254);
+        if is_outside { Standing::OUTSIDE } else { Standing(count) }
     }
 }
 

@@ -4,7 +4,7 @@ use hull::camera::Pixel;
 use hull::question::{Answer, Change, Edge, Kind, NO_EXIT_M, Standing};
 
 use super::bulk::{Field, pack_f32, unpack, unpack_f32x3};
-use super::choice::{ChoiceWriter, push_number, read_choice, take_number};
+use super::choice::{choice, push_number, read_choice, take_number};
 use super::packed::{pack, unpack_at_most, unpack_exactly};
 use super::rounded::{
     Precision, UnitBits, covering_code, from_octahedral, nearest_code, octahedral, on_scale, step_m,
@@ -75,13 +75,6 @@ fn checked_count(count: u32, field: Field) -> Result<usize, ConvertError> {
     Ok(count)
 }
 
-fn choice(taken: impl ExactSizeIterator<Item = bool>) -> bytes::Bytes {
-    let mut writer = ChoiceWriter::default();
-    let count = taken.len();
-    taken.enumerate().filter(|(_, taken)| *taken).for_each(|(index, _)| writer.take(index));
-    writer.finish(count)
-}
-
 fn chosen(bytes: &[u8], count: usize, field: Field) -> Result<Vec<u32>, ConvertError> {
     let mut indices = Vec::new();
     read_choice(bytes, count, field, |index| indices.push(index as u32))?;
@@ -94,7 +87,7 @@ fn classes_to_wire(standings: &[Standing], camera_count: usize) -> v1::ClassesAn
     let counts: Vec<u8> = if all { Vec::new() } else { counts.map(|count| count as u8).collect() };
     v1::ClassesAnswer {
         count: standings.len() as u32,
-        not_outside: choice(standings.iter().map(|&standing| standing != Standing::OUTSIDE)),
+        not_outside: choice(standings, |&standing| standing != Standing::OUTSIDE),
         inside_counts: pack(&counts),
         cameras: camera_count as u32,
     }
@@ -121,10 +114,9 @@ fn classes_from_wire(answer: &v1::ClassesAnswer) -> Result<Answer, ConvertError>
 fn edges_to_wire(edges: &[Option<Edge>], precision: Precision) -> v1::EdgesAnswer {
     let present = || edges.iter().flatten();
     let all_same = present().zip(present().skip(1)).all(|(a, b)| a.camera == b.camera);
-    let cameras: Vec<u8> = present()
-        .take(if all_same { 1 } else { edges.len() })
-        .flat_map(|edge| edge.camera.to_le_bytes())
-        .collect();
+    let mut cameras = Vec::new();
+    let told = present().take(if all_same { 1 } else { edges.len() });
+    told.for_each(|edge| cameras.extend_from_slice(&edge.camera.to_le_bytes()));
     let (mut pixels, mut before) = (Vec::new(), NO_PIXEL);
     // Where numbers are rounded nobody asks for the pixel.
     for Edge { pixel, .. } in present().filter(|_| precision == Precision::Exact) {
@@ -135,7 +127,7 @@ fn edges_to_wire(edges: &[Option<Edge>], precision: Precision) -> v1::EdgesAnswe
     }
     let mut wire = v1::EdgesAnswer {
         count: edges.len() as u32,
-        present: choice(edges.iter().map(Option::is_some)),
+        present: choice(edges, Option::is_some),
         distances: bytes::Bytes::new(),
         normals: bytes::Bytes::new(),
         cameras: pack(&cameras),
@@ -246,7 +238,7 @@ fn exits_to_wire(answer: &Answer, precision: Precision) -> v1::ExitsAnswer {
     let present = || answer.exits_m.iter().copied().filter(|&exit_m| exit_m != NO_EXIT_M);
     let mut wire = v1::ExitsAnswer {
         count: answer.exits_m.len() as u32,
-        present: choice(answer.exits_m.iter().map(|&exit_m| exit_m != NO_EXIT_M)),
+        present: choice(&answer.exits_m, |&exit_m| exit_m != NO_EXIT_M),
         outside: bytes::Bytes::new(),
         changes: pack(&changes),
         step_m: 0.0,

@@ -22,11 +22,17 @@ impl Field {
 }
 
 pub(super) fn pack_f32(numbers: impl IntoIterator<Item = f32>) -> Bytes {
-    numbers.into_iter().flat_map(f32::to_le_bytes).collect::<Vec<u8>>().into()
+    let numbers = numbers.into_iter();
+    let mut bytes = Vec::with_capacity(4 * numbers.size_hint().0);
+    numbers.for_each(|number| bytes.extend_from_slice(&number.to_le_bytes()));
+    bytes.into()
 }
 
 pub(super) fn pack_f64(numbers: impl IntoIterator<Item = f64>) -> Bytes {
-    numbers.into_iter().flat_map(f64::to_le_bytes).collect::<Vec<u8>>().into()
+    let numbers = numbers.into_iter();
+    let mut bytes = Vec::with_capacity(8 * numbers.size_hint().0);
+    numbers.for_each(|number| bytes.extend_from_slice(&number.to_le_bytes()));
+    bytes.into()
 }
 
 /// Numbers of `N` bytes each.

@@ -12,27 +12,63 @@ const BITS_LZ4: u8 = 1;
 const RUNS: u8 = 2;
 const RUNS_LZ4: u8 = 3;
 
-/// Collects runs of things taken, in ascending order.
+/// Those of some things that are taken, as a choice.
+pub(super) fn choice<T>(things: &[T], is_taken: impl Fn(&T) -> bool) -> Bytes {
+    let (eights, rest) = things.as_chunks::<8>();
+    let mut bits: Vec<u8> = Vec::with_capacity(things.len().div_ceil(8));
+    bits.extend(eights.iter().map(|eight| byte_of(eight.each_ref().map(&is_taken))));
+    if !rest.is_empty() {
+        bits.push(byte_of(std::array::from_fn(|at| rest.get(at).is_some_and(&is_taken))));
+    }
+    from_bits(&bits, things.len())
+}
+
+/// Eight bits, the first lowest.
+fn byte_of(taken: [bool; 8]) -> u8 {
+    // Each byte's lowest bit is moved to its place in the highest byte; no two meet on the way.
+    (u64::from_le_bytes(taken.map(u8::from)).wrapping_mul(0x0102_0408_1020_4080) >> 56) as u8
+}
+
+/// The choice out of `count` things of which a bit each says whether it is taken.
+fn from_bits(bits: &[u8], count: usize) -> Bytes {
+    match runs(bits, count) {
+        Some(lengths) => store(&lengths, RUNS, RUNS_LZ4).into(),
+        None => store(bits, BITS, BITS_LZ4).into(),
+    }
+}
+
+/// Lengths by turns: left out, taken, left out, …; `None` if they are no shorter than the bits.
+fn runs(bits: &[u8], count: usize) -> Option<Vec<u8>> {
+    let mut lengths = Vec::with_capacity(bits.len());
+    let (mut told, mut is_taking) = (0, false);
+    for (index, &byte) in bits.iter().enumerate() {
+        // Bits that differ from the one before.
+        let mut changes = byte ^ (byte << 1 | u8::from(is_taking));
+        while changes != 0 {
+            let at = index * 8 + changes.trailing_zeros() as usize;
+            push_number(&mut lengths, at - told);
+            (told, is_taking) = (at, !is_taking);
+            changes &= changes - 1;
+        }
+        if lengths.len() >= bits.len() {
+            return None;
+        }
+    }
+    if is_taking {
+        push_number(&mut lengths, count - told);
+    }
+    (lengths.len() < bits.len()).then_some(lengths)
+}
+
+/// Collects things taken, in any order.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ChoiceWriter {
-    /// Lengths by turns: left out, taken, left out, …
-    lengths: Vec<u8>,
     bits: Vec<u8>,
-    /// The run that is being taken.
-    from: usize,
-    to: usize,
-    /// Where the run before ended.
-    told: usize,
 }
 
 impl ChoiceWriter {
-    /// Takes a thing; every one at most once, in ascending order.
+    /// Takes a thing.
     pub fn take(&mut self, index: usize) {
-        if index != self.to {
-            self.end_run();
-            self.from = index;
-        }
-        self.to = index + 1;
         let byte = index / 8;
         if byte >= self.bits.len() {
             self.bits.resize(byte + 1, 0);
@@ -40,27 +76,12 @@ impl ChoiceWriter {
         self.bits[byte] |= 1 << (index % 8);
     }
 
-    fn end_run(&mut self) {
-        if self.from < self.to {
-            push_number(&mut self.lengths, self.from - self.told);
-            push_number(&mut self.lengths, self.to - self.from);
-            self.told = self.to;
-        }
-    }
-
     /// The choice out of `count` things; empties the writer.
     pub fn finish(&mut self, count: usize) -> Bytes {
-        self.end_run();
         self.bits.resize(count.div_ceil(8), 0);
-        let bytes = if self.lengths.len() < self.bits.len() {
-            store(&self.lengths, RUNS, RUNS_LZ4)
-        } else {
-            store(&self.bits, BITS, BITS_LZ4)
-        };
-        self.lengths.clear();
+        let bytes = from_bits(&self.bits, count);
         self.bits.clear();
-        (self.from, self.to, self.told) = (0, 0, 0);
-        bytes.into()
+        bytes
     }
 }
 
@@ -159,6 +180,7 @@ mod tests {
         writer.finish(10);
         taken.iter().enumerate().filter(|(_, taken)| **taken).for_each(|(index, _)| writer.take(index));
         let bytes = writer.finish(taken.len());
+        assert_eq!(choice(taken, |&taken| taken), bytes, "both ways to write it");
         let mut back = vec![false; taken.len()];
         read_choice(&bytes, taken.len(), FIELD, |index| back[index] = true).expect("valid");
         (bytes.len(), back)
