@@ -14,6 +14,7 @@ use tokio_stream::wrappers::ReceiverStream;
 use tonic::service::Routes;
 use tonic::{Request, Response, Status};
 
+use crate::message::MAX_TOUCHES;
 use crate::server::{Seat, Shared};
 use crate::ticks::{DEFAULT_RATE_HZ, MAX_PROGRAMS, Ticks};
 
@@ -313,7 +314,7 @@ fn state(world: &WorldState, with_touches: bool) -> v1::WorldState {
         frame: world.frame,
         paused: world.paused,
         bodies: world.bodies.iter().map(body_state).collect(),
-        touches: touches.iter().filter_map(touch).collect(),
+        touches: touches.iter().take(MAX_TOUCHES).filter_map(touch).collect(),
     }
 }
 

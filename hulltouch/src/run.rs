@@ -326,6 +326,10 @@ pub fn play(
         Some(album) => runtime.block_on(finish(album))?,
         None => Vec::new(),
     };
+    if let (Err(_), Some(Ok(Err(error)))) = (&ran, &recorded) {
+        // The run's own failure is what it ends with.
+        tracing::error!("{error}");
+    }
     let (figures, world) = ran.map_err(Failure::run)?;
     let mut json: Value = report::json(setup, &figures, &world, &overlaps);
     let mut summary = report::summary(setup, &figures, &world);

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
-use std::io::{BufWriter, Write as _};
+use std::io::{BufWriter, ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 use std::thread::JoinHandle;
@@ -110,8 +110,7 @@ impl Sink {
 
 impl FileWriter {
     /// Creates the file and all its channels; `first` is on the disk when this returns. A file that is there
-    /// stays as it is until the new one is complete, and is
-    /// replaced only if it may be. With `waits` a slow disk holds up whoever hands in messages.
+    /// stays as it is until the new one is complete, and is replaced only if it may be. With `waits` a slow disk holds up whoever hands in messages.
     pub fn create(
         path: &Path,
         overwrites: Overwrites,
@@ -123,9 +122,13 @@ impl FileWriter {
         if writing != path && overwrites == Overwrites::Never {
             return Err(WriteError::Exists(path.to_owned()));
         }
-        let unwritable = |problem: String| WriteError::Unwritable { path: path.to_owned(), problem };
-        let created = if writing == path { File::create_new(path) } else { File::create(&writing) };
-        let file = created.map_err(|error| unwritable(error.to_string()))?;
+        let unwritable = |problem: String| WriteError::Unwritable { path: writing.clone(), problem };
+        let file = File::create_new(&writing).map_err(|error| match error.kind() {
+            ErrorKind::AlreadyExists => {
+                unwritable("a run that did not end left this file; keep it elsewhere, or remove it".into())
+            }
+            _ => unwritable(error.to_string()),
+        })?;
         let mut chunks = Chunks::begin(file, names).map_err(|error| unwritable(explained(&error)))?;
         chunks.add(&[first]).and_then(|()| chunks.flush()).map_err(|error| unwritable(explained(&error)))?;
         let sink =
@@ -149,7 +152,7 @@ impl FileWriter {
     /// Writes what waits and completes the file.
     pub fn finish(mut self) -> Result<(), WriteError> {
         self.join();
-        let unwritable = |problem: String| WriteError::Unwritable { path: self.path.clone(), problem };
+        let unwritable = |problem: String| WriteError::Unwritable { path: self.writing.clone(), problem };
         if let Some(problem) = self.sink.problem() {
             return Err(unwritable(problem.to_owned()));
         }

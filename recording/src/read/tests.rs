@@ -323,6 +323,13 @@ fn a_file_that_is_there_stays_until_the_new_one_is_complete() {
         1,
         "nothing recorded, nothing left"
     );
+    let left = folder.path().join("run.mcap.partial");
+    std::fs::write(&left, "what a crash left").expect("written");
+    let error =
+        record(&path, Overwrites::AtTheEnd, &header(Precision::Exact), None).expect_err("kept").to_string();
+    assert!(error.contains("run.mcap.partial") && error.contains("did not end"), "{error}");
+    assert_eq!(std::fs::read_to_string(&left).expect("still there"), "what a crash left");
+    std::fs::remove_file(&left).expect("removed");
     let (mut recorder, file) =
         record(&path, Overwrites::AtTheEnd, &header(Precision::Exact), None).expect("beside");
     let world = World::new(&header(Precision::Exact).scene, WorldSettings::default()).expect("a world");
