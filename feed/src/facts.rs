@@ -1,7 +1,7 @@
 //! What a run is, as far as those who watch it need to know.
 
 use hull::rule::OutOfView;
-use hull::{Camera, ProbeSettings, Rig};
+use hull::{Camera, ProbeSettings, Rig, Silhouette};
 use nalgebra::{Matrix3, Point3, Vector3};
 
 /// Points along each edge of the grid that looks for the working volume.
@@ -12,6 +12,8 @@ const GRID: usize = 41;
 pub struct RunFacts {
     /// The cameras that take part.
     pub rig: Rig,
+    /// Of each camera, in rig order, the pixels where it is silent whatever it sees; `None` if there are none.
+    pub ignored: Vec<Option<Silhouette>>,
     /// How the hull judges.
     pub probes: ProbeSettings,
     /// Frames of the cluster per second.
@@ -127,6 +129,7 @@ pub(crate) mod tests {
         let rule = HullRule { out_of_view, min_views: 2 };
         RunFacts {
             rig: Rig::new((0..count).map(camera).collect()).expect("a rig"),
+            ignored: vec![None; count],
             probes: ProbeSettings::new(rule, NormalWindow::Auto, 1.0).expect("settings"),
             fps: 30.0,
             step_s: 1.0 / 120.0,

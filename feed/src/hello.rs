@@ -1,12 +1,15 @@
 //! The feed's texts: JSON objects with an `"op"`, one a message.
 
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
 use coordinator::live::{BodyLook, CameraStatus, Done, RunStatus, SceneState};
+use proto::convert::{SilhouetteEncoding, silhouette_data};
 use serde_json::{Value, json};
 use sim::{Scene, Solid};
 
 use crate::facts::{RunFacts, Volume};
-use hull::Camera;
 use hull::rule::OutOfView;
+use hull::{Camera, Silhouette};
 
 /// The version of the format.
 pub const VERSION: u8 = 1;
@@ -14,6 +17,7 @@ pub const VERSION: u8 = 1;
 /// What a page hears first. `volume` is that of the facts, found once: that takes a while.
 pub fn hello(facts: &RunFacts, volume: &Volume, session: &str, is_controller: bool) -> String {
     let rule = facts.probes.rule();
+    let cameras = facts.rig.cameras().iter().zip(&facts.ignored);
     json!({
         "op": "hello",
         "version": VERSION,
@@ -23,7 +27,7 @@ pub fn hello(facts: &RunFacts, volume: &Volume, session: &str, is_controller: bo
         "fps": facts.fps,
         "dt_s": facts.step_s,
         "latency_s": facts.latency_s,
-        "cameras": facts.rig.cameras().iter().map(camera).collect::<Vec<_>>(),
+        "cameras": cameras.map(|(known, ignored)| camera(known, ignored.as_ref())).collect::<Vec<_>>(),
         "rule": {
             "min_views": rule.min_views,
             "out_of_view": match rule.out_of_view {
@@ -42,13 +46,13 @@ pub fn hello(facts: &RunFacts, volume: &Volume, session: &str, is_controller: bo
     .to_string()
 }
 
-fn camera(camera: &Camera) -> Value {
+fn camera(camera: &Camera, ignored: Option<&Silhouette>) -> Value {
     let rows = |matrix: &nalgebra::Matrix3<f64>| -> Vec<[f64; 3]> {
         (0..3).map(|row| [0, 1, 2].map(|column| matrix[(row, column)])).collect()
     };
     let lens = camera.lens();
     let max_radius = lens.max_radius_squared().sqrt();
-    json!({
+    let mut object = json!({
         "name": camera.name(),
         "width": camera.width(),
         "height": camera.height(),
@@ -58,7 +62,12 @@ fn camera(camera: &Camera) -> Value {
         "translation": <[f64; 3]>::from(*camera.translation_m()),
         // Infinite becomes null: no radius is too large.
         "max_radius": max_radius,
-    })
+    });
+    if let (Some(mask), Value::Object(object)) = (ignored.filter(|mask| mask.area() > 0), &mut object) {
+        let runs = silhouette_data(mask, SilhouetteEncoding::Runs);
+        object.insert("ignored".into(), STANDARD.encode(runs).into());
+    }
+    object
 }
 
 /// Bodies and parameters.
@@ -193,4 +202,30 @@ pub fn refused(id: u64, why: &str) -> String {
 /// The last word before the server closes on purpose.
 pub fn bye(why: &str) -> String {
     json!({"op": "bye", "why": why}).to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::facts::tests::ring;
+
+    #[test]
+    fn a_camera_says_which_pixels_it_ignores_as_the_runs_of_a_silhouette() {
+        let mut facts = ring(3, OutOfView::Outside);
+        // Columns 3 to 5 of row 1, and nothing else.
+        let mut mask = vec![0; 100 * 100];
+        mask[103..106].fill(1);
+        facts.ignored[1] = Some(Silhouette::from_mask(100, 100, &mask).expect("a mask"));
+        facts.ignored[2] = Some(Silhouette::from_mask(100, 100, &[0; 100 * 100]).expect("a mask"));
+        let text = hello(&facts, &facts.volume(), "a session", false);
+        let told: Value = serde_json::from_str(&text).expect("JSON");
+        let cameras = told["cameras"].as_array().expect("a list");
+        assert!(cameras[0].get("ignored").is_none(), "no mask, no word of it");
+        assert!(cameras[2].get("ignored").is_none(), "a mask without pixels is none");
+        let runs = STANDARD.decode(cameras[1]["ignored"].as_str().expect("a text")).expect("base64");
+        // A row without runs is a zero; row 1 has one run, after 3 pixels, of 2 more than one.
+        assert_eq!(runs[..5], [0, 1, 3, 2, 0]);
+        assert_eq!(runs.len(), 102);
+        assert_eq!(cameras.len(), 3);
+    }
 }

@@ -177,6 +177,11 @@ pub fn node_config(file: &ClusterFile, indices: &[usize], empty: bool) -> Outcom
     Ok(NodeConfig { cameras, settings: file.probes, fps: file.fps })
 }
 
+/// What each camera ignores, in rig order, from the masks that the cluster file names.
+pub fn ignored_pixels(file: &ClusterFile) -> Outcome<Vec<Option<Silhouette>>> {
+    file.cameras.iter().zip(file.rig.cameras()).map(|(entry, camera)| ignored(entry, camera)).collect()
+}
+
 /// The scene without the person.
 fn emptied(entry: &CameraEntry) -> Outcome<SourceConfig> {
     if let SourceConfig::Stage(stage) = &entry.source {

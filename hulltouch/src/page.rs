@@ -10,9 +10,11 @@ use coordinator::live::{Follower, Live, live};
 use feed::osc::Osc;
 use feed::pictures::Pictures;
 use feed::{Feed, FeedError, FeedSettings, Origin, RunFacts, Token};
+use hull::Silhouette;
 
 use crate::cluster_file::ClusterFile;
 use crate::failure::{Failure, Outcome};
+use crate::node::ignored_pixels;
 use crate::run::Setup;
 
 /// Where the page is unless somebody says otherwise.
@@ -76,6 +78,8 @@ impl PageArguments {
 pub struct PageSource {
     /// Makes what is asked for pictures; called within the page's own runtime.
     pub pictures: Box<dyn FnOnce() -> Arc<dyn Pictures>>,
+    /// Which pixels each camera ignores, in rig order.
+    pub ignored: Vec<Option<Silhouette>>,
     /// Whether any of it has colours.
     pub has_colour: bool,
     /// Whether it is a recording that is shown.
@@ -83,13 +87,14 @@ pub struct PageSource {
 }
 
 impl PageSource {
-    /// Of the cameras of a cluster file.
+    /// Of the cameras of a cluster file, whose ignore masks are read.
     pub fn of_cameras<P: Pictures + 'static>(
         file: &ClusterFile,
         pictures: impl FnOnce() -> Arc<P> + 'static,
-    ) -> PageSource {
+    ) -> Outcome<PageSource> {
         let has_colour = file.cameras.iter().any(|camera| !matches!(camera.source, SourceConfig::Masks(_)));
-        PageSource { pictures: Box::new(move || pictures()), has_colour, is_replay: false }
+        let ignored = ignored_pixels(file)?;
+        Ok(PageSource { pictures: Box::new(move || pictures()), ignored, has_colour, is_replay: false })
     }
 }
 
@@ -127,6 +132,7 @@ fn serve_page(
     let file = &setup.file;
     let facts = RunFacts {
         rig: file.rig.clone(),
+        ignored: source.ignored,
         probes: file.probes,
         fps: file.fps,
         step_s,

@@ -58,6 +58,7 @@ pub fn run(arguments: &ReplayArguments) -> Outcome {
         file: None,
         pictures: Some(PageSource {
             pictures: Box::new(move || Arc::new(pictures)),
+            ignored: header.ignored.clone(),
             has_colour: recording.has_colour(),
             is_replay: true,
         }),

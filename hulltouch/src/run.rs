@@ -159,13 +159,13 @@ pub fn run_locally(setup: &Setup) -> Outcome {
             let pictures = Arc::new(frames.pictures(&config)?);
             let of_run = Arc::clone(&pictures);
             let colours = record_colours(setup, || of_run);
-            let pictures = PageSource::of_cameras(&setup.file, || pictures);
+            let pictures = PageSource::of_cameras(&setup.file, || pictures)?;
             run(setup, |_, _| Transport::in_process(Box::new(frames)), pictures, colours, Duration::ZERO)
         }
         TransportName::Cluster | TransportName::Gather => {
             let cluster = LocalCluster::start(&setup.file, setup.empty)?;
             let nodes = cluster.nodes().to_vec();
-            let (pictures, colours) = node_pictures(setup, &nodes);
+            let (pictures, colours) = node_pictures(setup, &nodes)?;
             let transport = |world: &World, gather| connect(setup, nodes, world, gather);
             run(setup, transport, pictures, colours, Duration::from_secs(20))
         }
@@ -184,7 +184,7 @@ pub fn run_deployed(setup: &Setup, patience: Duration) -> Outcome {
         })?;
         nodes.push(expected_node(&setup.file, address.clone(), &indices));
     }
-    let (pictures, colours) = node_pictures(setup, &nodes);
+    let (pictures, colours) = node_pictures(setup, &nodes)?;
     run(setup, |world, gather| connect(setup, nodes, world, gather), pictures, colours, patience)
 }
 
@@ -197,13 +197,13 @@ fn record_colours<P: Pictures + 'static>(
 }
 
 /// Asks the nodes themselves, over connections of the page's and of the recording's own.
-fn node_pictures(setup: &Setup, nodes: &[ExpectedNode]) -> (PageSource, Option<ColourSource>) {
+fn node_pictures(setup: &Setup, nodes: &[ExpectedNode]) -> Outcome<(PageSource, Option<ColourSource>)> {
     let cameras = |node: &ExpectedNode| node.cameras.iter().map(|camera| camera.rig_index).collect();
     let nodes: Vec<(Address, Vec<u16>)> =
         nodes.iter().map(|node| (node.address.clone(), cameras(node))).collect();
     let of_run = nodes.clone();
     let colours = record_colours(setup, || Arc::new(NodePictures::new(of_run)));
-    (PageSource::of_cameras(&setup.file, || Arc::new(NodePictures::new(nodes))), colours)
+    Ok((PageSource::of_cameras(&setup.file, || Arc::new(NodePictures::new(nodes)))?, colours))
 }
 
 /// Says now what would fail at the end.

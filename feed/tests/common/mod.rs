@@ -113,6 +113,7 @@ impl Run {
         let studio = Arc::new(Studio::default());
         let facts = RunFacts {
             rig: rig(),
+            ignored: vec![None; CAMERAS],
             probes: ProbeSettings::default(),
             fps: FPS,
             step_s: 1.0 / 120.0,

@@ -12,7 +12,7 @@ export interface Box {
   readonly high: readonly [number, number, number];
 }
 
-/** One camera's silhouette: its field, or null for an empty one. */
+/** One camera's silhouette, with what it ignores: their field, or null if both are empty. */
 export interface Seen {
   readonly camera: Camera;
   readonly field: DistanceField | null;

@@ -25,8 +25,10 @@ export interface Job {
 /** One camera, ready for the graphics card. */
 export interface DecodedCamera {
   readonly camera: number;
-  /** Distances around the silhouette; null for an empty one. */
+  /** Distances around the silhouette and what is ignored; null if both are empty. */
   readonly field: { readonly rect: Rect; readonly step: number; readonly columns: number; readonly rows: number; readonly bytes: Uint8Array } | null;
+  /** What the field of the silhouette alone would cover; null for an empty one. */
+  readonly around: Rect | null;
   readonly hasRuns: boolean;
   /** Foreground share of the image. */
   readonly foreground: number;

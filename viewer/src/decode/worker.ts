@@ -1,14 +1,13 @@
 /** Decodes frame sets off the page's thread: runs to distances, JPEG to bitmaps, the box around the hull. */
-import { distanceField, type DistanceField, Scratch } from "../feed/distance.ts";
+import { Scratch } from "../feed/distance.ts";
 import { type CameraPart, type FrameSet, parseMessage } from "../feed/message.ts";
 import { decodeRuns } from "../feed/runs.ts";
 import { type Camera, camera } from "../view/lens.ts";
 import { contour } from "./contour.ts";
 import { hullBox, type Seen } from "./hull_box.ts";
+import { type Silhouette, silhouetteOf } from "./silhouette.ts";
 import type { Decoded, DecodedCamera, Failed, Job, Setup } from "./work.ts";
 
-/** Fields of larger images are made at half or a quarter of their size. */
-const MAX_FIELD_SIDE = 2048;
 const MAX_SEGMENTS = 1500;
 
 let setup: Setup | null = null;
@@ -78,22 +77,21 @@ function decodePart(part: CameraPart, contours: boolean, offImageIsOutside: bool
   if (part.jpeg && (crop.right > seenBy.width + 64 || crop.bottom > seenBy.height + 64)) {
     throw new Error(`${seenBy.name}: a crop to ${crop.right} x ${crop.bottom} of ${seenBy.width} x ${seenBy.height} pixels`);
   }
-  let field: DistanceField | null = null;
+  let silhouette: Silhouette = { field: null, outlined: null, around: null };
   let foreground = 0;
   if (part.runs) {
     const runs = decodeRuns(part.runs, seenBy.width, seenBy.height);
     foreground = runs.area / (seenBy.width * seenBy.height);
-    let step = 1;
-    while (Math.max(seenBy.width, seenBy.height) / step > MAX_FIELD_SIDE) step *= 2;
-    field = distanceField(runs, offImageIsOutside, step, scratch);
+    silhouette = silhouetteOf(seenBy, runs, offImageIsOutside, contours, scratch);
   }
   return {
     camera: part.camera,
-    field,
+    field: silhouette.field,
+    around: silhouette.around,
     hasRuns: part.runs !== null,
     foreground,
     crop,
-    contour: contours && field ? contour(field, 3, MAX_SEGMENTS) : null,
+    contour: silhouette.outlined ? contour(silhouette.outlined, 3, MAX_SEGMENTS) : null,
     bytes: (part.runs?.length ?? 0) + (part.jpeg?.length ?? 0),
   };
 }

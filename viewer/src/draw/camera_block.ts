@@ -1,6 +1,7 @@
 /** Everything the shaders know of the cameras, as one uniform block: sixteen vectors a camera. */
 import { Uniform, UniformsGroup } from "three";
 import type { DecodedCamera } from "../decode/work.ts";
+import { type DistanceField, fieldStep } from "../feed/distance.ts";
 import { type Camera, normalised } from "../view/lens.ts";
 
 /** Vectors of four numbers a camera takes; as `cam[…]` in the shaders. */
@@ -37,7 +38,7 @@ export class CameraBlock {
     this.set(k, 3, [m0[0], m0[1], m0[2], m1[2]]);
     this.set(k, 4, [m1[1], camera.pixelsPerUnit, camera.radiusLimit, ABSENT]);
     this.set(k, 5, [k1, k2, p1, p2]);
-    this.set(k, 6, [k3, camera.width, camera.height, 1]);
+    this.set(k, 6, [k3, camera.width, camera.height, fieldStep(camera.width, camera.height)]);
     this.set(k, 11, [...camera.centre, 0]);
   }
 
@@ -49,11 +50,11 @@ export class CameraBlock {
     this.numbers[at + 4 * 4 + 3] = part.hasRuns ? (field ? SILHOUETTE : EMPTY) : ABSENT;
     this.numbers[at + 11 * 4 + 3] = 0;
     if (field) {
-      this.numbers[at + 6 * 4 + 3] = field.step;
       const { left, top, right, bottom } = field.rect;
       this.set(k, 7, [left, top, right, bottom]);
-      this.set(k, 12, [1 / (fieldLayer[0] * field.step), 1 / (fieldLayer[1] * field.step), 0, 0]);
-      this.set(k, 10, this.normalisedBox(this.cameras[k], left + 8, top + 8, right - 8, bottom - 8));
+      this.set(k, 12, [1 / (fieldLayer[0] * field.step), 1 / (fieldLayer[1] * field.step)]);
+      const person = part.around ?? field.rect;
+      this.set(k, 10, this.normalisedBox(this.cameras[k], person.left + 8, person.top + 8, person.right - 8, person.bottom - 8));
     }
     if (part.image && imageLayer) {
       const { left, top, right, bottom } = part.crop;
@@ -63,6 +64,12 @@ export class CameraBlock {
       this.set(k, 9, [across / imageLayer[0], down / imageLayer[1], 0.5 / across, 0.5 / down]);
       this.numbers[at + 11 * 4 + 3] = 1;
     }
+  }
+
+  /** Where a camera ignores pixels; the size is that of the texture's layers. */
+  ignore(k: number, { rect, step }: DistanceField, layer: readonly [number, number]): void {
+    this.numbers.set([1 / (layer[0] * step), 1 / (layer[1] * step)], (k * VECTORS + 12) * 4 + 2);
+    this.set(k, 13, [rect.left, rect.top, rect.right, rect.bottom]);
   }
 
   /** No silhouette of this camera. */

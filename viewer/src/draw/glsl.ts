@@ -8,6 +8,8 @@ export interface Compiled {
   readonly minViews: number;
   /** No camera has a lens that bends. */
   readonly straight: boolean;
+  /** Some camera ignores pixels. */
+  readonly ignoring: boolean;
 }
 
 export function defines(compiled: Compiled): Record<string, string | number> {
@@ -16,6 +18,7 @@ export function defines(compiled: Compiled): Record<string, string | number> {
     MIN_VIEWS: compiled.minViews,
     ...(compiled.offImageIsOutside ? { OUTSIDE: 1 } : {}),
     ...(compiled.straight ? { STRAIGHT: 1 } : {}),
+    ...(compiled.ignoring ? { IGNORING: 1 } : {}),
   };
 }
 
@@ -31,6 +34,9 @@ const HULL = /* glsl */ `
 layout(std140) uniform Cameras { vec4 cam[N * 16]; };
 #define CAM(k, i) cam[(k) * 16 + (i)]
 uniform sampler2DArray uField;
+#ifdef IGNORING
+uniform sampler2DArray uIgnored;
+#endif
 uniform vec3 uLow;
 uniform vec3 uHigh;
 
@@ -55,29 +61,42 @@ vec2 toImage(int k, vec2 n) {
   return vec2(m.x * d.x + m.y * d.y + m.z, CAM(k, 4).x * d.y + m.w) + 0.5;
 }
 
-// Pixels to the silhouette, positive outside.
-float fieldAt(int k, vec2 px) {
-  vec4 rect = CAM(k, 7);
+// Pixels to what a texture of distances is of, positive outside; rect: what a layer holds, scale: pixels to it.
+float readField(highp sampler2DArray field, int k, vec2 px, vec4 rect, vec2 scale) {
   float texel = CAM(k, 6).w;
   vec2 off = px - clamp(px, rect.xy, rect.zw);
   float r = dot(off, off);
   if (r > 0.0) return sqrt(r) + ${MARGIN_PIXELS.toFixed(1)} * texel;
   vec2 half_ = vec2(0.5 * texel);
-  vec2 uv = (clamp(px, rect.xy + half_, rect.zw - half_) - rect.xy) * CAM(k, 12).xy;
-  return (textureLod(uField, vec3(uv, float(k)), 0.0).r * 127.5 - ${NEAR_PIXELS.toFixed(1)}) * texel;
+  vec2 uv = (clamp(px, rect.xy + half_, rect.zw - half_) - rect.xy) * scale;
+  return (textureLod(field, vec3(uv, float(k)), 0.0).r * 127.5 - ${NEAR_PIXELS.toFixed(1)}) * texel;
 }
 
+// Pixels to the silhouette and what is ignored, positive outside.
+float fieldAt(int k, vec2 px) {
+  return readField(uField, k, px, CAM(k, 7), CAM(k, 12).xy);
+}
+
+#ifdef IGNORING
+// Pixels to what camera k ignores, below zero within.
+float ignoredAt(int k, vec2 px) {
+  vec2 scale = CAM(k, 12).zw;
+  return scale.x > 0.0 ? readField(uIgnored, k, px, CAM(k, 13), scale) : 1e3;
+}
+#endif
+
 // At least how far, in metres, a point is from where camera k's answer changes; below zero inside. What one
-// cannot see is negative in y: then x tells how far its view is.
-vec2 cone(int k, vec3 P) {
+// cannot see is negative in y: then x tells how far its view is. Zero in y: an ignored pixel, where one neither
+// sees nor carves; z tells how far it is from one that is not.
+vec3 cone(int k, vec3 P) {
   vec4 scale = CAM(k, 4);
   vec3 X = toCamera(k, P);
-  if (X.z < 1e-3) return vec2(max(0.01, -X.z), -1.0);
+  if (X.z < 1e-3) return vec3(max(0.01, -X.z), -1.0, 0.0);
   vec2 n = X.xy / X.z;
   float s2 = 1.0 + dot(n, n);
   float s = sqrt(s2);
   float beyond = s2 - 1.0 > scale.z * scale.z ? sqrt(s2 - 1.0) - scale.z : 0.0;
-  if (beyond > 0.0) return vec2(beyond * X.z / (s + beyond), -1.0);
+  if (beyond > 0.0) return vec3(beyond * X.z / (s + beyond), -1.0, 0.0);
   vec2 px = toImage(k, n);
   float d = scale.w > 1.5 ? 400.0 : fieldAt(k, px);
   // The chamfer is up to a twelfth too long.
@@ -85,10 +104,14 @@ vec2 cone(int k, vec3 P) {
 #ifndef OUTSIDE
   vec2 past = max(-px, px - CAM(k, 6).yz);
   float edge = max(past.x, past.y);
-  if (edge > 0.0) return vec2(edge * X.z / (scale.y * s + edge), -1.0);
+  if (edge > 0.0) return vec3(edge * X.z / (scale.y * s + edge), -1.0, 0.0);
   if (d > 0.0) d = min(d, max(-edge, 0.25));
 #endif
-  return vec2(d * X.z / (scale.y * s + max(d, 0.0)), 1.0);
+#ifdef IGNORING
+  float deep = -0.924 * ignoredAt(k, px);
+  if (deep >= 0.0) return vec3(min(d, 0.0) * X.z / (scale.y * s), 0.0, deep * X.z / (scale.y * s + deep));
+#endif
+  return vec3(d * X.z / (scale.y * s + max(d, 0.0)), 1.0, 0.0);
 }
 
 // At least how far a point is from the hull: below zero inside.
@@ -98,18 +121,21 @@ float hull(vec3 P) {
   int inside = 0;
   for (int k = 0; k < N; k++) {
     if (CAM(k, 4).w < 0.5) continue;
-    vec2 c = cone(k, P);
-#ifdef OUTSIDE
-    farthest = max(farthest, c.x);
-    inside++;
-#else
+    vec3 c = cone(k, P);
+#ifndef OUTSIDE
     if (c.y < 0.0) {
       view = min(view, c.x);
-    } else {
-      farthest = max(farthest, c.x);
-      inside++;
+      continue;
     }
 #endif
+    farthest = max(farthest, c.x);
+#ifdef IGNORING
+    if (c.y == 0.0) {
+      view = min(view, c.z);
+      continue;
+    }
+#endif
+    inside++;
   }
   // Too few cameras to call it inside: it is as far as to the nearest view.
   if (inside < MIN_VIEWS && farthest <= 0.0) return max(view, 0.01);
@@ -251,7 +277,7 @@ vec3 normalAt(vec3 P, float reached) {
   vec3 sum = vec3(0.0);
   for (int k = 0; k < N; k++) {
     if (abs(CAM(k, 4).w - 1.0) > 0.5) continue;
-    vec2 c = cone(k, P);
+    vec3 c = cone(k, P);
     float say = exp((c.x - reached) / 0.016);
     if (c.y < 0.0 || say < 0.02) continue;
     vec3 X = toCamera(k, P);
@@ -319,6 +345,10 @@ vec4 photo(vec3 P, vec3 normal, vec3 eyeDir, float slack) {
     vec2 px = toImage(k, n);
     vec2 past = max(-px, px - CAM(k, 6).yz);
     if (max(past.x, past.y) > 0.0) continue;
+#ifdef IGNORING
+    // What stands before the camera there is not the person.
+    if (ignoredAt(k, px) < 0.0) continue;
+#endif
     vec3 toCam = normalize(CAM(k, 11).xyz - P);
     float facing = dot(normal, toCam);
     // Who looks at the back of it has no say, unless nobody looks at its front.

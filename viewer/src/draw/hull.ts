@@ -33,6 +33,7 @@ import {
 } from "three";
 import type { Box } from "../decode/hull_box.ts";
 import type { Decoded } from "../decode/work.ts";
+import { type DistanceField, distanceField, fieldStep, Scratch } from "../feed/distance.ts";
 import type { Camera } from "../view/lens.ts";
 import type { HullMode } from "../view/hash.ts";
 import { CameraBlock } from "./camera_block.ts";
@@ -114,6 +115,10 @@ export class HullView {
   readonly common: Record<string, { value: unknown }>;
   private readonly fields: Layers;
   private readonly images: Layers;
+  /** Of each camera the distances to what it ignores, and their texture: both only if any camera ignores pixels. */
+  private readonly ignored: readonly (DistanceField | null)[];
+  private readonly ignoring: Layers | null;
+  private ignoredAreUp = false;
   private readonly depths: WebGLArrayRenderTarget;
   private readonly start: RawShaderMaterial;
   private readonly surface: RawShaderMaterial;
@@ -142,6 +147,9 @@ export class HullView {
     this.block = new CameraBlock(cameras);
     this.fields = new Layers(cameras.length, "field");
     this.images = new Layers(cameras.length, "image");
+    const scratch = new Scratch();
+    this.ignored = cameras.map(({ ignored, width, height }) => (ignored ? distanceField(ignored, true, fieldStep(width, height), scratch) : null));
+    this.ignoring = compiled.ignoring ? new Layers(cameras.length, "field") : null;
     this.depths = new WebGLArrayRenderTarget(MAPS[0], MAPS[0], Math.max(1, cameras.length), {
       minFilter: NearestFilter,
       magFilter: NearestFilter,
@@ -150,6 +158,7 @@ export class HullView {
     });
     this.common = {
       uField: { value: this.fields.texture as DataArrayTexture },
+      ...(this.ignoring ? { uIgnored: { value: this.ignoring.texture as DataArrayTexture } } : {}),
       uLow: { value: new Vector3() },
       uHigh: { value: new Vector3() },
       uLight: { value: new Vector3(0.4, 0.8, 0.45).normalize() },
@@ -224,6 +233,7 @@ export class HullView {
     this.images.fit(imageWidth, imageHeight);
     this.common.uField.value = this.fields.texture;
     this.surface.uniforms.uImage.value = this.images.texture;
+    if (!this.ignoredAreUp) this.uploadIgnored(renderer);
     for (let k = 0; k < this.block.count; k++) this.block.absent(k);
     this.hasColour = false;
     for (const part of set.cameras) {
@@ -244,6 +254,19 @@ export class HullView {
     this.version++;
   }
 
+  /** What cameras ignore never changes: it goes onto the card once. */
+  private uploadIgnored(renderer: WebGLRenderer): void {
+    this.ignoredAreUp = true;
+    if (!this.ignoring) return;
+    for (const field of this.ignored) if (field) this.ignoring.fit(field.columns, field.rows);
+    this.common.uIgnored.value = this.ignoring.texture;
+    for (const [k, field] of this.ignored.entries()) {
+      if (!field) continue;
+      this.ignoring.put(renderer, k, field.bytes, field.columns, field.rows);
+      this.block.ignore(k, field, this.ignoring.layer);
+    }
+  }
+
   /** The card lost everything: lets go of what was on it. There is nothing to see until the next frame set. */
   release(): void {
     this.box = null;
@@ -255,6 +278,8 @@ export class HullView {
     this.depths.dispose();
     this.fields.forget();
     this.images.forget();
+    this.ignoring?.forget();
+    this.ignoredAreUp = false;
     this.common.uField.value = this.fields.texture;
     this.surface.uniforms.uImage.value = this.images.texture;
     for (const material of [this.start, this.surface, this.depth, this.read, this.composing]) material.dispose();
@@ -340,6 +365,7 @@ export class HullView {
     this.reading?.dispose();
     this.fields.dispose();
     this.images.dispose();
+    this.ignoring?.dispose();
     this.depths.dispose();
     this.block.group.dispose();
     for (const material of [this.start, this.surface, this.depth, this.read, this.composing]) material.dispose();

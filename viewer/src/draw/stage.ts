@@ -106,6 +106,7 @@ export class Stage {
       offImageIsOutside: hello.rule.out_of_view === "outside",
       minViews: hello.rule.min_views,
       straight: this.rig.every(({ straight }) => straight),
+      ignoring: this.rig.some(({ ignored }) => ignored),
     });
     this.hull.up = hello.up;
     this.scene.add(this.cameras.group, this.cameras.backdrop, this.cones.group, this.hull.compose);

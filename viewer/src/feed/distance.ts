@@ -10,6 +10,9 @@ export const NEAR_PIXELS = 32;
 /** Pixels around the silhouette's box whose distances are kept; farther out the box itself tells enough. */
 export const MARGIN_PIXELS = 16;
 
+/** Fields of larger images are made at half or a quarter of their size. */
+const MAX_FIELD_SIDE = 2048;
+
 const FAR = 1e6;
 const DIAGONAL = Math.SQRT2;
 
@@ -23,6 +26,13 @@ export interface DistanceField {
   readonly rows: number;
   /** Bytes as textures hold them, in texels of `step` pixels. */
   readonly bytes: Uint8Array;
+}
+
+/** Pixels a texel's side covers in the fields of a camera with images of this size. */
+export function fieldStep(width: number, height: number): number {
+  let step = 1;
+  while (Math.max(width, height) / step > MAX_FIELD_SIDE) step *= 2;
+  return step;
 }
 
 /**
@@ -69,7 +79,8 @@ export class Scratch {
   }
 }
 
-function fieldRect(bounds: Rect, width: number, height: number, pastEdge: boolean, step: number): Rect {
+/** What the field around a box of foreground covers; see {@link distanceField}. */
+export function fieldRect(bounds: Rect, width: number, height: number, pastEdge: boolean, step: number): Rect {
   const margin = MARGIN_PIXELS * step;
   const down = (value: number) => Math.floor(value / step) * step;
   const up = (value: number) => Math.ceil(value / step) * step;

@@ -66,6 +66,38 @@ export function decodeRuns(bytes: Uint8Array, width: number, height: number): Ru
   return { width, height, rows, starts: starts.subarray(0, run), ends: ends.subarray(0, run), area, bounds };
 }
 
+/** What is in either of two pictures of one size. */
+export function union(a: Runs, b: Runs): Runs {
+  const rows = new Uint32Array(a.height + 1);
+  const starts = new Uint16Array(a.starts.length + b.starts.length);
+  const ends = new Uint16Array(starts.length);
+  let [run, area] = [0, 0];
+  for (let row = 0; row < a.height; row++) {
+    rows[row] = run;
+    let [i, j] = [a.rows[row], b.rows[row]];
+    const [lastOfA, lastOfB] = [a.rows[row + 1], b.rows[row + 1]];
+    while (i < lastOfA || j < lastOfB) {
+      const isOfA = j >= lastOfB || (i < lastOfA && a.starts[i] <= b.starts[j]);
+      const [start, end] = isOfA ? [a.starts[i], a.ends[i++]] : [b.starts[j], b.ends[j++]];
+      if (run > rows[row] && start <= ends[run - 1]) {
+        area += Math.max(0, end - ends[run - 1]);
+        ends[run - 1] = Math.max(ends[run - 1], end);
+        continue;
+      }
+      starts[run] = start;
+      ends[run++] = end;
+      area += end - start;
+    }
+  }
+  rows[a.height] = run;
+  return { width: a.width, height: a.height, rows, starts: starts.subarray(0, run), ends: ends.subarray(0, run), area, bounds: around(a.bounds, b.bounds) };
+}
+
+function around(a: Rect | null, b: Rect | null): Rect | null {
+  if (!a || !b) return a ?? b;
+  return { left: Math.min(a.left, b.left), top: Math.min(a.top, b.top), right: Math.max(a.right, b.right), bottom: Math.max(a.bottom, b.bottom) };
+}
+
 class Reader {
   private at = 0;
   private readonly bytes: Uint8Array;

@@ -2,6 +2,7 @@
 import type { Box } from "../decode/hull_box.ts";
 import { type CameraText, type Mat3, type Vec3 } from "../view/lens.ts";
 import { MAX_CAMERAS } from "./message.ts";
+import { decodeRuns, type Runs } from "./runs.ts";
 
 /** Why a text is no message: one line. */
 export class TextError extends Error {}
@@ -182,16 +183,29 @@ function hello(value: Record<string, unknown>): Hello {
 function cameraText(value: unknown, index: number): CameraText {
   const what = `cameras[${index}]`;
   if (!isRecord(value)) throw new TextError(`${what} is no object`);
+  const [width, height] = [positive(value.width, `${what}.width`), positive(value.height, `${what}.height`)];
   return {
     name: String(value.name ?? `camera ${index}`),
-    width: positive(value.width, `${what}.width`),
-    height: positive(value.height, `${what}.height`),
+    width,
+    height,
     matrix: matrix(value.matrix, `${what}.matrix`),
     distortions: numbers(value.distortions, 5, `${what}.distortions`) as unknown as CameraText["distortions"],
     rotation: matrix(value.rotation, `${what}.rotation`),
     translation: vector(value.translation, `${what}.translation`),
     max_radius: typeof value.max_radius === "number" ? value.max_radius : null,
+    ignored: value.ignored === undefined || value.ignored === null ? null : ignored(value.ignored, width, height, `${what}.ignored`),
   };
+}
+
+/** Runs in base64; null if they hold no pixel. */
+function ignored(value: unknown, width: number, height: number, what: string): Runs | null {
+  if (typeof value !== "string") throw new TextError(`${what} is no text`);
+  try {
+    const runs = decodeRuns(Uint8Array.from(atob(value), (letter) => letter.charCodeAt(0)), width, height);
+    return runs.area > 0 ? runs : null;
+  } catch (error) {
+    throw new TextError(`${what}: ${error instanceof Error ? error.message : String(error)}`);
+  }
 }
 
 function scene(value: Record<string, unknown>): Scene {

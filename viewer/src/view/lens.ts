@@ -3,6 +3,8 @@
  * pixel's centre has integer coordinates; OpenCV's plumb-bob lens k1 k2 p1 p2 k3.
  */
 
+import type { Runs } from "../feed/runs.ts";
+
 export type Vec3 = readonly [number, number, number];
 export type Mat3 = readonly [Vec3, Vec3, Vec3];
 
@@ -18,6 +20,8 @@ export interface CameraText {
   readonly translation: Vec3;
   /** The lens folds back beyond this normalised radius; null if it never does. */
   readonly max_radius: number | null;
+  /** Pixels where the camera is silent: what stands there stands always. Null or absent: none. */
+  readonly ignored?: Runs | null;
 }
 
 /** A camera, and what follows from its numbers. */

@@ -2,7 +2,7 @@
 import type { Browser } from "playwright-core";
 import { camera, type Camera } from "../../src/view/lens.ts";
 import type { Film } from "../feeder/server.ts";
-import { pictureOf, ringOfCameras } from "../feeder/person.ts";
+import { occluded, pictureOf, ringOfCameras } from "../feeder/person.ts";
 import { encodeRuns, type Part } from "../feeder/write.ts";
 
 /** A film, its cameras, and their true masks and colours. */
@@ -14,12 +14,18 @@ export interface Known {
 }
 
 /** Makes the film; the browser encodes its JPEG. */
-export async function known(browser: Browser, options: { bent: boolean; outside: boolean; colour: boolean; shift?: boolean }): Promise<Known> {
+export async function known(browser: Browser, options: { bent: boolean; outside: boolean; colour: boolean; shift?: boolean; pillar?: boolean; minViews?: number }): Promise<Known> {
   const texts = ringOfCameras(8, 320, 240, options.bent);
   // Cameras that see a part of the person only: for the rule that lets them be silent.
   if (options.shift) texts.forEach((text, index) => index % 3 === 2 && ((text as unknown as { matrix: number[][] }).matrix[1][2] += 90));
+  const pictures = texts.map(camera).map((each) => pictureOf(each, 0.4));
+  // Before one camera stands something that hides the person's middle.
+  if (options.pillar) {
+    const { text, mask } = occluded(texts[1], pictures[1].mask, { left: 100, top: 70, right: 220, bottom: 150 });
+    texts[1] = text;
+    pictures[1] = { ...pictures[1], mask };
+  }
   const cameras = texts.map(camera);
-  const pictures = cameras.map((each) => pictureOf(each, 0.4));
   const crops = pictures.map(({ mask, rgb }) => cropOf(mask, rgb, 320, 240));
   const jpegs = options.colour ? await encode(browser, crops) : crops.map(() => null);
   const parts: Part[] = pictures.map(({ mask }, index) => ({
@@ -36,7 +42,7 @@ export async function known(browser: Browser, options: { bent: boolean; outside:
     cameras: texts,
     volume: { low: [-1.5, 0, -1.5], high: [1.5, 2.2, 1.5] },
     fps: 10,
-    rule: { min_views: 2, out_of_view: options.outside ? "outside" : "abstain" },
+    rule: { min_views: options.minViews ?? 2, out_of_view: options.outside ? "outside" : "abstain" },
     colour: options.colour,
     frame: () => parts,
     thumbnails: () => parts.filter((part) => part.jpeg).map((part) => ({ ...part, runs: null })),

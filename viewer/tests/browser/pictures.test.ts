@@ -126,6 +126,21 @@ filmed("cameras that see a part only", { bent: true, outside: false, colour: fal
   });
 });
 
+for (const [outside, minViews] of [[true, 2], [true, 8], [false, 4]] as const) {
+  filmed(`something before a camera, ${minViews} views needed, ${outside ? "outside" : "abstain"}`, { bent: false, outside, colour: false, shift: !outside, pillar: true, minViews }, (get) => {
+    test("the hull is that of the rule, in which this camera is silent there", async (t) => {
+      const { film, page } = get();
+      for (const view of NOVEL) {
+        const { mask } = await picture(page, from(view), view.width, view.height, "shaded");
+        const hull = hullMask(view, film.cameras, film.masks, minViews, outside);
+        const [found, share] = [overlap(mask, hull), hull.reduce((sum, one) => sum + one, 0) / hull.length];
+        t.diagnostic(`${view.name}: overlap with the hull ${found.toFixed(4)}, which is on ${share.toFixed(4)} of it`);
+        assert.ok(found >= 0.96, `${view.name}: overlap with the hull ${found.toFixed(4)}`);
+      }
+    });
+  });
+}
+
 test("sets that lack cameras, of nodes that are busy, change nothing", async () => {
   const film = await known(browser, { bent: false, outside: true, colour: false });
   let sent = 0;

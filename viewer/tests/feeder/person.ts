@@ -2,7 +2,9 @@
  * A person made of a signed distance function: silhouettes, colours and depths are known exactly from every
  * side. Beside it the visual hull of its silhouettes, found as slowly and plainly as can be.
  */
+import { decodeRuns, type Rect, type Runs } from "../../src/feed/runs.ts";
 import { type Camera, type CameraText, normalised, project, type Vec3 } from "../../src/view/lens.ts";
+import { encodeRuns } from "./write.ts";
 
 interface Limb {
   readonly a: Vec3;
@@ -156,7 +158,7 @@ export function hullMask(view: Camera, cameras: readonly Camera[], masks: readon
 }
 
 /** The hull rule of a point, by the book. */
-function inside(cameras: readonly Camera[], masks: readonly Uint8Array[], minViews: number, offImageIsOutside: boolean, x: number, y: number, z: number): boolean {
+export function inside(cameras: readonly Camera[], masks: readonly Uint8Array[], minViews: number, offImageIsOutside: boolean, x: number, y: number, z: number): boolean {
   if (Math.abs(x) > 1.5 || Math.abs(z) > 1.5 || y < 0 || y > 2.2) return false;
   let seen = 0;
   for (const [k, camera] of cameras.entries()) {
@@ -166,10 +168,25 @@ function inside(cameras: readonly Camera[], masks: readonly Uint8Array[], minVie
       if (offImageIsOutside) return false;
       continue;
     }
+    if (camera.ignored && holds(camera.ignored, column, row)) continue;
     if (masks[k][row * camera.width + column] === 0) return false;
     seen++;
   }
   return seen >= minViews;
+}
+
+/** Whether a pixel is in a picture of runs. */
+function holds(runs: Runs, column: number, row: number): boolean {
+  for (let run = runs.rows[row]; run < runs.rows[row + 1]; run++) if (column >= runs.starts[run] && column < runs.ends[run]) return true;
+  return false;
+}
+
+/** A camera before which something stands: its pixels in a rectangle are ignored, and show nobody. */
+export function occluded(text: CameraText, mask: Uint8Array, { left, top, right, bottom }: Rect): { text: CameraText; mask: Uint8Array } {
+  const { width, height } = text;
+  const inRect = (i: number) => i % width >= left && i % width < right && Math.floor(i / width) >= top && Math.floor(i / width) < bottom;
+  const ignored = decodeRuns(encodeRuns(mask.map((_, i) => (inRect(i) ? 1 : 0)), width, height), width, height);
+  return { text: { ...text, ignored }, mask: mask.map((pixel, i) => (inRect(i) ? 0 : pixel)) };
 }
 
 /** Overlap of two masks: what both have, of what either has. */

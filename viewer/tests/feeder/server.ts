@@ -7,7 +7,7 @@ import { createServer, type Server } from "node:http";
 import { extname, join, normalize } from "node:path";
 import { type WebSocket, WebSocketServer } from "ws";
 import type { BodyText, Hello } from "../../src/feed/text.ts";
-import { frameMessage, type Part, worldMessage } from "./write.ts";
+import { encodeRuns, frameMessage, type Part, worldMessage } from "./write.ts";
 
 /** What is shown. */
 export interface Film {
@@ -187,6 +187,17 @@ class World {
   }
 }
 
+/** A camera as texts have it: what it ignores in base64. */
+function told(camera: Film["cameras"][number]): object {
+  const { ignored, width, height, ...rest } = camera;
+  if (!ignored) return { ...rest, width, height };
+  const mask = new Uint8Array(width * height);
+  for (let row = 0; row < height; row++) {
+    for (let run = ignored.rows[row]; run < ignored.rows[row + 1]; run++) mask.fill(1, row * width + ignored.starts[run], row * width + ignored.ends[run]);
+  }
+  return { ...rest, width, height, ignored: Buffer.from(encodeRuns(mask, width, height)).toString("base64") };
+}
+
 /** One page: what it wants, what it was sent. */
 class Page {
   private readonly socket: WebSocket;
@@ -205,7 +216,7 @@ class Page {
     this.film = film;
     this.world = world;
     const { cameras, volume, fps, rule, colour } = film;
-    this.text({ op: "hello", version: 1, program: "test", session: "feeder", controller, fps, dt_s: 1 / 120, latency_s: 0.1, cameras, rule, up: film.up ?? [0, 1, 0], floor_m: 0, volume, scenes: ["topple", "lift"], responses: ["paper", "off"], colour });
+    this.text({ op: "hello", version: 1, program: "test", session: "feeder", controller, fps, dt_s: 1 / 120, latency_s: 0.1, cameras: cameras.map(told), rule, up: film.up ?? [0, 1, 0], floor_m: 0, volume, scenes: ["topple", "lift"], responses: ["paper", "off"], colour });
     this.timers.push(
       setInterval(() => this.sendFrame(sent), 1000 / fps / 4),
       setInterval(() => this.sendWorld(), 1000 / STATE_HZ),
