@@ -5,7 +5,6 @@ use std::time::{Duration, Instant};
 
 use hull::pass::{AnswerError, Pass, Round};
 use hull::question::{Answer, Kind, Standing};
-use hull::reach::Reach;
 use proto::convert::{LISTS, Precision, ProbeAnswer, QuestionWriter, RefusalReason, WrittenQuestion};
 use thiserror::Error;
 use tokio::sync::mpsc;
@@ -44,7 +43,6 @@ struct Lane {
     round: Round,
     /// Which nodes have yet to answer.
     waiting: Vec<bool>,
-    narrowing: Option<Narrowing>,
     taken: Taken,
 }
 
@@ -71,15 +69,6 @@ struct WayTaken {
     points: usize,
     ms: f64,
     selectively: bool,
-}
-
-/// Edges or exits of which some nodes are told how near others have found them: what is farther away cannot
-/// win, so it need not be searched nor told. Answers are the same.
-struct Narrowing {
-    /// Which nodes are still to be asked.
-    others: Vec<bool>,
-    /// The nearest of every point so far, metres.
-    nearest_m: Vec<f32>,
 }
 
 impl Fanout {
@@ -109,6 +98,12 @@ impl Fanout {
         debug_assert!(passes.len() <= LISTS, "every pass in flight has a list of its own");
         // What was told before these questions is no answer to them.
         while self.events.try_recv().is_ok() {}
+        let narrows = self.narrowing.is_selective();
+        let saves_bytes = self.writer.precision() == Precision::Quantised;
+        for pass in passes.iter_mut() {
+            pass.narrow(narrows);
+            pass.save_bytes(saves_bytes);
+        }
         let mut lanes = Vec::with_capacity(passes.len());
         for (list, pass) in passes.iter().enumerate() {
             lanes.push(self.next_round(list, pass, Taken::default(), frame, patience)?);
@@ -129,10 +124,9 @@ impl Fanout {
             let Some(answer) = self.answer_of(index, answer, &lane.asking).await? else { continue };
             lane.waiting[index] = false;
             self.note(lane, index, &answer, compute_ms);
-            lane.narrowing.iter_mut().for_each(|narrowing| narrowing.note(&answer));
             let refused = |error| PassError::Answer { node: self.name(index), error };
             passes[list].answer(index, &answer).map_err(refused)?;
-            if lane.waiting.contains(&true) || self.ask_the_others(list, lane, passes[list])? {
+            if lane.waiting.contains(&true) {
                 continue;
             }
             took(lane.round, lane.end_round());
@@ -169,48 +163,12 @@ impl Fanout {
             patience,
         };
         self.next_id += 1;
-        let mut waiting: Vec<bool> = (0..self.links.len()).map(|index| pass.asks(index)).collect();
-        taken.classes.selectively |= pass.round() == Round::Classes && waiting.contains(&false);
-        let narrowing =
-            (question.kind != Kind::Classes).then(|| self.narrow(&mut waiting, question.len())).flatten();
-        taken.distances.selectively |= narrowing.is_some();
-        let lane = Lane { asking, round: pass.round(), waiting, narrowing, taken };
+        let waiting: Vec<bool> = (0..self.links.len()).map(|index| pass.asks(index)).collect();
+        let of_kind = if question.kind == Kind::Classes { &mut taken.classes } else { &mut taken.distances };
+        of_kind.selectively |= waiting.contains(&false);
+        let lane = Lane { asking, round: pass.round(), waiting, taken };
         self.ask_all(&lane)?;
         Ok(Some(lane))
-    }
-
-    /// Leaves the nodes that narrow the search for the others, if that is the better way.
-    fn narrow(&self, waiting: &mut [bool], points: usize) -> Option<Narrowing> {
-        if !self.narrowing.is_selective() {
-            return None;
-        }
-        // Cameras stand around the room: nodes spread over the rig see every point from near its edge.
-        let (count, first) = (waiting.len(), waiting.len().div_ceil(3));
-        let is_first = |index: usize| (0..first).any(|place| place * count / first == index);
-        let others: Vec<bool> = (0..count).map(|index| waiting[index] && !is_first(index)).collect();
-        waiting.iter_mut().zip(&others).for_each(|(waits, &other)| *waits &= !other);
-        Some(Narrowing { others, nearest_m: vec![f32::INFINITY; points] })
-    }
-
-    /// Asks the nodes that were to wait for the nearest so far; false if there are none.
-    fn ask_the_others(&mut self, list: usize, lane: &mut Lane, pass: &Pass) -> Result<bool, PassError> {
-        let (Some(Narrowing { others, nearest_m }), Some(question)) =
-            (lane.narrowing.take(), pass.question())
-        else {
-            return Ok(false);
-        };
-        if !others.contains(&true) {
-            return Ok(false);
-        }
-        let mut narrowed = question.clone();
-        narrowed.within.resize(nearest_m.len(), Reach::UNBOUNDED);
-        for (reach, nearest_m) in narrowed.within.iter_mut().zip(nearest_m) {
-            *reach = (*reach).min(Reach::covering(f64::from(nearest_m)));
-        }
-        lane.asking.question = self.writer.write(list, &narrowed);
-        lane.waiting = others;
-        self.ask_all(lane)?;
-        Ok(true)
     }
 
     fn ask_all(&self, lane: &Lane) -> Result<(), PassError> {
@@ -269,17 +227,6 @@ impl Fanout {
             let outside = |standing: &&Standing| **standing == Standing::OUTSIDE;
             let rejected = answer.standings.iter().filter(outside).count();
             self.ways.answered(index, lane.asking.points, rejected, took_ms, compute_ms);
-        }
-    }
-}
-
-impl Narrowing {
-    fn note(&mut self, answer: &Answer) {
-        for (nearest_m, &exit_m) in self.nearest_m.iter_mut().zip(&answer.exits_m) {
-            *nearest_m = nearest_m.min(exit_m);
-        }
-        for (nearest_m, edge) in self.nearest_m.iter_mut().zip(&answer.edges) {
-            *nearest_m = edge.map_or(*nearest_m, |edge| nearest_m.min(edge.distance_m));
         }
     }
 }

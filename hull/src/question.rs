@@ -226,8 +226,12 @@ pub struct Edge {
 impl Edge {
     /// The nearer of two; ties go to the lower camera.
     pub fn nearer(self, other: Edge) -> Edge {
-        let order = self.distance_m.total_cmp(&other.distance_m).then(self.camera.cmp(&other.camera));
-        if order.is_le() { self } else { other }
+        if other.is_nearer(&self) { other } else { self }
+    }
+
+    /// True if it is the nearer of two.
+    pub fn is_nearer(&self, other: &Edge) -> bool {
+        self.distance_m.total_cmp(&other.distance_m).then(self.camera.cmp(&other.camera)).is_lt()
     }
 }
 
@@ -254,6 +258,9 @@ pub struct Answer {
     pub standings: Vec<Standing>,
     /// To [`Kind::Edges`]; `None` where no camera says inside or none has an edge within reach.
     pub edges: Vec<Option<Edge>>,
+    /// To [`Kind::Edges`] asked within reaches, of cameras that always judge: within which reach the edge's own
+    /// camera leaves the silhouette along the edge's normal, so that nobody need look for an exit beyond.
+    pub exits_within: Vec<Reach>,
     /// To [`Kind::Exits`] and [`Kind::SharedExits`]: the first `t` outside, metres, or [`NO_EXIT_M`].
     pub exits_m: Vec<f32>,
     /// What happens on the rays before, by point and then by `t`. Empty unless cameras may be silent.
@@ -266,6 +273,7 @@ impl Answer {
         self.kind = kind;
         self.standings.clear();
         self.edges.clear();
+        self.exits_within.clear();
         self.exits_m.clear();
         self.changes.clear();
     }
@@ -288,6 +296,7 @@ impl Answer {
     pub fn append(&mut self, next: &Answer) {
         self.standings.extend_from_slice(&next.standings);
         self.edges.extend_from_slice(&next.edges);
+        self.exits_within.extend_from_slice(&next.exits_within);
         self.exits_m.extend_from_slice(&next.exits_m);
         self.changes.extend_from_slice(&next.changes);
     }

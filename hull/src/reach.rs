@@ -26,10 +26,8 @@ impl Reach {
 
     /// The shortest reach on the scale that is not shorter than `distance_m`.
     pub fn covering(distance_m: f64) -> Reach {
-        let step = (STEPS_PER_OCTAVE * libm::log2(distance_m / LEAST_M)).ceil().clamp(0.0, 255.0) as u8;
-        // The logarithm may fall a hair short.
-        let covers = f64::from(Reach(step).m()) >= distance_m;
-        if covers || step == u8::MAX { Reach(step) } else { Reach(step + 1) }
+        // The last is infinite.
+        Reach(METRES.partition_point(|&m| f64::from(m) < distance_m) as u8)
     }
 
     /// The next longer of four steps an octave: many reaches that differ little are fewer bytes alike.

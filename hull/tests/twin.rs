@@ -28,6 +28,7 @@ fn run(sets: &[ViewSet], settings: ProbeSettings, points: &[[f64; 3]], first: &[
     let mut pass =
         Pass::new(vec![Points::World(points.into())], Some(&WorldBox::EVERYWHERE), settings, sets.len());
     pass.ask_first(first);
+    pass.narrow(!first.is_empty());
     pass.restart(
         [(Points::World(points.into()), &Reaches::default())].into_iter(),
         Some(&WorldBox::EVERYWHERE),
@@ -126,6 +127,39 @@ fn answers_equal_the_twin_with_ignore_masks() {
 fn answers_equal_the_twin_when_cameras_abstain() {
     check_many(settings(OutOfView::Abstain, 2), true);
     check_many(settings(OutOfView::Abstain, 1), false);
+}
+
+#[test]
+fn the_reach_told_with_an_edge_covers_its_exit_tightly() {
+    let settings = settings(OutOfView::Outside, 1);
+    let mut told = 0;
+    for seed in 1..=8 {
+        let (_, views) = random_rig(seed, settings, false);
+        let set = ViewSet::new(vec![views[0].clone()]);
+        let mut dice = Dice(seed);
+        let points: Vec<[f64; 3]> =
+            (0..90).map(|_| std::array::from_fn(|_| dice.between(-0.6, 0.6))).collect();
+        let batches = vec![Batch::all(Points::World(points.into()))];
+        let within = vec![Reach::covering(50.0); 90];
+        let mut edges = Question { kind: Kind::Edges, batches, within, ..Question::default() };
+        let (mut scratch, mut found, mut exits) = (Scratch::default(), Answer::default(), Answer::default());
+        set.answer(&edges, &mut scratch, &mut found);
+        assert_eq!(found.exits_within.len(), 90);
+        let normals = found.edges.iter().map(|edge| edge.map_or([1.0, 0.0, 0.0], |edge| edge.normal_world));
+        edges.directions = normals.collect();
+        edges.kind = Kind::Exits;
+        edges.within.clear();
+        set.answer(&edges, &mut scratch, &mut exits);
+        for (at, within) in found.exits_within.iter().enumerate().filter(|&(at, _)| found.edges[at].is_some())
+        {
+            let exit_m = exits.exits_m[at];
+            assert_eq!(exit_m == NO_EXIT_M, *within == Reach::UNBOUNDED, "seed {seed} point {at}");
+            let fits = exit_m == NO_EXIT_M || exit_m <= within.m() && within.m() <= 1.07 * exit_m + 2e-4;
+            assert!(fits, "seed {seed} point {at}: {exit_m} within {}", within.m());
+            told += 1;
+        }
+    }
+    assert!(told > 50, "{told}");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! The rounds about bodies: how far a body must move along the mean of its samples' responses (paper §5).
 
-use super::{BodyResult, MANY_EXITS, NoResponse, Pass, PassBody, Round, Touch, changes_of, exit_reach};
+use super::{BodyResult, NoResponse, Pass, PassBody, Round, Touch, changes_of, exit_reach};
 use crate::merge::{first_exit, inside_count};
 use crate::question::Kind;
 use crate::reach::Reach;
@@ -19,11 +19,14 @@ pub(super) enum Along {
     Known,
 }
 
-/// Touches of a body whose exits along its direction are asked for first. Of one group alone few, since it
-/// may be asked again for nothing; of several most, since rounds cost more than answers.
+/// Touches of a body whose exits along its direction are asked for first, of one group alone: few, since it may
+/// be asked again for nothing.
 const FARTHEST_BACK: usize = 4;
+/// Of several groups all of a body are asked for, if they are no more than this: then the check finds no other,
+/// and rounds cost more than answers.
+const ALL: usize = 48;
+/// Else, and where bytes are dear, so many.
 const FARTHEST_BACK_OF_MANY: usize = 24;
-
 /// A direction more oblique than this says little about where it leaves.
 const LEAST_COSINE: f32 = 0.25;
 
@@ -32,7 +35,7 @@ impl Pass {
     /// others are outside once the body has moved so far; the check tells which are not.
     pub(super) fn ask_body_exits(&mut self) {
         let alone = self.groups.len() == 1;
-        let Pass { bodies, results, count, .. } = self;
+        let Pass { bodies, results, count, saves_bytes, .. } = self;
         for (body, result) in bodies[..*count].iter_mut().zip(results).filter(|(body, _)| body.is_near) {
             let mut direction = BodyDirection::default();
             result.touches.iter().filter_map(Touch::response_m).for_each(|m| direction.add(m));
@@ -40,8 +43,12 @@ impl Pass {
             body.along.clear();
             body.along.resize(result.touches.len(), Along::Unknown);
             if body.direction.is_some() {
-                let most = if alone { FARTHEST_BACK } else { FARTHEST_BACK_OF_MANY };
-                body.mark_farthest_back(&result.touches, Along::Unknown, most);
+                if !alone && !*saves_bytes && result.touches.len() <= ALL {
+                    body.along.fill(Along::Asked);
+                } else {
+                    let most = if alone { FARTHEST_BACK } else { FARTHEST_BACK_OF_MANY };
+                    body.mark_farthest_back(&result.touches, Along::Unknown, most);
+                }
             } else if !result.touches.is_empty() {
                 result.response_m = Err(NoResponse::NoDirection);
                 result.left_inside = result.touches.len();
@@ -59,8 +66,7 @@ impl Pass {
         self.pick_touches([0.0; 3], |body, at, _| {
             body.direction.is_some() && body.along.get(at) == Some(&Along::Asked)
         });
-        let Pass { question, targets, bodies, results, .. } = self;
-        let is_of_many = targets.0.len() > MANY_EXITS;
+        let Pass { question, targets, bodies, results, saves_bytes, .. } = self;
         for of_body in targets.0.chunk_by(|a, b| a.0 == b.0) {
             let index = of_body[0].0 as usize;
             question.directions.extend(bodies[index].direction);
@@ -68,17 +74,23 @@ impl Pass {
                 let camera = |&(_, touch): &(u32, u32)| results[index].touches[touch as usize].edge;
                 question.hints.extend(of_body.iter().map(|of| camera(of).map_or(0, |edge| edge.camera)));
             } else if is_first {
-                let touches = &results[index].touches;
-                let longest_m = touches.iter().filter_map(|touch| touch.exit_m).fold(0.0, f32::max);
-                let farthest = exit_reach(longest_m, false);
+                let exits_m = results[index].touches.iter().filter_map(|touch| touch.exit_m);
+                let longest_m = exits_m.fold(0.0, f32::max);
+                let farthest = if *saves_bytes {
+                    exit_reach(longest_m, false)
+                } else {
+                    bodies[index].reaches.of_body(longest_m)
+                };
                 let reach = |&(_, touch): &(u32, u32)| match bodies[index].direction {
-                    Some(direction) if is_of_many => touches[touch as usize].reach_along(direction),
+                    Some(direction) if *saves_bytes => {
+                        farthest.min(results[index].touches[touch as usize].reach_along(direction))
+                    }
                     _ => farthest,
                 };
-                question.within.extend(of_body.iter().map(|of| reach(of).min(farthest)));
+                question.within.extend(of_body.iter().map(reach));
             }
         }
-        self.ask(Round::BodyExits, |_| true);
+        self.ask_narrowing(Round::BodyExits);
     }
 
     pub(super) fn after_body_exits(&mut self) {
@@ -173,8 +185,8 @@ impl Pass {
 }
 
 impl Touch {
-    /// How far its exit in a direction is searched at first, of many: a little farther than if the hull ended
-    /// there in the plane of its exit along its normal.
+    /// How far its exit in a direction is searched at first where bytes are dear: a little farther than if the hull
+    /// ended there in the plane of its exit along its normal.
     fn reach_along(&self, direction: [f32; 3]) -> Reach {
         let (Some(edge), Some(exit_m)) = (self.edge, self.exit_m) else { return Reach::UNBOUNDED };
         let cosine: f32 = edge.normal_world.iter().zip(direction).map(|(n, d)| n * d).sum();

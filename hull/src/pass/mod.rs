@@ -7,7 +7,8 @@
 //! Cameras in different groups cannot spare each other work. So several groups are asked for edges and
 //! exits within a reach only, and for all of them where nothing was found within it: what is found within
 //! a reach is nearer than all that was left out. Classes may be asked of some groups first and of the
-//! others for the points that are left. Neither changes an answer.
+//! others for the points that are left; edges and exits of some groups first and of the others within what
+//! these have found. None of it changes an answer.
 
 mod body_exits;
 mod reaches;
@@ -135,7 +136,13 @@ pub struct Pass {
     targets: Targets,
     /// The answers so far. Merging does not depend on their order.
     merged: Answer,
+    /// With each merged edge within what its exit is, if that was told.
+    exits_within: Vec<Option<Reach>>,
     groups: Vec<Group>,
+    /// Those that narrow the search are asked, and the others will be.
+    is_narrowing: bool,
+    /// Few exits are asked for, each not far, at the price of rounds.
+    saves_bytes: bool,
     changes_sorted: bool,
 }
 
@@ -150,6 +157,8 @@ struct PassBody {
     is_checked: bool,
     /// Of each touch.
     along: Vec<Along>,
+    /// Of each touch how far its exit along its edge's normal is searched, if that was told.
+    exits_within: Vec<Option<Reach>>,
     /// Its box meets the hull's.
     is_near: bool,
 }
@@ -158,6 +167,8 @@ struct PassBody {
 struct Group {
     /// Asked for classes before the others.
     is_first: bool,
+    /// Asked for edges and exits before the others.
+    narrows: bool,
     is_asked: bool,
     has_answered: bool,
 }
@@ -184,7 +195,10 @@ impl Pass {
             question: Question::default(),
             targets: Targets::default(),
             merged: Answer::default(),
+            exits_within: Vec::new(),
             groups: vec![Group::default(); group_count],
+            is_narrowing: false,
+            saves_bytes: false,
             changes_sorted: true,
         };
         let unknown = Reaches::default();
@@ -209,9 +223,11 @@ impl Pass {
                 (Some(_), Points::World(_)) => true,
             };
             let old = self.bodies.get_mut(self.count);
-            let (along, mut reaches) = old
-                .map(|old| (std::mem::take(&mut old.along), std::mem::take(&mut old.reaches)))
-                .unwrap_or_default();
+            let take = |old: &mut PassBody| {
+                let PassBody { along, exits_within, reaches, .. } = old;
+                (std::mem::take(along), std::mem::take(exits_within), std::mem::take(reaches))
+            };
+            let (along, exits_within, mut reaches) = old.map(take).unwrap_or_default();
             reaches.copy_from(known);
             let body = PassBody {
                 points,
@@ -221,6 +237,7 @@ impl Pass {
                 has_exits: true,
                 is_checked: false,
                 along,
+                exits_within,
                 is_near,
             };
             if self.count < self.bodies.len() {
@@ -240,6 +257,7 @@ impl Pass {
         for body in self.bodies[..self.count].iter().filter(|body| body.is_near) {
             self.question.batches.push(Batch::all(body.points.clone()));
         }
+        self.is_narrowing = false;
         let has_first = self.groups.iter().any(|group| group.is_first);
         self.ask(Round::Classes, |group| !has_first || group.is_first);
     }
@@ -251,6 +269,23 @@ impl Pass {
         for (index, group) in self.groups.iter_mut().enumerate() {
             group.is_first = groups.len() < count && groups.contains(&index);
         }
+    }
+
+    /// From the next question on, asks a third of the groups for edges and exits first, and the others within
+    /// the nearest that these found: what is farther cannot win. Or asks all at once.
+    pub fn narrow(&mut self, narrows: bool) {
+        // Cameras stand around the room: groups spread over the rig see every point from near its edge.
+        let (count, first) = (self.groups.len(), self.groups.len().div_ceil(3));
+        for (index, group) in self.groups.iter_mut().enumerate() {
+            let is_first = (0..first).any(|place| place * count / first == index);
+            group.narrows = narrows && first < count && is_first;
+        }
+    }
+
+    /// Whether bytes are dearer than rounds: then several groups are asked for fewer exits, each within less, and more
+    /// often once more.
+    pub fn save_bytes(&mut self, saves_bytes: bool) {
+        self.saves_bytes = saves_bytes;
     }
 
     /// The round that is being asked.
@@ -314,9 +349,39 @@ impl Pass {
         self.changes_sorted = true;
         match self.question.kind {
             Kind::Classes => merged.standings.resize(count, Standing::inside(0)),
-            Kind::Edges => merged.edges.resize(count, None),
+            Kind::Edges => {
+                merged.edges.resize(count, None);
+                self.exits_within.clear();
+                self.exits_within.resize(count, None);
+            }
             Kind::Exits | Kind::SharedExits => merged.exits_m.resize(count, NO_EXIT_M),
         }
+    }
+
+    /// Asks the question that stands there of the groups that narrow the search, if there are any and it is
+    /// bounded anyway; what is asked again is worth no more trips, unless bytes are dearer.
+    fn ask_narrowing(&mut self, round: Round) {
+        let is_worth_it = self.saves_bytes || !self.question.within.is_empty();
+        let narrows = is_worth_it && self.groups.iter().any(|group| group.narrows);
+        self.ask(round, |group| !narrows || group.narrows);
+        self.is_narrowing = narrows && self.round == round;
+    }
+
+    /// Asks the groups that did not narrow the search.
+    fn ask_within_found(&mut self) {
+        let Pass { question, merged, groups, .. } = self;
+        let edges_m = merged.edges.iter().map(|edge| edge.map_or(f32::INFINITY, |edge| edge.distance_m));
+        let found_m = edges_m.chain(merged.exits_m.iter().copied());
+        question.within.resize(question.len(), Reach::UNBOUNDED);
+        for (reach, found_m) in question.within.iter_mut().zip(found_m) {
+            if found_m < reach.m() {
+                *reach = (*reach).min(Reach::covering(f64::from(found_m)));
+            }
+        }
+        for group in groups {
+            (group.is_asked, group.has_answered) = (!group.narrows, false);
+        }
+        self.is_narrowing = false;
     }
 
     fn merge(&mut self, answer: &Answer) {
@@ -324,11 +389,12 @@ impl Pass {
         for (merged, &standing) in merged.standings.iter_mut().zip(&answer.standings) {
             *merged = merged.and(standing);
         }
-        for (merged, &edge) in merged.edges.iter_mut().zip(&answer.edges) {
-            *merged = match (*merged, edge) {
-                (Some(a), Some(b)) => Some(a.nearer(b)),
-                (a, b) => a.or(b),
-            };
+        for (at, (merged, edge)) in merged.edges.iter_mut().zip(&answer.edges).enumerate() {
+            let Some(edge) = edge else { continue };
+            if merged.is_none_or(|before| edge.is_nearer(&before)) {
+                *merged = Some(*edge);
+                self.exits_within[at] = answer.exits_within.get(at).copied();
+            }
         }
         for (merged, &exit_m) in merged.exits_m.iter_mut().zip(&answer.exits_m) {
             *merged = merged.min(exit_m);
@@ -338,6 +404,9 @@ impl Pass {
     }
 
     fn advance(&mut self) {
+        if self.is_narrowing {
+            return self.ask_within_found();
+        }
         if !self.changes_sorted {
             let order = |a: &Change, b: &Change| a.point.cmp(&b.point).then(a.t_m.total_cmp(&b.t_m));
             self.merged.changes.sort_unstable_by(order);
@@ -382,11 +451,11 @@ impl Touch {
     }
 }
 
-/// With more exits than this to be asked some are longer than any reach worth its cost, and another round
-/// will be needed anyway.
+/// With more exits than this to be asked some are longer than any reach worth its bytes, and another round will be
+/// needed anyway.
 const MANY_EXITS: usize = 500;
 
-/// How far an exit is searched at first, from the distance that hints at it.
+/// How far an exit is searched at first where nobody told more than the distance of its edge.
 fn exit_reach(distance_m: f32, is_of_many: bool) -> Reach {
     let distance_m = f64::from(distance_m);
     Reach::covering(if is_of_many { 1.25 * distance_m + 0.005 } else { 4.0 * distance_m + 0.05 }).coarse()

@@ -14,12 +14,14 @@ pub struct Reaches {
     others: Reach,
     /// Of those that were inside, ascending.
     samples: Vec<(u32, Reach)>,
+    /// How far the body had to move, metres; zero if it did not.
+    response_m: f64,
 }
 
 impl Default for Reaches {
     /// Nothing is known.
     fn default() -> Reaches {
-        Reaches { others: FIRST_REACH, samples: Vec::new() }
+        Reaches { others: FIRST_REACH, samples: Vec::new(), response_m: 0.0 }
     }
 }
 
@@ -33,6 +35,8 @@ impl Reaches {
         let deepest_m = distances().fold(0.0, |deepest_m: f64, (_, distance_m)| deepest_m.max(distance_m));
         let about = |share: f64, distance_m: f64| Reach::covering(share * distance_m + 0.01);
         self.others = if deepest_m == 0.0 { FIRST_REACH } else { about(1.5, deepest_m) };
+        let length_m = |m: [f64; 3]| m.iter().map(|part| part * part).sum::<f64>().sqrt();
+        self.response_m = result.response_m.map_or(0.0, length_m);
         self.samples.clear();
         self.samples.extend(distances().map(|(sample, distance_m)| (sample, about(1.25, distance_m))));
     }
@@ -40,8 +44,21 @@ impl Reaches {
     /// The same, in the buffers of another.
     pub(super) fn copy_from(&mut self, other: &Reaches) {
         self.others = other.others;
+        self.response_m = other.response_m;
         self.samples.clear();
         self.samples.extend_from_slice(&other.samples);
+    }
+
+    /// The reach of exits along the body's direction, of samples whose longest exit along their own normals
+    /// is `longest_m`. One that is too short costs two rounds, one that is too long some work.
+    pub(super) fn of_body(&self, longest_m: f32) -> Reach {
+        let longest_m = f64::from(longest_m);
+        let reach_m = if self.response_m > 0.0 {
+            (2.0 * self.response_m + 0.03).max(1.25 * longest_m + 0.01)
+        } else {
+            4.0 * longest_m + 0.05
+        };
+        Reach::covering(reach_m).coarse()
     }
 
     /// The reach of a sample; `from` is the place in the list to look from, for ascending samples.

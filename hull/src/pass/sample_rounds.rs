@@ -65,7 +65,13 @@ impl Pass {
         self.question.restart(Kind::Edges);
         let again = self.round == Round::Edges;
         self.pick_touches([0.0; 3], |_, _, touch| fits(touch));
-        let Pass { question, targets, bodies, results, .. } = self;
+        let Pass { question, targets, bodies, results, count, .. } = self;
+        if !again {
+            for (body, result) in bodies[..*count].iter_mut().zip(results.iter()) {
+                body.exits_within.clear();
+                body.exits_within.resize(result.touches.len(), None);
+            }
+        }
         if !alone && !again {
             for of_body in targets.0.chunk_by(|a, b| a.0 == b.0) {
                 let (body, touches) = (of_body[0].0 as usize, &results[of_body[0].0 as usize].touches);
@@ -74,14 +80,15 @@ impl Pass {
                 question.within.extend(samples.map(|sample| bodies[body].reaches.of(sample, &mut from)));
             }
         }
-        self.ask(Round::Edges, |_| true);
+        self.ask_narrowing(Round::Edges);
     }
 
     pub(super) fn after_edges(&mut self) {
-        let Pass { targets, merged, results, question, .. } = self;
+        let Pass { targets, merged, results, question, bodies, exits_within, .. } = self;
         let mut is_open = false;
         for (at, (&(body, touch), &edge)) in targets.0.iter().zip(&merged.edges).enumerate() {
             results[body as usize].touches[touch as usize].edge = edge;
+            bodies[body as usize].exits_within[touch as usize] = exits_within[at];
             is_open |= edge.is_none() && question.bounds(at);
         }
         if is_open {
@@ -96,16 +103,20 @@ impl Pass {
         let again = self.round == Round::Exits;
         self.question.restart(Kind::Exits);
         self.pick_touches([0.0; 3], |_, _, touch| touch.edge.is_some() && fits(touch));
-        let Pass { question, targets, results, .. } = self;
-        let is_of_many = targets.0.len() > MANY_EXITS;
+        let Pass { question, targets, bodies, results, saves_bytes, .. } = self;
+        let is_of_many = *saves_bytes && targets.0.len() > MANY_EXITS;
         for &(body, touch) in &targets.0 {
             let Some(edge) = results[body as usize].touches[touch as usize].edge else { continue };
             question.directions.push(edge.normal_world);
             if alone {
                 question.hints.push(edge.camera);
             } else if !again {
-                question.within.push(exit_reach(edge.distance_m, is_of_many));
+                let told = bodies[body as usize].exits_within[touch as usize];
+                question.within.push(told.unwrap_or_else(|| exit_reach(edge.distance_m, is_of_many)));
             }
+        }
+        if self.saves_bytes {
+            return self.ask_narrowing(Round::Exits);
         }
         self.ask(Round::Exits, |_| true);
         if self.round == Round::Done {

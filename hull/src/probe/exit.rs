@@ -31,7 +31,13 @@ impl View {
     /// here, and the camera must always judge.
     #[inline(always)]
     pub fn first_outside(&self, a: &Point3<f64>, n: &Vector3<f64>, limit_m: f64) -> Option<f32> {
-        let t = if self.camera().lens().is_straight() {
+        self.crossing(a, n, limit_m).map(|t| self.settled(a, n, t))
+    }
+
+    /// The same but for the last rounding.
+    #[inline(always)]
+    pub fn crossing(&self, a: &Point3<f64>, n: &Vector3<f64>, limit_m: f64) -> Option<f64> {
+        if self.camera().lens().is_straight() {
             self.walk(a, n, limit_m)
         } else {
             self.trace(a, n, limit_m).unwrap_or_else(|Unseen| {
@@ -42,8 +48,7 @@ impl View {
                 });
                 found.filter(|&t| t < limit_m)
             })
-        };
-        t.map(|t| self.settled(a, n, t))
+        }
     }
 
     /// All that this camera knows of the ray when cameras may be silent: the first outside, and in

@@ -3,6 +3,8 @@
 //! Many points go through every stage together, camera by camera: a search need not wait for the one before
 //! it, and what is reckoned of what it found is reckoned in vectors.
 
+use nalgebra::Vector3;
+
 use super::picks::Picks;
 use super::sights::{CHUNK, Sight, Sought};
 use super::{Asked, Scratch, ViewSet};
@@ -12,6 +14,7 @@ use crate::probe::edge_normal::sum_of_background;
 use crate::probe::edge_ray::{LANES, Lanes, distances, hull_normals, normalised};
 use crate::probe::nearest_edge::nearest_edge;
 use crate::question::{Answer, Edge};
+use crate::reach::Reach;
 use crate::vector::VectorPath;
 use crate::view::View;
 
@@ -28,6 +31,7 @@ pub(super) struct Nearest {
     row: [i32; CHUNK],
     normalised: [[f64; CHUNK]; 2],
     normal_world: [[f32; 3]; CHUNK],
+    exit_within: [Reach; CHUNK],
     picks: Picks,
     found: Found,
 }
@@ -49,6 +53,7 @@ impl Default for Nearest {
             row: [0; CHUNK],
             normalised: [[0.0; CHUNK]; 2],
             normal_world: [[0.0; 3]; CHUNK],
+            exit_within: [Reach::UNBOUNDED; CHUNK],
             picks: Picks::default(),
             found: Found::default(),
         }
@@ -65,6 +70,8 @@ impl ViewSet {
         scratch: &mut Scratch,
         answer: &mut Answer,
     ) {
+        // Who bounds this search asks others for exits next.
+        let tells_exits = self.always_judge && !asked.question.within.is_empty();
         for from in (0..points.len()).step_by(CHUNK) {
             let count = (points.len() - from).min(CHUNK);
             let Scratch { sights, nearest, .. } = scratch;
@@ -87,8 +94,16 @@ impl ViewSet {
             for (index, view) in self.views.iter().enumerate() {
                 nearest.picks.take(count, |at| nearest.view[at] == index as u32);
                 nearest.find_normals(view, sights.of(index), self.path);
+                if tells_exits {
+                    nearest.find_exits(view, points, from);
+                }
             }
             answer.edges.extend((0..count).map(|at| nearest.edge(at, &self.views)));
+            if tells_exits {
+                let told = nearest.view[..count].iter().zip(nearest.exit_within);
+                let or_unbounded = |(&view, within)| if view == NOBODY { Reach::UNBOUNDED } else { within };
+                answer.exits_within.extend(told.map(or_unbounded));
+            }
         }
     }
 }
@@ -156,6 +171,19 @@ impl Nearest {
         }
     }
 
+    /// Finds how far the picked points' normals lead in this view.
+    #[inline(always)]
+    fn find_exits(&mut self, view: &View, points: &Coordinates, from: usize) {
+        let most_m = view.observer().settings().max_depth_m();
+        for at in self.picks.iter() {
+            let n = Vector3::from(self.normal_world[at].map(f64::from));
+            // Without a normal it is no edge.
+            let has_normal = !n.x.is_nan();
+            let exit_m = has_normal.then(|| view.crossing(&points.point(from + at), &n, most_m)).flatten();
+            self.exit_within[at] = exit_m.map_or(Reach::UNBOUNDED, reach_of_exit);
+        }
+    }
+
     /// A point's edge, if there is one and it has a normal.
     #[inline(always)]
     fn edge(&self, at: usize, views: &[View]) -> Option<Edge> {
@@ -165,6 +193,12 @@ impl Nearest {
         let edge = Edge { distance_m: self.distance_m[at], camera, pixel, normal_world };
         (!normal_world[0].is_nan()).then_some(edge)
     }
+}
+
+/// A little longer, for the normal may be rounded on its way.
+#[inline(always)]
+fn reach_of_exit(exit_m: f64) -> Reach {
+    Reach::covering(1.001 * exit_m + 1e-4)
 }
 
 impl Found {

@@ -184,7 +184,8 @@ pub struct Asked {
 impl Asked {
     /// To be asked of so many groups.
     pub fn new(settings: ProbeSettings, group_count: usize) -> Asked {
-        let pass = Pass::new(Vec::new(), Some(&WorldBox::EVERYWHERE), settings, group_count);
+        let mut pass = Pass::new(Vec::new(), Some(&WorldBox::EVERYWHERE), settings, group_count);
+        pass.narrow(true);
         Asked { pass, scratch: Scratch::default(), answer: Answer::default(), reaches: Vec::new() }
     }
 

@@ -2,6 +2,7 @@
 
 use hull::camera::Pixel;
 use hull::question::{Answer, Change, Edge, Kind, NO_EXIT_M, Standing};
+use hull::reach::Reach;
 
 use super::bulk::{Field, pack_f32, unpack, unpack_f32x3};
 use super::choice::{choice, push_number, read_choice, take_number};
@@ -15,9 +16,10 @@ use crate::{MAX_POINTS, v1};
 /// Steps of the scale of rounded distances in three bytes, and in two.
 const STEPS: u32 = 0xff_ffff;
 const FEW_STEPS: u32 = 0xffff;
-/// Up to here two bytes are enough for exits, in steps of at most two micrometres. With longer steps, one long exit among short ones would turn mean directions by so much that
-/// responses are off by more than a tenth of a millimetre.
-const SHORT_M: f32 = 0.131;
+/// Up to here two bytes are enough for exits, in steps of at most two micrometres. With longer steps, one long exit
+/// among short ones would turn mean directions by so much that responses are off by more than a tenth of a
+/// millimetre.
+const SHORT_M: f32 = 0.1;
 /// Up to here 16 bits for each part of a normal are enough: ways of that length end a few micrometres off.
 const SHORT_NORMALS_M: f32 = 0.12;
 
@@ -44,7 +46,7 @@ pub fn answer_to_wire(
     use v1::probe_reply::Answer as Wire;
     let answer = match answer.kind {
         Kind::Classes => Wire::Classes(classes_to_wire(&answer.standings, camera_count)),
-        Kind::Edges => Wire::Edges(edges_to_wire(&answer.edges, precision)),
+        Kind::Edges => Wire::Edges(edges_to_wire(answer, precision)),
         Kind::Exits | Kind::SharedExits => Wire::Exits(exits_to_wire(answer, precision)),
     };
     v1::ProbeReply { id, answer: Some(answer), compute_ms: compute_ms as f32 }
@@ -111,7 +113,8 @@ fn classes_from_wire(answer: &v1::ClassesAnswer) -> Result<Answer, ConvertError>
     Ok(Answer { kind: Kind::Classes, standings, ..Answer::default() })
 }
 
-fn edges_to_wire(edges: &[Option<Edge>], precision: Precision) -> v1::EdgesAnswer {
+fn edges_to_wire(answer: &Answer, precision: Precision) -> v1::EdgesAnswer {
+    let Answer { edges, exits_within, .. } = answer;
     let present = || edges.iter().flatten();
     let all_same = present().zip(present().skip(1)).all(|(a, b)| a.camera == b.camera);
     let mut cameras = Vec::new();
@@ -125,6 +128,12 @@ fn edges_to_wire(edges: &[Option<Edge>], precision: Precision) -> v1::EdgesAnswe
         }
         before = *pixel;
     }
+    let of_present = edges.iter().zip(exits_within).filter(|(edge, _)| edge.is_some());
+    let mut exits_within: Vec<u8> = of_present.map(|(_, &within)| within.code()).collect();
+    if precision == Precision::Quantised {
+        // A byte an edge would cost more than the rounds it spares are worth.
+        exits_within.clear();
+    }
     let mut wire = v1::EdgesAnswer {
         count: edges.len() as u32,
         present: choice(edges, Option::is_some),
@@ -133,6 +142,7 @@ fn edges_to_wire(edges: &[Option<Edge>], precision: Precision) -> v1::EdgesAnswe
         cameras: pack(&cameras),
         pixels: pack(&pixels),
         step_m: 0.0,
+        exits_within: pack(&exits_within),
     };
     if precision == Precision::Exact {
         wire.distances = pack_f32(present().map(|edge| edge.distance_m));
@@ -150,7 +160,8 @@ fn edges_to_wire(edges: &[Option<Edge>], precision: Precision) -> v1::EdgesAnswe
 }
 
 fn edges_from_wire(answer: &v1::EdgesAnswer) -> Result<Answer, ConvertError> {
-    let v1::EdgesAnswer { count, present, distances, normals, cameras, pixels, step_m } = answer;
+    let v1::EdgesAnswer { count, present, distances, normals, cameras, pixels, step_m, exits_within } =
+        answer;
     let field = |name| Field("EdgesAnswer", name);
     let mut edges = vec![None; checked_count(*count, field("count"))?];
     let set = chosen(present, edges.len(), field("present"))?;
@@ -184,6 +195,14 @@ fn edges_from_wire(answer: &v1::EdgesAnswer) -> Result<Answer, ConvertError> {
     } else {
         pixels_from_wire(pixels, set.len(), field("pixels"))?
     };
+    let told = unpack_at_most(exits_within, set.len(), field("exits_within"))?;
+    let mut exits_within = Vec::new();
+    if !told.is_empty() {
+        field("exits_within").check_length(told.len(), set.len())?;
+        exits_within.resize(edges.len(), Reach::UNBOUNDED);
+        let places = set.iter().map(|&index| index as usize);
+        places.zip(told).for_each(|(index, code)| exits_within[index] = Reach::from_code(code));
+    }
     for (at, index) in set.into_iter().enumerate() {
         edges[index as usize] = Some(Edge {
             distance_m: distances[at],
@@ -192,7 +211,7 @@ fn edges_from_wire(answer: &v1::EdgesAnswer) -> Result<Answer, ConvertError> {
             normal_world: normals[at],
         });
     }
-    Ok(Answer { kind: Kind::Edges, edges, ..Answer::default() })
+    Ok(Answer { kind: Kind::Edges, edges, exits_within, ..Answer::default() })
 }
 
 fn pixels_from_wire(bytes: &[u8], count: usize, field: Field) -> Result<Vec<Pixel>, ConvertError> {
@@ -330,6 +349,11 @@ mod tests {
                 edges: vec![edge(0.1, 3, 0, -2), None, edge(0.3, 1, 16_385, 9), edge(0.2, 3, -3, 16_384)],
                 ..of(Kind::Edges)
             },
+            Answer {
+                edges: vec![None, edge(0.1, 3, 0, -2), edge(0.2, 3, 1, 1)],
+                exits_within: vec![Reach::UNBOUNDED, Reach::from_code(7), Reach::UNBOUNDED],
+                ..of(Kind::Edges)
+            },
             Answer { edges: vec![None], ..of(Kind::Edges) },
             Answer { exits_m: vec![NO_EXIT_M, 0.125], changes, ..of(Kind::Exits) },
             of(Kind::Classes),
@@ -371,15 +395,16 @@ mod tests {
         #[test]
         fn any_bytes_make_an_answer_or_an_error(
             count in 0u32..80, a in proptest::collection::vec(any::<u8>(), 0..40),
-            b in proptest::collection::vec(any::<u8>(), 0..100), kind in 0..3, step_m in -0.1f32..0.2,
+            b in proptest::collection::vec(any::<u8>(), 0..100), c in proptest::collection::vec(any::<u8>(), 0..40),
+            kind in 0..3, step_m in -0.1f32..0.2,
         ) {
             use v1::probe_reply::Answer as Wire;
-            let (a, b) = (Bytes::from(a), Bytes::from(b));
+            let (a, b, c) = (Bytes::from(a), Bytes::from(b), Bytes::from(c));
             let answer = match kind {
                 0 => Wire::Classes(v1::ClassesAnswer { count, not_outside: a, inside_counts: b, cameras: 3 }),
                 1 => Wire::Edges(v1::EdgesAnswer {
                     count, present: a, distances: b.clone(), normals: b.clone(), cameras: b.clone(), pixels: b,
-                    step_m,
+                    step_m, exits_within: c,
                 }),
                 _ => Wire::Exits(v1::ExitsAnswer { count, present: a, outside: b.clone(), changes: b, step_m }),
             };

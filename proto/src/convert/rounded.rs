@@ -4,6 +4,7 @@
 use bytes::Bytes;
 use hull::Pose;
 use hull::body::BodyError;
+use hull::reach::Reach;
 
 use super::ConvertError;
 use super::bulk::Field;
@@ -188,6 +189,15 @@ pub(super) fn nearest_code(m: f32, step_m: f32) -> u32 {
 pub(super) fn covering_code(m: f32, step_m: f32) -> u32 {
     let code = (f64::from(m) / f64::from(step_m)).ceil() as u32;
     if on_scale(code, step_m) < m { code + 1 } else { code }
+}
+
+/// A reach as a byte; rounded it is a little longer, of a few different ones: they take half the bytes.
+pub(super) fn reach_code(reach: Reach, precision: Precision) -> u8 {
+    const STEP: u8 = 4;
+    match precision {
+        Precision::Exact => reach.code(),
+        Precision::Quantised => reach.code().checked_next_multiple_of(STEP).unwrap_or(u8::MAX),
+    }
 }
 
 #[cfg(test)]

@@ -98,10 +98,14 @@ impl<'a> Span<'a> {
         };
         let track = Track { first, sign, steps, shrink: parabola.shrink(self.bend) };
         let crossing = track.first_crossing::<ACROSS>(foreground, start, entered)?;
+        // A share along the parabola is off by less than a tenth of a pixel.
+        let slack = 0.1 / parabola.length.abs();
         let (axis, edge, sign, guess, range) = match crossing {
             Crossing::Along(left) => {
                 let edge = f64::from(left) + 0.5 * f64::from(sign);
-                (major, edge, sign, parabola.share(edge - parabola.from), (0.0, 1.0))
+                let guess = parabola.share(edge - parabola.from);
+                // Along the major axis the image only goes one way.
+                (major, edge, sign, guess, (0.0, 1.0))
             }
             Crossing::Beside { step, left, down } => {
                 let edge = f64::from(left) + 0.5 * f64::from(down);
@@ -109,13 +113,13 @@ impl<'a> Span<'a> {
                 let high = if step >= last { parabola.length } else { edge_of(step + 1) - parabola.from };
                 let (a, b) = (parabola.beside(low), parabola.beside(high));
                 let guess = low + (high - low) * ((edge - a) / (b - a));
-                let slack = 0.1 / parabola.length.abs();
                 let range = (parabola.share(low) - slack, parabola.share(high) + slack);
                 (minor, edge, down, parabola.share(guess), range)
             }
         };
-        let is_beyond = guess - parabola.error / parabola.length.abs() > limit;
-        (!is_beyond).then(|| self.t(self.root(axis, edge, sign, guess, range)))
+        // Between two steps the guess is coarse, and all after the first of them may be meant.
+        let least = if axis == major { guess - slack } else { range.0 };
+        (least <= limit).then(|| self.t(self.root(axis, edge, sign, guess, range)))
     }
 
     /// The pixel of the other axis in which the image crosses an edge, where the parabola leaves that in doubt.

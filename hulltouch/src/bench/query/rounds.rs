@@ -77,8 +77,10 @@ struct Clock {
 
 impl Clock {
     fn new(studio: &Studio, groups: &[ViewSet]) -> Clock {
+        let mut pass = Pass::new(Vec::new(), Some(&WorldBox::EVERYWHERE), studio.settings, groups.len());
+        pass.narrow(true);
         Clock {
-            pass: Pass::new(Vec::new(), Some(&WorldBox::EVERYWHERE), studio.settings, groups.len()),
+            pass,
             scratch: Scratch::default(),
             answer: Answer::default(),
             reaches: Vec::new(),

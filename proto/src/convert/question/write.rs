@@ -4,12 +4,13 @@ use std::sync::Arc;
 
 use bytes::Bytes;
 use hull::question::{Batch, Kind, Points, Question};
-use hull::reach::Reach;
 
 use super::super::bulk::{pack_f32, pack_f64};
 use super::super::choice::ChoiceWriter;
 use super::super::packed::pack;
-use super::super::rounded::{Precision, UnitBits, can_round, octahedral, octahedral_again, round_pose};
+use super::super::rounded::{
+    Precision, UnitBits, can_round, octahedral, octahedral_again, reach_code, round_pose,
+};
 use super::super::shape_key;
 use super::{LISTS, is_kept};
 use crate::v1;
@@ -63,6 +64,11 @@ impl QuestionWriter {
     /// A writer that rounds or does not.
     pub fn new(precision: Precision) -> QuestionWriter {
         QuestionWriter { precision, ..QuestionWriter::default() }
+    }
+
+    /// Whether it rounds.
+    pub fn precision(&self) -> Precision {
+        self.precision
     }
 
     /// Writes a question about bodies that go by one of the streams' lists, below [`LISTS`].
@@ -148,8 +154,7 @@ impl QuestionWriter {
         let asked = || batches.iter().enumerate().filter(move |(_, batch)| whole || !batch.is_empty());
         let offsets = || asked().flat_map(|(_, batch)| batch.offset_m);
         let shared = || asked().filter_map(|(index, _)| directions.get(index)).copied();
-        let code = |reach: &Reach| if rounded { coarse(reach.code()) } else { reach.code() };
-        let codes: Vec<u8> = within.iter().map(code).collect();
+        let codes: Vec<u8> = within.iter().map(|&reach| reach_code(reach, self.precision)).collect();
         let hints: Vec<u8> = hints.iter().flat_map(|camera| camera.to_le_bytes()).collect();
         v1::ProbeRequest {
             id: 0,
@@ -224,12 +229,6 @@ impl StreamKnows {
     pub fn learn(&mut self, question: &WrittenQuestion) {
         self.0[question.list] = if question.is_kept { question.serials } else { [0; 3] };
     }
-}
-
-/// A reach that is a little longer, of a few different ones: they take half the bytes.
-fn coarse(code: u8) -> u8 {
-    const STEP: u8 = 4;
-    code.checked_next_multiple_of(STEP).unwrap_or(u8::MAX)
 }
 
 /// The same points, bit for bit.
