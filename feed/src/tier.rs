@@ -9,8 +9,10 @@ use std::time::{Duration, Instant};
 
 /// A link that is too slow for so long gets less.
 const SLOW: Duration = Duration::from_secs(3);
-/// A frame set that was on its way for so long is too large: there is less at once.
+/// Frame sets that are on their way for so long, one after the other, are too large: there is less at once. A single
+/// one may have met a busy machine.
 const TOO_LATE: Duration = Duration::from_millis(500);
+const LATE_IN_A_ROW: usize = 2;
 /// A link at ease for so long gets more.
 const EASE: Duration = Duration::from_secs(10);
 /// A link that could not take more waits twice as long each time, up to so long.
@@ -134,7 +136,9 @@ impl Link {
         };
         let slow = note(&mut self.slow_since, mean.is_some_and(|mean| mean > interval));
         let easy = note(&mut self.easy_since, mean.is_some_and(|mean| mean * EASE_FACTOR < interval));
-        let is_late = self.arrivals.iter().any(|(_, took)| took.saturating_sub(base) > TOO_LATE);
+        let late = |took: &Duration| took.saturating_sub(base) > TOO_LATE;
+        let in_a_row = self.arrivals.iter().rev().take_while(|(_, took)| late(took)).count();
+        let is_late = in_a_row >= LATE_IN_A_ROW;
         if (slow >= SLOW || is_late) && self.tier != Tier::Off {
             let was_raised = self.raised_at.is_some_and(|at| now.duration_since(at) < EASE);
             self.patience = if was_raised { (2 * self.patience).min(LONGEST_EASE) } else { self.patience };
@@ -181,14 +185,21 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_set_that_comes_much_too_late_is_the_last_of_its_size() {
+    fn frame_sets_that_come_much_too_late_are_the_last_of_their_size() {
         let mut link = Link::new(Tier::Full);
         let began = Instant::now();
-        link.arrived(began, BASE + Duration::from_millis(700));
-        link.judge(began, None, BASE, INTERVAL);
-        assert_eq!(link.tier(), Tier::Half);
-        link.judge(began + Duration::from_millis(250), None, BASE, INTERVAL);
-        assert_eq!(link.tier(), Tier::Half, "it counts once");
+        let late = BASE + Duration::from_millis(700);
+        for (took, expected) in [
+            (late, Tier::Full),
+            (BASE, Tier::Full),
+            (late, Tier::Full),
+            (late, Tier::Half),
+            (late, Tier::Half),
+        ] {
+            link.arrived(began, took);
+            link.judge(began, None, BASE, INTERVAL);
+            assert_eq!(link.tier(), expected);
+        }
     }
 
     #[test]

@@ -59,6 +59,7 @@ export function debug(app: App, hands: Hands, version: string): Debug {
       frame: (app.frames.shown?.frame ?? null),
       pictures: (app.drawing?.count ?? 0),
       quality: app.quality.number,
+      colours: app.status?.feed?.tier ?? null,
       drawMs: app.quality.averageMs,
       latencyMs: app.frames.latencyMs.get(),
       receivedBytes: app.connection.received,

@@ -27,7 +27,7 @@ Example:
 
 Each row is a demo of its own: cameras, coordinator and physics as processes, and a page that reads all it is
 sent and draws nothing. Of the studio, the page looks for a while and looks away for a while in turn, so that
-steps with it and without it are of one run. A recording is watched to its end. A link is a relay that passes
+steps with it and without it are of one run; every step asks for a pass. A recording is watched to its end. A link is a relay that passes
 on so many megabits a second and no more.")]
 pub struct FeedBenchArguments {
     /// Image sizes of the studio's cameras [default: 640x480,1920x1080, without --recording].
@@ -88,7 +88,7 @@ fn settings(arguments: &FeedBenchArguments) -> Vec<Setting> {
     };
     let studio = |&(width, height): &(u32, u32)| {
         let (cameras, size) = (arguments.cameras.to_string(), format!("{width}x{height}"));
-        let program = ["--cameras", &cameras, "--size", &size].map(str::to_owned).to_vec();
+        let program = ["--cameras", &cameras, "--size", &size, "--ask", "step"].map(str::to_owned).to_vec();
         (format!("studio {size}"), program, Some(arguments.seconds))
     };
     let recording = |path: &PathBuf| {

@@ -31,7 +31,7 @@ pub struct Row {
     pub tier: String,
     /// Frame sets that the link did not take.
     pub sets_dropped: u64,
-    /// A step of the run with its pass while the page looked: the median of what each quarter of a second had
+    /// A step of the run while the page looked: the median of what each quarter of a second had
     /// as median.
     pub step_p50_ms: Option<f64>,
     /// The same while it looked away.
