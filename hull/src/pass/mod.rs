@@ -351,8 +351,10 @@ impl Pass {
             Kind::Classes => merged.standings.resize(count, Standing::inside(0)),
             Kind::Edges => {
                 merged.edges.resize(count, None);
+                // One group alone finds exits at once.
+                let told = if self.groups.len() == 1 { 0 } else { count };
                 self.exits_within.clear();
-                self.exits_within.resize(count, None);
+                self.exits_within.resize(told, None);
             }
             Kind::Exits | Kind::SharedExits => merged.exits_m.resize(count, NO_EXIT_M),
         }
@@ -393,7 +395,9 @@ impl Pass {
             let Some(edge) = edge else { continue };
             if merged.is_none_or(|before| edge.is_nearer(&before)) {
                 *merged = Some(*edge);
-                self.exits_within[at] = answer.exits_within.get(at).copied();
+                if let Some(within) = self.exits_within.get_mut(at) {
+                    *within = answer.exits_within.get(at).copied();
+                }
             }
         }
         for (merged, &exit_m) in merged.exits_m.iter_mut().zip(&answer.exits_m) {

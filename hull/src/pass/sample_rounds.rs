@@ -66,13 +66,11 @@ impl Pass {
         let again = self.round == Round::Edges;
         self.pick_touches([0.0; 3], |_, _, touch| fits(touch));
         let Pass { question, targets, bodies, results, count, .. } = self;
-        if !again {
+        if !alone && !again {
             for (body, result) in bodies[..*count].iter_mut().zip(results.iter()) {
                 body.exits_within.clear();
                 body.exits_within.resize(result.touches.len(), None);
             }
-        }
-        if !alone && !again {
             for of_body in targets.0.chunk_by(|a, b| a.0 == b.0) {
                 let (body, touches) = (of_body[0].0 as usize, &results[of_body[0].0 as usize].touches);
                 let mut from = 0;
@@ -88,7 +86,9 @@ impl Pass {
         let mut is_open = false;
         for (at, (&(body, touch), &edge)) in targets.0.iter().zip(&merged.edges).enumerate() {
             results[body as usize].touches[touch as usize].edge = edge;
-            bodies[body as usize].exits_within[touch as usize] = exits_within[at];
+            if let Some(&within) = exits_within.get(at) {
+                bodies[body as usize].exits_within[touch as usize] = within;
+            }
             is_open |= edge.is_none() && question.bounds(at);
         }
         if is_open {
