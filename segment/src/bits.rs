@@ -160,8 +160,11 @@ impl BitImage {
             return area;
         }
         // A margin as wide as the square is all that squares beside the foreground need; and what no
-        // square covers between foreground and image border lies within it, too.
-        let area = area.grown(side, self);
+        // square covers between foreground and image border lies within it, too: but for an image on which no square
+        // has room at all.
+        let has_room = self.width >= side && self.height() >= side;
+        let whole = Area { rows: 0..self.height(), words: 0..self.words_per_row };
+        let area = if has_room { area.grown(side, self) } else { whole };
         self.invert(&area);
         Morph { image: self, area: &area, side, erodes: true }.run_on(path);
         self.invert(&area);
