@@ -1,7 +1,7 @@
 //! Compiles the recording's messages without `protoc`.
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let folder = "../proto/proto";
+    let folder = "proto";
     let file = "hulltouch/recording/v1/recording.proto";
     println!("cargo:rerun-if-changed={folder}/{file}");
     let descriptors = protox::compile([file], [folder])?;

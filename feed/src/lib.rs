@@ -2,31 +2,23 @@
 //!
 //! A [`Feed`] runs on a thread of its own, with its own runtime: the loop never waits for a page. It serves
 //! the page itself, its binary feed (a WebSocket), and what programs use. It knows a run by its
-//! [`coordinator::live::Follower`], what it is by [`RunFacts`], and asks [`pictures::Pictures`] for
+//! [`coordinator::live::Follower`], what it is by [`RunInfo`], and asks [`pictures::Pictures`] for
 //! silhouettes and colours of a frame, only while somebody looks. `docs/feed.md` is the format in words.
 
 pub mod commands;
-mod connection;
-mod facts;
-mod gate;
-pub mod hello;
-mod hub;
-mod incoming;
+mod http;
 pub mod message;
-mod orders;
-pub mod osc;
-mod outbox;
+mod message_cache;
 mod page;
-mod page_frames;
-mod page_state;
 pub mod pictures;
+mod programs;
+mod run_info;
 mod server;
-mod socket;
-mod state_socket;
-mod ticks;
+mod shared;
+pub mod text;
 mod tier;
-mod world_service;
 
-pub use facts::{RunFacts, Volume};
-pub use gate::{Origin, Token};
+pub use http::{Origin, Token};
+pub use programs::Osc;
+pub use run_info::{RunInfo, Volume};
 pub use server::{Feed, FeedError, FeedSettings};

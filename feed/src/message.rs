@@ -13,8 +13,8 @@
 use bytes::{BufMut as _, Bytes, BytesMut};
 use coordinator::live::{BodyState, TouchPoint, WorldState};
 
-use crate::hello::VERSION;
 use crate::pictures::{CameraPicture, FramePictures};
+use crate::text::VERSION;
 
 /// The first four bytes of every message, as a little-endian number.
 pub const MAGIC: u32 = u32::from_le_bytes(*b"HTF1");

@@ -15,12 +15,12 @@ use thiserror::Error;
 use tokio::net::TcpListener;
 use tokio::sync::watch;
 
-use crate::connection::{Counting, Taken};
-use crate::facts::{RunFacts, Volume};
-use crate::gate::{Gate, Origin, Token, random_hex};
-use crate::hub::Hub;
+use crate::http::{Access, BytesSent, CountingListener, Origin, Token, random_hex};
+use crate::message_cache::MessageCache;
 use crate::pictures::Pictures;
-use crate::{page, socket, state_socket, world_service};
+use crate::run_info::RunInfo;
+use crate::shared::Shared;
+use crate::{http, page, programs};
 
 /// Pages get so long to hear that the run ends.
 const LAST_WORDS: Duration = Duration::from_millis(300);
@@ -54,42 +54,6 @@ pub enum FeedError {
     System(String),
 }
 
-/// What every part of the server shares.
-pub(crate) struct Shared {
-    pub facts: RunFacts,
-    /// The facts' own.
-    pub volume: Volume,
-    pub follower: Follower,
-    pub hub: Hub,
-    pub gate: Gate,
-    /// New with every start of a server, so that a page sees that it talks to another run.
-    pub session: String,
-    /// How many pages look.
-    pub pages: Arc<AtomicUsize>,
-    /// How many programs follow, over JSON or gRPC.
-    pub programs: Arc<AtomicUsize>,
-    /// True once the server ends.
-    pub ending: watch::Receiver<bool>,
-}
-
-/// One of so many places for those who follow, given back when dropped.
-pub(crate) struct Seat(Arc<AtomicUsize>);
-
-impl Seat {
-    /// A place, if one is free.
-    pub fn take(taken: &Arc<AtomicUsize>, most: usize) -> Option<Seat> {
-        let before = taken.fetch_add(1, Ordering::AcqRel);
-        let seat = Seat(Arc::clone(taken));
-        (before < most).then_some(seat)
-    }
-}
-
-impl Drop for Seat {
-    fn drop(&mut self) {
-        self.0.fetch_sub(1, Ordering::AcqRel);
-    }
-}
-
 /// A server that runs until it is dropped.
 #[derive(Debug)]
 pub struct Feed {
@@ -104,7 +68,7 @@ impl Feed {
     /// it returns is asked only while somebody looks.
     pub fn start(
         settings: &FeedSettings,
-        facts: RunFacts,
+        facts: RunInfo,
         follower: Follower,
         pictures: impl FnOnce() -> Arc<dyn Pictures>,
     ) -> Result<Feed, FeedError> {
@@ -120,13 +84,13 @@ impl Feed {
         };
         let pages: Arc<AtomicUsize> = Arc::default();
         let shared = Arc::new(Shared {
-            hub: Hub::new(pictures, facts.fps),
+            messages: MessageCache::new(pictures, facts.fps),
             volume: facts.volume(),
             facts,
             follower,
             pages: Arc::clone(&pages),
             programs: Arc::default(),
-            gate: Gate::new(settings.token.clone(), address, settings.origin.clone()),
+            access: Access::new(settings.token.clone(), address, settings.origin.clone()),
             session: random_hex().map_err(FeedError::System)?,
             ending,
         });
@@ -173,13 +137,13 @@ fn bind(settings: &FeedSettings) -> Result<std::net::TcpListener, FeedError> {
 async fn router(shared: &Arc<Shared>) -> Router {
     let guarded = axum::middleware::from_fn_with_state(Arc::clone(shared), guard);
     // What no route takes is the page's to answer.
-    let calls: Router<Arc<Shared>> = world_service::routes(shared).await.with_state(());
-    let routes = Router::new().merge(socket::routes()).merge(state_socket::routes());
-    routes.merge(page::routes()).merge(calls).layer(guarded).with_state(Arc::clone(shared))
+    let calls: Router<Arc<Shared>> = programs::grpc_routes(shared).await.with_state(());
+    let routes = Router::new().merge(page::routes()).merge(programs::json_routes());
+    routes.merge(http::routes()).merge(calls).layer(guarded).with_state(Arc::clone(shared))
 }
 
 async fn guard(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
-    match shared.gate.check(request.uri(), request.headers()) {
+    match shared.access.check(request.uri(), request.headers()) {
         Ok(()) => next.run(request).await,
         Err((status, why)) => (status, why + "\n").into_response(),
     }
@@ -187,10 +151,10 @@ async fn guard(State(shared): State<Arc<Shared>>, request: Request, next: Next) 
 
 async fn serve(listener: std::net::TcpListener, shared: Arc<Shared>) {
     let listener = match TcpListener::from_std(listener) {
-        Ok(listener) => Counting(listener),
+        Ok(listener) => CountingListener(listener),
         Err(error) => return tracing::error!("the page cannot be served: {error}"),
     };
-    let service = router(&shared).await.into_make_service_with_connect_info::<Taken>();
+    let service = router(&shared).await.into_make_service_with_connect_info::<BytesSent>();
     let mut ending = shared.ending.clone();
     let mut ended = ending.clone();
     let serving = axum::serve(listener, service).with_graceful_shutdown(async move {

@@ -9,9 +9,9 @@ use coordinator::Progress;
 use coordinator::live::{
     BodyLook, BodyState, CameraStatus, Done, Parameters, RunStatus, SceneState, TouchPoint, WorldState,
 };
-use feed::hello::{self, FeedStatus};
 use feed::message;
 use feed::pictures::{CameraPicture, FramePictures};
+use feed::text::{self, FeedStatus};
 use hull::{Pose, Silhouette};
 use proto::convert::{SilhouetteEncoding, silhouette_data};
 use sim::Solid;
@@ -142,7 +142,7 @@ fn texts() {
         up: [0.0, 1.0, 0.0],
         floor_m: Some(0.0),
     };
-    is_golden("scene.json", hello::scene(&scene).as_bytes());
+    is_golden("scene.json", text::scene(&scene).as_bytes());
     let camera = CameraStatus {
         name: "cam_0".into(),
         problem: None,
@@ -180,8 +180,8 @@ fn texts() {
         blind_steps: 0,
     };
     let feed = FeedStatus { bytes_per_s: 1_500_000.0, sent: 88, dropped: 2, tier: "full", pages: 3 };
-    is_golden("status.json", hello::status(Some(&status), false, &feed).as_bytes());
-    is_golden("done.json", hello::done(7, Done::Spawned(12)).as_bytes());
-    is_golden("refused.json", hello::refused(8, "no body has number 99").as_bytes());
-    is_golden("bye.json", hello::bye("the run has ended").as_bytes());
+    is_golden("status.json", text::status(Some(&status), false, &feed).as_bytes());
+    is_golden("done.json", text::done(7, Done::Spawned(12)).as_bytes());
+    is_golden("refused.json", text::refused(8, "no body has number 99").as_bytes());
+    is_golden("bye.json", text::bye("the run has ended").as_bytes());
 }

@@ -7,9 +7,8 @@ use std::sync::Arc;
 use camera_node::SourceConfig;
 use clap::Args;
 use coordinator::live::{Follower, Live, live};
-use feed::osc::Osc;
 use feed::pictures::Pictures;
-use feed::{Feed, FeedError, FeedSettings, Origin, RunFacts, Token};
+use feed::{Feed, FeedError, FeedSettings, Origin, Osc, RunInfo, Token};
 use hull::Silhouette;
 
 use crate::cluster_file::ClusterFile;
@@ -130,7 +129,7 @@ fn serve_page(
     source: PageSource,
 ) -> Outcome<Feed> {
     let file = &setup.file;
-    let facts = RunFacts {
+    let facts = RunInfo {
         rig: file.rig.clone(),
         ignored: source.ignored,
         probes: file.probes,

@@ -12,7 +12,7 @@ use coordinator::live::{
     SceneState, TouchPoint, WorldState, live,
 };
 use feed::pictures::{CameraPicture, FramePictures, PictureKind, PictureRequest, Pictures};
-use feed::{Feed, FeedSettings, RunFacts, Token};
+use feed::{Feed, FeedSettings, RunInfo, Token};
 use futures::future::BoxFuture;
 use futures::{SinkExt as _, StreamExt as _};
 use hull::{Camera, Pose, ProbeSettings, Rig};
@@ -111,7 +111,7 @@ impl Run {
         let (live, follower) = live();
         let Live { mut orders, world, scene, status, .. } = live;
         let studio = Arc::new(Studio::default());
-        let facts = RunFacts {
+        let facts = RunInfo {
             rig: rig(),
             ignored: vec![None; CAMERAS],
             probes: ProbeSettings::default(),

@@ -6,15 +6,15 @@ use std::time::{Duration, Instant};
 
 use coordinator::live::{Follower, Watching};
 
-use crate::connection::Taken;
-use crate::hello::{self, FeedStatus};
-use crate::incoming::{self, Incoming, Want};
-use crate::orders::Orders;
-use crate::outbox::Outbox;
-use crate::page_frames::{Newest, PageFrames};
-use crate::server::Shared;
-use crate::socket::{PATIENCE, STATUS_EVERY};
-use crate::tier::Link;
+use super::frames::{Newest, PageFrames};
+use super::incoming::{self, Incoming, Want};
+use super::link::Link;
+use super::orders::Orders;
+use super::outbox::Outbox;
+use super::{STATUS_EVERY, WRITE_TIMEOUT};
+use crate::http::BytesSent;
+use crate::shared::Shared;
+use crate::text::{self, FeedStatus};
 
 /// A link on which a frame set takes no longer than this, beyond what any message takes, carries the next one
 /// meanwhile.
@@ -39,7 +39,7 @@ pub(crate) struct Page {
     follower: Follower,
     outbox: Arc<Outbox>,
     is_controller: bool,
-    taken: Taken,
+    bytes_sent: BytesSent,
     want: Want,
     link: Link,
     orders: Orders,
@@ -59,7 +59,7 @@ pub(crate) struct Page {
 }
 
 impl Page {
-    pub fn new(shared: Arc<Shared>, outbox: Arc<Outbox>, is_controller: bool, taken: Taken) -> Page {
+    pub fn new(shared: Arc<Shared>, outbox: Arc<Outbox>, is_controller: bool, bytes_sent: BytesSent) -> Page {
         let mut follower = shared.follower.clone();
         // What is there already is new to this page.
         follower.world.mark_changed();
@@ -75,13 +75,13 @@ impl Page {
             follower,
             outbox,
             is_controller,
-            seen_bytes: taken.bytes(),
-            taken,
+            seen_bytes: bytes_sent.bytes(),
+            bytes_sent,
             want,
             orders,
             state_sent: now,
             is_state_new: false,
-            base: PATIENCE,
+            base: WRITE_TIMEOUT,
             is_quick: false,
             generation: 0,
             moved: now,
@@ -93,7 +93,7 @@ impl Page {
     pub fn begin(&mut self) {
         let hello = {
             let Shared { facts, volume, session, .. } = &*self.shared;
-            hello::hello(facts, volume, session, self.is_controller)
+            text::hello(facts, volume, session, self.is_controller)
         };
         self.outbox.text(hello);
     }
@@ -109,7 +109,7 @@ impl Page {
                     orders.forget_held();
                     self.generation = scene.generation;
                 }
-                self.tell(hello::scene(&scene))
+                self.tell(text::scene(&scene))
             }
             Ok(()) = follower.world.changed() => {
                 follower.world.mark_unchanged();
@@ -197,7 +197,7 @@ impl Page {
         self.is_state_new = false;
         let world = self.follower.world.borrow().clone();
         if let Some(world) = world {
-            self.outbox.world(self.shared.hub.world(&world, self.want.touches));
+            self.outbox.world(self.shared.messages.world(&world, self.want.touches));
         }
         None
     }
@@ -230,21 +230,21 @@ impl Page {
     pub fn ping(&mut self) -> Option<Verdict> {
         self.outbox.ping();
         // Routes change: what was the least long ago counts less and less.
-        self.base = self.base.mul_f64(1.02).min(PATIENCE);
+        self.base = self.base.mul_f64(1.02).min(WRITE_TIMEOUT);
         None
     }
 
     /// Judges the link, tells the status, and gives up a page that reads no more.
     pub fn look_at_link(&mut self) -> Option<Verdict> {
         let now = Instant::now();
-        let bytes = self.taken.bytes();
+        let bytes = self.bytes_sent.bytes();
         let grown = bytes - self.seen_bytes;
         if grown > 0 || !self.outbox.is_busy() {
             self.moved = now;
         }
         self.seen_bytes = bytes;
-        let is_silent = self.outbox.silence().is_some_and(|silence| silence > PATIENCE);
-        if is_silent || now.duration_since(self.moved) > PATIENCE {
+        let is_silent = self.outbox.silence().is_some_and(|silence| silence > WRITE_TIMEOUT);
+        if is_silent || now.duration_since(self.moved) > WRITE_TIMEOUT {
             return Some(Verdict::Stuck);
         }
         self.link.judge(now, self.outbox.frame_waits(), self.base, self.frames.interval(&self.want));
@@ -258,7 +258,7 @@ impl Page {
         };
         let is_paused = self.follower.world.borrow().as_ref().is_some_and(|world| world.paused);
         let status = self.follower.status.borrow().clone();
-        self.outbox.status(hello::status(status.as_deref(), is_paused, &feed));
+        self.outbox.status(text::status(status.as_deref(), is_paused, &feed));
         None
     }
 }

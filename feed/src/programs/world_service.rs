@@ -14,9 +14,9 @@ use tokio_stream::wrappers::ReceiverStream;
 use tonic::service::Routes;
 use tonic::{Request, Response, Status};
 
+use super::ticks::{DEFAULT_RATE_HZ, MAX_PROGRAMS, Ticks};
 use crate::message::MAX_TOUCHES;
-use crate::server::{Seat, Shared};
-use crate::ticks::{DEFAULT_RATE_HZ, MAX_PROGRAMS, Ticks};
+use crate::shared::{Seat, Shared};
 
 /// States that wait for a caller that reads slowly; beyond, ticks are left out.
 const MAX_WAITING: usize = 2;
@@ -50,7 +50,7 @@ pub(crate) struct Service(Arc<Shared>);
 impl Service {
     fn may_steer<T>(&self, request: &Request<T>) -> bool {
         let authorization = request.metadata().get("authorization").and_then(|value| value.to_str().ok());
-        self.0.gate.may_steer(authorization.and_then(|value| value.strip_prefix("Bearer ")))
+        self.0.access.may_steer(authorization.and_then(|value| value.strip_prefix("Bearer ")))
     }
 
     /// Has something done for whoever holds the token.

@@ -92,16 +92,16 @@ pub(crate) fn random_hex() -> Result<String, String> {
 
 /// Decides about requests.
 #[derive(Clone, Debug)]
-pub(crate) struct Gate {
+pub(crate) struct Access {
     token: Token,
     is_loopback: bool,
     /// Where a proxy shows this server.
     origin: Option<Origin>,
 }
 
-impl Gate {
-    pub fn new(token: Token, address: SocketAddr, origin: Option<Origin>) -> Gate {
-        Gate { token, is_loopback: address.ip().is_loopback(), origin }
+impl Access {
+    pub fn new(token: Token, address: SocketAddr, origin: Option<Origin>) -> Access {
+        Access { token, is_loopback: address.ip().is_loopback(), origin }
     }
 
     /// Whether this text is the token.
@@ -160,13 +160,13 @@ mod tests {
     fn check_behind(proxy: Option<&str>, listen: &str, host: &str, origin: Option<&str>) -> bool {
         let token = Token::new("12345678").expect("a token");
         let proxy = proxy.map(|proxy| Origin::new(proxy).expect("an origin"));
-        let gate = Gate::new(token, listen.parse().expect("an address"), proxy);
+        let access = Access::new(token, listen.parse().expect("an address"), proxy);
         let mut headers = HeaderMap::new();
         headers.insert(header::HOST, host.parse().expect("a value"));
         if let Some(origin) = origin {
             headers.insert(header::ORIGIN, origin.parse().expect("a value"));
         }
-        gate.check(&Uri::from_static("/feed"), &headers).is_ok()
+        access.check(&Uri::from_static("/feed"), &headers).is_ok()
     }
 
     #[test]
@@ -208,9 +208,11 @@ mod tests {
     #[test]
     fn the_token_alone_lets_steer() {
         let token = Token::new("abcd-1234").expect("a token");
-        let gate = Gate::new(token.clone(), SocketAddr::from(([127, 0, 0, 1], 1)), None);
-        assert!(gate.may_steer(Some("abcd-1234")));
-        assert!(!gate.may_steer(Some("abcd-1235")) && !gate.may_steer(Some("")) && !gate.may_steer(None));
+        let access = Access::new(token.clone(), SocketAddr::from(([127, 0, 0, 1], 1)), None);
+        assert!(access.may_steer(Some("abcd-1234")));
+        assert!(
+            !access.may_steer(Some("abcd-1235")) && !access.may_steer(Some("")) && !access.may_steer(None)
+        );
         assert_eq!(format!("{token:?}"), "Token(hidden)");
         assert!(Token::new("short").is_err() && Token::new("with space").is_err());
         let random = Token::random().expect("chance");

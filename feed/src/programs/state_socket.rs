@@ -15,9 +15,9 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 use tokio::sync::watch;
 
-use crate::server::{Seat, Shared};
-use crate::ticks::{DEFAULT_RATE_HZ, MAX_PROGRAMS, Ticks};
-use crate::{commands, hello};
+use super::ticks::{DEFAULT_RATE_HZ, MAX_PROGRAMS, Ticks};
+use crate::shared::{Seat, Shared};
+use crate::{commands, text};
 
 /// The longest message a program may send, bytes: a convex hull of 256 points fits.
 const MAX_MESSAGE_BYTES: usize = 64 << 10;
@@ -49,7 +49,7 @@ async fn open(
         Ok(ticks) => ticks,
         Err(why) => return (StatusCode::BAD_REQUEST, why + "\n").into_response(),
     };
-    let may_steer = shared.gate.may_steer(asked.token.as_deref());
+    let may_steer = shared.access.may_steer(asked.token.as_deref());
     let upgrade = upgrade.max_message_size(MAX_MESSAGE_BYTES).max_frame_size(MAX_MESSAGE_BYTES);
     upgrade.on_upgrade(move |socket| async move {
         let program = Program { shared, may_steer, generation: 0, held: BTreeSet::new() };
@@ -114,8 +114,8 @@ impl Program {
         };
         let command = match command {
             Ok(command) if self.may_steer => command,
-            Ok(_) => return hello::refused(id, "a viewer cannot steer: add ?token= to the address"),
-            Err(why) => return hello::refused(id, &why),
+            Ok(_) => return text::refused(id, "a viewer cannot steer: add ?token= to the address"),
+            Err(why) => return text::refused(id, &why),
         };
         let held = match command {
             Command::Grab { body, .. } => Some((body, true)),
@@ -129,9 +129,9 @@ impl Program {
                     Some((body, false)) => drop(self.held.remove(&body)),
                     None => {}
                 }
-                hello::done(id, done)
+                text::done(id, done)
             }
-            Err(why) => hello::refused(id, &why.to_string()),
+            Err(why) => text::refused(id, &why.to_string()),
         }
     }
 }
@@ -175,7 +175,7 @@ fn state(world: &WorldState, scene: Option<&SceneState>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ticks::tests::world;
+    use crate::programs::ticks::tests::world;
 
     #[test]
     fn a_state_is_an_object_with_every_body() {

@@ -9,7 +9,7 @@ const GRID: usize = 41;
 
 /// What does not change while a run lasts.
 #[derive(Clone, Debug)]
-pub struct RunFacts {
+pub struct RunInfo {
     /// The cameras that take part.
     pub rig: Rig,
     /// Of each camera, in rig order, the pixels where it is silent whatever it sees; `None` if there are none.
@@ -41,7 +41,7 @@ pub struct Volume {
     pub high_m: [f64; 3],
 }
 
-impl RunFacts {
+impl RunInfo {
     /// What pages are told when it is over.
     pub fn end(&self) -> &'static str {
         if self.is_replay { "the recording has ended" } else { "the run has ended" }
@@ -113,7 +113,7 @@ pub(crate) mod tests {
     use hull::rule::{HullRule, NormalWindow};
 
     /// Cameras on a circle of 3 m around (0, 1, 0) that all look there, 90 degrees wide.
-    pub(crate) fn ring(count: usize, out_of_view: OutOfView) -> RunFacts {
+    pub(crate) fn ring(count: usize, out_of_view: OutOfView) -> RunInfo {
         let camera = |index: usize| {
             let angle = std::f64::consts::TAU * index as f64 / count as f64;
             let (sine, cosine) = (angle.sin(), angle.cos());
@@ -127,7 +127,7 @@ pub(crate) mod tests {
                 .expect("a camera")
         };
         let rule = HullRule { out_of_view, min_views: 2 };
-        RunFacts {
+        RunInfo {
             rig: Rig::new((0..count).map(camera).collect()).expect("a rig"),
             ignored: vec![None; count],
             probes: ProbeSettings::new(rule, NormalWindow::Auto, 1.0).expect("settings"),

@@ -7,7 +7,7 @@ use proto::convert::{SilhouetteEncoding, silhouette_data};
 use serde_json::{Value, json};
 use sim::{Scene, Solid};
 
-use crate::facts::{RunFacts, Volume};
+use crate::run_info::{RunInfo, Volume};
 use hull::rule::OutOfView;
 use hull::{Camera, Silhouette};
 
@@ -15,7 +15,7 @@ use hull::{Camera, Silhouette};
 pub const VERSION: u8 = 1;
 
 /// What a page hears first. `volume` is that of the facts, found once: that takes a while.
-pub fn hello(facts: &RunFacts, volume: &Volume, session: &str, is_controller: bool) -> String {
+pub fn hello(facts: &RunInfo, volume: &Volume, session: &str, is_controller: bool) -> String {
     let rule = facts.probes.rule();
     let cameras = facts.rig.cameras().iter().zip(&facts.ignored);
     json!({
@@ -207,7 +207,7 @@ pub fn bye(why: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::facts::tests::ring;
+    use crate::run_info::tests::ring;
 
     #[test]
     fn a_camera_says_which_pixels_it_ignores_as_the_runs_of_a_silhouette() {

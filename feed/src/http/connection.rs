@@ -17,26 +17,26 @@ use tokio::net::{TcpListener, TcpStream};
 const SEND_BUFFER_BYTES: usize = 128 << 10;
 
 /// Accepts connections.
-pub(crate) struct Counting(pub TcpListener);
+pub(crate) struct CountingListener(pub TcpListener);
 
 /// One connection.
 pub(crate) struct CountingStream {
     stream: TcpStream,
-    taken: Taken,
+    bytes_sent: BytesSent,
 }
 
 /// Bytes that the kernel has taken for a peer.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Taken(Arc<AtomicU64>);
+pub(crate) struct BytesSent(Arc<AtomicU64>);
 
-impl Taken {
+impl BytesSent {
     /// So many so far.
     pub fn bytes(&self) -> u64 {
         self.0.load(Ordering::Relaxed)
     }
 }
 
-impl Listener for Counting {
+impl Listener for CountingListener {
     type Io = CountingStream;
     type Addr = SocketAddr;
 
@@ -45,7 +45,7 @@ impl Listener for Counting {
         // A socket that takes neither setting still works, only later.
         let _ = stream.set_nodelay(true);
         let _ = socket2::SockRef::from(&stream).set_send_buffer_size(SEND_BUFFER_BYTES);
-        (CountingStream { stream, taken: Taken::default() }, address)
+        (CountingStream { stream, bytes_sent: BytesSent::default() }, address)
     }
 
     fn local_addr(&self) -> io::Result<SocketAddr> {
@@ -53,9 +53,9 @@ impl Listener for Counting {
     }
 }
 
-impl Connected<IncomingStream<'_, Counting>> for Taken {
-    fn connect_info(stream: IncomingStream<'_, Counting>) -> Taken {
-        stream.io().taken.clone()
+impl Connected<IncomingStream<'_, CountingListener>> for BytesSent {
+    fn connect_info(stream: IncomingStream<'_, CountingListener>) -> BytesSent {
+        stream.io().bytes_sent.clone()
     }
 }
 
@@ -72,7 +72,7 @@ impl AsyncRead for CountingStream {
 impl CountingStream {
     fn count(&self, written: Poll<io::Result<usize>>) -> Poll<io::Result<usize>> {
         if let Poll::Ready(Ok(bytes)) = &written {
-            self.taken.0.fetch_add(*bytes as u64, Ordering::Relaxed);
+            self.bytes_sent.0.fetch_add(*bytes as u64, Ordering::Relaxed);
         }
         written
     }

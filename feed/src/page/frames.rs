@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 use bytes::Bytes;
 use futures::future::BoxFuture;
 
-use crate::hub::{Look, Made};
-use crate::incoming::Want;
-use crate::server::Shared;
+use super::incoming::Want;
+use crate::message_cache::{Look, Made};
+use crate::shared::Shared;
 use crate::tier::Tier;
 
 /// Frame sets that a page has not shown yet: one on its way while one is drawn.
@@ -188,10 +188,10 @@ impl PageFrames {
         let shared = Arc::clone(&self.shared);
         Box::pin(async move {
             let made = |look, or_newest| {
-                let hub = &shared.hub;
+                let cache = &shared.messages;
                 async move {
-                    match hub.look(frame, look).await {
-                        Err(_) if or_newest => hub.look_at_newest(look).await,
+                    match cache.look(frame, look).await {
+                        Err(_) if or_newest => cache.look_at_newest(look).await,
                         made => made,
                     }
                 }

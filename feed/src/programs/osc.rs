@@ -166,7 +166,7 @@ fn address_part(name: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ticks::tests::world;
+    use crate::programs::ticks::tests::world;
     use coordinator::live::live;
 
     fn messages(bytes: &[u8]) -> Vec<OscMessage> {

@@ -14,11 +14,12 @@ use futures::{SinkExt as _, StreamExt as _};
 use serde::Deserialize;
 use tokio::task::JoinHandle;
 
-use crate::connection::Taken;
-use crate::hello;
-use crate::outbox::{Item, Outbox};
-use crate::page_state::{Page, Verdict};
-use crate::server::{Seat, Shared};
+use super::outbox::{Item, Outbox};
+use super::state::{Page, Verdict};
+use super::{STATUS_EVERY, WRITE_TIMEOUT};
+use crate::http::BytesSent;
+use crate::shared::{Seat, Shared};
+use crate::text;
 
 /// The subprotocol, with the format's version.
 const PROTOCOL: &str = "hulltouch.feed.v1";
@@ -26,12 +27,8 @@ const PROTOCOL: &str = "hulltouch.feed.v1";
 const MAX_PAGES: usize = 64;
 /// The longest message of a page, bytes: a body of 256 points takes 20 KB.
 const MAX_MESSAGE_BYTES: usize = 64 << 10;
-/// A page whose socket takes nothing for so long, or that does not answer a ping, is dropped.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(5);
 /// What WebSocket closes may give as a reason, bytes.
 const MAX_REASON_BYTES: usize = 123;
-/// How often a page's link is looked at, and its status told.
-pub(crate) const STATUS_EVERY: Duration = Duration::from_millis(250);
 /// How often a page is asked whether it is there.
 const PING_EVERY: Duration = Duration::from_secs(1);
 
@@ -48,29 +45,29 @@ struct Parameters {
 async fn upgrade(
     State(shared): State<Arc<Shared>>,
     Query(parameters): Query<Parameters>,
-    ConnectInfo(taken): ConnectInfo<Taken>,
+    ConnectInfo(bytes_sent): ConnectInfo<BytesSent>,
     upgrade: WebSocketUpgrade,
 ) -> Response {
     let Some(seat) = Seat::take(&shared.pages, MAX_PAGES) else {
         let why = format!("{MAX_PAGES} pages look already, expected fewer\n");
         return (StatusCode::SERVICE_UNAVAILABLE, why).into_response();
     };
-    let is_controller = shared.gate.may_steer(parameters.token.as_deref());
+    let is_controller = shared.access.may_steer(parameters.token.as_deref());
     upgrade
         .protocols([PROTOCOL])
         .max_message_size(MAX_MESSAGE_BYTES)
         .max_frame_size(MAX_MESSAGE_BYTES)
         .on_upgrade(move |socket| async move {
-            serve(socket, shared, is_controller, taken).await;
+            serve(socket, shared, is_controller, bytes_sent).await;
             drop(seat);
         })
 }
 
-async fn serve(socket: WebSocket, shared: Arc<Shared>, is_controller: bool, taken: Taken) {
+async fn serve(socket: WebSocket, shared: Arc<Shared>, is_controller: bool, bytes_sent: BytesSent) {
     let (sink, stream) = socket.split();
     let outbox = Arc::new(Outbox::default());
     let mut writing = Writing(tokio::spawn(write(sink, Arc::clone(&outbox))));
-    let mut page = Page::new(shared, Arc::clone(&outbox), is_controller, taken);
+    let mut page = Page::new(shared, Arc::clone(&outbox), is_controller, bytes_sent);
     let verdict = tokio::select! {
         verdict = talk(&mut page, stream) => verdict,
         _ = &mut writing.0 => Verdict::Gone,
@@ -81,7 +78,7 @@ async fn serve(socket: WebSocket, shared: Arc<Shared>, is_controller: bool, take
         Verdict::Stuck => tracing::info!("a page that stopped reading was dropped"),
         Verdict::Bye(why) => {
             outbox.bye(why);
-            let _ = tokio::time::timeout(PATIENCE, &mut writing.0).await;
+            let _ = tokio::time::timeout(WRITE_TIMEOUT, &mut writing.0).await;
         }
     }
 }
@@ -143,7 +140,7 @@ async fn write(mut sink: SplitSink<WebSocket, Message>, outbox: Arc<Outbox>) {
             Item::Ping => send_ping(&mut sink, outbox.begin_ping(false), &outbox).await,
             Item::Bye(why) => {
                 // The peer may have gone already.
-                let _ = sink.send(Message::text(hello::bye(&why))).await;
+                let _ = sink.send(Message::text(text::bye(&why))).await;
                 let _ = sink.send(Message::Close(Some(close_frame(&why)))).await;
                 return;
             }

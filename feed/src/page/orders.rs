@@ -8,7 +8,7 @@ use futures::future::BoxFuture;
 use futures::stream::FuturesOrdered;
 
 use crate::commands::Request;
-use crate::hello;
+use crate::text;
 
 /// Commands of one page that wait for the loop.
 const MAX_ORDERS: usize = 64;
@@ -37,7 +37,7 @@ impl Orders {
 
     /// Passes a command on to the run; what refuses it at once is the answer.
     pub fn take(&mut self, Request { id, command }: Request) -> Option<String> {
-        let refused = |why: &str| Some(hello::refused(id, why));
+        let refused = |why: &str| Some(text::refused(id, why));
         if !self.is_controller {
             return refused("a viewer cannot steer: open the page with its token");
         }
@@ -67,8 +67,8 @@ impl Orders {
             _ => {}
         }
         match answer {
-            Ok(done) => hello::done(id, done),
-            Err(Refused(why)) => hello::refused(id, &why),
+            Ok(done) => text::done(id, done),
+            Err(Refused(why)) => text::refused(id, &why),
         }
     }
 

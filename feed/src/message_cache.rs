@@ -40,7 +40,7 @@ type Cell = Arc<OnceCell<Result<Made, String>>>;
 type Key = (u64, Look);
 type WorldMessages = Option<(Arc<WorldState>, [Option<Bytes>; 2])>;
 
-pub(crate) struct Hub {
+pub(crate) struct MessageCache {
     pictures: Arc<dyn Pictures>,
     fps: f64,
     next_seq: AtomicU32,
@@ -49,9 +49,15 @@ pub(crate) struct Hub {
     world: Mutex<WorldMessages>,
 }
 
-impl Hub {
-    pub fn new(pictures: Arc<dyn Pictures>, fps: f64) -> Hub {
-        Hub { pictures, fps, next_seq: AtomicU32::new(1), recent: Mutex::default(), world: Mutex::default() }
+impl MessageCache {
+    pub fn new(pictures: Arc<dyn Pictures>, fps: f64) -> MessageCache {
+        MessageCache {
+            pictures,
+            fps,
+            next_seq: AtomicU32::new(1),
+            recent: Mutex::default(),
+            world: Mutex::default(),
+        }
     }
 
     /// A message about a frame. Whoever asks first has it made; the others wait for the same.
