@@ -1,6 +1,5 @@
 //! The wire between coordinator and nodes (`hulltouch.v1`), and its conversions to and from the hull's
-//! own types. Generated types go no farther than the two files that speak the protocol: the node's
-//! service and the coordinator's client.
+//! own types. Generated types go no farther than the node's service and its one client.
 
 /// Generated from `proto/hulltouch/v1`.
 pub mod v1 {
@@ -13,8 +12,15 @@ pub mod v1 {
 
 mod address;
 pub mod convert;
+mod description;
+mod film;
+mod pictures;
+pub mod text;
 
 pub use address::{Address, AddressError, MAX_SOCKET_PATH_BYTES};
+pub use description::{CameraDescription, NodeDescription};
+pub use film::{BACKGROUND_S, CameraReport, FilmEvent, FilmState, FrameReport, Pace, unix_now_s};
+pub use pictures::{CameraPicture, FramePictures, MAX_SCALE_LOG2, Picture, PictureKind, PictureRequest};
 
 /// The most points one question may hold: a million body samples are 24 MB once placed in the world,
 /// and half a second of work for a node.

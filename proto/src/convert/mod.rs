@@ -4,15 +4,23 @@
 mod answer;
 mod bulk;
 mod choice;
+mod description;
+mod film;
 mod from_wire;
 mod packed;
+mod pictures;
 mod question;
 mod rounded;
 mod silhouette;
 mod to_wire;
 
 pub use answer::{ProbeAnswer, answer_from_wire, answer_to_wire};
+pub use description::{description_from_wire, description_to_wire};
+pub use film::{film_event_from_wire, film_event_to_wire, pace_from_wire, pace_to_wire};
 pub use from_wire::{pixel_rect_from_wire, settings_from_wire, shape_from_wire};
+pub use pictures::{
+    frame_pictures_from_wire, picture_request_from_wire, picture_request_to_wire, picture_to_wire,
+};
 pub use question::{LISTS, QuestionReader, QuestionWriter, StreamKnows, WrittenQuestion};
 pub use rounded::Precision;
 pub use silhouette::{SilhouetteEncoding, silhouette_data, silhouette_from_data};

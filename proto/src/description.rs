@@ -1,0 +1,29 @@
+//! Who a node is: its cameras and how it decides.
+
+use hull::ProbeSettings;
+
+/// A camera of a node.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CameraDescription {
+    /// Its name in the rig.
+    pub name: String,
+    /// Its place in the rig.
+    pub rig_index: u16,
+    /// Width and height, pixels.
+    pub size: (u32, u32),
+    /// The digest of all numbers of its calibration that change an answer.
+    pub calibration_digest: [u8; 32],
+}
+
+/// What a node says of itself.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NodeDescription {
+    /// The program's version.
+    pub version: String,
+    /// Its cameras in rig order.
+    pub cameras: Vec<CameraDescription>,
+    /// The hull rule and the probes' settings.
+    pub settings: ProbeSettings,
+    /// Frames per second.
+    pub fps: f64,
+}

@@ -1,0 +1,77 @@
+//! What a node reports of its film, and how film is paced.
+
+use std::ops::RangeInclusive;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use hull::silhouette::PixelRect;
+
+/// The least and the most film that a background is learnt from, seconds: shorter learns noise, longer keeps
+/// the room waiting.
+pub const BACKGROUND_S: RangeInclusive<f64> = 0.2..=30.0;
+
+/// When a run began and how it is paced.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pace {
+    /// Unix seconds at which film time is zero.
+    pub epoch_unix_s: f64,
+    /// Every frame, as credits allow, instead of in real time.
+    pub lock_step: bool,
+}
+
+/// The state of a node's film.
+#[derive(Clone, Debug, PartialEq, Eq, Default)]
+pub enum FilmState {
+    /// It runs, or has not begun.
+    #[default]
+    Running,
+    /// All its frames have been reported.
+    Ended,
+    /// It failed for good, and why.
+    Failed(String),
+}
+
+/// One camera's part of a frame, without its pixels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CameraReport {
+    /// Place in the rig.
+    pub rig_index: u16,
+    /// Least rectangle of what the camera does not reject; `None` if it rejects all it sees.
+    pub admitted: Option<PixelRect>,
+    /// Foreground pixels.
+    pub area: u64,
+    /// Size of the compact silhouette, bytes.
+    pub silhouette_bytes: u32,
+    /// From capture to silhouette, milliseconds.
+    pub segment_ms: f64,
+}
+
+/// One frame of one node, without its pixels.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrameReport {
+    /// Its number in the cluster's count.
+    pub frame: u64,
+    /// Film time since the epoch, seconds.
+    pub capture_time_s: f64,
+    /// When it was captured by the wall clock, unix seconds.
+    pub captured_unix_s: f64,
+    /// Its cameras.
+    pub cameras: Vec<CameraReport>,
+    /// Frames passed over just before it.
+    pub skipped: u64,
+}
+
+/// What a node reports of its film.
+#[derive(Clone, Debug, PartialEq)]
+pub enum FilmEvent {
+    /// A frame is there.
+    Frame(FrameReport),
+    /// All frames have been reported.
+    Ended,
+    /// Film has failed for good, and why.
+    Failed(String),
+}
+
+/// The wall clock, unix seconds.
+pub fn unix_now_s() -> f64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64())
+}
