@@ -3,31 +3,18 @@
 //! One module a subcommand. Exit status 0: done; 1: ran and failed; 2: bad input, with one line that says
 //! which file, which key, what was found and what was expected.
 
-mod bench;
-mod cluster_file;
-mod colours;
-mod coordinator_command;
-mod demo;
-mod expand;
-mod failure;
-mod local;
-mod node;
-mod page;
+mod command;
 mod picture;
-mod query;
-mod record;
-mod replay;
-mod report;
-mod rig;
 mod run;
-mod snapshot;
 
 use std::io::IsTerminal as _;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use crate::failure::Outcome;
+use cli::Outcome;
+
+use crate::command::{coordinator, demo, node, query, record, replay, rig};
 
 /// Virtual rigid bodies collide with people on film.
 #[derive(Debug, Parser)]
@@ -41,7 +28,7 @@ struct Arguments {
 enum Command {
     Demo(demo::DemoArguments),
     Node(node::NodeArguments),
-    Coordinator(coordinator_command::CoordinatorArguments),
+    Coordinator(coordinator::CoordinatorArguments),
     Record(record::RecordArguments),
     Replay(replay::ReplayArguments),
     Rig(rig::RigArguments),
@@ -55,7 +42,7 @@ fn main() -> ExitCode {
     let outcome: Outcome = match arguments.command {
         Command::Demo(arguments) => demo::run(arguments),
         Command::Node(arguments) => node::run(&arguments),
-        Command::Coordinator(arguments) => coordinator_command::run(&arguments),
+        Command::Coordinator(arguments) => coordinator::run(&arguments),
         Command::Record(arguments) => record::run(arguments),
         Command::Replay(arguments) => replay::run(&arguments),
         Command::Rig(arguments) => rig::run(&arguments),

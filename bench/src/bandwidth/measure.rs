@@ -1,0 +1,139 @@
+//! One film over all layouts: bytes at real sockets, and the processor time beside.
+
+use proto::convert::SilhouetteEncoding;
+
+use super::hosted::Hosted;
+use super::layout::{Cost, Layout};
+use crate::cluster::asked::{Answered, Asked, Connected, FrameCosts, PassCosts};
+use crate::cluster::bodies::Bodies;
+use crate::cluster::film::{Film, FilmPlan};
+use crate::cluster::names::PrecisionName;
+use crate::cluster::probing::{Local, Passes};
+use cli::{Failure, Outcome};
+
+/// Passes that the computation of gathering layouts is the mean of.
+const LOCAL_PASSES: u64 = 4;
+/// How silhouettes travel in each of [`Layout::GATHERED`].
+const ENCODINGS: [SilhouetteEncoding; 4] = [
+    SilhouetteEncoding::Grey,
+    SilhouetteEncoding::Mask,
+    SilhouetteEncoding::Runs,
+    SilhouetteEncoding::RunsLz4,
+];
+
+/// What is asked, and how.
+const ASKED: [(Layout, Asked, PrecisionName); 3] = [
+    (Layout::RawPoints, Asked::RawPoints, PrecisionName::Exact),
+    (Layout::RegisteredBodies, Asked::Registered, PrecisionName::Exact),
+    (Layout::RegisteredBodies, Asked::Registered, PrecisionName::Quantised),
+];
+/// Points that all cameras together are asked about for one figure, at most: bytes differ little from pass to
+/// pass, and a hundred thousand points go to 64 cameras.
+const MOST_POINTS: usize = 4_000_000;
+
+/// All layouts over one film.
+#[derive(Clone, Debug)]
+pub struct Measured {
+    /// The film; a node a camera.
+    pub plan: FilmPlan,
+    /// By number of bodies, ascending.
+    pub at: Vec<AtBodies>,
+}
+
+/// All layouts for so many bodies.
+#[derive(Clone, Debug)]
+pub struct AtBodies {
+    /// How many.
+    pub bodies: usize,
+    /// The share of their samples that was inside.
+    pub inside_share: f64,
+    /// Each layout's cost.
+    pub costs: Vec<Cost>,
+}
+
+/// Films, serves and asks; `counts` of bodies ascending. `told` hears of every step.
+pub fn measured(plan: FilmPlan, counts: &[usize], passes: u64, told: &mut dyn FnMut()) -> Outcome<Measured> {
+    let film = Film::make(plan)?;
+    let views = film.views();
+    let bodies = Bodies::place(counts.last().copied().unwrap_or_default(), &views, &film.person_world)?;
+    told();
+    let gathered = gathered(&film, &bodies.first(1), told)?;
+    let hosted = Hosted::start(&film)?;
+    let mut nodes = Connected::to(&film, hosted.nodes().to_vec(), &bodies, Answered::ByNodes)?;
+    let mut at = Vec::new();
+    let (mut local, mut here) = (Local::default(), Passes::new(film.settings(), 1));
+    for &count in counts {
+        let bodies = bodies.first(count);
+        let mut costs = Vec::new();
+        let mut local_ms = 0.0;
+        for pass in 0..LOCAL_PASSES {
+            local_ms += here.locally(&views, &bodies.at_pass(pass), &mut local)? / LOCAL_PASSES as f64;
+        }
+        costs.extend(gathered.iter().map(|(layout, frame)| gathered_cost(*layout, &nodes, frame, local_ms)));
+        let mut inside_share = 0.0;
+        for (layout, asked, precision) in ASKED {
+            nodes = nodes.in_precision(precision.precision());
+            let took = nodes.passes(&bodies, asked, affordable(passes, &bodies, plan.cameras))?;
+            costs.push(Cost {
+                precision: precision.name(),
+                ..asked_cost(layout, &nodes, &took, plan.cameras)
+            });
+            inside_share = took.inside_share;
+        }
+        at.push(AtBodies { bodies: count, inside_share, costs });
+        told();
+    }
+    if at.is_empty() { Err(Failure::run("no bodies to ask about")) } else { Ok(Measured { plan, at }) }
+}
+
+/// What each encoding of the silhouettes costs.
+fn gathered(film: &Film, few: &Bodies, told: &mut dyn FnMut()) -> Outcome<Vec<(Layout, FrameCosts)>> {
+    let hosted = Hosted::start(film)?;
+    let mut connected = Connected::to(film, hosted.nodes().to_vec(), few, Answered::Here)?;
+    let mut gathered = Vec::new();
+    for (layout, encoding) in Layout::GATHERED.into_iter().zip(ENCODINGS) {
+        connected = connected.encoded_as(encoding);
+        gathered.push((layout, connected.gather(few)?));
+        told();
+    }
+    Ok(gathered)
+}
+
+/// How many times `told` is called.
+pub fn steps(counts: &[usize]) -> u64 {
+    (1 + Layout::GATHERED.len() + counts.len()) as u64
+}
+
+/// How many of the passes are worth their time; never less than two.
+fn affordable(passes: u64, bodies: &Bodies, cameras: usize) -> u64 {
+    let a_pass = (bodies.samples() * cameras).max(1);
+    passes.min((MOST_POINTS / a_pass) as u64).max(2)
+}
+
+fn gathered_cost(layout: Layout, news: &Connected, frame: &FrameCosts, local_ms: f64) -> Cost {
+    Cost {
+        layout,
+        precision: "exact",
+        bytes_per_frame: news.news_bytes_per_frame + frame.bytes,
+        bytes_per_pass: 0.0,
+        frame_ms: frame.coordinator_cpu_ms,
+        pass_ms: local_ms,
+        frame_trips: 1.0,
+        pass_trips: 0.0,
+    }
+}
+
+fn asked_cost(layout: Layout, nodes: &Connected, took: &PassCosts, cameras: usize) -> Cost {
+    let (to_node, from_node) = took.bytes_per_node_pass(cameras);
+    Cost {
+        layout,
+        precision: "",
+        bytes_per_frame: nodes.news_bytes_per_frame,
+        bytes_per_pass: (to_node + from_node) * cameras as f64,
+        frame_ms: 0.0,
+        // Nodes compute at the same time, each on a machine of its own.
+        pass_ms: took.coordinator_cpu_ms + took.hosted_cpu_ms / cameras as f64,
+        frame_trips: 0.0,
+        pass_trips: took.trips_per_pass(),
+    }
+}

@@ -1,0 +1,124 @@
+//! One cluster of node processes, asked about several numbers of bodies.
+
+use super::asked::{Answered, Asked, Connected, PassCosts};
+use super::bodies::{Bodies, SAMPLES};
+use super::film::{Film, FilmPlan};
+use super::names::{PrecisionName, SocketName};
+use super::rows::{Row, stages};
+use super::usage::{process_cpu_s, process_memory_mb};
+use cli::Outcome;
+use cluster::LocalCluster;
+
+/// Frames of the film: the ring of every node is full.
+const FRAMES: u64 = camera_node::frames::RING_FRAMES as u64;
+/// Fewer cameras would be another hull: they are spread over the nodes instead.
+const LEAST_CAMERAS: usize = 8;
+
+/// What is measured once nodes run.
+#[derive(Clone, Debug)]
+pub struct Setting {
+    /// Node processes.
+    pub nodes: usize,
+    /// Of every camera's images, pixels.
+    pub size: (u32, u32),
+    /// Numbers of bodies.
+    pub bodies: Vec<usize>,
+    /// How numbers travel.
+    pub precisions: Vec<PrecisionName>,
+}
+
+/// A film and bodies in it.
+pub struct Scene {
+    film: Film,
+    bodies: Bodies,
+}
+
+impl Scene {
+    /// The scene of a setting: the one before if it has the same cameras, for filming takes long.
+    pub fn prepared<'a>(before: &'a mut Option<Scene>, setting: &Setting) -> Outcome<&'a Scene> {
+        let cameras = setting.nodes.max(LEAST_CAMERAS);
+        let plan = FilmPlan { cameras, nodes: setting.nodes, size: setting.size, frames: FRAMES, noise: 0.0 };
+        let most = setting.bodies.iter().copied().max().unwrap_or_default();
+        let mut scene = match before.take() {
+            Some(scene) if (FilmPlan { nodes: plan.nodes, ..scene.film.plan }) == plan => scene,
+            _ => Scene { film: Film::make(plan)?, bodies: Bodies::default() },
+        };
+        scene.film.spread_over(plan.nodes)?;
+        if scene.bodies.len() < most {
+            scene.bodies = Bodies::place(most, &scene.film.views(), &scene.film.person_world)?;
+        }
+        Ok(before.insert(scene))
+    }
+}
+
+/// The rows of one cluster.
+pub fn measured(
+    Scene { film, bodies }: &Scene,
+    setting: &Setting,
+    sockets: SocketName,
+    passes: u64,
+) -> Outcome<Vec<Row>> {
+    let cluster = LocalCluster::start_over(sockets.sockets(), &film.file, false)?;
+    let mut connected = Connected::to(film, cluster.nodes().to_vec(), bodies, Answered::ByNodes)?;
+    let mut rows = Vec::new();
+    for &count in &setting.bodies {
+        for &precision in &setting.precisions {
+            connected = connected.in_precision(precision.precision());
+            let before = cpu_s(&cluster);
+            let costs = connected.passes(&bodies.first(count), Asked::Registered, passes)?;
+            let asked = (costs.passes_with_warm_up() * setting.nodes as u64) as f64;
+            let node_cpu_ms =
+                cpu_s(&cluster).zip(before).map(|(after, before)| (after - before) * 1e3 / asked);
+            let row = row(film, count, &costs, node_cpu_ms, memory_mb(&cluster));
+            rows.push(Row { precision: precision.name(), sockets: sockets.name(), ..row });
+        }
+    }
+    Ok(rows)
+}
+
+fn row(
+    film: &Film,
+    bodies: usize,
+    costs: &PassCosts,
+    node_cpu_ms: Option<f64>,
+    memory_mb: Option<(f64, f64)>,
+) -> Row {
+    let FilmPlan { cameras, nodes, size, .. } = film.plan;
+    let (to_nodes, from_nodes) = costs.bytes_per_node_pass(nodes);
+    let ms = |share| costs.pass_ms.at(share).unwrap_or_default();
+    Row {
+        nodes,
+        cameras,
+        bodies,
+        samples: bodies * SAMPLES,
+        width: size.0,
+        height: size.1,
+        precision: "",
+        sockets: "",
+        passes: costs.passes,
+        p50_ms: ms(0.5),
+        p99_ms: ms(0.99),
+        max_ms: costs.pass_ms.max().unwrap_or_default(),
+        bytes_per_node_pass: to_nodes + from_nodes,
+        bytes_to_node_pass: to_nodes,
+        bytes_from_node_pass: from_nodes,
+        inside_share: costs.inside_share,
+        node_cpu_ms,
+        coordinator_cpu_ms: costs.coordinator_cpu_ms,
+        node_rss_mb: memory_mb.map(|(now_mb, _)| now_mb),
+        node_peak_rss_mb: memory_mb.map(|(_, most_mb)| most_mb),
+        trips_per_pass: costs.trips_per_pass(),
+        stages: stages(&costs.stages),
+    }
+}
+
+/// Processor time of all nodes so far.
+fn cpu_s(cluster: &LocalCluster) -> Option<f64> {
+    cluster.process_ids().map(process_cpu_s).sum()
+}
+
+/// The largest node's memory, now and at most.
+fn memory_mb(cluster: &LocalCluster) -> Option<(f64, f64)> {
+    let told = cluster.process_ids().filter_map(process_memory_mb);
+    told.reduce(|a, b| (a.0.max(b.0), a.1.max(b.1)))
+}

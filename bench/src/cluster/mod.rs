@@ -1,0 +1,156 @@
+//! `hulltouch bench cluster`: what a pass takes over real node processes of this machine.
+
+pub mod asked;
+pub mod bodies;
+mod charts;
+pub mod film;
+mod measure;
+mod model;
+pub mod names;
+pub mod probing;
+mod random;
+mod rows;
+pub mod usage;
+
+use clap::Args;
+use serde::Serialize;
+
+use self::bodies::SAMPLES;
+use self::measure::{Scene, Setting, measured};
+use self::model::model_of;
+use self::names::{PrecisionName, SocketName};
+use self::rows::{Row, print_header, print_row, print_stages};
+use super::outputs::Outputs;
+use super::scale::report::{ScaleReport, report};
+use super::table::{Machine, Table};
+use cli::Outcome;
+use cli::parse_size;
+
+const BASE_NODES: usize = 8;
+const BASE_BODIES: usize = 30;
+const BASE_SIZE: (u32, u32) = (3840, 2160);
+const NODES: [usize; 5] = [1, 2, 4, 8, 16];
+const BODIES: [usize; 5] = [1, 10, 30, 100, 200];
+const SIZES: [(u32, u32); 4] = [(640, 480), (1920, 1080), (3840, 2160), (7680, 4320)];
+
+/// Time and bytes of a pass over node processes on this machine, and a model of larger clusters.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Example:
+  hulltouch bench cluster --nodes 8 --bodies 30 --size 3840x2160 --json cluster.json
+
+Each node is a process with a ring full of silhouettes; the coordinator is this process. Bodies of 500
+samples stand against a person, about 5 % of the samples inside, and move a little with every pass.
+Without --nodes, --bodies and --size each of them is varied about 8 nodes, 30 bodies, 3840x2160; with
+any of them every combination of what is given is measured. Up to 8 nodes share 8 cameras; more have one
+each. The tables of scale are a model that starts from the figures of this run.")]
+pub struct ClusterBenchArguments {
+    /// Numbers of node processes.
+    #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = parse_nodes)]
+    nodes: Vec<usize>,
+    /// Numbers of bodies.
+    #[arg(long, value_name = "B,…", value_delimiter = ',', value_parser = parse_bodies)]
+    bodies: Vec<usize>,
+    /// Image sizes of the cameras.
+    #[arg(long, value_name = "WxH,…", value_delimiter = ',', value_parser = parse_size)]
+    size: Vec<(u32, u32)>,
+    /// How numbers travel.
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',', default_value = "exact,quantised")]
+    precision: Vec<PrecisionName>,
+    /// Over which sockets nodes are asked.
+    #[arg(long, value_name = "KIND,…", value_delimiter = ',', default_value = "unix")]
+    sockets: Vec<SocketName>,
+    /// Passes of every figure.
+    #[arg(long, value_name = "N", default_value = "400", value_parser = clap::value_parser!(u64).range(1..))]
+    passes: u64,
+    #[command(flatten)]
+    outputs: Outputs,
+}
+
+/// All that goes into the JSON file.
+#[derive(Serialize)]
+struct Report {
+    #[serde(flatten)]
+    table: Table<Row>,
+    scale: Option<ScaleReport>,
+}
+
+/// A whole number from 1 to 64.
+pub fn parse_nodes(text: &str) -> Result<usize, String> {
+    within(text, 64)
+}
+
+/// A whole number from 1 to 1000.
+pub fn parse_bodies(text: &str) -> Result<usize, String> {
+    within(text, 1000)
+}
+
+fn within(text: &str, most: usize) -> Result<usize, String> {
+    let wrong = || format!("found {text:?}, expected 1 to {most}");
+    text.parse().ok().filter(|count| (1..=most).contains(count)).ok_or_else(wrong)
+}
+
+/// Runs it.
+#[allow(clippy::print_stdout, reason = "the table is the command's output")]
+pub fn run(arguments: &ClusterBenchArguments) -> Outcome {
+    arguments.outputs.prepare()?;
+    let machine = Machine::here();
+    println!("{}; nodes and coordinator share its cores", machine.line());
+    println!("bodies of {SAMPLES} samples, {} passes each, milliseconds", arguments.passes);
+    print_header();
+    let mut rows = Vec::new();
+    let mut scene: Option<Scene> = None;
+    for setting in settings(arguments) {
+        let scene = Scene::prepared(&mut scene, &setting)?;
+        for &sockets in &arguments.sockets {
+            let measured = measured(scene, &setting, sockets, arguments.passes)?;
+            measured.iter().for_each(print_row);
+            rows.extend(measured);
+        }
+    }
+    print_stages(&rows);
+    let scale = model_of(&rows).map(|measured| report(&measured, cores()));
+    if let Some(scale) = &scale {
+        scale.print();
+    }
+    let report = Report { table: Table { bench: "cluster", machine, rows }, scale };
+    arguments.outputs.write(&report, |folder| charts::draw(&report.table.rows, folder))
+}
+
+/// Every combination of what is given; without anything given, the base with one thing varied at a time.
+fn settings(arguments: &ClusterBenchArguments) -> Vec<Setting> {
+    let ClusterBenchArguments { nodes, bodies, size, .. } = arguments;
+    let setting =
+        |nodes, size, bodies| Setting { nodes, size, bodies, precisions: arguments.precision.clone() };
+    if nodes.is_empty() && bodies.is_empty() && size.is_empty() {
+        let one = |nodes, size| setting(nodes, size, vec![BASE_BODIES]);
+        let sizes = SIZES.into_iter().filter(|&size| size != BASE_SIZE).map(|size| one(BASE_NODES, size));
+        let spread = NODES.into_iter().map(|nodes| match nodes {
+            BASE_NODES => setting(nodes, BASE_SIZE, BODIES.to_vec()),
+            other => one(other, BASE_SIZE),
+        });
+        return sizes.chain(spread).collect();
+    }
+    let or_base = |given: &Vec<usize>, base| if given.is_empty() { vec![base] } else { given.clone() };
+    let (nodes, bodies) = (or_base(nodes, BASE_NODES), or_base(bodies, BASE_BODIES));
+    let sizes = if size.is_empty() { vec![BASE_SIZE] } else { size.clone() };
+    let of_size = |&size: &(u32, u32)| {
+        nodes.iter().map(|&nodes| setting(nodes, size, bodies.clone())).collect::<Vec<_>>()
+    };
+    sizes.iter().flat_map(of_size).collect()
+}
+
+fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_on_the_command_line_are_bounded() {
+        assert_eq!(parse_nodes("16"), Ok(16));
+        assert!(parse_nodes("0").is_err() && parse_nodes("65").is_err() && parse_bodies("x").is_err());
+    }
+}

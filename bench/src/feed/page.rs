@@ -1,0 +1,109 @@
+//! A page that reads all it is sent and draws nothing.
+
+use std::net::SocketAddr;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use futures::{SinkExt as _, StreamExt as _};
+use serde_json::{Value, json};
+use tokio::net::TcpStream;
+use tokio_tungstenite::tungstenite::Message;
+use tokio_tungstenite::{MaybeTlsStream, WebSocketStream};
+
+use cli::{Failure, Outcome};
+
+/// At these places of a binary message stand its kind, its number and when the frame was captured.
+const KIND: usize = 4;
+const SEQ: usize = 8;
+const CAPTURED: usize = 24;
+const FRAME_SET: u8 = 1;
+
+/// One connection to a feed.
+pub struct Page {
+    socket: WebSocketStream<MaybeTlsStream<TcpStream>>,
+    /// Frames a second of the film.
+    pub fps: f64,
+    /// How many cameras film.
+    pub cameras: usize,
+}
+
+/// What a page hears.
+pub enum Heard {
+    /// Bytes of one frame set, and how long ago the film was captured, seconds, if that is known.
+    FrameSet { bytes: usize, delay_s: Option<f64> },
+    /// Any other binary message, by its bytes.
+    Other { bytes: usize },
+    /// A JSON text, by its bytes too.
+    Text { bytes: usize, text: Value },
+    /// The server has closed.
+    Closed,
+}
+
+impl Page {
+    /// Connects to a feed and is told what is filmed.
+    pub async fn connect(server: SocketAddr) -> Outcome<Page> {
+        let address = format!("ws://{server}/feed");
+        let (socket, _) = tokio_tungstenite::connect_async(address).await.map_err(Failure::run)?;
+        let mut page = Page { socket, fps: 0.0, cameras: 0 };
+        loop {
+            match page.hear().await? {
+                Heard::Text { text, .. } if text["op"] == "hello" => {
+                    page.fps = text["fps"].as_f64().unwrap_or_default();
+                    page.cameras = text["cameras"].as_array().map_or(0, Vec::len);
+                    return Ok(page);
+                }
+                Heard::Closed => return Err(Failure::run("the feed has closed before it said hello")),
+                _ => {}
+            }
+        }
+    }
+
+    /// Looks at all frame sets and worlds, or at the run's figures alone.
+    pub async fn look(&mut self, looks: bool) -> Outcome {
+        let (fps, state_hz) = if looks { (self.fps, 60) } else { (0.0, 0) };
+        self.say(&json!({ "op": "want", "fps": fps, "state_hz": state_hz })).await
+    }
+
+    /// The next message; says of frame sets that they are shown.
+    pub async fn hear(&mut self) -> Outcome<Heard> {
+        loop {
+            match self.socket.next().await {
+                Some(Ok(Message::Binary(bytes))) if bytes.get(KIND) == Some(&FRAME_SET) => {
+                    let set =
+                        FrameSet::read(&bytes).ok_or_else(|| Failure::run("a frame set is too short"))?;
+                    self.say(&json!({ "op": "shown", "seq": set.seq })).await?;
+                    return Ok(Heard::FrameSet { bytes: bytes.len(), delay_s: set.delay_s });
+                }
+                Some(Ok(Message::Binary(bytes))) => return Ok(Heard::Other { bytes: bytes.len() }),
+                Some(Ok(Message::Text(text))) => {
+                    let bytes = text.len();
+                    let text = serde_json::from_str(&text).map_err(Failure::run)?;
+                    return Ok(Heard::Text { bytes, text });
+                }
+                Some(Ok(Message::Close(_)) | Err(_)) | None => return Ok(Heard::Closed),
+                // Pings are answered as the socket is read.
+                Some(Ok(_)) => {}
+            }
+        }
+    }
+
+    async fn say(&mut self, text: &Value) -> Outcome {
+        // A server that has closed is heard of at the next reading.
+        self.socket.send(Message::text(text.to_string())).await.or(Ok(()))
+    }
+}
+
+struct FrameSet {
+    seq: u32,
+    delay_s: Option<f64>,
+}
+
+impl FrameSet {
+    fn read(bytes: &[u8]) -> Option<FrameSet> {
+        let seq = u32::from_le_bytes(*bytes.get(SEQ..)?.first_chunk()?);
+        let captured_unix_s = f64::from_le_bytes(*bytes.get(CAPTURED..)?.first_chunk()?);
+        let now_unix_s =
+            SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64());
+        let delay_s = (captured_unix_s > 0.0).then_some(now_unix_s - captured_unix_s);
+        Some(FrameSet { seq, delay_s })
+    }
+}

@@ -1,0 +1,47 @@
+//! `hulltouch bench`: the tables of the README.
+
+mod bandwidth;
+mod cluster;
+mod feed;
+mod loads;
+mod outputs;
+mod peers;
+mod plot;
+mod query;
+mod scale;
+mod segment;
+mod table;
+
+use clap::{Args, Subcommand};
+
+use cli::Outcome;
+
+/// Measures how fast this machine is. Use a release build.
+#[derive(Debug, Args)]
+pub struct BenchArguments {
+    #[command(subcommand)]
+    command: BenchCommand,
+}
+
+#[derive(Debug, Subcommand)]
+enum BenchCommand {
+    Bandwidth(bandwidth::BandwidthBenchArguments),
+    Cluster(cluster::ClusterBenchArguments),
+    Feed(feed::FeedBenchArguments),
+    Query(query::QueryBenchArguments),
+    Segment(segment::SegmentBenchArguments),
+}
+
+/// Runs it.
+pub fn run(arguments: &BenchArguments) -> Outcome {
+    if cfg!(debug_assertions) {
+        tracing::warn!("this is a debug build: its figures say nothing");
+    }
+    match &arguments.command {
+        BenchCommand::Bandwidth(arguments) => bandwidth::run(arguments),
+        BenchCommand::Cluster(arguments) => cluster::run(arguments),
+        BenchCommand::Feed(arguments) => feed::run(arguments),
+        BenchCommand::Query(arguments) => query::run(arguments),
+        BenchCommand::Segment(arguments) => segment::run(arguments),
+    }
+}

@@ -1,0 +1,212 @@
+//! Points to ask about: around a person of the stage, the same on every machine.
+
+pub mod paper_mix;
+mod random;
+
+use std::sync::Arc;
+
+use hull::cull::{WorldBox, hull_box};
+use hull::oracle::DenseView;
+use hull::pass::{BodyResult, Pass, Reaches};
+use hull::question::{Answer, Points};
+use hull::silhouette::PixelRect;
+use hull::view_set::Scratch;
+use hull::{Camera, Observer, ProbeSettings, Rig, Silhouette, View, ViewSet};
+use stage::{CameraStage, Stage, StageSettings, studio_rig};
+
+use cli::Progress;
+use cli::{Failure, Outcome};
+pub use random::Random;
+
+/// The instant of the film that is looked at, seconds: an arm is up.
+const TIME_S: f64 = 0.5;
+/// Points asked at once: those of one body.
+pub const BODY_POINTS: usize = 64;
+/// How deep contacts are, metres: from the point to the ray of the nearest edge.
+const CONTACT_M: std::ops::Range<f32> = 0.01..0.03;
+/// Points thrown at once while points inside are looked for.
+const THROW: usize = 1 << 14;
+/// Throws without enough points inside mean that there is nobody.
+const MAX_THROWS: usize = 1000;
+/// Distortion of a plain wide-angle lens: 3 % at the middle of a long side.
+const BENT: [f64; 5] = [-0.12, 0.02, 0.001, -0.001, 0.0];
+
+/// What the studio's cameras are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StudioPlan {
+    /// How many stand around the person.
+    pub cameras: usize,
+    /// Pixels of each, across and down.
+    pub size: (u32, u32),
+    /// With distorting lenses.
+    pub bent: bool,
+}
+
+/// The studio at one instant.
+pub struct Studio {
+    /// All cameras, as the probes use them.
+    pub views: ViewSet,
+    /// The same as masks of a byte a pixel.
+    pub dense: Vec<DenseView>,
+    /// The bounding rectangle of each camera's silhouette.
+    pub rects: Vec<Option<PixelRect>>,
+    /// The settings that everything is asked under.
+    pub settings: ProbeSettings,
+    low_m: [f64; 3],
+    size_m: [f64; 3],
+}
+
+impl Studio {
+    /// Cameras around a person who waves.
+    pub fn new(plan: StudioPlan) -> Outcome<Studio> {
+        let cameras = cameras(plan)?;
+        let stage = StageSettings::default();
+        let settings = ProbeSettings::default();
+        let masks = masks(&stage, &cameras)?;
+        let (mut views, mut dense, mut rects) = (Vec::new(), Vec::new(), Vec::new());
+        for (index, (camera, mask)) in cameras.into_iter().zip(masks).enumerate() {
+            let silhouette = Silhouette::from_mask(plan.size.0, plan.size.1, &mask).map_err(Failure::run)?;
+            let observer = Observer::new(camera.clone(), index as u16, settings, None);
+            views.push(View::new(Arc::new(observer), &silhouette));
+            rects.push(silhouette.bounds());
+            dense.push(DenseView { camera, mask, ignored: None });
+        }
+        let bounds = Stage::new(&stage).bounds_world(TIME_S);
+        let (low, high) = bounds.ok_or_else(|| Failure::run("the stage is empty"))?;
+        let size_m = (high - low).into();
+        Ok(Studio { views: ViewSet::new(views), dense, rects, settings, low_m: low.into(), size_m })
+    }
+
+    /// Each camera in a group of its own, as on nodes of one camera.
+    pub fn alone(&self) -> Vec<ViewSet> {
+        self.views.views().iter().map(|view| ViewSet::new(vec![view.clone()])).collect()
+    }
+
+    /// Half the side of the window for normals, pixels.
+    pub fn window_pixels(&self) -> u32 {
+        let camera = &self.dense[0].camera;
+        self.settings.normal_window().half_side_pixels(camera.width(), camera.height())
+    }
+
+    /// The box around the hull.
+    pub fn hull_box(&self) -> Option<WorldBox> {
+        let frusta: Vec<_> = self.views.views().iter().map(|view| view.frustum().cloned()).collect();
+        hull_box(&frusta, self.settings.rule())
+    }
+
+    /// Random points in the person's box grown by `margin_m` on every side.
+    pub fn in_box(&self, random: &mut Random, count: usize, margin_m: f64) -> Vec<[f64; 3]> {
+        let coordinate = |axis: usize, share: f64| {
+            self.low_m[axis] - margin_m + (self.size_m[axis] + 2.0 * margin_m) * share
+        };
+        let mut point = || std::array::from_fn(|axis| coordinate(axis, random.share()));
+        (0..count).map(|_| point()).collect()
+    }
+
+    /// Random points that the hull says are inside, 1 to 3 cm from an edge's ray if `near_surface`.
+    pub fn inside(&self, random: &mut Random, count: usize, near_surface: bool) -> Outcome<Vec<[f64; 3]>> {
+        let mut found = Vec::new();
+        let mut asked = Asked::new(self.settings, 1);
+        for _ in 0..MAX_THROWS {
+            let points: Arc<[[f64; 3]]> = self.in_box(random, THROW, 0.0).into();
+            asked.ask(&[Points::World(Arc::clone(&points))], &[&self.views], &WorldBox::EVERYWHERE)?;
+            for touch in &asked.results()[0].touches {
+                let fits =
+                    touch.edge.is_some_and(|edge| !near_surface || CONTACT_M.contains(&edge.distance_m));
+                if fits && found.len() < count {
+                    found.push(points[touch.sample as usize]);
+                }
+            }
+            if found.len() == count {
+                return Ok(found);
+            }
+        }
+        Err(Failure::run(format_args!("found {} points inside the hull, expected {count}", found.len())))
+    }
+
+    /// Points as bodies of [`BODY_POINTS`] neighbours.
+    pub fn bodies(&self, mut points_m: Vec<[f64; 3]>) -> Vec<Points> {
+        points_m.sort_by_cached_key(|point| self.morton(point));
+        points_m.chunks(BODY_POINTS).map(|points| Points::World(points.into())).collect()
+    }
+
+    /// The place on a curve on which neighbours are near: the bits of the coordinates interleaved.
+    fn morton(&self, point_m: &[f64; 3]) -> u32 {
+        let cell = |axis: usize| ((point_m[axis] - self.low_m[axis]) / self.size_m[axis] * 1023.0) as u32;
+        let cells: [u32; 3] = std::array::from_fn(cell);
+        let bit = |place: u32| (cells[place as usize % 3] >> (place / 3) & 1) << place;
+        (0..30).map(bit).sum()
+    }
+}
+
+/// What each camera sees of the person: 255 is foreground. Looking at a large room takes a while, so that
+/// the cores share it.
+fn masks(stage: &StageSettings, cameras: &[Camera]) -> Outcome<Vec<Vec<u8>>> {
+    let mut progress = Progress::new("looking at the studio", cameras.len() as u64);
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let mut masks = Vec::new();
+    for (turn, cameras) in cameras.chunks(cores).enumerate() {
+        let look = |(place, camera)| CameraStage::new(stage, camera, turn * cores + place).mask(TIME_S);
+        let looked = std::thread::scope(|scope| {
+            let looks = cameras.iter().enumerate().map(|seen| scope.spawn(move || look(seen)));
+            let looks: Vec<_> = looks.collect();
+            looks.into_iter().map(std::thread::ScopedJoinHandle::join).collect::<Result<Vec<_>, _>>()
+        });
+        let looked = looked.map_err(|_| Failure::run("the studio could not be rendered"))?;
+        cameras.iter().for_each(|_| progress.step());
+        masks.extend(looked);
+    }
+    Ok(masks)
+}
+
+fn cameras(plan: StudioPlan) -> Outcome<Vec<Camera>> {
+    let rig = studio_rig(plan.cameras, plan.size);
+    let rig: Rig = rig.map_err(|error| Failure::input(format_args!("--size: {error}")))?;
+    if !plan.bent {
+        return Ok(rig.cameras().to_vec());
+    }
+    let bend = |camera: &Camera| {
+        let (size, rotation) = ((camera.width(), camera.height()), *camera.rotation_rad());
+        Camera::new(camera.name(), size, *camera.intrinsics(), BENT, rotation, *camera.translation_m())
+            .map_err(Failure::run)
+    };
+    rig.cameras().iter().map(bend).collect()
+}
+
+/// A pass that is asked again and again, with its buffers and what it learned of the bodies.
+pub struct Asked {
+    pass: Pass,
+    scratch: Scratch,
+    answer: Answer,
+    reaches: Vec<Reaches>,
+}
+
+impl Asked {
+    /// To be asked of so many groups.
+    pub fn new(settings: ProbeSettings, group_count: usize) -> Asked {
+        let mut pass = Pass::new(Vec::new(), Some(&WorldBox::EVERYWHERE), settings, group_count);
+        pass.narrow(true);
+        Asked { pass, scratch: Scratch::default(), answer: Answer::default(), reaches: Vec::new() }
+    }
+
+    /// A full pass over bodies, asked of the groups on this thread one after the other. Bodies that were
+    /// asked before are searched at first as far as their edges were then.
+    pub fn ask(&mut self, bodies: &[Points], groups: &[&ViewSet], hull_box: &WorldBox) -> Outcome {
+        self.reaches.resize_with(bodies.len(), Reaches::default);
+        self.reaches.iter_mut().zip(self.pass.results()).for_each(|(reaches, result)| reaches.note(result));
+        let asked = bodies.iter().cloned().zip(&self.reaches);
+        self.pass.restart(asked, Some(hull_box));
+        while let Some(question) = self.pass.question() {
+            let next = (0..groups.len()).find(|&group| self.pass.asks(group));
+            let group = next.ok_or_else(|| Failure::run("a pass asks nobody"))?;
+            groups[group].answer(question, &mut self.scratch, &mut self.answer);
+            self.pass.answer(group, &self.answer).map_err(Failure::run)?;
+        }
+        Ok(())
+    }
+
+    /// What the last pass found for each body.
+    pub fn results(&self) -> &[BodyResult] {
+        self.pass.results()
+    }
+}

@@ -1,0 +1,246 @@
+//! Charts of the tables, as SVG: lines and bars, on linear or logarithmic axes.
+
+mod scale;
+
+use std::path::Path;
+
+use plotters::coord::Shift;
+use plotters::prelude::*;
+
+use cli::{Failure, Outcome, write_whole};
+use scale::Scale;
+
+/// Size of a chart, pixels.
+const SIZE: (u32, u32) = (1120, 520);
+/// Room for the legend, pixels.
+const LEGEND_WIDTH: u32 = 280;
+/// Fonts of the title, of the axes' names, and of their marks and the legend.
+const TITLE_FONT: (&str, i32) = ("sans-serif", 24);
+const AXIS_FONT: (&str, i32) = ("sans-serif", 19);
+const MARK_FONT: (&str, i32) = ("sans-serif", 17);
+/// How much of its group's width the bars fill.
+const GROUP_SHARE: f64 = 0.8;
+/// Colours of the series, in turn; told apart by people who see few colours.
+const COLOURS: [RGBColor; 8] = [
+    RGBColor(0, 114, 178),
+    RGBColor(213, 94, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(230, 159, 0),
+    RGBColor(86, 180, 233),
+    RGBColor(90, 90, 90),
+    RGBColor(160, 60, 40),
+];
+
+/// An axis: what it shows, in which unit, and whether it is logarithmic. On a logarithmic axis values that
+/// are not above zero are left out.
+#[derive(Clone, Debug)]
+pub struct Axis {
+    /// What it shows, with the unit.
+    pub label: String,
+    /// Logarithmic rather than linear.
+    pub logarithmic: bool,
+}
+
+impl Axis {
+    /// A linear axis; it begins at zero if no value is below.
+    pub fn linear(label: impl Into<String>) -> Axis {
+        Axis { label: label.into(), logarithmic: false }
+    }
+
+    /// A logarithmic axis.
+    pub fn logarithmic(label: impl Into<String>) -> Axis {
+        Axis { label: label.into(), logarithmic: true }
+    }
+}
+
+/// A named curve, or the bars of one colour.
+#[derive(Clone, Debug)]
+pub struct Series<Value> {
+    /// What the legend says.
+    pub name: String,
+    /// Of a line chart `(x, y)`, in order of x; of a bar chart a value for each group, `None` for no bar.
+    pub values: Vec<Value>,
+}
+
+/// Curves through points.
+#[derive(Clone, Debug)]
+pub struct LineChart {
+    /// What is shown.
+    pub title: String,
+    /// The horizontal axis.
+    pub x: Axis,
+    /// The vertical axis.
+    pub y: Axis,
+    /// The curves.
+    pub series: Vec<Series<(f64, f64)>>,
+}
+
+/// Groups of bars side by side.
+#[derive(Clone, Debug)]
+pub struct BarChart {
+    /// What is shown.
+    pub title: String,
+    /// The names of the groups, left to right.
+    pub groups: Vec<String>,
+    /// The vertical axis.
+    pub y: Axis,
+    /// The bars, one of each series in every group.
+    pub series: Vec<Series<Option<f64>>>,
+}
+
+/// Makes the folder of `--plot` before a long run.
+pub fn make_folder(folder: &Path) -> Outcome {
+    std::fs::create_dir_all(folder)
+        .map_err(|error| Failure::input(format_args!("--plot {}: {error}", folder.display())))
+}
+
+impl LineChart {
+    /// Writes `NAME.svg` into the folder.
+    pub fn write(&self, folder: &Path, name: &str) -> Outcome {
+        let points = || self.series.iter().flat_map(|series| &series.values);
+        let x = Scale::around(&self.x, points().map(|point| point.0));
+        let y = Scale::around(&self.y, points().map(|point| point.1));
+        let curves = self.series.iter().map(|series| {
+            let shown = series.values.iter().filter(|point| x.shows(point.0) && y.shows(point.1));
+            shown.copied().collect()
+        });
+        let mut text = String::new();
+        draw_lines(&mut text, self, (x.clone(), y.clone()), curves.collect()).map_err(Failure::run)?;
+        write_whole(&folder.join(format!("{name}.svg")), text.as_bytes())
+    }
+}
+
+impl BarChart {
+    /// Writes `NAME.svg` into the folder.
+    pub fn write(&self, folder: &Path, name: &str) -> Outcome {
+        let values = self.series.iter().flat_map(|series| series.values.iter().copied().flatten());
+        let y = Scale::around(&self.y, values);
+        let mut text = String::new();
+        draw_bars(&mut text, self, &y).map_err(Failure::run)?;
+        write_whole(&folder.join(format!("{name}.svg")), text.as_bytes())
+    }
+
+    /// The bars of a series: `(left, right, value)` in groups.
+    fn bars(&self, series: usize) -> impl Iterator<Item = (f64, f64, f64)> {
+        let width = GROUP_SHARE / self.series.len() as f64;
+        let values = self.series[series].values.iter().enumerate();
+        values.filter_map(move |(group, value)| {
+            let left = group as f64 + 0.5 * (1.0 - GROUP_SHARE) + series as f64 * width;
+            value.map(|value| (left, left + width, value))
+        })
+    }
+}
+
+type Drawn = Result<(), String>;
+
+fn draw_lines(
+    text: &mut String,
+    chart: &LineChart,
+    (x, y): (Scale, Scale),
+    curves: Vec<Vec<(f64, f64)>>,
+) -> Drawn {
+    let area = SVGBackend::with_string(text, SIZE).into_drawing_area();
+    area.fill(&WHITE).map_err(said)?;
+    let mut context = ChartBuilder::on(&area)
+        .caption(&chart.title, TITLE_FONT)
+        .margin(12)
+        .margin_right(LEGEND_WIDTH)
+        .x_label_area_size(52)
+        .y_label_area_size(84)
+        .build_cartesian_2d(x, y)
+        .map_err(said)?;
+    let mut mesh = context.configure_mesh();
+    mesh.x_desc(&chart.x.label).y_desc(&chart.y.label).light_line_style(WHITE);
+    mesh.axis_desc_style(AXIS_FONT).label_style(MARK_FONT).draw().map_err(said)?;
+    for (index, points) in curves.into_iter().enumerate() {
+        let colour = COLOURS[index % COLOURS.len()];
+        let line = LineSeries::new(points.clone(), colour.stroke_width(2));
+        context.draw_series(line).map_err(said)?;
+        let dots = points.into_iter().map(|point| Circle::new(point, 3, colour.filled()));
+        context.draw_series(dots).map_err(said)?;
+    }
+    legend(&area, chart.series.iter().map(|series| series.name.as_str()))?;
+    area.present().map_err(said)
+}
+
+fn draw_bars(text: &mut String, chart: &BarChart, y: &Scale) -> Drawn {
+    let area = SVGBackend::with_string(text, SIZE).into_drawing_area();
+    area.fill(&WHITE).map_err(said)?;
+    let mut context = ChartBuilder::on(&area)
+        .caption(&chart.title, TITLE_FONT)
+        .margin(12)
+        .margin_right(LEGEND_WIDTH)
+        .x_label_area_size(52)
+        .y_label_area_size(84)
+        .build_cartesian_2d(Scale::of_names(&chart.groups), y.clone())
+        .map_err(said)?;
+    let mut mesh = context.configure_mesh();
+    mesh.disable_x_mesh().y_desc(&chart.y.label).light_line_style(WHITE);
+    mesh.axis_desc_style(AXIS_FONT).label_style(MARK_FONT).draw().map_err(said)?;
+    for index in 0..chart.series.len() {
+        let colour = COLOURS[index % COLOURS.len()];
+        let shown = chart.bars(index).filter(|bar| y.shows(bar.2));
+        let bars = shown
+            .map(|(left, right, value)| Rectangle::new([(left, y.floor()), (right, value)], colour.filled()));
+        context.draw_series(bars).map_err(said)?;
+    }
+    legend(&area, chart.series.iter().map(|series| series.name.as_str()))?;
+    area.present().map_err(said)
+}
+
+/// The names of the series and their colours, to the right of the chart.
+fn legend<'a>(area: &DrawingArea<SVGBackend, Shift>, names: impl Iterator<Item = &'a str>) -> Drawn {
+    let left = SIZE.0 as i32 - LEGEND_WIDTH as i32 + 12;
+    for (index, name) in names.enumerate() {
+        let top = 56 + 26 * index as i32;
+        let colour = COLOURS[index % COLOURS.len()].filled();
+        area.draw(&Rectangle::new([(left, top), (left + 14, top + 14)], colour)).map_err(said)?;
+        area.draw(&Text::new(name.to_owned(), (left + 20, top), MARK_FONT)).map_err(said)?;
+    }
+    Ok(())
+}
+
+fn said(error: impl std::fmt::Display) -> String {
+    format!("drawing a chart: {error}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn charts_hold_their_names_and_leave_out_what_a_logarithm_cannot_show() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let chart = LineChart {
+            title: "rates".into(),
+            x: Axis::logarithmic("pixels"),
+            y: Axis::logarithmic("points per second"),
+            series: vec![Series { name: "ours".into(), values: vec![(1.0, 0.0), (10.0, 3.0), (100.0, 5e6)] }],
+        };
+        chart.write(folder.path(), "lines").expect("written");
+        let text = std::fs::read_to_string(folder.path().join("lines.svg")).expect("a file");
+        for part in ["<svg", "rates", "ours", "pixels", "points per second", "1 M"] {
+            assert!(text.contains(part), "{part} is missing");
+        }
+        assert_eq!(text.matches("<circle").count(), 2, "a point at zero has no logarithm");
+    }
+
+    #[test]
+    fn a_bar_that_is_not_there_leaves_its_place_free() {
+        let series = |name: &str, values| Series { name: name.into(), values };
+        let chart = BarChart {
+            title: "layouts".into(),
+            groups: vec!["small".into(), "large".into()],
+            y: Axis::linear("MB"),
+            series: vec![series("a", vec![Some(1.0), None]), series("b", vec![Some(2.0), Some(3.0)])],
+        };
+        assert_eq!(chart.bars(0).count(), 1);
+        let (left, right, value) = chart.bars(1).nth(1).expect("a bar");
+        assert!((left - 1.5).abs() < 1e-9 && (right - 1.9).abs() < 1e-9 && value == 3.0);
+        let folder = tempfile::tempdir().expect("a folder");
+        chart.write(folder.path(), "bars").expect("written");
+        let text = std::fs::read_to_string(folder.path().join("bars.svg")).expect("a file");
+        assert!(text.contains("small") && text.contains("large"));
+    }
+}

@@ -1,0 +1,232 @@
+//! `hulltouch bench query`: points per second of one core.
+
+mod bounds;
+mod engines;
+mod lanes;
+mod opponent;
+mod report;
+mod rounds;
+
+use clap::Args;
+use hull::coordinates::Coordinates;
+use hull::cull::WorldBox;
+use hull::question::Points;
+use nalgebra::Point3;
+use serde::Serialize;
+use std::cell::RefCell;
+
+use self::bounds::{Bounds, Saved};
+use self::engines::{Sets, inside_lanes, pass_lanes, world_points};
+use self::lanes::{Lane, medians};
+use self::opponent::{Agreement, Opponent};
+use self::rounds::{RoundCosts, round_costs};
+use super::loads::{Asked, BODY_POINTS, Random, Studio, StudioPlan, paper_mix};
+use super::outputs::Outputs;
+use super::table::Machine;
+use cli::Progress;
+use cli::parse_size;
+use cli::{Failure, Outcome};
+
+/// Cameras of the studio.
+const CAMERAS: usize = 8;
+/// Points of the inside test.
+const BOX_POINTS: usize = 1 << 18;
+/// Points of a full pass: those of one film frame.
+const PASS_POINTS: usize = 15_000;
+
+/// Points per second of one core: the inside test alone, and full passes.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Example:
+  hulltouch bench query --size 640x480,1920x1080 --python python3 --json query.json --plot charts
+
+Loads: `inside` is the inside test alone, on random points in the box of a person of the stage, most of
+them outside; `contacts` are full passes over points 1 to 3 cm inside, `anywhere` over points uniformly
+inside, both in bodies of 64 neighbours. `_bent` are the same with distorting lenses. `paper` is the
+paper's own set-up: 7 cameras and a heap of boxes, all samples counted.
+
+Engines: `hulltouch`; `hulltouch_portable`, the same without vectors that not every machine has;
+`hulltouch_unpruned`, a node for each camera, all their work on one core; `literal`, the paper's text on
+masks of a byte a pixel; `opencv`, OpenCV and NumPy on one thread with the distance transform for free,
+`opencv_single_precision` the same in 32 bits, `opencv_with_transform` with a transform for every 15,000
+points, `opencv_with_cropped_transform` with one of the silhouette's rectangle alone. Those of OpenCV need
+a Python with the packages of bench/peers/requirements.txt; without it their rows are left out. They must
+agree with ours, or the bench fails.")]
+pub struct QueryBenchArguments {
+    /// Image sizes of the eight cameras.
+    #[arg(long, value_name = "WxH,…", default_value = "640x480,1920x1080,3840x2160,7680x4320", value_delimiter = ',', value_parser = parse_size)]
+    size: Vec<(u32, u32)>,
+    /// A Python interpreter with OpenCV and NumPy.
+    #[arg(long, value_name = "PATH", default_value = "python3")]
+    python: String,
+    #[command(flatten)]
+    outputs: Outputs,
+}
+
+/// One figure.
+#[derive(Clone, Debug, Serialize)]
+struct Row {
+    size: String,
+    load: String,
+    engine: &'static str,
+    points_per_s: f64,
+    cameras: usize,
+    /// `straight` or `bent`.
+    lens: &'static str,
+}
+
+/// Everything measured.
+#[derive(Debug, Serialize)]
+struct Report {
+    bench: &'static str,
+    machine: Machine,
+    /// What the opponent is, or null.
+    opencv: serde_json::Value,
+    rows: Vec<Row>,
+    agreement: Vec<Agreement>,
+    bounds: Vec<Saved>,
+    rounds: Vec<RoundCosts>,
+}
+
+/// Runs it.
+#[allow(clippy::print_stdout, reason = "the table is the command's output")]
+pub fn run(arguments: &QueryBenchArguments) -> Outcome {
+    arguments.outputs.prepare()?;
+    let opponent = match Opponent::start(&arguments.python) {
+        Ok(opponent) => Some(RefCell::new(opponent)),
+        Err(problem) => {
+            println!("no rows of OpenCV: {problem}");
+            None
+        }
+    };
+    let mut report = Report {
+        bench: "query",
+        machine: Machine::here(),
+        opencv: opponent.as_ref().map_or_else(Default::default, |peer| peer.borrow().versions().clone()),
+        rows: Vec::new(),
+        agreement: Vec::new(),
+        bounds: Vec::new(),
+        rounds: Vec::new(),
+    };
+    report.print_head();
+    for &size in &arguments.size {
+        report.measure(StudioPlan { cameras: CAMERAS, size, bent: false }, opponent.as_ref())?;
+        report.measure(StudioPlan { cameras: CAMERAS, size, bent: true }, None)?;
+    }
+    report.measure_paper()?;
+    report.print_tail();
+    arguments.outputs.write(&report, |folder| report.draw(folder))
+}
+
+/// The points of one studio.
+struct Loads {
+    in_box: Coordinates,
+    contacts: Vec<Points>,
+    anywhere: Vec<Points>,
+}
+
+impl Loads {
+    fn new(studio: &Studio) -> Outcome<Loads> {
+        let mut random = Random(1);
+        let in_box = studio.in_box(&mut random, BOX_POINTS, 0.0).into_iter().map(Point3::from).collect();
+        let contacts = studio.bodies(studio.inside(&mut random, PASS_POINTS, true)?);
+        let anywhere = studio.bodies(studio.inside(&mut random, PASS_POINTS, false)?);
+        Ok(Loads { in_box, contacts, anywhere })
+    }
+
+    fn passes(&self) -> [(&'static str, &[Points]); 2] {
+        [("contacts", &self.contacts), ("anywhere", &self.anywhere)]
+    }
+}
+
+impl Report {
+    /// All loads of one studio.
+    fn measure(&mut self, plan: StudioPlan, opponent: Option<&RefCell<Opponent>>) -> Outcome {
+        let studio = Studio::new(plan)?;
+        let loads = Loads::new(&studio)?;
+        let sets = Sets::new(&studio, WorldBox::EVERYWHERE);
+        if let Some(opponent) = opponent {
+            self.agree(&studio, plan, &loads, &mut opponent.borrow_mut())?;
+        }
+        let mut progress = Progress::new("measuring", 3);
+        self.record(plan, "inside", &mut inside_lanes(&studio, &sets, &loads.in_box, opponent))?;
+        progress.step();
+        for (load, bodies) in loads.passes() {
+            let theirs = opponent.map(|opponent| (opponent, load));
+            self.record(plan, load, &mut pass_lanes(&studio, &sets, bodies, PASS_POINTS, theirs))?;
+            let (size, load) = (size_text(plan.size), named(load, plan.bent));
+            for set in sets.together_and_alone() {
+                self.rounds.push(round_costs(&studio, (&size, &load), set, bodies)?);
+            }
+            progress.step();
+        }
+        Ok(())
+    }
+
+    /// The paper's own set-up, and what its bounding volumes save.
+    fn measure_paper(&mut self) -> Outcome {
+        let plan = StudioPlan { cameras: paper_mix::CAMERAS, size: paper_mix::SIZE, bent: false };
+        let studio = Studio::new(plan)?;
+        let hull_box = studio.hull_box().ok_or_else(|| Failure::run("nobody is on the stage"))?;
+        let heap = studio.heap(&mut Random(1))?;
+        let samples = heap.iter().map(Points::len).sum();
+        let sets = Sets::new(&studio, hull_box);
+        self.record(plan, "paper", &mut pass_lanes(&studio, &sets, &heap, samples, None))?;
+        let bounds = Bounds::new(&studio);
+        self.bounds.push(bounds.saved("paper", &heap));
+        let in_box = studio.in_box(&mut Random(1), BOX_POINTS, 0.0).into();
+        self.bounds.push(bounds.saved("inside", &[Points::World(in_box)]));
+        Ok(())
+    }
+
+    fn record(&mut self, plan: StudioPlan, load: &str, lanes: &mut [Lane]) -> Outcome {
+        let rates = medians(lanes)?;
+        let first = self.rows.len();
+        self.rows.extend(lanes.iter().zip(rates).map(|(lane, points_per_s)| Row {
+            size: size_text(plan.size),
+            load: named(load, plan.bent),
+            engine: lane.engine,
+            points_per_s,
+            cameras: plan.cameras,
+            lens: if plan.bent { "bent" } else { "straight" },
+        }));
+        self.print_rows(first);
+        Ok(())
+    }
+
+    /// Hands the frame and the points over and compares the answers.
+    fn agree(
+        &mut self,
+        studio: &Studio,
+        plan: StudioPlan,
+        loads: &Loads,
+        opponent: &mut Opponent,
+    ) -> Outcome {
+        let size = size_text(plan.size);
+        opponent.show(studio)?;
+        opponent.hand_over("inside", &loads.in_box)?;
+        let inside: Vec<bool> = {
+            let (mut block, mut standings) = Default::default();
+            studio.views.standings(&loads.in_box, &mut block, &mut standings);
+            standings.iter().map(|standing| standing.inside_count().is_some()).collect()
+        };
+        self.agreement.push(opponent.check_inside(studio, &size, &loads.in_box, &inside)?);
+        let mut asked = Asked::new(studio.settings, 1);
+        for (load, bodies) in loads.passes() {
+            let points: Coordinates = bodies.iter().flat_map(world_points).collect();
+            debug_assert!(points.len().div_ceil(BODY_POINTS) == bodies.len());
+            opponent.hand_over(load, &points)?;
+            asked.ask(bodies, &[&studio.views], &WorldBox::EVERYWHERE)?;
+            self.agreement.push(opponent.check_responses(studio, &size, load, asked.results())?);
+        }
+        Ok(())
+    }
+}
+
+fn size_text(size: (u32, u32)) -> String {
+    format!("{}x{}", size.0, size.1)
+}
+
+fn named(load: &str, bent: bool) -> String {
+    if bent { format!("{load}_bent") } else { load.to_owned() }
+}

@@ -1,0 +1,244 @@
+//! OpenCV and NumPy on the very same masks and points, and whether they say the same.
+
+use std::cell::RefCell;
+use std::path::PathBuf;
+
+use hull::Camera;
+use hull::coordinates::Coordinates;
+use hull::oracle::DenseView;
+use hull::pass::BodyResult;
+use hull::question::Edge;
+use nalgebra::Point3;
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use super::lanes::{Lane, REPETITION_S};
+use crate::loads::{BODY_POINTS, Studio};
+use crate::peers::Peer;
+use cli::{Failure, Outcome};
+
+/// The program.
+const SCRIPT: &str = include_str!("../../peers/query.py");
+/// A point that projects this near to a pixel's edge may be rounded either way, pixels.
+const TIE_PIXELS: f64 = 0.01;
+/// Responses agree within a pixel's width at this distance from the cameras, metres,
+const PIXEL_AT_M: f64 = stage::RIG_RADIUS_M;
+/// and this share of the response's length.
+const SAME_SHARE: f64 = 0.1;
+/// The transform's nearest pixel is nearly the nearest: its distance may be off by a pixel and this share,
+/// and then it may be another pixel with another normal.
+const TRANSFORM_SHARE: f64 = 0.03;
+/// The least share of points whose responses agree,
+const LEAST_AGREEING: f64 = 0.95;
+/// and of those that agree or were given another edge as near.
+const LEAST_EXPLAINED: f64 = 0.99;
+
+/// How far the two say the same.
+#[derive(Clone, Debug, Serialize)]
+pub struct Agreement {
+    /// Of the cameras' images.
+    pub size: String,
+    /// Which points.
+    pub load: String,
+    /// Points compared.
+    pub points: usize,
+    /// The share of them that agree, 0 to 1.
+    pub agreeing: f64,
+    /// The rest as far as it is explained: points within rounding of a pixel's edge, or given another edge
+    /// that is as near as the transform can tell.
+    pub ties: usize,
+}
+
+/// OpenCV and NumPy in a process of their own.
+pub struct Opponent {
+    peer: Peer,
+}
+
+impl Opponent {
+    /// Starts it; `Err` says in one line why it cannot take part.
+    pub fn start(python: &str) -> Result<Opponent, String> {
+        Peer::start(python, SCRIPT).map(|peer| Opponent { peer })
+    }
+
+    /// Its versions.
+    pub fn versions(&self) -> &Value {
+        self.peer.greeting()
+    }
+
+    /// Hands over the cameras and masks of a studio; points of another are forgotten.
+    pub fn show(&mut self, studio: &Studio) -> Outcome {
+        let camera = |(index, view): (usize, &DenseView)| {
+            let path = self.peer.folder().join(format!("mask_{index}.u8"));
+            write(&path, &view.mask)?;
+            Ok(described(&view.camera, &path))
+        };
+        let cameras = studio.dense.iter().enumerate().map(camera).collect::<Outcome<Vec<Value>>>()?;
+        self.peer.ask(&json!({
+            "do": "frame",
+            "cameras": cameras,
+            "window_pixels": studio.window_pixels(),
+            "max_depth_m": studio.settings.max_depth_m(),
+        }))?;
+        Ok(())
+    }
+
+    /// Hands over points under a name; full passes take them in bodies of [`BODY_POINTS`].
+    pub fn hand_over(&mut self, load: &str, points_world: &Coordinates) -> Outcome {
+        let path = self.peer.folder().join(format!("{load}.f64"));
+        let points = (0..points_world.len()).map(|at| <[f64; 3]>::from(points_world.point(at)));
+        let bytes: Vec<u8> = points.flatten().flat_map(f64::to_le_bytes).collect();
+        write(&path, &bytes)?;
+        self.peer.ask(&json!({"do": "points", "load": load, "file": path, "body_points": BODY_POINTS}))?;
+        Ok(())
+    }
+
+    /// An engine of it on points that it has.
+    pub fn lane<'a>(opponent: &'a RefCell<Opponent>, engine: &'static str, load: &'static str) -> Lane<'a> {
+        Lane::new(engine, move || {
+            let request = json!({"do": "measure", "engine": engine, "load": load, "seconds": REPETITION_S});
+            let answer = opponent.borrow_mut().peer.ask(&request)?;
+            answer["points_per_s"].as_f64().ok_or_else(|| strange("a rate", &answer))
+        })
+    }
+
+    fn answers(&mut self, load: &str, each: usize) -> Outcome<Vec<f64>> {
+        let path = self.peer.folder().join("answers.f64");
+        let answer = self.peer.ask(&json!({"do": "answers", "load": load, "file": path}))?;
+        let bytes = std::fs::read(&path).map_err(|error| Failure::run(error.to_string()))?;
+        let numbers = bytes.chunks_exact(8).filter_map(|chunk| chunk.try_into().ok()).map(f64::from_le_bytes);
+        let numbers: Vec<f64> = numbers.collect();
+        if answer["points"].as_u64() != Some((numbers.len() / each) as u64) {
+            return Err(strange("as many answers as it wrote", &answer));
+        }
+        Ok(numbers)
+    }
+
+    /// Compares the inside test: equal but for points on a pixel's edge.
+    pub fn check_inside(
+        &mut self,
+        studio: &Studio,
+        size: &str,
+        points_world: &Coordinates,
+        inside: &[bool],
+    ) -> Outcome<Agreement> {
+        let theirs = self.answers("inside", 1)?;
+        let differing = || {
+            let pairs = inside.iter().zip(&theirs).enumerate();
+            let differing = pairs.filter(|(_, (ours, theirs))| **ours != (**theirs != 0.0));
+            differing.map(|(at, _)| points_world.point(at))
+        };
+        let ties = differing().filter(|point| is_tie(&studio.dense, point)).count();
+        let wrong = differing().count() - ties;
+        if wrong > 0 || theirs.len() != inside.len() {
+            let total = inside.len();
+            return Err(Failure::run(format_args!(
+                "{size}, inside: OpenCV says otherwise of {wrong} of {total} points, expected 0"
+            )));
+        }
+        Ok(Agreement {
+            size: size.to_owned(),
+            load: "inside".to_owned(),
+            points: inside.len(),
+            agreeing: 1.0 - ties as f64 / inside.len().max(1) as f64,
+            ties,
+        })
+    }
+
+    /// Compares the responses of single points.
+    pub fn check_responses(
+        &mut self,
+        studio: &Studio,
+        size: &str,
+        load: &str,
+        ours: &[BodyResult],
+    ) -> Outcome<Agreement> {
+        let theirs = self.answers(load, 4)?;
+        let pixel_m = PIXEL_AT_M / studio.dense[0].camera.intrinsics()[(0, 0)];
+        let (mut points, mut agreeing, mut ties) = (0, 0, 0);
+        for (body, result) in ours.iter().enumerate() {
+            for touch in &result.touches {
+                let at = 4 * (body * BODY_POINTS + touch.sample as usize);
+                let Some(their) = theirs.get(at..at + 4) else { continue };
+                points += 1;
+                let agrees = agree(touch.response_m(), &their[..3], pixel_m);
+                agreeing += usize::from(agrees);
+                ties +=
+                    usize::from(!agrees && touch.edge.is_some_and(|edge| as_near(&edge, their[3], pixel_m)));
+            }
+        }
+        let share = |count: usize| count as f64 / points.max(1) as f64;
+        if share(agreeing) < LEAST_AGREEING || share(agreeing + ties) < LEAST_EXPLAINED {
+            return Err(Failure::run(format_args!(
+                "{size}, {load}: {:.2} % of OpenCV's responses agree and {:.2} % are of another edge as near, \
+                 expected {:.0} % and {:.0} % with both",
+                100.0 * share(agreeing),
+                100.0 * share(ties),
+                100.0 * LEAST_AGREEING,
+                100.0 * LEAST_EXPLAINED
+            )));
+        }
+        Ok(Agreement {
+            size: size.to_owned(),
+            load: load.to_owned(),
+            points,
+            agreeing: share(agreeing),
+            ties,
+        })
+    }
+}
+
+/// True if an edge at their distance may have won by the transform's error.
+fn as_near(our: &Edge, their_m: f64, pixel_m: f64) -> bool {
+    let our_m = f64::from(our.distance_m);
+    (our_m - their_m).abs() <= pixel_m + TRANSFORM_SHARE * our_m
+}
+
+/// `their` is not a number where there is no response.
+fn agree(our: Option<[f64; 3]>, their: &[f64], pixel_m: f64) -> bool {
+    let Some(our) = our else { return their.iter().any(|part| part.is_nan()) };
+    let squared = |parts: [f64; 3]| parts.iter().map(|part| part * part).sum::<f64>();
+    let apart = squared(std::array::from_fn(|axis| our[axis] - their[axis])).sqrt();
+    apart <= pixel_m + SAME_SHARE * squared(our).sqrt()
+}
+
+/// True if some camera sees the point within rounding of a pixel's edge.
+fn is_tie(views: &[DenseView], point: &Point3<f64>) -> bool {
+    let near_edge = |part: f64| (part - part.floor() - 0.5).abs() < TIE_PIXELS;
+    views
+        .iter()
+        .any(|view| view.camera.project(point).is_some_and(|image| near_edge(image.x) || near_edge(image.y)))
+}
+
+fn described(camera: &Camera, mask: &std::path::Path) -> Value {
+    let rows = |matrix: &nalgebra::Matrix3<f64>| matrix.transpose().as_slice().to_vec();
+    json!({
+        "width": camera.width(),
+        "height": camera.height(),
+        "matrix": rows(camera.intrinsics()),
+        "rotation": rows(camera.rotation()),
+        "translation": camera.translation_m().as_slice(),
+        "mask": mask,
+    })
+}
+
+fn write(path: &PathBuf, bytes: &[u8]) -> Outcome {
+    std::fs::write(path, bytes).map_err(|error| Failure::unwritable(path, error))
+}
+
+fn strange(expected: &str, found: &Value) -> Failure {
+    Failure::run(format_args!("the Python program: found {found}, expected {expected}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn responses_agree_within_a_pixel_and_silence_agrees_with_silence() {
+        let agree = |our, their: [f64; 3]| agree(our, &their, 0.002);
+        assert!(agree(Some([0.02, 0.0, 0.0]), [0.0205, 0.001, 0.0]));
+        assert!(!agree(Some([0.02, 0.0, 0.0]), [0.0, 0.02, 0.0]));
+        assert!(agree(None, [f64::NAN; 3]) && !agree(None, [0.1, 0.0, 0.0]));
+        assert!(!agree(Some([0.02, 0.0, 0.0]), [f64::NAN; 3]));
+    }
+}

@@ -1,0 +1,173 @@
+//! The tables and charts of the figures.
+
+use std::path::Path;
+
+use super::engines::{HULLTOUCH, UNPRUNED};
+use super::{Report, Row};
+use crate::plot::{Axis, BarChart, LineChart, Series};
+use cli::Outcome;
+
+#[allow(clippy::print_stdout, reason = "the table is the command's output")]
+impl Report {
+    /// The machine, and the first table's head.
+    pub fn print_head(&self) {
+        println!("{}; one core, million points per second", self.machine.line());
+        println!("\n{:>10}  {:14}  {:30}  {:>9}  hulltouch is", "size", "load", "engine", "M/s");
+    }
+
+    /// The rows from `first` on, which are of one size and load, beside ours.
+    pub fn print_rows(&self, first: usize) {
+        let ours = self.rows[first].points_per_s;
+        for row in &self.rows[first..] {
+            let times = ours / row.points_per_s;
+            let ratio = if row.engine == HULLTOUCH { String::new() } else { format!("{times:8.2} x") };
+            let rate = row.points_per_s / 1e6;
+            println!("{:>10}  {:14}  {:30}  {rate:9.4}  {ratio}", row.size, row.load, row.engine);
+        }
+    }
+
+    /// Everything but the rates.
+    pub fn print_tail(&self) {
+        self.print_flatness();
+        self.print_rounds();
+        println!("\nshare of samples that each stage rejects, % (the paper's set-up)");
+        println!(
+            "{:14}  {:>8}  {:>8}  {:>11}  {:>14}  {:>10}  {:>6}",
+            "load", "samples", "body box", "frustum box", "frustum planes", "silhouette", "inside"
+        );
+        for saved in &self.bounds {
+            let [body_box, frustum_box, frustum_planes, silhouette, inside] =
+                saved.shares().map(|share| 100.0 * share);
+            println!(
+                "{:14}  {:8}  {body_box:8.1}  {frustum_box:11.1}  {frustum_planes:14.1}  {silhouette:10.1}  \
+                 {inside:6.1}",
+                saved.load, saved.samples
+            );
+        }
+        for said in &self.agreement {
+            println!(
+                "{:>10}  {:14}  OpenCV agrees on {:.2} % of {} points; {} on a pixel's edge or with another edge as near",
+                said.size,
+                said.load,
+                100.0 * said.agreeing,
+                said.points,
+                said.ties
+            );
+        }
+    }
+
+    fn print_rounds(&self) {
+        println!("\nnanoseconds of a point by round, over all groups of cameras");
+        println!(
+            "{:>10}  {:14}  {:18}  {:>8}  {:>8}  {:>8}  {:>8}  {:>8}  {:>8}",
+            "size", "load", "engine", "classes", "edges", "exits", "mean", "check", "pass"
+        );
+        for row in &self.rounds {
+            println!(
+                "{:>10}  {:14}  {:18}  {:8.1}  {:8.1}  {:8.1}  {:8.1}  {:8.1}  {:8.1}",
+                row.size,
+                row.load,
+                row.engine,
+                row.classes_ns,
+                row.edges_ns,
+                row.exits_ns,
+                row.body_exits_ns,
+                row.check_ns,
+                row.pass_ns
+            );
+        }
+        // The rounds are measured in pairs.
+        for pair in self.rounds.chunks_exact(2) {
+            println!(
+                "{:>10}  {:14}  a node of one camera answers at {:.2} of the rate a camera of all together",
+                pair[0].size,
+                pair[0].load,
+                pair[0].answers_ns() / pair[1].answers_ns()
+            );
+        }
+    }
+
+    /// What the targets speak of: the last size beside the first, lenses, and cameras alone.
+    fn print_flatness(&self) {
+        let (Some(first), Some(last)) = (self.sizes().first().cloned(), self.sizes().last().cloned()) else {
+            return;
+        };
+        println!();
+        for load in ["inside", "contacts", "anywhere"] {
+            let rate = |size: &str, load: &str, engine: &str| self.rate(size, load, engine);
+            let ratio = |a: Option<f64>, b: Option<f64>| {
+                a.zip(b).map_or_else(|| "-".to_owned(), |(a, b)| format!("{:.2}", a / b))
+            };
+            println!(
+                "{load:9} {last} at {} of {first}'s rate; at {first} distorted lenses at {}, cameras alone at \
+                 {} of the rate of all together",
+                ratio(rate(&last, load, HULLTOUCH), rate(&first, load, HULLTOUCH)),
+                ratio(rate(&first, &format!("{load}_bent"), HULLTOUCH), rate(&first, load, HULLTOUCH)),
+                ratio(rate(&first, load, UNPRUNED), rate(&first, load, HULLTOUCH)),
+            );
+        }
+    }
+
+    fn rate(&self, size: &str, load: &str, engine: &str) -> Option<f64> {
+        let row = self.rows.iter().find(|row| row.size == size && row.load == load && row.engine == engine);
+        row.map(|row| row.points_per_s)
+    }
+
+    /// The sizes of the eight cameras, in the order measured.
+    fn sizes(&self) -> Vec<String> {
+        let mut sizes: Vec<String> = Vec::new();
+        for row in self.rows.iter().filter(|row| row.load == "inside") {
+            if !sizes.contains(&row.size) {
+                sizes.push(row.size.clone());
+            }
+        }
+        sizes
+    }
+
+    fn engines(&self, load: &str) -> Vec<&'static str> {
+        let mut engines = Vec::new();
+        for row in self.rows.iter().filter(|row| row.load == load) {
+            if !engines.contains(&row.engine) {
+                engines.push(row.engine);
+            }
+        }
+        engines
+    }
+
+    /// Charts: rate over pixels by load, the loads of the first size, and what bounds save.
+    pub fn draw(&self, folder: &Path) -> Outcome {
+        for load in ["inside", "contacts", "anywhere"] {
+            let of_engine = |engine: &'static str| {
+                let rows = self.rows.iter().filter(|row| row.load == load && row.engine == engine);
+                Series {
+                    name: engine.to_owned(),
+                    values: rows.map(|row| (megapixels(row), row.points_per_s)).collect(),
+                }
+            };
+            LineChart {
+                title: format!("query, {load}: one core"),
+                x: Axis::logarithmic("image, megapixels"),
+                y: Axis::logarithmic("points per second"),
+                series: self.engines(load).into_iter().map(of_engine).collect(),
+            }
+            .write(folder, &format!("query_{load}"))?;
+        }
+        let stages = ["body box", "frustum box", "frustum planes", "silhouette", "inside"];
+        let bars = stages.into_iter().enumerate().map(|(stage, name)| Series {
+            name: name.to_owned(),
+            values: self.bounds.iter().map(|saved| Some(100.0 * saved.shares()[stage])).collect(),
+        });
+        BarChart {
+            title: "which stage rejects a sample first".to_owned(),
+            groups: self.bounds.iter().map(|saved| saved.load.clone()).collect(),
+            y: Axis::linear("% of samples"),
+            series: bars.collect(),
+        }
+        .write(folder, "query_bounds")
+    }
+}
+
+fn megapixels(row: &Row) -> f64 {
+    let sides = row.size.split('x').filter_map(|side| side.parse::<f64>().ok());
+    sides.product::<f64>() / 1e6
+}

@@ -1,0 +1,61 @@
+//! What every bench prints and writes.
+
+use std::fs;
+use std::path::Path;
+
+use serde::Serialize;
+
+use cli::{Failure, Outcome, write_whole};
+
+/// A bench's figures.
+#[derive(Debug, Serialize)]
+pub struct Table<Row> {
+    /// Which bench.
+    pub bench: &'static str,
+    /// Where it ran.
+    pub machine: Machine,
+    /// What was measured.
+    pub rows: Vec<Row>,
+}
+
+/// The machine and the build.
+#[derive(Debug, Serialize)]
+pub struct Machine {
+    cpu: String,
+    cores: usize,
+    arch: &'static str,
+    os: &'static str,
+    version: &'static str,
+    /// `release` or `debug`.
+    build: &'static str,
+}
+
+impl Machine {
+    /// This machine.
+    pub fn here() -> Machine {
+        let info = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+        let model = info.lines().find(|line| line.starts_with("model name"));
+        let cpu = model.and_then(|line| line.split_once(": ")).map_or("unknown", |(_, name)| name);
+        Machine {
+            cpu: cpu.to_owned(),
+            cores: std::thread::available_parallelism().map_or(1, usize::from),
+            arch: std::env::consts::ARCH,
+            os: std::env::consts::OS,
+            version: env!("CARGO_PKG_VERSION"),
+            build: if cfg!(debug_assertions) { "debug" } else { "release" },
+        }
+    }
+
+    /// One line for people.
+    pub fn line(&self) -> String {
+        format!("{}, {} cores, {} {}, {} build", self.cpu, self.cores, self.os, self.arch, self.build)
+    }
+}
+
+/// Writes a bench's figures as JSON, if a file was named.
+pub fn write_json(figures: &impl Serialize, path: Option<&Path>) -> Outcome {
+    let Some(path) = path else { return Ok(()) };
+    let mut text = serde_json::to_vec_pretty(figures).map_err(Failure::run)?;
+    text.push(b'\n');
+    write_whole(path, &text)
+}

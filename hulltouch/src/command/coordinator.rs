@@ -1,0 +1,90 @@
+//! `hulltouch coordinator`: asks the nodes of a cluster file and steps the world.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::Args;
+
+use crate::command::record::RecordOptions;
+use crate::run::outlets::PageArguments;
+use crate::run::{AskName, ResponseName, Setup, TransportName, check_response, run_deployed};
+use cli::{Failure, Outcome};
+use cluster::read_cluster_file;
+
+/// Ask the nodes of a cluster file, merge their answers and step the world.
+#[derive(Debug, Args)]
+#[command(after_help = "Example, with nodes running on the camera PCs:\n  \
+    hulltouch coordinator studio.cluster.toml --seconds 60 --json figures.json")]
+pub struct CoordinatorArguments {
+    /// The cluster file.
+    cluster: PathBuf,
+    /// End after so many seconds of film [default: when film ends, or on Ctrl-C].
+    #[arg(long, value_name = "S")]
+    seconds: Option<f64>,
+    /// Where probes are computed.
+    #[arg(long, value_enum, default_value = "cluster")]
+    transport: TransportName,
+    /// How bodies answer the hull.
+    #[arg(long, value_enum, default_value = "paper")]
+    response: ResponseName,
+    /// Decides what a run leaves to chance [default: the cluster file's, or 1].
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Use every frame, as fast as nodes make them, instead of real time.
+    #[arg(long)]
+    unpaced: bool,
+    /// How long to wait for nodes at the beginning, seconds.
+    #[arg(long, value_name = "S", default_value_t = 60.0)]
+    patience: f64,
+    /// Show nothing while it runs, and serve no page unless --listen says where.
+    #[arg(long)]
+    headless: bool,
+    #[command(flatten)]
+    page: PageArguments,
+    /// Write the run's figures.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Write pictures from a viewpoint between the cameras, one a second of film.
+    #[arg(long, value_name = "DIR")]
+    snapshot: Option<PathBuf>,
+    #[command(flatten)]
+    record: RecordOptions,
+}
+
+/// Runs until film or time ends.
+pub fn run(arguments: &CoordinatorArguments) -> Outcome {
+    check_response(arguments.response)?;
+    if arguments.transport == TransportName::Inprocess {
+        return Err(Failure::input("--transport inprocess has no nodes, expected cluster or gather"));
+    }
+    let patience = Duration::try_from_secs_f64(arguments.patience)
+        .map_err(|error| Failure::input(format_args!("--patience {}: {error}", arguments.patience)))?;
+    let file = read_cluster_file(&arguments.cluster)?;
+    let scene = file.load_scene().map_err(Failure::input)?;
+    let setup = Setup {
+        seed: arguments.seed.or(file.seed).unwrap_or(1),
+        file,
+        scene,
+        transport: arguments.transport,
+        ask: AskName::default(),
+        lock_step: arguments.unpaced,
+        empty: false,
+        seconds: checked_seconds(arguments.seconds)?,
+        live_line: !arguments.headless,
+        outlets: arguments.page.checked(arguments.headless)?,
+        json: arguments.json.clone(),
+        snapshots: arguments.snapshot.clone(),
+        record: arguments.record.checked()?,
+    };
+    run_deployed(&setup, patience)
+}
+
+/// Film seconds that make sense.
+pub fn checked_seconds(seconds: Option<f64>) -> Outcome<Option<f64>> {
+    match seconds {
+        Some(seconds) if !(seconds > 0.0 && seconds <= 1e6) => {
+            Err(Failure::input(format_args!("--seconds is {seconds}, expected more than 0")))
+        }
+        seconds => Ok(seconds),
+    }
+}

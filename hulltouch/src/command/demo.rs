@@ -1,0 +1,201 @@
+//! `hulltouch demo`: a whole cluster on this machine.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use sim::Scene;
+use stage::{Motion, Prop, studio_rig};
+
+use crate::command::coordinator::checked_seconds;
+use crate::command::record::RecordOptions;
+use crate::run::outlets::PageArguments;
+use crate::run::{AskName, PrecisionName, ResponseName, Setup, TransportName, check_response, run_locally};
+use cli::{Failure, Outcome};
+use cluster::ClusterFile;
+use cluster::read_cluster_file;
+
+/// From capture to the step that sees it: rendering and segmenting eight cameras on two cores takes
+/// most of a frame's time.
+const DEMO_LATENCY_S: f64 = 0.06;
+/// How long the empty room of a recording is looked at when nothing else says so.
+const EMPTY_RECORDING_S: f64 = 4.0;
+
+/// A whole cluster on this machine: camera nodes as processes, coordinator, physics.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  hulltouch demo\n  \
+    hulltouch demo --scene crowd --seconds 10 --snapshot pics\n  \
+    hulltouch demo --recording deploy/uu_horseman.cluster.toml --unpaced --headless --json out.json")]
+pub struct DemoArguments {
+    #[command(flatten)]
+    studio: StudioArguments,
+    /// End after so many seconds of film [default: on Ctrl-C, or when a recording ends].
+    #[arg(long, value_name = "S")]
+    seconds: Option<f64>,
+    /// Show nothing while it runs, and serve no page unless --listen says where.
+    #[arg(long)]
+    headless: bool,
+    #[command(flatten)]
+    page: PageArguments,
+    /// Use every frame, as fast as frames can be made: two runs of one seed are the same run.
+    #[arg(long)]
+    unpaced: bool,
+    /// Where probes are computed.
+    #[arg(long, value_enum, default_value = "cluster")]
+    transport: TransportName,
+    /// How often the hull is asked; the run is the same.
+    #[arg(long, value_enum, default_value = "frame")]
+    ask: AskName,
+    /// How numbers travel to and from the nodes [default: exact, or the recording's].
+    #[arg(long, value_enum)]
+    precision: Option<PrecisionName>,
+    /// How bodies answer the hull.
+    #[arg(long, value_enum, default_value = "paper")]
+    response: ResponseName,
+    /// Play a cluster file (rig, a source for each camera, background, scene) instead of the studio.
+    #[arg(long, value_name = "CLUSTER.toml")]
+    recording: Option<PathBuf>,
+    /// The same scene without the person.
+    #[arg(long)]
+    empty: bool,
+    /// Write the run's figures.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Write pictures from a viewpoint between the cameras, one a second of film.
+    #[arg(long, value_name = "DIR")]
+    snapshot: Option<PathBuf>,
+    #[command(flatten)]
+    record: RecordOptions,
+}
+
+/// The synthetic studio, and what decides a run in it.
+#[derive(Debug, Args)]
+pub struct StudioArguments {
+    /// A scene by name (topple, lift, crowd) or a scene file [default: topple, or the cluster file's].
+    #[arg(long, value_name = "NAME|FILE")]
+    scene: Option<String>,
+    /// How many cameras the studio has.
+    #[arg(long, default_value_t = 8, conflicts_with = "recording")]
+    cameras: usize,
+    /// The size of their images.
+    #[arg(long, default_value = "640x480", value_name = "WxH", value_parser = parse_size, conflicts_with = "recording")]
+    size: (u32, u32),
+    /// Frames per second.
+    #[arg(long, default_value_t = 30.0, value_name = "F", conflicts_with = "recording")]
+    fps: f64,
+    /// Decides what a run leaves to chance [default: 1, or the cluster file's].
+    #[arg(long, value_name = "K")]
+    pub seed: Option<u64>,
+}
+
+/// Runs until film or time ends, or Ctrl-C.
+pub fn run(arguments: DemoArguments) -> Outcome {
+    check_response(arguments.response)?;
+    let seconds = checked_seconds(arguments.seconds)?;
+    let outlets = arguments.page.checked(arguments.headless)?;
+    if cfg!(debug_assertions) {
+        tracing::warn!("this is a debug build and slow: build with --release, or run `cargo demo`");
+    }
+    let studio = tempfile::tempdir().map_err(Failure::run)?;
+    let (mut file, scene) = match &arguments.recording {
+        Some(path) => arguments.studio.cluster(path)?,
+        None => arguments.studio.synthetic(studio.path())?,
+    };
+    if arguments.empty && arguments.recording.is_some() {
+        // A background clip may be a single plate: it is held for as long as the run is to last.
+        file.hold_s = arguments.seconds.unwrap_or(EMPTY_RECORDING_S);
+    }
+    if let Some(precision) = arguments.precision {
+        file.precision = precision.into();
+    }
+    let setup = Setup {
+        seed: arguments.studio.seed.or(file.seed).unwrap_or(1),
+        file,
+        scene,
+        transport: arguments.transport,
+        ask: arguments.ask,
+        lock_step: arguments.unpaced,
+        empty: arguments.empty,
+        seconds,
+        live_line: !arguments.headless,
+        outlets,
+        json: arguments.json,
+        snapshots: arguments.snapshot,
+        record: arguments.record.checked()?,
+    };
+    run_locally(&setup)
+}
+
+impl StudioArguments {
+    /// A cluster file and its scene, or another one.
+    pub fn cluster(&self, path: &Path) -> Outcome<(ClusterFile, Scene)> {
+        let file = read_cluster_file(path)?;
+        let scene = match &self.scene {
+            Some(scene) => load_scene(scene)?,
+            None => file.load_scene().map_err(Failure::input)?,
+        };
+        Ok((file, scene))
+    }
+
+    /// Writes the studio's cluster file into a folder of its own, for the node processes to read.
+    pub fn synthetic(&self, folder: &Path) -> Outcome<(ClusterFile, Scene)> {
+        let scene = load_scene(self.scene.as_deref().unwrap_or("topple"))?;
+        if !(1..=64).contains(&self.cameras) {
+            let found = self.cameras;
+            return Err(Failure::input(format_args!("--cameras is {found}, expected 1 to 64")));
+        }
+        if !(self.fps >= 1.0 && self.fps <= 1000.0) {
+            return Err(Failure::input(format_args!("--fps is {}, expected 1 to 1000", self.fps)));
+        }
+        let rig = studio_rig(self.cameras, self.size)
+            .map_err(|error| Failure::input(format_args!("--size: {error}")))?;
+        let stage = scene.stage().cloned().unwrap_or_default();
+        let motion: Motion = if stage.motion.is_empty() {
+            Motion::default()
+        } else {
+            stage
+                .motion
+                .parse()
+                .map_err(|error| Failure::input(format_args!("scene, stage.motion: {error}")))?
+        };
+        for prop in &stage.props {
+            prop.parse::<Prop>()
+                .map_err(|error| Failure::input(format_args!("scene, stage.props: {error}")))?;
+        }
+        let seed = self.seed.unwrap_or(1);
+        let mut text = format!(
+            "rig = \"rig.toml\"\nscene = \"topple\"\nfps = {:?}\nlatency_s = {DEMO_LATENCY_S}\nmin_views = {}\n",
+            self.fps,
+            self.cameras.min(2),
+        );
+        for camera in rig.cameras() {
+            text += &format!(
+                "[[camera]]\nname = {:?}\nsource = {{ kind = \"stage\", motion = \"{motion}\", props = {:?}, seed = {seed} }}\n",
+                camera.name(),
+                stage.props,
+            );
+        }
+        let path = folder.join("studio.cluster.toml");
+        std::fs::write(folder.join("rig.toml"), rig.to_toml())
+            .map_err(|error| Failure::unwritable(folder, error))?;
+        std::fs::write(&path, text).map_err(|error| Failure::unwritable(&path, error))?;
+        Ok((read_cluster_file(&path)?, scene))
+    }
+}
+
+/// A scene by name, or from a file.
+fn load_scene(name: &str) -> Outcome<Scene> {
+    let path = Path::new(name);
+    if path.extension().is_none_or(|extension| extension != "toml") {
+        return Scene::named(name).map_err(|error| Failure::input(format_args!("--scene: {error}")));
+    }
+    let text = std::fs::read_to_string(path).map_err(|error| Failure::unreadable(path, error))?;
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    Scene::from_toml(&name, &text).map_err(|error| Failure::unreadable(path, error))
+}
+
+/// `WxH` in pixels.
+pub fn parse_size(text: &str) -> Result<(u32, u32), String> {
+    let wrong = || format!("found {text:?}, expected WxH in pixels, like 640x480");
+    let (width, height) = text.split_once('x').ok_or_else(wrong)?;
+    Ok((width.parse().map_err(|_| wrong())?, height.parse().map_err(|_| wrong())?))
+}

@@ -1,0 +1,9 @@
+//! One module a subcommand.
+
+pub mod coordinator;
+pub mod demo;
+pub mod node;
+pub mod query;
+pub mod record;
+pub mod replay;
+pub mod rig;

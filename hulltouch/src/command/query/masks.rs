@@ -1,0 +1,123 @@
+//! Silhouettes from image files.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use hull::{Camera, Rig, Silhouette};
+use image::{ColorType, DynamicImage, ImageDecoder, ImageReader};
+
+use cli::{Failure, Outcome};
+
+/// The file of every camera's silhouette, in rig order: `folder/NAME.png`, or of a frame
+/// `folder/NAME/NUMBER.png`, zeros before the number allowed. Silhouettes of cameras that the rig does
+/// not have are refused: the rig is another one then.
+pub fn paths_of_frame(folder: &Path, rig: &Rig, frame: Option<u64>) -> Outcome<Vec<PathBuf>> {
+    refuse_strangers(folder, rig, frame.is_some())?;
+    let path = |camera: &Camera| {
+        let Some(frame) = frame else {
+            let path = folder.join(format!("{}.png", camera.name()));
+            return if path.is_file() { Ok(path) } else { Err(missing(&path, camera)) };
+        };
+        let of_camera = folder.join(camera.name());
+        let path = of_camera.join(format!("{frame}.png"));
+        numbered(&of_camera)?.remove(&frame).ok_or_else(|| missing(&path, camera))
+    };
+    rig.cameras().iter().map(path).collect()
+}
+
+/// The numbered files `folder/NAME/NUMBER.png` of every camera, in rig order; where there is no such
+/// folder, `folder/NAME.png` as frame 0.
+pub fn paths_of_film(folder: &Path, rig: &Rig) -> Outcome<Vec<BTreeMap<u64, PathBuf>>> {
+    let has_folders = rig.cameras().iter().any(|camera| folder.join(camera.name()).is_dir());
+    if has_folders {
+        refuse_strangers(folder, rig, true)?;
+        return rig.cameras().iter().map(|camera| numbered(&folder.join(camera.name()))).collect();
+    }
+    let paths = paths_of_frame(folder, rig, None)?;
+    Ok(paths.into_iter().map(|path| BTreeMap::from([(0, path)])).collect())
+}
+
+/// Reads one silhouette: an 8-bit PNG of the camera's size; over 127 is foreground.
+pub fn read(path: &Path, camera: &Camera) -> Outcome<Silhouette> {
+    let refused = |problem: String| Failure::unreadable(path, problem);
+    let decoder = ImageReader::open(path)
+        .and_then(ImageReader::with_guessed_format)
+        .map_err(|error| refused(error.to_string()))?
+        .into_decoder()
+        .map_err(|error| refused(error.to_string()))?;
+    // Checked before anything of that size is decoded.
+    let (found, expected) = (decoder.dimensions(), (camera.width(), camera.height()));
+    if found != expected {
+        return Err(refused(format!(
+            "size: found {} x {}, expected {} x {} as camera {:?} of the rig",
+            found.0,
+            found.1,
+            expected.0,
+            expected.1,
+            camera.name()
+        )));
+    }
+    let colour = decoder.color_type();
+    if !matches!(colour, ColorType::L8 | ColorType::La8 | ColorType::Rgb8 | ColorType::Rgba8) {
+        return Err(refused(format!("found pixels of {colour:?}, expected 8 bits a channel")));
+    }
+    let image = DynamicImage::from_decoder(decoder).map_err(|error| refused(error.to_string()))?;
+    let mut mask = image.into_luma8().into_raw();
+    mask.iter_mut().for_each(|pixel| *pixel = u8::from(*pixel > 127));
+    Silhouette::from_mask(expected.0, expected.1, &mask).map_err(|error| refused(error.to_string()))
+}
+
+fn missing(path: &Path, camera: &Camera) -> Failure {
+    Failure::unreadable(
+        path,
+        format_args!("found no such file, expected the silhouette of camera {:?} of the rig", camera.name()),
+    )
+}
+
+/// Refuses images (or folders) in `folder` whose names are not those of cameras.
+fn refuse_strangers(folder: &Path, rig: &Rig, folders: bool) -> Outcome {
+    for path in entries(folder)? {
+        let is_png = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
+        let counts = if folders { path.is_dir() } else { is_png && path.is_file() };
+        let name = if folders { path.file_name() } else { path.file_stem() };
+        let name = name.map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        if counts && rig.index_of(&name).is_none() {
+            let names: Vec<&str> = rig.cameras().iter().map(Camera::name).collect();
+            let problem =
+                format_args!("found camera {name:?}, expected one of the rig: {}", names.join(", "));
+            return Err(Failure::unreadable(&path, problem));
+        }
+    }
+    Ok(())
+}
+
+/// The PNG files of a folder whose names are numbers.
+fn numbered(folder: &Path) -> Outcome<BTreeMap<u64, PathBuf>> {
+    let mut found: BTreeMap<u64, PathBuf> = BTreeMap::new();
+    for path in entries(folder)? {
+        let is_png = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
+        let stem = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
+        // A sign is no digit: `parse` alone would take "+1".
+        let number = stem.parse().ok().filter(|_| is_png && stem.bytes().all(|byte| byte.is_ascii_digit()));
+        let Some(number) = number else { continue };
+        if let Some(other) = found.insert(number, path.clone()) {
+            let problem =
+                format_args!("found frame {number} in {} too, expected one of the two", other.display());
+            return Err(Failure::unreadable(&path, problem));
+        }
+    }
+    Ok(found)
+}
+
+/// A folder's entries by name.
+fn entries(folder: &Path) -> Outcome<Vec<PathBuf>> {
+    let refused = |error: std::io::Error| Failure::unreadable(folder, error);
+    let listed = fs::read_dir(folder).map_err(refused)?;
+    let mut paths = listed
+        .map(|entry| entry.map(|entry| entry.path()))
+        .collect::<Result<Vec<PathBuf>, _>>()
+        .map_err(refused)?;
+    paths.sort();
+    Ok(paths)
+}

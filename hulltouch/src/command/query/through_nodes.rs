@@ -1,0 +1,85 @@
+//! The same pass through real local nodes: a process of this program for each camera.
+
+use std::fs;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use coordinator::{FilmState, Pace, Transport};
+use hull::pass::{BodyResult, Pass};
+use hull::rule::{NormalWindow, OutOfView};
+use toml::Value;
+
+use super::Query;
+use cli::{Failure, Outcome};
+use cluster::LocalCluster;
+use cluster::read_cluster_file;
+
+/// How long nodes may take to answer to their addresses, and to read a silhouette.
+const START_PATIENCE: Duration = Duration::from_secs(30);
+/// How long a round may take: the most points that there may be, with distortion, on a slow machine.
+const ROUND_PATIENCE: Duration = Duration::from_secs(600);
+/// A single image is frame 0 of its source.
+const FRAME: u64 = 0;
+
+/// Starts the nodes, asks them, and stops them.
+pub fn results(query: &Query) -> Outcome<Vec<BodyResult>> {
+    let folder = tempfile::tempdir().map_err(Failure::run)?;
+    let path = folder.path().join("query.cluster.toml");
+    write_cluster(query, folder.path(), &path).map_err(|error| Failure::unwritable(folder.path(), error))?;
+    let file = read_cluster_file(&path)?;
+    let cluster = LocalCluster::start(&file, false)?;
+    let mut pass = query.pass(&query.view_set(), cluster.nodes().len());
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::run)?;
+    runtime.block_on(async {
+        let nodes = cluster.nodes().to_vec();
+        let mut transport = Transport::connect(nodes, None, query.settings, file.fps, Vec::new());
+        asked(&mut transport, &mut pass).await.map_err(Failure::run)
+    })?;
+    Ok(pass.into_results())
+}
+
+async fn asked(transport: &mut Transport, pass: &mut Pass) -> Result<(), String> {
+    transport.ready(START_PATIENCE).await?;
+    transport.start(Pace { epoch_unix_s: 0.0, lock_step: true }).await?;
+    transport.credit(FRAME);
+    let deadline = Instant::now() + START_PATIENCE;
+    while transport.newest_common(FRAME).is_none() {
+        if let FilmState::Failed(problem) = transport.film(FRAME) {
+            return Err(problem);
+        }
+        if Instant::now() > deadline {
+            let waited_s = START_PATIENCE.as_secs();
+            return Err(format!("nodes have not read their silhouettes within {waited_s} s"));
+        }
+        transport.told(Duration::from_millis(50)).await;
+    }
+    transport.run_pass(pass, FRAME, ROUND_PATIENCE, &mut |_, _| {}).await
+}
+
+/// Writes the rig, copies of the silhouettes under names that no pattern is in, and a cluster file.
+fn write_cluster(query: &Query, folder: &Path, path: &Path) -> std::io::Result<()> {
+    let rule = query.settings.rule();
+    let out_of_view = match rule.out_of_view {
+        OutOfView::Outside => "outside",
+        OutOfView::Abstain => "abstain",
+    };
+    let normal_window = match query.settings.normal_window() {
+        NormalWindow::Auto => "\"auto\"".to_owned(),
+        NormalWindow::Pixels(k) => k.to_string(),
+    };
+    let mut text = format!(
+        "rig = \"rig.toml\"\nscene = \"topple\"\nfps = 1\nout_of_view = \"{out_of_view}\"\nmin_views = {}\n\
+         normal_window = {normal_window}\nmax_depth_m = {:?}\n",
+        rule.min_views,
+        query.settings.max_depth_m()
+    );
+    for (index, (camera, mask)) in query.rig.cameras().iter().zip(&query.mask_paths).enumerate() {
+        let copy = format!("mask_{index}.png");
+        fs::copy(mask, folder.join(&copy))?;
+        // A cluster file fills variables in; a name that looks like one is only a name.
+        let name = Value::String(camera.name().replace("${", "$${"));
+        text += &format!("[[camera]]\nname = {name}\nsource = {{ kind = \"masks\", path = \"{copy}\" }}\n");
+    }
+    fs::write(folder.join("rig.toml"), query.rig.to_toml())?;
+    fs::write(path, text)
+}

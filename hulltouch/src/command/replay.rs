@@ -1,0 +1,138 @@
+//! `hulltouch replay`: a recorded run once more.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+
+use clap::Args;
+use coordinator::{Asks, Transport};
+use recording::{Recording, StepCheck};
+use serde_json::json;
+
+use crate::run::colours::FilePictures;
+use crate::run::outlets::{PageArguments, PageSource};
+use crate::run::{AskName, Course, Setup, TransportName, play, prepare_outputs};
+use cli::{Failure, Outcome};
+use cluster::{ClusterFile, SceneChoice};
+
+/// Replay a recorded run: the same steps over the same silhouettes. Exit status 1 if a step differs.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  hulltouch replay out.mcap --unpaced --snapshot pics")]
+pub struct ReplayArguments {
+    /// The recording.
+    file: PathBuf,
+    /// As fast as it goes, instead of in real time.
+    #[arg(long)]
+    unpaced: bool,
+    /// Show nothing while it runs, and serve no page unless --listen says where.
+    #[arg(long)]
+    headless: bool,
+    #[command(flatten)]
+    page: PageArguments,
+    /// Write the run's figures.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Write pictures from a viewpoint between the cameras, one a second of film.
+    #[arg(long, value_name = "DIR")]
+    snapshot: Option<PathBuf>,
+}
+
+/// Replays to the end, or Ctrl-C.
+pub fn run(arguments: &ReplayArguments) -> Outcome {
+    let recording = Recording::open(&arguments.file).map_err(Failure::input)?;
+    if let Some(cut_off) = recording.cut_off() {
+        tracing::warn!("{}: {cut_off}", arguments.file.display());
+    }
+    let steps = recording.steps().map_err(Failure::input)?;
+    let frames = recording.frames().map_err(Failure::input)?;
+    let pictures = FilePictures::new(recording.pictures().map_err(Failure::input)?);
+    let check = StepCheck::of(&steps);
+    let header = recording.header();
+    let setup = setup(&recording, arguments)?;
+    prepare_outputs(&setup)?;
+    let course = Course {
+        world: header.world,
+        observers: header.observers(),
+        recorder: Some(check.recorder()),
+        schedule: Some(Box::new(steps)),
+        file: None,
+        pictures: Some(PageSource {
+            pictures: Box::new(move || Arc::new(pictures)),
+            ignored: header.ignored.clone(),
+            has_colour: recording.has_colour(),
+            is_replay: true,
+        }),
+    };
+    let mut played = play(&setup, course, |_, _| Transport::in_process(Box::new(frames)), Duration::ZERO)?;
+    let difference = check.difference().map(|difference| difference.to_string());
+    played.json["replay"] = json!({
+        "file": arguments.file.display().to_string(),
+        "program": header.program,
+        "steps": check.steps(),
+        "recorded_steps": recording.step_count(),
+        "given_steps": check.given(),
+        "cut_off": recording.cut_off(),
+        "difference": difference,
+    });
+    played.summary += &summary(&recording, &check);
+    played.tell(&setup)?;
+    let problem = difference.or_else(|| check.problem());
+    if let Some(problem) = problem {
+        let (file, recorded, this) = (arguments.file.display(), &header.program, env!("CARGO_PKG_VERSION"));
+        return Err(Failure::run(format_args!(
+            "{file}: {problem} (recorded by version {recorded}, this is {this})"
+        )));
+    }
+    // A run that never had a hull was made again all the same.
+    let is_whole = check.steps() == recording.step_count();
+    played.failure.filter(|_| !is_whole).map_or(Ok(()), Err)
+}
+
+fn summary(recording: &Recording, check: &StepCheck) -> String {
+    let (made, there) = (check.steps(), recording.step_count());
+    let mut text = format!("{made} of {there} recorded steps made again");
+    if check.given() > 0 {
+        text += &format!(", {} of them with the recorded answers", check.given());
+    }
+    if made == there && check.difference().is_none() {
+        text += &format!("; the same digest: {}", recording.digest());
+    }
+    text + "\n"
+}
+
+/// The recorded run's own set-up.
+fn setup(recording: &Recording, arguments: &ReplayArguments) -> Outcome<Setup> {
+    let header = recording.header();
+    let file = ClusterFile {
+        path: arguments.file.clone(),
+        rig: header.rig.clone(),
+        scene: SceneChoice::Named(header.scene.name().to_owned()),
+        fps: header.fps,
+        // What is on the disk need not arrive.
+        latency_s: 0.0,
+        hold_s: header.hold_s,
+        seed: Some(header.world.seed),
+        gravity_m_s2: Some(header.scene.gravity_m_s2()),
+        probes: header.probes,
+        precision: header.precision,
+        cameras: Vec::new(),
+    };
+    Ok(Setup {
+        file,
+        scene: header.scene.clone(),
+        seed: header.world.seed,
+        transport: TransportName::Inprocess,
+        ask: match header.asks {
+            Asks::EachFrame => AskName::Frame,
+            Asks::EachStep => AskName::Step,
+        },
+        lock_step: arguments.unpaced,
+        empty: false,
+        seconds: None,
+        live_line: !arguments.headless,
+        outlets: arguments.page.checked(arguments.headless)?,
+        json: arguments.json.clone(),
+        snapshots: arguments.snapshot.clone(),
+        record: None,
+    })
+}
