@@ -12,7 +12,7 @@ use camera_node::listen::Listen;
 use camera_node::service::Node;
 use camera_node::source::{SourceConfig, StageConfig};
 use camera_node::{NodeCamera, NodeConfig};
-use hull::question::{Answer, Batch, Kind, NO_EXIT_M, Points, Question};
+use hull::question::{Answer, Batch, NO_EXIT_M, Points, Question, QuestionKind};
 use hull::view_set::Scratch;
 use hull::{Pose, ProbeSettings, Rig, Shape, Silhouette, View, ViewSet};
 use proto::convert::{
@@ -314,15 +314,17 @@ async fn answers_are_the_hulls_own(client: &mut Client, probe: &mut Probe, rig: 
         .collect();
     assert!(inside.len() > 10, "the column meets the person");
     assert_eq!(probe.ask(1, &all).await, ProbeAnswer::Answer(classes));
-    let mut edges = Question { kind: Kind::Edges, ..Question::default() };
+    let mut edges = Question { kind: QuestionKind::Edges, ..Question::default() };
     edges.pick(&body, [0.0; 3], inside.iter().copied());
     let expected = expect(&edges);
     let normals: Vec<[f32; 3]> = expected.edges.iter().flatten().map(|edge| edge.normal_world).collect();
     assert_eq!(normals.len(), inside.len());
     assert_eq!(probe.ask(1, &edges).await, ProbeAnswer::Answer(expected));
-    for (kind, directions) in [(Kind::Exits, normals), (Kind::SharedExits, vec![[1.0, 0.0, 0.0]])] {
+    for (kind, directions) in
+        [(QuestionKind::Exits, normals), (QuestionKind::SharedExits, vec![[1.0, 0.0, 0.0]])]
+    {
         let exits = Question { kind, directions, ..edges.clone() };
-        let expected = Answer { kind: Kind::Exits, ..expect(&exits) };
+        let expected = Answer { kind: QuestionKind::Exits, ..expect(&exits) };
         assert!(expected.exits_m.iter().any(|&exit_m| exit_m != NO_EXIT_M));
         assert_eq!(probe.ask(1, &exits).await, ProbeAnswer::Answer(expected));
     }

@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use hull::ViewSet;
-use hull::question::{Answer, Kind, Question};
+use hull::question::{Answer, Question, QuestionKind};
 use hull::view_set::Scratch;
 
 /// A thread is worth starting for so much work, nanoseconds: starting and joining it takes some 30 µs, and on
@@ -58,9 +58,9 @@ impl Cores {
 /// About the nanoseconds that one core takes, measured on the slowest machine at hand.
 pub fn work_ns(question: &Question, cameras: usize) -> usize {
     let point_ns = match question.kind {
-        Kind::Classes => 6,
-        Kind::Edges => 250,
-        Kind::Exits | Kind::SharedExits => 120,
+        QuestionKind::Classes => 6,
+        QuestionKind::Edges => 250,
+        QuestionKind::Exits | QuestionKind::SharedExits => 120,
     };
     question.len().saturating_mul(point_ns * cameras)
 }
@@ -113,10 +113,10 @@ mod tests {
     #[test]
     fn several_cores_answer_as_one_does() {
         let (views, mut question) = shared();
-        for kind in [Kind::Classes, Kind::Edges, Kind::SharedExits] {
+        for kind in [QuestionKind::Classes, QuestionKind::Edges, QuestionKind::SharedExits] {
             question.kind = kind;
             question.directions = match kind {
-                Kind::SharedExits => vec![[0.6, 0.0, -0.8]; question.batches.len()],
+                QuestionKind::SharedExits => vec![[0.6, 0.0, -0.8]; question.batches.len()],
                 _ => vec![],
             };
             let mut one = Cores::new(1);

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use hull::pass::{AnswerError, Pass, Round};
-use hull::question::{Answer, Kind, Standing};
+use hull::question::{Answer, QuestionKind, Standing};
 use proto::convert::{LISTS, Precision, ProbeAnswer, QuestionWriter, RefusalReason, WrittenQuestion};
 use thiserror::Error;
 use tokio::sync::mpsc;
@@ -164,7 +164,8 @@ impl Fanout {
         };
         self.next_id += 1;
         let waiting: Vec<bool> = (0..self.links.len()).map(|index| pass.asks(index)).collect();
-        let of_kind = if question.kind == Kind::Classes { &mut taken.classes } else { &mut taken.distances };
+        let of_kind =
+            if question.kind == QuestionKind::Classes { &mut taken.classes } else { &mut taken.distances };
         of_kind.selectively |= waiting.contains(&false);
         let lane = Lane { asking, round: pass.round(), waiting, taken };
         self.ask_all(&lane)?;

@@ -84,7 +84,7 @@ impl Batch {
 
 /// What is asked about every point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub enum Kind {
+pub enum QuestionKind {
     /// Inside, outside or unknown?
     #[default]
     Classes,
@@ -96,10 +96,10 @@ pub enum Kind {
     SharedExits,
 }
 
-impl Kind {
+impl QuestionKind {
     /// True if an answer of this kind can be to a question of the other: exits are answered alike.
-    pub fn answers(self, question: Kind) -> bool {
-        let plain = |kind| if kind == Kind::SharedExits { Kind::Exits } else { kind };
+    pub fn answers(self, question: QuestionKind) -> bool {
+        let plain = |kind| if kind == QuestionKind::SharedExits { QuestionKind::Exits } else { kind };
         plain(self) == plain(question)
     }
 }
@@ -109,12 +109,12 @@ impl Kind {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Question {
     /// What is asked.
-    pub kind: Kind,
+    pub kind: QuestionKind,
     /// Of which points.
     pub batches: Vec<Batch>,
     /// The points of the batches that pick some, ascending within each batch.
     pub picked: Vec<u32>,
-    /// Unit vectors of the world: one a point for [`Kind::Exits`], one a batch for [`Kind::SharedExits`].
+    /// Unit vectors of the world: one a point for [`QuestionKind::Exits`], one a batch for [`QuestionKind::SharedExits`].
     pub directions: Vec<[f32; 3]>,
     /// How far each point's edge or exit matters: one farther away need not be found and is not told.
     /// Empty: every one matters.
@@ -135,7 +135,7 @@ impl Question {
     }
 
     /// Empties it for a question of another kind and keeps its buffers.
-    pub fn restart(&mut self, kind: Kind) {
+    pub fn restart(&mut self, kind: QuestionKind) {
         let Question { kind: old, batches, picked, directions, within, hints } = self;
         *old = kind;
         batches.clear();
@@ -253,15 +253,15 @@ pub const NO_EXIT_M: f32 = f32::INFINITY;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Answer {
     /// What was asked.
-    pub kind: Kind,
-    /// To [`Kind::Classes`].
+    pub kind: QuestionKind,
+    /// To [`QuestionKind::Classes`].
     pub standings: Vec<Standing>,
-    /// To [`Kind::Edges`]; `None` where no camera says inside or none has an edge within reach.
+    /// To [`QuestionKind::Edges`]; `None` where no camera says inside or none has an edge within reach.
     pub edges: Vec<Option<Edge>>,
-    /// To [`Kind::Edges`] asked within reaches, of cameras that always judge: within which reach the edge's own
+    /// To [`QuestionKind::Edges`] asked within reaches, of cameras that always judge: within which reach the edge's own
     /// camera leaves the silhouette along the edge's normal, so that nobody need look for an exit beyond.
     pub exits_within: Vec<Reach>,
-    /// To [`Kind::Exits`] and [`Kind::SharedExits`]: the first `t` outside, metres, or [`NO_EXIT_M`].
+    /// To [`QuestionKind::Exits`] and [`QuestionKind::SharedExits`]: the first `t` outside, metres, or [`NO_EXIT_M`].
     pub exits_m: Vec<f32>,
     /// What happens on the rays before, by point and then by `t`. Empty unless cameras may be silent.
     pub changes: Vec<Change>,
@@ -269,7 +269,7 @@ pub struct Answer {
 
 impl Answer {
     /// Empties it for an answer to a question of that kind and keeps its buffers.
-    pub fn restart(&mut self, kind: Kind) {
+    pub fn restart(&mut self, kind: QuestionKind) {
         self.kind = kind;
         self.standings.clear();
         self.edges.clear();
@@ -281,9 +281,9 @@ impl Answer {
     /// How many points it answers.
     pub fn len(&self) -> usize {
         match self.kind {
-            Kind::Classes => self.standings.len(),
-            Kind::Edges => self.edges.len(),
-            Kind::Exits | Kind::SharedExits => self.exits_m.len(),
+            QuestionKind::Classes => self.standings.len(),
+            QuestionKind::Edges => self.edges.len(),
+            QuestionKind::Exits | QuestionKind::SharedExits => self.exits_m.len(),
         }
     }
 

@@ -10,7 +10,7 @@ use hull::cull::WorldBox;
 use hull::oracle::{DenseView, brute};
 use hull::pass::{BodyResult, Pass, Reaches};
 use hull::probe::exit::along;
-use hull::question::{Answer, Batch, Kind, NO_EXIT_M, Points, Question};
+use hull::question::{Answer, Batch, NO_EXIT_M, Points, Question, QuestionKind};
 use hull::reach::Reach;
 use hull::view_set::Scratch;
 use hull::{
@@ -141,13 +141,13 @@ fn the_reach_told_with_an_edge_covers_its_exit_tightly() {
             (0..90).map(|_| std::array::from_fn(|_| dice.between(-0.6, 0.6))).collect();
         let batches = vec![Batch::all(Points::World(points.into()))];
         let within = vec![Reach::covering(50.0); 90];
-        let mut edges = Question { kind: Kind::Edges, batches, within, ..Question::default() };
+        let mut edges = Question { kind: QuestionKind::Edges, batches, within, ..Question::default() };
         let (mut scratch, mut found, mut exits) = (Scratch::default(), Answer::default(), Answer::default());
         set.answer(&edges, &mut scratch, &mut found);
         assert_eq!(found.exits_within.len(), 90);
         let normals = found.edges.iter().map(|edge| edge.map_or([1.0, 0.0, 0.0], |edge| edge.normal_world));
         edges.directions = normals.collect();
-        edges.kind = Kind::Exits;
+        edges.kind = QuestionKind::Exits;
         edges.within.clear();
         set.answer(&edges, &mut scratch, &mut exits);
         for (at, within) in found.exits_within.iter().enumerate().filter(|&(at, _)| found.edges[at].is_some())
@@ -184,7 +184,7 @@ fn rays_that_pass_beside_or_behind_a_camera_leave_before_it() {
         let rays: Vec<_> = (0..200).map(|_| ray()).collect();
         let points: Vec<[f64; 3]> = rays.iter().map(|(point, _)| *point).collect();
         let question = Question {
-            kind: Kind::Exits,
+            kind: QuestionKind::Exits,
             batches: vec![Batch::all(Points::World(points.into()))],
             directions: rays.iter().map(|(_, direction)| (*direction).into()).collect(),
             ..Question::default()

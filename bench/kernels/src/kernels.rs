@@ -6,7 +6,7 @@ use hull::camera::Pixel;
 use hull::probe::classify::Block;
 use hull::probe::edge_normal::sum_of_background;
 use hull::probe::nearest_edge::nearest_edge;
-use hull::question::{Answer, Batch, Edge, Kind, Points, Question, Standing};
+use hull::question::{Answer, Batch, Edge, Points, Question, QuestionKind, Standing};
 use hull::silhouette::Index;
 use hull::view_set::Scratch;
 use hull::{VectorPath, ViewSet};
@@ -132,12 +132,12 @@ impl Kernels {
 fn exits(studio: &Studio, views: &ViewSet) -> Question {
     let points: Vec<[f64; 3]> = studio.inside.iter().map(|&point| point.into()).collect();
     let batches = vec![Batch::all(Points::World(points.into()))];
-    let edges = Question { kind: Kind::Edges, batches: batches.clone(), ..Question::default() };
+    let edges = Question { kind: QuestionKind::Edges, batches: batches.clone(), ..Question::default() };
     let mut answer = Answer::default();
     views.answer(&edges, &mut Scratch::default(), &mut answer);
     let normal = |edge: &Option<Edge>| edge.map_or([0.0, 1.0, 0.0], |edge| edge.normal_world);
     let directions = answer.edges.iter().map(normal).collect();
-    Question { kind: Kind::Exits, batches, directions, ..Question::default() }
+    Question { kind: QuestionKind::Exits, batches, directions, ..Question::default() }
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use hull::cull::WorldBox;
 use hull::pass::{Pass, Reaches};
-use hull::question::{Answer, Batch, Kind, Points, Question};
+use hull::question::{Answer, Batch, Points, Question, QuestionKind};
 use hull::view_set::Scratch;
 use hull::{ProbeSettings, ViewSet};
 
@@ -11,7 +11,8 @@ use cli::{Failure, Outcome};
 
 /// How many of the points all cameras of a group see as foreground.
 pub fn inside_count(views: &ViewSet, points: Points, scratch: &mut Scratch) -> usize {
-    let question = Question { kind: Kind::Classes, batches: vec![Batch::all(points)], ..Question::default() };
+    let question =
+        Question { kind: QuestionKind::Classes, batches: vec![Batch::all(points)], ..Question::default() };
     let mut answer = Answer::default();
     views.answer(&question, scratch, &mut answer);
     answer.standings.iter().filter(|standing| standing.inside_count().is_some()).count()

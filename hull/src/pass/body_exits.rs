@@ -2,7 +2,7 @@
 
 use super::{BodyResult, NoResponse, Pass, PassBody, Round, Touch, changes_of, exit_reach};
 use crate::merge::{first_exit, inside_count};
-use crate::question::Kind;
+use crate::question::QuestionKind;
 use crate::reach::Reach;
 use crate::response::BodyDirection;
 
@@ -62,7 +62,7 @@ impl Pass {
     pub(super) fn ask_marked(&mut self) {
         let alone = self.groups.len() == 1;
         let is_first = self.round != Round::Check;
-        self.question.restart(Kind::SharedExits);
+        self.question.restart(QuestionKind::SharedExits);
         self.pick_touches([0.0; 3], |body, at, _| {
             body.direction.is_some() && body.along.get(at) == Some(&Along::Asked)
         });
@@ -123,7 +123,7 @@ impl Pass {
     /// Asks which touches of the bodies whose response is new are still inside after it.
     pub(super) fn ask_check(&mut self) {
         let Pass { bodies, results, count, question, targets, .. } = self;
-        question.restart(Kind::Classes);
+        question.restart(QuestionKind::Classes);
         targets.0.clear();
         for (index, (body, result)) in bodies[..*count].iter_mut().zip(results).enumerate() {
             let Some(direction) = body.direction else { continue };

@@ -19,7 +19,7 @@ use std::ops::Range;
 use thiserror::Error;
 
 use crate::cull::WorldBox;
-use crate::question::{Answer, Batch, Change, Edge, Kind, NO_EXIT_M, Points, Question, Standing};
+use crate::question::{Answer, Batch, Change, Edge, NO_EXIT_M, Points, Question, QuestionKind, Standing};
 use crate::reach::Reach;
 use crate::rule::ProbeSettings;
 use body_exits::Along;
@@ -252,7 +252,7 @@ impl Pass {
             result.left_inside = 0;
             self.count += 1;
         }
-        self.question.restart(Kind::Classes);
+        self.question.restart(QuestionKind::Classes);
         self.targets.0.clear();
         for body in self.bodies[..self.count].iter().filter(|body| body.is_near) {
             self.question.batches.push(Batch::all(body.points.clone()));
@@ -348,15 +348,15 @@ impl Pass {
         merged.restart(self.question.kind);
         self.changes_sorted = true;
         match self.question.kind {
-            Kind::Classes => merged.standings.resize(count, Standing::inside(0)),
-            Kind::Edges => {
+            QuestionKind::Classes => merged.standings.resize(count, Standing::inside(0)),
+            QuestionKind::Edges => {
                 merged.edges.resize(count, None);
                 // One group alone finds exits at once.
                 let told = if self.groups.len() == 1 { 0 } else { count };
                 self.exits_within.clear();
                 self.exits_within.resize(told, None);
             }
-            Kind::Exits | Kind::SharedExits => merged.exits_m.resize(count, NO_EXIT_M),
+            QuestionKind::Exits | QuestionKind::SharedExits => merged.exits_m.resize(count, NO_EXIT_M),
         }
     }
 

@@ -2,7 +2,7 @@
 
 use super::{MANY_EXITS, Pass, Round, Touch, changes_of, exit_reach};
 use crate::merge::{first_exit, inside_count};
-use crate::question::{Kind, Standing};
+use crate::question::{QuestionKind, Standing};
 
 impl Pass {
     pub(super) fn after_classes(&mut self) {
@@ -32,7 +32,7 @@ impl Pass {
     /// Asks the groups that were not asked first about the points that no other rejects.
     pub(super) fn ask_the_others(&mut self) {
         let Pass { targets, merged, question, bodies, count, groups, .. } = self;
-        question.restart(Kind::Classes);
+        question.restart(QuestionKind::Classes);
         let mut at = 0;
         for (index, body) in bodies[..*count].iter().enumerate().filter(|(_, body)| body.is_near) {
             let range = at..at + body.points.len();
@@ -55,14 +55,14 @@ impl Pass {
         if question.is_empty() {
             self.round = Round::Done;
         }
-        self.merged.restart(Kind::Classes);
+        self.merged.restart(QuestionKind::Classes);
         self.merged.standings = so_far;
     }
 
     /// Asks for edges of the touches that fit.
     pub(super) fn ask_edges(&mut self, fits: impl Fn(&Touch) -> bool) {
         let alone = self.groups.len() == 1;
-        self.question.restart(Kind::Edges);
+        self.question.restart(QuestionKind::Edges);
         let again = self.round == Round::Edges;
         self.pick_touches([0.0; 3], |_, _, touch| fits(touch));
         let Pass { question, targets, bodies, results, count, .. } = self;
@@ -101,7 +101,7 @@ impl Pass {
     pub(super) fn ask_exits(&mut self, fits: impl Fn(&Touch) -> bool) {
         let alone = self.groups.len() == 1;
         let again = self.round == Round::Exits;
-        self.question.restart(Kind::Exits);
+        self.question.restart(QuestionKind::Exits);
         self.pick_touches([0.0; 3], |_, _, touch| touch.edge.is_some() && fits(touch));
         let Pass { question, targets, bodies, results, saves_bytes, .. } = self;
         let is_of_many = *saves_bytes && targets.0.len() > MANY_EXITS;

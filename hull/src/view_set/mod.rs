@@ -14,7 +14,7 @@ use nalgebra::Point3;
 use crate::coordinates::Coordinates;
 use crate::cull::{WorldBox, hull_box};
 use crate::probe::classify::{BLOCK, Block};
-use crate::question::{Answer, Batch, Kind, Points, Question, Standing};
+use crate::question::{Answer, Batch, Points, Question, QuestionKind, Standing};
 use crate::rule::HullRule;
 use crate::vector::{VectorPath, on_path};
 use crate::view::{Class, View};
@@ -114,7 +114,7 @@ impl ViewSet {
             let batch = &question.batches[index];
             let asked = Asked { question, index, first_point };
             first_point += batch.len();
-            if question.kind == Kind::Classes && self.rejects(batch) {
+            if question.kind == QuestionKind::Classes && self.rejects(batch) {
                 let count = answer.standings.len() + batch.len();
                 answer.standings.resize(count, Standing::OUTSIDE);
                 continue;
@@ -123,9 +123,13 @@ impl ViewSet {
             points.clear();
             question.append_world(batch, &mut points);
             match question.kind {
-                Kind::Classes => self.append_standings(&points, &mut scratch.block, &mut answer.standings),
-                Kind::Edges => self.edges(&asked, &points, scratch, answer),
-                Kind::Exits | Kind::SharedExits => self.exits(&asked, &points, scratch, answer),
+                QuestionKind::Classes => {
+                    self.append_standings(&points, &mut scratch.block, &mut answer.standings)
+                }
+                QuestionKind::Edges => self.edges(&asked, &points, scratch, answer),
+                QuestionKind::Exits | QuestionKind::SharedExits => {
+                    self.exits(&asked, &points, scratch, answer)
+                }
             }
             scratch.points = points;
         }
@@ -216,7 +220,7 @@ impl Asked<'_> {
 
     #[inline(always)]
     fn direction(&self, at: usize) -> [f32; 3] {
-        let shared = self.question.kind == Kind::SharedExits;
+        let shared = self.question.kind == QuestionKind::SharedExits;
         self.question.directions[if shared { self.index } else { self.first_point + at }]
     }
 

@@ -1,7 +1,7 @@
 //! Answers to messages and back.
 
 use hull::camera::Pixel;
-use hull::question::{Answer, Change, Edge, Kind, NO_EXIT_M, Standing};
+use hull::question::{Answer, Change, Edge, NO_EXIT_M, QuestionKind, Standing};
 use hull::reach::Reach;
 
 use super::bulk::{Field, pack_f32, unpack, unpack_f32x3};
@@ -45,9 +45,9 @@ pub fn answer_to_wire(
 ) -> v1::ProbeReply {
     use v1::probe_reply::Answer as Wire;
     let answer = match answer.kind {
-        Kind::Classes => Wire::Classes(classes_to_wire(&answer.standings, camera_count)),
-        Kind::Edges => Wire::Edges(edges_to_wire(answer, precision)),
-        Kind::Exits | Kind::SharedExits => Wire::Exits(exits_to_wire(answer, precision)),
+        QuestionKind::Classes => Wire::Classes(classes_to_wire(&answer.standings, camera_count)),
+        QuestionKind::Edges => Wire::Edges(edges_to_wire(answer, precision)),
+        QuestionKind::Exits | QuestionKind::SharedExits => Wire::Exits(exits_to_wire(answer, precision)),
     };
     v1::ProbeReply { id, answer: Some(answer), compute_ms: compute_ms as f32 }
 }
@@ -110,7 +110,7 @@ fn classes_from_wire(answer: &v1::ClassesAnswer) -> Result<Answer, ConvertError>
             standings[index as usize] = Standing::inside(usize::from(count));
         }
     }
-    Ok(Answer { kind: Kind::Classes, standings, ..Answer::default() })
+    Ok(Answer { kind: QuestionKind::Classes, standings, ..Answer::default() })
 }
 
 fn edges_to_wire(answer: &Answer, precision: Precision) -> v1::EdgesAnswer {
@@ -211,7 +211,7 @@ fn edges_from_wire(answer: &v1::EdgesAnswer) -> Result<Answer, ConvertError> {
             normal_world: normals[at],
         });
     }
-    Ok(Answer { kind: Kind::Edges, edges, exits_within, ..Answer::default() })
+    Ok(Answer { kind: QuestionKind::Edges, edges, exits_within, ..Answer::default() })
 }
 
 fn pixels_from_wire(bytes: &[u8], count: usize, field: Field) -> Result<Vec<Pixel>, ConvertError> {
@@ -291,7 +291,7 @@ fn exits_from_wire(answer: &v1::ExitsAnswer) -> Result<Answer, ConvertError> {
     }
     set.into_iter().zip(found).for_each(|(index, exit_m)| exits_m[index as usize] = exit_m);
     let changes = changes_from_wire(changes, exits_m.len(), field("changes"))?;
-    Ok(Answer { kind: Kind::Exits, exits_m, changes, ..Answer::default() })
+    Ok(Answer { kind: QuestionKind::Exits, exits_m, changes, ..Answer::default() })
 }
 
 fn changes_from_wire(bytes: &[u8], count: usize, field: Field) -> Result<Vec<Change>, ConvertError> {
@@ -321,7 +321,7 @@ mod tests {
     use bytes::Bytes;
     use proptest::prelude::*;
 
-    fn of(kind: Kind) -> Answer {
+    fn of(kind: QuestionKind) -> Answer {
         Answer { kind, ..Answer::default() }
     }
 
@@ -342,21 +342,24 @@ mod tests {
         let inside = Standing::inside;
         let changes = vec![Change { point: 1, t_m: 0.1, by: -1 }, Change { point: 1, t_m: 0.11, by: 1 }];
         for answer in [
-            Answer { standings: vec![Standing::OUTSIDE, inside(2), Standing::OUTSIDE], ..of(Kind::Classes) },
-            Answer { standings: vec![Standing::OUTSIDE, inside(2), inside(1)], ..of(Kind::Classes) },
-            Answer { edges: vec![None, edge(0.25, 3, -1, 479), None], ..of(Kind::Edges) },
+            Answer {
+                standings: vec![Standing::OUTSIDE, inside(2), Standing::OUTSIDE],
+                ..of(QuestionKind::Classes)
+            },
+            Answer { standings: vec![Standing::OUTSIDE, inside(2), inside(1)], ..of(QuestionKind::Classes) },
+            Answer { edges: vec![None, edge(0.25, 3, -1, 479), None], ..of(QuestionKind::Edges) },
             Answer {
                 edges: vec![edge(0.1, 3, 0, -2), None, edge(0.3, 1, 16_385, 9), edge(0.2, 3, -3, 16_384)],
-                ..of(Kind::Edges)
+                ..of(QuestionKind::Edges)
             },
             Answer {
                 edges: vec![None, edge(0.1, 3, 0, -2), edge(0.2, 3, 1, 1)],
                 exits_within: vec![Reach::UNBOUNDED, Reach::from_code(7), Reach::UNBOUNDED],
-                ..of(Kind::Edges)
+                ..of(QuestionKind::Edges)
             },
-            Answer { edges: vec![None], ..of(Kind::Edges) },
-            Answer { exits_m: vec![NO_EXIT_M, 0.125], changes, ..of(Kind::Exits) },
-            of(Kind::Classes),
+            Answer { edges: vec![None], ..of(QuestionKind::Edges) },
+            Answer { exits_m: vec![NO_EXIT_M, 0.125], changes, ..of(QuestionKind::Exits) },
+            of(QuestionKind::Classes),
         ] {
             assert_eq!(there_and_back(&answer, Precision::Exact), answer);
         }
@@ -365,13 +368,14 @@ mod tests {
     #[test]
     fn rounded_answers_are_near_and_exits_never_too_short() {
         for exits_m in [vec![0.031, NO_EXIT_M, 0.4], vec![NO_EXIT_M, 0.129, 0.0, 0.0101]] {
-            let answer = Answer { exits_m, ..of(Kind::Exits) };
+            let answer = Answer { exits_m, ..of(QuestionKind::Exits) };
             let back = there_and_back(&answer, Precision::Quantised);
             for (&exit_m, &back_m) in answer.exits_m.iter().zip(&back.exits_m) {
                 assert!(back_m >= exit_m && (exit_m == NO_EXIT_M || back_m - exit_m < 2.1e-6), "{back_m}");
             }
         }
-        let answer = Answer { edges: vec![edge(0.03, 3, 7, 8), None, edge(0.4, 3, 7, 9)], ..of(Kind::Edges) };
+        let answer =
+            Answer { edges: vec![edge(0.03, 3, 7, 8), None, edge(0.4, 3, 7, 9)], ..of(QuestionKind::Edges) };
         let back = there_and_back(&answer, Precision::Quantised);
         for (edge, back) in answer.edges.iter().zip(&back.edges) {
             assert_eq!(edge.map(|edge| (edge.camera, NO_PIXEL)), back.map(|edge| (edge.camera, edge.pixel)));

@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use bytes::Bytes;
-use hull::question::{Batch, Kind, Points, Question};
+use hull::question::{Batch, Points, Question, QuestionKind};
 use hull::reach::Reach;
 use hull::{Pose, Shape};
 
@@ -234,11 +234,11 @@ fn add_directions(
 ) -> Result<(), ConvertError> {
     let field = field("directions");
     let expected = match question.kind {
-        Kind::Classes | Kind::Edges => 0,
-        Kind::Exits => count,
-        Kind::SharedExits => question.batches.len(),
+        QuestionKind::Classes | QuestionKind::Edges => 0,
+        QuestionKind::Exits => count,
+        QuestionKind::SharedExits => question.batches.len(),
     };
-    if rounded && question.kind != Kind::Classes && question.kind != Kind::Edges {
+    if rounded && question.kind != QuestionKind::Classes && question.kind != QuestionKind::Edges {
         question.directions = from_octahedral(bytes, expected, field)?;
         return Ok(());
     }
@@ -251,13 +251,13 @@ fn add_directions(
     }
 }
 
-impl From<v1::probe_request::Kind> for Kind {
-    fn from(kind: v1::probe_request::Kind) -> Kind {
+impl From<v1::probe_request::Kind> for QuestionKind {
+    fn from(kind: v1::probe_request::Kind) -> QuestionKind {
         match kind {
-            v1::probe_request::Kind::Classes => Kind::Classes,
-            v1::probe_request::Kind::Edges => Kind::Edges,
-            v1::probe_request::Kind::Exits => Kind::Exits,
-            v1::probe_request::Kind::BodyExits => Kind::SharedExits,
+            v1::probe_request::Kind::Classes => QuestionKind::Classes,
+            v1::probe_request::Kind::Edges => QuestionKind::Edges,
+            v1::probe_request::Kind::Exits => QuestionKind::Exits,
+            v1::probe_request::Kind::BodyExits => QuestionKind::SharedExits,
         }
     }
 }

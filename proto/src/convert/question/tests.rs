@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use bytes::Bytes;
-use hull::question::{Batch, Kind, Points, Question};
+use hull::question::{Batch, Points, Question, QuestionKind};
 use hull::reach::Reach;
 use hull::{Pose, Shape};
 use proptest::prelude::*;
@@ -27,7 +27,7 @@ fn all(bodies: &[Points]) -> Question {
     Question { batches: bodies.iter().cloned().map(Batch::all).collect(), ..Question::default() }
 }
 
-fn some(kind: Kind, picks: &[(&Points, &[u32])]) -> Question {
+fn some(kind: QuestionKind, picks: &[(&Points, &[u32])]) -> Question {
     let mut question = Question { kind, ..Question::default() };
     picks.iter().for_each(|(points, picks)| question.pick(points, [0.0; 3], picks.iter().copied()));
     question
@@ -64,12 +64,12 @@ impl Stream {
 fn questions_survive_the_wire() {
     let (one, two) = (body(0.1), body(0.2));
     let world = Points::World([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]].into());
-    let picked = some(Kind::Edges, &[(&one, &[0, 3, 39]), (&world, &[1])]);
+    let picked = some(QuestionKind::Edges, &[(&one, &[0, 3, 39]), (&world, &[1])]);
     let near = Question { within: vec![Reach::covering(0.02); 4], ..picked.clone() };
     let directions = vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [0.6, 0.8, 0.0]];
-    let each = Question { kind: Kind::Exits, directions, ..near.clone() };
+    let each = Question { kind: QuestionKind::Exits, directions, ..near.clone() };
     let directions = vec![[0.6, 0.8, 0.0], [0.0, 0.0, 1.0]];
-    let mut shared = Question { kind: Kind::SharedExits, directions, ..picked.clone() };
+    let mut shared = Question { kind: QuestionKind::SharedExits, directions, ..picked.clone() };
     shared.hints = vec![1, 2, 300, 4];
     let mut moved = picked.clone();
     moved.batches[0].offset_m = [0.0, 0.25, -1e-9];
@@ -92,10 +92,10 @@ fn bodies_and_choices_are_told_once() {
     let mut stream = Stream::default();
     let first = stream.message(0, &all(&bodies));
     assert!(first.bodies.is_some());
-    let edges = some(Kind::Edges, &[(&bodies[1], &[4, 5])]);
+    let edges = some(QuestionKind::Edges, &[(&bodies[1], &[4, 5])]);
     let second = stream.message(0, &edges);
     assert!(second.bodies.is_none() && second.points.as_ref().is_some_and(|points| points.picked.is_some()));
-    let exits = Question { kind: Kind::Exits, directions: vec![[1.0, 0.0, 0.0]; 2], ..edges.clone() };
+    let exits = Question { kind: QuestionKind::Exits, directions: vec![[1.0, 0.0, 0.0]; 2], ..edges.clone() };
     let third = stream.message(0, &exits);
     assert!(third.bodies.is_none() && third.points.as_ref().is_some_and(|points| points.picked.is_none()));
     for (message, question) in [(first, &all(&bodies)), (second, &edges), (third, &exits)] {
@@ -113,9 +113,9 @@ fn a_node_that_joins_late_is_told_what_it_lacks() {
     let first = stream.writer.write(0, &all(&bodies));
     // The first question went to other nodes alone.
     drop(first);
-    let left = some(Kind::Classes, &[(&bodies[0], &[7]), (&bodies[1], &[1, 2, 3])]);
+    let left = some(QuestionKind::Classes, &[(&bodies[0], &[7]), (&bodies[1], &[1, 2, 3])]);
     assert_eq!(stream.pass(&left), left);
-    let edges = some(Kind::Edges, &[(&bodies[0], &[7]), (&bodies[1], &[1, 2, 3])]);
+    let edges = some(QuestionKind::Edges, &[(&bodies[0], &[7]), (&bodies[1], &[1, 2, 3])]);
     assert!(stream.message(0, &edges).points.is_some_and(|points| points.picked.is_none()));
 }
 
@@ -128,7 +128,7 @@ fn lists_do_not_mix() {
         assert_eq!(stream.read(message), Ok(all(bodies)));
     }
     for (list, bodies) in [(0, &a), (1, &b)] {
-        let question = some(Kind::Edges, &[(&bodies[0], &[2])]);
+        let question = some(QuestionKind::Edges, &[(&bodies[0], &[2])]);
         let message = stream.message(list, &question);
         assert!(message.bodies.is_none());
         assert_eq!(stream.read(message), Ok(question));
@@ -175,7 +175,7 @@ fn rounded_questions_are_small_and_near() {
         let apart = pose.world_from_body()([0.3, 0.5, 0.2]) - near.world_from_body()([0.3, 0.5, 0.2]);
         assert!(apart.norm() < 2e-6, "{}", apart.norm());
     }
-    let mut exits = some(Kind::Exits, &[(&bodies[1], &[4, 5])]);
+    let mut exits = some(QuestionKind::Exits, &[(&bodies[1], &[4, 5])]);
     exits.directions = vec![[0.6, 0.0, -0.8], [0.0, 1.0, 0.0]];
     let read = stream.pass(&exits);
     let off = exits.directions.iter().flatten().zip(read.directions.iter().flatten());
@@ -194,7 +194,7 @@ fn lies_are_refused_by_field() {
     let nan = all(&[Points::World([[f64::NAN, 0.0, 0.0]].into())]);
     let error = read(question_to_wire(1, 1, &nan), find);
     assert_eq!(error.to_string(), "Bodies.world: holds NaN, expected finite numbers");
-    let mut long = some(Kind::Exits, &[(&body(0.0), &[1])]);
+    let mut long = some(QuestionKind::Exits, &[(&body(0.0), &[1])]);
     long.directions = vec![[2.0, 0.0, 0.0]];
     let error = read(question_to_wire(1, 1, &long), find);
     let expected = "ProbeRequest.directions: holds [2.0, 0.0, 0.0], expected unit vectors";

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use bytes::Bytes;
-use hull::question::{Batch, Kind, Points, Question};
+use hull::question::{Batch, Points, Question, QuestionKind};
 
 use super::super::bulk::{pack_f32, pack_f64};
 use super::super::choice::ChoiceWriter;
@@ -171,11 +171,11 @@ impl QuestionWriter {
                 pack_f64(offsets())
             },
             directions: match kind {
-                Kind::Classes | Kind::Edges => Bytes::new(),
-                Kind::SharedExits if rounded => octahedral(shared(), UnitBits::Twenty),
-                Kind::SharedExits => pack_f32(shared().flatten()),
-                Kind::Exits if rounded => octahedral_again(directions.iter().copied()),
-                Kind::Exits => pack_f32(directions.iter().flatten().copied()),
+                QuestionKind::Classes | QuestionKind::Edges => Bytes::new(),
+                QuestionKind::SharedExits if rounded => octahedral(shared(), UnitBits::Twenty),
+                QuestionKind::SharedExits => pack_f32(shared().flatten()),
+                QuestionKind::Exits if rounded => octahedral_again(directions.iter().copied()),
+                QuestionKind::Exits => pack_f32(directions.iter().flatten().copied()),
             },
             within: pack(&codes),
             hints: pack(&hints),
@@ -278,11 +278,11 @@ fn bodies_to_wire(bodies: &[Points], precision: Precision) -> v1::Bodies {
     }
 }
 
-fn kind_to_wire(kind: Kind) -> v1::probe_request::Kind {
+fn kind_to_wire(kind: QuestionKind) -> v1::probe_request::Kind {
     match kind {
-        Kind::Classes => v1::probe_request::Kind::Classes,
-        Kind::Edges => v1::probe_request::Kind::Edges,
-        Kind::Exits => v1::probe_request::Kind::Exits,
-        Kind::SharedExits => v1::probe_request::Kind::BodyExits,
+        QuestionKind::Classes => v1::probe_request::Kind::Classes,
+        QuestionKind::Edges => v1::probe_request::Kind::Edges,
+        QuestionKind::Exits => v1::probe_request::Kind::Exits,
+        QuestionKind::SharedExits => v1::probe_request::Kind::BodyExits,
     }
 }
