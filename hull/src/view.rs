@@ -7,7 +7,7 @@ use std::sync::Arc;
 use crate::camera::{Camera, Pixel};
 use crate::cull::Frustum;
 use crate::probe::classify::Sieve;
-use crate::probe::frame::Frame;
+use crate::probe::coefficients::CameraCoefficients;
 use crate::rule::{OutOfView, ProbeSettings};
 use crate::silhouette::{BitMap, Index, PixelRect, Silhouette};
 pub(crate) use bounds::Bounds;
@@ -27,7 +27,7 @@ pub enum Class {
 #[derive(Clone, Debug)]
 pub struct Observer {
     camera: Camera,
-    frame: Frame,
+    coefficients: CameraCoefficients,
     rig_index: u16,
     settings: ProbeSettings,
     ignored: Option<BitMap>,
@@ -53,7 +53,7 @@ impl Observer {
         let blocked = blocked_pixels(&camera, settings.rule().out_of_view, ignored, pad);
         let bounds = Bounds::of(&camera, pad);
         Observer {
-            frame: Frame::of(&camera),
+            coefficients: CameraCoefficients::of(&camera),
             rig_index,
             settings,
             ignored: ignored.map(|mask| BitMap::foreground(mask, 0)),
@@ -136,7 +136,8 @@ impl View {
     /// Prepares a frame for probing. The silhouette must have the camera's size.
     pub fn new(observer: Arc<Observer>, silhouette: &Silhouette) -> View {
         let foreground = Index::foreground(silhouette, 1);
-        let sieve = Sieve::new(&observer.frame, &observer.bounds, foreground.map(), silhouette.bounds());
+        let sieve =
+            Sieve::new(&observer.coefficients, &observer.bounds, foreground.map(), silhouette.bounds());
         let candidates = observer.blocked.as_ref().map(|blocked| {
             let mut map = blocked.clone();
             map.add(silhouette);
@@ -161,8 +162,8 @@ impl View {
 
     /// The camera's numbers, flat.
     #[inline]
-    pub(crate) fn frame(&self) -> &Frame {
-        &self.observer.frame
+    pub(crate) fn coefficients(&self) -> &CameraCoefficients {
+        &self.observer.coefficients
     }
 
     /// What tells most points inside or outside without a pixel.

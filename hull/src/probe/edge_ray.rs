@@ -2,7 +2,7 @@
 //! there. The same operations in the same order as those of [`Camera`], so the same bits.
 
 use crate::camera::Camera;
-use crate::probe::frame::Frame;
+use crate::probe::coefficients::CameraCoefficients;
 
 /// Rays that are looked at together.
 pub const LANES: usize = 8;
@@ -12,8 +12,13 @@ pub type Lanes = [f64; LANES];
 
 /// The undistorted normalised coordinates of pixels; not numbers where the lens sees nothing.
 #[inline(always)]
-pub fn normalised(camera: &Camera, frame: &Frame, column: &[i32; LANES], row: &[i32; LANES]) -> [Lanes; 2] {
-    let [fx, skew, cx, fy, cy] = frame.affine;
+pub fn normalised(
+    camera: &Camera,
+    coefficients: &CameraCoefficients,
+    column: &[i32; LANES],
+    row: &[i32; LANES],
+) -> [Lanes; 2] {
+    let [fx, skew, cx, fy, cy] = coefficients.affine;
     let (mut x, mut y) = ([0.0; LANES], [0.0; LANES]);
     for at in 0..LANES {
         y[at] = (f64::from(row[at]) - cy) / fy;
@@ -24,9 +29,13 @@ pub fn normalised(camera: &Camera, frame: &Frame, column: &[i32; LANES], row: &[
 
 /// How far the rays through normalised coordinates pass points of the world, metres.
 #[inline(always)]
-pub fn distances(frame: &Frame, [x, y, z]: &[Lanes; 3], [across, down]: &[Lanes; 2]) -> [f32; LANES] {
-    let [r0, r1, r2] = frame.rotation;
-    let [tx, ty, tz] = frame.translation;
+pub fn distances(
+    coefficients: &CameraCoefficients,
+    [x, y, z]: &[Lanes; 3],
+    [across, down]: &[Lanes; 2],
+) -> [f32; LANES] {
+    let [r0, r1, r2] = coefficients.rotation;
+    let [tx, ty, tz] = coefficients.translation;
     let mut distances_m = [0.0; LANES];
     for at in 0..LANES {
         let xc = r0[0] * x[at] + r0[1] * y[at] + r0[2] * z[at] + tx;
@@ -43,10 +52,14 @@ pub fn distances(frame: &Frame, [x, y, z]: &[Lanes; 3], [across, down]: &[Lanes;
 /// The hull's outward unit normals in the world at normalised coordinates, where the silhouette's are `m`;
 /// not numbers where there are none. See [`Camera::hull_normal_world`].
 #[inline(always)]
-pub fn hull_normals(frame: &Frame, [x, y]: &[Lanes; 2], [mx, my]: &[Lanes; 2]) -> [[f32; 3]; LANES] {
-    let [fx, skew, _, fy, _] = frame.affine;
-    let [k1, k2, p1, p2, k3] = frame.lens;
-    let [r0, r1, r2] = frame.rotation;
+pub fn hull_normals(
+    coefficients: &CameraCoefficients,
+    [x, y]: &[Lanes; 2],
+    [mx, my]: &[Lanes; 2],
+) -> [[f32; 3]; LANES] {
+    let [fx, skew, _, fy, _] = coefficients.affine;
+    let [k1, k2, p1, p2, k3] = coefficients.lens;
+    let [r0, r1, r2] = coefficients.rotation;
     let mut normals = [[0.0; 3]; LANES];
     for at in 0..LANES {
         let (x, y) = (x[at], y[at]);
@@ -89,17 +102,17 @@ mod tests {
             let intrinsics = Matrix3::new(521.3, skew, 320.4, 0.0, 518.9, 239.1, 0.0, 0.0, 1.0);
             let (turn, away) = (Vector3::from(turn), Vector3::new(0.1, -0.2, 3.0));
             let camera = Camera::new("a", (640, 480), intrinsics, lens, turn, away).expect("a camera");
-            let frame = Frame::of(&camera);
-            let found = normalised(&camera, &frame, &[column; LANES], &[row; LANES]);
+            let coefficients = CameraCoefficients::of(&camera);
+            let found = normalised(&camera, &coefficients, &[column; LANES], &[row; LANES]);
             let image = nalgebra::Point2::new(f64::from(column), f64::from(row));
             let expected = camera.normalised(&image).expect("seen");
             prop_assert_eq!([found[0][3], found[1][3]], [expected.x, expected.y]);
-            let distance_m = distances(&frame, &at.map(|axis| [axis; LANES]), &found)[5];
+            let distance_m = distances(&coefficients, &at.map(|axis| [axis; LANES]), &found)[5];
             let ray = Vector3::new(expected.x, expected.y, 1.0).normalize();
             let point = camera.camera_from_world(&Point3::from(at));
             prop_assert_eq!(distance_m, point.cross(&ray).norm() as f32);
             let m = Vector2::new(f64::from(m.0), f64::from(m.1));
-            let normal = hull_normals(&frame, &found, &[[m.x; LANES], [m.y; LANES]])[7];
+            let normal = hull_normals(&coefficients, &found, &[[m.x; LANES], [m.y; LANES]])[7];
             match camera.hull_normal_world(&expected, &m) {
                 Some(n) => {
                     prop_assert_eq!(normal.map(f32::to_bits), [n.x, n.y, n.z].map(|n| (n as f32).to_bits()));

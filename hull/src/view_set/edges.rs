@@ -129,10 +129,10 @@ impl Nearest {
     fn compare(&mut self, view: &View, index: u32, points: &Coordinates, from: usize) {
         let Found { picks, column, row } = &self.found;
         for (block, places) in picks.blocks() {
-            let seen = normalised(view.camera(), view.frame(), &column[block], &row[block]);
+            let seen = normalised(view.camera(), view.coefficients(), &column[block], &row[block]);
             let of = |axis: &[f64]| -> Lanes { places.map(|at| axis[from + usize::from(at)]) };
             let points = [of(&points.x), of(&points.y), of(&points.z)];
-            let distances_m = distances(view.frame(), &points, &seen);
+            let distances_m = distances(view.coefficients(), &points, &seen);
             for lane in 0..LANES.min(picks.len() - block * LANES) {
                 let (at, distance_m) = (usize::from(places[lane]), distances_m[lane]);
                 let best_m = self.distance_m[at];
@@ -164,7 +164,7 @@ impl Nearest {
                 }
             }
             let seen = [0, 1].map(|axis| places.map(|at| self.normalised[axis][usize::from(at)]));
-            let normals = hull_normals(view.frame(), &seen, &[x, y]);
+            let normals = hull_normals(view.coefficients(), &seen, &[x, y]);
             for lane in 0..count {
                 self.normal_world[usize::from(places[lane])] = normals[lane];
             }

@@ -7,7 +7,7 @@ use super::sights::{CHUNK, Sight, Sought};
 use super::{Asked, Scratch, ViewSet};
 use crate::camera::Pixel;
 use crate::coordinates::Coordinates;
-use crate::probe::frame::OFF_IMAGE;
+use crate::probe::coefficients::OFF_IMAGE;
 use crate::question::{Answer, Change, NO_EXIT_M};
 use crate::view::View;
 
@@ -130,7 +130,7 @@ impl Rays {
             moved.z[place] = a.z + end_m * n.z[at];
         }
         let (column, row) = (&mut ends.0[..count], &mut ends.1[..count]);
-        view.frame().pixels(&moved.x[..count], &moved.y[..count], &moved.z[..count], column, row);
+        view.coefficients().pixels(&moved.x[..count], &moved.y[..count], &moved.z[..count], column, row);
         let bend_pixels = view.observer().bend_pixels() as f32;
         for (place, at) in self.picks.iter().enumerate() {
             let end = Pixel { column: self.ends.0[place], row: self.ends.1[place] };

@@ -147,11 +147,11 @@ impl Sight {
     #[inline(always)]
     fn look(&mut self, view: &View, points: &Coordinates, from: usize, sought: Sought, path: VectorPath) {
         let count = (points.len() - from).min(CHUNK);
-        let frame = view.frame();
+        let coefficients = view.coefficients();
         let range = from..from + count;
         let (x, y, z) = (&points.x[range.clone()], &points.y[range.clone()], &points.z[range]);
-        frame.pixels(x, y, z, &mut self.column[..count], &mut self.row[..count]);
-        frame.ranges(x, y, z, &mut self.depth_m[..count], &mut self.range_m[..count]);
+        coefficients.pixels(x, y, z, &mut self.column[..count], &mut self.row[..count]);
+        coefficients.ranges(x, y, z, &mut self.depth_m[..count], &mut self.range_m[..count]);
         let (index, slack_pixels) = (sought.index(view), sought.slack_pixels());
         let looked_up = (&self.column[..count], &self.row[..count], &mut self.clear_pixels[..count]);
         index.depth().look_up(looked_up.0, looked_up.1, looked_up.2, path);

@@ -121,7 +121,7 @@ impl Block {
             }
             // Whole vectors.
             let lanes = count.next_multiple_of(8);
-            view.frame().pixels(x, y, z, &mut column[..lanes], &mut row[..lanes]);
+            view.coefficients().pixels(x, y, z, &mut column[..lanes], &mut row[..lanes]);
             for ((&at, &column), &row) in point[..count].iter().zip(column.iter()).zip(row.iter()) {
                 let at = at as usize;
                 let is_foreground = u32::from(map.get(Pixel { column, row }));

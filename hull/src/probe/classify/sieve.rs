@@ -5,7 +5,7 @@
 //! no more than the sketch's margin for points that are deeper than some limit, which is found by solving
 //! for it. Points nearer than that are in doubt. Nothing depends on how sums are rounded.
 
-use crate::probe::frame::Frame;
+use crate::probe::coefficients::CameraCoefficients;
 use crate::silhouette::{BitMap, CODES, COLUMNS, PixelRect, ROWS, SKETCH_SIDES, Sketch, UNKNOWN, UNSEEN};
 use crate::view::Bounds;
 
@@ -76,36 +76,42 @@ pub(super) struct Sums {
 
 impl Sieve {
     /// The sieve of a camera whose foreground lies within a rectangle, and how its image stretches.
-    pub fn new(frame: &Frame, image: &Bounds, map: &BitMap, bounds: Option<PixelRect>) -> Sieve {
+    pub fn new(
+        coefficients: &CameraCoefficients,
+        image: &Bounds,
+        map: &BitMap,
+        bounds: Option<PixelRect>,
+    ) -> Sieve {
         let sketch = Sketch::new(map, bounds);
-        let [fx, skew, cx, fy, cy] = frame.affine;
+        let [fx, skew, cx, fy, cy] = coefficients.affine;
         let ([u0, v0], [su, sv]) = (sketch.origin, sketch.scale);
-        let depth = Row::of(frame, [0.0, 0.0, 1.0], 0.0);
+        let depth = Row::of(coefficients, [0.0, 0.0, 1.0], 0.0);
         let sides = SKETCH_SIDES.map(|side| side as f64 + 1.0);
         let sizes = cx.abs() + u0.abs() + cy.abs() + v0.abs() + sides[0] / su + sides[1] / sv;
         let [error_u, error_v] = sketch.margin_pixels.map(|margin| margin - TWIN * sizes);
-        if frame.straight {
+        if coefficients.straight {
             let rows = [
-                Row::of(frame, [su * fx, su * skew, su * (cx - u0)], su * (cx.abs() + u0.abs())),
-                Row::of(frame, [0.0, sv * fy, sv * (cy - v0)], sv * (cy.abs() + v0.abs())),
+                Row::of(coefficients, [su * fx, su * skew, su * (cx - u0)], su * (cx.abs() + u0.abs())),
+                Row::of(coefficients, [0.0, sv * fy, sv * (cy - v0)], sv * (cy.abs() + v0.abs())),
                 depth,
             ];
             let slack = [error_u * su - QUOTIENT * sides[0], error_v * sv - QUOTIENT * sides[1]];
             let lens = SieveLens::default();
             return Sieve { sketch, rows, lens, straight: true, slack, farthest: sides };
         }
-        let rows = [Row::of(frame, [1.0, 0.0, 0.0], 0.0), Row::of(frame, [0.0, 1.0, 0.0], 0.0), depth];
+        let rows =
+            [Row::of(coefficients, [1.0, 0.0, 0.0], 0.0), Row::of(coefficients, [0.0, 1.0, 0.0], 0.0), depth];
         let reach = image.reach;
-        let [k1, k2, p1, p2, k3] = frame.lens.map(f64::abs);
+        let [k1, k2, p1, p2, k3] = coefficients.lens.map(f64::abs);
         let s = reach * reach;
         let bent = reach * (1.0 + s * (k1 + s * (k2 + s * k3)) + 4.0 * reach * (p1 + p2));
         let sizes = (fx + skew.abs()).max(fy) * bent + (cx - u0).abs().max((cy - v0).abs());
         // How wrong each normalised coordinate may be.
         let apart = (error_u.min(error_v) - LENS * sizes) / (3.0 * image.stretch);
         let certain = (reach - 2.0 * apart).max(0.0);
-        let unseen = frame.max_radius_squared.sqrt() * (1.0 + 2.0 * apart / reach);
+        let unseen = coefficients.max_radius_squared.sqrt() * (1.0 + 2.0 * apart / reach);
         let lens = SieveLens {
-            coefficients: frame.lens.map(|k| k as f32),
+            coefficients: coefficients.lens.map(|k| k as f32),
             affine: [su * fx, su * skew, su * (cx - u0), sv * fy, sv * (cy - v0)].map(|a| a as f32),
             certain: (certain * certain * (1.0 - QUOTIENT)) as f32,
             unseen: (unseen * unseen * (1.0 + QUOTIENT)) as f32,
@@ -164,8 +170,8 @@ impl Sieve {
 
 impl Row {
     /// `factors` of a point in the camera; what of the last cancelled out is added to `whole`.
-    fn of(frame: &Frame, factors: [f64; 3], whole: f64) -> Row {
-        let (r, t) = (&frame.rotation, &frame.translation);
+    fn of(coefficients: &CameraCoefficients, factors: [f64; 3], whole: f64) -> Row {
+        let (r, t) = (&coefficients.rotation, &coefficients.translation);
         let whole_factors = [factors[0].abs(), factors[1].abs(), factors[2].abs() + whole];
         let products: [f64; 3] =
             std::array::from_fn(|axis| (0..3).map(|row| factors[row] * r[row][axis]).sum());

@@ -1,10 +1,10 @@
-//! A camera's numbers as the inner loops want them.
+//! A camera's coefficients in the order that the inner loops read them.
 
 use crate::camera::{Camera, floor};
 
-/// A camera's numbers, flat.
+/// A camera's coefficients, flat.
 #[derive(Clone, Copy, Debug)]
-pub struct Frame {
+pub struct CameraCoefficients {
     pub(super) rotation: [[f64; 3]; 3],
     pub(super) translation: [f64; 3],
     /// fx, skew, cx, fy, cy.
@@ -17,11 +17,11 @@ pub struct Frame {
 /// What is not on any image.
 pub(crate) const OFF_IMAGE: i32 = i32::MIN;
 
-impl Frame {
-    /// The numbers of a camera.
-    pub fn of(camera: &Camera) -> Frame {
+impl CameraCoefficients {
+    /// The coefficients of a camera.
+    pub fn of(camera: &Camera) -> CameraCoefficients {
         let (r, t, k) = (camera.rotation(), camera.translation_m(), camera.intrinsics());
-        Frame {
+        CameraCoefficients {
             rotation: std::array::from_fn(|row| std::array::from_fn(|column| r[(row, column)])),
             translation: [t.x, t.y, t.z],
             affine: [k[(0, 0)], k[(0, 1)], k[(0, 2)], k[(1, 1)], k[(1, 2)]],
