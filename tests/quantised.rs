@@ -150,13 +150,13 @@ fn rounded_passes_respond_within_a_tenth_of_a_millimetre_and_exact_ones_equally(
 
 /// As in a cluster: whoever is told what others have found answers less, on other scales.
 #[test]
-fn rounded_passes_that_narrow_the_search_respond_within_a_tenth_of_a_millimetre() {
+fn rounded_passes_in_two_phases_respond_within_a_tenth_of_a_millimetre() {
     check_rounded(true, 4e-5);
 }
 
 /// Passes over the wire against one machine; all but 2 % of the rounded responses must be within `most_m`.
 #[track_caller]
-fn check_rounded(narrows: bool, most_m: f64) {
+fn check_rounded(two_phases: bool, most_m: f64) {
     let shapes = shapes();
     let mut apart = Vec::new();
     for (seed, (cameras, size)) in
@@ -174,7 +174,7 @@ fn check_rounded(narrows: bool, most_m: f64) {
             for (wire, pass) in [&mut exact, &mut rounded].into_iter().zip(&mut passes) {
                 // Half of the passes ask some of the nodes first.
                 pass.ask_first(if round % 2 == 0 { &[] } else { &[1, 3] });
-                pass.narrow(narrows);
+                pass.ask_in_two_phases(two_phases);
                 let mut reaches = vec![Reaches::default(); bodies.len()];
                 reaches.iter_mut().zip(pass.results()).for_each(|(reaches, result)| reaches.note(result));
                 let asked = bodies.iter().cloned().zip(&reaches);

@@ -101,7 +101,7 @@ impl Fanout {
         let narrows = self.narrowing.is_selective();
         let saves_bytes = self.writer.precision() == Precision::Quantised;
         for pass in passes.iter_mut() {
-            pass.narrow(narrows);
+            pass.ask_in_two_phases(narrows);
             pass.save_bytes(saves_bytes);
         }
         let mut lanes = Vec::with_capacity(passes.len());

@@ -28,7 +28,7 @@ fn run(sets: &[ViewSet], settings: ProbeSettings, points: &[[f64; 3]], first: &[
     let mut pass =
         Pass::new(vec![Points::World(points.into())], Some(&WorldBox::EVERYWHERE), settings, sets.len());
     pass.ask_first(first);
-    pass.narrow(!first.is_empty());
+    pass.ask_in_two_phases(!first.is_empty());
     pass.restart(
         [(Points::World(points.into()), &Reaches::default())].into_iter(),
         Some(&WorldBox::EVERYWHERE),

@@ -185,7 +185,7 @@ impl Asked {
     /// To be asked of so many groups.
     pub fn new(settings: ProbeSettings, group_count: usize) -> Asked {
         let mut pass = Pass::new(Vec::new(), Some(&WorldBox::EVERYWHERE), settings, group_count);
-        pass.narrow(true);
+        pass.ask_in_two_phases(true);
         Asked { pass, scratch: Scratch::default(), answer: Answer::default(), reaches: Vec::new() }
     }
 

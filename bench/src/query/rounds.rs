@@ -78,7 +78,7 @@ struct Clock {
 impl Clock {
     fn new(studio: &Studio, groups: &[ViewSet]) -> Clock {
         let mut pass = Pass::new(Vec::new(), Some(&WorldBox::EVERYWHERE), studio.settings, groups.len());
-        pass.narrow(true);
+        pass.ask_in_two_phases(true);
         Clock {
             pass,
             scratch: Scratch::default(),

@@ -90,7 +90,7 @@ impl Pass {
                 question.within.extend(of_body.iter().map(reach));
             }
         }
-        self.ask_narrowing(Round::BodyExits);
+        self.ask_distances(Round::BodyExits);
     }
 
     pub(super) fn after_body_exits(&mut self) {

@@ -139,8 +139,8 @@ pub struct Pass {
     /// With each merged edge within what its exit is, if that was told.
     exits_within: Vec<Option<Reach>>,
     groups: Vec<Group>,
-    /// Those that narrow the search are asked, and the others will be.
-    is_narrowing: bool,
+    /// The groups of the first phase are asked; the others follow.
+    is_first_phase: bool,
     /// Few exits are asked for, each not far, at the price of rounds.
     saves_bytes: bool,
     changes_sorted: bool,
@@ -168,7 +168,7 @@ struct Group {
     /// Asked for classes before the others.
     is_first: bool,
     /// Asked for edges and exits before the others.
-    narrows: bool,
+    is_in_first_phase: bool,
     is_asked: bool,
     has_answered: bool,
 }
@@ -197,7 +197,7 @@ impl Pass {
             merged: Answer::default(),
             exits_within: Vec::new(),
             groups: vec![Group::default(); group_count],
-            is_narrowing: false,
+            is_first_phase: false,
             saves_bytes: false,
             changes_sorted: true,
         };
@@ -257,7 +257,7 @@ impl Pass {
         for body in self.bodies[..self.count].iter().filter(|body| body.is_near) {
             self.question.batches.push(Batch::all(body.points.clone()));
         }
-        self.is_narrowing = false;
+        self.is_first_phase = false;
         let has_first = self.groups.iter().any(|group| group.is_first);
         self.ask(Round::Classes, |group| !has_first || group.is_first);
     }
@@ -273,12 +273,12 @@ impl Pass {
 
     /// From the next question on, asks a third of the groups for edges and exits first, and the others within
     /// the nearest that these found: what is farther cannot win. Or asks all at once.
-    pub fn narrow(&mut self, narrows: bool) {
+    pub fn ask_in_two_phases(&mut self, two_phases: bool) {
         // Cameras stand around the room: groups spread over the rig see every point from near its edge.
         let (count, first) = (self.groups.len(), self.groups.len().div_ceil(3));
         for (index, group) in self.groups.iter_mut().enumerate() {
             let is_first = (0..first).any(|place| place * count / first == index);
-            group.narrows = narrows && first < count && is_first;
+            group.is_in_first_phase = two_phases && first < count && is_first;
         }
     }
 
@@ -360,16 +360,16 @@ impl Pass {
         }
     }
 
-    /// Asks the question that stands there of the groups that narrow the search, if there are any and it is
+    /// Asks the current question in two phases, if there are any and its search is
     /// bounded anyway; what is asked again is worth no more trips, unless bytes are dearer.
-    fn ask_narrowing(&mut self, round: Round) {
+    fn ask_distances(&mut self, round: Round) {
         let is_worth_it = self.saves_bytes || !self.question.within.is_empty();
-        let narrows = is_worth_it && self.groups.iter().any(|group| group.narrows);
-        self.ask(round, |group| !narrows || group.narrows);
-        self.is_narrowing = narrows && self.round == round;
+        let two_phases = is_worth_it && self.groups.iter().any(|group| group.is_in_first_phase);
+        self.ask(round, |group| !two_phases || group.is_in_first_phase);
+        self.is_first_phase = two_phases && self.round == round;
     }
 
-    /// Asks the groups that did not narrow the search.
+    /// Asks the groups of the second phase, within what the first found.
     fn ask_within_found(&mut self) {
         let Pass { question, merged, groups, .. } = self;
         let edges_m = merged.edges.iter().map(|edge| edge.map_or(f32::INFINITY, |edge| edge.distance_m));
@@ -381,9 +381,9 @@ impl Pass {
             }
         }
         for group in groups {
-            (group.is_asked, group.has_answered) = (!group.narrows, false);
+            (group.is_asked, group.has_answered) = (!group.is_in_first_phase, false);
         }
-        self.is_narrowing = false;
+        self.is_first_phase = false;
     }
 
     fn merge(&mut self, answer: &Answer) {
@@ -408,7 +408,7 @@ impl Pass {
     }
 
     fn advance(&mut self) {
-        if self.is_narrowing {
+        if self.is_first_phase {
             return self.ask_within_found();
         }
         if !self.changes_sorted {

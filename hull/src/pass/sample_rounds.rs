@@ -78,7 +78,7 @@ impl Pass {
                 question.within.extend(samples.map(|sample| bodies[body].reaches.of(sample, &mut from)));
             }
         }
-        self.ask_narrowing(Round::Edges);
+        self.ask_distances(Round::Edges);
     }
 
     pub(super) fn after_edges(&mut self) {
@@ -116,7 +116,7 @@ impl Pass {
             }
         }
         if self.saves_bytes {
-            return self.ask_narrowing(Round::Exits);
+            return self.ask_distances(Round::Exits);
         }
         self.ask(Round::Exits, |_| true);
         if self.round == Round::Done {
