@@ -17,7 +17,7 @@ use futures::StreamExt as _;
 use hull::Pose;
 use recording::{Overwrites, Recording};
 use serde_json::Value;
-use sim::{BodyResponse, BodySpec, Heft, Scene, Solid, World};
+use sim::{BodyResponse, BodySpec, MassSpec, Scene, Solid, World};
 
 fn hulltouch() -> Command {
     Command::new(env!("CARGO_BIN_EXE_hulltouch"))
@@ -174,7 +174,7 @@ async fn steer(mut follower: Follower) {
         solid: Solid::Ball { radius_m: 0.1 },
         pose: Pose::new([0.0, 2.0, 0.1], [0.0, 0.0, 0.0, 1.0]).expect("a pose"),
         velocity_m_s: [0.1, -1.0, 0.0],
-        heft: Heft::MassKg(0.5),
+        mass: MassSpec::MassKg(0.5),
         friction: 0.5,
         restitution: 0.4,
         fixed: false,

@@ -8,15 +8,13 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use hull::Pose;
+pub use sim::{BodyId, Parameters};
 use sim::{BodySpec, Scene, Solid};
 use thiserror::Error;
 use tokio::sync::{mpsc, oneshot, watch};
 
 /// Commands that wait for the next step at most: a page that drags sends one a picture.
 pub(crate) const MAX_WAITING: usize = 256;
-
-/// A body's number: unique within a generation of the world, never given twice.
-pub type BodyId = u32;
 
 /// What is asked of a run.
 #[derive(Clone, Debug, PartialEq)]
@@ -68,19 +66,6 @@ pub enum Command {
         /// How long, seconds.
         seconds: f64,
     },
-}
-
-/// What may be changed while a world runs; `None` leaves it.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Parameters {
-    /// Whether bodies answer the hull at all.
-    pub answers_hull: Option<bool>,
-    /// The share of the speed into the hull that is mirrored, 0 to 1.
-    pub hull_restitution: Option<f64>,
-    /// Coulomb friction of the hull, 0 to 10.
-    pub hull_friction: Option<f64>,
-    /// m/s², world.
-    pub gravity_m_s2: Option<[f64; 3]>,
 }
 
 /// What a command did.

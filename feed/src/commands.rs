@@ -1,9 +1,11 @@
 //! Commands as JSON objects, taken apart strictly: every field is known, there, and of its kind, or one line
 //! says which is not, what was found and what was expected.
 
+use std::ops::RangeInclusive;
+
 use coordinator::live::{BodyId, Command, Parameters};
 use serde_json::{Map, Value};
-use sim::{BodyRequest, BodySpec, Scene};
+use sim::{BodyRequest, BodySpec, FRICTION, RESTITUTION, Scene};
 
 /// The longest a background may be learnt, seconds.
 const MAX_BACKGROUND_S: f64 = 60.0;
@@ -83,7 +85,7 @@ fn command(message: &Map<String, Value>) -> Result<Command, String> {
         "set" => Command::Set(parameters(&fields)?),
         "take_background" => {
             only(&["seconds"])?;
-            Command::TakeBackground { seconds: fields.number("seconds", 0.0, MAX_BACKGROUND_S)? }
+            Command::TakeBackground { seconds: fields.number("seconds", 0.0..=MAX_BACKGROUND_S)? }
         }
         other => return Err(format!("command is {other:?}, expected {COMMANDS}")),
     })
@@ -96,8 +98,8 @@ fn parameters(fields: &Fields<'_>) -> Result<Parameters, String> {
     fields.only(&["answers_hull", "hull_restitution", "hull_friction", "gravity"])?;
     let set = Parameters {
         answers_hull: fields.optional("answers_hull", Fields::truth)?,
-        hull_restitution: fields.optional("hull_restitution", |f, key| f.number(key, 0.0, 1.0))?,
-        hull_friction: fields.optional("hull_friction", |f, key| f.number(key, 0.0, 10.0))?,
+        hull_restitution: fields.optional("hull_restitution", |f, key| f.number(key, RESTITUTION))?,
+        hull_friction: fields.optional("hull_friction", |f, key| f.number(key, FRICTION))?,
         gravity_m_s2: fields.optional("gravity", Fields::vector)?,
     };
     if set == Parameters::default() {
@@ -169,11 +171,14 @@ impl<'a> Fields<'a> {
         }
     }
 
-    fn number(&self, key: &str, least: f64, most: f64) -> Result<f64, String> {
+    fn number(&self, key: &str, allowed: RangeInclusive<f64>) -> Result<f64, String> {
         let value = self.value(key)?;
         match value.as_f64() {
-            Some(number) if (least..=most).contains(&number) => Ok(number),
-            _ => self.wrong(key, value, &format!("a number from {least} to {most}")),
+            Some(number) if allowed.contains(&number) => Ok(number),
+            _ => {
+                let (least, most) = allowed.into_inner();
+                self.wrong(key, value, &format!("a number from {least} to {most}"))
+            }
         }
     }
 
@@ -206,7 +211,7 @@ pub(crate) fn short(value: &Value) -> String {
 mod tests {
     use super::*;
     use serde_json::json;
-    use sim::{Heft, Solid};
+    use sim::{MassSpec, Solid};
 
     fn read(message: Value) -> Result<Command, String> {
         let Value::Object(mut object) = message else { panic!("an object") };
@@ -255,7 +260,7 @@ mod tests {
             ([0.0, 2.0, 1.0], [0.0, 1.0, 0.0, 0.0])
         );
         assert_eq!(body.velocity_m_s, [0.0, 0.0, 3.0]);
-        assert_eq!((body.heft, body.color), (Heft::MassKg(2.0), [1.0, 0.0, 0.5]));
+        assert_eq!((body.mass, body.color), (MassSpec::MassKg(2.0), [1.0, 0.0, 0.5]));
         let hull = json!({"command": "spawn", "position": [0, 1, 0], "name": "rock",
             "shape": {"hull": {"points": [[0, 0, 0], [0.2, 0, 0], [0, 0.2, 0], [0, 0, 0.2]]}}});
         let Command::Spawn(body) = read(hull).expect("a command") else { panic!("a spawn") };

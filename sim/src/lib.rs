@@ -21,10 +21,11 @@ pub mod world;
 pub use record::{BodyRecord, TrajectoryDigest};
 pub use response::{BodyResponse, ResponseMode};
 pub use scene::{
-    BodyRequest, BodySpec, Floor, Heft, HullSurface, MAX_SPEED_M_S, RequestError, Scene, SceneError,
-    ShapeRequest, StageHint,
+    BodyRequest, BodySpec, FRICTION, Floor, HullSurface, MAX_SPEED_M_S, MassSpec, RESTITUTION, RequestError,
+    Scene, SceneError, ShapeRequest, StageHint,
 };
 pub use solid::Solid;
 pub use world::{
-    Body, BodyId, CommandError, Fault, FaultKind, Prepared, Set, StepReport, World, WorldError, WorldSettings,
+    Body, BodyId, CommandError, Fault, FaultKind, Parameters, Prepared, StepReport, World, WorldError,
+    WorldSettings,
 };

@@ -2,7 +2,7 @@
 
 mod hold;
 
-use crate::scene::{BodySpec, Heft, Scene};
+use crate::scene::{BodySpec, MassSpec, Scene};
 use crate::solid::Solid;
 use hull::Pose;
 use rapier3d::prelude::{
@@ -214,9 +214,9 @@ fn collider(spec: &BodySpec) -> Option<ColliderBuilder> {
             ColliderBuilder::convex_hull(&corners)?
         }
     };
-    let builder = match spec.heft {
-        Heft::MassKg(mass_kg) => builder.mass(mass_kg as f32),
-        Heft::DensityKgM3(density) => builder.density(density as f32),
+    let builder = match spec.mass {
+        MassSpec::MassKg(mass_kg) => builder.mass(mass_kg as f32),
+        MassSpec::DensityKgM3(density) => builder.density(density as f32),
     };
     Some(builder.friction(spec.friction as f32).restitution(spec.restitution as f32))
 }

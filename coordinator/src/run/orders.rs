@@ -5,14 +5,14 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use hull::Shape;
-use sim::{Set, World};
+use sim::World;
 use tokio::time::timeout;
 
 use super::clock::frame_at;
 use super::watch::{REPORT_EVERY, Watcher};
 use super::{Coordinator, FRAMES_AHEAD, RunError};
 use crate::answers::Answers;
-use crate::live::{Command, Done, MAX_WAITING, Order, Parameters, Refused};
+use crate::live::{Command, Done, MAX_WAITING, Order, Refused};
 use crate::transport::{First, TransportError};
 
 /// The most steps that one command makes: a quarter of an hour.
@@ -160,7 +160,7 @@ impl Coordinator {
                 self.world.release(body, velocity_m_s).map_err(refused)?;
             }
             Command::Set(parameters) => {
-                self.world.set(set(parameters)).map_err(refused)?;
+                self.world.set(parameters).map_err(refused)?;
                 self.publish_scene();
             }
             Command::TakeBackground { seconds } => self.take_background(seconds).await?,
@@ -261,11 +261,6 @@ fn keep(commands: &mut Vec<Command>, command: Command) {
         }
     }
     commands.push(command);
-}
-
-fn set(parameters: Parameters) -> Set {
-    let Parameters { answers_hull, hull_restitution, hull_friction, gravity_m_s2 } = parameters;
-    Set { answers_hull, hull_restitution, hull_friction, gravity_m_s2 }
 }
 
 fn refused(error: impl std::error::Error) -> Refused {

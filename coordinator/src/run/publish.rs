@@ -3,15 +3,13 @@
 use std::sync::Arc;
 
 use hull::pass::{BodyResult, Touch};
-use sim::{Body, BodyId, BodyResponse, Set};
+use sim::{Body, BodyId, BodyResponse};
 
 use super::Coordinator;
 use super::clock::unix_now_s;
 use crate::facts::FrameFacts;
 use crate::figures::Progress;
-use crate::live::{
-    BodyLook, BodyState, CameraStatus, Parameters, RunStatus, SceneState, TouchPoint, WorldState,
-};
+use crate::live::{BodyLook, BodyState, CameraStatus, RunStatus, SceneState, TouchPoint, WorldState};
 
 /// What the last step saw, kept for who comes to watch a world that does not move.
 #[derive(Default)]
@@ -124,7 +122,7 @@ impl Coordinator {
             version: self.scene_version,
             scene: scene.name().to_owned(),
             bodies: world.bodies().iter().map(look).collect(),
-            parameters: parameters(world.parameters()),
+            parameters: world.parameters(),
             up: world.up(),
             floor_m: scene.floor().map(|floor| floor.height_m),
         })));
@@ -172,11 +170,6 @@ impl Coordinator {
         });
         status.collect()
     }
-}
-
-fn parameters(set: Set) -> Parameters {
-    let Set { answers_hull, hull_restitution, hull_friction, gravity_m_s2 } = set;
-    Parameters { answers_hull, hull_restitution, hull_friction, gravity_m_s2 }
 }
 
 /// A sample inside the hull, where it is in the world, and its own way out. The body's place in the list is

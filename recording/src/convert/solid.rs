@@ -1,6 +1,6 @@
 //! Solids and bodies as they are put down.
 
-use sim::{BodyRequest, BodySpec, Heft, ShapeRequest, Solid};
+use sim::{BodyRequest, BodySpec, MassSpec, ShapeRequest, Solid};
 
 use super::ConvertError;
 use super::numbers::{colour, colour_from_message, finite, pose_from_message, required, rotation, vector};
@@ -45,7 +45,7 @@ fn shape_request(found: Option<messages::Solid>) -> Result<ShapeRequest, Convert
 
 /// A body as it is put down.
 pub(crate) fn body_spec(spec: &BodySpec) -> messages::BodySpec {
-    let BodySpec { name, solid: geometry, pose, velocity_m_s, heft, friction, restitution, fixed, color } =
+    let BodySpec { name, solid: geometry, pose, velocity_m_s, mass, friction, restitution, fixed, color } =
         spec;
     messages::BodySpec {
         name: name.clone(),
@@ -53,9 +53,9 @@ pub(crate) fn body_spec(spec: &BodySpec) -> messages::BodySpec {
         position_m: Some(vector(pose.position_m())),
         rotation: Some(rotation(pose.rotation_xyzw())),
         velocity_m_s: Some(vector(*velocity_m_s)),
-        heft: Some(match *heft {
-            Heft::MassKg(kg) => body_spec::Heft::MassKg(kg),
-            Heft::DensityKgM3(kg_m3) => body_spec::Heft::DensityKgM3(kg_m3),
+        heft: Some(match *mass {
+            MassSpec::MassKg(kg) => body_spec::Heft::MassKg(kg),
+            MassSpec::DensityKgM3(kg_m3) => body_spec::Heft::DensityKgM3(kg_m3),
         }),
         friction: *friction,
         restitution: *restitution,

@@ -11,7 +11,7 @@ use hull::{Camera, Rig, Silhouette};
 use nalgebra::{Matrix3, Vector3};
 use proto::convert::Precision;
 use sim::solid::ConvexHull;
-use sim::{BodyResponse, BodySpec, Heft, Scene, Solid, World, WorldSettings};
+use sim::{BodyResponse, BodySpec, MassSpec, Scene, Solid, World, WorldSettings};
 
 use super::{Recording, StepCheck};
 use crate::{ColourCrop, Overwrites, RecordingFile, RunHeader, RunRecorder, record};
@@ -381,13 +381,13 @@ fn a_step_at_no_time_of_film_ends_a_recording() {
 fn a_body_that_cannot_be_is_refused() {
     let spawned = |radius_m, mass_kg, restitution| {
         let solid = Solid::Ball { radius_m };
-        let (pose, velocity_m_s, heft) = (hull::Pose::IDENTITY, [0.0; 3], Heft::MassKg(mass_kg));
+        let (pose, velocity_m_s, mass) = (hull::Pose::IDENTITY, [0.0; 3], MassSpec::MassKg(mass_kg));
         let spec = BodySpec {
             name: "b".into(),
             solid,
             pose,
             velocity_m_s,
-            heft,
+            mass,
             friction: 0.3,
             restitution,
             fixed: false,
@@ -409,13 +409,13 @@ fn every_command_survives() {
     let corners: Vec<[f64; 3]> =
         (0..8).map(|i| [i & 1, i >> 1 & 1, i >> 2].map(|bit| 0.2 * f64::from(bit) - 0.1)).collect();
     let hull = Solid::Hull(Arc::new(ConvexHull::new(&corners).expect("a cube")));
-    let spec = |solid: Solid, heft: Heft| {
+    let spec = |solid: Solid, mass: MassSpec| {
         Command::Spawn(Box::new(BodySpec {
             name: "b".into(),
             solid,
             pose: hull::Pose::new([0.1, 1.0 / 3.0, -2.0], [0.6, 0.0, 0.0, 0.8]).expect("a pose"),
             velocity_m_s: [0.1, 0.2, -0.3],
-            heft,
+            mass,
             friction: 0.3,
             restitution: 0.1,
             fixed: false,
@@ -427,12 +427,12 @@ fn every_command_survives() {
         Command::Choose(
             Scene::named("lift").expect("a scene").with_gravity([0.0, 0.0, -9.0]).expect("finite"),
         ),
-        spec(hull, Heft::MassKg(2.5)),
-        spec(Solid::Box { size_m: [0.1, 0.2, 0.3] }, Heft::DensityKgM3(100.0)),
-        spec(Solid::Ball { radius_m: 0.1 }, Heft::MassKg(1.0)),
-        spec(Solid::Capsule { radius_m: 0.1, length_m: 0.3 }, Heft::MassKg(1.0)),
-        spec(Solid::Cylinder { radius_m: 0.1, height_m: 0.3 }, Heft::MassKg(1.0)),
-        spec(Solid::Cone { radius_m: 0.1, height_m: 0.3 }, Heft::MassKg(1.0)),
+        spec(hull, MassSpec::MassKg(2.5)),
+        spec(Solid::Box { size_m: [0.1, 0.2, 0.3] }, MassSpec::DensityKgM3(100.0)),
+        spec(Solid::Ball { radius_m: 0.1 }, MassSpec::MassKg(1.0)),
+        spec(Solid::Capsule { radius_m: 0.1, length_m: 0.3 }, MassSpec::MassKg(1.0)),
+        spec(Solid::Cylinder { radius_m: 0.1, height_m: 0.3 }, MassSpec::MassKg(1.0)),
+        spec(Solid::Cone { radius_m: 0.1, height_m: 0.3 }, MassSpec::MassKg(1.0)),
         Command::Remove(3),
         Command::Push { body: 1, impulse_n_s: [1.0, 0.1, 0.0], at_m: Some([0.0, 1.0, 0.0]) },
         Command::Push { body: 1, impulse_n_s: [1.0, 0.1, 0.0], at_m: None },

@@ -1,19 +1,26 @@
 //! From keys to a scene whose every value can be.
 
 use super::file::{BodyFile, FloorFile, PlaceFile, SceneFile, ShapeFile};
-use super::{Floor, Group, Heft, HullSurface, MAX_BODIES, Place, Scene, SceneError, StageHint};
+use super::{Floor, Group, HullSurface, MAX_BODIES, MassSpec, Place, Scene, SceneError, StageHint};
 use crate::solid::{ConvexHull, MAX_EXTENT_M, MIN_EXTENT_M, Solid};
 use core::fmt::Display;
+use core::ops::RangeInclusive;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// Cardboard boxes with something in them, kg/m³.
 const DEFAULT_DENSITY_KG_M3: f64 = 120.0;
+/// Coulomb friction coefficients, of bodies, floor and hull alike.
+pub const FRICTION: RangeInclusive<f64> = 0.0..=10.0;
+/// Shares of the speed that a bounce returns.
+pub const RESTITUTION: RangeInclusive<f64> = 0.0..=1.0;
 pub(super) const DEFAULT_FRICTION: f64 = 0.6;
 pub(super) const DEFAULT_RESTITUTION: f64 = 0.1;
 /// No position, height or spacing is farther from the origin, metres: `f32` keeps a tenth of a
 /// millimetre there.
 pub(crate) const MAX_POSITION_M: f64 = 1000.0;
+/// Components of the gravity are within ± this, m/s²: more than on any planet.
+pub(crate) const MAX_GRAVITY_M_S2: f64 = 100.0;
 /// Whoever may be missed at a greater depth, metres, is not seen to collide.
 const MAX_REUSE_M: f64 = 0.1;
 
@@ -23,9 +30,9 @@ pub(super) fn scene(name: &str, text: &str, file: SceneFile) -> Result<Scene, Sc
     let gravity_m_s2 = checker.gravity(file.gravity.unwrap_or([0.0, -9.81, 0.0]))?;
     let floor = checker.floor(&file.floor)?;
     let hull = HullSurface {
-        restitution: checker.within("hull.restitution", file.hull.restitution, 0.0, 1.0)?,
-        friction: checker.within("hull.friction", file.hull.friction, 0.0, 10.0)?,
-        reuse_within_m: checker.within("hull.reuse_within_m", file.hull.reuse_within_m, 0.0, MAX_REUSE_M)?,
+        restitution: checker.within("hull.restitution", file.hull.restitution, RESTITUTION)?,
+        friction: checker.within("hull.friction", file.hull.friction, FRICTION)?,
+        reuse_within_m: checker.within("hull.reuse_within_m", file.hull.reuse_within_m, 0.0..=MAX_REUSE_M)?,
     };
     let groups = file.bodies.into_iter().map(|body| checker.group(body)).collect::<Result<Vec<_>, _>>()?;
     checker.names(&groups)?;
@@ -39,19 +46,19 @@ pub(super) struct Checker<'a> {
 }
 
 impl Checker<'_> {
-    /// Gravity in m/s²: finite, and no more than on any planet.
+    /// Gravity in m/s².
     pub(super) fn gravity(&self, gravity_m_s2: [f64; 3]) -> Result<[f64; 3], SceneError> {
         for component in gravity_m_s2 {
-            self.within("gravity", component, -100.0, 100.0)?;
+            self.within("gravity", component, -MAX_GRAVITY_M_S2..=MAX_GRAVITY_M_S2)?;
         }
         Ok(gravity_m_s2)
     }
 
     fn floor(&self, file: &FloorFile) -> Result<Option<Floor>, SceneError> {
         let floor = Floor {
-            height_m: self.within("floor.height", file.height, -MAX_POSITION_M, MAX_POSITION_M)?,
-            friction: self.within("floor.friction", file.friction, 0.0, 10.0)?,
-            restitution: self.within("floor.restitution", file.restitution, 0.0, 1.0)?,
+            height_m: self.within("floor.height", file.height, -MAX_POSITION_M..=MAX_POSITION_M)?,
+            friction: self.within("floor.friction", file.friction, FRICTION)?,
+            restitution: self.within("floor.restitution", file.restitution, RESTITUTION)?,
         };
         Ok(file.enabled.then_some(floor))
     }
@@ -69,21 +76,20 @@ impl Checker<'_> {
             return Err(self.wrong(key("count"), count, "1 with place.at, or place.stack, .pile or .rain"));
         }
         for component in file.rotation_deg.into_iter().flatten() {
-            self.within(&key("rotation_deg"), component, -360.0, 360.0)?;
+            self.within(&key("rotation_deg"), component, -360.0..=360.0)?;
         }
         for component in file.color.into_iter().flatten() {
-            self.within(&key("color"), component, 0.0, 1.0)?;
+            self.within(&key("color"), component, 0.0..=1.0)?;
         }
         Ok(Group {
             solid: self.solid(&file.name, file.shape)?,
             place: self.place(&file.name, &file.place)?,
-            heft: self.heft(&file.name, file.mass, file.density)?,
-            friction: self.within(&key("friction"), file.friction.unwrap_or(DEFAULT_FRICTION), 0.0, 10.0)?,
+            mass: self.mass(&file.name, file.mass, file.density)?,
+            friction: self.within(&key("friction"), file.friction.unwrap_or(DEFAULT_FRICTION), FRICTION)?,
             restitution: self.within(
                 &key("restitution"),
                 file.restitution.unwrap_or(DEFAULT_RESTITUTION),
-                0.0,
-                1.0,
+                RESTITUTION,
             )?,
             count,
             rotation_deg: file.rotation_deg,
@@ -95,7 +101,7 @@ impl Checker<'_> {
 
     pub(super) fn solid(&self, body: &str, file: ShapeFile) -> Result<Solid, SceneError> {
         let extent = |key: &str, value: f64, least_m: f64| {
-            self.within(&key_of(body, format_args!("shape.{key}")), value, least_m, MAX_EXTENT_M)
+            self.within(&key_of(body, format_args!("shape.{key}")), value, least_m..=MAX_EXTENT_M)
         };
         // A radius is half an extent.
         let radius = |key: &str, value: f64| extent(key, value, 0.5 * MIN_EXTENT_M);
@@ -131,7 +137,7 @@ impl Checker<'_> {
 
     fn place(&self, body: &str, file: &PlaceFile) -> Result<Place, SceneError> {
         let number = |key: &str, value: f64, low: f64| {
-            self.within(&format!("body `{body}`, place.{key}"), value, low, MAX_POSITION_M)
+            self.within(&format!("body `{body}`, place.{key}"), value, low..=MAX_POSITION_M)
         };
         let point = |key: &str, point_m: [f64; 3]| {
             for component in point_m {
@@ -157,18 +163,18 @@ impl Checker<'_> {
         })
     }
 
-    pub(super) fn heft(
+    pub(super) fn mass(
         &self,
         body: &str,
         mass: Option<f64>,
         density: Option<f64>,
-    ) -> Result<Heft, SceneError> {
+    ) -> Result<MassSpec, SceneError> {
         let key = |key: &str| key_of(body, key);
         match (mass, density) {
-            (Some(mass), None) => Ok(Heft::MassKg(self.within(&key("mass"), mass, 1e-3, 1e4)?)),
+            (Some(mass), None) => Ok(MassSpec::MassKg(self.within(&key("mass"), mass, 1e-3..=1e4)?)),
             (None, density) => {
                 let density = density.unwrap_or(DEFAULT_DENSITY_KG_M3);
-                Ok(Heft::DensityKgM3(self.within(&key("density"), density, 1.0, 3e4)?))
+                Ok(MassSpec::DensityKgM3(self.within(&key("density"), density, 1.0..=3e4)?))
             }
             (Some(_), Some(_)) => Err(self.wrong(key("mass"), "mass and density", "one of the two")),
         }
@@ -189,10 +195,16 @@ impl Checker<'_> {
         Ok(())
     }
 
-    pub(super) fn within(&self, key: &str, found: f64, low: f64, high: f64) -> Result<f64, SceneError> {
-        if (low..=high).contains(&found) {
+    pub(super) fn within(
+        &self,
+        key: &str,
+        found: f64,
+        allowed: RangeInclusive<f64>,
+    ) -> Result<f64, SceneError> {
+        if allowed.contains(&found) {
             Ok(found)
         } else {
+            let (low, high) = allowed.into_inner();
             Err(self.wrong(key, found, format!("a number from {low} to {high}")))
         }
     }

@@ -94,7 +94,7 @@ impl Placer {
             solid: group.solid.clone(),
             pose,
             velocity_m_s: [0.0; 3],
-            heft: group.heft,
+            mass: group.mass,
             friction: group.friction,
             restitution: group.restitution,
             fixed: group.fixed,

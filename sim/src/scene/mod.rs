@@ -34,7 +34,8 @@ mod expand;
 mod file;
 mod request;
 
-pub(crate) use check::MAX_POSITION_M;
+pub use check::{FRICTION, RESTITUTION};
+pub(crate) use check::{MAX_GRAVITY_M_S2, MAX_POSITION_M};
 pub(crate) use request::speed;
 pub use request::{BodyRequest, MAX_SPEED_M_S, RequestError, ShapeRequest};
 
@@ -136,7 +137,7 @@ pub struct StageHint {
 
 /// How heavy a body is.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Heft {
+pub enum MassSpec {
     /// Kilograms.
     MassKg(f64),
     /// Kilograms per cubic metre.
@@ -155,7 +156,7 @@ pub struct BodySpec {
     /// What it starts with, m/s.
     pub velocity_m_s: [f64; 3],
     /// How heavy it is.
-    pub heft: Heft,
+    pub mass: MassSpec,
     /// Coulomb friction coefficient.
     pub friction: f64,
     /// Share of the speed that a bounce returns.
@@ -186,7 +187,7 @@ struct Group {
     solid: Solid,
     place: Place,
     rotation_deg: Option<[f64; 3]>,
-    heft: Heft,
+    mass: MassSpec,
     friction: f64,
     restitution: f64,
     fixed: bool,

@@ -1,9 +1,10 @@
 //! One body as a program asks for it, while the world runs.
 
-use super::check::{Checker, DEFAULT_FRICTION, DEFAULT_RESTITUTION, MAX_POSITION_M};
+use super::check::{Checker, DEFAULT_FRICTION, DEFAULT_RESTITUTION, FRICTION, MAX_POSITION_M, RESTITUTION};
 use super::expand::PALETTE;
 pub use super::file::ShapeFile as ShapeRequest;
 use super::{BodySpec, SceneError};
+use core::ops::RangeInclusive;
 use hull::Pose;
 use serde::Deserialize;
 use thiserror::Error;
@@ -81,15 +82,15 @@ impl BodyRequest {
         if name.chars().any(char::is_control) || name.len() > 100 {
             return Err(checker.wrong("name", format!("{name:?}"), "at most 100 printable characters"));
         }
-        let all = |key: &str, numbers: &[f64], low: f64, high: f64| {
-            numbers.iter().try_for_each(|&number| checker.within(key, number, low, high).map(drop))
+        let all = |key: &str, numbers: &[f64], allowed: RangeInclusive<f64>| {
+            numbers.iter().try_for_each(|&number| checker.within(key, number, allowed.clone()).map(drop))
         };
-        all("position", &self.position, -MAX_POSITION_M, MAX_POSITION_M)?;
+        all("position", &self.position, -MAX_POSITION_M..=MAX_POSITION_M)?;
         let velocity_m_s = self.velocity.unwrap_or_default();
         speed(velocity_m_s).ok_or_else(|| {
             checker.wrong("velocity", format!("{velocity_m_s:?}"), format!("at most {MAX_SPEED_M_S} m/s"))
         })?;
-        all("color", &self.color.unwrap_or_default(), 0.0, 1.0)?;
+        all("color", &self.color.unwrap_or_default(), 0.0..=1.0)?;
         let rotation_xyzw = self.rotation_xyzw.unwrap_or([0.0, 0.0, 0.0, 1.0]);
         let pose = Pose::new(self.position, rotation_xyzw).map_err(|_| {
             checker.wrong("rotation_xyzw", format!("{rotation_xyzw:?}"), "a quaternion other than zero")
@@ -99,13 +100,12 @@ impl BodyRequest {
         Ok(BodySpec {
             pose,
             velocity_m_s,
-            heft: checker.heft("", self.mass, self.density)?,
-            friction: checker.within("friction", self.friction.unwrap_or(DEFAULT_FRICTION), 0.0, 10.0)?,
+            mass: checker.mass("", self.mass, self.density)?,
+            friction: checker.within("friction", self.friction.unwrap_or(DEFAULT_FRICTION), FRICTION)?,
             restitution: checker.within(
                 "restitution",
                 self.restitution.unwrap_or(DEFAULT_RESTITUTION),
-                0.0,
-                1.0,
+                RESTITUTION,
             )?,
             fixed: self.fixed,
             color,
@@ -124,7 +124,7 @@ pub(crate) fn speed(velocity_m_s: [f64; 3]) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Heft, Solid};
+    use crate::{MassSpec, Solid};
 
     fn error_of(text: &str) -> String {
         let error = BodyRequest::from_toml(text).and_then(BodyRequest::check).expect_err(text).to_string();
@@ -137,7 +137,7 @@ mod tests {
     #[test]
     fn a_request_needs_a_shape_and_a_place() {
         let body = BodyRequest::from_toml(BALL).and_then(BodyRequest::check).expect("a body");
-        assert_eq!((body.solid, body.heft), (Solid::Ball { radius_m: 0.1 }, Heft::DensityKgM3(120.0)));
+        assert_eq!((body.solid, body.mass), (Solid::Ball { radius_m: 0.1 }, MassSpec::DensityKgM3(120.0)));
         assert_eq!((body.name.as_str(), body.velocity_m_s, body.fixed), ("", [0.0; 3], false));
         assert!(error_of("position = [0, 1, 0]").contains("missing field `shape`"));
         assert!(error_of("shape.ball.radius = 0.1").contains("missing field `position`"));

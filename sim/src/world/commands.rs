@@ -3,7 +3,7 @@
 
 use super::{Body, World, WorldError};
 use crate::samples;
-use crate::scene::{BodySpec, MAX_BODIES, MAX_POSITION_M, MAX_SPEED_M_S, Scene, speed};
+use crate::scene::{BodySpec, MAX_BODIES, MAX_GRAVITY_M_S2, MAX_POSITION_M, MAX_SPEED_M_S, Scene, speed};
 use hull::Shape;
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
@@ -64,16 +64,16 @@ pub struct Prepared {
     shape: Arc<Shape>,
 }
 
-/// Parameters to set; `None` leaves one as it is.
+/// What may be changed while a world runs; `None` leaves it as it is.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Set {
+pub struct Parameters {
     /// Whether bodies answer the hull at all.
     pub answers_hull: Option<bool>,
-    /// The share of the speed into the hull that is mirrored, 0 to 1.
+    /// The share of the speed into the hull that is mirrored, within [`RESTITUTION`](crate::RESTITUTION).
     pub hull_restitution: Option<f64>,
-    /// Coulomb friction of the hull, 0 to 10.
+    /// Coulomb friction of the hull, within [`FRICTION`](crate::FRICTION).
     pub hull_friction: Option<f64>,
-    /// m/s², within ±100 along each axis.
+    /// World, m/s², within ±100 along each axis.
     pub gravity_m_s2: Option<[f64; 3]>,
 }
 
@@ -196,13 +196,13 @@ impl World {
     }
 
     /// Sets parameters: all of them, or none if one cannot be.
-    pub fn set(&mut self, set: Set) -> Result<(), CommandError> {
+    pub fn set(&mut self, set: Parameters) -> Result<(), CommandError> {
         let mut settings = self.settings;
         settings.mirror_restitution = set.hull_restitution.unwrap_or(settings.mirror_restitution);
         settings.hull_friction = set.hull_friction.unwrap_or(settings.hull_friction);
         settings.check()?;
         if let Some(gravity_m_s2) = set.gravity_m_s2 {
-            within("gravity", gravity_m_s2, 100.0)?;
+            within("gravity", gravity_m_s2, MAX_GRAVITY_M_S2)?;
             self.gravity_m_s2 = gravity_m_s2;
             self.solver.set_gravity(gravity_m_s2);
         }
@@ -212,8 +212,8 @@ impl World {
     }
 
     /// Every parameter as it is.
-    pub fn parameters(&self) -> Set {
-        Set {
+    pub fn parameters(&self) -> Parameters {
+        Parameters {
             answers_hull: Some(self.answers_hull),
             hull_restitution: Some(self.settings.mirror_restitution),
             hull_friction: Some(self.settings.hull_friction),

@@ -2,7 +2,7 @@
 
 use crate::response::ResponseMode;
 use crate::samples::DEFAULT_COVERING_RADIUS_M;
-use crate::scene::HullSurface;
+use crate::scene::{FRICTION, HullSurface, RESTITUTION};
 use hull::body::BodyError;
 use thiserror::Error;
 
@@ -44,13 +44,14 @@ impl WorldSettings {
 
     /// Whether the numbers are possible.
     pub(super) fn check(&self) -> Result<(), WorldError> {
-        for (key, found, low, high) in [
-            ("dt_s", self.dt_s, 1e-4, 0.1),
-            ("mirror_restitution", self.mirror_restitution, 0.0, 1.0),
-            ("hull_friction", self.hull_friction, 0.0, 10.0),
-            ("covering_radius_m", self.covering_radius_m, 0.005, 0.5),
+        for (key, found, allowed) in [
+            ("dt_s", self.dt_s, 1e-4..=0.1),
+            ("mirror_restitution", self.mirror_restitution, RESTITUTION),
+            ("hull_friction", self.hull_friction, FRICTION),
+            ("covering_radius_m", self.covering_radius_m, 0.005..=0.5),
         ] {
-            if !(low..=high).contains(&found) {
+            if !allowed.contains(&found) {
+                let (low, high) = allowed.into_inner();
                 return Err(WorldError::Setting { key, found, low, high });
             }
         }

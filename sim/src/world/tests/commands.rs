@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::scene::BodyRequest;
-use crate::world::{CommandError, Set};
+use crate::world::{CommandError, Parameters};
 
 fn request(text: &str) -> BodySpec {
     BodyRequest::from_toml(text).and_then(BodyRequest::check).expect("a body")
@@ -157,10 +157,10 @@ fn a_push_moves_by_impulse_over_mass_even_before_the_first_step() {
 #[test]
 fn parameters_hold_from_the_next_step_on() {
     let mut world = world_of(STACK, 1);
-    world.set(Set { gravity_m_s2: Some([0.0, 1.0, 0.0]), ..Set::default() }).expect("possible");
+    world.set(Parameters { gravity_m_s2: Some([0.0, 1.0, 0.0]), ..Parameters::default() }).expect("possible");
     steps(&mut world, 120);
     assert!(position(&world, 3).y > 1.3, "it floats: {}", position(&world, 3).y);
-    world.set(Set { answers_hull: Some(false), ..Set::default() }).expect("possible");
+    world.set(Parameters { answers_hull: Some(false), ..Parameters::default() }).expect("possible");
     let mut responses = untouched(&world);
     responses[3] = BodyResponse { response_m: Some([0.3, 0.0, 0.0]), inside_samples: 4 };
     let before = position(&world, 3).x;
@@ -203,7 +203,7 @@ fn what_cannot_be_is_refused_in_one_line_and_changes_nothing() {
         ),
         (world.release(ball, Some([99.0, 0.0, 0.0])), "velocity: [99.0, 0.0, 0.0], expected at most 50 m/s"),
         (
-            world.set(Set { hull_friction: Some(-1.0), ..Set::default() }),
+            world.set(Parameters { hull_friction: Some(-1.0), ..Parameters::default() }),
             "hull_friction is -1, expected 0 to 10",
         ),
         (
