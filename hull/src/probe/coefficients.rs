@@ -5,13 +5,13 @@ use crate::camera::{Camera, floor};
 /// A camera's coefficients, flat.
 #[derive(Clone, Copy, Debug)]
 pub struct CameraCoefficients {
-    pub(super) rotation: [[f64; 3]; 3],
-    pub(super) translation: [f64; 3],
+    pub(crate) rotation: [[f64; 3]; 3],
+    pub(crate) translation: [f64; 3],
     /// fx, skew, cx, fy, cy.
-    pub(super) affine: [f64; 5],
-    pub(super) lens: [f64; 5],
-    pub(super) straight: bool,
-    pub(super) max_radius_squared: f64,
+    pub(crate) affine: [f64; 5],
+    pub(crate) lens: [f64; 5],
+    pub(crate) straight: bool,
+    pub(crate) max_radius_squared: f64,
 }
 
 /// What is not on any image.

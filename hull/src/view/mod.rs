@@ -1,16 +1,17 @@
 //! A camera as the probes use it: what is fixed for the run, and one frame of it.
 
 mod bounds;
+pub(crate) mod sieve;
 
 use std::sync::Arc;
 
 use crate::camera::{Camera, Pixel};
 use crate::cull::Frustum;
-use crate::probe::classify::Sieve;
 use crate::probe::coefficients::CameraCoefficients;
 use crate::rule::{OutOfView, ProbeSettings};
 use crate::silhouette::{BitMap, Index, PixelRect, Silhouette};
 pub(crate) use bounds::Bounds;
+use sieve::Sieve;
 
 /// What one camera says of a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -5,9 +5,9 @@
 //! no more than the sketch's margin for points that are deeper than some limit, which is found by solving
 //! for it. Points nearer than that are in doubt. Nothing depends on how sums are rounded.
 
+use super::bounds::Bounds;
 use crate::probe::coefficients::CameraCoefficients;
 use crate::silhouette::{BitMap, CODES, COLUMNS, PixelRect, ROWS, SKETCH_SIDES, Sketch, UNKNOWN, UNSEEN};
-use crate::view::Bounds;
 
 /// What a rounding to single precision may change, and to double.
 const SINGLE: f64 = 1.0 / (1u64 << 24) as f64;
@@ -26,7 +26,7 @@ const LARGEST: f64 = 1e15;
 /// One camera at one frame: a sketch of its silhouette and how points come to it.
 #[derive(Clone, Debug)]
 pub(crate) struct Sieve {
-    pub(super) sketch: Sketch,
+    pub(crate) sketch: Sketch,
     /// Along, down and depth; with a lens that bends, the first two before it.
     rows: [Row; 3],
     /// What stands beside a straight lens is not read.
@@ -50,7 +50,7 @@ struct Row {
 
 /// A lens in single precision.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct SieveLens {
+pub(crate) struct SieveLens {
     /// k1 k2 p1 p2 k3.
     pub coefficients: [f32; 5],
     /// From bent coordinates to cells: fx, skew, cx, fy, cy.
@@ -63,7 +63,7 @@ pub(super) struct SieveLens {
 
 /// A sieve about an origin.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Sums {
+pub(crate) struct Sums {
     /// Factors of a point relative to the origin, and a constant: along, down, depth.
     pub rows: [[f32; 4]; 3],
     /// Deeper points have a certain place.
@@ -122,13 +122,13 @@ impl Sieve {
 
     /// The lens if it bends.
     #[inline(always)]
-    pub(super) fn lens(&self) -> Option<&SieveLens> {
+    pub(crate) fn lens(&self) -> Option<&SieveLens> {
         (!self.straight).then_some(&self.lens)
     }
 
     /// What every cell says, and what beyond them.
     #[inline(always)]
-    pub(super) fn codes(&self) -> &[u8; CODES] {
+    pub(crate) fn codes(&self) -> &[u8; CODES] {
         &self.sketch.codes
     }
 
@@ -137,7 +137,7 @@ impl Sieve {
     /// With a = A / Z and errors eA, eZ of both, and Z at least z: `|Δa| ≤ (eA + |a| eZ) / (z − eZ)`, which
     /// is to be the slack.
     #[inline(always)]
-    pub(super) fn about(&self, origin: &[f64; 3], largest: &[f64; 3]) -> Sums {
+    pub(crate) fn about(&self, origin: &[f64; 3], largest: &[f64; 3]) -> Sums {
         let whole: [f64; 3] = std::array::from_fn(|axis| origin[axis].abs() + largest[axis]);
         let constants = self.rows.map(|row| dot(&row.factors, origin) + row.constant);
         let sizes = self.rows.map(|row| dot(&row.factors.map(f64::abs), largest));

@@ -4,9 +4,9 @@
 
 use std::arch::x86_64::*;
 
-use super::sieve::{Sieve, SieveLens, Sums};
 use super::{BLOCK, Block};
 use crate::silhouette::ROWS;
+use crate::view::sieve::{Sieve, SieveLens, Sums};
 
 /// Sixteen numbers.
 const LANES: usize = 16;

@@ -5,7 +5,6 @@
 #[cfg(target_arch = "x86_64")]
 mod avx512;
 mod doubts;
-mod sieve;
 
 use std::ops::Range;
 
@@ -14,10 +13,9 @@ use nalgebra::Point3;
 use crate::coordinates::Coordinates;
 use crate::silhouette::{CODES, NONE};
 use crate::vector::VectorPath;
+use crate::view::sieve::Sums;
 use crate::view::{Class, View};
 use doubts::Asked;
-pub(crate) use sieve::Sieve;
-use sieve::Sums;
 
 /// Points are classified in blocks of this many: so many as stay in the nearest cache.
 pub const BLOCK: usize = 2048;

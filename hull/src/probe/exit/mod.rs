@@ -9,6 +9,7 @@
 mod bent;
 mod changes;
 mod parabola;
+mod ray;
 mod span;
 mod straight;
 mod walk;
@@ -17,7 +18,7 @@ use nalgebra::{Point3, Vector3};
 
 use crate::question::{Change, NO_EXIT_M};
 use crate::view::{Class, View};
-use bent::Unseen;
+use ray::Unseen;
 
 /// The point `a + t n`; every machine must form it alike.
 #[inline]

@@ -2,8 +2,8 @@
 
 use nalgebra::Vector2;
 
-use super::bent::{Ray, Sighted, Unseen};
 use super::parabola::Parabola;
+use super::ray::{Ray, Sighted, Unseen};
 use super::walk::{Crossing, Track};
 use crate::camera::{Camera, floor};
 use crate::silhouette::Index;

@@ -3,8 +3,7 @@
 
 use std::arch::x86_64::*;
 
-use super::cells::{Cells, NOWHERE};
-use super::{Place, ROWS};
+use super::{CellPlace, NOWHERE, Place, ROWS};
 
 /// What no gap within reach is as wide as.
 const NO_GAP: i32 = 40;
@@ -55,24 +54,24 @@ pub(super) fn key_of_rows(words: [&[u32; ROWS]; 3], place: &Place, first: i32) -
     _mm512_reduce_min_epu32(_mm512_or_si512(key, column))
 }
 
-/// See [`Cells::gaps`].
+/// See `Cells::gaps`.
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512cd,avx512vl,avx512dq")]
 pub(super) fn gaps(
     words: [&[u32; ROWS]; 3],
-    cells: &Cells,
+    start: &CellPlace,
     first: i32,
 ) -> ([i32; ROWS], [i32; ROWS], [i32; ROWS]) {
-    let (left, right) = zeros_beside(words, cells.place.bit);
+    let (left, right) = zeros_beside(words, start.cell.bit);
     // Here ones are what is looked for.
     let ones = _mm512_set1_epi32(-1);
     let (left, right) = (_mm512_xor_si512(left, ones), _mm512_xor_si512(right, ones));
     let one = _mm512_set1_epi32(1);
-    let shift = _mm_cvtsi32_si128(cells.shift as i32);
-    let side = 1 << cells.shift;
+    let shift = _mm_cvtsi32_si128(start.shift as i32);
+    let side = 1 << start.shift;
     let nowhere = _mm512_set1_epi32(NOWHERE);
     let zero = _mm512_setzero_si512();
-    let across = _mm512_set1_epi32(cells.across);
+    let across = _mm512_set1_epi32(start.across);
     let pixels_left = _mm512_sll_epi32(_mm512_lzcnt_epi32(left), shift);
     let gap_left = _mm512_add_epi32(_mm512_add_epi32(pixels_left, across), one);
     let gap_left = _mm512_mask_mov_epi32(nowhere, _mm512_test_epi32_mask(left, left), gap_left);
@@ -81,8 +80,8 @@ pub(super) fn gaps(
     let gap_right = _mm512_max_epi32(pixels_right, zero);
     let gap_right = _mm512_mask_mov_epi32(nowhere, _mm512_test_epi32_mask(right, right), gap_right);
     let rows = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
-    let cell = _mm512_add_epi32(_mm512_set1_epi32(first - cells.place.row), rows);
-    let first_row = _mm512_sub_epi32(_mm512_sll_epi32(cell, shift), _mm512_set1_epi32(cells.down));
+    let cell = _mm512_add_epi32(_mm512_set1_epi32(first - start.cell.row), rows);
+    let first_row = _mm512_sub_epi32(_mm512_sll_epi32(cell, shift), _mm512_set1_epi32(start.down));
     // The rows between: of a cell below its first row, of one above the start less its last.
     let above = _mm512_sub_epi32(_mm512_set1_epi32(1 - side), first_row);
     let between = _mm512_max_epi32(_mm512_max_epi32(first_row, above), zero);

@@ -2,7 +2,7 @@
 
 #[cfg(target_arch = "x86_64")]
 use super::avx512;
-use super::{Best, EdgePixel, Place, REACH, ROWS, by_rows, words_around, zeros_beside};
+use super::{Best, CellPlace, EdgePixel, NOWHERE, Place, REACH, ROWS, by_rows, words_around, zeros_beside};
 use crate::camera::Pixel;
 use crate::silhouette::{BitMap, Index};
 use crate::vector::VectorPath;
@@ -29,14 +29,10 @@ pub(super) fn far(index: &Index, start: Pixel, limit: i32, path: VectorPath) -> 
     if limit < seen * seen { None } else { by_rows(index.map(), start, limit) }
 }
 
-/// A pixel among cells.
-pub(super) struct Cells<'a> {
+/// The cells around a pixel.
+struct Cells<'a> {
     not_full: &'a BitMap,
-    pub(super) shift: u32,
-    pub(super) place: Place,
-    /// Where in its cell the pixel is.
-    pub(super) across: i32,
-    pub(super) down: i32,
+    start: CellPlace,
 }
 
 /// A row of cells with the gaps in pixels to the nearest that are not full, on either side.
@@ -62,9 +58,6 @@ impl Default for CellRows {
         CellRows { rows: [CellRow::default(); 2 * CELLS_SEEN as usize + 2 * ROWS], count: 0, limit: 0 }
     }
 }
-
-/// Farther than any pixel that counts.
-pub(super) const NOWHERE: i32 = 1 << 14;
 
 impl CellRow {
     fn least_squared(&self) -> i32 {
@@ -94,9 +87,10 @@ impl CellRows {
 impl<'a> Cells<'a> {
     fn around(index: &'a Index, start: Pixel) -> Cells<'a> {
         let (shift, not_full) = (index.depth().shift(), index.depth().not_full());
-        let place = Place::of(not_full, start.column >> shift, start.row >> shift);
+        let cell = Place::of(not_full, start.column >> shift, start.row >> shift);
         let mask = (1 << shift) - 1;
-        Cells { not_full, shift, place, across: start.column & mask, down: start.row & mask }
+        let start = CellPlace { cell, shift, across: start.column & mask, down: start.row & mask };
+        Cells { not_full, start }
     }
 
     /// Notes the rows of cells that are not farther than the limit, which every cell found brings down.
@@ -104,7 +98,7 @@ impl<'a> Cells<'a> {
     fn scan(&self, limit: i32, found: &mut CellRows, path: VectorPath) {
         found.limit = limit;
         let last = self.not_full.rows() as i32 - ROWS as i32;
-        let centred = (self.place.row - ROWS as i32 / 2).min(last).max(0);
+        let centred = (self.start.cell.row - ROWS as i32 / 2).min(last).max(0);
         self.scan_rows(path, centred, centred, centred + ROWS as i32, found);
         let (mut above, mut below) = (centred, centred + ROWS as i32);
         let gap = |row: i32| self.rows_to(row).pow(2);
@@ -125,11 +119,11 @@ impl<'a> Cells<'a> {
 
     /// Rows of pixels between the start and a row of cells.
     fn rows_to(&self, row: i32) -> i32 {
-        let cells = row - self.place.row;
+        let cells = row - self.start.cell.row;
         match cells {
             0 => 0,
-            1.. => (cells << self.shift) - self.down,
-            _ => ((-cells - 1) << self.shift) + self.down + 1,
+            1.. => (cells << self.start.shift) - self.start.down,
+            _ => ((-cells - 1) << self.start.shift) + self.start.down + 1,
         }
     }
 
@@ -139,29 +133,29 @@ impl<'a> Cells<'a> {
     fn gaps(&self, path: VectorPath, first: i32) -> ([i32; ROWS], [i32; ROWS], [i32; ROWS]) {
         #[cfg(target_arch = "x86_64")]
         if path == VectorPath::Avx512 {
-            let words = words_around(self.not_full, &self.place, first);
+            let words = words_around(self.not_full, &self.start.cell, first);
             #[allow(unsafe_code, reason = "the path was asked whether it is available when it was chosen")]
-            return unsafe { avx512::gaps(words, self, first) };
+            return unsafe { avx512::gaps(words, &self.start, first) };
         }
         let _ = path;
-        let side = 1 << self.shift;
+        let side = 1 << self.start.shift;
         // The maps of cells are padded, so that they have sixteen rows.
-        let (left, right) = zeros_beside::<ROWS>(self.not_full, &self.place, first);
+        let (left, right) = zeros_beside::<ROWS>(self.not_full, &self.start.cell, first);
         let (mut gaps_left, mut gaps_right, mut most) = ([0i32; ROWS], [0i32; ROWS], [0i32; ROWS]);
         for at in 0..ROWS {
             // Here ones are what is looked for.
             let (left, right) = (!left[at], !right[at]);
             let cells_left = left.leading_zeros() as i32;
             let cells_right = 31 - (right & right.wrapping_neg()).leading_zeros() as i32;
-            let gap_left = (cells_left << self.shift) + self.across + 1;
-            let gap_right = ((cells_right << self.shift) - self.across).max(0);
+            let gap_left = (cells_left << self.start.shift) + self.start.across + 1;
+            let gap_right = ((cells_right << self.start.shift) - self.start.across).max(0);
             // The cell below or above the start has columns on both sides of it.
             let gap_left = if left == 0 { NOWHERE } else { gap_left };
             let gap_left = if right & 1 != 0 { 1 } else { gap_left };
             let gap_right = if right == 0 { NOWHERE } else { gap_right };
-            let cells = first + at as i32 - self.place.row;
-            let after = (cells << self.shift) - self.down;
-            let before = self.down + 1 - ((cells + 1) << self.shift);
+            let cells = first + at as i32 - self.start.cell.row;
+            let after = (cells << self.start.shift) - self.start.down;
+            let before = self.start.down + 1 - ((cells + 1) << self.start.shift);
             let rows = after.max(before).max(0);
             let widest = gap_left.min(gap_right) + side - 1;
             gaps_left[at] = gap_left;
@@ -181,7 +175,7 @@ impl<'a> Cells<'a> {
             let at = (row - first) as usize;
             let rows = self.rows_to(row);
             let cell_row = CellRow {
-                first_row: ((row - self.place.row) << self.shift) - self.down,
+                first_row: ((row - self.start.cell.row) << self.start.shift) - self.start.down,
                 rows_squared: rows * rows,
                 gap_left: gaps_left[at],
                 gap_right: gaps_right[at],

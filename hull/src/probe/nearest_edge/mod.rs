@@ -108,6 +108,20 @@ struct Place {
     row: i32,
 }
 
+/// A pixel among square cells of pixels.
+struct CellPlace {
+    /// Its cell.
+    cell: Place,
+    /// The side of a cell is two to this power.
+    shift: u32,
+    /// Where in its cell the pixel is.
+    across: i32,
+    down: i32,
+}
+
+/// A gap to nothing: farther than any pixel that counts.
+const NOWHERE: i32 = 1 << 14;
+
 impl Place {
     #[inline(always)]
     fn of(map: &BitMap, column: i32, row: i32) -> Place {
