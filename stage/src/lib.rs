@@ -10,6 +10,7 @@
 
 mod camera_stage;
 mod figure;
+mod lifted_box;
 mod material;
 mod maths;
 mod motion;

@@ -7,24 +7,17 @@ use hull::body::{BodyError, Pose};
 use nalgebra::{Matrix3, Vector3};
 use thiserror::Error;
 
+use crate::lifted_box::BoxState;
+pub use crate::lifted_box::{BOX_REST_M, BOX_RISE_M, BOX_SIZE_M, TABLE_HEIGHT_M};
 use crate::maths::turn_z;
 use crate::motion::Motion;
 use crate::motions::lift;
 use crate::solid::{Material, Solid};
 
-/// The table's top face is this high, metres.
-pub const TABLE_HEIGHT_M: f64 = 0.80;
 /// The table's top: across (x), thick (y), deep (z), metres.
 pub const TABLE_TOP_M: [f64; 3] = [0.80, 0.04, 0.60];
 /// The middle of the table on the floor.
 pub const TABLE_PLACE_M: [f64; 3] = [0.0, 0.0, 0.52];
-/// The lifted box: across (x), high (y), deep (z), metres.
-pub const BOX_SIZE_M: [f64; 3] = [0.50, 0.35, 0.40];
-/// The middle of the box while it rests on the table.
-pub const BOX_REST_M: [f64; 3] = [0.0, TABLE_HEIGHT_M + 0.5 * BOX_SIZE_M[1], 0.46];
-/// How far the box is lifted, metres.
-pub const BOX_RISE_M: f64 = 0.35;
-
 /// A real thing in the studio. Without the person all stay where they are at time 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Prop {
@@ -57,7 +50,7 @@ impl Prop {
         match self {
             Prop::Table => Pose::new(TABLE_PLACE_M, [0.0, 0.0, 0.0, 1.0]),
             Prop::LiftedBox => {
-                let state = BoxState::at(motion, moving, time_s);
+                let state = box_state(motion, moving, time_s);
                 let (s, c) = libm::sincos(0.5 * state.tilt_rad);
                 Pose::new(state.centre_world_m(), [0.0, 0.0, s, c])
             }
@@ -69,7 +62,7 @@ impl Prop {
         match self {
             Prop::Table => table(solids),
             Prop::LiftedBox => {
-                let state = BoxState::at(motion, moving, time_s);
+                let state = box_state(motion, moving, time_s);
                 let centre = Vector3::from(state.centre_world_m());
                 let half = Vector3::from(BOX_SIZE_M) * 0.5;
                 solids.push(Solid::cuboid(centre, turn_z(state.tilt_rad), half, Material::Cardboard));
@@ -95,24 +88,12 @@ impl FromStr for Prop {
     }
 }
 
-/// Where the lifted box is: up from its rest, and turned about the axis through its middle along +Z.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct BoxState {
-    pub rise_m: f64,
-    pub tilt_rad: f64,
-}
-
-impl BoxState {
-    pub fn at(motion: Motion, moving: bool, time_s: f64) -> BoxState {
-        if motion == Motion::Lift && moving {
-            lift::box_state(motion.since_s(time_s) % lift::LIFT_PERIOD_S)
-        } else {
-            BoxState { rise_m: 0.0, tilt_rad: 0.0 }
-        }
-    }
-
-    pub fn centre_world_m(self) -> [f64; 3] {
-        [BOX_REST_M[0], BOX_REST_M[1] + self.rise_m, BOX_REST_M[2]]
+/// Where the lifted box is at a time of the film, seconds.
+fn box_state(motion: Motion, moving: bool, time_s: f64) -> BoxState {
+    if motion == Motion::Lift && moving {
+        lift::box_state(motion.since_s(time_s) % lift::LIFT_PERIOD_S)
+    } else {
+        BoxState { rise_m: 0.0, tilt_rad: 0.0 }
     }
 }
 

@@ -3,8 +3,8 @@
 use nalgebra::Vector3;
 
 use super::{at, mix_arms};
+use crate::lifted_box::{BOX_RISE_M, BOX_SIZE_M, BoxState};
 use crate::maths::{ease, turn_z};
-use crate::props::{BOX_RISE_M, BOX_SIZE_M, BoxState};
 use crate::skeleton::{ArmTarget, Targets, side_sign};
 
 /// Seconds of the whole lift, from neutral to neutral.
