@@ -7,9 +7,14 @@ use super::{
     Format, ImportError, ImportOptions, Imported, TextFile, from_aniposelib, from_matrices, from_opencv,
     from_qualisys, from_svoboda,
 };
+use crate::file::{ReadError, read_text};
 
 /// Calibrations are small; anything larger is something else.
 const MAX_BYTES: u64 = 16 << 20;
+/// The calibration files of a folder together.
+const MAX_FOLDER_BYTES: u64 = 64 << 20;
+/// How names of calibration files in a folder end; pictures and films may stand beside them.
+const ENDINGS: [&str; 8] = [".xml", ".yml", ".yaml", ".txt", ".cal", ".rad", ".dat", ".P"];
 
 /// Imports a calibration file or folder, in the format that [`detect`] finds unless one is named.
 pub fn import(path: &Path, format: Option<Format>, options: &ImportOptions) -> Result<Imported, ImportError> {
@@ -75,20 +80,13 @@ fn shown(path: &Path) -> String {
     path.display().to_string()
 }
 
-fn read_error(path: &Path) -> impl FnOnce(std::io::Error) -> ImportError {
-    move |error| ImportError::Read { file: shown(path), error }
+fn unreadable<E: Into<ReadError>>(path: &Path) -> impl FnOnce(E) -> ImportError {
+    move |error| ImportError::Read { file: shown(path), error: error.into() }
 }
 
 /// One text file under its whole path.
 fn one(path: &Path) -> Result<TextFile, ImportError> {
-    let size = fs::metadata(path).map_err(read_error(path))?.len();
-    if size > MAX_BYTES {
-        let found = format!("{size} bytes");
-        return Err(ImportError::key(&shown(path), "size", found, "a calibration file under 16 MiB"));
-    }
-    let bytes = fs::read(path).map_err(read_error(path))?;
-    let text = String::from_utf8(bytes)
-        .map_err(|_| ImportError::Unknown { file: shown(path), expected: "a text file in UTF-8" })?;
+    let text = read_text(path, MAX_BYTES).map_err(unreadable(path))?;
     Ok(TextFile { path: shown(path).replace('\\', "/"), text })
 }
 
@@ -100,18 +98,22 @@ fn several(path: &Path, wanted: impl Fn(&TextFile) -> bool) -> Result<Vec<TextFi
         file.path = path.file_name().map_or(file.path, |name| name.to_string_lossy().into_owned());
         return Ok(vec![file]);
     }
-    let mut files = Vec::new();
+    let mut names = Vec::new();
     for (name, is_folder) in entries(path)? {
+        if is_folder {
+            let inner = entries(&path.join(&name))?;
+            names.extend(inner.into_iter().filter(|leaf| !leaf.1).map(|leaf| format!("{name}/{}", leaf.0)));
+        } else {
+            names.push(name);
+        }
+    }
+    let mut files = Vec::new();
+    let mut left_bytes = MAX_FOLDER_BYTES;
+    for name in names.into_iter().filter(|name| ENDINGS.iter().any(|ending| name.ends_with(ending))) {
         let inner = path.join(&name);
-        if !is_folder {
-            files.extend(text_file(&inner, name)?);
-            continue;
-        }
-        for (leaf, is_folder) in entries(&inner)? {
-            if !is_folder {
-                files.extend(text_file(&inner.join(&leaf), format!("{name}/{leaf}"))?);
-            }
-        }
+        let text = read_text(&inner, MAX_BYTES.min(left_bytes)).map_err(unreadable(&inner))?;
+        left_bytes -= text.len() as u64;
+        files.push(TextFile { path: name, text });
     }
     files.retain(wanted);
     Ok(files)
@@ -120,22 +122,13 @@ fn several(path: &Path, wanted: impl Fn(&TextFile) -> bool) -> Result<Vec<TextFi
 /// Names of a folder's entries in order, and whether they are folders.
 fn entries(folder: &Path) -> Result<Vec<(String, bool)>, ImportError> {
     let mut found = Vec::new();
-    for entry in fs::read_dir(folder).map_err(read_error(folder))? {
-        let path = entry.map_err(read_error(folder))?.path();
+    for entry in fs::read_dir(folder).map_err(unreadable(folder))? {
+        let path = entry.map_err(unreadable(folder))?.path();
         let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         found.push((name, path.is_dir()));
     }
     found.sort();
     Ok(found)
-}
-
-/// A file of a folder if its name is that of a calibration text; pictures and films may stand beside.
-fn text_file(path: &Path, name: String) -> Result<Option<TextFile>, ImportError> {
-    const ENDINGS: [&str; 8] = [".xml", ".yml", ".yaml", ".txt", ".cal", ".rad", ".dat", ".P"];
-    if !ENDINGS.iter().any(|ending| name.ends_with(ending)) {
-        return Ok(None);
-    }
-    one(path).map(|file| Some(TextFile { path: name, ..file }))
 }
 
 #[cfg(test)]

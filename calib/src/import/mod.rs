@@ -5,7 +5,9 @@
 //! metres and, when told which axis is up, turns them to +Y up.
 
 mod axes;
+mod entry;
 mod folder;
+mod natural_order;
 mod opencv;
 mod projection;
 mod qualisys;
@@ -18,6 +20,8 @@ use std::str::FromStr;
 
 use hull::{Camera, CameraError, Rig, RigError};
 use thiserror::Error;
+
+use crate::file::ReadError;
 
 pub use axes::{Axis, UnknownAxis};
 pub use folder::{detect, import};
@@ -113,7 +117,7 @@ pub enum ImportError {
         /// Which.
         file: String,
         /// Why.
-        error: std::io::Error,
+        error: ReadError,
     },
     /// The content is of no known format.
     #[error("{file}: found no calibration, expected {expected}")]

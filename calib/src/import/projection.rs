@@ -5,7 +5,7 @@ use hull::Camera;
 use hull::rotation::rotation_defect;
 use nalgebra::{Matrix3, Matrix3x4, Vector3};
 
-use super::opencv::natural_key;
+use super::natural_order::natural_key;
 use super::{ImportError, ImportOptions, Imported, TextFile, axes, numbers, size_of, stem};
 
 /// A rotation farther than this from `R Rᵀ = 1` is none; nearer ones were printed with few digits.

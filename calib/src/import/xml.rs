@@ -1,12 +1,36 @@
 //! A small XML file as a tree: what calibration files need of XML.
 
 use quick_xml::Reader;
+use quick_xml::encoding::EncodingError;
+use quick_xml::events::attributes::AttrError;
 use quick_xml::events::{BytesStart, Event};
+use thiserror::Error;
 
 use super::{ImportError, TextFile};
 
 /// Calibration files nest four deep; a bound keeps hostile ones off the stack.
 const MAX_DEPTH: usize = 32;
+/// Cameras have a dozen; each is compared with those before it.
+const MAX_ATTRIBUTES: usize = 100;
+
+/// Why a text is no such tree.
+#[derive(Debug, Error)]
+enum XmlError {
+    #[error(transparent)]
+    Malformed(#[from] quick_xml::Error),
+    #[error(transparent)]
+    Attribute(#[from] AttrError),
+    #[error(transparent)]
+    Encoding(#[from] EncodingError),
+    #[error("elements nested more than {MAX_DEPTH} deep")]
+    Depth,
+    #[error("an element with more than {MAX_ATTRIBUTES} attributes")]
+    Attributes,
+    #[error("the end inside an element")]
+    Cut,
+    #[error("no element")]
+    Empty,
+}
 
 /// An element with its attributes, text and child elements.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -30,24 +54,27 @@ impl Element {
 /// The document's root element.
 pub(super) fn parse(file: &TextFile) -> Result<Element, ImportError> {
     let mut reader = Reader::from_str(&file.text);
+    root(&mut reader).map_err(|error| {
+        let at = usize::try_from(reader.buffer_position()).unwrap_or(usize::MAX);
+        let before = file.text.get(..at).unwrap_or(&file.text);
+        let line = before.matches('\n').count() + 1;
+        let (file, found) = (file.path.clone(), error.to_string());
+        ImportError::Syntax { file, line, found, expected: "well-formed XML" }
+    })
+}
+
+fn root(reader: &mut Reader<&[u8]>) -> Result<Element, XmlError> {
     let mut open = vec![Element::default()];
     loop {
-        let event = reader.read_event();
-        let at = usize::try_from(reader.buffer_position()).unwrap_or(usize::MAX);
-        let wrong = |found: String| {
-            let before = file.text.get(..at).unwrap_or(&file.text);
-            let line = before.matches('\n').count() + 1;
-            ImportError::Syntax { file: file.path.clone(), line, found, expected: "well-formed XML" }
-        };
-        match event.map_err(|error| wrong(error.to_string()))? {
+        match reader.read_event()? {
             Event::Start(tag) => {
                 if open.len() > MAX_DEPTH {
-                    return Err(wrong(format!("elements nested more than {MAX_DEPTH} deep")));
+                    return Err(XmlError::Depth);
                 }
-                open.push(element(&tag).map_err(wrong)?);
+                open.push(element(&tag)?);
             }
             Event::Empty(tag) => {
-                let child = element(&tag).map_err(wrong)?;
+                let child = element(&tag)?;
                 if let Some(parent) = open.last_mut() {
                     parent.children.push(child);
                 }
@@ -58,27 +85,30 @@ pub(super) fn parse(file: &TextFile) -> Result<Element, ImportError> {
                 }
             }
             Event::Text(text) => {
-                let text = text.decode().map_err(|error| wrong(error.to_string()))?;
+                let text = text.decode()?;
                 if let Some(parent) = open.last_mut() {
                     parent.text.push_str(&text);
                 }
             }
-            Event::Eof if open.len() > 1 => return Err(wrong("the end inside an element".to_owned())),
+            Event::Eof if open.len() > 1 => return Err(XmlError::Cut),
             Event::Eof => {
                 let root = open.pop().and_then(|mut document| document.children.pop());
-                return root.ok_or_else(|| wrong("no element".to_owned()));
+                return root.ok_or(XmlError::Empty);
             }
             _ => {}
         }
     }
 }
 
-fn element(tag: &BytesStart) -> Result<Element, String> {
+fn element(tag: &BytesStart) -> Result<Element, XmlError> {
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     let mut element = Element { name: text(tag.name().as_ref()), ..Element::default() };
     for attribute in tag.attributes() {
-        let attribute = attribute.map_err(|error| error.to_string())?;
-        let value = attribute.unescape_value().map_err(|error| error.to_string())?;
+        let attribute = attribute?;
+        if element.attributes.len() == MAX_ATTRIBUTES {
+            return Err(XmlError::Attributes);
+        }
+        let value = attribute.unescape_value()?;
         element.attributes.push((text(attribute.key.as_ref()), value.into_owned()));
     }
     Ok(element)
@@ -107,5 +137,8 @@ mod tests {
         assert!(read("<a>\n</b>").expect_err("wrong end").to_string().starts_with("f.xml: line 2: "));
         assert!(read("").is_err());
         assert!(read(&"<a>".repeat(1000)).expect_err("too deep").to_string().contains("nested"));
+        let many: String = (0..200_000).map(|number| format!(" a{number}=\"1\"")).collect();
+        let wide = read(&format!("<a{many}/>")).expect_err("too many attributes").to_string();
+        assert!(wide.contains("more than 100 attributes"), "{wide}");
     }
 }

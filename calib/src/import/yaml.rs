@@ -1,7 +1,9 @@
 //! The subset of YAML that OpenCV's FileStorage writes. It is not standard YAML: the first line is
 //! `%YAML:1.0`, matrices carry the tag `!!opencv-matrix`, and numbers may end in a point.
 
-use super::opencv::Entry;
+use std::iter;
+
+use super::entry::Entry;
 use super::{ImportError, TextFile, numbers};
 
 /// The top-level keys with numbers: scalars, lists in brackets, and maps with rows, cols and data.
@@ -61,20 +63,18 @@ fn value_from(file: &TextFile, lines: &[(usize, &str)], at: usize) -> Result<(St
     let value =
         if value.starts_with("!!") { value.split_once(' ').map_or("", |(_, rest)| rest) } else { value };
     let Some(list) = value.strip_prefix('[') else { return Ok((value.to_owned(), at + 1)) };
-    let mut text = list.to_owned();
-    let mut next = at + 1;
-    while !text.contains(']') {
-        let Some((_, line)) = lines.get(next) else {
-            let (line, found) = (lines[at].0, "a list without an end".to_owned());
-            return Err(ImportError::Syntax { file: file.path.clone(), line, found, expected: "]" });
-        };
+    let mut text = String::new();
+    let parts = iter::once(list).chain(lines[at + 1..].iter().map(|&(_, line)| line));
+    for (part, next) in parts.zip(at + 1..) {
+        if let Some((last, _)) = part.split_once(']') {
+            text.push_str(last);
+            return Ok((text.replace('[', " "), next));
+        }
+        text.push_str(part);
         text.push(' ');
-        text.push_str(line);
-        next += 1;
     }
-    let end = text.find(']').unwrap_or(text.len());
-    text.truncate(end);
-    Ok((text.replace('[', " "), next))
+    let (line, found) = (lines[at].0, "a list without an end".to_owned());
+    Err(ImportError::Syntax { file: file.path.clone(), line, found, expected: "]" })
 }
 
 #[cfg(test)]
@@ -108,5 +108,14 @@ mod tests {
         let word = read("K: !!opencv-matrix\n  rows: 1\n  cols: 1\n  data: [ one ]\n").expect_err("a word");
         assert_eq!(word.to_string(), "f.yml: K: found \"one\" in its data, expected numbers");
         assert!(read("nonsense\n").is_err());
+    }
+
+    /// Megabytes: reading them again for every line would take minutes.
+    #[test]
+    fn a_list_of_many_lines_is_read_once() {
+        let lines = "0\n".repeat(1_500_000);
+        let list = read(&format!("K: [ {lines} ]\nnext: 1\n")).expect("a list");
+        assert_eq!((list.len(), list[0].numbers.as_ref().map(Vec::len)), (2, Some(1_500_000)));
+        assert!(read(&format!("K: [ {lines}")).is_err());
     }
 }

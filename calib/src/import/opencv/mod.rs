@@ -6,18 +6,10 @@ use std::collections::BTreeMap;
 use hull::Camera;
 use nalgebra::{Matrix3, Vector3};
 
+use super::entry::Entry;
+use super::natural_order::natural_key;
 use super::projection::{Placement, placed};
 use super::{ImportError, ImportOptions, Imported, TextFile, axes, numbers, size_of, stem, xml, yaml};
-
-/// A top-level key of a FileStorage.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Entry {
-    pub(super) key: String,
-    /// Rows and columns, of matrices.
-    pub(super) shape: Option<(usize, usize)>,
-    /// Its numbers in row order, if it has numbers.
-    pub(super) numbers: Option<Vec<f64>>,
-}
 
 /// The known names of each thing, in lower case without `_`.
 const MATRIX: &[&str] = &["cameramatrix", "k", "m", "m1", "k1", "mtx", "intrinsicmatrix", "intrinsics"];
@@ -81,24 +73,6 @@ fn in_natural_order<T>(groups: BTreeMap<&str, T>) -> Vec<(&str, T)> {
     let mut groups: Vec<(&str, T)> = groups.into_iter().collect();
     groups.sort_by_key(|(name, _)| natural_key(name));
     groups
-}
-
-/// A key to sort names by, with their numbers as numbers.
-pub(super) fn natural_key(name: &str) -> Vec<(u64, String)> {
-    let mut parts: Vec<(u64, String)> = Vec::new();
-    let mut digits = String::new();
-    for c in name.chars().chain(['\0']) {
-        if c.is_ascii_digit() {
-            digits.push(c);
-            continue;
-        }
-        if !digits.is_empty() {
-            parts.push((digits.parse().unwrap_or(u64::MAX), String::new()));
-            digits.clear();
-        }
-        parts.push((0, c.to_string()));
-    }
-    parts
 }
 
 /// The one file that says all, else all files together; `None` without a camera matrix.
