@@ -4,26 +4,23 @@ use std::net::SocketAddr;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use camera_node::capture::{Film, Lesson, Pace};
-use camera_node::frames::{FilmState, FrameRing};
 use camera_node::service::Node;
 use camera_node::source::{SourceConfig, StageConfig};
 use camera_node::{NodeCamera, NodeConfig};
+use cluster::{InProcess, expected_node};
 use coordinator::live::{Command, Done, Follower, Parameters, WorldState, live};
 use coordinator::record::{EndRecord, FrameRecord, Recorder, Schedule, Scheduled, Sees, StepRecord};
 use coordinator::{
-    Asks, CameraFacts, Coordinator, ExpectedCamera, ExpectedNode, Figures, FrameFacts, LocalFrames, Progress,
-    RunSettings, Snapshot, Transport, Watcher,
+    Asks, Coordinator, Figures, LocalFrames as _, Progress, RunSettings, Snapshot, Transport, Watcher,
 };
-use hull::{Observer, ProbeSettings, Rig, Silhouette, ViewSet};
+use hull::{Observer, ProbeSettings, Rig};
 use proto::Address;
 use segment::SegmentSettings;
 use sim::{BodyRequest, Scene, World, WorldSettings};
 use stage::{Motion, Prop};
-use tokio::sync::watch;
 
 const FPS: f64 = 30.0;
-const PATIENCE: Duration = Duration::from_secs(60);
+const TIMEOUT: Duration = Duration::from_secs(60);
 
 /// Cameras in a small studio, and what is to happen there.
 struct Studio {
@@ -52,10 +49,7 @@ impl Studio {
     }
 
     fn in_process(&self) -> Transport {
-        let config = self.config(0..4);
-        let ring = Arc::new(FrameRing::new(config.cameras.len()));
-        let film = Film::prepare(&config, Arc::clone(&ring)).expect("films");
-        Transport::in_process(Box::new(Local { film, ring }))
+        Transport::in_process(Box::new(InProcess::prepare(&self.config(0..4)).expect("films")))
     }
 
     /// Two nodes of two cameras each, served in this process.
@@ -69,16 +63,7 @@ impl Studio {
             let node = Node::open(self.config(cameras.clone()), listen, false).await.expect("opens");
             let address: Address = node.address().expect("bound").to_string().parse().expect("an address");
             tokio::spawn(node.serve(std::future::pending()));
-            let camera = |index: usize| {
-                let camera = &self.rig.cameras()[index];
-                ExpectedCamera {
-                    name: camera.name().to_owned(),
-                    rig_index: index as u16,
-                    size: (camera.width(), camera.height()),
-                    calibration_digest: camera.digest(),
-                }
-            };
-            nodes.push(ExpectedNode { address, cameras: cameras.map(camera).collect() });
+            nodes.push(expected_node(&self.rig, address, &cameras.collect::<Vec<_>>()));
         }
         let shapes = world.moving_bodies().map(|body| Arc::clone(&body.shape)).collect();
         let gather = (layout == "gather").then(|| self.observers());
@@ -104,7 +89,7 @@ impl Studio {
             lock_step: self.lock_step,
             asks: Asks::EachFrame,
             reuse_within_m: 0.0,
-            connect_patience: PATIENCE,
+            connect_patience: TIMEOUT,
         };
         Coordinator::new(transport, self.world(), self.observers(), settings)
     }
@@ -116,73 +101,6 @@ const SCENE: &str = "
     shape.box.size = [0.2, 0.2, 0.2]
     count = 3
     place.stack.foot = [0.6, 0.0, 0.3]";
-
-/// Cameras that are filmed in this process.
-struct Local {
-    film: Film,
-    ring: Arc<FrameRing>,
-}
-
-impl LocalFrames for Local {
-    fn start(&self, pace: coordinator::Pace) -> Result<(), String> {
-        let coordinator::Pace { epoch_unix_s, lock_step } = pace;
-        self.film.start(Pace { epoch_unix_s, lock_step }).map_err(|error| error.to_string())
-    }
-
-    fn credit(&self, up_to_frame: u64) {
-        self.film.credit(up_to_frame);
-    }
-
-    fn watch(&self) -> watch::Receiver<u64> {
-        self.ring.watch()
-    }
-
-    fn frames(&self) -> Vec<u64> {
-        self.ring.news(None).1.iter().map(|frame| frame.number).collect()
-    }
-
-    fn facts(&self, frame: u64) -> Option<FrameFacts> {
-        let frame = self.ring.get(frame).ok()?;
-        let cameras = frame.cameras.iter().map(|camera| CameraFacts {
-            rig_index: camera.rig_index,
-            admitted: camera.admitted,
-            area: camera.silhouette.area(),
-            silhouette_bytes: camera.bytes.len() as u32,
-            segment_ms: camera.segment_ms,
-        });
-        Some(FrameFacts {
-            frame: frame.number,
-            capture_time_s: frame.capture_time_s,
-            captured_unix_s: frame.captured_unix_s,
-            cameras: cameras.collect(),
-            skipped: frame.skipped,
-        })
-    }
-
-    fn film(&self) -> coordinator::FilmState {
-        match self.ring.state() {
-            FilmState::Running => coordinator::FilmState::Running,
-            FilmState::Ended => coordinator::FilmState::Ended,
-            FilmState::Failed(why) => coordinator::FilmState::Failed(why),
-        }
-    }
-
-    fn with_views(&self, frame: u64, use_views: &mut dyn FnMut(&ViewSet)) -> bool {
-        self.ring.get(frame).is_ok_and(|frame| {
-            use_views(&frame.views);
-            true
-        })
-    }
-
-    fn silhouettes(&self, frame: u64) -> Option<Vec<Arc<Silhouette>>> {
-        let frame = self.ring.get(frame).ok()?;
-        Some(frame.cameras.iter().map(|camera| Arc::clone(&camera.silhouette)).collect())
-    }
-
-    fn take_background(&self, first_frame: u64, frames: u64) -> Result<(), String> {
-        self.film.take_background(Lesson { first_frame, frames })
-    }
-}
 
 struct Quiet;
 
@@ -311,7 +229,7 @@ async fn commands_at_the_same_steps_are_the_same_run_over_every_layout_and_from_
 /// The world once it is as asked.
 async fn seen(follower: &mut Follower, is_it: impl Fn(&WorldState) -> bool) -> Arc<WorldState> {
     let found = follower.world.wait_for(|world| world.as_deref().is_some_and(&is_it));
-    let found = tokio::time::timeout(PATIENCE, found).await.expect("in time").expect("the run goes on");
+    let found = tokio::time::timeout(TIMEOUT, found).await.expect("in time").expect("the run goes on");
     found.clone().expect("a world")
 }
 
@@ -422,7 +340,7 @@ async fn cameras_without_a_background_say_so_and_none_of_the_others_learns() {
     let studio = Studio::new(Motion::Idle, 0.3);
     let mut config = studio.config(0..4);
     config.cameras[2].segmentation.method = segment::Method::Chroma;
-    let film = Film::prepare(&config, Arc::new(FrameRing::new(4))).expect("films");
-    let refused = film.take_background(Lesson { first_frame: 1, frames: 30 }).expect_err("refused");
+    let cameras = InProcess::prepare(&config).expect("films");
+    let refused = cameras.take_background(1, 30).expect_err("refused");
     assert_eq!(refused, "camera \"cam_2\" learns no background: it is keyed by colour");
 }

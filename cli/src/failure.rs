@@ -1,8 +1,14 @@
 //! How the program fails: bad input is told from a run that failed.
 
 use std::fmt::{self, Display};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
+
+use camera_node::capture::CaptureError;
+use cluster::{ClusterFileError, LocalClusterError, NodeConfigError};
+
+/// The longest message, characters.
+const MAX_CHARS: usize = 4000;
 
 /// What a subcommand returns.
 pub type Outcome<T = ()> = Result<T, Failure>;
@@ -53,42 +59,39 @@ impl Display for Failure {
     }
 }
 
+impl From<ClusterFileError> for Failure {
+    fn from(error: ClusterFileError) -> Failure {
+        Failure::input(error)
+    }
+}
+
+impl From<NodeConfigError> for Failure {
+    fn from(error: NodeConfigError) -> Failure {
+        Failure::input(error)
+    }
+}
+
+impl From<LocalClusterError> for Failure {
+    fn from(error: LocalClusterError) -> Failure {
+        match error {
+            LocalClusterError::Input { .. } => Failure::input(error),
+            LocalClusterError::Folder(_)
+            | LocalClusterError::Start { .. }
+            | LocalClusterError::Failed { .. }
+            | LocalClusterError::Address { .. } => Failure::run(error),
+        }
+    }
+}
+
+impl From<CaptureError> for Failure {
+    fn from(error: CaptureError) -> Failure {
+        Failure::run(error)
+    }
+}
+
+/// Part of a message may come from another process or a file: nothing in it moves the cursor or forges a line.
 fn one_line(problem: impl Display) -> String {
     let text = problem.to_string();
-    text.lines().map(str::trim).filter(|line| !line.is_empty()).collect::<Vec<_>>().join(", ")
-}
-
-/// Writes a file whole or not at all: beside it first, then in its place. What is no regular file (a
-/// device, a pipe) is written to as it is.
-pub fn write_whole(path: &Path, contents: &[u8]) -> Outcome {
-    if is_special(path) {
-        return std::fs::write(path, contents).map_err(|error| Failure::unwritable(path, error));
-    }
-    let beside = beside(path);
-    let written = std::fs::write(&beside, contents).and_then(|()| std::fs::rename(&beside, path));
-    written.map_err(|error| {
-        // What is left of a failed attempt helps nobody.
-        let _ = std::fs::remove_file(&beside);
-        Failure::unwritable(path, error)
-    })
-}
-
-/// Asks before a long run, not after it, whether a file can be written.
-pub fn check_writable(flag: &str, path: &Path) -> Outcome {
-    if is_special(path) {
-        return Ok(());
-    }
-    let beside = beside(path);
-    let tried = std::fs::write(&beside, b"").and_then(|()| std::fs::remove_file(&beside));
-    tried.map_err(|error| Failure::input(format_args!("{flag} {}: {error}", path.display())))
-}
-
-fn is_special(path: &Path) -> bool {
-    path.metadata().is_ok_and(|metadata| !metadata.is_file())
-}
-
-fn beside(path: &Path) -> PathBuf {
-    let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(".partial");
-    path.with_file_name(name)
+    let lines = text.lines().map(str::trim).filter(|line| !line.is_empty()).collect::<Vec<_>>().join(", ");
+    proto::text::clean(&lines, MAX_CHARS)
 }

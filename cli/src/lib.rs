@@ -2,9 +2,11 @@
 //! terminal, sizes on the command line.
 
 mod failure;
+mod output_file;
 mod progress;
 mod size;
 
-pub use crate::failure::{Failure, Outcome, check_writable, write_whole};
+pub use crate::failure::{Failure, Outcome};
+pub use crate::output_file::{check_writable, write_whole};
 pub use crate::progress::{Progress, while_working};
 pub use crate::size::parse_size;

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 /// Shorter work shows nothing.
-const PATIENCE: Duration = Duration::from_secs(1);
+const SHOWN_AFTER: Duration = Duration::from_secs(1);
 
 /// A bar that appears when work has taken longer than a second and standard error is a terminal.
 pub struct Progress {
@@ -28,7 +28,7 @@ impl Progress {
 
     /// One more step is done.
     pub fn step(&mut self) {
-        if !self.is_shown && self.began.elapsed() > PATIENCE {
+        if !self.is_shown && self.began.elapsed() > SHOWN_AFTER {
             // Draws nothing where standard error is no terminal.
             self.bar.set_draw_target(ProgressDrawTarget::stderr());
             self.is_shown = true;
@@ -53,7 +53,7 @@ pub fn while_working<T: Send>(what: &'static str, work: impl FnOnce() -> T + Sen
             // Short naps first: quick work should not wait for its end to be noticed.
             let nap = (began.elapsed() / 8).clamp(Duration::from_micros(200), Duration::from_millis(100));
             thread::sleep(nap);
-            if began.elapsed() > PATIENCE {
+            if began.elapsed() > SHOWN_AFTER {
                 let spinner = spinner.get_or_insert_with(|| ProgressBar::new_spinner().with_message(what));
                 spinner.tick();
             }

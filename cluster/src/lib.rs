@@ -2,9 +2,11 @@
 
 mod cluster_file;
 mod expand;
-mod local;
+mod in_process;
+mod local_cluster;
 mod node_config;
 
 pub use crate::cluster_file::{CameraEntry, ClusterFile, ClusterFileError, SceneChoice};
-pub use crate::local::{InProcess, LocalCluster, LocalPictures, Sockets, expected_node};
-pub use crate::node_config::{ignored_pixels, node_config, read_cluster_file};
+pub use crate::in_process::{InProcess, LocalPictures};
+pub use crate::local_cluster::{LocalCluster, LocalClusterError, Sockets};
+pub use crate::node_config::{NodeConfigError, expected_node};

@@ -1,61 +1,101 @@
-//! From a cluster file to what a node films.
+//! From a cluster file to what a node films, and to what a coordinator expects of it.
 
-use camera_node::source::{FileConfig, Image, OpenContext};
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use camera_node::source::{FileConfig, Image, OpenContext, SourceError};
 use camera_node::{NodeCamera, NodeConfig, SourceConfig};
-use cli::{Failure, Outcome};
-use hull::Silhouette;
+use coordinator::{ExpectedCamera, ExpectedNode};
+use hull::silhouette::SilhouetteError;
+use hull::{Camera, Rig, Silhouette};
+use proto::Address;
+use thiserror::Error;
 
 use crate::cluster_file::{CameraEntry, ClusterFile};
 
-/// Reads a cluster file with the environment's variables.
-pub fn read_cluster_file(path: &std::path::Path) -> Outcome<ClusterFile> {
-    ClusterFile::read(path, &|name| std::env::var(name).ok()).map_err(Failure::input)
+/// Why cameras of a cluster file cannot be set up.
+#[derive(Debug, Error)]
+pub enum NodeConfigError {
+    /// An ignore mask cannot be read.
+    #[error(transparent)]
+    MaskFile(#[from] SourceError),
+    /// An ignore mask is no silhouette.
+    #[error("{}: {source}", path.display())]
+    Mask {
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        source: SilhouetteError,
+    },
+    /// A camera cannot film the room without the person.
+    #[error("--empty: camera {camera:?} has no background to film instead")]
+    NoBackground {
+        /// Its name.
+        camera: String,
+    },
 }
 
-/// A node's configuration from the cluster file's entries at `indices`, ascending.
-pub fn node_config(file: &ClusterFile, indices: &[usize], empty: bool) -> Outcome<NodeConfig> {
-    let camera = |&index: &usize| {
-        let entry = &file.cameras[index];
-        let camera = file.rig.cameras()[index].clone();
+impl ClusterFile {
+    /// The configuration of a node that serves the cameras at `indices` of the rig, ascending. Reads their
+    /// ignore masks. `empty`: the scene without the person.
+    pub fn node_config(&self, indices: &[usize], empty: bool) -> Result<NodeConfig, NodeConfigError> {
+        let cameras =
+            indices.iter().map(|&index| self.node_camera(index, empty)).collect::<Result<_, _>>()?;
+        Ok(NodeConfig { cameras, settings: self.probes, fps: self.fps })
+    }
+
+    /// The configuration of all cameras, in rig order.
+    pub fn rig_config(&self, empty: bool) -> Result<NodeConfig, NodeConfigError> {
+        let indices: Vec<usize> = (0..self.cameras.len()).collect();
+        self.node_config(&indices, empty)
+    }
+
+    fn node_camera(&self, index: usize, empty: bool) -> Result<NodeCamera, NodeConfigError> {
+        let entry = &self.cameras[index];
+        let camera = self.rig.cameras()[index].clone();
         Ok(NodeCamera {
             ignored: ignored(entry, &camera)?,
             camera,
             rig_index: index as u16,
-            source: if empty { emptied(entry)? } else { entry.source.clone() },
+            source: if empty { empty_room(entry)? } else { entry.source.clone() },
             background: entry.background.clone(),
             segmentation: entry.segmentation.clone(),
         })
-    };
-    let cameras = indices.iter().map(camera).collect::<Outcome<_>>()?;
-    Ok(NodeConfig { cameras, settings: file.probes, fps: file.fps })
-}
-
-/// What each camera ignores, in rig order, from the masks that the cluster file names.
-pub fn ignored_pixels(file: &ClusterFile) -> Outcome<Vec<Option<Silhouette>>> {
-    file.cameras.iter().zip(file.rig.cameras()).map(|(entry, camera)| ignored(entry, camera)).collect()
+    }
 }
 
 /// The scene without the person.
-fn emptied(entry: &CameraEntry) -> Outcome<SourceConfig> {
+fn empty_room(entry: &CameraEntry) -> Result<SourceConfig, NodeConfigError> {
     if let SourceConfig::Stage(stage) = &entry.source {
         let mut stage = stage.clone();
         stage.person = false;
         return Ok(SourceConfig::Stage(stage));
     }
-    entry.background.clone().ok_or_else(|| {
-        Failure::input(format_args!("--empty: camera {:?} has no background to film instead", entry.name))
-    })
+    entry.background.clone().ok_or_else(|| NodeConfigError::NoBackground { camera: entry.name.clone() })
 }
 
-fn ignored(entry: &CameraEntry, camera: &hull::Camera) -> Outcome<Option<Silhouette>> {
+fn ignored(entry: &CameraEntry, camera: &Camera) -> Result<Option<Silhouette>, NodeConfigError> {
     let Some(path) = &entry.ignore_mask else { return Ok(None) };
-    let context = OpenContext { fps: 1.0, clock: std::sync::Arc::new(|| 0.0) };
+    let context = OpenContext { fps: 1.0, clock: Arc::new(|| 0.0) };
     let mut image = Image::default();
-    let mut source = SourceConfig::Masks(FileConfig::new(path))
-        .open(camera, entry.rig_index, &context)
-        .map_err(Failure::input)?;
-    source.next(0, &mut image).map_err(Failure::input)?;
+    let mut source = SourceConfig::Masks(FileConfig::new(path)).open(camera, entry.rig_index, &context)?;
+    source.next(0, &mut image)?;
     let mask: Vec<u8> = image.data.iter().map(|&pixel| u8::from(pixel > 127)).collect();
-    let silhouette = Silhouette::from_mask(image.width, image.height, &mask);
-    silhouette.map(Some).map_err(|error| Failure::unreadable(path, error))
+    Silhouette::from_mask(image.width, image.height, &mask)
+        .map(Some)
+        .map_err(|source| NodeConfigError::Mask { path: path.clone(), source })
+}
+
+/// What a coordinator must find at an address: the cameras at `indices` of the rig.
+pub fn expected_node(rig: &Rig, address: Address, indices: &[usize]) -> ExpectedNode {
+    let camera = |&index: &usize| {
+        let camera = &rig.cameras()[index];
+        ExpectedCamera {
+            name: camera.name().to_owned(),
+            rig_index: index as u16,
+            size: (camera.width(), camera.height()),
+            calibration_digest: camera.digest(),
+        }
+    };
+    ExpectedNode { address, cameras: indices.iter().map(camera).collect() }
 }

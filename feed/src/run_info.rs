@@ -3,6 +3,7 @@
 use hull::rule::OutOfView;
 use hull::{Camera, ProbeSettings, Rig, Silhouette};
 use nalgebra::{Matrix3, Point3, Vector3};
+use sim::ResponseMode;
 
 /// Points along each edge of the grid that looks for the working volume.
 const GRID: usize = 41;
@@ -20,6 +21,8 @@ pub struct RunInfo {
     pub fps: f64,
     /// A step of the world, seconds.
     pub step_s: f64,
+    /// How bodies answer the hull.
+    pub response: ResponseMode,
     /// From capture to the step that sees it, seconds.
     pub latency_s: f64,
     /// The unit vector against gravity, world.
@@ -133,6 +136,7 @@ pub(crate) mod tests {
             probes: ProbeSettings::new(rule, NormalWindow::Auto, 1.0).expect("settings"),
             fps: 30.0,
             step_s: 1.0 / 120.0,
+            response: ResponseMode::Paper,
             latency_s: 0.06,
             up: [0.0, 1.0, 0.0],
             floor_m: Some(0.0),

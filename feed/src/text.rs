@@ -39,7 +39,7 @@ pub fn hello(facts: &RunInfo, volume: &Volume, session: &str, is_controller: boo
         "floor_m": facts.floor_m,
         "volume": {"low": volume.low_m, "high": volume.high_m},
         "scenes": Scene::names().collect::<Vec<_>>(),
-        "responses": ["paper", "off"],
+        "responses": [facts.response.name(), "off"],
         "colour": facts.has_colour,
         "replay": facts.is_replay,
     })

@@ -4,6 +4,7 @@
 //! which file, which key, what was found and what was expected.
 
 mod command;
+mod interrupt;
 mod picture;
 mod run;
 

@@ -26,6 +26,15 @@ pub enum ResponseMode {
     Paper,
 }
 
+impl ResponseMode {
+    /// Its name in options, files and messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            ResponseMode::Paper => "paper",
+        }
+    }
+}
+
 /// What a pass found for one moving body.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BodyResponse {

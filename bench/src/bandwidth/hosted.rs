@@ -14,7 +14,6 @@ use tokio::task::JoinHandle as Task;
 use crate::cluster::film::Film;
 use cli::{Failure, Outcome};
 use cluster::expected_node;
-use cluster::node_config;
 
 /// Nodes on a thread of their own, one a camera; they end with it.
 pub struct Hosted {
@@ -27,8 +26,8 @@ impl Hosted {
     /// Serves every camera of a film on a loopback port of its own.
     pub fn start(film: &Film) -> Outcome<Hosted> {
         let file = film.file.clone();
-        let configs = (0..file.cameras.len()).map(|index| node_config(&file, &[index], false));
-        let configs = configs.collect::<Outcome<Vec<_>>>()?;
+        let configs = (0..file.cameras.len()).map(|index| file.node_config(&[index], false));
+        let configs = configs.collect::<Result<Vec<_>, _>>()?;
         let (stop, stopped) = watch::channel(());
         let (tell, told) = channel();
         let runtime =
@@ -47,7 +46,7 @@ impl Hosted {
         });
         let addresses = told.recv().map_err(|_| Failure::run("the nodes of the bench panicked"))??;
         let nodes = addresses.into_iter().enumerate();
-        let nodes = nodes.map(|(index, address)| expected_node(&file, address, &[index])).collect();
+        let nodes = nodes.map(|(index, address)| expected_node(&file.rig, address, &[index])).collect();
         Ok(Hosted { nodes, stop: Some(stop), thread: Some(thread) })
     }
 

@@ -17,7 +17,6 @@ use super::random::Random;
 use cli::Progress;
 use cli::{Failure, Outcome};
 use cluster::ClusterFile;
-use cluster::read_cluster_file;
 
 /// Frames of the film a second.
 pub const FPS: f64 = 30.0;
@@ -67,14 +66,14 @@ impl Film {
         let silhouettes = silhouettes.collect();
         let (low, high) =
             Stage::new(&settings).bounds_world(START_S).ok_or_else(|| Failure::run("nobody is there"))?;
-        let file = read_cluster_file(&write_cluster(folder.path(), &rig, plan.nodes)?)?;
+        let file = ClusterFile::open(&write_cluster(folder.path(), &rig, plan.nodes)?)?;
         let person_world = WorldBox { min: low.into(), max: high.into() };
         Ok(Film { plan, file, person_world, silhouettes, folder })
     }
 
     /// The same film for another number of nodes.
     pub fn spread_over(&mut self, nodes: usize) -> Outcome {
-        self.file = read_cluster_file(&write_cluster(self.folder.path(), &self.file.rig, nodes)?)?;
+        self.file = ClusterFile::open(&write_cluster(self.folder.path(), &self.file.rig, nodes)?)?;
         self.plan.nodes = nodes;
         Ok(())
     }

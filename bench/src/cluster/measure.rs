@@ -58,7 +58,7 @@ pub fn measured(
     sockets: SocketName,
     passes: u64,
 ) -> Outcome<Vec<Row>> {
-    let cluster = LocalCluster::start_over(sockets.sockets(), &film.file, false)?;
+    let cluster = LocalCluster::start(&film.file, sockets.sockets(), false)?;
     let mut connected = Connected::to(film, cluster.nodes().to_vec(), bodies, Answered::ByNodes)?;
     let mut rows = Vec::new();
     for &count in &setting.bodies {

@@ -223,6 +223,11 @@ impl ClusterFile {
         check::Checker { path, absolute: &absolute, variables }.cluster(&file)
     }
 
+    /// The same with the variables of this process's environment.
+    pub fn open(path: &Path) -> Result<ClusterFile, ClusterFileError> {
+        ClusterFile::read(path, &|name| std::env::var(name).ok())
+    }
+
     /// Reads the scene, under the gravity of this file if it has one.
     pub fn load_scene(&self) -> Result<Scene, ClusterFileError> {
         let refused =

@@ -117,6 +117,7 @@ impl Run {
             probes: ProbeSettings::default(),
             fps: FPS,
             step_s: 1.0 / 120.0,
+            response: sim::ResponseMode::Paper,
             latency_s: 0.06,
             up: [0.0, 1.0, 0.0],
             floor_m: Some(0.0),

@@ -5,11 +5,12 @@ use std::time::Duration;
 
 use clap::Args;
 
-use crate::command::record::RecordOptions;
 use crate::run::outlets::PageArguments;
-use crate::run::{AskName, ResponseName, Setup, TransportName, check_response, run_deployed};
+use crate::run::recording::RecordOptions;
+use crate::run::run_deployed;
+use crate::run::setup::{AskName, ResponseName, Setup, TransportName, checked_seconds, world_settings};
 use cli::{Failure, Outcome};
-use cluster::read_cluster_file;
+use cluster::ClusterFile;
 
 /// Ask the nodes of a cluster file, merge their answers and step the world.
 #[derive(Debug, Args)]
@@ -53,20 +54,20 @@ pub struct CoordinatorArguments {
 
 /// Runs until film or time ends.
 pub fn run(arguments: &CoordinatorArguments) -> Outcome {
-    check_response(arguments.response)?;
+    let response = arguments.response.mode()?;
     if arguments.transport == TransportName::Inprocess {
         return Err(Failure::input("--transport inprocess has no nodes, expected cluster or gather"));
     }
     let patience = Duration::try_from_secs_f64(arguments.patience)
         .map_err(|error| Failure::input(format_args!("--patience {}: {error}", arguments.patience)))?;
-    let file = read_cluster_file(&arguments.cluster)?;
+    let file = ClusterFile::open(&arguments.cluster)?;
     let scene = file.load_scene().map_err(Failure::input)?;
     let setup = Setup {
-        seed: arguments.seed.or(file.seed).unwrap_or(1),
+        world: world_settings(&scene, arguments.seed.or(file.seed).unwrap_or(1), response),
         file,
         scene,
         transport: arguments.transport,
-        ask: AskName::default(),
+        asks: AskName::default().into(),
         lock_step: arguments.unpaced,
         empty: false,
         seconds: checked_seconds(arguments.seconds)?,
@@ -77,14 +78,4 @@ pub fn run(arguments: &CoordinatorArguments) -> Outcome {
         record: arguments.record.checked()?,
     };
     run_deployed(&setup, patience)
-}
-
-/// Film seconds that make sense.
-pub fn checked_seconds(seconds: Option<f64>) -> Outcome<Option<f64>> {
-    match seconds {
-        Some(seconds) if !(seconds > 0.0 && seconds <= 1e6) => {
-            Err(Failure::input(format_args!("--seconds is {seconds}, expected more than 0")))
-        }
-        seconds => Ok(seconds),
-    }
 }

@@ -6,13 +6,14 @@ use clap::Args;
 use sim::Scene;
 use stage::{Motion, Prop, studio_rig};
 
-use crate::command::coordinator::checked_seconds;
-use crate::command::record::RecordOptions;
 use crate::run::outlets::PageArguments;
-use crate::run::{AskName, PrecisionName, ResponseName, Setup, TransportName, check_response, run_locally};
-use cli::{Failure, Outcome};
+use crate::run::recording::RecordOptions;
+use crate::run::run_locally;
+use crate::run::setup::{
+    AskName, PrecisionName, ResponseName, Setup, TransportName, checked_seconds, world_settings,
+};
+use cli::{Failure, Outcome, parse_size};
 use cluster::ClusterFile;
-use cluster::read_cluster_file;
 
 /// From capture to the step that sees it: rendering and segmenting eight cameras on two cores takes
 /// most of a frame's time.
@@ -89,9 +90,10 @@ pub struct StudioArguments {
 
 /// Runs until film or time ends, or Ctrl-C.
 pub fn run(arguments: DemoArguments) -> Outcome {
-    check_response(arguments.response)?;
+    let response = arguments.response.mode()?;
     let seconds = checked_seconds(arguments.seconds)?;
     let outlets = arguments.page.checked(arguments.headless)?;
+    let record = arguments.record.checked()?;
     if cfg!(debug_assertions) {
         tracing::warn!("this is a debug build and slow: build with --release, or run `cargo demo`");
     }
@@ -108,11 +110,11 @@ pub fn run(arguments: DemoArguments) -> Outcome {
         file.precision = precision.into();
     }
     let setup = Setup {
-        seed: arguments.studio.seed.or(file.seed).unwrap_or(1),
+        world: world_settings(&scene, arguments.studio.seed.or(file.seed).unwrap_or(1), response),
         file,
         scene,
         transport: arguments.transport,
-        ask: arguments.ask,
+        asks: arguments.ask.into(),
         lock_step: arguments.unpaced,
         empty: arguments.empty,
         seconds,
@@ -120,7 +122,7 @@ pub fn run(arguments: DemoArguments) -> Outcome {
         outlets,
         json: arguments.json,
         snapshots: arguments.snapshot,
-        record: arguments.record.checked()?,
+        record,
     };
     run_locally(&setup)
 }
@@ -128,7 +130,7 @@ pub fn run(arguments: DemoArguments) -> Outcome {
 impl StudioArguments {
     /// A cluster file and its scene, or another one.
     pub fn cluster(&self, path: &Path) -> Outcome<(ClusterFile, Scene)> {
-        let file = read_cluster_file(path)?;
+        let file = ClusterFile::open(path)?;
         let scene = match &self.scene {
             Some(scene) => load_scene(scene)?,
             None => file.load_scene().map_err(Failure::input)?,
@@ -178,7 +180,7 @@ impl StudioArguments {
         std::fs::write(folder.join("rig.toml"), rig.to_toml())
             .map_err(|error| Failure::unwritable(folder, error))?;
         std::fs::write(&path, text).map_err(|error| Failure::unwritable(&path, error))?;
-        Ok((read_cluster_file(&path)?, scene))
+        Ok((ClusterFile::open(&path)?, scene))
     }
 }
 
@@ -191,11 +193,4 @@ fn load_scene(name: &str) -> Outcome<Scene> {
     let text = std::fs::read_to_string(path).map_err(|error| Failure::unreadable(path, error))?;
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
     Scene::from_toml(&name, &text).map_err(|error| Failure::unreadable(path, error))
-}
-
-/// `WxH` in pixels.
-pub fn parse_size(text: &str) -> Result<(u32, u32), String> {
-    let wrong = || format!("found {text:?}, expected WxH in pixels, like 640x480");
-    let (width, height) = text.split_once('x').ok_or_else(wrong)?;
-    Ok((width.parse().map_err(|_| wrong())?, height.parse().map_err(|_| wrong())?))
 }

@@ -7,9 +7,11 @@ use camera_node::listen::Listen;
 use camera_node::service::{Node, ServeError};
 use clap::Args;
 use cli::{Failure, Outcome};
-use cluster::{ClusterFile, node_config, read_cluster_file};
+use cluster::ClusterFile;
 use proto::Address;
 use tokio::io::AsyncReadExt as _;
+
+use crate::interrupt::interrupted;
 
 /// Serve cameras of a cluster file: film them, keep their silhouettes, answer probes.
 #[derive(Debug, Args)]
@@ -38,13 +40,13 @@ pub struct NodeArguments {
 
 /// Serves until Ctrl-C.
 pub fn run(arguments: &NodeArguments) -> Outcome {
-    let file = read_cluster_file(&arguments.cluster)?;
+    let file = ClusterFile::open(&arguments.cluster)?;
     let indices = camera_indices(&file, &arguments.cameras)?;
     let address = match &arguments.listen {
         Some(address) => address.clone(),
         None => address_in_file(&file, &indices)?,
     };
-    let config = node_config(&file, &indices, arguments.empty)?;
+    let config = file.node_config(&indices, arguments.empty)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::run)?;
     let served = runtime.block_on(async {
         let node = tokio::select! {
@@ -60,7 +62,7 @@ pub fn run(arguments: &NodeArguments) -> Outcome {
     served
 }
 
-/// Tells on standard output where the node listens: a parent that gave port 0 waits for this line.
+/// Prints the address at which the node listens: a parent that gave port 0 waits for this line.
 fn announce(address: &Listen) -> Outcome {
     let mut stdout = std::io::stdout().lock();
     writeln!(stdout, "listening on {address}").and_then(|()| stdout.flush()).map_err(Failure::run)
@@ -77,8 +79,8 @@ fn serve_failure(error: ServeError) -> Failure {
     }
 }
 
-/// Completes on Ctrl-C, on a request to terminate, and if asked for at the end of standard input.
-pub async fn stopped(with_stdin: bool) {
+/// Completes when the program is asked to end, and with `with_stdin` at the end of standard input.
+async fn stopped(with_stdin: bool) {
     let stdin_ended = async {
         if !with_stdin {
             return std::future::pending().await;
@@ -90,21 +92,6 @@ pub async fn stopped(with_stdin: bool) {
     tokio::select! {
         () = interrupted() => {},
         () = stdin_ended => {},
-    }
-}
-
-/// Completes on Ctrl-C or a request to terminate.
-pub async fn interrupted() {
-    use tokio::signal::unix::{SignalKind, signal};
-    let terminate = async {
-        match signal(SignalKind::terminate()) {
-            Ok(mut terminate) => drop(terminate.recv().await),
-            Err(_) => std::future::pending().await,
-        }
-    };
-    tokio::select! {
-        _ = tokio::signal::ctrl_c() => {},
-        () = terminate => {},
     }
 }
 

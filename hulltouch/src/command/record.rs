@@ -1,23 +1,20 @@
-//! `hulltouch record`, and recording in other runs.
+//! `hulltouch record`.
 
 use std::path::PathBuf;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 
 use clap::Args;
-use coordinator::Asks;
-use proto::convert::Precision;
-use recording::{ColourSource, Overwrites, RecordingFile, RunHeader, RunRecorder, WriteError};
-use sim::WorldSettings;
+use cli::{Failure, Outcome};
+use sim::ResponseMode;
 
-use crate::command::coordinator::checked_seconds;
 use crate::command::demo::StudioArguments;
 use crate::run::outlets::Outlets;
-use crate::run::{AskName, Setup, TransportName, run_deployed, run_locally};
-use cli::{Failure, Outcome};
-use cluster::node_config;
+use crate::run::recording::RecordTo;
+use crate::run::setup::{AskName, Setup, TransportName, checked_seconds, world_settings};
+use crate::run::{run_deployed, run_locally};
 
-/// How long deployed nodes are waited for.
-const CONNECT_PATIENCE: Duration = Duration::from_secs(60);
+/// How long deployed nodes may take to connect.
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(60);
 
 /// Record a run: silhouettes, steps and bodies in an MCAP file, for `hulltouch replay` and other tools.
 #[derive(Debug, Args)]
@@ -49,48 +46,6 @@ pub struct RecordArguments {
     json: Option<PathBuf>,
 }
 
-/// Recording beside whatever else a run does.
-#[derive(Debug, Args)]
-pub struct RecordOptions {
-    /// Record the run in an MCAP file, for `hulltouch replay` and other tools.
-    #[arg(long, value_name = "FILE")]
-    record: Option<PathBuf>,
-    /// Keep the colours around the foreground, too.
-    #[arg(long = "record-colour", requires = "record")]
-    colour: bool,
-    /// Replace the file of --record if it is there.
-    #[arg(long, requires = "record")]
-    force: bool,
-}
-
-/// Where a run is recorded.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct RecordTo {
-    /// The file.
-    pub path: PathBuf,
-    /// Whether it may take the place of another.
-    pub overwrites: Overwrites,
-    /// With colours.
-    pub colour: bool,
-}
-
-impl RecordTo {
-    fn checked(path: PathBuf, force: bool, colour: bool) -> Outcome<RecordTo> {
-        if path.exists() && !force {
-            return Err(Failure::input(WriteError::Exists(path)));
-        }
-        let overwrites = if force { Overwrites::AtTheEnd } else { Overwrites::Never };
-        Ok(RecordTo { path, overwrites, colour })
-    }
-}
-
-impl RecordOptions {
-    /// Says now what would fail later.
-    pub fn checked(&self) -> Outcome<Option<RecordTo>> {
-        self.record.clone().map(|path| RecordTo::checked(path, self.force, self.colour)).transpose()
-    }
-}
-
 /// Runs until film or time ends, or Ctrl-C.
 pub fn run(arguments: RecordArguments) -> Outcome {
     let record = RecordTo::checked(arguments.file, arguments.force, arguments.colour)?;
@@ -101,11 +56,15 @@ pub fn run(arguments: RecordArguments) -> Outcome {
     };
     let is_deployed = file.cameras.iter().all(|camera| camera.node.is_some());
     let setup = Setup {
-        seed: arguments.studio.seed.or(file.seed).unwrap_or(1),
+        world: world_settings(
+            &scene,
+            arguments.studio.seed.or(file.seed).unwrap_or(1),
+            ResponseMode::default(),
+        ),
         file,
         scene,
         transport: TransportName::Cluster,
-        ask: AskName::default(),
+        asks: AskName::default().into(),
         lock_step: arguments.unpaced,
         empty: false,
         seconds: checked_seconds(arguments.seconds)?,
@@ -115,48 +74,5 @@ pub fn run(arguments: RecordArguments) -> Outcome {
         snapshots: None,
         record: Some(record),
     };
-    if is_deployed { run_deployed(&setup, CONNECT_PATIENCE) } else { run_locally(&setup) }
-}
-
-/// Begins the recording of a run.
-pub fn begin(
-    setup: &Setup,
-    to: &RecordTo,
-    world: WorldSettings,
-    colours: Option<ColourSource>,
-) -> Outcome<(RunRecorder, RecordingFile)> {
-    let all: Vec<usize> = (0..setup.file.cameras.len()).collect();
-    let cameras = node_config(&setup.file, &all, false)?.cameras;
-    let header = RunHeader {
-        program: env!("CARGO_PKG_VERSION").to_owned(),
-        began_unix_s: SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64()),
-        rig: setup.file.rig.clone(),
-        ignored: cameras.into_iter().map(|camera| camera.ignored).collect(),
-        fps: setup.file.fps,
-        latency_s: setup.file.latency_s,
-        hold_s: setup.file.hold_s,
-        probes: setup.file.probes,
-        scene: setup.scene.clone(),
-        world,
-        // Only questions to nodes are ever rounded.
-        precision: match setup.transport {
-            TransportName::Cluster => setup.file.precision,
-            TransportName::Gather | TransportName::Inprocess => Precision::Exact,
-        },
-        asks: match setup.ask {
-            AskName::Frame => Asks::EachFrame,
-            AskName::Step => Asks::EachStep,
-        },
-        transport: setup.transport.name().to_owned(),
-        lock_step: setup.lock_step,
-    };
-    recording::record(&to.path, to.overwrites, &header, colours).map_err(failure)
-}
-
-/// A recording that failed.
-pub fn failure(error: WriteError) -> Failure {
-    match error {
-        WriteError::Exists(_) => Failure::input(error),
-        WriteError::Unwritable { .. } => Failure::run(error),
-    }
+    if is_deployed { run_deployed(&setup, CONNECT_TIMEOUT) } else { run_locally(&setup) }
 }

@@ -5,13 +5,14 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use clap::Args;
-use coordinator::{Asks, Transport};
+use coordinator::Transport;
 use recording::{Recording, StepCheck};
 use serde_json::json;
 
-use crate::run::colours::FilePictures;
 use crate::run::outlets::{PageArguments, PageSource};
-use crate::run::{AskName, Course, Setup, TransportName, play, prepare_outputs};
+use crate::run::play::{RunPlan, play};
+use crate::run::recorded_pictures::RecordingPictures;
+use crate::run::setup::{Setup, TransportName};
 use cli::{Failure, Outcome};
 use cluster::{ClusterFile, SceneChoice};
 
@@ -45,27 +46,27 @@ pub fn run(arguments: &ReplayArguments) -> Outcome {
     }
     let steps = recording.steps().map_err(Failure::input)?;
     let frames = recording.frames().map_err(Failure::input)?;
-    let pictures = FilePictures::new(recording.pictures().map_err(Failure::input)?);
+    let pictures = RecordingPictures::new(recording.pictures().map_err(Failure::input)?);
     let check = StepCheck::of(&steps);
     let header = recording.header();
     let setup = setup(&recording, arguments)?;
-    prepare_outputs(&setup)?;
-    let course = Course {
-        world: header.world,
+    setup.prepare_outputs()?;
+    let plan = RunPlan {
         observers: header.observers(),
         recorder: Some(check.recorder()),
         schedule: Some(Box::new(steps)),
         file: None,
-        pictures: Some(PageSource {
+        page: Some(PageSource {
             pictures: Box::new(move || Arc::new(pictures)),
             ignored: header.ignored.clone(),
             has_colour: recording.has_colour(),
             is_replay: true,
         }),
+        connect_timeout: Duration::ZERO,
     };
-    let mut played = play(&setup, course, |_, _| Transport::in_process(Box::new(frames)), Duration::ZERO)?;
+    let mut outcome = play(&setup, plan, |_, _| Transport::in_process(Box::new(frames)))?;
     let difference = check.difference().map(|difference| difference.to_string());
-    played.json["replay"] = json!({
+    outcome.json["replay"] = json!({
         "file": arguments.file.display().to_string(),
         "program": header.program,
         "steps": check.steps(),
@@ -74,8 +75,8 @@ pub fn run(arguments: &ReplayArguments) -> Outcome {
         "cut_off": recording.cut_off(),
         "difference": difference,
     });
-    played.summary += &summary(&recording, &check);
-    played.tell(&setup)?;
+    outcome.summary += &summary(&recording, &check);
+    outcome.report(&setup)?;
     let problem = difference.or_else(|| check.problem());
     if let Some(problem) = problem {
         let (file, recorded, this) = (arguments.file.display(), &header.program, env!("CARGO_PKG_VERSION"));
@@ -85,7 +86,7 @@ pub fn run(arguments: &ReplayArguments) -> Outcome {
     }
     // A run that never had a hull was made again all the same.
     let is_whole = check.steps() == recording.step_count();
-    played.failure.filter(|_| !is_whole).map_or(Ok(()), Err)
+    outcome.failure.filter(|_| !is_whole).map_or(Ok(()), Err)
 }
 
 fn summary(recording: &Recording, check: &StepCheck) -> String {
@@ -120,12 +121,9 @@ fn setup(recording: &Recording, arguments: &ReplayArguments) -> Outcome<Setup> {
     Ok(Setup {
         file,
         scene: header.scene.clone(),
-        seed: header.world.seed,
+        world: header.world,
         transport: TransportName::Inprocess,
-        ask: match header.asks {
-            Asks::EachFrame => AskName::Frame,
-            Asks::EachStep => AskName::Step,
-        },
+        asks: header.asks,
         lock_step: arguments.unpaced,
         empty: false,
         seconds: None,

@@ -4,17 +4,15 @@ use std::io::Write as _;
 use std::net::{SocketAddr, ToSocketAddrs as _};
 use std::sync::Arc;
 
-use camera_node::SourceConfig;
+use camera_node::{NodeConfig, SourceConfig};
 use clap::Args;
 use coordinator::live::{Follower, Live, live};
 use feed::pictures::Pictures;
 use feed::{Feed, FeedError, FeedSettings, Origin, Osc, RunInfo, Token};
 use hull::Silhouette;
 
-use crate::run::Setup;
+use super::setup::Setup;
 use cli::{Failure, Outcome};
-use cluster::ClusterFile;
-use cluster::ignored_pixels;
 
 /// Where the page is unless somebody says otherwise.
 const LISTEN: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(std::net::Ipv4Addr::LOCALHOST), 8470);
@@ -86,14 +84,18 @@ pub struct PageSource {
 }
 
 impl PageSource {
-    /// Of the cameras of a cluster file, whose ignore masks are read.
+    /// Of these cameras.
     pub fn of_cameras<P: Pictures + 'static>(
-        file: &ClusterFile,
+        config: &NodeConfig,
         pictures: impl FnOnce() -> Arc<P> + 'static,
-    ) -> Outcome<PageSource> {
-        let has_colour = file.cameras.iter().any(|camera| !matches!(camera.source, SourceConfig::Masks(_)));
-        let ignored = ignored_pixels(file)?;
-        Ok(PageSource { pictures: Box::new(move || pictures()), ignored, has_colour, is_replay: false })
+    ) -> PageSource {
+        let cameras = &config.cameras;
+        PageSource {
+            pictures: Box::new(move || pictures()),
+            ignored: cameras.iter().map(|camera| camera.ignored.clone()).collect(),
+            has_colour: cameras.iter().any(|camera| !matches!(camera.source, SourceConfig::Masks(_))),
+            is_replay: false,
+        }
     }
 }
 
@@ -108,7 +110,7 @@ fn osc_address(text: &str) -> Outcome<SocketAddr> {
 
 /// Serves a run where its outlets say. What is returned beside the server belongs to the run; without a source
 /// there is no page.
-pub fn serve(setup: &Setup, step_s: f64, source: Option<PageSource>) -> Outcome<Option<(Served, Live)>> {
+pub fn serve(setup: &Setup, source: Option<PageSource>) -> Outcome<Option<(Served, Live)>> {
     let Outlets { page, osc } = &setup.outlets;
     let page = page.as_ref().zip(source);
     if page.is_none() && osc.is_none() {
@@ -117,14 +119,13 @@ pub fn serve(setup: &Setup, step_s: f64, source: Option<PageSource>) -> Outcome<
     let (live, follower) = live();
     let osc = osc.map(|to| Osc::start(to, follower.clone()));
     let osc = osc.transpose().map_err(|why| Failure::input(format_args!("--osc: {why}")))?;
-    let page = page.map(|(settings, source)| serve_page(setup, settings, step_s, follower, source));
+    let page = page.map(|(settings, source)| serve_page(setup, settings, follower, source));
     Ok(Some((Served { _page: page.transpose()?, _osc: osc }, live)))
 }
 
 fn serve_page(
     setup: &Setup,
     settings: &FeedSettings,
-    step_s: f64,
     follower: Follower,
     source: PageSource,
 ) -> Outcome<Feed> {
@@ -134,7 +135,8 @@ fn serve_page(
         ignored: source.ignored,
         probes: file.probes,
         fps: file.fps,
-        step_s,
+        step_s: setup.world.dt_s,
+        response: setup.world.response,
         latency_s: file.latency_s,
         up: setup.scene.up(),
         floor_m: setup.scene.floor().map(|floor| floor.height_m),

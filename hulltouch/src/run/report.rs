@@ -6,7 +6,7 @@ use recording::Recorded;
 use serde_json::{Value, json};
 use sim::World;
 
-use crate::run::Setup;
+use super::setup::Setup;
 
 /// One picture: from where it was taken, and the intersection over union of the hull drawn into real cameras.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,9 +36,9 @@ pub fn json(setup: &Setup, figures: &Figures, world: &World, overlaps: &[Overlap
         "height": height,
         "fps": setup.file.fps,
         "transport": setup.transport.name(),
-        "response": "paper",
+        "response": setup.world.response.name(),
         "scene": setup.scene.name(),
-        "seed": setup.seed,
+        "seed": setup.world.seed,
         "lock_step": setup.lock_step,
         "wall_s": figures.wall_s,
         "frames": figures.frames,

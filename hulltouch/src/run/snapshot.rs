@@ -11,8 +11,8 @@ use hull::{Camera, Observer, Rig, Silhouette, View};
 use nalgebra::{Point3, Vector3};
 use sim::Body;
 
+use super::report::Overlap;
 use crate::picture::{PictureScene, interest, overlaps, overview_camera, render};
-use crate::run::report::Overlap;
 use cli::{Failure, Outcome};
 
 /// Pictures that wait to be drawn at most: each holds a frame's silhouettes. A run a second of film

@@ -87,9 +87,7 @@ impl RunHeader {
             scene: Some(scene_text(&self.scene)),
             seed: self.world.seed,
             dt_s: self.world.dt_s,
-            response: match self.world.response {
-                ResponseMode::Paper => "paper".into(),
-            },
+            response: self.world.response.name().into(),
             mirror_restitution: self.world.mirror_restitution,
             hull_friction: self.world.hull_friction,
             covering_radius_m: self.world.covering_radius_m,

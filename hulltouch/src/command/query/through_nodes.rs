@@ -11,13 +11,12 @@ use toml::Value;
 
 use super::Query;
 use cli::{Failure, Outcome};
-use cluster::LocalCluster;
-use cluster::read_cluster_file;
+use cluster::{ClusterFile, LocalCluster, Sockets};
 
 /// How long nodes may take to answer to their addresses, and to read a silhouette.
-const START_PATIENCE: Duration = Duration::from_secs(30);
+const START_TIMEOUT: Duration = Duration::from_secs(30);
 /// How long a round may take: the most points that there may be, with distortion, on a slow machine.
-const ROUND_PATIENCE: Duration = Duration::from_secs(600);
+const ROUND_TIMEOUT: Duration = Duration::from_secs(600);
 /// A single image is frame 0 of its source.
 const FRAME: u64 = 0;
 
@@ -26,8 +25,8 @@ pub fn results(query: &Query) -> Outcome<Vec<BodyResult>> {
     let folder = tempfile::tempdir().map_err(Failure::run)?;
     let path = folder.path().join("query.cluster.toml");
     write_cluster(query, folder.path(), &path).map_err(|error| Failure::unwritable(folder.path(), error))?;
-    let file = read_cluster_file(&path)?;
-    let cluster = LocalCluster::start(&file, false)?;
+    let file = ClusterFile::open(&path)?;
+    let cluster = LocalCluster::start(&file, Sockets::default(), false)?;
     let mut pass = query.pass(&query.view_set(), cluster.nodes().len());
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::run)?;
     runtime.block_on(async {
@@ -39,21 +38,21 @@ pub fn results(query: &Query) -> Outcome<Vec<BodyResult>> {
 }
 
 async fn asked(transport: &mut Transport, pass: &mut Pass) -> Result<(), String> {
-    transport.ready(START_PATIENCE).await?;
+    transport.ready(START_TIMEOUT).await?;
     transport.start(Pace { epoch_unix_s: 0.0, lock_step: true }).await?;
     transport.credit(FRAME);
-    let deadline = Instant::now() + START_PATIENCE;
+    let deadline = Instant::now() + START_TIMEOUT;
     while transport.newest_common(FRAME).is_none() {
         if let FilmState::Failed(problem) = transport.film(FRAME) {
             return Err(problem);
         }
         if Instant::now() > deadline {
-            let waited_s = START_PATIENCE.as_secs();
+            let waited_s = START_TIMEOUT.as_secs();
             return Err(format!("nodes have not read their silhouettes within {waited_s} s"));
         }
         transport.told(Duration::from_millis(50)).await;
     }
-    transport.run_pass(pass, FRAME, ROUND_PATIENCE, &mut |_, _| {}).await
+    transport.run_pass(pass, FRAME, ROUND_TIMEOUT, &mut |_, _| {}).await
 }
 
 /// Writes the rig, copies of the silhouettes under names that no pattern is in, and a cluster file.

@@ -1,62 +1,31 @@
-//! Colours on their way into a recording, and out of it to the page.
+//! Pictures of a recording, for the page of a replay.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use feed::pictures::{CameraPicture, FramePictures, PictureKind, PictureRequest, Pictures};
 use futures::future::BoxFuture;
-use recording::{ColourCrop, ColourSource, RecordedPicture, RecordedPictures};
+use recording::{ColourCrop, RecordedPicture, RecordedPictures};
 
-/// Finer than what a page asks for: recorded once, it is looked at again.
-const QUALITY: u8 = 85;
-/// No frame was asked for yet.
-const NONE: u64 = u64::MAX;
-
-/// What cuts the colours of a run for its recording.
-pub fn colours<P: Pictures + 'static>(make: impl FnOnce() -> Arc<P> + Send + 'static) -> ColourSource {
-    Box::new(move || {
-        let pictures = make();
-        Box::new(move |frame| {
-            let fetching = pictures.fetch(PictureRequest {
-                frame: Some(frame),
-                kind: PictureKind::Crops,
-                scale_log2: 0,
-                jpeg_quality: QUALITY,
-                cameras: Vec::new(),
-            });
-            Box::pin(async move {
-                let found = fetching.await?.cameras.into_iter();
-                Ok(found.filter(|picture| !picture.jpeg.is_empty()).map(|picture| crop(&picture)).collect())
-            })
-        })
-    })
-}
-
-fn crop(picture: &CameraPicture) -> ColourCrop {
-    ColourCrop {
-        camera: picture.camera,
-        crop: picture.crop.map(u32::from),
-        scale_log2: picture.scale_log2.into(),
-        jpeg: picture.jpeg.to_vec(),
-    }
-}
+/// No frame was requested yet.
+const NO_FRAME: u64 = u64::MAX;
 
 /// A recording's pictures for a page: as they were recorded, whatever size is asked for. There are no whole
 /// images.
-pub struct FilePictures {
+pub struct RecordingPictures {
     pictures: Arc<RecordedPictures>,
-    /// The frame that was asked for last.
+    /// The frame that was requested last.
     newest: AtomicU64,
 }
 
-impl FilePictures {
+impl RecordingPictures {
     /// Pictures of a file.
-    pub fn new(pictures: RecordedPictures) -> FilePictures {
-        FilePictures { pictures: Arc::new(pictures), newest: AtomicU64::new(NONE) }
+    pub fn new(pictures: RecordedPictures) -> RecordingPictures {
+        RecordingPictures { pictures: Arc::new(pictures), newest: AtomicU64::new(NO_FRAME) }
     }
 }
 
-impl Pictures for FilePictures {
+impl Pictures for RecordingPictures {
     fn fetch(&self, request: PictureRequest) -> BoxFuture<'static, Result<FramePictures, String>> {
         let frame = request.frame.unwrap_or_else(|| self.newest.load(Ordering::Relaxed));
         self.newest.store(frame, Ordering::Relaxed);

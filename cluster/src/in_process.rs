@@ -1,0 +1,136 @@
+//! Cameras that are filmed in this process, instead of by node processes.
+
+use std::io;
+use std::sync::Arc;
+
+use camera_node::NodeConfig;
+use camera_node::capture::{CaptureError, Film, Lesson, Pace};
+use camera_node::frames::{CameraFrame, FilmState, FrameRing};
+use camera_node::pictures::{Darkroom, Picture, PictureKind, PictureOrder};
+use coordinator::{CameraFacts, FrameFacts, LocalFrames};
+use feed::pictures::{CameraPicture, FETCH_PATIENCE, FramePictures, PictureRequest, Pictures};
+use futures::future::BoxFuture;
+use hull::{Silhouette, ViewSet};
+use tokio::sync::{mpsc, watch};
+
+/// Cameras filmed in this process.
+pub struct InProcess {
+    film: Film,
+    ring: Arc<FrameRing>,
+}
+
+impl InProcess {
+    /// Opens the cameras and learns their backgrounds.
+    pub fn prepare(config: &NodeConfig) -> Result<InProcess, CaptureError> {
+        let ring = Arc::new(FrameRing::new(config.cameras.len()));
+        Ok(InProcess { film: Film::prepare(config, Arc::clone(&ring))?, ring })
+    }
+
+    /// What makes pictures of its frames, on a thread of its own.
+    pub fn pictures(&self, config: &NodeConfig) -> io::Result<LocalPictures> {
+        let rig_indices = config.cameras.iter().map(|camera| camera.rig_index).collect();
+        Darkroom::new(Arc::clone(&self.ring), rig_indices).map(LocalPictures)
+    }
+}
+
+/// Pictures of cameras filmed in this process.
+pub struct LocalPictures(Darkroom);
+
+impl Pictures for LocalPictures {
+    fn fetch(&self, request: PictureRequest) -> BoxFuture<'static, Result<FramePictures, String>> {
+        let PictureRequest { frame, kind, scale_log2, jpeg_quality, cameras } = request;
+        let kind = match kind {
+            feed::pictures::PictureKind::Silhouettes => PictureKind::Silhouettes,
+            feed::pictures::PictureKind::Crops => PictureKind::Crops,
+            feed::pictures::PictureKind::Whole => PictureKind::Whole,
+        };
+        // More cameras than any rig has.
+        let (sender, mut pictures) = mpsc::channel(usize::from(u16::MAX));
+        let deliver = move |picture: Picture| {
+            // The request may have been dropped.
+            let _ = sender.try_send(picture);
+        };
+        let order = PictureOrder { frame, kind, scale_log2, jpeg_quality, cameras };
+        let ordered = self.0.order(order, deliver).map_err(|error| error.to_string());
+        Box::pin(async move {
+            ordered?;
+            let (mut frame, mut captured_unix_s, mut cameras) = (0, 0.0, Vec::new());
+            let deadline = tokio::time::Instant::now() + FETCH_PATIENCE;
+            loop {
+                let picture = tokio::time::timeout_at(deadline, pictures.recv()).await;
+                let Some(picture) = picture.map_err(|_| "no pictures in time")? else { break };
+                let Picture { rig_index: camera, frame: of, captured_unix_s: captured, .. } = picture;
+                (frame, captured_unix_s) = (of, captured);
+                let Picture { runs, crop, scale_log2, jpeg, .. } = picture;
+                let crop = crop.map(|side| side as u16);
+                cameras.push(CameraPicture { camera, runs, scale_log2, crop, jpeg });
+            }
+            if cameras.is_empty() {
+                return Err("no camera has this frame".into());
+            }
+            Ok(FramePictures { frame, captured_unix_s, cameras })
+        })
+    }
+}
+
+impl LocalFrames for InProcess {
+    fn start(&self, pace: coordinator::Pace) -> Result<(), String> {
+        let coordinator::Pace { epoch_unix_s, lock_step } = pace;
+        self.film.start(Pace { epoch_unix_s, lock_step }).map_err(|error| error.to_string())
+    }
+
+    fn credit(&self, up_to_frame: u64) {
+        self.film.credit(up_to_frame);
+    }
+
+    fn watch(&self) -> watch::Receiver<u64> {
+        self.ring.watch()
+    }
+
+    fn frames(&self) -> Vec<u64> {
+        self.ring.news(None).1.iter().map(|frame| frame.number).collect()
+    }
+
+    fn facts(&self, frame: u64) -> Option<FrameFacts> {
+        let frame = self.ring.get(frame).ok()?;
+        let camera = |camera: &CameraFrame| CameraFacts {
+            rig_index: camera.rig_index,
+            admitted: camera.admitted,
+            area: camera.silhouette.area(),
+            silhouette_bytes: camera.bytes.len() as u32,
+            segment_ms: camera.segment_ms,
+        };
+        Some(FrameFacts {
+            frame: frame.number,
+            capture_time_s: frame.capture_time_s,
+            captured_unix_s: frame.captured_unix_s,
+            cameras: frame.cameras.iter().map(camera).collect(),
+            skipped: frame.skipped,
+        })
+    }
+
+    fn film(&self) -> coordinator::FilmState {
+        match self.ring.state() {
+            FilmState::Running => coordinator::FilmState::Running,
+            FilmState::Ended => coordinator::FilmState::Ended,
+            FilmState::Failed(why) => coordinator::FilmState::Failed(why),
+        }
+    }
+
+    fn with_views(&self, frame: u64, use_views: &mut dyn FnMut(&ViewSet)) -> bool {
+        let found = self.ring.get(frame);
+        found.is_ok_and(|frame| {
+            use_views(&frame.views);
+            true
+        })
+    }
+
+    fn silhouettes(&self, frame: u64) -> Option<Vec<Arc<Silhouette>>> {
+        let frame = self.ring.get(frame).ok()?;
+        Some(frame.cameras.iter().map(|camera| Arc::clone(&camera.silhouette)).collect())
+    }
+
+    fn take_background(&self, first_frame: u64, frames: u64) -> Result<(), String> {
+        self.film.take_background(Lesson { first_frame, frames })
+    }
+}

@@ -1,0 +1,230 @@
+//! A cluster of node processes on this machine, each running this very program.
+
+use std::collections::VecDeque;
+use std::io::{self, BufRead as _, BufReader};
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use coordinator::ExpectedNode;
+use proto::{Address, AddressError};
+use thiserror::Error;
+use wait_timeout::ChildExt as _;
+
+use crate::cluster_file::ClusterFile;
+use crate::node_config::expected_node;
+
+/// Learning the background of a long clip at 4K takes a while on a slow machine.
+const START_TIMEOUT: Duration = Duration::from_secs(300);
+/// A node that was asked to end is killed after this.
+const SHUTDOWN_GRACE: Duration = Duration::from_secs(2);
+/// Lines of a node's standard error that are kept to explain why it ended.
+const STDERR_TAIL_LINES: usize = 4;
+/// The exit status of a program whose input is wrong.
+const INPUT_STATUS: i32 = 2;
+
+/// Over which sockets the processes of a local cluster talk.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Sockets {
+    /// Loopback TCP, on free ports.
+    Tcp,
+    /// Unix sockets in a folder of this user's own: measured a tenth faster than TCP.
+    #[default]
+    Unix,
+}
+
+/// Why a local cluster does not start.
+#[derive(Debug, Error)]
+pub enum LocalClusterError {
+    /// There is no folder for its sockets.
+    #[error("cannot make a folder for sockets: {0}")]
+    Folder(io::Error),
+    /// A process does not start.
+    #[error("cannot start the node of {cameras}: {source}")]
+    Start {
+        /// Names of its cameras.
+        cameras: String,
+        /// The system's reason.
+        source: io::Error,
+    },
+    /// A node refuses what the cluster file says.
+    #[error("node of {cameras}: {problem}")]
+    Input {
+        /// Names of its cameras.
+        cameras: String,
+        /// Its own message.
+        problem: String,
+    },
+    /// A node ended, or did not listen in time.
+    #[error("node of {cameras}: {problem}")]
+    Failed {
+        /// Names of its cameras.
+        cameras: String,
+        /// Its own message.
+        problem: String,
+    },
+    /// A node announced no address.
+    #[error("node of {cameras}: {source}")]
+    Address {
+        /// Names of its cameras.
+        cameras: String,
+        /// What it announced.
+        source: AddressError,
+    },
+}
+
+/// Node processes of this program. They end with it, however it ends: their standard input is a pipe
+/// that closes.
+pub struct LocalCluster {
+    processes: Vec<NodeProcess>,
+    nodes: Vec<ExpectedNode>,
+    /// Where Unix sockets are; removed last.
+    _folder: Option<tempfile::TempDir>,
+}
+
+struct NodeProcess {
+    child: Child,
+    cameras: String,
+    stdout_lines: Receiver<String>,
+    stderr_tail: Arc<Mutex<VecDeque<String>>>,
+}
+
+impl LocalCluster {
+    /// Starts a process for each of the cluster file's nodes and waits until all listen. `empty`: the scene
+    /// without the person.
+    pub fn start(
+        file: &ClusterFile,
+        sockets: Sockets,
+        empty: bool,
+    ) -> Result<LocalCluster, LocalClusterError> {
+        let folder = match sockets {
+            Sockets::Tcp => None,
+            Sockets::Unix => Some(tempfile::tempdir().map_err(LocalClusterError::Folder)?),
+        };
+        let mut cluster = LocalCluster { processes: Vec::new(), nodes: Vec::new(), _folder: folder };
+        let nodes = file.nodes();
+        for (number, (_, indices)) in nodes.iter().enumerate() {
+            let listen = match &cluster._folder {
+                None => "127.0.0.1:0".to_owned(),
+                Some(folder) => format!("unix:{}", folder.path().join(format!("{number}.sock")).display()),
+            };
+            cluster.processes.push(NodeProcess::start(file, indices, empty, &listen)?);
+        }
+        let deadline = Instant::now() + START_TIMEOUT;
+        for (process, (_, indices)) in cluster.processes.iter_mut().zip(&nodes) {
+            cluster.nodes.push(expected_node(&file.rig, process.address(deadline)?, indices));
+        }
+        Ok(cluster)
+    }
+
+    /// The nodes, with the addresses at which they listen.
+    pub fn nodes(&self) -> &[ExpectedNode] {
+        &self.nodes
+    }
+
+    /// The system's numbers of the processes, in the order of the nodes.
+    pub fn process_ids(&self) -> impl Iterator<Item = u32> {
+        self.processes.iter().map(|process| process.child.id())
+    }
+}
+
+impl Drop for LocalCluster {
+    fn drop(&mut self) {
+        for process in &mut self.processes {
+            // Closing the pipe asks it to end.
+            drop(process.child.stdin.take());
+        }
+        let deadline = Instant::now() + SHUTDOWN_GRACE;
+        for process in &mut self.processes {
+            let left = deadline.saturating_duration_since(Instant::now());
+            if !matches!(process.child.wait_timeout(left), Ok(Some(_))) {
+                // Neither call fails on a child that is not yet reaped.
+                let _ = process.child.kill();
+                let _ = process.child.wait();
+            }
+        }
+    }
+}
+
+impl NodeProcess {
+    fn start(
+        file: &ClusterFile,
+        indices: &[usize],
+        empty: bool,
+        listen: &str,
+    ) -> Result<NodeProcess, LocalClusterError> {
+        let names: Vec<&str> = indices.iter().map(|&index| &file.cameras[index].name[..]).collect();
+        let cameras = names.join(", ");
+        let refused = |source| LocalClusterError::Start { cameras: cameras.clone(), source };
+        let mut command = Command::new(std::env::current_exe().map_err(refused)?);
+        command.arg("node").arg(&file.path).args(["--listen", listen, "--stop-with-stdin"]);
+        for name in &names {
+            command.args(["--camera", name]);
+        }
+        if empty {
+            command.arg("--empty");
+        }
+        command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().map_err(refused)?;
+        let (sender, stdout_lines) = channel();
+        if let Some(stdout) = child.stdout.take() {
+            std::thread::spawn(move || {
+                for line in BufReader::new(stdout).lines().map_while(Result::ok) {
+                    // The parent stops listening after the first line.
+                    let _ = sender.send(line);
+                }
+            });
+        }
+        let stderr_tail = Arc::default();
+        if let Some(stderr) = child.stderr.take() {
+            let (tail, cameras) = (Arc::clone(&stderr_tail), cameras.clone());
+            std::thread::spawn(move || forward_stderr(stderr, &cameras, &tail));
+        }
+        Ok(NodeProcess { child, cameras, stdout_lines, stderr_tail })
+    }
+
+    /// Waits for the line that names the address at which the node listens.
+    fn address(&mut self, deadline: Instant) -> Result<Address, LocalClusterError> {
+        let left = deadline.saturating_duration_since(Instant::now());
+        let cameras = self.cameras.clone();
+        if let Ok(line) = self.stdout_lines.recv_timeout(left)
+            && let Some(address) = line.strip_prefix("listening on ")
+        {
+            return address.parse().map_err(|source| LocalClusterError::Address { cameras, source });
+        }
+        let status = self.child.wait_timeout(SHUTDOWN_GRACE).ok().flatten();
+        // Its last line is on its way through a thread.
+        std::thread::sleep(Duration::from_millis(50));
+        let problem = self.last_message();
+        Err(if status.and_then(|status| status.code()) == Some(INPUT_STATUS) {
+            LocalClusterError::Input { cameras, problem }
+        } else {
+            LocalClusterError::Failed { cameras, problem }
+        })
+    }
+
+    /// The reason that the process gave for its end.
+    fn last_message(&self) -> String {
+        let lines = self.stderr_tail.lock().unwrap_or_else(PoisonError::into_inner);
+        let message = lines.iter().rev().find_map(|line| line.strip_prefix("hulltouch: "));
+        message.map_or_else(|| "it ended without an error message".to_owned(), ToOwned::to_owned)
+    }
+}
+
+/// Forwards a node's standard error, and keeps its last lines. The line with its reason to end is left to the
+/// parent's own message.
+fn forward_stderr(stderr: impl io::Read, cameras: &str, tail: &Mutex<VecDeque<String>>) {
+    use io::Write as _;
+    for line in BufReader::new(stderr).lines().map_while(Result::ok) {
+        if !line.starts_with("hulltouch: ") {
+            // A closed standard error is no reason to stop draining the child's.
+            let _ = writeln!(io::stderr(), "[{cameras}] {line}");
+        }
+        let mut lines = tail.lock().unwrap_or_else(PoisonError::into_inner);
+        lines.push_back(line);
+        if lines.len() > STDERR_TAIL_LINES {
+            lines.pop_front();
+        }
+    }
+}

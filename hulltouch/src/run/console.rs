@@ -1,0 +1,73 @@
+//! The live line on a terminal, and the pictures of a run.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use coordinator::{Progress, Snapshot, Watcher};
+use hull::Observer;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::setup::Setup;
+use super::snapshot::Album;
+
+/// The live line and the pictures.
+pub struct Console {
+    line: ProgressBar,
+    album: Option<Album>,
+    next_picture_s: f64,
+}
+
+/// Film time between pictures, seconds.
+const PICTURE_EVERY_S: f64 = 1.0;
+
+impl Console {
+    /// A console of a run.
+    pub fn new(setup: &Setup, observers: &[Arc<Observer>]) -> Console {
+        let line = if setup.live_line { ProgressBar::new_spinner() } else { ProgressBar::hidden() };
+        if let Ok(style) = ProgressStyle::with_template("{msg}") {
+            line.set_style(style);
+        }
+        let floor_m = setup.scene.floor().map(|floor| floor.height_m);
+        let begin =
+            |folder: &PathBuf| Album::begin(folder, setup.file.rig.clone(), observers.to_vec(), floor_m);
+        Console { line, album: setup.snapshots.as_ref().map(begin), next_picture_s: 0.5 }
+    }
+
+    /// Removes the line; returns the pictures, which may still be drawn.
+    pub fn finish(self) -> Option<Album> {
+        self.line.finish_and_clear();
+        self.album
+    }
+}
+
+impl Watcher for Console {
+    fn progress(&mut self, progress: &Progress) {
+        let hull = progress.blind.as_ref().map_or_else(String::new, |why| format!("  NO HULL: {why}"));
+        self.line.set_message(format!(
+            "{:6.1} s  frame {}  {:4.0} steps/s  {:3.0} passes/s  p50 {:.2} ms  p99 {:.2} ms  {} samples  {} contacts  {:.0} KB/s{hull}",
+            progress.film_s,
+            progress.frame.map_or_else(|| "-".to_owned(), |frame| frame.to_string()),
+            progress.steps_per_s,
+            progress.passes_per_s,
+            progress.p50_ms,
+            progress.p99_ms,
+            progress.samples,
+            progress.contacts,
+            progress.bytes_per_s / 1e3,
+        ));
+    }
+
+    fn wants_snapshot(&mut self, film_s: f64) -> bool {
+        let wants = self.album.is_some() && film_s >= self.next_picture_s;
+        if wants {
+            self.next_picture_s += PICTURE_EVERY_S;
+        }
+        wants
+    }
+
+    fn snapshot(&mut self, snapshot: Snapshot<'_>) {
+        if let Some(album) = &self.album {
+            album.add(snapshot);
+        }
+    }
+}

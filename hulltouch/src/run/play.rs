@@ -1,0 +1,166 @@
+//! Makes a run: connects, steps until film or time ends, and gathers what is known of it.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use cli::{Failure, Outcome, write_whole};
+use coordinator::record::{Recorder, Schedule};
+use coordinator::{Coordinator, Figures, RunError, RunSettings, Transport};
+use hull::Observer;
+use recording::{Recorded, RecordingFile, WriteError};
+use serde_json::Value;
+use sim::World;
+use tokio::task::JoinError;
+
+use super::console::Console;
+use super::outlets::{self, PageSource};
+use super::recording::failure as recording_failure;
+use super::report::{self, Overlap};
+use super::setup::{Setup, TransportName};
+use super::snapshot::Album;
+use crate::interrupt::interrupted;
+
+/// What a run needs besides its set-up.
+pub struct RunPlan {
+    /// The whole rig's observers, in rig order.
+    pub observers: Vec<Arc<Observer>>,
+    /// Receives every step.
+    pub recorder: Option<Box<dyn Recorder>>,
+    /// The steps to follow.
+    pub schedule: Option<Box<dyn Schedule>>,
+    /// The file that the recorder fills.
+    pub file: Option<RecordingFile>,
+    /// What a page shows of the cameras; without it no page is served.
+    pub page: Option<PageSource>,
+    /// How long nodes may take to connect.
+    pub connect_timeout: Duration,
+}
+
+/// A run that is over.
+pub struct RunOutcome {
+    /// Its figures.
+    pub json: Value,
+    /// The same in a few lines.
+    pub summary: String,
+    /// Why it failed, if it did.
+    pub failure: Option<Failure>,
+}
+
+/// How a run and its recording ended.
+struct Ended {
+    run: Result<(Figures, World), RunError>,
+    recording: Option<Result<Result<Recorded, WriteError>, JoinError>>,
+}
+
+/// Makes a run. `transport` is called within the run's runtime.
+pub fn play(
+    setup: &Setup,
+    plan: RunPlan,
+    transport: impl FnOnce(&World, Option<Vec<Arc<Observer>>>) -> Transport,
+) -> Outcome<RunOutcome> {
+    let RunPlan { observers, recorder, schedule, file, page, connect_timeout } = plan;
+    let world = World::new(&setup.scene, setup.world).map_err(Failure::input)?;
+    let (served, live) = outlets::serve(setup, page)?.unzip();
+    let mut console = Console::new(setup, &observers);
+    let gather = (setup.transport == TransportName::Gather).then(|| observers.clone());
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::run)?;
+    let ended = runtime.block_on(async {
+        let transport = transport(&world, gather);
+        let settings = run_settings(setup, connect_timeout);
+        let mut coordinator = Coordinator::new(transport, world, observers, settings);
+        if let Some(live) = live {
+            coordinator = coordinator.with_live(live);
+        }
+        if let Some(recorder) = recorder {
+            coordinator = coordinator.with_recorder(recorder);
+        }
+        if let Some(schedule) = schedule {
+            coordinator = coordinator.with_schedule(schedule);
+        }
+        let run = coordinator.run(&mut console, interrupted()).await;
+        // The last frames are still on their way to the file, over connections that live here.
+        let recording = match file {
+            Some(file) => Some(tokio::task::spawn_blocking(move || file.finish()).await),
+            None => None,
+        };
+        Ended { run, recording }
+    });
+    // Pages are told that it is over before figures are written.
+    drop(served);
+    let overlaps = match console.finish() {
+        Some(album) => runtime.block_on(finish(album))?,
+        None => Vec::new(),
+    };
+    ended.outcome(setup, &overlaps)
+}
+
+fn run_settings(setup: &Setup, connect_patience: Duration) -> RunSettings {
+    RunSettings {
+        probes: setup.file.probes,
+        fps: setup.file.fps,
+        latency_s: setup.file.latency_s,
+        hold_s: setup.file.hold_s,
+        seconds: setup.seconds,
+        lock_step: setup.lock_step,
+        asks: setup.asks,
+        reuse_within_m: setup.scene.hull().reuse_within_m,
+        connect_patience,
+    }
+}
+
+/// Waits for the pictures; an interrupt leaves out those not yet begun.
+async fn finish(album: Album) -> Outcome<Vec<Overlap>> {
+    let hurry = album.hurry();
+    let mut drawn = tokio::task::spawn_blocking(|| album.finish());
+    let drawn = tokio::select! {
+        drawn = &mut drawn => drawn,
+        () = interrupted() => {
+            hurry.store(true, Ordering::Relaxed);
+            drawn.await
+        }
+    };
+    drawn.map_err(Failure::run)?
+}
+
+impl Ended {
+    fn outcome(self, setup: &Setup, overlaps: &[Overlap]) -> Outcome<RunOutcome> {
+        if let (Err(_), Some(Ok(Err(error)))) = (&self.run, &self.recording) {
+            // The run's own failure is what it ends with.
+            tracing::error!("{error}");
+        }
+        let (figures, world) = self.run.map_err(Failure::run)?;
+        let mut json = report::json(setup, &figures, &world, overlaps);
+        let mut summary = report::summary(setup, &figures, &world);
+        let film_failed = figures.film_failure.as_ref();
+        let mut failure = film_failed.map(|why| Failure::run(format_args!("film failed: {why}")));
+        match self.recording.transpose().map_err(Failure::run)? {
+            Some(Ok(recorded)) => {
+                let path = setup.record.as_ref().map(|to| to.path.display().to_string());
+                let name = path.unwrap_or_default();
+                summary += &report::recorded(&name, &recorded);
+                json["recording"] = report::recorded_json(&name, &recorded);
+            }
+            Some(Err(error)) => failure = failure.or(Some(recording_failure(error))),
+            None => {}
+        }
+        if failure.is_none() && figures.frames == 0 {
+            failure = Some(Failure::run("no frame came from the cameras"));
+        }
+        Ok(RunOutcome { json, summary, failure })
+    }
+}
+
+impl RunOutcome {
+    /// Prints the summary, and writes the figures where the set-up wants them.
+    pub fn report(&self, setup: &Setup) -> Outcome {
+        if let Some(path) = &setup.json {
+            let text = serde_json::to_string_pretty(&self.json).map_err(Failure::run)?;
+            write_whole(path, text.as_bytes())?;
+        }
+        use std::io::Write as _;
+        // A closed standard output is no reason to fail a run that went well.
+        let _ = std::io::stdout().write_all(self.summary.as_bytes());
+        Ok(())
+    }
+}

@@ -1,0 +1,152 @@
+//! What a run is made from, checked before anything starts.
+
+use std::path::PathBuf;
+
+use clap::ValueEnum;
+use cli::{Failure, Outcome, check_writable};
+use cluster::ClusterFile;
+use coordinator::Asks;
+use proto::convert::Precision;
+use sim::{ResponseMode, Scene, WorldSettings};
+
+use super::outlets::Outlets;
+use super::recording::RecordTo;
+
+/// Where probes are computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum TransportName {
+    /// At the nodes: questions travel, silhouettes stay.
+    Cluster,
+    /// Here: silhouettes travel (the paper's layout).
+    Gather,
+    /// Here, and cameras are filmed here too.
+    Inprocess,
+}
+
+impl TransportName {
+    /// As on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            TransportName::Cluster => "cluster",
+            TransportName::Gather => "gather",
+            TransportName::Inprocess => "inprocess",
+        }
+    }
+}
+
+/// How bodies answer the hull.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ResponseName {
+    /// The paper's: translate, and mirror the velocity.
+    Paper,
+    /// Contacts for the physics solver.
+    Contacts,
+}
+
+impl ResponseName {
+    /// As the world has it; what this version lacks is refused.
+    pub fn mode(self) -> Outcome<ResponseMode> {
+        match self {
+            ResponseName::Paper => Ok(ResponseMode::Paper),
+            ResponseName::Contacts => {
+                Err(Failure::input("--response contacts is not in this version, expected paper"))
+            }
+        }
+    }
+}
+
+/// How numbers travel between coordinator and nodes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum PrecisionName {
+    /// Every bit: the same run over every transport.
+    Exact,
+    /// About half the bytes; responses within 0.1 mm but for rays that graze a pixel's corner.
+    Quantised,
+}
+
+impl From<PrecisionName> for Precision {
+    fn from(name: PrecisionName) -> Precision {
+        match name {
+            PrecisionName::Exact => Precision::Exact,
+            PrecisionName::Quantised => Precision::Quantised,
+        }
+    }
+}
+
+/// How often the hull is asked.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum AskName {
+    /// Once a film frame where that is enough: the same run, with fewer questions.
+    #[default]
+    Frame,
+    /// At every physics step, about every body: to measure the other against.
+    Step,
+}
+
+impl From<AskName> for Asks {
+    fn from(name: AskName) -> Asks {
+        match name {
+            AskName::Frame => Asks::EachFrame,
+            AskName::Step => Asks::EachStep,
+        }
+    }
+}
+
+/// Everything a run needs, checked.
+pub struct Setup {
+    /// Rig, cameras and rules.
+    pub file: ClusterFile,
+    /// What happens.
+    pub scene: Scene,
+    /// The world's settings.
+    pub world: WorldSettings,
+    /// Where probes are computed.
+    pub transport: TransportName,
+    /// How often the hull is asked.
+    pub asks: Asks,
+    /// Every frame, as fast as it can be made.
+    pub lock_step: bool,
+    /// The scene without the person.
+    pub empty: bool,
+    /// The run ends after so much film.
+    pub seconds: Option<f64>,
+    /// A live line of figures on a terminal.
+    pub live_line: bool,
+    /// Where it can be seen and steered.
+    pub outlets: Outlets,
+    /// Where figures go.
+    pub json: Option<PathBuf>,
+    /// Where pictures go.
+    pub snapshots: Option<PathBuf>,
+    /// Where the run is recorded.
+    pub record: Option<RecordTo>,
+}
+
+impl Setup {
+    /// Checks now what would fail at the end, and makes the folder of pictures.
+    pub fn prepare_outputs(&self) -> Outcome {
+        if let Some(json) = &self.json {
+            check_writable("--json", json)?;
+        }
+        if let Some(folder) = &self.snapshots {
+            std::fs::create_dir_all(folder)
+                .map_err(|error| Failure::input(format_args!("--snapshot {}: {error}", folder.display())))?;
+        }
+        Ok(())
+    }
+}
+
+/// The world's settings on a scene's own surface of the hull.
+pub fn world_settings(scene: &Scene, seed: u64, response: ResponseMode) -> WorldSettings {
+    WorldSettings { seed, response, ..WorldSettings::default() }.on(scene.hull())
+}
+
+/// Seconds of film that are possible.
+pub fn checked_seconds(seconds: Option<f64>) -> Outcome<Option<f64>> {
+    match seconds {
+        Some(seconds) if !(seconds > 0.0 && seconds <= 1e6) => {
+            Err(Failure::input(format_args!("--seconds is {seconds}, expected more than 0")))
+        }
+        seconds => Ok(seconds),
+    }
+}
