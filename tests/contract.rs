@@ -336,7 +336,7 @@ async fn refuses_what_makes_no_question(client: &mut Client, probe: &mut Probe) 
     assert_eq!(probe.refused(1, &nan).await, Malformed);
     let many = world_points(vec![[0.0; 3]; proto::MAX_POINTS + 1]);
     assert_eq!(probe.refused(1, &many).await, TooManyPoints);
-    let nothing = v1::ProbeRequest { list: 5, frame: 1, ..v1::ProbeRequest::default() };
+    let nothing = v1::ProbeRequest { frame: 1, ..v1::ProbeRequest::default() };
     assert!(matches!(probe.raw(nothing).await, ProbeAnswer::Refused(UnknownList, _)));
     let mut odd = question_to_wire(0, 1, &world_points(vec![[0.0; 3]]));
     odd.bodies.as_mut().expect("told").world[0] = vec![0; 25].into();

@@ -105,7 +105,7 @@ impl Wire {
         let (mut scratch, mut answer, mut read) =
             (Scratch::default(), Answer::default(), Question::default());
         while let Some(question) = pass.question() {
-            let written = self.writer.write(0, question);
+            let written = self.writer.write(question);
             for node in (0..scene.apart.len()).filter(|&node| pass.asks(node)).collect::<Vec<_>>() {
                 let (knows, reader) = &mut self.streams[node];
                 let message = written.message(knows, 1, 0);

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use hull::pass::{AnswerError, Pass, Round};
 use hull::question::{Answer, QuestionKind, Standing};
-use proto::convert::{LISTS, Precision, ProbeAnswer, QuestionWriter, RefusalReason, WrittenQuestion};
+use proto::convert::{Precision, ProbeAnswer, QuestionWriter, RefusalReason, WrittenQuestion};
 use thiserror::Error;
 use tokio::sync::mpsc;
 
@@ -86,8 +86,7 @@ impl Fanout {
         self.links.iter().for_each(|link| link.forget());
     }
 
-    /// Asks until all passes are done, at most [`LISTS`] of them; their rounds overlap. `took` is told each
-    /// round and the milliseconds it took.
+    /// Asks until all passes are done. `took` is told each round and the milliseconds it took.
     pub async fn run(
         &mut self,
         passes: &mut [&mut Pass],
@@ -95,7 +94,6 @@ impl Fanout {
         patience: Duration,
         took: &mut dyn FnMut(Round, f64),
     ) -> Result<(), PassError> {
-        debug_assert!(passes.len() <= LISTS, "every pass in flight has a list of its own");
         // What was told before these questions is no answer to them.
         while self.events.try_recv().is_ok() {}
         let narrows = self.narrowing.is_selective();
@@ -156,7 +154,7 @@ impl Fanout {
         let asking = Asking {
             id: self.next_id,
             frame,
-            question: self.writer.write(list, question),
+            question: self.writer.write(question),
             points: question.len(),
             began: Instant::now(),
             deadline: tokio::time::Instant::now() + patience,

@@ -21,7 +21,7 @@ pub use from_wire::{pixel_rect_from_wire, settings_from_wire, shape_from_wire};
 pub use pictures::{
     frame_pictures_from_wire, picture_request_from_wire, picture_request_to_wire, picture_to_wire,
 };
-pub use question::{LISTS, QuestionReader, QuestionWriter, StreamKnows, WrittenQuestion};
+pub use question::{QuestionReader, QuestionWriter, StreamKnows, WrittenQuestion};
 pub use rounded::Precision;
 pub use silhouette::{SilhouetteEncoding, silhouette_data, silhouette_from_data};
 pub use to_wire::{
@@ -45,7 +45,7 @@ pub enum RefusalReason {
     Malformed,
     /// Too many questions wait.
     Busy,
-    /// A list of bodies is not known there.
+    /// The list of bodies is not known there.
     UnknownList,
 }
 
@@ -85,9 +85,9 @@ pub enum ConvertError {
     /// A shape that is not registered.
     #[error("shape {0:016x} is not registered")]
     UnknownShape(u64),
-    /// A list of bodies that the stream has not told, or no longer.
-    #[error("the list of bodies {0} is not known")]
-    UnknownList(u32),
+    /// No list of bodies was sent over this stream, or it is not kept any more.
+    #[error("no list of bodies is known, expected ProbeRequest.bodies")]
+    UnknownList,
     /// More points than a question may hold.
     #[error("question of {found} points, at most {limit} are taken")]
     TooManyPoints {

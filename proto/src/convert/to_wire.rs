@@ -45,7 +45,7 @@ pub fn settings_to_wire(settings: &ProbeSettings) -> v1::ProbeSettings {
 
 /// A question about a frame for a stream that knows nothing.
 pub fn question_to_wire(id: u64, frame: u64, question: &Question) -> v1::ProbeRequest {
-    QuestionWriter::default().write(0, question).message(&StreamKnows::default(), id, frame)
+    QuestionWriter::default().write(question).message(&StreamKnows::default(), id, frame)
 }
 
 /// A question that is not answered, and why.
@@ -68,7 +68,7 @@ impl From<&ConvertError> for RefusalReason {
     fn from(error: &ConvertError) -> RefusalReason {
         match error {
             ConvertError::UnknownShape(_) => RefusalReason::UnknownShape,
-            ConvertError::UnknownList(_) => RefusalReason::UnknownList,
+            ConvertError::UnknownList => RefusalReason::UnknownList,
             ConvertError::TooManyPoints { .. } => RefusalReason::TooManyPoints,
             ConvertError::Missing { .. } | ConvertError::Length { .. } | ConvertError::Value { .. } => {
                 RefusalReason::Malformed

@@ -1,5 +1,5 @@
-//! Questions to messages and back. Bodies are told once: a stream keeps a few lists of bodies with their
-//! poses, and a question names one and chooses among its points.
+//! Questions to messages and back. Bodies travel once: a stream keeps the last list of bodies with their
+//! poses, and a question chooses among its points.
 
 mod read;
 #[cfg(test)]
@@ -11,10 +11,7 @@ pub use write::{QuestionWriter, StreamKnows, WrittenQuestion};
 
 use hull::question::Points;
 
-/// Lists of bodies that a stream keeps: one for each part of a pass that is asked apart.
-pub const LISTS: usize = 8;
-
-/// Bodies in one list.
+/// Most bodies of a list.
 const MAX_BODIES: usize = 1 << 16;
 
 /// A list with more points of the world than this is not kept: registered shapes are what keeping is for.

@@ -1,4 +1,4 @@
-//! The node's side. Nothing that arrives is trusted, and what a stream can make a node keep is bounded.
+//! The node's side. Nothing that arrives is trusted, and the memory that a stream can pin is bounded.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -13,13 +13,13 @@ use super::super::bulk::{Field, unpack, unpack_f32x3, unpack_f64x3};
 use super::super::choice::read_choice;
 use super::super::packed::{unpack_at_most, unpack_exactly};
 use super::super::rounded::{POSE_BYTES, from_octahedral, pose_of};
-use super::{LISTS, MAX_BODIES, is_kept};
+use super::{MAX_BODIES, is_kept};
 use crate::{MAX_POINTS, v1};
 
 /// Reads the questions of one stream, in their order.
 #[derive(Debug, Default)]
 pub struct QuestionReader {
-    lists: [Option<List>; LISTS],
+    list: Option<List>,
 }
 
 /// Bodies, and what was asked about them last.
@@ -36,7 +36,7 @@ struct List {
 
 impl QuestionReader {
     /// Reads a question into `question`, whose buffers are used again. `shape` finds registered shapes.
-    /// After an error the list that the message was about is forgotten.
+    /// After an error the list of bodies is forgotten.
     pub fn read(
         &mut self,
         request: v1::ProbeRequest,
@@ -48,7 +48,6 @@ impl QuestionReader {
             id: _,
             frame: _,
             kind: _,
-            list,
             bodies,
             points,
             offsets,
@@ -57,13 +56,10 @@ impl QuestionReader {
             hints,
             rounded,
         } = request;
-        let place = Some(list as usize).filter(|&list| list < LISTS);
-        let place =
-            place.ok_or_else(|| field("list").value(format!("is {list}, expected less than {LISTS}")))?;
-        let known = self.lists[place].take();
+        let known = self.list.take();
         let mut list = match bodies {
             Some(bodies) => List::read(bodies, rounded, shape)?,
-            None => known.ok_or(ConvertError::UnknownList(list))?,
+            None => known.ok_or(ConvertError::UnknownList)?,
         };
         list.choose(points)?;
         question.restart(kind);
@@ -83,7 +79,7 @@ impl QuestionReader {
             question.hints = unpack(&bytes, count, field("hints"), u16::from_le_bytes)?;
         }
         if is_kept(&list.bodies) {
-            self.lists[place] = Some(list);
+            self.list = Some(list);
         }
         Ok(())
     }

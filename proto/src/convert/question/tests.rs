@@ -7,7 +7,7 @@ use hull::{Pose, Shape};
 use proptest::prelude::*;
 
 use super::super::{ConvertError, Precision, question_to_wire, shape_key};
-use super::{LISTS, QuestionReader, QuestionWriter, StreamKnows};
+use super::{QuestionReader, QuestionWriter, StreamKnows};
 use crate::v1;
 
 fn shape() -> Arc<Shape> {
@@ -42,15 +42,15 @@ struct Stream {
 }
 
 impl Stream {
-    fn message(&mut self, list: usize, question: &Question) -> v1::ProbeRequest {
-        let written = self.writer.write(list, question);
+    fn message(&mut self, question: &Question) -> v1::ProbeRequest {
+        let written = self.writer.write(question);
         let message = written.message(&self.knows, 7, 3);
         self.knows.learn(&written);
         message
     }
 
     fn pass(&mut self, question: &Question) -> Question {
-        let message = self.message(0, question);
+        let message = self.message(question);
         self.read(message).expect("valid")
     }
 
@@ -90,61 +90,60 @@ fn questions_survive_the_wire() {
 fn bodies_and_choices_are_told_once() {
     let bodies = [body(0.1), body(0.2)];
     let mut stream = Stream::default();
-    let first = stream.message(0, &all(&bodies));
+    let first = stream.message(&all(&bodies));
     assert!(first.bodies.is_some());
     let edges = some(QuestionKind::Edges, &[(&bodies[1], &[4, 5])]);
-    let second = stream.message(0, &edges);
+    let second = stream.message(&edges);
     assert!(second.bodies.is_none() && second.points.as_ref().is_some_and(|points| points.picked.is_some()));
     let exits = Question { kind: QuestionKind::Exits, directions: vec![[1.0, 0.0, 0.0]; 2], ..edges.clone() };
-    let third = stream.message(0, &exits);
+    let third = stream.message(&exits);
     assert!(third.bodies.is_none() && third.points.as_ref().is_some_and(|points| points.picked.is_none()));
     for (message, question) in [(first, &all(&bodies)), (second, &edges), (third, &exits)] {
         assert_eq!(stream.read(message).as_ref(), Ok(question));
     }
     // Bodies that rest are not told again in the next pass, bodies that moved are.
-    assert!(stream.message(0, &all(&bodies)).bodies.is_none());
-    assert!(stream.message(0, &all(&[body(0.1), body(0.3)])).bodies.is_some());
+    assert!(stream.message(&all(&bodies)).bodies.is_none());
+    assert!(stream.message(&all(&[body(0.1), body(0.3)])).bodies.is_some());
 }
 
 #[test]
 fn a_node_that_joins_late_is_told_what_it_lacks() {
     let bodies = [body(0.1), body(0.2)];
     let mut stream = Stream::default();
-    let first = stream.writer.write(0, &all(&bodies));
+    let first = stream.writer.write(&all(&bodies));
     // The first question went to other nodes alone.
     drop(first);
     let left = some(QuestionKind::Classes, &[(&bodies[0], &[7]), (&bodies[1], &[1, 2, 3])]);
     assert_eq!(stream.pass(&left), left);
     let edges = some(QuestionKind::Edges, &[(&bodies[0], &[7]), (&bodies[1], &[1, 2, 3])]);
-    assert!(stream.message(0, &edges).points.is_some_and(|points| points.picked.is_none()));
+    assert!(stream.message(&edges).points.is_some_and(|points| points.picked.is_none()));
 }
 
 #[test]
-fn lists_do_not_mix() {
+fn other_bodies_take_the_place_of_the_list() {
     let mut stream = Stream::default();
     let (a, b) = ([body(0.1)], [body(0.2)]);
-    for (list, bodies) in [(0, &a), (1, &b)] {
-        let message = stream.message(list, &all(bodies));
+    for bodies in [&a, &b, &a] {
+        let message = stream.message(&all(bodies));
+        assert!(message.bodies.is_some());
         assert_eq!(stream.read(message), Ok(all(bodies)));
     }
-    for (list, bodies) in [(0, &a), (1, &b)] {
-        let question = some(QuestionKind::Edges, &[(&bodies[0], &[2])]);
-        let message = stream.message(list, &question);
-        assert!(message.bodies.is_none());
-        assert_eq!(stream.read(message), Ok(question));
-    }
-    let beyond = v1::ProbeRequest { list: LISTS as u32, ..v1::ProbeRequest::default() };
-    let error = stream.read(beyond).expect_err("no such list");
-    assert_eq!(error.to_string(), "ProbeRequest.list: is 8, expected less than 8");
+    // A question that was written before the last ones brings its bodies again.
+    let question = some(QuestionKind::Edges, &[(&b[0], &[2])]);
+    let written = stream.writer.write(&question);
+    stream.pass(&all(&a));
+    let late = written.message(&stream.knows, 8, 3);
+    assert!(late.bodies.is_some());
+    assert_eq!(stream.read(late), Ok(question));
 }
 
 #[test]
 fn a_list_that_is_not_there_is_asked_for() {
     let mut stream = Stream::default();
     let question = all(&[body(0.1)]);
-    drop(stream.message(0, &question));
-    let message = stream.message(0, &question);
-    assert_eq!(stream.read(message), Err(ConvertError::UnknownList(0)));
+    drop(stream.message(&question));
+    let message = stream.message(&question);
+    assert_eq!(stream.read(message), Err(ConvertError::UnknownList));
     stream.knows = StreamKnows::default();
     assert_eq!(stream.pass(&question), question);
 }
@@ -154,18 +153,18 @@ fn many_raw_points_are_not_kept() {
     let mut stream = Stream::default();
     let question = all(&[Points::World(vec![[0.5; 3]; 70_000].into())]);
     for _ in 0..2 {
-        let message = stream.message(0, &question);
+        let message = stream.message(&question);
         assert!(message.bodies.is_some());
         assert_eq!(stream.read(message).as_ref(), Ok(&question));
     }
-    assert_eq!(stream.read(v1::ProbeRequest::default()), Err(ConvertError::UnknownList(0)));
+    assert_eq!(stream.read(v1::ProbeRequest::default()), Err(ConvertError::UnknownList));
 }
 
 #[test]
 fn rounded_questions_are_small_and_near() {
     let mut stream = Stream { writer: QuestionWriter::new(Precision::Quantised), ..Stream::default() };
     let bodies = [body(0.1), body(0.2)];
-    let message = stream.message(0, &all(&bodies));
+    let message = stream.message(&all(&bodies));
     assert_eq!(message.bodies.as_ref().expect("told").poses.len(), 40);
     let read = stream.read(message).expect("valid");
     for (body, read) in bodies.iter().zip(&read.batches) {
@@ -206,7 +205,7 @@ fn lies_are_refused_by_field() {
 proptest! {
     #[test]
     fn any_message_is_a_question_or_an_error(
-        kind in 0..5, list in 0u32..10, rounded: bool,
+        kind in 0..5, rounded: bool,
         has_bodies: bool, known: bool, mode in 0..4,
         fields in proptest::collection::vec(proptest::collection::vec(any::<u8>(), 0..50), 7),
         plain: bool,
@@ -224,7 +223,7 @@ proptest! {
         let mut field = || fields.next().expect("enough");
         let bodies = v1::Bodies { shapes: field(), poses: field(), world: vec![] };
         let message = v1::ProbeRequest {
-            id: 0, frame: 0, kind, list,
+            id: 0, frame: 0, kind,
             bodies: has_bodies.then_some(bodies),
             points: (mode > 0).then(|| v1::Points { picked: (mode % 2 == 1).then(&mut field), kept: (mode > 1).then(&mut field) }),
             offsets: field(), directions: Bytes::new(), within: field(), hints: field(), rounded,

@@ -1,4 +1,4 @@
-//! The coordinator's side: a question is written once for all nodes, and each is told what it lacks.
+//! The coordinator's side: a question is written once for all nodes, and each is sent what it lacks.
 
 use std::sync::Arc;
 
@@ -12,15 +12,15 @@ use super::super::rounded::{
     Precision, UnitBits, can_round, octahedral, octahedral_again, reach_code, round_pose,
 };
 use super::super::shape_key;
-use super::{LISTS, is_kept};
+use super::is_kept;
 use crate::v1;
 
 /// Writes questions; one for all streams of a run.
 #[derive(Debug, Default)]
 pub struct QuestionWriter {
     precision: Precision,
-    lists: [List; LISTS],
-    /// Counts lists and choices, so that a stream's knowledge can be compared.
+    list: List,
+    /// Counts lists and choices, so that what a stream holds can be compared.
     serial: u64,
     choice: ChoiceWriter,
 }
@@ -44,9 +44,9 @@ struct List {
 /// The serials of a list, of the points kept of it, and of those asked about last.
 type Serials = [u64; 3];
 
-/// What a node knows of the lists of its stream.
+/// What a node knows of the list of its stream.
 #[derive(Clone, Debug, Default)]
-pub struct StreamKnows([Serials; LISTS]);
+pub struct StreamKnows(Serials);
 
 /// A question in the form of messages.
 #[derive(Clone, Debug)]
@@ -55,7 +55,6 @@ pub struct WrittenQuestion {
     bodies: v1::Bodies,
     kept: Bytes,
     picked: Option<Bytes>,
-    list: usize,
     serials: Serials,
     is_kept: bool,
 }
@@ -71,50 +70,50 @@ impl QuestionWriter {
         self.precision
     }
 
-    /// Writes a question about bodies that go by one of the streams' lists, below [`LISTS`].
-    pub fn write(&mut self, list: usize, question: &Question) -> WrittenQuestion {
+    /// Writes a question. Bodies that the list holds already, in their order, are not written again.
+    pub fn write(&mut self, question: &Question) -> WrittenQuestion {
         let whole = question.batches.iter().all(|batch| batch.picked.is_none());
-        let places = self.lists[list].places(&question.batches, whole).unwrap_or_else(|| {
-            self.replace(list, &question.batches);
+        let places = self.list.places(&question.batches, whole).unwrap_or_else(|| {
+            self.replace(&question.batches);
             (0..question.batches.len()).collect()
         });
-        let picked = (!whole).then(|| self.picked(list, question, &places));
+        let picked = (!whole).then(|| self.picked(question, &places));
         self.serial += 1;
-        let held = &mut self.lists[list];
-        if held.picked != picked || held.picked_serial == 0 {
-            held.picked.clone_from(&picked);
-            held.picked_serial = self.serial;
+        let request = self.request(question);
+        let list = &mut self.list;
+        if list.picked != picked || list.picked_serial == 0 {
+            list.picked.clone_from(&picked);
+            list.picked_serial = self.serial;
         }
         WrittenQuestion {
-            request: self.request(list, question),
-            bodies: self.lists[list].wire.clone(),
-            kept: self.lists[list].kept_wire.clone(),
+            request,
+            bodies: list.wire.clone(),
+            kept: list.kept_wire.clone(),
             picked,
-            list,
-            serials: self.lists[list].serials(),
-            is_kept: is_kept(&self.lists[list].bodies),
+            serials: list.serials(),
+            is_kept: is_kept(&list.bodies),
         }
     }
 
-    fn replace(&mut self, list: usize, batches: &[Batch]) {
+    fn replace(&mut self, batches: &[Batch]) {
         self.serial += 1;
-        let held = &mut self.lists[list];
-        held.bodies.clear();
-        held.bodies.extend(batches.iter().map(|batch| batch.points.clone()));
-        held.starts.clear();
-        held.starts.push(0);
-        for points in &held.bodies {
-            held.starts.push(held.starts.last().copied().unwrap_or_default() + points.len());
+        let list = &mut self.list;
+        list.bodies.clear();
+        list.bodies.extend(batches.iter().map(|batch| batch.points.clone()));
+        list.starts.clear();
+        list.starts.push(0);
+        for points in &list.bodies {
+            list.starts.push(list.starts.last().copied().unwrap_or_default() + points.len());
         }
-        held.wire = bodies_to_wire(&held.bodies, self.precision);
-        held.serial = self.serial;
-        held.kept.clear();
-        (held.kept_serial, held.picked, held.picked_serial) = (0, None, 0);
+        list.wire = bodies_to_wire(&list.bodies, self.precision);
+        list.serial = self.serial;
+        list.kept.clear();
+        (list.kept_serial, list.picked, list.picked_serial) = (0, None, 0);
     }
 
     /// The question's points as a choice out of those that are kept; keeps others if it asks about others.
-    fn picked(&mut self, list: usize, question: &Question, places: &[usize]) -> Bytes {
-        let List { starts, kept, .. } = &self.lists[list];
+    fn picked(&mut self, question: &Question, places: &[usize]) -> Bytes {
+        let List { starts, kept, .. } = &self.list;
         let points = || {
             question.batches.iter().zip(places).flat_map(|(batch, &place)| {
                 let (start, all) = (starts[place], 0..(starts[place + 1] - starts[place]) as u32);
@@ -133,10 +132,10 @@ impl QuestionWriter {
             kept.iter().for_each(|&point| self.choice.take(point));
             let wire = self.choice.finish(starts.last().copied().unwrap_or_default());
             self.serial += 1;
-            let held = &mut self.lists[list];
-            (held.kept, held.kept_wire, held.kept_serial) = (kept, wire, self.serial);
-            (0..held.kept.len()).for_each(|place| self.choice.take(place));
-            return self.choice.finish(held.kept.len());
+            let list = &mut self.list;
+            (list.kept, list.kept_wire, list.kept_serial) = (kept, wire, self.serial);
+            (0..list.kept.len()).for_each(|place| self.choice.take(place));
+            return self.choice.finish(list.kept.len());
         }
         let mut at = 0;
         for point in points() {
@@ -146,7 +145,7 @@ impl QuestionWriter {
         self.choice.finish(kept.len())
     }
 
-    fn request(&self, list: usize, question: &Question) -> v1::ProbeRequest {
+    fn request(&self, question: &Question) -> v1::ProbeRequest {
         let rounded = self.precision == Precision::Quantised;
         let Question { kind, batches, picked: _, directions, within, hints } = question;
         // Bodies of which nothing is asked do not travel, so neither does what belongs to them.
@@ -160,7 +159,6 @@ impl QuestionWriter {
             id: 0,
             frame: 0,
             kind: kind_to_wire(*kind).into(),
-            list: list as u32,
             bodies: None,
             points: None,
             offsets: if offsets().all(|part| part.to_bits() == 0) {
@@ -207,7 +205,7 @@ impl List {
 impl WrittenQuestion {
     /// The message for a node, with what its stream does not know yet.
     pub fn message(&self, knows: &StreamKnows, id: u64, frame: u64) -> v1::ProbeRequest {
-        let [list, kept, picked] = knows.0[self.list];
+        let [list, kept, picked] = knows.0;
         let has_list = list == self.serials[0];
         let has_kept = has_list && kept == self.serials[1];
         let has_picked = has_kept && picked == self.serials[2];
@@ -227,7 +225,7 @@ impl WrittenQuestion {
 impl StreamKnows {
     /// Notes that the message of a question is on its way.
     pub fn learn(&mut self, question: &WrittenQuestion) {
-        self.0[question.list] = if question.is_kept { question.serials } else { [0; 3] };
+        self.0 = if question.is_kept { question.serials } else { [0; 3] };
     }
 }
 
