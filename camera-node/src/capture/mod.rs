@@ -2,9 +2,9 @@
 //! ring. In real time a frame that comes too late is passed over; in lock-step every frame is made, as
 //! far ahead as credits allow.
 
-mod lesson;
+mod background;
 
-pub use lesson::{Lesson, MAX_LESSON_FRAMES};
+pub use background::{Lesson, MAX_LESSON_FRAMES};
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
@@ -18,7 +18,7 @@ use thiserror::Error;
 use crate::frames::{CameraFrame, FrameRing, Stamp};
 use crate::source::{Image, Kind, OpenContext, Source, SourceError};
 use crate::{NodeCamera, NodeConfig};
-use lesson::{Desk, Pupil};
+use background::{Desk, Pupil};
 
 /// How long a thread sleeps at most before it looks whether it should stop.
 const NAP: Duration = Duration::from_millis(20);
@@ -125,7 +125,7 @@ impl Film {
             .map(|camera| camera.map(|camera| Arc::new(Mutex::new(camera))))
             .collect::<Result<_, _>>()?;
         let desks = config.cameras.iter().map(|_| Arc::default()).collect();
-        let no_lessons = config.cameras.iter().find_map(lesson::why_not);
+        let no_lessons = config.cameras.iter().find_map(background::why_not);
         Ok(Film { fps: config.fps, ring, cameras, desks, no_lessons, run: Mutex::new(None) })
     }
 

@@ -4,8 +4,8 @@
 //! Film keeps the colours of new frames while they are wanted ([`Colours`]); a [`Darkroom`] crops, fills and
 //! compresses them, each picture once however often it is asked for.
 
-mod colours;
-mod develop;
+mod colour_ring;
+mod encode;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -17,8 +17,8 @@ use thiserror::Error;
 
 use crate::frames::{Frame, FrameError, FrameRing};
 
-pub use colours::{Colours, MARGIN_PIXELS};
-use develop::Developed;
+pub use colour_ring::{Colours, MARGIN_PIXELS};
+use encode::Developed;
 
 /// Orders that wait at most: every tier of two frames, and thumbnails.
 const MAX_WAITING: usize = 16;
@@ -210,8 +210,8 @@ fn make(ring: &FrameRing, frame: &Frame, camera: usize, order: &PictureOrder) ->
     };
     let (scale, quality) = (u32::from(order.scale_log2), order.jpeg_quality);
     let developed = colour.and_then(|colour| match order.kind {
-        PictureKind::Whole => develop::whole(&colour, scale, quality),
-        _ => develop::crop(&colour, &part.silhouette, scale, quality),
+        PictureKind::Whole => encode::whole(&colour, scale, quality),
+        _ => encode::crop(&colour, &part.silhouette, scale, quality),
     });
     let Developed { crop, jpeg } = developed.unwrap_or_default();
     let runs = match order.kind {

@@ -173,6 +173,6 @@ fn a_thin_foreground_is_shown_as_it_is() {
     let silhouette = hull::Silhouette::from_mask(WIDTH, HEIGHT, &mask).expect("size");
     set.ring.colours().keep(0, 0, &image, &silhouette);
     let colour = set.ring.colours().get(0, 0).expect("kept");
-    let developed = develop::crop(&colour, &silhouette, 0, 90).expect("a picture");
+    let developed = encode::crop(&colour, &silhouette, 0, 90).expect("a picture");
     is_near(*decoded(&developed.jpeg).get_pixel(0, 0), [220, 120, 40], 8);
 }

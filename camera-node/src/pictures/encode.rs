@@ -9,7 +9,7 @@ use hull::silhouette::PixelRect;
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 use segment::{CROP_GRID, to_rgb};
 
-use super::colours::Colour;
+use super::colour_ring::Colour;
 
 /// How far the foreground's colours are spread, pixels of the camera.
 const SPREAD_PIXELS: u32 = 8;
