@@ -103,8 +103,8 @@ impl Fanout {
             pass.save_bytes(saves_bytes);
         }
         let mut lanes = Vec::with_capacity(passes.len());
-        for (list, pass) in passes.iter().enumerate() {
-            lanes.push(self.next_round(list, pass, Taken::default(), frame, patience)?);
+        for pass in passes.iter() {
+            lanes.push(self.next_round(pass, Taken::default(), frame, patience)?);
         }
         while let Some(soonest) = lanes.iter().flatten().min_by_key(|lane| lane.asking.deadline) {
             let (index, id, answer, compute_ms) = match self.event(soonest).await? {
@@ -129,7 +129,7 @@ impl Fanout {
             }
             took(lane.round, lane.end_round());
             let taken = lane.taken;
-            lanes[list] = self.next_round(list, passes[list], taken, frame, patience)?;
+            lanes[list] = self.next_round(passes[list], taken, frame, patience)?;
             if lanes[list].is_none() {
                 let Taken { classes, distances } = taken;
                 self.ways.took(classes.selectively, classes.points, classes.ms);
@@ -144,7 +144,6 @@ impl Fanout {
     /// Asks a pass's next question; `None` if it has none.
     fn next_round(
         &mut self,
-        list: usize,
         pass: &Pass,
         mut taken: Taken,
         frame: u64,
