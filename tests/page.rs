@@ -4,14 +4,15 @@ use std::io::{BufRead as _, BufReader, Read as _};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use camera_node::capture::{Film, Pace};
+use camera_node::capture::Film;
 use camera_node::frames::FrameRing;
-use camera_node::pictures::{Darkroom, Picture, PictureKind, PictureOrder};
+use camera_node::pictures::PictureEncoder;
 use camera_node::source::{SourceConfig, StageConfig};
 use camera_node::{NodeCamera, NodeConfig};
 use futures::{SinkExt as _, StreamExt as _};
 use hull::ProbeSettings;
 use proto::convert::{SilhouetteEncoding, silhouette_from_data};
+use proto::{CameraPicture, Pace, Picture, PictureKind, PictureRequest};
 use segment::SegmentSettings;
 use serde_json::{Value, json};
 use tokio::net::TcpStream;
@@ -235,8 +236,10 @@ fn eight_cameras_at_full_rate_fit_into_fifteen_megabits() {
     };
     let ring = std::sync::Arc::new(FrameRing::new(8));
     let film = Film::prepare(&config, std::sync::Arc::clone(&ring)).expect("backgrounds");
-    let darkroom = Darkroom::new(std::sync::Arc::clone(&ring), (0..8).collect()).expect("a thread");
-    (0..8).for_each(|camera| ring.colours().ask(camera, false));
+    let colours = film.colours();
+    (0..8).for_each(|camera| colours.request(camera, false));
+    let encoder = PictureEncoder::new(std::sync::Arc::clone(&ring), colours, config.rig_indices());
+    let encoder = encoder.expect("a thread");
     film.start(Pace { epoch_unix_s: 0.0, lock_step: true }).expect("films");
     let (mut runs, mut jpegs, mut sets) = (0, 0, 0);
     for frame in 0..45 {
@@ -253,15 +256,17 @@ fn eight_cameras_at_full_rate_fit_into_fifteen_megabits() {
             continue;
         }
         let (sender, pictures) = std::sync::mpsc::channel();
-        let order = PictureOrder {
+        let request = PictureRequest {
             frame: Some(found.number),
             kind: PictureKind::Crops,
             scale_log2: 0,
             jpeg_quality: feed::pictures::JPEG_QUALITY,
             cameras: vec![],
         };
-        darkroom.order(order, move |picture: Picture| drop(sender.send(picture))).expect("in order");
-        let pictures: Vec<Picture> = pictures.into_iter().collect();
+        encoder
+            .request(request, move |picture: Picture| drop(sender.send(picture.camera)))
+            .expect("accepted");
+        let pictures: Vec<CameraPicture> = pictures.into_iter().collect();
         assert!(pictures.len() == 8 && pictures.iter().all(|picture| !picture.jpeg.is_empty()));
         runs += pictures.iter().map(|picture| picture.runs.len()).sum::<usize>();
         jpegs += pictures.iter().map(|picture| picture.jpeg.len()).sum::<usize>();

@@ -128,7 +128,14 @@ fn rapier_stays_in_sim_and_the_wire_in_its_two_files() {
         never_in(name, &["rapier3d", "parry3d", "glam::"], &[]);
     }
     let wire = ["v1::", "proto::v1"];
-    never_in("camera-node", &wire, &["service.rs"]);
+    let service = [
+        "service/mod.rs",
+        "service/node.rs",
+        "service/worker.rs",
+        "service/probe_stream.rs",
+        "service/film_events.rs",
+    ];
+    never_in("camera-node", &wire, &service);
     never_in("coordinator", &wire, &["camera_client.rs"]);
     never_in("feed", &wire, &["pictures.rs", "world_service.rs"]);
     never_in("hulltouch", &wire, &[]);

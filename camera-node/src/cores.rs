@@ -24,7 +24,7 @@ struct Part {
 }
 
 impl Cores {
-    /// Computes on so many cores at most.
+    /// Computes on at most so many cores.
     pub fn new(count: usize) -> Cores {
         Cores { parts: (0..count.max(1)).map(|_| Part::default()).collect() }
     }

@@ -7,10 +7,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use bytes::Bytes;
 use hull::silhouette::PixelRect;
 use hull::{Observer, Silhouette, View, ViewSet};
+use proto::{CameraReport, FilmState, FrameReport};
 use thiserror::Error;
 use tokio::sync::watch;
-
-use crate::pictures::Colours;
 
 /// How many frames are kept: enough for a coordinator that lags by a quarter of a second at 30
 /// frames/s, little enough that eight 8K silhouettes stay within 100 MB.
@@ -63,7 +62,27 @@ pub struct Frame {
     pub views: ViewSet,
 }
 
-/// When a frame was taken.
+impl Frame {
+    /// What others need to know of it, without its pixels.
+    pub fn report(&self) -> FrameReport {
+        let camera = |camera: &CameraFrame| CameraReport {
+            rig_index: camera.rig_index,
+            admitted: camera.admitted,
+            area: camera.silhouette.area(),
+            silhouette_bytes: camera.bytes.len() as u32,
+            segment_ms: camera.segment_ms,
+        };
+        FrameReport {
+            frame: self.number,
+            capture_time_s: self.capture_time_s,
+            captured_unix_s: self.captured_unix_s,
+            cameras: self.cameras.iter().map(camera).collect(),
+            skipped: self.skipped,
+        }
+    }
+}
+
+/// Number and times of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stamp {
     /// Its number.
@@ -79,7 +98,7 @@ pub struct Stamp {
 /// Why a frame is not there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum FrameError {
-    /// It has left the ring, or was missed.
+    /// It has left the ring, or was passed over.
     #[error("frame {asked} is gone: the ring holds {oldest} to {newest}")]
     Gone {
         /// The frame asked for.
@@ -90,25 +109,16 @@ pub enum FrameError {
         newest: u64,
     },
     /// It has not come yet.
-    #[error("frame {asked} has not come yet: the newest is {newest:?}")]
+    #[error("frame {asked} has not come yet: the newest is {newest}")]
     NotYet {
         /// The frame asked for.
         asked: u64,
-        /// The newest there is, if any.
-        newest: Option<u64>,
+        /// The newest there is.
+        newest: u64,
     },
-}
-
-/// How a film stands.
-#[derive(Clone, Debug, PartialEq, Eq, Default)]
-pub enum FilmState {
-    /// It runs, or has not begun.
-    #[default]
-    Running,
-    /// Every frame there is has come.
-    Ended,
-    /// It failed, and why; no more frames come.
-    Failed(String),
+    /// The ring is empty.
+    #[error("no frame has come yet")]
+    Empty,
 }
 
 struct Parts {
@@ -119,7 +129,7 @@ struct Parts {
 #[derive(Default)]
 struct Inner {
     ring: VecDeque<Arc<Frame>>,
-    /// Frames that some cameras have delivered and others not; bounded like the ring.
+    /// Frames that some cameras have delivered and others not, at most [`RING_FRAMES`].
     pending: BTreeMap<u64, Parts>,
     /// Which cameras' films have ended, and the newest frame that each has delivered.
     ended: Vec<bool>,
@@ -146,12 +156,31 @@ impl Inner {
     }
 }
 
+/// A frame of one of the runs that a ring has seen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FrameId {
+    /// Which run, counted by the ring.
+    pub run: u64,
+    /// The frame's number in it.
+    pub number: u64,
+}
+
+/// What is new in a ring.
+#[derive(Debug)]
+pub struct News {
+    /// The run that is on.
+    pub run: u64,
+    /// Its frames, oldest first.
+    pub frames: Vec<Arc<Frame>>,
+    /// The state of its film; if that is not running, no frame follows these.
+    pub state: FilmState,
+}
+
 /// The ring; shared by film threads, the service and, in process, the coordinator.
 pub struct FrameRing {
     camera_count: usize,
     inner: Mutex<Inner>,
     version: watch::Sender<u64>,
-    colours: Colours,
 }
 
 impl FrameRing {
@@ -161,7 +190,6 @@ impl FrameRing {
             camera_count,
             inner: Mutex::new(Inner::new(camera_count)),
             version: watch::Sender::new(0),
-            colours: Colours::new(camera_count),
         }
     }
 
@@ -171,7 +199,6 @@ impl FrameRing {
         let run = inner.run + 1;
         *inner = Inner { run, ..Inner::new(self.camera_count) };
         drop(inner);
-        self.colours.clear();
         self.changed();
     }
 
@@ -220,8 +247,8 @@ impl FrameRing {
         }
     }
 
-    /// Says that a camera's film has ended. The film has ended with the shortest: once the others have
-    /// delivered what it had.
+    /// Notes that a camera's film has ended. The node's film ends with the shortest: once the others have
+    /// delivered what it had. Its last frames stay in the ring.
     pub fn end(&self, camera: usize) {
         let mut inner = self.lock();
         inner.ended[camera] = true;
@@ -230,7 +257,7 @@ impl FrameRing {
         self.changed();
     }
 
-    /// Says that the film has failed.
+    /// Notes that the film has failed.
     pub fn fail(&self, why: String) {
         let mut inner = self.lock();
         if !matches!(inner.state, FilmState::Failed(_)) {
@@ -240,7 +267,7 @@ impl FrameRing {
         self.changed();
     }
 
-    /// How the film stands.
+    /// The state of the film.
     pub fn state(&self) -> FilmState {
         self.lock().state.clone()
     }
@@ -250,31 +277,27 @@ impl FrameRing {
         let inner = self.lock();
         let (oldest, newest) = match (inner.ring.front(), inner.ring.back()) {
             (Some(oldest), Some(newest)) => (oldest.number, newest.number),
-            _ => return Err(FrameError::NotYet { asked: number, newest: None }),
+            _ => return Err(FrameError::Empty),
         };
         if number > newest {
-            return Err(FrameError::NotYet { asked: number, newest: Some(newest) });
+            return Err(FrameError::NotYet { asked: number, newest });
         }
         let found = inner.ring.iter().find(|frame| frame.number == number);
         found.cloned().ok_or(FrameError::Gone { asked: number, oldest, newest })
     }
 
-    /// The newest frame, if there is one.
-    pub fn newest(&self) -> Option<Arc<Frame>> {
-        self.lock().ring.back().cloned()
+    /// The newest frame.
+    pub fn newest(&self) -> Result<Arc<Frame>, FrameError> {
+        self.lock().ring.back().cloned().ok_or(FrameError::Empty)
     }
 
-    /// The colours of recent frames, as far as somebody asks for them.
-    pub fn colours(&self) -> &Colours {
-        &self.colours
-    }
-
-    /// The run, and its frames that came after what was told of one (run, frame number), oldest first.
-    pub fn news(&self, told: Option<(u64, u64)>) -> (u64, Vec<Arc<Frame>>) {
+    /// What has come after a frame.
+    pub fn since(&self, seen: Option<FrameId>) -> News {
         let inner = self.lock();
-        let last = told.filter(|&(run, _)| run == inner.run).map(|(_, number)| number);
+        let last = seen.filter(|seen| seen.run == inner.run).map(|seen| seen.number);
         let is_new = |frame: &&Arc<Frame>| last.is_none_or(|last| frame.number > last);
-        (inner.run, inner.ring.iter().filter(is_new).cloned().collect())
+        let frames = inner.ring.iter().filter(is_new).cloned().collect();
+        News { run: inner.run, frames, state: inner.state.clone() }
     }
 
     /// Wakes whenever a frame, an end or a failure has come.
@@ -287,8 +310,7 @@ impl FrameRing {
     }
 
     fn lock(&self) -> std::sync::MutexGuard<'_, Inner> {
-        // A panic elsewhere leaves the ring whole: nothing here is half done between two statements
-        // that can panic.
+        // A panic elsewhere leaves the ring consistent: no statement here panics between two changes.
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -313,7 +335,7 @@ mod tests {
     fn frames_appear_when_all_cameras_have_them_and_leave_in_order() {
         let ring = FrameRing::new(2);
         offer(&ring, 0, 0);
-        assert!(matches!(ring.get(0), Err(FrameError::NotYet { asked: 0, newest: None })));
+        assert!(matches!(ring.get(0), Err(FrameError::Empty)));
         offer(&ring, 1, 0);
         assert_eq!(ring.get(0).expect("complete").cameras.len(), 2);
         for number in 1..=RING_FRAMES as u64 {
@@ -347,5 +369,22 @@ mod tests {
         ring.end(0);
         ring.end(1);
         assert_eq!(ring.state(), FilmState::Failed("no".into()));
+    }
+
+    #[test]
+    fn frames_of_a_longer_film_do_not_push_out_the_last_common_ones() {
+        let ring = FrameRing::new(2);
+        for number in 0..200 {
+            offer(&ring, 0, number);
+            match number {
+                0..60 => offer(&ring, 1, number),
+                60 => ring.end(1),
+                _ => {}
+            }
+        }
+        let News { frames, state, .. } = ring.since(None);
+        assert_eq!(state, FilmState::Ended);
+        let numbers: Vec<u64> = frames.iter().map(|frame| frame.number).collect();
+        assert_eq!(numbers, (52..60).collect::<Vec<u64>>());
     }
 }

@@ -9,9 +9,10 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use proto::{Address, AddressError};
+use thiserror::Error;
 use tokio::net::{TcpListener, UnixListener};
 
-/// Connections that wait to be accepted; a node has one coordinator and perhaps a curious operator.
+/// Connections that wait to be accepted: a node has one coordinator, and perhaps an operator looks.
 const BACKLOG: i32 = 128;
 
 /// Where to listen.
@@ -23,6 +24,17 @@ pub enum Listen {
     Unix(PathBuf),
 }
 
+/// Why a text is no address to listen on.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum ListenError {
+    /// It is something else.
+    #[error("found {0:?}, expected an IP address with port, or \"unix:/path\"")]
+    Form(String),
+    /// It is a path that no socket can have.
+    #[error(transparent)]
+    Path(AddressError),
+}
+
 impl From<SocketAddr> for Listen {
     fn from(address: SocketAddr) -> Listen {
         Listen::Tcp(address)
@@ -30,18 +42,16 @@ impl From<SocketAddr> for Listen {
 }
 
 impl FromStr for Listen {
-    type Err = String;
+    type Err = ListenError;
 
-    fn from_str(text: &str) -> Result<Listen, String> {
+    fn from_str(text: &str) -> Result<Listen, ListenError> {
         if let Ok(address) = text.parse() {
             return Ok(Listen::Tcp(address));
         }
         match text.parse() {
             Ok(Address::Unix(path)) => Ok(Listen::Unix(path)),
-            Ok(Address::Tcp(_)) | Err(AddressError::Form(_)) => {
-                Err(format!("found {text:?}, expected an IP address with port, or \"unix:/path\""))
-            }
-            Err(error @ AddressError::Path { .. }) => Err(error.to_string()),
+            Ok(Address::Tcp(_)) | Err(AddressError::Form(_)) => Err(ListenError::Form(text.to_owned())),
+            Err(error @ AddressError::Path { .. }) => Err(ListenError::Path(error)),
         }
     }
 }
@@ -90,7 +100,7 @@ impl Listener {
     }
 }
 
-/// The file of a socket; removed when this is dropped, unless somebody has replaced it.
+/// The file of a socket; removed when this is dropped, unless it was replaced.
 pub(crate) struct SocketFile {
     path: PathBuf,
     identity: (u64, u64),
@@ -115,7 +125,7 @@ fn identity(path: &Path) -> io::Result<(u64, u64)> {
     std::fs::symlink_metadata(path).map(|found| (found.dev(), found.ino()))
 }
 
-/// Removes a socket of this user that nobody listens on. Whatever else is there stays, as an error.
+/// Removes a socket of this user that nobody listens on. Anything else stays, and is an error.
 fn remove_stale(path: &Path) -> io::Result<()> {
     let found = match std::fs::symlink_metadata(path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),

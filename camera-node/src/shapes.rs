@@ -8,7 +8,7 @@ use proto::convert::shape_key;
 use thiserror::Error;
 
 /// Samples kept in all: 48 MB. A studio's scene has tens of thousands.
-pub const MAX_KEPT_SAMPLES: usize = 4_000_000;
+const MAX_KEPT_SAMPLES: usize = 4_000_000;
 
 /// Why shapes are not kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
@@ -32,15 +32,15 @@ pub struct Shapes {
 
 #[derive(Default)]
 struct Kept {
-    /// Each shape, and when it was last asked for.
+    /// Each shape, and when it was last used.
     by_key: HashMap<u64, (Arc<Shape>, u64)>,
-    /// Counts askings.
+    /// Counts uses.
     now: u64,
 }
 
 impl Shapes {
-    /// Keeps the shapes of one call. Where there is no room, those go that nobody asked for the longest: in a
-    /// run whose bodies come and go for days. Whoever asks for them again registers them again.
+    /// Keeps the shapes of one call. Where there is no room, the least recently used go: bodies come and go for
+    /// days. A coordinator that uses them again registers them again.
     pub fn register(&self, shapes: Vec<Shape>) -> Result<(), ShapeError> {
         let distinct: HashMap<u64, Shape> =
             shapes.into_iter().map(|shape| (shape_key(&shape.digest()), shape)).collect();
@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn where_there_is_no_room_those_go_that_nobody_asked_for_the_longest() {
+    fn the_least_recently_used_shapes_make_room() {
         let shapes = Shapes::default();
         let large = |x| Shape::new(vec![[x, 0.0, 0.0]; 1 << 20]).expect("finite");
         let key = |x| shape_key(&large(x).digest());

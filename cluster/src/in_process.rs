@@ -4,13 +4,14 @@ use std::io;
 use std::sync::Arc;
 
 use camera_node::NodeConfig;
-use camera_node::capture::{CaptureError, Film, Lesson, Pace};
-use camera_node::frames::{CameraFrame, FilmState, FrameRing};
-use camera_node::pictures::{Darkroom, Picture, PictureKind, PictureOrder};
+use camera_node::capture::{BackgroundRequest, CaptureError, Film};
+use camera_node::frames::FrameRing;
+use camera_node::pictures::PictureEncoder;
 use coordinator::{CameraFacts, FrameFacts, LocalFrames};
 use feed::pictures::{CameraPicture, FETCH_PATIENCE, FramePictures, PictureRequest, Pictures};
 use futures::future::BoxFuture;
 use hull::{Silhouette, ViewSet};
+use proto::{CameraReport, FilmState, FrameReport, Pace, Picture, PictureKind};
 use tokio::sync::{mpsc, watch};
 
 /// Cameras filmed in this process.
@@ -28,13 +29,13 @@ impl InProcess {
 
     /// What makes pictures of its frames, on a thread of its own.
     pub fn pictures(&self, config: &NodeConfig) -> io::Result<LocalPictures> {
-        let rig_indices = config.cameras.iter().map(|camera| camera.rig_index).collect();
-        Darkroom::new(Arc::clone(&self.ring), rig_indices).map(LocalPictures)
+        let encoder = PictureEncoder::new(Arc::clone(&self.ring), self.film.colours(), config.rig_indices());
+        encoder.map(LocalPictures)
     }
 }
 
 /// Pictures of cameras filmed in this process.
-pub struct LocalPictures(Darkroom);
+pub struct LocalPictures(PictureEncoder);
 
 impl Pictures for LocalPictures {
     fn fetch(&self, request: PictureRequest) -> BoxFuture<'static, Result<FramePictures, String>> {
@@ -50,19 +51,17 @@ impl Pictures for LocalPictures {
             // The request may have been dropped.
             let _ = sender.try_send(picture);
         };
-        let order = PictureOrder { frame, kind, scale_log2, jpeg_quality, cameras };
-        let ordered = self.0.order(order, deliver).map_err(|error| error.to_string());
+        let request = proto::PictureRequest { frame, kind, scale_log2, jpeg_quality, cameras };
+        let requested = self.0.request(request, deliver).map_err(|error| error.to_string());
         Box::pin(async move {
-            ordered?;
+            requested?;
             let (mut frame, mut captured_unix_s, mut cameras) = (0, 0.0, Vec::new());
             let deadline = tokio::time::Instant::now() + FETCH_PATIENCE;
             loop {
                 let picture = tokio::time::timeout_at(deadline, pictures.recv()).await;
                 let Some(picture) = picture.map_err(|_| "no pictures in time")? else { break };
-                let Picture { rig_index: camera, frame: of, captured_unix_s: captured, .. } = picture;
-                (frame, captured_unix_s) = (of, captured);
-                let Picture { runs, crop, scale_log2, jpeg, .. } = picture;
-                let crop = crop.map(|side| side as u16);
+                (frame, captured_unix_s) = (picture.frame, picture.captured_unix_s);
+                let proto::CameraPicture { rig_index: camera, runs, crop, scale_log2, jpeg } = picture.camera;
                 cameras.push(CameraPicture { camera, runs, scale_log2, crop, jpeg });
             }
             if cameras.is_empty() {
@@ -88,25 +87,18 @@ impl LocalFrames for InProcess {
     }
 
     fn frames(&self) -> Vec<u64> {
-        self.ring.news(None).1.iter().map(|frame| frame.number).collect()
+        self.ring.since(None).frames.iter().map(|frame| frame.number).collect()
     }
 
     fn facts(&self, frame: u64) -> Option<FrameFacts> {
-        let frame = self.ring.get(frame).ok()?;
-        let camera = |camera: &CameraFrame| CameraFacts {
-            rig_index: camera.rig_index,
-            admitted: camera.admitted,
-            area: camera.silhouette.area(),
-            silhouette_bytes: camera.bytes.len() as u32,
-            segment_ms: camera.segment_ms,
+        let FrameReport { frame, capture_time_s, captured_unix_s, cameras, skipped } =
+            self.ring.get(frame).ok()?.report();
+        let camera = |camera: CameraReport| {
+            let CameraReport { rig_index, admitted, area, silhouette_bytes, segment_ms } = camera;
+            CameraFacts { rig_index, admitted, area, silhouette_bytes, segment_ms }
         };
-        Some(FrameFacts {
-            frame: frame.number,
-            capture_time_s: frame.capture_time_s,
-            captured_unix_s: frame.captured_unix_s,
-            cameras: frame.cameras.iter().map(camera).collect(),
-            skipped: frame.skipped,
-        })
+        let cameras = cameras.into_iter().map(camera).collect();
+        Some(FrameFacts { frame, capture_time_s, captured_unix_s, cameras, skipped })
     }
 
     fn film(&self) -> coordinator::FilmState {
@@ -131,6 +123,7 @@ impl LocalFrames for InProcess {
     }
 
     fn take_background(&self, first_frame: u64, frames: u64) -> Result<(), String> {
-        self.film.take_background(Lesson { first_frame, frames })
+        let request = BackgroundRequest { first_frame, frames };
+        self.film.take_background(request).map_err(|error| error.to_string())
     }
 }

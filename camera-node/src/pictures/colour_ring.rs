@@ -1,4 +1,4 @@
-//! The colours of recent frames, kept by film only while somebody asks for them.
+//! The colours of recent frames, kept only while somebody requests them.
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -10,12 +10,12 @@ use hull::silhouette::PixelRect;
 use segment::{CROP_GRID, Format};
 
 use crate::frames::RING_FRAMES;
-use crate::source::{Image, Kind};
+use crate::source::Image;
 
-/// An ask is good for so long.
-const ASK_LASTS: Duration = Duration::from_secs(5);
+/// A request keeps colours coming for so long.
+const REQUEST_LASTS: Duration = Duration::from_secs(5);
 /// Colours are kept of the foreground's box grown by so much.
-pub const MARGIN_PIXELS: u32 = 16;
+const MARGIN_PIXELS: u32 = 16;
 /// Bytes of colours kept of one camera: the ring's eight frames of whole HD images, fewer of larger ones, and
 /// one in any case.
 const MAX_BYTES: usize = 56 << 20;
@@ -32,41 +32,42 @@ pub(super) struct Colour {
     pub bytes: Vec<u8>,
 }
 
-/// Colours by camera and frame; shared by film and the darkroom.
-pub struct Colours {
+/// Colours by camera and frame; shared by film and the encoder of pictures.
+pub struct ColourRing {
     /// What times count from.
     began: Instant,
-    cameras: Vec<OfCamera>,
+    cameras: Vec<CameraColours>,
 }
 
 #[derive(Default)]
-struct OfCamera {
+struct CameraColours {
     /// Until when crops, or whole images, are wanted: milliseconds after the beginning.
     crops_until_ms: AtomicU64,
     whole_until_ms: AtomicU64,
     kept: Mutex<VecDeque<(u64, Arc<Colour>)>>,
 }
 
-impl OfCamera {
+impl CameraColours {
     fn kept(&self) -> MutexGuard<'_, VecDeque<(u64, Arc<Colour>)>> {
         self.kept.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl Colours {
+impl ColourRing {
     /// Of so many cameras.
-    pub fn new(camera_count: usize) -> Colours {
-        Colours { began: Instant::now(), cameras: (0..camera_count).map(|_| OfCamera::default()).collect() }
+    pub fn new(camera_count: usize) -> ColourRing {
+        let cameras = (0..camera_count).map(|_| CameraColours::default()).collect();
+        ColourRing { began: Instant::now(), cameras }
     }
 
     /// Has film keep a camera's colours for the next seconds: of whole images, or around the foreground.
-    pub fn ask(&self, camera: usize, whole: bool) {
+    pub fn request(&self, camera: usize, whole: bool) {
         let camera = &self.cameras[camera];
         let until = if whole { &camera.whole_until_ms } else { &camera.crops_until_ms };
-        until.store(self.now_ms() + ASK_LASTS.as_millis() as u64, Ordering::Relaxed);
+        until.store(self.now_ms() + REQUEST_LASTS.as_millis() as u64, Ordering::Relaxed);
     }
 
-    /// Film has made a silhouette of an image: keeps what is wanted of it, nothing otherwise.
+    /// Keeps what is requested of a frame, nothing otherwise.
     pub fn keep(&self, camera: usize, number: u64, image: &Image, silhouette: &Silhouette) {
         let camera = &self.cameras[camera];
         let now_ms = self.now_ms();
@@ -76,8 +77,8 @@ impl Colours {
             camera.kept().clear();
             return;
         }
-        let Kind::Colour(layout) = image.kind else { return };
-        let Ok(format) = Format::new(layout, image.width, image.height) else { return };
+        // Masks have no colours.
+        let Ok(format) = image.format() else { return };
         let part = if whole {
             Some([0, 0, image.width, image.height])
         } else {
@@ -102,10 +103,12 @@ impl Colours {
     }
 
     /// Bytes kept now, of all cameras.
-    pub fn bytes(&self) -> usize {
-        let of_camera =
-            |camera: &OfCamera| camera.kept().iter().map(|(_, colour)| colour.bytes.len()).sum::<usize>();
-        self.cameras.iter().map(of_camera).sum()
+    #[cfg(test)]
+    pub(super) fn bytes(&self) -> usize {
+        let bytes = |camera: &CameraColours| -> usize {
+            camera.kept().iter().map(|(_, colour)| colour.bytes.len()).sum()
+        };
+        self.cameras.iter().map(bytes).sum()
     }
 
     /// Forgets all colours: a new run begins.

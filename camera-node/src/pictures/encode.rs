@@ -1,8 +1,8 @@
 //! Colours to JPEGs. Pure: a part of a frame and a silhouette in, bytes out.
 //!
 //! A crop shows the foreground without its outermost pixels, which are mixed with what is behind; its colours
-//! are spread a little way outwards, so that whoever samples at the very edge finds no fringe, and the rest is
-//! their mean, which costs next to nothing.
+//! are spread a little way outwards, so that a viewer that samples at the very edge finds no fringe, and the rest
+//! is their mean, which costs next to nothing.
 
 use hull::Silhouette;
 use hull::silhouette::PixelRect;
@@ -20,14 +20,14 @@ const BLOCK_PIXELS: u32 = 8;
 
 /// A JPEG and what it shows.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Developed {
+pub(super) struct EncodedImage {
     /// Left, top, width and height in the camera's own pixels.
     pub crop: [u32; 4],
     pub jpeg: Vec<u8>,
 }
 
 /// The whole image; `None` if only a part was kept.
-pub(super) fn whole(colour: &Colour, scale_log2: u32, quality: u8) -> Option<Developed> {
+pub(super) fn whole(colour: &Colour, scale_log2: u32, quality: u8) -> Option<EncodedImage> {
     if !colour.is_whole {
         return None;
     }
@@ -38,7 +38,7 @@ pub(super) fn whole(colour: &Colour, scale_log2: u32, quality: u8) -> Option<Dev
     for row in 0..height {
         cells.add(row, 0, &rgb[3 * (row * width) as usize..3 * ((row + 1) * width) as usize]);
     }
-    Some(Developed { crop: [0, 0, width, height], jpeg: cells.into_rgb().jpeg(quality)? })
+    Some(EncodedImage { crop: [0, 0, width, height], jpeg: cells.into_rgb().jpeg(quality)? })
 }
 
 /// The foreground; `None` if there is none, or its colours were not kept.
@@ -47,7 +47,7 @@ pub(super) fn crop(
     silhouette: &Silhouette,
     scale_log2: u32,
     quality: u8,
-) -> Option<Developed> {
+) -> Option<EncodedImage> {
     let bounds = silhouette.bounds()?;
     let (rgb, shown) = foreground_rgb(colour, bounds)?;
     let [left, top, width, height] = aligned(bounds, (silhouette.width(), silhouette.height()), scale_log2);
@@ -69,7 +69,7 @@ pub(super) fn crop(
     }
     cells.average();
     cells.spread(((SPREAD_PIXELS >> scale_log2) as u8).max(LEAST_SPREAD));
-    Some(Developed { crop: [left, top, width, height], jpeg: cells.into_filled().jpeg(quality)? })
+    Some(EncodedImage { crop: [left, top, width, height], jpeg: cells.into_filled().jpeg(quality)? })
 }
 
 /// The bounds as RGB, and where that lies; `None` if they were not kept.

@@ -1,23 +1,16 @@
-//! What a cluster file says about a source, and opening it.
+//! Sources as a cluster file describes them.
 
 use std::fmt::Display;
 use std::num::NonZeroU64;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use hull::Camera;
 use serde::{Deserialize, Deserializer, de::Error as _};
 use stage::{Motion, Prop, StageSettings};
 
-use super::files::{COLOUR, FileFrames};
-use super::film::FileFilm;
-use super::pipe::PipeSource;
 use super::raw::RawLayout;
-use super::stage_source::StageSource;
-use super::{Kind, OpenContext, Source, SourceError};
 
-/// The largest span of time that a source may be told to wait or to lag, seconds. Any more is a
-/// slip of units.
+/// The longest wait or latency of a source, seconds. Any more is a slip of units.
 const MAX_SPAN_S: f64 = 3600.0;
 
 /// The length of the studio's background clip: the deviation of a pixel is then good to an eighth.
@@ -145,23 +138,6 @@ impl SourceConfig {
             }
         }
         Ok(())
-    }
-
-    /// Opens the source for the camera at `camera_index` of its rig. Programs start here; a size
-    /// that is not the camera's is refused, at the latest with the first frame.
-    pub fn open(
-        &self,
-        camera: &Camera,
-        camera_index: usize,
-        context: &OpenContext,
-    ) -> Result<Box<dyn Source>, SourceError> {
-        Ok(match self {
-            SourceConfig::Stage(stage) => Box::new(StageSource::new(stage, camera, camera_index, context)),
-            SourceConfig::Images(files) => Box::new(FileFrames::open(files, COLOUR, camera, context)?),
-            SourceConfig::Masks(files) => Box::new(FileFrames::open(files, Kind::Mask, camera, context)?),
-            SourceConfig::Video(file) => Box::new(FileFilm::open(file, camera, context)?),
-            SourceConfig::Pipe(pipe) => Box::new(PipeSource::open(pipe, camera, context)?),
-        })
     }
 
     /// The empty room of a source that knows its own: a clip of the studio, long enough to tell its

@@ -7,18 +7,19 @@ use hull::Camera;
 use image::{DynamicImage, ImageDecoder, ImageReader};
 use segment::Layout;
 
+use super::config::FileConfig;
 use super::film::{Fit, Numbering};
-use super::{FileConfig, Image, Kind, OpenContext, Source, SourceError, Taken};
+use super::{Image, ImageKind, OpenContext, Source, SourceError, SourceFrame};
 
 /// What pictures are decoded to.
-pub const COLOUR: Kind = Kind::Colour(Layout::Rgb);
+pub const COLOUR: ImageKind = ImageKind::Colour(Layout::Rgb);
 
 /// A film of one file per frame.
 pub struct FileFrames {
     /// Numbers and files, ascending.
     frames: Vec<(u64, PathBuf)>,
     cursor: usize,
-    kind: Kind,
+    kind: ImageKind,
     fit: Fit,
     fps: f64,
 }
@@ -28,30 +29,13 @@ impl FileFrames {
     /// name), a folder with a pattern as last part (`frame_%06d.png`), or one image, which is frame 0.
     pub fn open(
         config: &FileConfig,
-        kind: Kind,
+        kind: ImageKind,
         camera: &Camera,
         context: &OpenContext,
     ) -> Result<FileFrames, SourceError> {
         let path = &config.path;
         let refused = |problem: String| SourceError::File { path: path.clone(), problem };
-        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-        let mut files = if name.contains('%') {
-            let pattern = Pattern::parse(name).ok_or_else(|| {
-                refused("expected one %d or %06d in the file name, and no other %".to_owned())
-            })?;
-            listed(path.parent().unwrap_or(Path::new(".")), |name| pattern.number(name))?
-        } else if path.is_dir() {
-            listed(path, plain_number)?
-        } else if path.is_file() {
-            vec![(0, path.clone())]
-        } else {
-            return Err(refused("no such file or folder".to_owned()));
-        };
-        files.sort();
-        if let Some(twice) = files.windows(2).find(|pair| pair[0].0 == pair[1].0) {
-            let names = (twice[0].1.display(), twice[1].1.display());
-            return Err(refused(format!("{} and {} are both number {}", names.0, names.1, twice[0].0)));
-        }
+        let files = numbered_files(path)?;
         let (first, last) = (files.first().map(|f| f.0), files.last().map(|f| f.0));
         let numbering = Numbering::new(config.start_frame, config.frame_step);
         let frames: Vec<(u64, PathBuf)> = files
@@ -72,7 +56,7 @@ impl FileFrames {
 }
 
 impl Source for FileFrames {
-    fn next(&mut self, at_least: u64, image: &mut Image) -> Result<Option<Taken>, SourceError> {
+    fn next(&mut self, at_least: u64, image: &mut Image) -> Result<Option<SourceFrame>, SourceError> {
         let rest = &self.frames[self.cursor..];
         let skipped = rest.partition_point(|(number, _)| *number < at_least);
         let Some((number, path)) = rest.get(skipped) else {
@@ -81,7 +65,7 @@ impl Source for FileFrames {
         };
         load(path, self.kind, &self.fit, image)?;
         self.cursor += skipped + 1;
-        Ok(Some(Taken {
+        Ok(Some(SourceFrame {
             number: *number,
             capture_time_s: *number as f64 / self.fps,
             skipped: skipped as u64,
@@ -90,7 +74,7 @@ impl Source for FileFrames {
 }
 
 /// Reads one image file that must have the camera's size; colours become RGB.
-fn load(path: &Path, kind: Kind, fit: &Fit, image: &mut Image) -> Result<(), SourceError> {
+fn load(path: &Path, kind: ImageKind, fit: &Fit, image: &mut Image) -> Result<(), SourceError> {
     let refused = |problem: String| SourceError::File { path: path.to_owned(), problem };
     let decoder = ImageReader::open(path)
         .and_then(ImageReader::with_guessed_format)
@@ -102,10 +86,33 @@ fn load(path: &Path, kind: Kind, fit: &Fit, image: &mut Image) -> Result<(), Sou
     let decoded = DynamicImage::from_decoder(decoder).map_err(|error| refused(error.to_string()))?;
     (image.width, image.height) = (decoded.width(), decoded.height());
     (image.kind, image.data) = match kind {
-        Kind::Colour(_) => (COLOUR, decoded.into_rgb8().into_raw()),
-        Kind::Mask => (Kind::Mask, decoded.into_luma8().into_raw()),
+        ImageKind::Colour(_) => (COLOUR, decoded.into_rgb8().into_raw()),
+        ImageKind::Mask => (ImageKind::Mask, decoded.into_luma8().into_raw()),
     };
     Ok(())
+}
+
+/// Files and their numbers, ascending.
+fn numbered_files(path: &Path) -> Result<Vec<(u64, PathBuf)>, SourceError> {
+    let refused = |problem: String| SourceError::File { path: path.to_owned(), problem };
+    let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+    let mut files = if name.contains('%') {
+        let expected = "expected one %d or %06d in the file name, and no other %";
+        let pattern = Pattern::parse(name).ok_or_else(|| refused(expected.to_owned()))?;
+        listed(path.parent().unwrap_or(Path::new(".")), |name| pattern.number(name))?
+    } else if path.is_dir() {
+        listed(path, plain_number)?
+    } else if path.is_file() {
+        vec![(0, path.to_owned())]
+    } else {
+        return Err(refused("no such file or folder".to_owned()));
+    };
+    files.sort();
+    if let Some(twice) = files.windows(2).find(|pair| pair[0].0 == pair[1].0) {
+        let names = (twice[0].1.display(), twice[1].1.display());
+        return Err(refused(format!("{} and {} are both number {}", names.0, names.1, twice[0].0)));
+    }
+    Ok(files)
 }
 
 fn listed(folder: &Path, number: impl Fn(&str) -> Option<u64>) -> Result<Vec<(u64, PathBuf)>, SourceError> {
@@ -171,7 +178,12 @@ mod tests {
             .expect("written");
     }
 
-    fn open(path: &Path, kind: Kind, start_frame: u64, frame_step: u64) -> Result<FileFrames, SourceError> {
+    fn open(
+        path: &Path,
+        kind: ImageKind,
+        start_frame: u64,
+        frame_step: u64,
+    ) -> Result<FileFrames, SourceError> {
         let config = FileConfig {
             path: path.to_owned(),
             start_frame,
@@ -195,7 +207,7 @@ mod tests {
         assert_eq!(numbers(&mut open(&pattern, COLOUR, 0, 1).expect("opens")), [3, 7, 8]);
         let mut source = open(folder.path(), COLOUR, 0, 1).expect("opens");
         let taken = source.next(8, &mut Image::default()).expect("read").expect("a frame");
-        assert_eq!(taken, Taken { number: 8, capture_time_s: 8.0 / 30.0, skipped: 2 });
+        assert_eq!(taken, SourceFrame { number: 8, capture_time_s: 8.0 / 30.0, skipped: 2 });
         let error = open(folder.path(), COLOUR, 12, 1).err().expect("refused").to_string();
         assert!(
             error.ends_with("numbers 3 to 11, none of them start_frame 12 plus a multiple of frame_step 1"),
@@ -226,8 +238,8 @@ mod tests {
         let mut image = Image::default();
         let taken = open(&path, COLOUR, 0, 1).expect("opens").next(0, &mut image).expect("read");
         assert_eq!((taken.expect("frame").number, image.kind, image.data.len()), (0, COLOUR, 36));
-        open(&path, Kind::Mask, 0, 1).expect("opens").next(0, &mut image).expect("read");
-        assert_eq!(image, Image { width: 4, height: 3, kind: Kind::Mask, data: vec![128; 12] });
+        open(&path, ImageKind::Mask, 0, 1).expect("opens").next(0, &mut image).expect("read");
+        assert_eq!(image, Image { width: 4, height: 3, kind: ImageKind::Mask, data: vec![128; 12] });
     }
 
     #[track_caller]

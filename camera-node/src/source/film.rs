@@ -8,8 +8,9 @@ use std::path::PathBuf;
 use hull::Camera;
 use segment::Format;
 
+use super::config::FileConfig;
 use super::y4m::{Header, Reader};
-use super::{FileConfig, Image, Kind, OpenContext, Source, SourceError, Taken};
+use super::{Image, ImageKind, OpenContext, Source, SourceError, SourceFrame};
 
 /// How indices in a film become numbers in the cluster.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -78,7 +79,7 @@ pub fn check_rate(source_name: &str, header: &Header, expected: f64) -> Result<(
 /// Says what an image's bytes are.
 pub fn label(format: Format, image: &mut Image) {
     (image.width, image.height) = (format.width(), format.height());
-    image.kind = Kind::Colour(format.layout());
+    image.kind = ImageKind::Colour(format.layout());
 }
 
 /// A film in one YUV4MPEG2 file.
@@ -112,7 +113,7 @@ impl FileFilm {
 }
 
 impl Source for FileFilm {
-    fn next(&mut self, at_least: u64, image: &mut Image) -> Result<Option<Taken>, SourceError> {
+    fn next(&mut self, at_least: u64, image: &mut Image) -> Result<Option<SourceFrame>, SourceError> {
         let mut skipped = 0;
         loop {
             let read = self.reader.read(&mut image.data);
@@ -130,7 +131,11 @@ impl Source for FileFilm {
                 Some(number) if number < at_least => skipped += 1,
                 Some(number) => {
                     label(self.format, image);
-                    return Ok(Some(Taken { number, capture_time_s: number as f64 / self.fps, skipped }));
+                    return Ok(Some(SourceFrame {
+                        number,
+                        capture_time_s: number as f64 / self.fps,
+                        skipped,
+                    }));
                 }
             }
         }
@@ -169,10 +174,10 @@ mod tests {
         let mut source = film(&folder, 3, 2, 30.0).expect("opens");
         let mut image = Image::default();
         let taken = source.next(0, &mut image).expect("read").expect("a frame");
-        assert_eq!(taken, Taken { number: 0, capture_time_s: 0.0, skipped: 0 });
-        assert_eq!(image, Image { width: 2, height: 1, kind: Kind::Colour(MONO), data: vec![3, 100] });
+        assert_eq!(taken, SourceFrame { number: 0, capture_time_s: 0.0, skipped: 0 });
+        assert_eq!(image, Image { width: 2, height: 1, kind: ImageKind::Colour(MONO), data: vec![3, 100] });
         let taken = source.next(2, &mut image).expect("read").expect("a frame");
-        assert_eq!(taken, Taken { number: 2, capture_time_s: 2.0 / 30.0, skipped: 1 });
+        assert_eq!(taken, SourceFrame { number: 2, capture_time_s: 2.0 / 30.0, skipped: 1 });
         assert_eq!(image.data[0], 7);
         assert_eq!(numbers(&mut source), [3]);
     }

@@ -1,24 +1,24 @@
-//! A bounded hand-over of frames from the thread that reads them to the thread that uses them.
+//! A bounded queue of frames from the thread that reads them to the thread that uses them.
 
 use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// What a full mailbox does with one more letter.
+/// What a full mailbox does with one more message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WhenFull {
     /// The writer waits: a film loses nothing.
     Wait,
-    /// The oldest letter goes: a live camera does not wait, and old frames are of no use.
+    /// The oldest message goes: a live camera does not wait, and old frames are of no use.
     DropOldest,
 }
 
-/// What a reader got.
+/// What a reader finds.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Received<T> {
-    /// The oldest letter.
-    Letter(T),
-    /// The writer closed, and every letter was taken.
+    /// The oldest message.
+    Message(T),
+    /// The writer closed, and every message was received.
     Closed,
     /// Nothing came in time.
     TimedOut,
@@ -35,15 +35,15 @@ pub struct Mailbox<T> {
 
 #[derive(Debug)]
 struct State<T> {
-    letters: VecDeque<T>,
+    messages: VecDeque<T>,
     dropped: u64,
     closed: bool,
 }
 
 impl<T> Mailbox<T> {
-    /// An empty mailbox for up to `capacity` letters, at least one.
+    /// An empty mailbox for up to `capacity` messages, at least one.
     pub fn new(capacity: usize, when_full: WhenFull) -> Mailbox<T> {
-        let state = State { letters: VecDeque::new(), dropped: 0, closed: false };
+        let state = State { messages: VecDeque::new(), dropped: 0, closed: false };
         Mailbox { state: Mutex::new(state), changed: Condvar::new(), capacity: capacity.max(1), when_full }
     }
 
@@ -52,32 +52,32 @@ impl<T> Mailbox<T> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Puts a letter in, waiting if that is the rule; gives it back if the mailbox is closed.
-    pub fn send(&self, letter: T) -> Result<(), T> {
+    /// Puts a message in, waiting if that is the rule; gives it back if the mailbox is closed.
+    pub fn send(&self, message: T) -> Result<(), T> {
         let mut state = self.lock();
-        while self.when_full == WhenFull::Wait && state.letters.len() >= self.capacity && !state.closed {
+        while self.when_full == WhenFull::Wait && state.messages.len() >= self.capacity && !state.closed {
             state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
         if state.closed {
-            return Err(letter);
+            return Err(message);
         }
-        if state.letters.len() >= self.capacity {
-            state.letters.pop_front();
+        if state.messages.len() >= self.capacity {
+            state.messages.pop_front();
             state.dropped += 1;
         }
-        state.letters.push_back(letter);
+        state.messages.push_back(message);
         self.changed.notify_all();
         Ok(())
     }
 
-    /// Takes the oldest letter, waiting up to `limit` for one.
+    /// Takes the oldest message, waiting up to `limit` for one.
     pub fn receive(&self, limit: Duration) -> Received<T> {
         let deadline = Instant::now() + limit;
         let mut state = self.lock();
         loop {
-            if let Some(letter) = state.letters.pop_front() {
+            if let Some(message) = state.messages.pop_front() {
                 self.changed.notify_all();
-                return Received::Letter(letter);
+                return Received::Message(message);
             }
             if state.closed {
                 return Received::Closed;
@@ -90,12 +90,12 @@ impl<T> Mailbox<T> {
         }
     }
 
-    /// How many letters were dropped since this was last asked.
+    /// How many messages were dropped since this was last asked.
     pub fn take_dropped(&self) -> u64 {
         std::mem::take(&mut self.lock().dropped)
     }
 
-    /// No more letters: the writer is done, or nobody reads. Letters inside can still be taken.
+    /// No more messages: the writer is done, or nobody reads. Messages inside can still be taken.
     pub fn close(&self) {
         self.lock().closed = true;
         self.changed.notify_all();
@@ -114,11 +114,11 @@ mod tests {
         let mailbox = Mailbox::new(2, WhenFull::Wait);
         std::thread::scope(|scope| {
             scope.spawn(|| {
-                (0..100).for_each(|letter| mailbox.send(letter).expect("open"));
+                (0..100).for_each(|message| mailbox.send(message).expect("open"));
                 mailbox.close();
             });
-            for letter in 0..100 {
-                assert_eq!(mailbox.receive(LONG), Received::Letter(letter));
+            for message in 0..100 {
+                assert_eq!(mailbox.receive(LONG), Received::Message(message));
             }
             assert_eq!(mailbox.receive(LONG), Received::Closed);
         });
@@ -128,8 +128,8 @@ mod tests {
     #[test]
     fn a_live_mailbox_keeps_the_newest_and_counts_the_rest() {
         let mailbox = Mailbox::new(1, WhenFull::DropOldest);
-        (0..5).for_each(|letter| mailbox.send(letter).expect("open"));
-        assert_eq!(mailbox.receive(SOON), Received::Letter(4));
+        (0..5).for_each(|message| mailbox.send(message).expect("open"));
+        assert_eq!(mailbox.receive(SOON), Received::Message(4));
         assert_eq!(mailbox.take_dropped(), 4);
         assert_eq!(mailbox.receive(SOON), Received::TimedOut);
     }

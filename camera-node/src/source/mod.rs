@@ -2,8 +2,8 @@
 //!
 //! A source numbers its frames on the cluster's common count and never renumbers: in a file the
 //! index is the number, a missing file is a missing frame, and a live pipe goes by arrival time.
-//! Sources block; they belong on a thread of their own. They keep no time: whoever asks decides
-//! when, and names the oldest frame that is still of use.
+//! Sources block; they belong on a thread of their own. They keep no time: the caller decides when a
+//! frame is due, and names the oldest that is still of use.
 
 mod config;
 mod files;
@@ -13,20 +13,26 @@ mod pipe;
 mod program;
 mod raw;
 mod stage_source;
-pub mod y4m;
+mod y4m;
 
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use segment::Layout;
+use hull::Camera;
+use segment::{Format, Layout, SizeError};
 use thiserror::Error;
 
 pub use config::{FileConfig, PipeConfig, SourceConfig, StageConfig};
 pub use raw::RawLayout;
 
+use files::FileFrames;
+use film::FileFilm;
+use pipe::PipeSource;
+use stage_source::StageSource;
+
 /// What an image's bytes are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum ImageKind {
     /// Colours, in the layout that the camera, the film or the picture has.
     Colour(Layout),
     /// One byte a pixel: over 127 is foreground. The silhouette is taken as it is.
@@ -42,20 +48,41 @@ pub struct Image {
     /// Pixels down.
     pub height: u32,
     /// What the bytes are.
-    pub kind: Kind,
+    pub kind: ImageKind,
     /// As many bytes as kind and size make.
     pub data: Vec<u8>,
 }
 
 impl Default for Image {
     fn default() -> Image {
-        Image { width: 0, height: 0, kind: Kind::Colour(Layout::Rgb), data: Vec::new() }
+        Image { width: 0, height: 0, kind: ImageKind::Colour(Layout::Rgb), data: Vec::new() }
+    }
+}
+
+/// Why an image is no frame in colours.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum ImageError {
+    /// It is a mask.
+    #[error("masks, expected colours")]
+    Mask,
+    /// No frame has such a size.
+    #[error(transparent)]
+    Size(#[from] SizeError),
+}
+
+impl Image {
+    /// Size and layout of colours.
+    pub fn format(&self) -> Result<Format, ImageError> {
+        match self.kind {
+            ImageKind::Colour(layout) => Ok(Format::new(layout, self.width, self.height)?),
+            ImageKind::Mask => Err(ImageError::Mask),
+        }
     }
 }
 
 /// Which frame a source wrote.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Taken {
+pub struct SourceFrame {
     /// The frame's number in the cluster's count.
     pub number: u64,
     /// When it was captured, seconds of film time on the common epoch.
@@ -69,7 +96,7 @@ pub struct Taken {
 pub trait Source: Send {
     /// Writes the next frame whose number is `at_least` or above into `image`, reusing its buffer;
     /// numbers only grow from call to call. Blocks until there is one. `None`: the film has ended.
-    fn next(&mut self, at_least: u64, image: &mut Image) -> Result<Option<Taken>, SourceError>;
+    fn next(&mut self, at_least: u64, image: &mut Image) -> Result<Option<SourceFrame>, SourceError>;
 }
 
 /// What every source of a cluster shares.
@@ -77,7 +104,7 @@ pub trait Source: Send {
 pub struct OpenContext {
     /// Frames of the cluster per second; frame `n` is captured at `n / fps`.
     pub fps: f64,
-    /// Seconds on the common epoch now; only live pipes look at it.
+    /// Seconds on the common epoch now; only live pipes use it.
     pub clock: Clock,
 }
 
@@ -128,7 +155,7 @@ pub enum SourceError {
         problem: String,
     },
     /// A program failed, or wrote something else than film.
-    #[error("{command:?} {problem} ({status}{})", if last_words.is_empty() { String::new() } else { format!("; its last words: {last_words}") })]
+    #[error("{command:?} {problem} ({status}{})", if stderr_tail.is_empty() { String::new() } else { format!("; standard error: {stderr_tail}") })]
     Program {
         /// The command line, shortened.
         command: String,
@@ -137,8 +164,28 @@ pub enum SourceError {
         /// How it ended: its exit status, or that it had to be killed.
         status: String,
         /// The last lines of its standard error, in one line.
-        last_words: String,
+        stderr_tail: String,
     },
+}
+
+impl SourceConfig {
+    /// Opens the source for the camera at `camera_index` of its rig. Programs start here; a size
+    /// that is not the camera's is refused, at the latest with the first frame.
+    pub fn open(
+        &self,
+        camera: &Camera,
+        camera_index: usize,
+        context: &OpenContext,
+    ) -> Result<Box<dyn Source>, SourceError> {
+        let files = |files, kind| FileFrames::open(files, kind, camera, context);
+        Ok(match self {
+            SourceConfig::Stage(stage) => Box::new(StageSource::new(stage, camera, camera_index, context)),
+            SourceConfig::Images(config) => Box::new(files(config, files::COLOUR)?),
+            SourceConfig::Masks(config) => Box::new(files(config, ImageKind::Mask)?),
+            SourceConfig::Video(file) => Box::new(FileFilm::open(file, camera, context)?),
+            SourceConfig::Pipe(pipe) => Box::new(PipeSource::open(pipe, camera, context)?),
+        })
+    }
 }
 
 #[cfg(test)]
@@ -148,16 +195,9 @@ pub(crate) mod tests {
     use super::*;
 
     /// A camera called "cam" of some size.
-    pub fn camera(width: u32, height: u32) -> hull::Camera {
-        hull::Camera::new(
-            "cam",
-            (width, height),
-            Matrix3::identity(),
-            [0.0; 5],
-            Vector3::zeros(),
-            Vector3::zeros(),
-        )
-        .expect("a camera")
+    pub fn camera(width: u32, height: u32) -> Camera {
+        Camera::new("cam", (width, height), Matrix3::identity(), [0.0; 5], Vector3::zeros(), Vector3::zeros())
+            .expect("a camera")
     }
 
     /// A cluster at the epoch, for ever.

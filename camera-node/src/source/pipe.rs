@@ -13,18 +13,19 @@ use std::time::Duration;
 use hull::Camera;
 use segment::{Format, Range};
 
+use super::config::PipeConfig;
 use super::film::{Fit, Numbering, check_rate, label};
 use super::mailbox::{Mailbox, Received, WhenFull};
 use super::program::{Ending, Program};
 use super::raw::FrameReader;
 use super::y4m::{Header, Reader, Y4mError};
-use super::{Clock, Image, OpenContext, PipeConfig, Source, SourceError, Taken};
+use super::{Clock, Image, OpenContext, Source, SourceError, SourceFrame};
 
 /// Frames read ahead of use: one being used, one ready, and no more memory than that.
 const FRAMES_AHEAD: usize = 2;
 /// How long a program may take to end after its last frame before it is killed.
 const END_GRACE: Duration = Duration::from_secs(2);
-/// How long one that wrote garbage may take: most have ended by then and say why, but garbage can
+/// How long one that wrote garbage may take: most have ended by then and have written why, but garbage can
 /// be endless.
 const GARBAGE_GRACE: Duration = Duration::from_millis(300);
 /// Room for the pipe reader's line parsing; planes bypass it.
@@ -33,25 +34,26 @@ const BUFFER_BYTES: usize = 64 * 1024;
 /// A program's film. Dropping it ends the program.
 pub struct PipeSource {
     program: Program,
-    mailbox: Arc<Mailbox<Letter>>,
+    mailbox: Arc<Mailbox<PipeMessage>>,
     empties: Sender<Vec<u8>>,
-    rule: Rule,
+    numbers: FrameNumbers,
     fps: f64,
     timeout: Duration,
     frames: u64,
     /// The newest number given out; numbers only grow.
     last: Option<u64>,
-    over: Option<Result<(), SourceError>>,
+    /// How the film ended.
+    end: Option<Result<(), SourceError>>,
 }
 
 /// How frames get their numbers.
 #[derive(Clone, Copy, Debug)]
-enum Rule {
+enum FrameNumbers {
     Index(Numbering),
     Arrival { latency_s: f64 },
 }
 
-enum Letter {
+enum PipeMessage {
     Frame {
         format: Format,
         index: u64,
@@ -59,12 +61,12 @@ enum Letter {
         planes: Vec<u8>,
     },
     /// The last one: what is wrong, and the pipe. While it is open the program dies of nothing but
-    /// its own faults, and its last words are not about us.
-    Wrong(Wrong, ChildStdout),
+    /// its own faults, and its standard error does not complain about a closed pipe.
+    Failed(PipeFailure, ChildStdout),
 }
 
-enum Wrong {
-    Misfit(SourceError),
+enum PipeFailure {
+    Mismatch(SourceError),
     Garbage(String),
 }
 
@@ -82,14 +84,19 @@ impl PipeSource {
         });
         let (program, stdout) = Program::start(&config.command, &config.folder)?;
         let numbering = Numbering::new(config.start_frame, config.frame_step);
-        let (rule, when_full, capacity, film_fps) = if config.live {
-            (Rule::Arrival { latency_s: config.latency_s }, WhenFull::DropOldest, 1, None)
+        let (numbers, when_full, capacity, film_fps) = if config.live {
+            (FrameNumbers::Arrival { latency_s: config.latency_s }, WhenFull::DropOldest, 1, None)
         } else {
-            (Rule::Index(numbering), WhenFull::Wait, FRAMES_AHEAD, Some(numbering.film_fps(context.fps)))
+            (
+                FrameNumbers::Index(numbering),
+                WhenFull::Wait,
+                FRAMES_AHEAD,
+                Some(numbering.film_fps(context.fps)),
+            )
         };
         let mailbox = Arc::new(Mailbox::new(capacity, when_full));
         let (empties, returned) = channel();
-        let reading = Reading {
+        let reader = PipeReader {
             mailbox: Arc::clone(&mailbox),
             returned,
             clock: Arc::clone(&context.clock),
@@ -99,28 +106,28 @@ impl PipeSource {
             raw,
         };
         // Ends with the pipe, which ends with the program, which ends with the source.
-        std::thread::spawn(move || reading.run(stdout));
+        std::thread::spawn(move || reader.run(stdout));
         Ok(PipeSource {
             program,
             mailbox,
             empties,
-            rule,
+            numbers,
             fps: context.fps,
             timeout: Duration::from_secs_f64(config.timeout_s),
             frames: 0,
             last: None,
-            over: None,
+            end: None,
         })
     }
 
     /// Number and capture time of a frame; `None` if it has no place in the count.
     fn number(&self, index: u64, arrival_s: f64) -> Option<(u64, f64)> {
-        let (number, capture_time_s) = match self.rule {
-            Rule::Index(numbering) => {
+        let (number, capture_time_s) = match self.numbers {
+            FrameNumbers::Index(numbering) => {
                 let number = numbering.number(index)?;
                 (number, number as f64 / self.fps)
             }
-            Rule::Arrival { latency_s } => {
+            FrameNumbers::Arrival { latency_s } => {
                 let capture_time_s = arrival_s - latency_s;
                 // The nearest tick of the count; before the epoch there is none.
                 let tick = (capture_time_s * self.fps + 0.5).floor();
@@ -130,58 +137,51 @@ impl PipeSource {
         Some((number, capture_time_s))
     }
 
-    fn ended(&mut self) -> Result<(), SourceError> {
-        match self.program.finish(END_GRACE) {
-            Ending::Exited(status) if !status.success() => {
-                Err(self.program.failure(format!("failed after {} frames", self.frames), END_GRACE))
+    /// How a film has ended whose reader has delivered this, and no frame.
+    fn ended(&mut self, last: Received<PipeMessage>) -> Result<(), SourceError> {
+        match last {
+            Received::Message(PipeMessage::Failed(failure, _open_pipe)) => {
+                let error = match failure {
+                    PipeFailure::Mismatch(error) => error,
+                    PipeFailure::Garbage(problem) => self.program.failure(problem, GARBAGE_GRACE),
+                };
+                self.program.finish(Duration::ZERO);
+                Err(error)
             }
-            // One that has closed its output but will not go has given all its frames.
-            Ending::Exited(_) | Ending::Killed => Ok(()),
+            Received::TimedOut => {
+                let (timeout_s, frames) = (self.timeout.as_secs_f64(), self.frames);
+                let problem = format!("wrote no frame for {timeout_s} s after {frames} frames");
+                Err(self.program.failure(problem, Duration::ZERO))
+            }
+            Received::Closed | Received::Message(PipeMessage::Frame { .. }) => {
+                match self.program.finish(END_GRACE) {
+                    Ending::Exited(status) if !status.success() => {
+                        Err(self.program.failure(format!("failed after {} frames", self.frames), END_GRACE))
+                    }
+                    // One that has closed its output but will not go has given all its frames.
+                    Ending::Exited(_) | Ending::Killed => Ok(()),
+                }
+            }
         }
-    }
-
-    fn over(&mut self, result: Result<(), SourceError>) -> Result<Option<Taken>, SourceError> {
-        self.mailbox.close();
-        self.over = Some(result.clone());
-        result.map(|()| None)
     }
 }
 
 impl Source for PipeSource {
-    fn next(&mut self, at_least: u64, image: &mut Image) -> Result<Option<Taken>, SourceError> {
-        if let Some(over) = &self.over {
-            return over.clone().map(|()| None);
+    fn next(&mut self, at_least: u64, image: &mut Image) -> Result<Option<SourceFrame>, SourceError> {
+        if let Some(end) = &self.end {
+            return end.clone().map(|()| None);
         }
-        let at_least = at_least.max(self.last.map_or(0, |last| last + 1));
+        let at_least = at_least.max(self.last.map_or(0, |last| last.saturating_add(1)));
         let mut skipped = 0;
         loop {
             let received = self.mailbox.receive(self.timeout);
             skipped += self.mailbox.take_dropped();
-            let (format, index, arrival_s, mut planes) = match received {
-                Received::Letter(Letter::Frame { format, index, arrival_s, planes }) => {
-                    (format, index, arrival_s, planes)
-                }
-                Received::Letter(Letter::Wrong(wrong, _open_pipe)) => {
-                    let error = match wrong {
-                        Wrong::Misfit(error) => error,
-                        Wrong::Garbage(problem) => self.program.failure(problem, GARBAGE_GRACE),
-                    };
-                    self.program.finish(Duration::ZERO);
-                    return self.over(Err(error));
-                }
-                Received::Closed => {
-                    let result = self.ended();
-                    return self.over(result);
-                }
-                Received::TimedOut => {
-                    let problem = format!(
-                        "wrote no frame for {} s after {} frames",
-                        self.timeout.as_secs_f64(),
-                        self.frames
-                    );
-                    let error = self.program.failure(problem, Duration::ZERO);
-                    return self.over(Err(error));
-                }
+            let Received::Message(PipeMessage::Frame { format, index, arrival_s, mut planes }) = received
+            else {
+                let result = self.ended(received);
+                self.mailbox.close();
+                self.end = Some(result.clone());
+                return result.map(|()| None);
             };
             self.frames = index + 1;
             let taken = match self.number(index, arrival_s) {
@@ -189,7 +189,7 @@ impl Source for PipeSource {
                     label(format, image);
                     std::mem::swap(&mut image.data, &mut planes);
                     self.last = Some(number);
-                    Some(Taken { number, capture_time_s, skipped })
+                    Some(SourceFrame { number, capture_time_s, skipped })
                 }
                 Some(_) => {
                     skipped += 1;
@@ -197,7 +197,7 @@ impl Source for PipeSource {
                 }
                 None => None,
             };
-            // The reader may have ended; then nobody needs the buffer.
+            // Fails if the reader has ended and needs no buffer.
             let _ = self.empties.send(planes);
             if taken.is_some() {
                 return Ok(taken);
@@ -212,9 +212,9 @@ impl Drop for PipeSource {
     }
 }
 
-/// The thread that reads the pipe, so that a live camera is never waited for by its own driver.
-struct Reading {
-    mailbox: Arc<Mailbox<Letter>>,
+/// The thread that reads the pipe, so that a live camera's driver never waits for us.
+struct PipeReader {
+    mailbox: Arc<Mailbox<PipeMessage>>,
     returned: Receiver<Vec<u8>>,
     clock: Clock,
     name: String,
@@ -224,18 +224,18 @@ struct Reading {
     raw: Option<Format>,
 }
 
-impl Reading {
+impl PipeReader {
     fn run(self, mut stdout: ChildStdout) {
-        if let Err(wrong) = self.frames(&mut stdout) {
-            // Nobody reads any more if this fails.
-            let _ = self.mailbox.send(Letter::Wrong(wrong, stdout));
+        if let Err(failure) = self.frames(&mut stdout) {
+            // This fails only if nobody reads any more.
+            let _ = self.mailbox.send(PipeMessage::Failed(failure, stdout));
         }
         self.mailbox.close();
     }
 
     /// Reads to the film's end, or to what is wrong with it.
-    fn frames(&self, stdout: &mut ChildStdout) -> Result<(), Wrong> {
-        let garbage = |error: Y4mError| Wrong::Garbage(error.to_string());
+    fn frames(&self, stdout: &mut ChildStdout) -> Result<(), PipeFailure> {
+        let garbage = |error: Y4mError| PipeFailure::Garbage(error.to_string());
         let stdout = BufReader::with_capacity(BUFFER_BYTES, stdout);
         let (mut reader, format) = match self.raw {
             Some(format) => (FrameReader::Raw { inner: stdout, format, frames: 0 }, format),
@@ -251,7 +251,7 @@ impl Reading {
                 break;
             }
             let arrival_s = (self.clock)();
-            if self.mailbox.send(Letter::Frame { format, index, arrival_s, planes }).is_err() {
+            if self.mailbox.send(PipeMessage::Frame { format, index, arrival_s, planes }).is_err() {
                 break;
             }
         }
@@ -259,12 +259,12 @@ impl Reading {
     }
 
     /// The format of a film whose header fits camera and cluster.
-    fn checked(&self, header: &Header) -> Result<Format, Wrong> {
-        self.fit.check(&self.name, (header.width, header.height)).map_err(Wrong::Misfit)?;
+    fn checked(&self, header: &Header) -> Result<Format, PipeFailure> {
+        self.fit.check(&self.name, (header.width, header.height)).map_err(PipeFailure::Mismatch)?;
         if let Some(film_fps) = self.film_fps {
-            check_rate(&self.name, header, film_fps).map_err(Wrong::Misfit)?;
+            check_rate(&self.name, header, film_fps).map_err(PipeFailure::Mismatch)?;
         }
-        header.format().map_err(|error| Wrong::Garbage(error.to_string()))
+        header.format().map_err(|error| PipeFailure::Garbage(error.to_string()))
     }
 }
 
@@ -274,7 +274,7 @@ mod tests {
     use std::sync::atomic::{AtomicU64, Ordering};
     use std::time::Instant;
 
-    use super::super::Kind;
+    use super::super::ImageKind;
     use super::super::SourceConfig;
     use super::super::tests::{camera, context, numbers};
     use super::*;
@@ -341,7 +341,7 @@ mod tests {
             for (number, planes) in raw.chunks(header.frame_bytes()).enumerate() {
                 let taken = source.next(0, &mut image).expect("reads").expect("a frame");
                 assert_eq!((taken.number, taken.skipped), (number as u64, 0));
-                let kind = Kind::Colour(header.format().expect("size").layout());
+                let kind = ImageKind::Colour(header.format().expect("size").layout());
                 let expected = Image { width: 33, height: 17, kind, data: planes.to_vec() };
                 assert!(image == expected, "{format}, frame {number}");
             }
@@ -363,7 +363,7 @@ mod tests {
             let mut image = Image::default();
             for frame in bytes.chunks(bytes.len() / 3) {
                 source.next(0, &mut image).expect("reads").expect("a frame");
-                let Kind::Colour(layout) = image.kind else { panic!("colours") };
+                let ImageKind::Colour(layout) = image.kind else { panic!("colours") };
                 let format = Format::new(layout, 34, 17).expect("size");
                 assert_eq!((image.data.len(), &image.data[..]), (format.frame_bytes(), frame), "{raw}");
             }
@@ -386,7 +386,7 @@ mod tests {
                 PipeSource::open(&config(&command, ""), &camera(33, 17), &context(30.0)).expect("starts");
             let mut image = Image::default();
             source.next(0, &mut image).expect("reads").expect("a frame");
-            let Kind::Colour(layout) = image.kind else { panic!("colours") };
+            let ImageKind::Colour(layout) = image.kind else { panic!("colours") };
             let shown = Format::new(layout, image.width, image.height).expect("size");
             let mut found = Vec::new();
             segment::to_rgb(&image.data, shown, &mut found);
@@ -400,7 +400,7 @@ mod tests {
         let ten = "h; for i in 1 2 3 4 5 6 7 8 9 0; do f; done";
         assert_eq!(numbers(&mut shell(ten, "")), (0..10).collect::<Vec<u64>>());
         let taken = shell(ten, "").next(4, &mut Image::default()).expect("reads").expect("a frame");
-        assert_eq!(taken, Taken { number: 4, capture_time_s: 4.0 / 30.0, skipped: 4 });
+        assert_eq!(taken, SourceFrame { number: 4, capture_time_s: 4.0 / 30.0, skipped: 4 });
         let two = config(
             &["sh", "-c", "printf 'YUV4MPEG2 W2 H1 F60:1 Cmono\\nFRAME\\nabFRAME\\nabFRAME\\nabFRAME\\nab'"],
             "start_frame = 1\nframe_step = 2",
@@ -414,12 +414,12 @@ mod tests {
         check_fails(
             shell("echo no such camera >&2; exit 3", ""),
             0,
-            &["found no bytes at all", "(exit status 3; its last words: no such camera)"],
+            &["found no bytes at all", "(exit status 3; standard error: no such camera)"],
         );
         check_fails(
             shell("h; f; f; echo unplugged >&2; exit 4", ""),
             2,
-            &["failed after 2 frames (exit status 4; its last words: unplugged)"],
+            &["failed after 2 frames (exit status 4; standard error: unplugged)"],
         );
         check_fails(
             shell("h; f; printf 'FRAME\\na'", ""),
@@ -445,7 +445,7 @@ mod tests {
     }
 
     #[test]
-    fn silence_is_not_waited_for() {
+    fn a_silent_program_times_out() {
         check_fails(
             shell("h; f; sleep 100", "timeout_s = 0.2"),
             1,
@@ -481,7 +481,7 @@ mod tests {
         let mut source = PipeSource::open(&live, &camera(2, 1), &context).expect("starts");
         let mut image = Image::default();
         let mut taken = Vec::new();
-        while taken.last().is_none_or(|taken: &Taken| taken.number < 12) {
+        while taken.last().is_none_or(|taken: &SourceFrame| taken.number < 12) {
             taken.push(source.next(4, &mut image).expect("reads").expect("a frame"));
         }
         // The frame before the epoch and the one too old are not given; slow as this machine may

@@ -1,4 +1,4 @@
-//! A child program whose standard output is read: started, listened to, and never left behind.
+//! A child program whose standard output is read: started, drained, and never left running.
 
 use std::io::Read;
 use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
@@ -8,6 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use proto::text::clean;
 use rustix::process::{Pid, Signal, kill_process_group};
 
 use super::SourceError;
@@ -15,8 +16,8 @@ use super::SourceError;
 /// How much of its standard error is kept, bytes; enough for the lines before a failure.
 const KEPT_STDERR_BYTES: usize = 4096;
 /// How many of its last lines an error quotes, and how long they may get together.
-const QUOTED_LINES: usize = 3;
-const QUOTED_CHARS: usize = 400;
+const STDERR_TAIL_LINES: usize = 3;
+const STDERR_TAIL_CHARS: usize = 400;
 /// How often the end of a program is looked for.
 const POLL: Duration = Duration::from_millis(2);
 
@@ -27,7 +28,7 @@ pub struct Program {
     child: Child,
     ended: Option<Ending>,
     stderr: Arc<Mutex<Vec<u8>>>,
-    listener: Option<JoinHandle<()>>,
+    drain: Option<JoinHandle<()>>,
 }
 
 /// How a program ended.
@@ -60,11 +61,11 @@ impl Program {
             .map_err(|error| refused(format!("{error} (in folder {})", folder.display())))?;
         let stdout = child.stdout.take();
         let kept = Arc::new(Mutex::new(Vec::new()));
-        let listener = child.stderr.take().map(|stderr| {
+        let drain = child.stderr.take().map(|stderr| {
             let kept = Arc::clone(&kept);
-            std::thread::spawn(move || listen(stderr, &kept))
+            std::thread::spawn(move || drain_stderr(stderr, &kept))
         });
-        let program = Program { command: shown.clone(), child, ended: None, stderr: kept, listener };
+        let program = Program { command: shown.clone(), child, ended: None, stderr: kept, drain };
         // Both were asked for above; an error beats a panic all the same.
         let stdout = stdout.ok_or_else(|| refused("it has no standard output".to_owned()))?;
         Ok((program, stdout))
@@ -95,7 +96,7 @@ impl Program {
         ended
     }
 
-    /// The error for a program that did not do its work, with how it ended and its last words.
+    /// The error for a program that did not do its work, with how it ended and the end of its standard error.
     pub fn failure(&mut self, problem: String, grace: Duration) -> SourceError {
         let status = match self.finish(grace) {
             Ending::Killed => "it was still running and was killed".to_owned(),
@@ -104,25 +105,29 @@ impl Program {
                 (None, signal) => format!("ended by signal {}", signal.unwrap_or_default()),
             },
         };
-        SourceError::Program { command: self.command.clone(), problem, status, last_words: self.last_words() }
+        SourceError::Program {
+            command: self.command.clone(),
+            problem,
+            status,
+            stderr_tail: self.stderr_tail(),
+        }
     }
 
     fn kill(&mut self) {
-        // Not waited for yet, so the number is still this child's and nobody else's. Killing can
+        // Not waited for yet, so the number is still this child's. Killing can
         // only fail if the group is gone, which is what we want.
         let _ = kill_process_group(Pid::from_child(&self.child), Signal::KILL);
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
 
-    fn last_words(&mut self) -> String {
+    fn stderr_tail(&mut self) -> String {
         // A grandchild may hold the pipe open for ever; what came in this time is enough.
         let deadline = Instant::now() + Duration::from_millis(500);
-        while self.listener.as_ref().is_some_and(|thread| !thread.is_finished()) && Instant::now() < deadline
-        {
+        while self.drain.as_ref().is_some_and(|thread| !thread.is_finished()) && Instant::now() < deadline {
             std::thread::sleep(POLL);
         }
-        quoted(&self.stderr.lock().unwrap_or_else(PoisonError::into_inner))
+        tail(&self.stderr.lock().unwrap_or_else(PoisonError::into_inner))
     }
 }
 
@@ -132,8 +137,8 @@ impl Drop for Program {
     }
 }
 
-/// Drains standard error, so that a talkative program never waits for us, and keeps its end.
-fn listen(mut stderr: impl Read, kept: &Mutex<Vec<u8>>) {
+/// Drains standard error, so that the program never blocks on it, and keeps its end.
+fn drain_stderr(mut stderr: impl Read, kept: &Mutex<Vec<u8>>) {
     let mut chunk = [0; 1024];
     while let Ok(count @ 1..) = stderr.read(&mut chunk) {
         let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
@@ -144,18 +149,17 @@ fn listen(mut stderr: impl Read, kept: &Mutex<Vec<u8>>) {
 }
 
 /// The last lines in one; progress lines that end in a carriage return are lines too.
-fn quoted(stderr: &[u8]) -> String {
+fn tail(stderr: &[u8]) -> String {
     let text = String::from_utf8_lossy(stderr);
     let lines: Vec<&str> = text.split(['\n', '\r']).map(str::trim).filter(|line| !line.is_empty()).collect();
-    let last = lines[lines.len().saturating_sub(QUOTED_LINES)..].join(" | ");
-    let printable: Vec<char> = last.chars().filter(|c| !c.is_control()).collect();
-    let excess = printable.len().saturating_sub(QUOTED_CHARS);
-    printable[excess..].iter().collect()
+    let last = lines[lines.len().saturating_sub(STDERR_TAIL_LINES)..].join(" | ");
+    let excess = last.chars().count().saturating_sub(STDERR_TAIL_CHARS);
+    let tail: String = last.chars().skip(excess).collect();
+    clean(&tail, STDERR_TAIL_CHARS)
 }
 
 fn shown(command: &[String]) -> String {
-    let text = command.join(" ");
-    if text.chars().count() <= 120 { text } else { text.chars().take(119).chain("…".chars()).collect() }
+    clean(&command.join(" "), 120)
 }
 
 #[cfg(test)]
@@ -167,12 +171,12 @@ mod tests {
     }
 
     #[test]
-    fn last_words_are_the_last_lines_of_much_more() {
+    fn an_error_quotes_the_last_lines_of_standard_error() {
         let (mut program, _stdout) = shell(
             "i=0; while [ $i -lt 3000 ]; do echo line $i >&2; i=$((i+1)); done; printf 'a\\rb\\n\\n' >&2; exit 7",
         );
         let error = program.failure("failed".to_owned(), Duration::from_secs(20)).to_string();
-        assert!(error.ends_with("failed (exit status 7; its last words: line 2999 | a | b)"), "{error}");
+        assert!(error.ends_with("failed (exit status 7; standard error: line 2999 | a | b)"), "{error}");
     }
 
     #[test]
@@ -188,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_start_says_so() {
+    fn a_program_that_cannot_start_is_an_error() {
         let error = Program::start(&["no-such-program-7".to_owned()], Path::new("/")).expect_err("refused");
         let text = error.to_string();
         assert!(text.starts_with("cannot start \"no-such-program-7\": No such file"), "{text}");

@@ -4,7 +4,8 @@ use hull::Camera;
 use segment::Layout;
 use stage::{CameraStage, StageSettings};
 
-use super::{Image, Kind, OpenContext, Source, SourceError, StageConfig, Taken};
+use super::config::StageConfig;
+use super::{Image, ImageKind, OpenContext, Source, SourceError, SourceFrame};
 
 /// The studio's film of one camera, rendered when asked for.
 pub struct StageSource {
@@ -43,12 +44,12 @@ impl StageSource {
 }
 
 impl Source for StageSource {
-    fn next(&mut self, at_least: u64, image: &mut Image) -> Result<Option<Taken>, SourceError> {
+    fn next(&mut self, at_least: u64, image: &mut Image) -> Result<Option<SourceFrame>, SourceError> {
         let number = self.next.max(at_least);
         if number >= self.frames {
             return Ok(None);
         }
-        (image.width, image.height, image.kind) = (self.size.0, self.size.1, Kind::Colour(Layout::Rgb));
+        (image.width, image.height, image.kind) = (self.size.0, self.size.1, ImageKind::Colour(Layout::Rgb));
         image.data.resize(self.stage.frame_bytes(), 0);
         if self.empty {
             self.stage.render_empty(number, &mut image.data);
@@ -56,8 +57,8 @@ impl Source for StageSource {
             self.stage.render(number, &mut image.data);
         }
         let skipped = number - self.next;
-        self.next = number + 1;
-        Ok(Some(Taken { number, capture_time_s: number as f64 / self.fps, skipped }))
+        self.next = number.saturating_add(1);
+        Ok(Some(SourceFrame { number, capture_time_s: number as f64 / self.fps, skipped }))
     }
 }
 
@@ -73,7 +74,7 @@ mod tests {
         config.open(&rig.cameras()[1], 1, &context(30.0)).expect("opens")
     }
 
-    fn frame(source: &mut dyn Source, at_least: u64) -> (Taken, Vec<u8>) {
+    fn frame(source: &mut dyn Source, at_least: u64) -> (SourceFrame, Vec<u8>) {
         let mut image = Image::default();
         let taken = source.next(at_least, &mut image).expect("reads").expect("a frame");
         (taken, image.data)
@@ -82,7 +83,7 @@ mod tests {
     #[test]
     fn a_frame_is_the_same_whatever_was_asked_before() {
         let (taken, late) = frame(&mut *open("motion = \"punch\""), 3);
-        assert_eq!(taken, Taken { number: 3, capture_time_s: 0.1, skipped: 3 });
+        assert_eq!(taken, SourceFrame { number: 3, capture_time_s: 0.1, skipped: 3 });
         let mut source = open("motion = \"punch\"");
         let films: Vec<_> = (0..4).map(|_| frame(&mut *source, 0)).collect();
         assert_eq!(films[3].0.number, 3);

@@ -1,5 +1,5 @@
 //! YUV4MPEG2, what ffmpeg and GStreamer write to a pipe: a header line, then per frame a `FRAME`
-//! line and the planes. Parsing believes nothing: every way the bytes can lie has a name.
+//! line and the planes. Nothing is trusted: every way in which the bytes can be wrong has an error.
 
 use std::io::{self, BufRead, Read};
 
@@ -10,14 +10,14 @@ use thiserror::Error;
 /// The longest header or frame line, bytes. ffmpeg's are under 100; comments may add some.
 const MAX_LINE_BYTES: usize = 1024;
 
-/// What the first line says.
+/// A film's first line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Header {
     /// Pixels across.
     pub width: u32,
     /// Pixels down.
     pub height: u32,
-    /// Frames per second as numerator and denominator; `None` if the film does not say.
+    /// Frames per second as numerator and denominator; `None` if the film does not tell.
     pub rate: Option<(u32, u32)>,
     /// How colour is sampled (in 4:2:0 the siting differs by name; we take the nearest).
     pub chroma: Sampling,
@@ -160,7 +160,7 @@ impl<R: BufRead> Reader<R> {
         Ok(Reader { inner, header: Header::parse(&line)?, frames: 0 })
     }
 
-    /// What the header says.
+    /// The film's header.
     pub fn header(&self) -> &Header {
         &self.header
     }

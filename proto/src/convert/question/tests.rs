@@ -87,7 +87,7 @@ fn questions_survive_the_wire() {
 }
 
 #[test]
-fn bodies_and_choices_are_told_once() {
+fn bodies_and_choices_are_sent_once() {
     let bodies = [body(0.1), body(0.2)];
     let mut stream = Stream::default();
     let first = stream.message(&all(&bodies));
@@ -101,13 +101,13 @@ fn bodies_and_choices_are_told_once() {
     for (message, question) in [(first, &all(&bodies)), (second, &edges), (third, &exits)] {
         assert_eq!(stream.read(message).as_ref(), Ok(question));
     }
-    // Bodies that rest are not told again in the next pass, bodies that moved are.
+    // Bodies that rest are not sent again in the next pass, bodies that moved are.
     assert!(stream.message(&all(&bodies)).bodies.is_none());
     assert!(stream.message(&all(&[body(0.1), body(0.3)])).bodies.is_some());
 }
 
 #[test]
-fn a_node_that_joins_late_is_told_what_it_lacks() {
+fn a_node_that_joins_late_is_sent_what_it_lacks() {
     let bodies = [body(0.1), body(0.2)];
     let mut stream = Stream::default();
     let first = stream.writer.write(&all(&bodies));
@@ -138,7 +138,7 @@ fn other_bodies_take_the_place_of_the_list() {
 }
 
 #[test]
-fn a_list_that_is_not_there_is_asked_for() {
+fn a_list_that_is_not_there_is_refused() {
     let mut stream = Stream::default();
     let question = all(&[body(0.1)]);
     drop(stream.message(&question));
@@ -165,7 +165,7 @@ fn rounded_questions_are_small_and_near() {
     let mut stream = Stream { writer: QuestionWriter::new(Precision::Quantised), ..Stream::default() };
     let bodies = [body(0.1), body(0.2)];
     let message = stream.message(&all(&bodies));
-    assert_eq!(message.bodies.as_ref().expect("told").poses.len(), 40);
+    assert_eq!(message.bodies.as_ref().expect("bodies").poses.len(), 40);
     let read = stream.read(message).expect("valid");
     for (body, read) in bodies.iter().zip(&read.batches) {
         let (Points::Body { pose, .. }, Points::Body { pose: near, .. }) = (body, &read.points) else {
@@ -183,7 +183,7 @@ fn rounded_questions_are_small_and_near() {
 }
 
 #[test]
-fn lies_are_refused_by_field() {
+fn invalid_messages_are_refused_by_field() {
     let question = all(&[body(0.0)]);
     let read = |message, find: fn(u64) -> Option<Arc<Shape>>| {
         QuestionReader::default().read(message, find, &mut Question::default()).expect_err("a lie")

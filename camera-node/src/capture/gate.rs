@@ -1,0 +1,90 @@
+//! What stops the threads of a run, and how far they may go ahead.
+
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use proto::unix_now_s;
+
+/// The longest sleep, seconds: the wall clock may be set meanwhile.
+const MAX_SLEEP_S: f64 = 0.1;
+
+/// Shared by the film threads of one run.
+#[derive(Default)]
+pub(super) struct Gate {
+    state: Mutex<State>,
+    changed: Condvar,
+}
+
+#[derive(Default)]
+struct State {
+    stopped: bool,
+    up_to_frame: u64,
+}
+
+impl Gate {
+    /// Lets lock-step film go on up to this frame.
+    pub fn credit(&self, up_to_frame: u64) {
+        let mut state = self.lock();
+        state.up_to_frame = state.up_to_frame.max(up_to_frame);
+        self.changed.notify_all();
+    }
+
+    /// Ends the run.
+    pub fn stop(&self) {
+        self.lock().stopped = true;
+        self.changed.notify_all();
+    }
+
+    pub fn is_stopped(&self) -> bool {
+        self.lock().stopped
+    }
+
+    /// Waits for the credit of a frame; false if the run stops.
+    pub fn wait_for(&self, frame: u64) -> bool {
+        let must_wait = |state: &mut State| !state.stopped && frame > state.up_to_frame;
+        let state = self.changed.wait_while(self.lock(), must_wait);
+        !state.unwrap_or_else(PoisonError::into_inner).stopped
+    }
+
+    /// Sleeps until a moment of the wall clock; false if the run stops.
+    pub fn sleep_until(&self, unix_s: f64) -> bool {
+        loop {
+            let left_s = unix_s - unix_now_s();
+            let state = self.lock();
+            if state.stopped {
+                return false;
+            }
+            if left_s <= 0.0 {
+                return true;
+            }
+            let sleep = Duration::from_secs_f64(left_s.min(MAX_SLEEP_S));
+            drop(self.changed.wait_timeout_while(state, sleep, |state| !state.stopped));
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stop_wakes_every_wait_however_far_its_moment() {
+        let gate = Gate::default();
+        std::thread::scope(|scope| {
+            let waits = [f64::MAX, 1e300, f64::INFINITY, f64::NAN].map(|unix_s| {
+                let gate = &gate;
+                scope.spawn(move || gate.sleep_until(unix_s))
+            });
+            let credit = scope.spawn(|| gate.wait_for(u64::MAX));
+            gate.stop();
+            for wait in waits.into_iter().chain([credit]) {
+                assert!(!wait.join().expect("no panic"));
+            }
+        });
+        assert!(!Gate::default().is_stopped() && Gate::default().sleep_until(-1e300));
+    }
+}

@@ -1,0 +1,154 @@
+//! One camera's frames to silhouettes.
+
+use hull::Silhouette;
+use segment::{BackgroundModel, Format, ModelError, SegmentError, SegmentSettings, Segmenter};
+use thiserror::Error;
+
+use crate::source::{Image, ImageError, ImageKind};
+
+/// More raw foreground than this share of an image is no person: the camera was moved, or the light.
+const DOUBTFUL_SHARE: f64 = 0.5;
+
+/// Why a frame has no silhouette, or a camera no background.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum CutoutError {
+    /// The frame is no colour image, or of a size that is none.
+    #[error(transparent)]
+    Image(#[from] ImageError),
+    /// Colours from a source of masks.
+    #[error("colour frames and no segmenter, expected masks")]
+    NoSegmenter,
+    /// No frame came while the background was to be learnt.
+    #[error("no frame came in time")]
+    NoFrame,
+    /// The background.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// The segmentation.
+    #[error(transparent)]
+    Segment(#[from] SegmentError),
+}
+
+/// Makes silhouettes of one camera's colour frames, in whatever layout they come.
+pub(super) struct ColourSegmenter {
+    settings: SegmentSettings,
+    /// The empty room, unless the settings need none.
+    background: Option<BackgroundModel>,
+    segmenter: Segmenter,
+    /// Cores that one frame may take.
+    cores: usize,
+    /// Was the last frame hardly a person any more?
+    doubted: bool,
+}
+
+impl ColourSegmenter {
+    /// For frames of that format; others cost a start anew.
+    pub fn new(
+        settings: &SegmentSettings,
+        format: Format,
+        background: Option<BackgroundModel>,
+        cores: usize,
+    ) -> Result<ColourSegmenter, SegmentError> {
+        let mut segmenter = Segmenter::new(settings, format, background.as_ref())?;
+        segmenter.set_cores(cores);
+        Ok(ColourSegmenter { settings: settings.clone(), background, segmenter, cores, doubted: false })
+    }
+
+    /// Uses another background from now on.
+    pub fn use_background(&mut self, model: BackgroundModel) -> Result<(), SegmentError> {
+        *self = ColourSegmenter::new(&self.settings, model.format(), Some(model), self.cores)?;
+        Ok(())
+    }
+
+    /// The silhouette of a frame. The background may have come in another layout than the film does (a plate
+    /// from a picture, a film from a camera): it is converted when the first frame shows.
+    fn segment(&mut self, format: Format, bytes: &[u8], camera: &str) -> Result<Silhouette, SegmentError> {
+        if self.segmenter.format() != format {
+            let background = self.background.as_ref().map(|model| model.in_layout(format.layout()));
+            *self = ColourSegmenter::new(&self.settings, format, background, self.cores)?;
+        }
+        let found = self.segmenter.segment(bytes)?;
+        let doubted = found.raw_share > DOUBTFUL_SHARE;
+        if doubted && !self.doubted {
+            tracing::warn!(
+                "camera {camera:?}: {:.0} % of the image differ from the background: was the camera moved, or the light?",
+                100.0 * found.raw_share
+            );
+        }
+        self.doubted = doubted;
+        Ok(found.silhouette)
+    }
+}
+
+/// The silhouette of a frame: masks as they are, colours through the segmenter.
+pub(super) fn silhouette(
+    segmenter: Option<&mut ColourSegmenter>,
+    image: &Image,
+    camera: &str,
+) -> Result<Silhouette, CutoutError> {
+    if image.kind == ImageKind::Mask {
+        let mask: Vec<u8> = image.data.iter().map(|&pixel| u8::from(pixel > 127)).collect();
+        let silhouette = Silhouette::from_mask(image.width, image.height, &mask);
+        return Ok(silhouette.map_err(SegmentError::from)?);
+    }
+    let segmenter = segmenter.ok_or(CutoutError::NoSegmenter)?;
+    Ok(segmenter.segment(image.format()?, &image.data, camera)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use segment::{BackgroundBuilder, Layout, Range, Sampling, from_rgb};
+    use stage::{CameraStage, StageSettings, studio_rig};
+
+    use super::*;
+
+    /// Mean intersection over union with the studio's truth: shadows, sensor noise and all.
+    fn overlap(layout: Layout, of_background: Layout) -> f64 {
+        let (width, height) = (640, 480);
+        let rig = studio_rig(4, (width, height)).expect("a rig");
+        let settings = StageSettings::default();
+        let mut camera = CameraStage::new(&settings, &rig.cameras()[1], 1);
+        let mut rgb = vec![0; camera.frame_bytes()];
+        let mut bytes = Vec::new();
+        let format = |layout| Format::new(layout, width, height).expect("size");
+        let mut clip = BackgroundBuilder::new(format(of_background));
+        for frame in 0..12 {
+            camera.render_empty(frame, &mut rgb);
+            from_rgb(&rgb, format(of_background), &mut bytes);
+            clip.push(&bytes).expect("a frame");
+        }
+        let model = clip.finish().expect("frames");
+        let mut segmenter =
+            ColourSegmenter::new(&SegmentSettings::default(), model.format(), Some(model), 1).expect("fits");
+        let mut overlaps = Vec::new();
+        for frame in [10, 40, 70] {
+            camera.render(frame, &mut rgb);
+            from_rgb(&rgb, format(layout), &mut bytes);
+            let found = segmenter.segment(format(layout), &bytes, "cam").expect("a silhouette").to_mask();
+            let truth = camera.mask(settings.time_s(frame));
+            let count = |both: fn(bool, bool) -> bool| {
+                found.iter().zip(&truth).filter(|(a, b)| both(**a != 0, **b != 0)).count() as f64
+            };
+            overlaps.push(count(|a, b| a && b) / count(|a, b| a || b));
+        }
+        overlaps.iter().sum::<f64>() / overlaps.len() as f64
+    }
+
+    #[test]
+    fn a_person_is_cut_out_of_the_studio_in_every_layout() {
+        let i420 = Layout::Planar(Sampling::C420, Range::Limited);
+        for (layout, least) in [
+            (Layout::Rgb, 0.975),
+            (Layout::Planar(Sampling::C444, Range::Full), 0.975),
+            (Layout::Yuyv(Range::Limited), 0.955),
+            (Layout::Uyvy(Range::Full), 0.955),
+            (i420, 0.955),
+            (Layout::Nv12(Range::Limited), 0.955),
+        ] {
+            let found = overlap(layout, layout);
+            assert!(found > least, "{layout:?}: {found:.4}");
+        }
+        let by_pictures = overlap(i420, Layout::Rgb);
+        assert!(by_pictures > 0.955, "a background of pictures: {by_pictures:.4}");
+    }
+}

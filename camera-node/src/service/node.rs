@@ -1,0 +1,152 @@
+//! A node on its port: it listens, learns its backgrounds, serves, and ends.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use proto::v1::camera_node_server::CameraNodeServer;
+use proto::{MAX_FRAME_BYTES, MAX_MESSAGE_BYTES, v1};
+use thiserror::Error;
+use tokio_stream::wrappers::UnixListenerStream;
+use tonic::transport::Server;
+use tonic::transport::server::{Router, TcpIncoming};
+
+use super::Service;
+use crate::capture::CaptureError;
+use crate::config::NodeConfig;
+use crate::frames::FrameRing;
+use crate::listen::{Listen, Listener};
+
+/// A silent peer is noticed within twice this.
+const KEEP_ALIVE: Duration = Duration::from_secs(5);
+
+/// A node that is asked to end lets calls finish for so long; streams would go on for ever.
+const SHUTDOWN_GRACE: Duration = Duration::from_millis(300);
+
+/// Why a node cannot serve.
+#[derive(Debug, Error)]
+pub enum ServeError {
+    /// Film cannot begin.
+    #[error(transparent)]
+    Capture(#[from] CaptureError),
+    /// A port that other machines reach, without consent.
+    #[error(
+        "listen address {0} is reachable from other machines and the protocol is not encrypted: \
+         expected a loopback address, or --insecure"
+    )]
+    Exposed(Listen),
+    /// The address cannot be had.
+    #[error("cannot listen on {address}: {error}")]
+    Listen {
+        /// Which address.
+        address: Listen,
+        /// The system's reason.
+        error: std::io::Error,
+    },
+    /// The system gives no thread.
+    #[error("cannot start a thread: {0}")]
+    Thread(std::io::Error),
+    /// Learning the backgrounds panicked.
+    #[error("learning the backgrounds failed: {0}")]
+    Panicked(tokio::task::JoinError),
+    /// The transport broke.
+    #[error("serving failed: {0}")]
+    Transport(#[from] tonic::transport::Error),
+}
+
+/// A node that holds its port and has learnt its backgrounds, ready to serve.
+pub struct Node {
+    listener: Listener,
+    service: Service,
+    ring: Arc<FrameRing>,
+}
+
+impl Node {
+    /// Binds the address (port 0: any free one) and learns the backgrounds. Must run within a tokio
+    /// runtime. Any address but a loopback one or a Unix socket needs `insecure`.
+    pub async fn open(
+        config: NodeConfig,
+        address: impl Into<Listen>,
+        insecure: bool,
+    ) -> Result<Node, ServeError> {
+        let address = address.into();
+        if matches!(address, Listen::Tcp(address) if !address.ip().is_loopback()) {
+            if !insecure {
+                return Err(ServeError::Exposed(address));
+            }
+            tracing::warn!(
+                "listening on {address} without encryption or passwords: anyone who reaches it may ask"
+            );
+        }
+        let bound = Listener::bind(&address).await;
+        let listener = bound.map_err(|error| ServeError::Listen { address, error })?;
+        let ring = Arc::new(FrameRing::new(config.cameras.len()));
+        let shared = Arc::clone(&ring);
+        // Learning reads whole clips; meanwhile the runtime must be able to end.
+        let service = tokio::task::spawn_blocking(move || Service::new(config, shared))
+            .await
+            .map_err(ServeError::Panicked)??;
+        Ok(Node { listener, service, ring })
+    }
+
+    /// The address it listens on.
+    pub fn address(&self) -> std::io::Result<Listen> {
+        self.listener.address()
+    }
+
+    /// Its frames.
+    pub fn ring(&self) -> Arc<FrameRing> {
+        Arc::clone(&self.ring)
+    }
+
+    /// Serves until `stop` completes.
+    pub async fn serve(self, stop: impl Future<Output = ()>) -> Result<(), ServeError> {
+        let router = router(self.service).await;
+        let (shut_down, shutting_down) = tokio::sync::oneshot::channel::<()>();
+        let shutting_down = async { drop(shutting_down.await) };
+        let serving = async {
+            match self.listener {
+                Listener::Tcp(listener) => {
+                    // The server's own setting does not reach sockets that it is handed.
+                    let incoming = TcpIncoming::from(listener).with_nodelay(Some(true));
+                    router.serve_with_incoming_shutdown(incoming, shutting_down).await
+                }
+                Listener::Unix(listener, file) => {
+                    let incoming = UnixListenerStream::new(listener);
+                    let served = router.serve_with_incoming_shutdown(incoming, shutting_down).await;
+                    drop(file);
+                    served
+                }
+            }
+        };
+        let end = async {
+            stop.await;
+            drop(shut_down);
+            tokio::time::sleep(SHUTDOWN_GRACE).await;
+        };
+        tokio::select! {
+            served = serving => served.map_err(ServeError::from),
+            () = end => Ok(()),
+        }
+    }
+}
+
+/// The node's services: its own, health and reflection.
+async fn router(service: Service) -> Router {
+    let (reporter, health) = tonic_health::server::health_reporter();
+    reporter.set_serving::<CameraNodeServer<Service>>().await;
+    let reflection = || {
+        tonic_reflection::server::Builder::configure().register_encoded_file_descriptor_set(v1::DESCRIPTORS)
+    };
+    let describe_error = "the protocol's own description is valid";
+    let service = CameraNodeServer::new(service)
+        .max_decoding_message_size(MAX_MESSAGE_BYTES)
+        .max_encoding_message_size(MAX_MESSAGE_BYTES);
+    Server::builder()
+        .max_frame_size(MAX_FRAME_BYTES)
+        .http2_keepalive_interval(Some(KEEP_ALIVE))
+        .http2_keepalive_timeout(Some(KEEP_ALIVE))
+        .add_service(health)
+        .add_service(reflection().build_v1().expect(describe_error))
+        .add_service(reflection().build_v1alpha().expect(describe_error))
+        .add_service(service)
+}

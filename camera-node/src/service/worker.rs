@@ -1,0 +1,124 @@
+//! Computes answers to questions, one after the other: on a thread of its own, small ones on the caller's.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
+
+use hull::question::Question;
+use proto::convert::{Precision, RefusalReason, answer_to_wire, refusal};
+use proto::v1;
+use tokio::sync::mpsc;
+use tonic::Status;
+
+use crate::cores::{Cores, work_ns};
+use crate::frames::{FrameError, FrameRing};
+
+/// Questions that wait at most, more than a coordinator asks at once; beyond, the node is busy.
+pub(super) const MAX_WAITING: usize = 64;
+
+/// Up to so much work, nanoseconds, the network thread does itself: waking another one and being woken by it
+/// takes a tenth of a millisecond, in which bytes could as well wait.
+const AT_ONCE_NS: usize = 400_000;
+
+/// A question and how to answer it.
+pub(super) struct ProbeJob {
+    pub id: u64,
+    pub frame: u64,
+    pub precision: Precision,
+    pub question: Question,
+}
+
+/// Where the replies of one stream go.
+pub(super) type ReplySender = mpsc::Sender<Result<v1::ProbeReply, Status>>;
+
+/// The worker of a node, shared by its streams. Its thread ends with the last of them.
+#[derive(Clone)]
+pub(super) struct Worker {
+    computation: Arc<Mutex<Computation>>,
+    /// Jobs that are queued or being answered.
+    waiting: Arc<AtomicUsize>,
+    queue: SyncSender<(ProbeJob, ReplySender)>,
+    cameras: usize,
+}
+
+impl Worker {
+    /// A worker for a node of so many cameras.
+    pub fn new(ring: Arc<FrameRing>, cameras: usize) -> Worker {
+        let computation = Arc::new(Mutex::new(Computation { ring, cores: Cores::of_this_machine() }));
+        let waiting = Arc::new(AtomicUsize::new(0));
+        let (queue, jobs) = sync_channel(MAX_WAITING);
+        let (shared, count) = (Arc::clone(&computation), Arc::clone(&waiting));
+        std::thread::spawn(move || run(&shared, &jobs, &count));
+        Worker { computation, waiting, queue, cameras }
+    }
+
+    /// Answers a small question here and now, if nothing else waits; others are queued, and answered through
+    /// the sender. A full queue is a refusal.
+    pub fn answer(&self, job: ProbeJob, replies: &ReplySender) -> Option<v1::ProbeReply> {
+        let is_idle = self.waiting.load(Ordering::Acquire) == 0;
+        if is_idle
+            && work_ns(&job.question, self.cameras) <= AT_ONCE_NS
+            && let Ok(mut computation) = self.computation.try_lock()
+        {
+            return Some(computation.reply(&job));
+        }
+        let id = job.id;
+        self.waiting.fetch_add(1, Ordering::Release);
+        let full = self.queue.try_send((job, replies.clone())).err()?;
+        self.waiting.fetch_sub(1, Ordering::Release);
+        let message = match full {
+            TrySendError::Full(_) => format!("{MAX_WAITING} questions wait"),
+            TrySendError::Disconnected(_) => "the node is ending".to_owned(),
+        };
+        Some(refusal(id, RefusalReason::Busy, message))
+    }
+}
+
+/// Answers queued questions in their order.
+fn run(computation: &Mutex<Computation>, jobs: &Receiver<(ProbeJob, ReplySender)>, waiting: &AtomicUsize) {
+    while let Ok((job, replies)) = jobs.recv() {
+        let reply = computation.lock().unwrap_or_else(PoisonError::into_inner).reply(&job);
+        // A peer that has gone, or reads nothing, must not hold up the others.
+        if replies.try_send(Ok(reply)).is_err() {
+            tracing::debug!("a reply found no reader");
+        }
+        waiting.fetch_sub(1, Ordering::Release);
+    }
+}
+
+struct Computation {
+    ring: Arc<FrameRing>,
+    cores: Cores,
+}
+
+impl Computation {
+    fn reply(&mut self, job: &ProbeJob) -> v1::ProbeReply {
+        let answered = catch_unwind(AssertUnwindSafe(|| self.answer(job)));
+        answered.unwrap_or_else(|_| {
+            // No message may end the node, not even one that finds a bug.
+            tracing::error!("a question made the computation panic");
+            self.cores = Cores::of_this_machine();
+            refusal(job.id, RefusalReason::Malformed, "the computation panicked")
+        })
+    }
+
+    fn answer(&mut self, job: &ProbeJob) -> v1::ProbeReply {
+        let began = Instant::now();
+        let &ProbeJob { id, frame, precision, ref question } = job;
+        let frame = match self.ring.get(frame) {
+            Ok(frame) => frame,
+            Err(error) => {
+                let reason = match error {
+                    FrameError::Gone { .. } => RefusalReason::Gone,
+                    FrameError::NotYet { .. } | FrameError::Empty => RefusalReason::NotYet,
+                };
+                return refusal(id, reason, error.to_string());
+            }
+        };
+        let answer = self.cores.answer(&frame.views, question);
+        let camera_count = frame.views.views().len();
+        answer_to_wire(id, answer, camera_count, precision, began.elapsed().as_secs_f64() * 1e3)
+    }
+}
