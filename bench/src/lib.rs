@@ -8,9 +8,11 @@ mod outputs;
 mod peers;
 mod plot;
 mod query;
+mod random;
 mod scale;
 mod segment;
 mod table;
+mod usage;
 
 use clap::{Args, Subcommand};
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::layout::Layout;
-use super::measure::{AtBodies, Measured};
+use super::measure::{AtBodies, FilmMeasurement};
 use super::verdict::{BASE_SIZE, STEPS, base_bodies, plan_name};
 use super::{BASE_CAMERAS, CAMERAS_SIZE};
 use crate::cluster::film::FilmPlan;
@@ -21,9 +21,9 @@ struct Over {
 }
 
 /// A chart over sizes, cameras, noise and bodies each, where there is more than one.
-pub fn draw(all: &[Measured], folder: &Path) -> Outcome {
+pub fn draw(all: &[FilmMeasurement], folder: &Path) -> Outcome {
     for Over { name, axis, x, fits } in over() {
-        let mut shown: Vec<&Measured> = all.iter().filter(|measured| fits(&measured.plan)).collect();
+        let mut shown: Vec<&FilmMeasurement> = all.iter().filter(|measured| fits(&measured.plan)).collect();
         shown.sort_by(|a, b| x(&a.plan).total_cmp(&x(&b.plan)));
         let points: Vec<_> = shown.iter().map(|shown| (x(&shown.plan), base_bodies(shown))).collect();
         if points.len() > 1 {

@@ -16,15 +16,15 @@ use cli::{Failure, Outcome};
 use cluster::expected_node;
 
 /// Nodes on a thread of their own, one a camera; they end with it.
-pub struct Hosted {
+pub struct HostedNodes {
     nodes: Vec<ExpectedNode>,
     stop: Option<watch::Sender<()>>,
     thread: Option<JoinHandle<()>>,
 }
 
-impl Hosted {
+impl HostedNodes {
     /// Serves every camera of a film on a loopback port of its own.
-    pub fn start(film: &Film) -> Outcome<Hosted> {
+    pub fn start(film: &Film) -> Outcome<HostedNodes> {
         let file = film.file.clone();
         let configs = (0..file.cameras.len()).map(|index| file.node_config(&[index], false));
         let configs = configs.collect::<Result<Vec<_>, _>>()?;
@@ -47,7 +47,7 @@ impl Hosted {
         let addresses = told.recv().map_err(|_| Failure::run("the nodes of the bench panicked"))??;
         let nodes = addresses.into_iter().enumerate();
         let nodes = nodes.map(|(index, address)| expected_node(&file.rig, address, &[index])).collect();
-        Ok(Hosted { nodes, stop: Some(stop), thread: Some(thread) })
+        Ok(HostedNodes { nodes, stop: Some(stop), thread: Some(thread) })
     }
 
     /// Where they listen.
@@ -83,7 +83,7 @@ async fn serve(nodes: Vec<Node>, stopped: &watch::Receiver<()>) {
     }
 }
 
-impl Drop for Hosted {
+impl Drop for HostedNodes {
     fn drop(&mut self) {
         // Without its sender the channel tells every node to end.
         drop(self.stop.take());

@@ -2,14 +2,13 @@
 
 use proto::convert::SilhouetteEncoding;
 
-use super::hosted::Hosted;
+use super::hosted::HostedNodes;
 use super::layout::{Cost, Layout};
-use crate::cluster::asked::{Answered, Asked, Connected, FrameCosts, PassCosts};
 use crate::cluster::bodies::Bodies;
+use crate::cluster::connection::{AnswerPlace, ClusterClient, FrameCosts, PassCosts, PointForm};
 use crate::cluster::film::{Film, FilmPlan};
-use crate::cluster::names::PrecisionName;
 use crate::cluster::probing::{Local, Passes};
-use cli::{Failure, Outcome};
+use cli::{Failure, Outcome, PrecisionName};
 
 /// Passes that the computation of gathering layouts is the mean of.
 const LOCAL_PASSES: u64 = 4;
@@ -22,10 +21,10 @@ const ENCODINGS: [SilhouetteEncoding; 4] = [
 ];
 
 /// What is asked, and how.
-const ASKED: [(Layout, Asked, PrecisionName); 3] = [
-    (Layout::RawPoints, Asked::RawPoints, PrecisionName::Exact),
-    (Layout::RegisteredBodies, Asked::Registered, PrecisionName::Exact),
-    (Layout::RegisteredBodies, Asked::Registered, PrecisionName::Quantised),
+const REQUESTS: [(Layout, PointForm, PrecisionName); 3] = [
+    (Layout::RawPoints, PointForm::RawPoints, PrecisionName::Exact),
+    (Layout::RegisteredBodies, PointForm::Registered, PrecisionName::Exact),
+    (Layout::RegisteredBodies, PointForm::Registered, PrecisionName::Quantised),
 ];
 /// Points that all cameras together are asked about for one figure, at most: bytes differ little from pass to
 /// pass, and a hundred thousand points go to 64 cameras.
@@ -33,7 +32,7 @@ const MOST_POINTS: usize = 4_000_000;
 
 /// All layouts over one film.
 #[derive(Clone, Debug)]
-pub struct Measured {
+pub struct FilmMeasurement {
     /// The film; a node a camera.
     pub plan: FilmPlan,
     /// By number of bodies, ascending.
@@ -52,14 +51,19 @@ pub struct AtBodies {
 }
 
 /// Films, serves and asks; `counts` of bodies ascending. `told` hears of every step.
-pub fn measured(plan: FilmPlan, counts: &[usize], passes: u64, told: &mut dyn FnMut()) -> Outcome<Measured> {
+pub fn measured(
+    plan: FilmPlan,
+    counts: &[usize],
+    passes: u64,
+    told: &mut dyn FnMut(),
+) -> Outcome<FilmMeasurement> {
     let film = Film::make(plan)?;
     let views = film.views();
     let bodies = Bodies::place(counts.last().copied().unwrap_or_default(), &views, &film.person_world)?;
     told();
     let gathered = gathered(&film, &bodies.first(1), told)?;
-    let hosted = Hosted::start(&film)?;
-    let mut nodes = Connected::to(&film, hosted.nodes().to_vec(), &bodies, Answered::ByNodes)?;
+    let hosted = HostedNodes::start(&film)?;
+    let mut nodes = ClusterClient::to(&film, hosted.nodes().to_vec(), &bodies, AnswerPlace::Nodes)?;
     let mut at = Vec::new();
     let (mut local, mut here) = (Local::default(), Passes::new(film.settings(), 1));
     for &count in counts {
@@ -71,8 +75,8 @@ pub fn measured(plan: FilmPlan, counts: &[usize], passes: u64, told: &mut dyn Fn
         }
         costs.extend(gathered.iter().map(|(layout, frame)| gathered_cost(*layout, &nodes, frame, local_ms)));
         let mut inside_share = 0.0;
-        for (layout, asked, precision) in ASKED {
-            nodes = nodes.in_precision(precision.precision());
+        for (layout, asked, precision) in REQUESTS {
+            nodes = nodes.in_precision(precision.into());
             let took = nodes.passes(&bodies, asked, affordable(passes, &bodies, plan.cameras))?;
             costs.push(Cost {
                 precision: precision.name(),
@@ -83,13 +87,13 @@ pub fn measured(plan: FilmPlan, counts: &[usize], passes: u64, told: &mut dyn Fn
         at.push(AtBodies { bodies: count, inside_share, costs });
         told();
     }
-    if at.is_empty() { Err(Failure::run("no bodies to ask about")) } else { Ok(Measured { plan, at }) }
+    if at.is_empty() { Err(Failure::run("no bodies to ask about")) } else { Ok(FilmMeasurement { plan, at }) }
 }
 
 /// What each encoding of the silhouettes costs.
 fn gathered(film: &Film, few: &Bodies, told: &mut dyn FnMut()) -> Outcome<Vec<(Layout, FrameCosts)>> {
-    let hosted = Hosted::start(film)?;
-    let mut connected = Connected::to(film, hosted.nodes().to_vec(), few, Answered::Here)?;
+    let hosted = HostedNodes::start(film)?;
+    let mut connected = ClusterClient::to(film, hosted.nodes().to_vec(), few, AnswerPlace::Coordinator)?;
     let mut gathered = Vec::new();
     for (layout, encoding) in Layout::GATHERED.into_iter().zip(ENCODINGS) {
         connected = connected.encoded_as(encoding);
@@ -110,7 +114,7 @@ fn affordable(passes: u64, bodies: &Bodies, cameras: usize) -> u64 {
     passes.min((MOST_POINTS / a_pass) as u64).max(2)
 }
 
-fn gathered_cost(layout: Layout, news: &Connected, frame: &FrameCosts, local_ms: f64) -> Cost {
+fn gathered_cost(layout: Layout, news: &ClusterClient, frame: &FrameCosts, local_ms: f64) -> Cost {
     Cost {
         layout,
         precision: "exact",
@@ -123,7 +127,7 @@ fn gathered_cost(layout: Layout, news: &Connected, frame: &FrameCosts, local_ms:
     }
 }
 
-fn asked_cost(layout: Layout, nodes: &Connected, took: &PassCosts, cameras: usize) -> Cost {
+fn asked_cost(layout: Layout, nodes: &ClusterClient, took: &PassCosts, cameras: usize) -> Cost {
     let (to_node, from_node) = took.bytes_per_node_pass(cameras);
     Cost {
         layout,

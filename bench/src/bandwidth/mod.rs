@@ -17,9 +17,7 @@ use super::cluster::film::{FPS, FilmPlan};
 use super::cluster::{parse_bodies, parse_nodes};
 use super::outputs::Outputs;
 use super::table::{Machine, Table};
-use cli::Outcome;
-use cli::Progress;
-use cli::parse_size;
+use cli::{Outcome, Progress, parse_size};
 
 /// Frames of the film: each is gathered once.
 const FRAMES: u64 = 2;

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::layout::Cost;
-use super::measure::{AtBodies, Measured};
+use super::measure::{AtBodies, FilmMeasurement};
 use super::verdict::{FRAMES_ONLY, STEPS};
 
 /// One layout in one setting.
@@ -34,7 +34,7 @@ pub struct Row {
 }
 
 /// The rows of one film.
-pub fn of(measured: &Measured) -> Vec<Row> {
+pub fn of(measured: &FilmMeasurement) -> Vec<Row> {
     let row = |at: &AtBodies, cost: &Cost| Row {
         layout: cost.layout.name(),
         width: measured.plan.size.0,
@@ -70,7 +70,7 @@ pub fn print_header() {
 
 /// A line for each number of bodies.
 #[allow(clippy::print_stdout, reason = "the table is the command's output")]
-pub fn print_rows(measured: &Measured) {
+pub fn print_rows(measured: &FilmMeasurement) {
     let plan = &measured.plan;
     for at in &measured.at {
         print!(

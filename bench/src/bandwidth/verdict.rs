@@ -3,9 +3,9 @@
 use serde::Serialize;
 
 use super::layout::{Cost, Crossing, Layout, Rates, crossing};
-use super::measure::{AtBodies, Measured};
+use super::measure::{AtBodies, FilmMeasurement};
 use super::rows::bytes;
-use crate::cluster::asked::PASSES_PER_FRAME;
+use crate::cluster::connection::PASSES_PER_FRAME;
 use crate::cluster::film::{FPS, FilmPlan};
 use crate::scale::report::{LATENCY_S, LINKS_BITS_PER_S, link_name};
 
@@ -25,7 +25,7 @@ pub fn plan_name(plan: &FilmPlan) -> String {
 }
 
 /// The number of bodies nearest to the base's.
-pub fn base_bodies(measured: &Measured) -> &AtBodies {
+pub fn base_bodies(measured: &FilmMeasurement) -> &AtBodies {
     let nearest = measured.at.iter().min_by_key(|at| at.bodies.abs_diff(BASE_BODIES));
     nearest.expect("a measurement has at least one number of bodies")
 }
@@ -47,7 +47,7 @@ pub struct CrossingRow {
 }
 
 /// All crossings of all films.
-pub fn crossings(all: &[Measured]) -> Vec<CrossingRow> {
+pub fn crossings(all: &[FilmMeasurement]) -> Vec<CrossingRow> {
     let mut rows = Vec::new();
     for (measured, rates) in all.iter().flat_map(|measured| [(measured, STEPS), (measured, FRAMES_ONLY)]) {
         for precision in precisions(measured) {
@@ -71,7 +71,7 @@ pub fn crossings(all: &[Measured]) -> Vec<CrossingRow> {
 }
 
 /// Prints everything.
-pub fn print(all: &[Measured]) {
+pub fn print(all: &[FilmMeasurement]) {
     print_crossings(all);
     print_sooner(all);
     if let Some(base) = all.iter().find(|measured| measured.plan.size == BASE_SIZE).or(all.first()) {
@@ -80,7 +80,7 @@ pub fn print(all: &[Measured]) {
 }
 
 /// The precisions that registered bodies were asked with.
-fn precisions(measured: &Measured) -> Vec<&'static str> {
+fn precisions(measured: &FilmMeasurement) -> Vec<&'static str> {
     let costs = base_bodies(measured).costs.iter();
     costs.filter(|cost| cost.layout == Layout::RegisteredBodies).map(|cost| cost.precision).collect()
 }
@@ -92,7 +92,12 @@ fn cost_of<'a>(at: &'a AtBodies, layout: Layout, precision: &str) -> Option<&'a 
 }
 
 /// For how many bodies asking sends fewer bytes than gathering.
-fn crossing_of(measured: &Measured, precision: &str, gathered: Layout, rates: Rates) -> Option<Crossing> {
+fn crossing_of(
+    measured: &FilmMeasurement,
+    precision: &str,
+    gathered: Layout,
+    rates: Rates,
+) -> Option<Crossing> {
     let asked = measured.at.iter().filter_map(|at| {
         let cost = cost_of(at, Layout::RegisteredBodies, precision)?;
         Some((at.bodies, cost.bytes_per_s(rates)))
@@ -102,7 +107,7 @@ fn crossing_of(measured: &Measured, precision: &str, gathered: Layout, rates: Ra
 }
 
 #[allow(clippy::print_stdout, reason = "the table is the command's output")]
-fn print_crossings(all: &[Measured]) {
+fn print_crossings(all: &[FilmMeasurement]) {
     println!(
         "\nRegistered bodies send fewer bytes than gathering up to so many bodies (beyond the measured: ~)"
     );
@@ -158,7 +163,7 @@ fn factor_words(factor: f64) -> String {
 }
 
 #[allow(clippy::print_stdout, reason = "the table is the command's output")]
-fn print_sooner(all: &[Measured]) {
+fn print_sooner(all: &[FilmMeasurement]) {
     println!(
         "\nWhich pass is done sooner, ms: bytes over the coordinator's link, measured computation, and {:.0} µs \
          a round trip;\ngathering runs+lz4 as first pass of a frame (mean of all passes) / asking about \
@@ -196,7 +201,7 @@ fn sooner(at: &AtBodies, precision: &str, link_bits_per_s: f64) -> String {
 }
 
 #[allow(clippy::print_stdout, reason = "the table is the command's output")]
-fn print_links(measured: &Measured) {
+fn print_links(measured: &FilmMeasurement) {
     let at = base_bodies(measured);
     println!(
         "\nWhat the coordinator's link carries, {}, {} bodies: passes/s, and cameras at {} passes/s",

@@ -11,7 +11,7 @@ use hull::{Shape, ViewSet};
 use sim::Solid;
 
 use super::probing::{inside_count, to_world};
-use super::random::Random;
+use crate::random::Random;
 use cli::{Failure, Outcome};
 
 /// Samples of every body.

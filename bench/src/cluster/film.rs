@@ -13,9 +13,8 @@ use image::{ExtendedColorType, ImageEncoder as _};
 use stage::{CameraStage, Stage, StageSettings, studio_rig};
 use tempfile::TempDir;
 
-use super::random::Random;
-use cli::Progress;
-use cli::{Failure, Outcome};
+use crate::random::Random;
+use cli::{Failure, Outcome, Progress};
 use cluster::ClusterFile;
 
 /// Frames of the film a second.

@@ -1,12 +1,12 @@
 //! One cluster of node processes, asked about several numbers of bodies.
 
-use super::asked::{Answered, Asked, Connected, PassCosts};
 use super::bodies::{Bodies, SAMPLES};
+use super::connection::{AnswerPlace, ClusterClient, PassCosts, PointForm};
 use super::film::{Film, FilmPlan};
-use super::names::{PrecisionName, SocketName};
+use super::names::SocketName;
 use super::rows::{Row, stages};
-use super::usage::{process_cpu_s, process_memory_mb};
-use cli::Outcome;
+use crate::usage::{process_cpu_s, process_memory_mb};
+use cli::{Outcome, PrecisionName};
 use cluster::LocalCluster;
 
 /// Frames of the film: the ring of every node is full.
@@ -59,13 +59,13 @@ pub fn measured(
     passes: u64,
 ) -> Outcome<Vec<Row>> {
     let cluster = LocalCluster::start(&film.file, sockets.sockets(), false)?;
-    let mut connected = Connected::to(film, cluster.nodes().to_vec(), bodies, Answered::ByNodes)?;
+    let mut connected = ClusterClient::to(film, cluster.nodes().to_vec(), bodies, AnswerPlace::Nodes)?;
     let mut rows = Vec::new();
     for &count in &setting.bodies {
         for &precision in &setting.precisions {
-            connected = connected.in_precision(precision.precision());
+            connected = connected.in_precision(precision.into());
             let before = cpu_s(&cluster);
-            let costs = connected.passes(&bodies.first(count), Asked::Registered, passes)?;
+            let costs = connected.passes(&bodies.first(count), PointForm::Registered, passes)?;
             let asked = (costs.passes_with_warm_up() * setting.nodes as u64) as f64;
             let node_cpu_ms =
                 cpu_s(&cluster).zip(before).map(|(after, before)| (after - before) * 1e3 / asked);

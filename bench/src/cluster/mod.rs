@@ -1,16 +1,14 @@
 //! `hulltouch bench cluster`: what a pass takes over real node processes of this machine.
 
-pub mod asked;
 pub mod bodies;
 mod charts;
+pub mod connection;
 pub mod film;
 mod measure;
 mod model;
 pub mod names;
 pub mod probing;
-mod random;
 mod rows;
-pub mod usage;
 
 use clap::Args;
 use serde::Serialize;
@@ -18,13 +16,12 @@ use serde::Serialize;
 use self::bodies::SAMPLES;
 use self::measure::{Scene, Setting, measured};
 use self::model::model_of;
-use self::names::{PrecisionName, SocketName};
+use self::names::SocketName;
 use self::rows::{Row, print_header, print_row, print_stages};
 use super::outputs::Outputs;
 use super::scale::report::{ScaleReport, report};
 use super::table::{Machine, Table};
-use cli::Outcome;
-use cli::parse_size;
+use cli::{Outcome, PrecisionName, parse_size};
 
 const BASE_NODES: usize = 8;
 const BASE_BODIES: usize = 30;

@@ -2,11 +2,11 @@
 
 use super::rows::Row;
 use super::{BASE_BODIES, BASE_SIZE};
-use crate::scale::Measured;
+use crate::scale::PassMeasurement;
 
 /// What the model starts from: the row nearest the middle of all with a camera a node, and how the
 /// coordinator's time grows with the nodes if that was measured.
-pub fn model_of(rows: &[Row]) -> Option<Measured> {
+pub fn model_of(rows: &[Row]) -> Option<PassMeasurement> {
     let alone: Vec<&Row> = rows.iter().filter(|row| row.nodes == row.cameras).collect();
     let is_base = |row: &&&Row| row.bodies == BASE_BODIES && (row.width, row.height) == BASE_SIZE;
     let base = *alone.iter().find(is_base).or(alone.first())?;
@@ -14,7 +14,7 @@ pub fn model_of(rows: &[Row]) -> Option<Measured> {
     let alike = |row: &&&Row| key(row) == key(base);
     let others = alone.iter().filter(alike).map(|row| (row.nodes as f64, row.coordinator_cpu_ms));
     let (fixed_ms, per_node_ms) = line(&others.collect::<Vec<_>>());
-    Some(Measured {
+    Some(PassMeasurement {
         rounds: (base.trips_per_pass.round() as u32).max(1),
         bytes_to_node: base.bytes_to_node_pass,
         bytes_from_node: base.bytes_from_node_pass,

@@ -6,7 +6,7 @@ use hull::question::{Answer, Batch, Points, Question, QuestionKind};
 use hull::view_set::Scratch;
 use hull::{ProbeSettings, ViewSet};
 
-use super::usage::thread_cpu_s;
+use crate::usage::thread_cpu_s;
 use cli::{Failure, Outcome};
 
 /// How many of the points all cameras of a group see as foreground.

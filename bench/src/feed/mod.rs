@@ -14,8 +14,7 @@ use self::rows::{Row, print_header, print_row};
 use self::run::{Setting, measured};
 use super::outputs::Outputs;
 use super::table::{Machine, Table};
-use cli::parse_size;
-use cli::{Failure, Outcome};
+use cli::{Failure, Outcome, parse_size};
 
 const SIZES: [(u32, u32); 2] = [(640, 480), (1920, 1080)];
 

@@ -1,9 +1,9 @@
 //! A page that reads all it is sent and draws nothing.
 
 use std::net::SocketAddr;
-use std::time::{SystemTime, UNIX_EPOCH};
 
 use futures::{SinkExt as _, StreamExt as _};
+use proto::unix_now_s;
 use serde_json::{Value, json};
 use tokio::net::TcpStream;
 use tokio_tungstenite::tungstenite::Message;
@@ -27,7 +27,7 @@ pub struct Page {
 }
 
 /// What a page hears.
-pub enum Heard {
+pub enum PageMessage {
     /// Bytes of one frame set, and how long ago the film was captured, seconds, if that is known.
     FrameSet { bytes: usize, delay_s: Option<f64> },
     /// Any other binary message, by its bytes.
@@ -45,13 +45,13 @@ impl Page {
         let (socket, _) = tokio_tungstenite::connect_async(address).await.map_err(Failure::run)?;
         let mut page = Page { socket, fps: 0.0, cameras: 0 };
         loop {
-            match page.hear().await? {
-                Heard::Text { text, .. } if text["op"] == "hello" => {
+            match page.receive().await? {
+                PageMessage::Text { text, .. } if text["op"] == "hello" => {
                     page.fps = text["fps"].as_f64().unwrap_or_default();
                     page.cameras = text["cameras"].as_array().map_or(0, Vec::len);
                     return Ok(page);
                 }
-                Heard::Closed => return Err(Failure::run("the feed has closed before it said hello")),
+                PageMessage::Closed => return Err(Failure::run("the feed has closed before it said hello")),
                 _ => {}
             }
         }
@@ -60,34 +60,34 @@ impl Page {
     /// Looks at all frame sets and worlds, or at the run's figures alone.
     pub async fn look(&mut self, looks: bool) -> Outcome {
         let (fps, state_hz) = if looks { (self.fps, 60) } else { (0.0, 0) };
-        self.say(&json!({ "op": "want", "fps": fps, "state_hz": state_hz })).await
+        self.send(&json!({ "op": "want", "fps": fps, "state_hz": state_hz })).await
     }
 
     /// The next message; says of frame sets that they are shown.
-    pub async fn hear(&mut self) -> Outcome<Heard> {
+    pub async fn receive(&mut self) -> Outcome<PageMessage> {
         loop {
             match self.socket.next().await {
                 Some(Ok(Message::Binary(bytes))) if bytes.get(KIND) == Some(&FRAME_SET) => {
                     let set =
                         FrameSet::read(&bytes).ok_or_else(|| Failure::run("a frame set is too short"))?;
-                    self.say(&json!({ "op": "shown", "seq": set.seq })).await?;
-                    return Ok(Heard::FrameSet { bytes: bytes.len(), delay_s: set.delay_s });
+                    self.send(&json!({ "op": "shown", "seq": set.seq })).await?;
+                    return Ok(PageMessage::FrameSet { bytes: bytes.len(), delay_s: set.delay_s });
                 }
-                Some(Ok(Message::Binary(bytes))) => return Ok(Heard::Other { bytes: bytes.len() }),
+                Some(Ok(Message::Binary(bytes))) => return Ok(PageMessage::Other { bytes: bytes.len() }),
                 Some(Ok(Message::Text(text))) => {
                     let bytes = text.len();
                     let text = serde_json::from_str(&text).map_err(Failure::run)?;
-                    return Ok(Heard::Text { bytes, text });
+                    return Ok(PageMessage::Text { bytes, text });
                 }
-                Some(Ok(Message::Close(_)) | Err(_)) | None => return Ok(Heard::Closed),
+                Some(Ok(Message::Close(_)) | Err(_)) | None => return Ok(PageMessage::Closed),
                 // Pings are answered as the socket is read.
                 Some(Ok(_)) => {}
             }
         }
     }
 
-    async fn say(&mut self, text: &Value) -> Outcome {
-        // A server that has closed is heard of at the next reading.
+    async fn send(&mut self, text: &Value) -> Outcome {
+        // A server that has closed is message of at the next reading.
         self.socket.send(Message::text(text.to_string())).await.or(Ok(()))
     }
 }
@@ -101,9 +101,7 @@ impl FrameSet {
     fn read(bytes: &[u8]) -> Option<FrameSet> {
         let seq = u32::from_le_bytes(*bytes.get(SEQ..)?.first_chunk()?);
         let captured_unix_s = f64::from_le_bytes(*bytes.get(CAPTURED..)?.first_chunk()?);
-        let now_unix_s =
-            SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64());
-        let delay_s = (captured_unix_s > 0.0).then_some(now_unix_s - captured_unix_s);
+        let delay_s = (captured_unix_s > 0.0).then(|| unix_now_s() - captured_unix_s);
         Some(FrameSet { seq, delay_s })
     }
 }

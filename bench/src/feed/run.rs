@@ -10,7 +10,7 @@ use serde_json::Value;
 use tokio::time::{Instant, timeout_at};
 
 use super::link::relay;
-use super::page::{Heard, Page};
+use super::page::{Page, PageMessage};
 use super::rows::Row;
 use cli::{Failure, Outcome};
 
@@ -82,7 +82,7 @@ impl Drop for Demo {
 
 /// Sums over the time that the page looked.
 #[derive(Default)]
-struct Seen {
+struct PageFigures {
     looked_s: f64,
     sets: u64,
     set_bytes: u64,
@@ -102,9 +102,9 @@ pub async fn measured(setting: &Setting) -> Outcome<Row> {
         None => demo.viewers,
     };
     let mut page = Page::connect(server).await?;
-    let mut seen = Seen::default();
+    let mut seen = PageFigures::default();
     if let Some(seconds) = setting.seconds {
-        look(&mut page, WARM_UP, true, &mut Seen::default()).await?;
+        look(&mut page, WARM_UP, true, &mut PageFigures::default()).await?;
         let turns = (seconds / TURN.as_secs_f64()).ceil().max(1.0);
         let turn = Duration::from_secs_f64(seconds / turns);
         for _ in 0..turns as u64 {
@@ -121,22 +121,22 @@ pub async fn measured(setting: &Setting) -> Outcome<Row> {
 }
 
 /// Hears a page for a while, or until the run ends.
-async fn look(page: &mut Page, turn: Duration, looks: bool, seen: &mut Seen) -> Outcome {
+async fn look(page: &mut Page, turn: Duration, looks: bool, seen: &mut PageFigures) -> Outcome {
     page.look(looks).await?;
     let began = Instant::now();
     loop {
-        let Ok(heard) = timeout_at(began + turn, page.hear()).await else { break };
-        match heard? {
-            Heard::Closed => break,
-            Heard::FrameSet { bytes, delay_s } if looks => {
+        let Ok(message) = timeout_at(began + turn, page.receive()).await else { break };
+        match message? {
+            PageMessage::Closed => break,
+            PageMessage::FrameSet { bytes, delay_s } if looks => {
                 seen.sets += 1;
                 seen.set_bytes += bytes as u64;
                 delay_s.into_iter().for_each(|delay_s| seen.delay_ms.add(1e3 * delay_s));
             }
             // What was on its way when the page looked away.
-            Heard::FrameSet { .. } => {}
-            Heard::Other { bytes } => seen.other_bytes += bytes as u64,
-            Heard::Text { bytes, text } => {
+            PageMessage::FrameSet { .. } => {}
+            PageMessage::Other { bytes } => seen.other_bytes += bytes as u64,
+            PageMessage::Text { bytes, text } => {
                 seen.other_bytes += bytes as u64;
                 seen.note(&text, looks, began.elapsed() > SETTLING);
             }
@@ -148,7 +148,7 @@ async fn look(page: &mut Page, turn: Duration, looks: bool, seen: &mut Seen) -> 
     Ok(())
 }
 
-impl Seen {
+impl PageFigures {
     fn note(&mut self, text: &Value, looks: bool, is_settled: bool) {
         if text["op"] != "status" {
             return;

@@ -1,7 +1,6 @@
 //! Points to ask about: around a person of the stage, the same on every machine.
 
 pub mod paper_mix;
-mod random;
 
 use std::sync::Arc;
 
@@ -14,9 +13,8 @@ use hull::view_set::Scratch;
 use hull::{Camera, Observer, ProbeSettings, Rig, Silhouette, View, ViewSet};
 use stage::{CameraStage, Stage, StageSettings, studio_rig};
 
-use cli::Progress;
-use cli::{Failure, Outcome};
-pub use random::Random;
+use crate::random::Random;
+use cli::{Failure, Outcome, Progress};
 
 /// The instant of the film that is looked at, seconds: an arm is up.
 const TIME_S: f64 = 0.5;
@@ -106,7 +104,7 @@ impl Studio {
     /// Random points that the hull says are inside, 1 to 3 cm from an edge's ray if `near_surface`.
     pub fn inside(&self, random: &mut Random, count: usize, near_surface: bool) -> Outcome<Vec<[f64; 3]>> {
         let mut found = Vec::new();
-        let mut asked = Asked::new(self.settings, 1);
+        let mut asked = PassRunner::new(self.settings, 1);
         for _ in 0..MAX_THROWS {
             let points: Arc<[[f64; 3]]> = self.in_box(random, THROW, 0.0).into();
             asked.ask(&[Points::World(Arc::clone(&points))], &[&self.views], &WorldBox::EVERYWHERE)?;
@@ -174,19 +172,19 @@ fn cameras(plan: StudioPlan) -> Outcome<Vec<Camera>> {
 }
 
 /// A pass that is asked again and again, with its buffers and what it learned of the bodies.
-pub struct Asked {
+pub struct PassRunner {
     pass: Pass,
     scratch: Scratch,
     answer: Answer,
     reaches: Vec<Reaches>,
 }
 
-impl Asked {
+impl PassRunner {
     /// To be asked of so many groups.
-    pub fn new(settings: ProbeSettings, group_count: usize) -> Asked {
+    pub fn new(settings: ProbeSettings, group_count: usize) -> PassRunner {
         let mut pass = Pass::new(Vec::new(), Some(&WorldBox::EVERYWHERE), settings, group_count);
         pass.ask_in_two_phases(true);
-        Asked { pass, scratch: Scratch::default(), answer: Answer::default(), reaches: Vec::new() }
+        PassRunner { pass, scratch: Scratch::default(), answer: Answer::default(), reaches: Vec::new() }
     }
 
     /// A full pass over bodies, asked of the groups on this thread one after the other. Bodies that were

@@ -8,7 +8,8 @@ use hull::question::Points;
 use sim::Solid;
 use sim::samples::{DEFAULT_COVERING_RADIUS_M, shape};
 
-use super::{Random, Studio};
+use super::Studio;
+use crate::random::Random;
 use cli::{Failure, Outcome};
 
 /// Cameras of the paper's studio.

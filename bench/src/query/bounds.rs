@@ -13,7 +13,7 @@ use crate::loads::Studio;
 /// Shares of all samples, 0 to 1, that each stage rejects of what those before it left; with `inside` they
 /// sum to 1.
 #[derive(Clone, Debug, Default, Serialize, PartialEq)]
-pub struct Saved {
+pub struct BoundSavings {
     /// Which points.
     pub load: String,
     /// How many.
@@ -30,7 +30,7 @@ pub struct Saved {
     pub inside: f64,
 }
 
-impl Saved {
+impl BoundSavings {
     /// The shares of the stages in order, and last of what nobody rejects.
     pub fn shares(&self) -> [f64; 5] {
         [self.body_box, self.frustum_box, self.frustum_planes, self.silhouette, self.inside]
@@ -55,7 +55,7 @@ impl<'a> Bounds<'a> {
     }
 
     /// What the stages save on bodies.
-    pub fn saved(&self, load: &str, bodies: &[Points]) -> Saved {
+    pub fn saved(&self, load: &str, bodies: &[Points]) -> BoundSavings {
         let mut counts = [0usize; 5];
         for body in bodies {
             let bounds = match body {
@@ -73,7 +73,15 @@ impl<'a> Bounds<'a> {
         let samples: usize = counts.iter().sum();
         let [body_box, frustum_box, frustum_planes, silhouette, inside] =
             counts.map(|count| count as f64 / samples.max(1) as f64);
-        Saved { load: load.to_owned(), samples, body_box, frustum_box, frustum_planes, silhouette, inside }
+        BoundSavings {
+            load: load.to_owned(),
+            samples,
+            body_box,
+            frustum_box,
+            frustum_planes,
+            silhouette,
+            inside,
+        }
     }
 
     /// The stage after the body's that rejects a point.
@@ -101,16 +109,17 @@ impl<'a> Bounds<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::loads::{Asked, Random, StudioPlan};
+    use crate::loads::{PassRunner, StudioPlan};
+    use crate::random::Random;
 
     #[test]
     fn stages_share_all_samples_and_leave_what_the_pass_finds_inside() {
         let studio = Studio::new(StudioPlan { cameras: 4, size: (160, 120), bent: true }).expect("a studio");
-        let heap = studio.heap(&mut Random(5)).expect("boxes");
+        let heap = studio.heap(&mut Random::new(5)).expect("boxes");
         let saved = Bounds::new(&studio).saved("heap", &heap);
         let parts = [saved.body_box, saved.frustum_box, saved.frustum_planes, saved.silhouette, saved.inside];
         assert!((parts.iter().sum::<f64>() - 1.0).abs() < 1e-9 && parts.iter().all(|&part| part >= 0.0));
-        let mut asked = Asked::new(studio.settings, 1);
+        let mut asked = PassRunner::new(studio.settings, 1);
         let hull_box = studio.hull_box().expect("a person");
         asked.ask(&heap, &[&studio.views], &hull_box).expect("answers");
         let inside: usize = asked.results().iter().map(|body| body.touches.len()).sum();

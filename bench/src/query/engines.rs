@@ -14,7 +14,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::lanes::Lane;
 use super::opponent::Opponent;
-use crate::loads::{Asked, Studio};
+use crate::loads::{PassRunner, Studio};
 
 /// Ours, on the best vectors of this machine, every camera in one group.
 pub const HULLTOUCH: &str = "hulltouch";
@@ -108,7 +108,7 @@ pub fn pass_lanes<'a>(
 ) -> Vec<Lane<'a>> {
     let pass = |(engine, groups): &'a (&'static str, Vec<ViewSet>)| {
         let groups: Vec<&ViewSet> = groups.iter().collect();
-        let mut asked = Asked::new(studio.settings, groups.len());
+        let mut asked = PassRunner::new(studio.settings, groups.len());
         Lane::of_work(engine, counted, move || {
             asked.ask(black_box(bodies), &groups, &sets.hull_box)?;
             black_box(asked.results());

@@ -3,8 +3,7 @@
 
 use std::time::{Duration, Instant};
 
-use rustix::time::{ClockId, clock_gettime};
-
+use crate::usage::thread_cpu_s;
 use cli::Outcome;
 
 /// A figure is the median of so many repetitions,
@@ -34,11 +33,11 @@ impl<'a> Lane<'a> {
     /// other programs take turns with it, but do not count.
     pub fn of_work(engine: &'static str, points: usize, mut work: impl FnMut() -> Outcome + 'a) -> Lane<'a> {
         Lane::new(engine, move || {
-            let (began_s, mut rounds) = (thread_time_s(), 0usize);
+            let (began_s, mut rounds) = (thread_cpu_s(), 0usize);
             loop {
                 work()?;
                 rounds += 1;
-                let took_s = thread_time_s() - began_s;
+                let took_s = thread_cpu_s() - began_s;
                 if took_s >= REPETITION_S {
                     return Ok((rounds * points) as f64 / took_s);
                 }
@@ -70,12 +69,6 @@ pub fn medians(lanes: &mut [Lane]) -> Outcome<Vec<f64>> {
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values[values.len() / 2]
-}
-
-/// Seconds that the processor gave this thread.
-pub fn thread_time_s() -> f64 {
-    let time = clock_gettime(ClockId::ThreadCPUTime);
-    time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
 }
 
 #[cfg(test)]

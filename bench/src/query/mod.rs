@@ -15,17 +15,16 @@ use nalgebra::Point3;
 use serde::Serialize;
 use std::cell::RefCell;
 
-use self::bounds::{Bounds, Saved};
+use self::bounds::{BoundSavings, Bounds};
 use self::engines::{Sets, inside_lanes, pass_lanes, world_points};
 use self::lanes::{Lane, medians};
 use self::opponent::{Agreement, Opponent};
 use self::rounds::{RoundCosts, round_costs};
-use super::loads::{Asked, BODY_POINTS, Random, Studio, StudioPlan, paper_mix};
+use super::loads::{BODY_POINTS, PassRunner, Studio, StudioPlan, paper_mix};
 use super::outputs::Outputs;
+use super::random::Random;
 use super::table::Machine;
-use cli::Progress;
-use cli::parse_size;
-use cli::{Failure, Outcome};
+use cli::{Failure, Outcome, Progress, parse_size};
 
 /// Cameras of the studio.
 const CAMERAS: usize = 8;
@@ -84,7 +83,7 @@ struct Report {
     opencv: serde_json::Value,
     rows: Vec<Row>,
     agreement: Vec<Agreement>,
-    bounds: Vec<Saved>,
+    bounds: Vec<BoundSavings>,
     rounds: Vec<RoundCosts>,
 }
 
@@ -127,7 +126,7 @@ struct Loads {
 
 impl Loads {
     fn new(studio: &Studio) -> Outcome<Loads> {
-        let mut random = Random(1);
+        let mut random = Random::new(1);
         let in_box = studio.in_box(&mut random, BOX_POINTS, 0.0).into_iter().map(Point3::from).collect();
         let contacts = studio.bodies(studio.inside(&mut random, PASS_POINTS, true)?);
         let anywhere = studio.bodies(studio.inside(&mut random, PASS_POINTS, false)?);
@@ -168,13 +167,13 @@ impl Report {
         let plan = StudioPlan { cameras: paper_mix::CAMERAS, size: paper_mix::SIZE, bent: false };
         let studio = Studio::new(plan)?;
         let hull_box = studio.hull_box().ok_or_else(|| Failure::run("nobody is on the stage"))?;
-        let heap = studio.heap(&mut Random(1))?;
+        let heap = studio.heap(&mut Random::new(1))?;
         let samples = heap.iter().map(Points::len).sum();
         let sets = Sets::new(&studio, hull_box);
         self.record(plan, "paper", &mut pass_lanes(&studio, &sets, &heap, samples, None))?;
         let bounds = Bounds::new(&studio);
         self.bounds.push(bounds.saved("paper", &heap));
-        let in_box = studio.in_box(&mut Random(1), BOX_POINTS, 0.0).into();
+        let in_box = studio.in_box(&mut Random::new(1), BOX_POINTS, 0.0).into();
         self.bounds.push(bounds.saved("inside", &[Points::World(in_box)]));
         Ok(())
     }
@@ -211,7 +210,7 @@ impl Report {
             standings.iter().map(|standing| standing.inside_count().is_some()).collect()
         };
         self.agreement.push(opponent.check_inside(studio, &size, &loads.in_box, &inside)?);
-        let mut asked = Asked::new(studio.settings, 1);
+        let mut asked = PassRunner::new(studio.settings, 1);
         for (load, bodies) in loads.passes() {
             let points: Coordinates = bodies.iter().flat_map(world_points).collect();
             debug_assert!(points.len().div_ceil(BODY_POINTS) == bodies.len());

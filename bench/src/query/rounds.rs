@@ -7,8 +7,9 @@ use hull::question::{Answer, Points};
 use hull::view_set::Scratch;
 use serde::Serialize;
 
-use super::lanes::{REPETITION_S, thread_time_s};
+use super::lanes::REPETITION_S;
 use crate::loads::Studio;
+use crate::usage::thread_cpu_s;
 use cli::{Failure, Outcome};
 
 /// Nanoseconds of one core a point of the load, over all groups of cameras.
@@ -52,8 +53,8 @@ pub fn round_costs(
     let mut clock = Clock::new(studio, groups);
     clock.pass(groups, bodies)?;
     clock.seconds = [0.0; 6];
-    let (began_s, mut passes) = (thread_time_s(), 0usize);
-    while thread_time_s() - began_s < 2.0 * REPETITION_S {
+    let (began_s, mut passes) = (thread_cpu_s(), 0usize);
+    while thread_cpu_s() - began_s < 2.0 * REPETITION_S {
         clock.pass(groups, bodies)?;
         passes += 1;
     }
@@ -92,7 +93,7 @@ impl Clock {
     fn pass(&mut self, groups: &[ViewSet], bodies: &[Points]) -> Outcome {
         self.reaches.resize_with(bodies.len(), Reaches::default);
         self.reaches.iter_mut().zip(self.pass.results()).for_each(|(reaches, result)| reaches.note(result));
-        self.before_s = thread_time_s();
+        self.before_s = thread_cpu_s();
         let asked = bodies.iter().cloned().zip(&self.reaches);
         self.pass.restart(asked, Some(&WorldBox::EVERYWHERE));
         self.lap(Round::Done);
@@ -110,7 +111,7 @@ impl Clock {
 
     /// Counts the time since the last lap for a round.
     fn lap(&mut self, round: Round) {
-        let now_s = thread_time_s();
+        let now_s = thread_cpu_s();
         let place = match round {
             Round::Classes => 0,
             Round::Edges => 1,

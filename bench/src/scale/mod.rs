@@ -15,7 +15,7 @@ const MAX_NODES: usize = 4096;
 
 /// What one pass of one rig costs, as measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Measured {
+pub struct PassMeasurement {
     /// Round trips of a pass.
     pub rounds: u32,
     /// Bytes to a node.
@@ -110,7 +110,7 @@ impl Prediction {
 }
 
 /// What a room would take.
-pub fn predict(measured: &Measured, network: &Network, room: &Room) -> Prediction {
+pub fn predict(measured: &PassMeasurement, network: &Network, room: &Room) -> Prediction {
     let nodes = (room.rigs * room.nodes_per_rig) as f64;
     let link_share = |bytes: f64| nodes * bytes * 8.0 * room.passes_per_s / network.link_bits_per_s;
     let a_rig_ms =
@@ -134,7 +134,7 @@ pub fn predict(measured: &Measured, network: &Network, room: &Room) -> Predictio
 /// The fewest for which some part cannot keep up, and that part; `None` if none does up to
 /// [`MAX_NODES`] nodes. `room` makes the room of so many; it must need more with every one.
 pub fn breaking_point(
-    measured: &Measured,
+    measured: &PassMeasurement,
     network: &Network,
     room: impl Fn(usize) -> Room,
 ) -> Option<(usize, Part)> {
@@ -187,7 +187,7 @@ struct Simulation<'a> {
 }
 
 impl<'a> Simulation<'a> {
-    fn new(measured: &Measured, network: &Network, room: &'a Room) -> Simulation<'a> {
+    fn new(measured: &PassMeasurement, network: &Network, room: &'a Room) -> Simulation<'a> {
         let a_round = |ms: f64| ns(ms * 1e6 / f64::from(measured.rounds.max(1)));
         let link_ms = |bytes: f64| bytes * 8e3 / network.link_bits_per_s;
         Simulation {
@@ -260,7 +260,7 @@ fn ns(value: f64) -> u64 {
 mod tests {
     use super::*;
 
-    const MEASURED: Measured = Measured {
+    const MEASURED: PassMeasurement = PassMeasurement {
         rounds: 4,
         bytes_to_node: 4_000.0,
         bytes_from_node: 8_000.0,
@@ -299,19 +299,24 @@ mod tests {
     #[test]
     fn what_breaks_first_follows_from_what_is_scarce() {
         let cameras = |nodes| Room { nodes_per_rig: nodes, ..ONE };
-        let first = |measured: &Measured, network: &Network| breaking_point(measured, network, cameras);
+        let first =
+            |measured: &PassMeasurement, network: &Network| breaking_point(measured, network, cameras);
         // 8,333 µs a step: the coordinator's core merges for about a hundred nodes.
         let (count, part) = first(&MEASURED, &GIGABIT).expect("breaks");
         assert!((60..110).contains(&count), "{count}");
         assert!(matches!(part, Part::Step | Part::Coordinator), "{part:?}");
-        let idle =
-            Measured { coordinator_per_node_ms: 0.0, coordinator_fixed_ms: 0.0, node_ms: 0.0, ..MEASURED };
+        let idle = PassMeasurement {
+            coordinator_per_node_ms: 0.0,
+            coordinator_fixed_ms: 0.0,
+            node_ms: 0.0,
+            ..MEASURED
+        };
         let (count, part) = first(&idle, &Network { latency_s: 0.0, link_bits_per_s: 1e8 }).expect("breaks");
         assert!(count <= 13, "{count}");
         assert!(matches!(part, Part::Step | Part::Incoming), "{part:?}");
-        let slow = Measured { node_ms: 20.0, ..MEASURED };
+        let slow = PassMeasurement { node_ms: 20.0, ..MEASURED };
         assert_eq!(first(&slow, &GIGABIT).expect("breaks").0, 1);
-        let nothing = Measured { bytes_to_node: 0.0, bytes_from_node: 0.0, ..idle };
+        let nothing = PassMeasurement { bytes_to_node: 0.0, bytes_from_node: 0.0, ..idle };
         assert_eq!(first(&nothing, &GIGABIT), None);
     }
 

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{Measured, Network, Part, Prediction, Room, breaking_point, predict};
+use super::{Network, Part, PassMeasurement, Prediction, Room, breaking_point, predict};
 
 /// Rates of links, bits per second: 100 Mbit/s, 1 and 10 Gbit/s.
 pub const LINKS_BITS_PER_S: [f64; 3] = [1e8, 1e9, 1e10];
@@ -47,7 +47,7 @@ pub struct ScaleReport {
 }
 
 /// Asks the model about rigs of one camera a node, of a coordinator with so many cores.
-pub fn report(measured: &Measured, cores: usize) -> ScaleReport {
+pub fn report(measured: &PassMeasurement, cores: usize) -> ScaleReport {
     let room = |rigs, nodes_per_rig| Room { rigs, nodes_per_rig, passes_per_s: PASSES_PER_S, cores };
     let (mut rows, mut breaking) = (Vec::new(), Vec::new());
     for link_bits_per_s in LINKS_BITS_PER_S {
@@ -70,7 +70,7 @@ pub fn report(measured: &Measured, cores: usize) -> ScaleReport {
     ScaleReport { note: note(measured, cores), rows, breaking }
 }
 
-fn note(measured: &Measured, cores: usize) -> String {
+fn note(measured: &PassMeasurement, cores: usize) -> String {
     format!(
         "a model, not a measurement: {} rounds a pass, {:.0} + {:.0} bytes and {:.3} ms a node, \
          {:.3} ms + {:.4} ms a node at the coordinator (of {cores} cores), all measured in this run; links \
@@ -150,7 +150,7 @@ mod tests {
 
     #[test]
     fn every_link_has_its_rows_and_says_what_breaks() {
-        let measured = Measured {
+        let measured = PassMeasurement {
             rounds: 5,
             bytes_to_node: 5e3,
             bytes_from_node: 1e4,

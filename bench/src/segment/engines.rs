@@ -5,12 +5,12 @@ use std::io::{BufWriter, Write};
 use std::path::Path;
 
 use hull::Silhouette;
-use rustix::time::{ClockId, clock_gettime};
 use segment::{BackgroundBuilder, Format, Segmenter};
 use serde_json::{Value, json};
 
 use super::scene::{Frames, LAYOUTS, Scene};
 use crate::peers::Peer;
+use crate::usage::thread_cpu_s;
 use cli::{Failure, Outcome};
 
 /// The program.
@@ -21,7 +21,7 @@ const PEERS: [&str; 3] = ["mog2", MOG2_I420, "difference"];
 const MOG2_I420: &str = "mog2_i420";
 
 /// What an engine made of a scene.
-pub struct Cut {
+pub struct Quality {
     /// Intersection over union with the truth, of each frame.
     pub overlaps: Vec<f64>,
 }
@@ -50,22 +50,22 @@ impl<'a> Ours<'a> {
     pub fn turn(&mut self) -> Outcome<Vec<f64>> {
         let mut seconds = Vec::new();
         for frame in self.film {
-            let began_s = thread_time_s();
+            let began_s = thread_cpu_s();
             let found = self.segmenter.segment(std::hint::black_box(frame)).map_err(Failure::run)?;
-            seconds.push(thread_time_s() - began_s);
+            seconds.push(thread_cpu_s() - began_s);
             std::hint::black_box(&found);
         }
         Ok(seconds)
     }
 
     /// How good the silhouettes are.
-    pub fn cut(&mut self, truth: &[Silhouette]) -> Outcome<Cut> {
+    pub fn cut(&mut self, truth: &[Silhouette]) -> Outcome<Quality> {
         let mut overlaps = Vec::new();
         for (frame, truth) in self.film.iter().zip(truth) {
             let found = self.segmenter.segment(frame).map_err(Failure::run)?;
             overlaps.push(intersection_over_union(&found.silhouette.to_mask(), truth));
         }
-        Ok(Cut { overlaps })
+        Ok(Quality { overlaps })
     }
 }
 
@@ -116,7 +116,7 @@ impl Opponent {
     }
 
     /// How good its masks are: as they are, or cleaned, whichever is better in the mean.
-    pub fn cut(&mut self, engine: &str, scene: &Scene) -> Outcome<Cut> {
+    pub fn cut(&mut self, engine: &str, scene: &Scene) -> Outcome<Quality> {
         let folder = self.peer.folder();
         let files = [folder.join("raw.masks"), folder.join("cleaned.masks")];
         let long = scene.size.0.max(scene.size.1);
@@ -126,7 +126,7 @@ impl Opponent {
             "largest": scene.settings.keep_largest.is_some(),
         });
         self.peer.ask(&request)?;
-        let mut best = Cut { overlaps: Vec::new() };
+        let mut best = Quality { overlaps: Vec::new() };
         for file in &files {
             let masks = std::fs::read(file).map_err(|error| Failure::unreadable(file, error))?;
             let pixels = scene.size.0 as usize * scene.size.1 as usize;
@@ -134,7 +134,7 @@ impl Opponent {
             let overlaps: Vec<f64> =
                 pairs.map(|(mask, truth)| intersection_over_union(mask, truth)).collect();
             if overlaps.iter().sum::<f64>() > best.overlaps.iter().sum::<f64>() {
-                best = Cut { overlaps };
+                best = Quality { overlaps };
             }
         }
         Ok(best)
@@ -156,12 +156,6 @@ fn intersection_over_union(mask: &[u8], truth: &Silhouette) -> f64 {
         either += u64::from(found != 0 || truth != 0);
     }
     both as f64 / either.max(1) as f64
-}
-
-/// Seconds that the processor gave this thread.
-fn thread_time_s() -> f64 {
-    let time = clock_gettime(ClockId::ThreadCPUTime);
-    time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
 }
 
 #[cfg(test)]

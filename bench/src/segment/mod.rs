@@ -9,14 +9,12 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
 
-use self::engines::{Cut, Opponent, Ours};
+use self::engines::{Opponent, Ours, Quality};
 use self::scene::{LAYOUTS, Scene};
 use super::outputs::Outputs;
 use super::plot::{Axis, BarChart, Series};
 use super::table::Machine;
-use cli::Outcome;
-use cli::Progress;
-use cli::parse_size;
+use cli::{Outcome, Progress, parse_size};
 
 /// A figure is the median over the frames of so many turns, in which every engine segments the whole film,
 /// after one that does not count.
@@ -106,13 +104,13 @@ fn recording() -> Result<Vec<Scene>, String> {
 
 /// What one engine showed so far.
 #[derive(Default)]
-struct Shown {
+struct EngineFigures {
     mpx_per_s: Vec<f64>,
     overlaps: Vec<f64>,
 }
 
-impl Shown {
-    fn add(&mut self, pixels: f64, turns: &[Vec<f64>], cut: Cut) {
+impl EngineFigures {
+    fn add(&mut self, pixels: f64, turns: &[Vec<f64>], cut: Quality) {
         self.mpx_per_s.extend(turns.iter().flatten().map(|seconds| pixels / seconds / 1e6));
         self.overlaps.extend(cut.overlaps);
     }
@@ -137,7 +135,7 @@ impl Report {
         let Some(first) = scenes.first() else { return Ok(()) };
         let peers = if opponent.is_some() { Opponent::engines(first.size) } else { Vec::new() };
         let engines: Vec<&'static str> = LAYOUTS.iter().map(|layout| layout.0).chain(peers).collect();
-        let mut shown: Vec<Shown> = engines.iter().map(|_| Shown::default()).collect();
+        let mut shown: Vec<EngineFigures> = engines.iter().map(|_| EngineFigures::default()).collect();
         let mut progress = Progress::new("segmenting", (scenes.len() * (TURNS + 1)) as u64);
         for scene in scenes {
             if let Some(opponent) = opponent.as_deref_mut() {
@@ -162,7 +160,7 @@ impl Report {
                 let cut = match (ours.get_mut(at), opponent.as_deref_mut()) {
                     (Some(ours), _) => ours.cut(&scene.truth)?,
                     (None, Some(opponent)) => opponent.cut(engine, scene)?,
-                    (None, None) => Cut { overlaps: Vec::new() },
+                    (None, None) => Quality { overlaps: Vec::new() },
                 };
                 shown[at].add(pixels, &turns[at][1..], cut);
             }

@@ -7,8 +7,7 @@ use hull::Silhouette;
 use segment::{Format, Layout, Range, Sampling, SegmentSettings, from_rgb};
 use stage::{CameraStage, StageSettings, studio_rig};
 
-use cli::Progress;
-use cli::{Failure, Outcome};
+use cli::{Failure, Outcome, Progress};
 
 /// Cameras of the studio, and the one that films.
 const STUDIO: (usize, usize) = (8, 1);

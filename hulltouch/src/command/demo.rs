@@ -9,10 +9,8 @@ use stage::{Motion, Prop, studio_rig};
 use crate::run::outlets::PageArguments;
 use crate::run::recording::RecordOptions;
 use crate::run::run_locally;
-use crate::run::setup::{
-    AskName, PrecisionName, ResponseName, Setup, TransportName, checked_seconds, world_settings,
-};
-use cli::{Failure, Outcome, parse_size};
+use crate::run::setup::{AskName, ResponseName, Setup, TransportName, checked_seconds, world_settings};
+use cli::{Failure, Outcome, PrecisionName, parse_size};
 use cluster::ClusterFile;
 
 /// From capture to the step that sees it: rendering and segmenting eight cameras on two cores takes

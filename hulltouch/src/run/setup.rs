@@ -6,7 +6,6 @@ use clap::ValueEnum;
 use cli::{Failure, Outcome, check_writable};
 use cluster::ClusterFile;
 use coordinator::Asks;
-use proto::convert::Precision;
 use sim::{ResponseMode, Scene, WorldSettings};
 
 use super::outlets::Outlets;
@@ -51,24 +50,6 @@ impl ResponseName {
             ResponseName::Contacts => {
                 Err(Failure::input("--response contacts is not in this version, expected paper"))
             }
-        }
-    }
-}
-
-/// How numbers travel between coordinator and nodes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum PrecisionName {
-    /// Every bit: the same run over every transport.
-    Exact,
-    /// About half the bytes; responses within 0.1 mm but for rays that graze a pixel's corner.
-    Quantised,
-}
-
-impl From<PrecisionName> for Precision {
-    fn from(name: PrecisionName) -> Precision {
-        match name {
-            PrecisionName::Exact => Precision::Exact,
-            PrecisionName::Quantised => Precision::Quantised,
         }
     }
 }

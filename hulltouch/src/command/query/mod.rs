@@ -17,8 +17,7 @@ use hull::rule::{HullRule, NormalWindow, OutOfView, ProbeSettings};
 use hull::view_set::Scratch;
 use hull::{Observer, Rig, Silhouette, View, ViewSet};
 
-use cli::while_working;
-use cli::{Failure, Outcome, check_writable, write_whole};
+use cli::{Failure, Outcome, check_writable, while_working, write_whole};
 use points::PointsFile;
 
 /// Answers a file of points against silhouettes from files.

@@ -9,8 +9,7 @@ use hull::{Rig, Silhouette};
 use serde::Serialize;
 
 use crate::command::query::{masks, read_rig};
-use cli::{Failure, Outcome, check_writable, write_whole};
-use cli::{Progress, while_working};
+use cli::{Failure, Outcome, Progress, check_writable, while_working, write_whole};
 
 /// Says how well a rig fits silhouettes, and which camera, moved, would mend most.
 ///

@@ -6,8 +6,7 @@ use calib::import::{Axis, Format, ImportOptions, import};
 use clap::{Args, ValueEnum};
 use hull::Camera;
 
-use cli::parse_size;
-use cli::{Failure, Outcome, write_whole};
+use cli::{Failure, Outcome, parse_size, write_whole};
 
 /// Turns another program's calibration into a rig file: metres, +Y up when told which axis is up.
 #[derive(Debug, Args)]

@@ -12,22 +12,22 @@ use tokio::runtime::Runtime;
 use super::bodies::Bodies;
 use super::film::{FPS, Film};
 use super::probing::Passes;
-use super::usage::{this_process_cpu_s, thread_cpu_s};
+use crate::usage::{this_process_cpu_s, thread_cpu_s};
 use cli::{Failure, Outcome};
 
 /// How long nodes may take to connect, and to read their films.
-const READY_PATIENCE: Duration = Duration::from_secs(60);
+const READY_TIMEOUT: Duration = Duration::from_secs(60);
 /// How long a round may take, however busy the machine.
-const ROUND_PATIENCE: Duration = Duration::from_secs(60);
+const ROUND_TIMEOUT: Duration = Duration::from_secs(60);
 /// Passes before any that count: shapes are known, buffers have grown, connections have their windows, and the
 /// coordinator has tried both ways of asking and chosen.
 const WARM_UP: u64 = 24;
 /// Passes that share a frame: bodies stepped at 120/s on film of 30 frames/s.
 pub const PASSES_PER_FRAME: u64 = 4;
 
-/// How bodies are asked about.
+/// In what form points are sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Asked {
+pub enum PointForm {
     /// Registered shapes at poses.
     Registered,
     /// Points of the world.
@@ -36,15 +36,15 @@ pub enum Asked {
 
 /// Where a pass is answered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Answered {
+pub enum AnswerPlace {
     /// At the nodes.
-    ByNodes,
-    /// Here, from silhouettes that are gathered.
-    Here,
+    Nodes,
+    /// At the coordinator, from silhouettes that are gathered.
+    Coordinator,
 }
 
 /// A coordinator's side of a cluster whose film has come.
-pub struct Connected {
+pub struct ClusterClient {
     runtime: Runtime,
     transport: Transport,
     passes: Passes,
@@ -84,73 +84,73 @@ pub struct FrameCosts {
     pub coordinator_cpu_ms: f64,
 }
 
-impl Connected {
+impl ClusterClient {
     /// Connects to the nodes of a film, which nobody has asked yet, and lets them read all of it.
     pub fn to(
         film: &Film,
         nodes: Vec<ExpectedNode>,
         bodies: &Bodies,
-        answered: Answered,
-    ) -> Outcome<Connected> {
+        answered: AnswerPlace,
+    ) -> Outcome<ClusterClient> {
         let runtime =
             tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::run)?;
         let (settings, shapes, frames) = (film.settings(), bodies.shapes(), film.plan.frames);
         let (transport, news) = runtime
             .block_on(async {
-                let gather = (answered == Answered::Here).then(|| film.observers());
+                let gather = (answered == AnswerPlace::Coordinator).then(|| film.observers());
                 let mut transport = Transport::connect(nodes, gather, settings, FPS, shapes);
-                transport.ready(READY_PATIENCE).await?;
+                transport.ready(READY_TIMEOUT).await?;
                 transport.start(Pace { epoch_unix_s: 0.0, lock_step: true }).await?;
                 let before = transport.bytes();
                 transport.credit(frames - 1);
                 film_has_come(&mut transport, frames - 1).await?;
-                let news = since(before, transport.bytes());
+                let news = transport.bytes().since(before);
                 Ok::<_, String>((transport, news))
             })
             .map_err(Failure::run)?;
         let news_bytes_per_frame = (news.to_nodes + news.from_nodes) as f64 / frames as f64;
         let passes = Passes::new(settings, transport.group_count());
-        Ok(Connected { runtime, transport, passes, frames, news_bytes_per_frame })
+        Ok(ClusterClient { runtime, transport, passes, frames, news_bytes_per_frame })
     }
 
     /// Asks so many passes.
-    pub fn passes(&mut self, bodies: &Bodies, asked: Asked, passes: u64) -> Outcome<PassCosts> {
+    pub fn passes(&mut self, bodies: &Bodies, asked: PointForm, passes: u64) -> Outcome<PassCosts> {
         let mut costs = PassCosts::default();
-        let mut began = Began::now(&self.transport);
+        let mut began = Counters::now(&self.transport);
         let (mut inside, mut coordinator_s) = (0, 0.0);
         for pass in 0..WARM_UP + passes {
             if pass == WARM_UP {
                 costs = PassCosts { passes, ..PassCosts::default() };
                 (inside, coordinator_s) = (0, 0.0);
-                began = Began::now(&self.transport);
+                began = Counters::now(&self.transport);
             }
             let points = match asked {
-                Asked::Registered => bodies.at_pass(pass),
-                Asked::RawPoints => bodies.world_at_pass(pass),
+                PointForm::Registered => bodies.at_pass(pass),
+                PointForm::RawPoints => bodies.world_at_pass(pass),
             };
             let frame = pass / PASSES_PER_FRAME % self.frames;
             let began_s = thread_cpu_s();
             inside += self.pass(&points, frame, &mut costs).map_err(Failure::run)?;
             coordinator_s += thread_cpu_s() - began_s;
         }
-        let ended = Began::now(&self.transport);
+        let ended = Counters::now(&self.transport);
         let a_pass_ms = |seconds: f64| seconds * 1e3 / passes.max(1) as f64;
-        costs.bytes = since(began.bytes, ended.bytes);
+        costs.bytes = ended.bytes.since(began.bytes);
         costs.inside_share = inside as f64 / (passes * bodies.samples() as u64).max(1) as f64;
         costs.coordinator_cpu_ms = a_pass_ms(coordinator_s);
-        let others_s = |at: &Began| at.process_s - at.thread_s;
+        let others_s = |at: &Counters| at.process_s - at.thread_s;
         costs.hosted_cpu_ms = a_pass_ms(others_s(&ended) - others_s(&began));
         Ok(costs)
     }
 
     /// The same cluster, whose silhouettes travel in an encoding.
-    pub fn encoded_as(self, encoding: SilhouetteEncoding) -> Connected {
-        Connected { transport: self.transport.with_silhouettes_as(encoding), ..self }
+    pub fn encoded_as(self, encoding: SilhouetteEncoding) -> ClusterClient {
+        ClusterClient { transport: self.transport.with_silhouettes_as(encoding), ..self }
     }
 
     /// The same cluster, asked and answered in numbers of a precision.
-    pub fn in_precision(self, precision: Precision) -> Connected {
-        Connected { transport: self.transport.with_precision(precision), ..self }
+    pub fn in_precision(self, precision: Precision) -> ClusterClient {
+        ClusterClient { transport: self.transport.with_precision(precision), ..self }
     }
 
     /// Gathers every frame, each for one pass over the bodies.
@@ -166,7 +166,7 @@ impl Connected {
                 self.pass(&points, frame, &mut PassCosts::default()).map_err(Failure::run)?;
                 *took_ms = (thread_cpu_s() - began_s) * 1e3;
             }
-            let bytes = since(before, self.transport.bytes());
+            let bytes = self.transport.bytes().since(before);
             costs.bytes += (bytes.to_nodes + bytes.from_nodes) as f64 / self.frames as f64;
             costs.coordinator_cpu_ms += (took_ms[0] - took_ms[1]).max(0.0) / self.frames as f64;
         }
@@ -175,7 +175,7 @@ impl Connected {
 
     /// One pass; returns how many samples were inside.
     fn pass(&mut self, bodies: &[Points], frame: u64, costs: &mut PassCosts) -> Result<usize, String> {
-        let Connected { runtime, transport, passes, .. } = self;
+        let ClusterClient { runtime, transport, passes, .. } = self;
         let mut stages_ms: BTreeMap<Round, f64> = BTreeMap::new();
         runtime.block_on(async {
             let began = Instant::now();
@@ -186,7 +186,7 @@ impl Connected {
                 *stages_ms.entry(round).or_default() += ms;
                 *trips += 1;
             };
-            transport.run_pass(&mut passes.pass, frame, ROUND_PATIENCE, &mut took).await?;
+            transport.run_pass(&mut passes.pass, frame, ROUND_TIMEOUT, &mut took).await?;
             let inside = passes.end();
             costs.pass_ms.add(began.elapsed().as_secs_f64() * 1e3);
             for (round, ms) in stages_ms {
@@ -216,35 +216,28 @@ impl PassCosts {
 }
 
 /// Counters at one moment.
-struct Began {
+struct Counters {
     bytes: ByteCounts,
     process_s: f64,
     thread_s: f64,
 }
 
-impl Began {
-    fn now(transport: &Transport) -> Began {
-        Began { bytes: transport.bytes(), process_s: this_process_cpu_s(), thread_s: thread_cpu_s() }
+impl Counters {
+    fn now(transport: &Transport) -> Counters {
+        Counters { bytes: transport.bytes(), process_s: this_process_cpu_s(), thread_s: thread_cpu_s() }
     }
 }
 
 async fn film_has_come(transport: &mut Transport, last: u64) -> Result<(), String> {
-    let deadline = Instant::now() + READY_PATIENCE;
+    let deadline = Instant::now() + READY_TIMEOUT;
     while transport.newest_common(last) != Some(last) {
         if let FilmState::Failed(problem) = transport.film(last) {
             return Err(problem);
         }
         if Instant::now() > deadline {
-            return Err(format!("nodes have not read their films within {} s", READY_PATIENCE.as_secs()));
+            return Err(format!("nodes have not read their films within {} s", READY_TIMEOUT.as_secs()));
         }
         transport.told(Duration::from_millis(50)).await;
     }
     Ok(())
-}
-
-fn since(before: ByteCounts, after: ByteCounts) -> ByteCounts {
-    ByteCounts {
-        to_nodes: after.to_nodes - before.to_nodes,
-        from_nodes: after.from_nodes - before.from_nodes,
-    }
 }
