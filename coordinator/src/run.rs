@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 
 use hull::pass::{BodyResult, Pass};
 use hull::{Observer, ProbeSettings};
-use sim::{BodyResponse, World};
+use sim::{Body, BodyResponse, World};
 use thiserror::Error;
 
 use crate::answers::{Answers, Asks};
@@ -353,7 +353,7 @@ impl Coordinator {
         watcher: &mut dyn Watcher,
     ) -> Result<bool, RunError> {
         let responses = given.unwrap_or_else(|| match &results {
-            Some(results) => results.iter().map(response).collect(),
+            Some(results) => self.world.moving_bodies().zip(results).map(response).collect(),
             None => vec![BodyResponse::UNTOUCHED; self.world.moving_bodies().len()],
         });
         self.note_touches(&responses, results.as_deref());
@@ -404,6 +404,8 @@ impl Coordinator {
     }
 }
 
-fn response(result: &BodyResult) -> BodyResponse {
-    BodyResponse { response_m: result.response_m.ok(), inside_samples: result.touches.len() }
+fn response((body, result): (&Body, &BodyResult)) -> BodyResponse {
+    let mut response = BodyResponse::default();
+    response.set(result, &body.shape);
+    response
 }

@@ -19,7 +19,7 @@ mod solver;
 pub mod world;
 
 pub use record::{BodyRecord, TrajectoryDigest};
-pub use response::{BodyResponse, ResponseMode};
+pub use response::{BodyResponse, HullContact, ResponseMode};
 pub use scene::{
     BodyRequest, BodySpec, FRICTION, Floor, HullSurface, MAX_SPEED_M_S, MassSpec, RESTITUTION, RequestError,
     Scene, SceneError, ShapeRequest, StageHint,

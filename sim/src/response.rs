@@ -16,6 +16,8 @@
 //! A perfect mirror never lets a body come to rest; `restitution` is the share of the speed that is
 //! mirrored. The paper's own picture is a restitution of 1.
 
+use hull::Shape;
+use hull::pass::BodyResult;
 use nalgebra::Vector3;
 
 /// How a body answers the hull.
@@ -35,19 +37,52 @@ impl ResponseMode {
     }
 }
 
+/// A sample of a body inside the hull, and its own nearest way out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HullContact {
+    /// Its index among the samples of the body's shape.
+    pub sample: u32,
+    /// Where it is on the body, body frame, metres.
+    pub point_body_m: [f32; 3],
+    /// The hull's outward unit normal at the nearest edge, world.
+    pub normal_world: [f32; 3],
+    /// How far the surface is along the normal, metres.
+    pub depth_m: f32,
+}
+
 /// What a pass found for one moving body.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct BodyResponse {
     /// The world vector that moves the body out of the hull, metres; `None` if it is outside, or has no
-    /// way out.
+    /// way out. The paper's response uses this alone.
     pub response_m: Option<[f64; 3]>,
     /// How many of its samples are inside the hull.
     pub inside_samples: usize,
+    /// Those of them that have a way out, in the order of the samples. Recordings do not hold them: empty in
+    /// a response read from one.
+    pub contacts: Vec<HullContact>,
 }
 
 impl BodyResponse {
     /// A body that the hull does not touch.
-    pub const UNTOUCHED: BodyResponse = BodyResponse { response_m: None, inside_samples: 0 };
+    pub const UNTOUCHED: BodyResponse =
+        BodyResponse { response_m: None, inside_samples: 0, contacts: Vec::new() };
+
+    /// Takes what a pass found for a body of that shape instead of what was here; the buffer of contacts is
+    /// kept.
+    pub fn set(&mut self, result: &BodyResult, shape: &Shape) {
+        self.response_m = result.response_m.ok();
+        self.inside_samples = result.touches.len();
+        self.contacts.clear();
+        self.contacts.extend(result.touches.iter().filter_map(|touch| {
+            Some(HullContact {
+                sample: touch.sample,
+                point_body_m: shape.samples_body()[touch.sample as usize],
+                normal_world: touch.edge?.normal_world,
+                depth_m: touch.exit_m?,
+            })
+        }));
+    }
 
     /// Whether the hull touches the body.
     pub fn touches(&self) -> bool {
@@ -74,6 +109,34 @@ pub fn mirrored(velocity: [f64; 3], outward: [f64; 3], restitution: f64, frictio
 #[cfg(test)]
 mod tests {
     use super::*;
+    use hull::camera::Pixel;
+    use hull::pass::Touch;
+    use hull::question::Edge;
+
+    #[test]
+    fn samples_with_a_way_out_are_contacts() {
+        let shape = Shape::new(vec![[0.0; 3], [0.1, 0.0, 0.0], [0.0, 0.2, 0.0]]).expect("samples");
+        let edge = Edge {
+            distance_m: 0.02,
+            camera: 1,
+            pixel: Pixel { column: 3, row: 4 },
+            normal_world: [0.0, 1.0, 0.0],
+        };
+        let touch = |sample, edge, exit_m| Touch { sample, inside_count: 3, edge, exit_m };
+        let touches =
+            vec![touch(0, None, None), touch(1, Some(edge), None), touch(2, Some(edge), Some(0.05))];
+        let result = BodyResult { touches, response_m: Ok([0.0, 0.05, 0.0]), left_inside: 0 };
+        let mut response = BodyResponse::default();
+        for _ in 0..2 {
+            response.set(&result, &shape);
+            assert_eq!((response.response_m, response.inside_samples), (Some([0.0, 0.05, 0.0]), 3));
+            let (point_body_m, normal_world) = ([0.0, 0.2, 0.0], [0.0, 1.0, 0.0]);
+            let expected = HullContact { sample: 2, point_body_m, normal_world, depth_m: 0.05 };
+            assert_eq!(response.contacts, [expected]);
+        }
+        response.set(&BodyResult::default(), &shape);
+        assert_eq!(response, BodyResponse::UNTOUCHED);
+    }
 
     #[test]
     fn only_the_part_that_points_in_is_mirrored() {

@@ -20,8 +20,8 @@ pub(super) struct Seen {
     pub frame: Option<u64>,
     /// Bodies that touched the hull.
     pub touching: usize,
-    /// Moving bodies, and what the hull said of each.
-    bodies: Vec<(BodyId, BodyResponse)>,
+    /// Moving bodies: how many samples of each are inside the hull, and its response, metres.
+    bodies: Vec<(BodyId, usize, Option<[f64; 3]>)>,
     touches: Vec<(BodyId, TouchPoint)>,
 }
 
@@ -46,7 +46,10 @@ impl Coordinator {
             return;
         }
         let bodies = || self.world.moving_bodies();
-        self.seen.bodies = bodies().map(|body| body.id).zip(responses.iter().copied()).collect();
+        let response = |(body, response): (&Body, &BodyResponse)| {
+            (body.id, response.inside_samples, response.response_m)
+        };
+        self.seen.bodies = bodies().zip(responses).map(response).collect();
         let touched =
             bodies().zip(results.unwrap_or_default()).filter(|(_, result)| !result.touches.is_empty());
         let points = touched.flat_map(|(body, result)| {
@@ -91,15 +94,18 @@ impl Coordinator {
     }
 
     fn body_state(&self, body: &Body) -> BodyState {
-        let said = self.seen.bodies.binary_search_by_key(&body.id, |(id, _)| *id);
-        let said = said.map_or(BodyResponse::UNTOUCHED, |index| self.seen.bodies[index].1);
+        let found = self.seen.bodies.binary_search_by_key(&body.id, |&(id, ..)| id);
+        let (inside_samples, response_m) = found.map_or((0, None), |index| {
+            let (_, inside_samples, response_m) = self.seen.bodies[index];
+            (inside_samples, response_m)
+        });
         BodyState {
             id: body.id,
             pose: body.pose,
             velocity_m_s: body.velocity_m_s,
             spin_rad_s: body.spin_rad_s,
-            inside_samples: said.inside_samples as u32,
-            response_m: said.response_m,
+            inside_samples: inside_samples as u32,
+            response_m,
             grabbed: self.world.is_grabbed(body.id),
             asleep: self.world.is_asleep(body.id),
         }

@@ -146,5 +146,6 @@ fn response(response: &Response) -> Result<BodyResponse, crate::ConvertError> {
     Ok(BodyResponse {
         response_m: response.response_m.as_ref().map(|found| finite("Response", found)).transpose()?,
         inside_samples: response.inside_samples as usize,
+        ..BodyResponse::UNTOUCHED
     })
 }

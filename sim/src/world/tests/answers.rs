@@ -15,7 +15,8 @@ fn a_response_moves_the_body_and_mirrors_what_points_in() {
     let mut world = world_of(BOX_IN_SPACE, 1);
     world.solver.set_velocity(0, [1.0, -0.2, 0.5]);
     let start = world.bodies()[0].pose.position_m();
-    let response = BodyResponse { response_m: Some([0.0, 0.05, 0.0]), inside_samples: 12 };
+    let response =
+        BodyResponse { response_m: Some([0.0, 0.05, 0.0]), inside_samples: 12, ..BodyResponse::UNTOUCHED };
     let report = world.step(&[response]).expect("a step");
     let expected = StepReport { touched: 1, inside_samples: 12, translated: 1, mirrored: 1, faults: vec![] };
     assert_eq!(report, expected);
@@ -39,7 +40,11 @@ fn a_push_leaves_a_body_at_rest_at_rest() {
     let start = world.bodies()[0].pose.position_m();
     for _ in 0..20 {
         world
-            .step(&[BodyResponse { response_m: Some([0.05, 0.0, 0.0]), inside_samples: 1 }])
+            .step(&[BodyResponse {
+                response_m: Some([0.05, 0.0, 0.0]),
+                inside_samples: 1,
+                ..BodyResponse::UNTOUCHED
+            }])
             .expect("a step");
     }
     let body = &world.bodies()[0];
@@ -51,7 +56,9 @@ fn a_push_leaves_a_body_at_rest_at_rest() {
 fn a_body_without_a_way_out_is_touched_and_not_moved() {
     let mut world = world_of(BOX_IN_SPACE, 1);
     let start = world.bodies()[0].pose;
-    let report = world.step(&[BodyResponse { response_m: None, inside_samples: 3 }]).expect("a step");
+    let report = world
+        .step(&[BodyResponse { response_m: None, inside_samples: 3, ..BodyResponse::UNTOUCHED }])
+        .expect("a step");
     assert_eq!((report.touched, report.inside_samples, report.translated), (1, 3, 0));
     assert_eq!(world.bodies()[0].pose, start);
     assert_eq!(world.records()[0].first_touch_s, Some(1.0 / 120.0));

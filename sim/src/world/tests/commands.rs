@@ -162,7 +162,8 @@ fn parameters_hold_from_the_next_step_on() {
     assert!(position(&world, 3).y > 1.3, "it floats: {}", position(&world, 3).y);
     world.set(Parameters { answers_hull: Some(false), ..Parameters::default() }).expect("possible");
     let mut responses = untouched(&world);
-    responses[3] = BodyResponse { response_m: Some([0.3, 0.0, 0.0]), inside_samples: 4 };
+    responses[3] =
+        BodyResponse { response_m: Some([0.3, 0.0, 0.0]), inside_samples: 4, ..BodyResponse::UNTOUCHED };
     let before = position(&world, 3).x;
     let report = world.step(&responses).expect("a step");
     assert_eq!((report.touched, report.inside_samples, report.translated), (1, 4, 0));

@@ -42,7 +42,11 @@ fn to_foresee_changes_nothing() {
         for step in 0..120 {
             let mut responses = untouched(&world);
             if (60..70).contains(&step) {
-                responses[2] = BodyResponse { response_m: Some([0.03, 0.0, 0.001]), inside_samples: 9 };
+                responses[2] = BodyResponse {
+                    response_m: Some([0.03, 0.0, 0.001]),
+                    inside_samples: 9,
+                    ..BodyResponse::UNTOUCHED
+                };
             }
             if foresees {
                 assert_eq!(world.poses_ahead(step % 5).len(), step % 5);

@@ -79,7 +79,11 @@ fn runs_repeat_bit_for_bit_and_seeds_differ() {
         for step in 0..240 {
             let mut responses = untouched(&world);
             if (60..80).contains(&step) {
-                responses[2] = BodyResponse { response_m: Some([push_m, 0.0, 0.001]), inside_samples: 9 };
+                responses[2] = BodyResponse {
+                    response_m: Some([push_m, 0.0, 0.001]),
+                    inside_samples: 9,
+                    ..BodyResponse::UNTOUCHED
+                };
             }
             world.step(&responses).expect("a step");
         }

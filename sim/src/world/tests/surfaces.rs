@@ -27,7 +27,7 @@ impl Slab {
             let mut response_m = [0.0; 3];
             response_m[self.out] = depths.iter().copied().fold(0.0, f64::max);
             let response_m = (!depths.is_empty()).then_some(response_m);
-            BodyResponse { response_m, inside_samples: depths.len() }
+            BodyResponse { response_m, inside_samples: depths.len(), ..BodyResponse::UNTOUCHED }
         };
         world.moving_bodies().map(|body| answer(depths(body))).collect()
     }
@@ -90,7 +90,7 @@ fn a_push_into_neighbours_or_the_floor_is_undone_gently() {
         let mut world = world_of(&format!("{STACK}\n{neighbour}"), 1);
         run(&mut world, 1.5);
         let mut push = untouched(&world);
-        push[1] = BodyResponse { response_m: Some(push_m), inside_samples: 1 };
+        push[1] = BodyResponse { response_m: Some(push_m), inside_samples: 1, ..BodyResponse::UNTOUCHED };
         world.step(&push).expect("a step");
         let resting = untouched(&world);
         for _ in 0..60 {
