@@ -144,7 +144,7 @@ fn what_rains_on_the_person_is_thrown_off_and_stays_around() {
     assert_eq!(bodies.len(), 40);
     let touched = bodies.iter().filter(|body| body.first_touch_s.is_some()).count();
     assert!(touched >= 10, "{touched} bodies were touched");
-    let near = bodies.iter().filter(|body| body.end_m.x.hypot(body.end_m.z) < 1.5).count();
+    let near = bodies.iter().filter(|body| body.end_m.xz().norm() < 1.5).count();
     assert!(near >= 20, "{near} bodies lie around him");
 }
 

@@ -417,7 +417,7 @@ pub(crate) mod tests {
         ) {
             let camera = plain_camera([-0.25, 0.1, 0.001, -0.002, 0.01]);
             let image = Point2::new(u, v);
-            let m = Vector2::new(angle.cos(), angle.sin());
+            let m = Vector2::new(libm::cos(angle), libm::sin(angle));
             let normalised = camera.normalised(&image).expect("seen");
             let normal = camera.hull_normal_world(&normalised, &m).expect("m is not zero");
             let ray = camera.ray_world(&image).expect("seen");

@@ -267,7 +267,7 @@ mod tests {
         ) {
             let lens = Lens::new([k1, k2, p1, p2, k3]);
             let radius = share * lens.max_radius_squared().sqrt().min(1.2);
-            let (x, y) = (radius * angle.cos(), radius * angle.sin());
+            let (x, y) = (radius * libm::cos(angle), radius * libm::sin(angle));
             let (xd, yd) = lens.distort(x, y);
             let (bx, by) = lens.undistort(xd, yd).expect("a distorted point has its origin");
             prop_assert!((bx - x).abs() < 1e-9 && (by - y).abs() < 1e-9, "{bx} {by} for {x} {y}");

@@ -49,7 +49,7 @@ impl Bounds {
         let [k1, k2, k3] = [k1, k2, k3].map(f64::abs);
         let bend = affine * (r * (6.0 * k1 + s * (20.0 * k2 + s * 42.0 * k3)) + 8.0 * tangential);
         let twist = affine * (6.0 * k1 + s * (60.0 * k2 + s * 210.0 * k3));
-        let span = LONGEST_SPAN.min((SPAN_TWIST_PIXELS / twist).cbrt()).min(SPAN_BEND * affine / bend);
+        let span = LONGEST_SPAN.min(libm::cbrt(SPAN_TWIST_PIXELS / twist)).min(SPAN_BEND * affine / bend);
         Bounds { stretch, reach, bend, twist, span }
     }
 }
@@ -105,7 +105,7 @@ mod tests {
             let bounds = Bounds::of(&camera, 3);
             let Some(at) = camera.normalised(&Point2::new(u, v)) else { return Ok(()) };
             let h = 0.01;
-            let step = h * Vector2::new(angle.cos(), angle.sin());
+            let step = h * Vector2::new(libm::cos(angle), libm::sin(angle));
             let image = |steps: f64| {
                 let place: Vector2<f64> = at + step * steps;
                 camera.image_from_camera(&Vector3::new(place.x, place.y, 1.0))

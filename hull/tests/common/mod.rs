@@ -21,7 +21,7 @@ impl Dice {
 /// A camera that looks from a random place at a point near the origin.
 pub fn random_camera(dice: &mut Dice, name: &str, bent: bool) -> Camera {
     let angle = dice.between(0.0, std::f64::consts::TAU);
-    let centre = Vector3::new(3.0 * angle.cos(), dice.between(-1.0, 2.0), 3.0 * angle.sin());
+    let centre = Vector3::new(3.0 * libm::cos(angle), dice.between(-1.0, 2.0), 3.0 * libm::sin(angle));
     let target = Vector3::new(dice.between(-0.2, 0.2), dice.between(-0.2, 0.2), dice.between(-0.2, 0.2));
     let forward = (target - centre).normalize();
     let right = forward.cross(&Vector3::new(dice.between(-0.2, 0.2), 1.0, 0.1)).normalize();

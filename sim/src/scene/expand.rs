@@ -173,7 +173,7 @@ mod tests {
             assert_eq!(body.name, format!("box_{index}"));
             let [x, y, z] = body.pose.position_m();
             assert!((y - (0.6 + 0.2 * index as f64)).abs() < 1e-12, "{y}");
-            assert!((x - 1.0).hypot(z - 2.0) <= 0.0005, "{x} {z}");
+            assert!(libm::hypot(x - 1.0, z - 2.0) <= 0.0005, "{x} {z}");
         }
         let z_up = format!("gravity = [0.0, 0.0, -9.81]\n{STACK}");
         let heights: Vec<_> = bodies_of(&z_up, 1).iter().map(|b| b.pose.position_m()[2]).collect();
@@ -224,7 +224,7 @@ mod tests {
         for (index, body) in bodies.iter().enumerate() {
             let position = Vector3::from(body.pose.position_m());
             let least = if index < 30 { 2.1 + 0.05 * index as f64 } else { 2.1 };
-            assert!(position.y >= least - 1e-9 && position.x.hypot(position.z) <= 0.4, "{position}");
+            assert!(position.y >= least - 1e-9 && libm::hypot(position.x, position.z) <= 0.4, "{position}");
             for other in &bodies[..index] {
                 let apart = (position - Vector3::from(other.pose.position_m())).norm();
                 assert!(apart > body.solid.radius_m() + other.solid.radius_m());
