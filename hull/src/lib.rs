@@ -25,6 +25,7 @@ pub mod rig;
 pub mod rotation;
 pub mod rule;
 pub mod silhouette;
+pub mod text;
 pub mod vector;
 pub mod view;
 pub mod view_set;

@@ -1,6 +1,7 @@
 //! The rig: named cameras in one world frame, and the TOML file that aniposelib, Pose2Sim and
 //! Caliscope share. Cameras count in file order. Reading never turns or scales a rig.
 
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
 use nalgebra::{Matrix3, Vector3};
@@ -8,6 +9,7 @@ use thiserror::Error;
 use toml::{Table, Value};
 
 use crate::camera::{Camera, CameraError};
+use crate::text::{MAX_MESSAGE_CHARS, MAX_QUOTED_CHARS, shortened};
 
 /// The calibrated cameras of one room.
 #[derive(Clone, Debug, PartialEq)]
@@ -55,10 +57,9 @@ impl Rig {
         if cameras.is_empty() {
             return Err(RigError::Empty);
         }
-        for (index, camera) in cameras.iter().enumerate() {
-            if cameras[..index].iter().any(|other| other.name() == camera.name()) {
-                return Err(RigError::Duplicate(camera.name().to_owned()));
-            }
+        let mut names = BTreeSet::new();
+        if let Some(twice) = cameras.iter().find(|camera| !names.insert(camera.name())) {
+            return Err(RigError::Duplicate(shortened(twice.name(), MAX_QUOTED_CHARS)));
         }
         Ok(Rig { cameras })
     }
@@ -77,7 +78,7 @@ impl Rig {
     pub fn from_toml(text: &str) -> Result<Rig, RigError> {
         let table: Table = text.parse().map_err(|error: toml::de::Error| {
             let line = error.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
-            RigError::Toml(format!("line {line}: {}", error.message().replace('\n', " ")))
+            RigError::Toml(format!("line {line}: {}", shortened(error.message(), MAX_MESSAGE_CHARS)))
         })?;
         let mut cameras = Vec::new();
         for (section, value) in &table {
@@ -123,10 +124,11 @@ fn numbers<'a>(values: impl Iterator<Item = &'a f64>) -> String {
 }
 
 fn camera_from_section(section: &str, keys: &Table) -> Result<Camera, RigError> {
+    let section = shortened(section, MAX_QUOTED_CHARS);
     let wrong = |key: &'static str, value: Option<&Value>, expected: &'static str| RigError::Key {
-        section: section.to_owned(),
+        section: section.clone(),
         key,
-        found: value.map_or_else(|| "nothing".to_owned(), shortened),
+        found: value.map_or_else(|| "nothing".to_owned(), |it| shortened(&it.to_string(), MAX_QUOTED_CHARS)),
         expected,
     };
     let name = match keys.get("name") {
@@ -164,12 +166,7 @@ fn camera_from_section(section: &str, keys: &Table) -> Result<Camera, RigError> 
         Vector3::from(rotation),
         Vector3::from(translation),
     )
-    .map_err(|error| RigError::Camera { section: section.to_owned(), error })
-}
-
-fn shortened(value: &Value) -> String {
-    let text = value.to_string();
-    if text.chars().count() <= 60 { text } else { text.chars().take(57).chain("...".chars()).collect() }
+    .map_err(|error| RigError::Camera { section: section.clone(), error })
 }
 
 fn list(value: Option<&Value>) -> Option<Vec<f64>> {

@@ -18,6 +18,7 @@ mod yaml;
 
 use std::str::FromStr;
 
+use hull::text::{MAX_MESSAGE_CHARS, MAX_QUOTED_CHARS, shortened};
 use hull::{Camera, CameraError, Rig, RigError};
 use thiserror::Error;
 
@@ -192,11 +193,13 @@ pub enum ImportError {
 
 impl ImportError {
     fn key(file: &str, key: &str, found: impl Into<String>, expected: &'static str) -> ImportError {
-        let mut found = found.into();
-        if found.chars().count() > 60 {
-            found = found.chars().take(57).chain("...".chars()).collect();
-        }
-        ImportError::Key { file: file.to_owned(), key: key.to_owned(), found, expected }
+        let short = |text: &str| shortened(text, MAX_QUOTED_CHARS);
+        ImportError::Key { file: file.to_owned(), key: short(key), found: short(&found.into()), expected }
+    }
+
+    fn syntax(file: &TextFile, line: usize, found: &str, expected: &'static str) -> ImportError {
+        let found = shortened(found, MAX_MESSAGE_CHARS);
+        ImportError::Syntax { file: file.path.clone(), line, found, expected }
     }
 
     fn camera(file: &str, error: CameraError) -> ImportError {

@@ -16,8 +16,7 @@ const MILLIMETRE: f64 = 0.001;
 pub fn from_qualisys(file: &TextFile, options: &ImportOptions) -> Result<Imported, ImportError> {
     let root = xml::parse(file)?;
     let list = root.child("cameras").filter(|_| root.name == "calibration").ok_or_else(|| {
-        let (found, expected) = (format!("<{}>", root.name), "<calibration> with <cameras>");
-        ImportError::Syntax { file: file.path.clone(), line: 1, found, expected }
+        ImportError::syntax(file, 1, &format!("<{}>", root.name), "<calibration> with <cameras>")
     })?;
     let mut warnings = Vec::new();
     let mut cameras = Vec::new();

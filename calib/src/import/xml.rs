@@ -58,8 +58,7 @@ pub(super) fn parse(file: &TextFile) -> Result<Element, ImportError> {
         let at = usize::try_from(reader.buffer_position()).unwrap_or(usize::MAX);
         let before = file.text.get(..at).unwrap_or(&file.text);
         let line = before.matches('\n').count() + 1;
-        let (file, found) = (file.path.clone(), error.to_string());
-        ImportError::Syntax { file, line, found, expected: "well-formed XML" }
+        ImportError::syntax(file, line, &error.to_string(), "well-formed XML")
     })
 }
 

@@ -27,8 +27,7 @@ pub(super) fn parse(file: &TextFile) -> Result<Vec<Entry>, ImportError> {
                 // An item of a list in lines: nothing that describes a camera.
                 continue;
             }
-            let (found, expected) = (format!("{line:?}"), "key: value");
-            return Err(ImportError::Syntax { file: file.path.clone(), line: number, found, expected });
+            return Err(ImportError::syntax(file, number, &format!("{line:?}"), "key: value"));
         };
         let key = key.trim().trim_matches('"');
         if !indented {
@@ -73,8 +72,7 @@ fn value_from(file: &TextFile, lines: &[(usize, &str)], at: usize) -> Result<(St
         text.push_str(part);
         text.push(' ');
     }
-    let (line, found) = (lines[at].0, "a list without an end".to_owned());
-    Err(ImportError::Syntax { file: file.path.clone(), line, found, expected: "]" })
+    Err(ImportError::syntax(file, lines[at].0, "a list without an end", "]"))
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ use super::{Floor, Group, HullSurface, MAX_BODIES, MassSpec, Place, Scene, Scene
 use crate::solid::{ConvexHull, MAX_EXTENT_M, MIN_EXTENT_M, Solid};
 use core::fmt::Display;
 use core::ops::RangeInclusive;
+use hull::text::{MAX_QUOTED_CHARS, shortened};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
@@ -65,9 +66,9 @@ impl Checker<'_> {
 
     fn group(&self, file: BodyFile) -> Result<Group, SceneError> {
         if file.name.is_empty() || file.name.chars().any(char::is_control) {
-            return Err(self.wrong("bodies.name", format!("{:?}", file.name), "a printable name"));
+            return Err(self.wrong("bodies.name", format_args!("{:?}", file.name), "a printable name"));
         }
-        let key = |key: &str| format!("body `{}`, {key}", file.name);
+        let key = |key: &str| key_of(&file.name, key);
         let count = file.count.unwrap_or(1);
         if !(1..=MAX_BODIES).contains(&count) {
             return Err(self.wrong(key("count"), count, format!("1 to {MAX_BODIES}")));
@@ -128,7 +129,7 @@ impl Checker<'_> {
             ShapeFile::Hull { points } => {
                 Solid::Hull(Arc::new(ConvexHull::new(&points).map_err(|problem| SceneError::Hull {
                     scene: self.scene.to_owned(),
-                    body: body.to_owned(),
+                    body: shortened(body, MAX_QUOTED_CHARS),
                     problem,
                 })?))
             }
@@ -137,7 +138,7 @@ impl Checker<'_> {
 
     fn place(&self, body: &str, file: &PlaceFile) -> Result<Place, SceneError> {
         let number = |key: &str, value: f64, low: f64| {
-            self.within(&format!("body `{body}`, place.{key}"), value, low..=MAX_POSITION_M)
+            self.within(&key_of(body, format_args!("place.{key}")), value, low..=MAX_POSITION_M)
         };
         let point = |key: &str, point_m: [f64; 3]| {
             for component in point_m {
@@ -213,7 +214,7 @@ impl Checker<'_> {
         SceneError::Value {
             scene: self.scene.to_owned(),
             key: key.to_string(),
-            found: found.to_string(),
+            found: shortened(&found.to_string(), MAX_QUOTED_CHARS),
             expected: expected.to_string(),
         }
     }
@@ -221,7 +222,11 @@ impl Checker<'_> {
 
 /// A key of a body; one without a name stands alone.
 fn key_of(body: &str, key: impl Display) -> String {
-    if body.is_empty() { key.to_string() } else { format!("body `{body}`, {key}") }
+    if body.is_empty() {
+        key.to_string()
+    } else {
+        format!("body `{}`, {key}", shortened(body, MAX_QUOTED_CHARS))
+    }
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! The scene file's keys as serde reads them; `check` gives them meaning.
 
 use super::SceneError;
+use hull::text::{MAX_MESSAGE_CHARS, MAX_QUOTED_CHARS, shortened};
 use serde::Deserialize;
 
 #[derive(Deserialize)]
@@ -143,8 +144,8 @@ pub(super) fn parse(scene: &str, text: &str) -> Result<SceneFile, SceneError> {
         SceneError::Text {
             scene: scene.to_owned(),
             line: line + 1,
-            text: text.lines().nth(line).unwrap_or_default().trim().chars().take(80).collect(),
-            problem: error.message().lines().collect::<Vec<_>>().join(", "),
+            text: shortened(text.lines().nth(line).unwrap_or_default().trim(), MAX_QUOTED_CHARS),
+            problem: shortened(&error.message().lines().collect::<Vec<_>>().join(", "), MAX_MESSAGE_CHARS),
         }
     })
 }

@@ -41,6 +41,7 @@ pub use request::{BodyRequest, MAX_SPEED_M_S, RequestError, ShapeRequest};
 
 use crate::solid::{HullError, Solid};
 use hull::Pose;
+use hull::text::{MAX_QUOTED_CHARS, shortened};
 use nalgebra::Vector3;
 use std::sync::Arc;
 use thiserror::Error;
@@ -218,7 +219,7 @@ impl Scene {
             Some((name, text)) => Scene::from_toml(name, text),
             None => {
                 let expected = Scene::names().collect::<Vec<_>>().join(", ");
-                Err(SceneError::Name { found: name.to_owned(), expected })
+                Err(SceneError::Name { found: shortened(name, MAX_QUOTED_CHARS), expected })
             }
         }
     }
@@ -312,6 +313,8 @@ mod tests {
     fn an_unknown_name_is_told_the_names_there_are() {
         let error = Scene::named("tople").expect_err("no such scene").to_string();
         assert_eq!(error, "no scene is called `tople`, expected one of topple, lift, crowd");
+        let error = Scene::named(&"x".repeat(60_000)).expect_err("no such scene").to_string();
+        assert!(error.len() < 200, "{error}");
     }
 
     #[test]

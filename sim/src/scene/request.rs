@@ -4,8 +4,10 @@ use super::check::{Checker, DEFAULT_FRICTION, DEFAULT_RESTITUTION, FRICTION, MAX
 use super::expand::PALETTE;
 pub use super::file::ShapeFile as ShapeRequest;
 use super::{BodySpec, SceneError};
+use crate::solid::HullError;
 use core::ops::RangeInclusive;
 use hull::Pose;
+use hull::text::{MAX_MESSAGE_CHARS, shortened};
 use serde::Deserialize;
 use thiserror::Error;
 
@@ -51,29 +53,43 @@ pub struct BodyRequest {
     pub color: Option<[f64; 3]>,
 }
 
-/// Why a request makes no body: one line with the key, what was found and what is expected.
+/// Why a request makes no body, in one line.
 #[derive(Clone, Debug, PartialEq, Error)]
-#[error("{0}")]
-pub struct RequestError(String);
+pub enum RequestError {
+    /// No TOML, or keys or types that a request has not: what its reader says.
+    #[error("{0}")]
+    Text(String),
+    /// A value that cannot be.
+    #[error("{key}: {found}, expected {expected}")]
+    Value {
+        /// Which key.
+        key: String,
+        /// Its value.
+        found: String,
+        /// What would be right.
+        expected: String,
+    },
+    /// Points that have no convex hull.
+    #[error("shape.hull.points: {0}")]
+    Hull(HullError),
+}
 
 impl BodyRequest {
     /// The request of a TOML text with these keys.
     pub fn from_toml(text: &str) -> Result<BodyRequest, RequestError> {
-        toml::from_str(text)
-            .map_err(|error| RequestError(error.message().lines().collect::<Vec<_>>().join(", ")))
+        toml::from_str(text).map_err(|error| {
+            let message = error.message().lines().collect::<Vec<_>>().join(", ");
+            RequestError::Text(shortened(&message, MAX_MESSAGE_CHARS))
+        })
     }
 
     /// The body, if all its numbers can be: the same checks as a scene's bodies get.
     pub fn check(self) -> Result<BodySpec, RequestError> {
         let checker = Checker { scene: "" };
-        self.checked(&checker).map_err(|error| {
-            RequestError(match error {
-                SceneError::Value { key, found, expected, .. } => {
-                    format!("{key}: {found}, expected {expected}")
-                }
-                SceneError::Hull { problem, .. } => format!("shape.hull.points: {problem}"),
-                other => other.to_string(),
-            })
+        self.checked(&checker).map_err(|error| match error {
+            SceneError::Value { key, found, expected, .. } => RequestError::Value { key, found, expected },
+            SceneError::Hull { problem, .. } => RequestError::Hull(problem),
+            other => RequestError::Text(other.to_string()),
         })
     }
 
@@ -146,6 +162,10 @@ mod tests {
 
     #[test]
     fn numbers_that_cannot_be_are_named() {
+        let long = "x".repeat(60_000);
+        for keys in [format!("name = '{long}'"), format!("{long} = 1"), format!("color = '{long}'")] {
+            assert!(error_of(&format!("{BALL}{keys}")).len() < 400, "{keys}");
+        }
         for (keys, expected) in [
             ("velocity = [0, 60, 0]", "velocity: [0.0, 60.0, 0.0], expected at most 50 m/s"),
             ("velocity = [0, nan, 0]", "velocity: [0.0, NaN, 0.0], expected at most 50 m/s"),

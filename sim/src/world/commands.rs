@@ -5,6 +5,7 @@ use super::{Body, World, WorldError};
 use crate::samples;
 use crate::scene::{BodySpec, MAX_BODIES, MAX_GRAVITY_M_S2, MAX_POSITION_M, MAX_SPEED_M_S, Scene, speed};
 use hull::Shape;
+use hull::text::{MAX_QUOTED_CHARS, shortened};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -276,7 +277,8 @@ impl World {
 }
 
 fn wrong(key: &'static str, found: impl core::fmt::Display, expected: &str) -> CommandError {
-    CommandError::Value { key, found: found.to_string(), expected: expected.to_owned() }
+    let found = shortened(&found.to_string(), MAX_QUOTED_CHARS);
+    CommandError::Value { key, found, expected: expected.to_owned() }
 }
 
 /// Each component within ±most.

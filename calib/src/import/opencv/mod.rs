@@ -93,8 +93,7 @@ fn entries(file: &TextFile) -> Result<Vec<Entry>, ImportError> {
     }
     let root = xml::parse(file)?;
     if root.name != "opencv_storage" {
-        let (found, expected) = (format!("<{}>", root.name), "<opencv_storage>");
-        return Err(ImportError::Syntax { file: file.path.clone(), line: 1, found, expected });
+        return Err(ImportError::syntax(file, 1, &format!("<{}>", root.name), "<opencv_storage>"));
     }
     root.children
         .iter()
