@@ -119,7 +119,7 @@ pub(crate) mod tests {
     pub(crate) fn ring(count: usize, out_of_view: OutOfView) -> RunInfo {
         let camera = |index: usize| {
             let angle = std::f64::consts::TAU * index as f64 / count as f64;
-            let (sine, cosine) = (angle.sin(), angle.cos());
+            let (sine, cosine) = libm::sincos(angle);
             // Rows: right, down, ahead.
             let rotation = Matrix3::new(cosine, 0.0, -sine, 0.0, -1.0, 0.0, -sine, 0.0, -cosine);
             let centre = Vector3::new(3.0 * sine, 1.0, 3.0 * cosine);

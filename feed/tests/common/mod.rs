@@ -93,7 +93,7 @@ pub struct Run {
 fn rig() -> Rig {
     let camera = |index: usize| {
         let angle = index as f64 * std::f64::consts::TAU / CAMERAS as f64;
-        let (sine, cosine) = (angle.sin(), angle.cos());
+        let (sine, cosine) = libm::sincos(angle);
         let rotation = Matrix3::new(cosine, 0.0, -sine, 0.0, -1.0, 0.0, -sine, 0.0, -cosine);
         let translation = -(rotation * Vector3::new(3.0 * sine, 1.0, 3.0 * cosine));
         let intrinsics = Matrix3::new(400.0, 0.0, 320.0, 0.0, 400.0, 240.0, 0.0, 0.0, 1.0);

@@ -77,7 +77,7 @@ impl TestRun {
     fn responses(&self, frame: Option<u64>) -> Vec<BodyResponse> {
         let mut responses = vec![BodyResponse::UNTOUCHED; self.world.moving_bodies().len()];
         if frame.is_some() {
-            let sway = 1e-3 * f64::sin(self.digests.len() as f64);
+            let sway = 1e-3 * libm::sin(self.digests.len() as f64);
             responses[0] = BodyResponse {
                 response_m: Some([sway, 0.0, 1e-4]),
                 inside_samples: 3,
