@@ -3,13 +3,13 @@
 use crate::question::{Change, NO_EXIT_M, Standing};
 use crate::rule::HullRule;
 
-/// The number of cameras that say inside if the point is inside the hull: nobody says outside and
+/// The number of cameras that say inside if the point is inside the hull: no camera says outside and
 /// enough say inside.
 pub fn inside_count(standing: Standing, rule: HullRule) -> Option<usize> {
     standing.inside_count().filter(|&count| count >= rule.min_views as usize)
 }
 
-/// The first `t` at which the hull rule no longer says inside, metres: someone says outside, or, of the
+/// The first `t` at which the hull rule no longer says inside, metres: a camera says outside, or, of the
 /// `inside_count` cameras that said inside at the start, too few still do. `changes` are those of the
 /// ray, ascending.
 pub fn first_exit(outside_m: f32, changes: &[Change], inside_count: u32, rule: HullRule) -> Option<f32> {

@@ -116,7 +116,7 @@ pub struct Question {
     pub picked: Vec<u32>,
     /// Unit vectors of the world: one a point for [`QuestionKind::Exits`], one a batch for [`QuestionKind::SharedExits`].
     pub directions: Vec<[f32; 3]>,
-    /// How far each point's edge or exit matters: one farther away need not be found and is not told.
+    /// How far each point's edge or exit matters: one farther away need not be found and is not answered.
     /// Empty: every one matters.
     pub within: Vec<Reach>,
     /// The camera whose edge each direction came from: worth trying first. May be empty.
@@ -258,8 +258,8 @@ pub struct Answer {
     pub standings: Vec<Standing>,
     /// To [`QuestionKind::Edges`]; `None` where no camera says inside or none has an edge within reach.
     pub edges: Vec<Option<Edge>>,
-    /// To [`QuestionKind::Edges`] asked within reaches, of cameras that always judge: within which reach the edge's own
-    /// camera leaves the silhouette along the edge's normal, so that nobody need look for an exit beyond.
+    /// To [`QuestionKind::Edges`] asked within reaches, of cameras that are never silent: the reach within which the edge's own
+    /// camera leaves the silhouette along the edge's normal, so that no camera need search for an exit beyond.
     pub exits_within: Vec<Reach>,
     /// To [`QuestionKind::Exits`] and [`QuestionKind::SharedExits`]: the first `t` outside, metres, or [`NO_EXIT_M`].
     pub exits_m: Vec<f32>,

@@ -50,7 +50,7 @@ impl VectorPath {
 }
 
 /// Defines a method that runs its body, which must be inlined always, with the instructions of
-/// `self.path`. A value of [`VectorPath`] other than the portable one is only ever kept by whoever has
+/// `self.path`. A [`VectorPath`] other than the portable one is only kept by code that has
 /// asked whether it is available.
 macro_rules! on_path {
     ($(#[$doc:meta])* $visibility:vis fn $name:ident(&self, $($argument:ident: $kind:ty),* $(,)?) => $body:ident, $avx2:ident, $avx512:ident) => {

@@ -55,7 +55,7 @@ impl Metric {
     }
 
     /// How far each channel may be off (the first, the other two) so that the distance is surely not above
-    /// `low` levels: most of background is told so, byte by byte.
+    /// `low` levels: most background is recognised so, byte by byte.
     pub(crate) fn reach(self, low: u8) -> [u8; 2] {
         let most = u32::from(low).pow(2) * self.unit;
         let fits = |first: u32| {

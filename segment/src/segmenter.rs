@@ -56,7 +56,7 @@ pub enum SegmentError {
     Silhouette(#[from] SilhouetteError),
 }
 
-/// A frame's silhouette, and what tells whether it can be believed.
+/// A frame's silhouette, and measures of whether it can be trusted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Segmented {
     /// The foreground after clean-up.
@@ -135,7 +135,7 @@ impl Segmenter {
         self.format
     }
 
-    /// Lets large frames be read by up to so many cores at once; one, unless told. Small ones are read by
+    /// Lets large frames be read by up to so many cores at once; one by default. Small ones are read by
     /// one all the same.
     pub fn set_cores(&mut self, cores: usize) {
         self.cores = cores.max(1);

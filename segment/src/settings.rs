@@ -3,7 +3,7 @@
 use serde::Deserialize;
 use thiserror::Error;
 
-/// How foreground is told from background.
+/// How foreground is distinguished from background.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Method {

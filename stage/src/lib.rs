@@ -4,7 +4,7 @@
 //! its left is at +X. Frames depend on (settings, camera, index, frame number) to the byte, on every
 //! machine: sines come from `libm`, and nothing runs in parallel.
 //!
-//! - [`StageSettings`] and [`Stage`]: who does what; [`Actor`] and [`Prop`]: where things are at a time.
+//! - [`StageSettings`] and [`Stage`]: actor and motion; [`Actor`] and [`Prop`]: where things are at a time.
 //! - [`CameraStage`]: the film of one camera, and its true silhouettes. [`studio_rig`]: the cameras.
 //! - [`Truth`]: signed distance to everything real.
 

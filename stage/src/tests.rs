@@ -1,4 +1,4 @@
-//! What the stage promises to those who build on it.
+//! The behaviour that other crates rely on.
 
 use hull::Camera;
 use nalgebra::{Point3, Vector3};

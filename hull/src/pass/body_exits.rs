@@ -32,7 +32,7 @@ const LEAST_COSINE: f32 = 0.25;
 
 impl Pass {
     /// Finds each body's direction, and asks for exits along it: of the touches that lie farthest back. Most
-    /// others are outside once the body has moved so far; the check tells which are not.
+    /// others are outside once the body has moved so far; the check finds those that are not.
     pub(super) fn ask_body_exits(&mut self) {
         let alone = self.groups.len() == 1;
         let Pass { bodies, results, count, saves_bytes, .. } = self;

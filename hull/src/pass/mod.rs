@@ -136,7 +136,7 @@ pub struct Pass {
     targets: Targets,
     /// The answers so far. Merging does not depend on their order.
     merged: Answer,
-    /// With each merged edge within what its exit is, if that was told.
+    /// For each merged edge the reach of its exit, if it was answered.
     exits_within: Vec<Option<Reach>>,
     groups: Vec<Group>,
     /// The groups of the first phase are asked; the others follow.
@@ -157,7 +157,7 @@ struct PassBody {
     is_checked: bool,
     /// Of each touch.
     along: Vec<Along>,
-    /// Of each touch how far its exit along its edge's normal is searched, if that was told.
+    /// Of each touch the reach of its exit along its edge's normal, if it was answered.
     exits_within: Vec<Option<Reach>>,
     /// Its box meets the hull's.
     is_near: bool,
@@ -459,7 +459,7 @@ impl Touch {
 /// needed anyway.
 const MANY_EXITS: usize = 500;
 
-/// How far an exit is searched at first where nobody told more than the distance of its edge.
+/// How far an exit is searched at first where only the distance of its edge is known.
 fn exit_reach(distance_m: f32, is_of_many: bool) -> Reach {
     let distance_m = f64::from(distance_m);
     Reach::covering(if is_of_many { 1.25 * distance_m + 0.005 } else { 4.0 * distance_m + 0.05 }).coarse()

@@ -9,7 +9,7 @@ pub(crate) const COLUMNS: usize = 32;
 pub(crate) const ROWS: usize = 64;
 /// Cells across and down.
 pub(crate) const SIDES: [usize; 2] = [COLUMNS, ROWS];
-/// A place that is known so well, pixels, or to this share of a cell is told by the cell that it seems to lie in.
+/// A place known to so many pixels, or to this share of a cell, has the class of the cell that it seems to lie in.
 const MARGIN_PIXELS: f64 = 1.0 / 16.0;
 const MARGIN_CELLS: f64 = 1.0 / 48.0;
 /// What a cell's border grows by is a little more than the margin, for rounding.
@@ -37,7 +37,7 @@ pub(crate) struct Sketch {
     pub origin: [f64; 2],
     /// Cells per pixel.
     pub scale: [f64; 2],
-    /// A place that is known to so many pixels is told by the cell that it seems to lie in.
+    /// A place known to so many pixels has the class of the cell that it seems to lie in.
     pub margin_pixels: [f64; 2],
     /// Ones where there may be foreground.
     pub some: [u32; ROWS],

@@ -13,7 +13,7 @@ use crate::silhouette::{BitMap, Index, PixelRect, Silhouette};
 pub(crate) use bounds::Bounds;
 use sieve::Sieve;
 
-/// What one camera says of a point.
+/// A point's class in one camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Class {
     /// Foreground there.
@@ -24,7 +24,7 @@ pub enum Class {
     Unknown,
 }
 
-/// A camera of the rig with the rule it judges by: all that does not change from frame to frame.
+/// A camera of the rig with its hull rule: all that does not change from frame to frame.
 #[derive(Clone, Debug)]
 pub struct Observer {
     camera: Camera,
@@ -76,7 +76,7 @@ impl Observer {
         self.rig_index
     }
 
-    /// The settings it judges by.
+    /// Its settings.
     pub fn settings(&self) -> &ProbeSettings {
         &self.settings
     }
@@ -167,7 +167,7 @@ impl View {
         &self.observer.coefficients
     }
 
-    /// What tells most points inside or outside without a pixel.
+    /// Decides for most points without looking up a pixel.
     #[inline]
     pub(crate) fn sieve(&self) -> &Sieve {
         &self.sieve

@@ -1,13 +1,13 @@
 //! Nearest edges of a group (spec §3.1, §3.2).
 //!
-//! Many points go through every stage together, camera by camera: a search need not wait for the one before
-//! it, and what is reckoned of what it found is reckoned in vectors.
+//! Many points go through every stage together, camera by camera: searches do not wait for each other, and what
+//! follows them is computed in vectors.
 
 use nalgebra::Vector3;
 
-use super::picks::Picks;
-use super::sights::{CHUNK, Sight, Sought};
-use super::{Asked, Scratch, ViewSet};
+use super::projections::{CHUNK, Projection, SearchTarget};
+use super::selection::Selection;
+use super::{BatchQuestion, Scratch, ViewSet};
 use crate::camera::Pixel;
 use crate::coordinates::Coordinates;
 use crate::probe::edge_normal::sum_of_background;
@@ -32,14 +32,14 @@ pub(super) struct Nearest {
     normalised: [[f64; CHUNK]; 2],
     normal_world: [[f32; 3]; CHUNK],
     exit_within: [Reach; CHUNK],
-    picks: Picks,
-    found: Found,
+    selection: Selection,
+    found: EdgePixels,
 }
 
-/// What the search of one view found.
+/// The edge pixels that the search of one view found.
 #[derive(Clone, Debug, Default)]
-struct Found {
-    picks: Picks,
+struct EdgePixels {
+    selection: Selection,
     column: [[i32; LANES]; CHUNK / LANES],
     row: [[i32; LANES]; CHUNK / LANES],
 }
@@ -54,8 +54,8 @@ impl Default for Nearest {
             normalised: [[0.0; CHUNK]; 2],
             normal_world: [[0.0; 3]; CHUNK],
             exit_within: [Reach::UNBOUNDED; CHUNK],
-            picks: Picks::default(),
-            found: Found::default(),
+            selection: Selection::default(),
+            found: EdgePixels::default(),
         }
     }
 }
@@ -65,44 +65,44 @@ impl ViewSet {
     #[inline(always)]
     pub(super) fn edges(
         &self,
-        asked: &Asked,
+        batch: &BatchQuestion,
         points: &Coordinates,
         scratch: &mut Scratch,
         answer: &mut Answer,
     ) {
-        // Who bounds this search asks others for exits next.
-        let tells_exits = self.always_judge && !asked.question.within.is_empty();
+        // A bounded search is followed by one for exits.
+        let with_exits = self.always_judge && !batch.question.within.is_empty();
         for from in (0..points.len()).step_by(CHUNK) {
             let count = (points.len() - from).min(CHUNK);
-            let Scratch { sights, nearest, .. } = scratch;
-            sights.look(&self.views, points, from, Sought::Centre, self.path);
+            let Scratch { projections, nearest, .. } = scratch;
+            projections.project(&self.views, points, from, SearchTarget::PixelCentre, self.path);
             nearest.view = [NOBODY; CHUNK];
-            asked.reaches(from, &mut nearest.distance_m[..count]);
+            batch.reaches(from, &mut nearest.distance_m[..count]);
             // First in the view that is likely to win: what it finds bounds the others' searches.
             let turns: &[bool] = if self.views.len() == 1 { &[true] } else { &[true, false] };
             for &is_first in turns {
                 for (index, view) in self.views.iter().enumerate() {
-                    let sight = sights.of(index);
-                    nearest.picks.take(count, |at| {
-                        let may_win = sight.clear_m[at] <= nearest.distance_m[at];
-                        may_win & ((sights.least_clear(at) == index) == is_first)
+                    let projection = projections.of(index);
+                    nearest.selection.select(count, |at| {
+                        let may_win = projection.clear_m[at] <= nearest.distance_m[at];
+                        may_win & ((projections.least_clear(at) == index) == is_first)
                     });
-                    nearest.search(view, sight, self.path);
+                    nearest.search(view, projection, self.path);
                     nearest.compare(view, index as u32, points, from);
                 }
             }
             for (index, view) in self.views.iter().enumerate() {
-                nearest.picks.take(count, |at| nearest.view[at] == index as u32);
-                nearest.find_normals(view, sights.of(index), self.path);
-                if tells_exits {
+                nearest.selection.select(count, |at| nearest.view[at] == index as u32);
+                nearest.find_normals(view, projections.of(index), self.path);
+                if with_exits {
                     nearest.find_exits(view, points, from);
                 }
             }
             answer.edges.extend((0..count).map(|at| nearest.edge(at, &self.views)));
-            if tells_exits {
-                let told = nearest.view[..count].iter().zip(nearest.exit_within);
+            if with_exits {
+                let within = nearest.view[..count].iter().zip(nearest.exit_within);
                 let or_unbounded = |(&view, within)| if view == NOBODY { Reach::UNBOUNDED } else { within };
-                answer.exits_within.extend(told.map(or_unbounded));
+                answer.exits_within.extend(within.map(or_unbounded));
             }
         }
     }
@@ -111,12 +111,12 @@ impl ViewSet {
 impl Nearest {
     /// Finds the picked points' pixels in a view.
     #[inline(always)]
-    fn search(&mut self, view: &View, sight: &Sight, path: VectorPath) {
+    fn search(&mut self, view: &View, projection: &Projection, path: VectorPath) {
         let candidates = view.edge_candidates();
-        self.found.picks.clear();
-        for at in self.picks.iter() {
-            let start = Pixel { column: sight.column[at], row: sight.row[at] };
-            let limit_pixels = sight.pixels_within(at, self.distance_m[at]);
+        self.found.selection.clear();
+        for at in self.selection.iter() {
+            let start = Pixel { column: projection.column[at], row: projection.row[at] };
+            let limit_pixels = projection.pixels_within(at, self.distance_m[at]);
             let limit = (limit_pixels * limit_pixels).min(1e12) as i64 + 1;
             if let Some(found) = nearest_edge(candidates, start, limit, path) {
                 self.found.push(at, found.pixel);
@@ -127,13 +127,13 @@ impl Nearest {
     /// Keeps those of the found pixels that are nearer than what was found before. Ties go to the lower view.
     #[inline(always)]
     fn compare(&mut self, view: &View, index: u32, points: &Coordinates, from: usize) {
-        let Found { picks, column, row } = &self.found;
-        for (block, places) in picks.blocks() {
+        let EdgePixels { selection, column, row } = &self.found;
+        for (block, places) in selection.blocks() {
             let seen = normalised(view.camera(), view.coefficients(), &column[block], &row[block]);
             let of = |axis: &[f64]| -> Lanes { places.map(|at| axis[from + usize::from(at)]) };
             let points = [of(&points.x), of(&points.y), of(&points.z)];
             let distances_m = distances(view.coefficients(), &points, &seen);
-            for lane in 0..LANES.min(picks.len() - block * LANES) {
+            for lane in 0..LANES.min(selection.len() - block * LANES) {
                 let (at, distance_m) = (usize::from(places[lane]), distances_m[lane]);
                 let best_m = self.distance_m[at];
                 if distance_m < best_m || distance_m == best_m && index < self.view[at] {
@@ -148,19 +148,19 @@ impl Nearest {
 
     /// Finds the normals of the picked points' edges, which are this view's.
     #[inline(always)]
-    fn find_normals(&mut self, view: &View, sight: &Sight, path: VectorPath) {
+    fn find_normals(&mut self, view: &View, projection: &Projection, path: VectorPath) {
         let (candidates, window) = (view.edge_candidates().map(), view.observer().window_pixels());
-        for (block, places) in self.picks.blocks() {
+        for (block, places) in self.selection.blocks() {
             let (mut x, mut y) = ([0.0; LANES], [0.0; LANES]);
-            let count = LANES.min(self.picks.len() - block * LANES);
+            let count = LANES.min(self.selection.len() - block * LANES);
             for lane in 0..count {
                 let at = usize::from(places[lane]);
                 let pixel = Pixel { column: self.column[at], row: self.row[at] };
                 let sum = sum_of_background(candidates, pixel, window, path);
                 (x[lane], y[lane]) = (sum.x, sum.y);
                 if sum.x == 0.0 && sum.y == 0.0 {
-                    x[lane] = f64::from(pixel.column - sight.column[at]);
-                    y[lane] = f64::from(pixel.row - sight.row[at]);
+                    x[lane] = f64::from(pixel.column - projection.column[at]);
+                    y[lane] = f64::from(pixel.row - projection.row[at]);
                 }
             }
             let seen = [0, 1].map(|axis| places.map(|at| self.normalised[axis][usize::from(at)]));
@@ -175,7 +175,7 @@ impl Nearest {
     #[inline(always)]
     fn find_exits(&mut self, view: &View, points: &Coordinates, from: usize) {
         let most_m = view.observer().settings().max_depth_m();
-        for at in self.picks.iter() {
+        for at in self.selection.iter() {
             let n = Vector3::from(self.normal_world[at].map(f64::from));
             // Without a normal it is no edge.
             let has_normal = !n.x.is_nan();
@@ -201,12 +201,12 @@ fn reach_of_exit(exit_m: f64) -> Reach {
     Reach::covering(1.001 * exit_m + 1e-4)
 }
 
-impl Found {
+impl EdgePixels {
     #[inline(always)]
     fn push(&mut self, at: usize, pixel: Pixel) {
-        let (block, lane) = (self.picks.len() / LANES, self.picks.len() % LANES);
+        let (block, lane) = (self.selection.len() / LANES, self.selection.len() % LANES);
         self.column[block][lane] = pixel.column;
         self.row[block][lane] = pixel.row;
-        self.picks.push(at);
+        self.selection.push(at);
     }
 }

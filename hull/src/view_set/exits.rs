@@ -2,9 +2,9 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::picks::Picks;
-use super::sights::{CHUNK, Sight, Sought};
-use super::{Asked, Scratch, ViewSet};
+use super::projections::{CHUNK, Projection, SearchTarget};
+use super::selection::Selection;
+use super::{BatchQuestion, Scratch, ViewSet};
 use crate::camera::Pixel;
 use crate::coordinates::Coordinates;
 use crate::probe::coefficients::OFF_IMAGE;
@@ -16,21 +16,21 @@ impl ViewSet {
     #[inline(always)]
     pub(super) fn exits(
         &self,
-        asked: &Asked,
+        batch: &BatchQuestion,
         points: &Coordinates,
         scratch: &mut Scratch,
         answer: &mut Answer,
     ) {
         if !self.always_judge {
             for at in 0..points.len() {
-                let exit_m = self.exit_with_silence(asked, at, &points.point(at), &mut answer.changes);
+                let exit_m = self.exit_with_silence(batch, at, &points.point(at), &mut answer.changes);
                 answer.exits_m.push(exit_m);
             }
             return;
         }
         for from in (0..points.len()).step_by(CHUNK) {
             let chunk = Chunk { from, count: (points.len() - from).min(CHUNK) };
-            self.chunk_exits(asked, points, &chunk, scratch);
+            self.chunk_exits(batch, points, &chunk, scratch);
             answer.exits_m.extend_from_slice(&scratch.rays.exit_m[..chunk.count]);
         }
     }
@@ -38,30 +38,31 @@ impl ViewSet {
     /// The exits of a chunk of points: first in the camera that is worth trying first, then in those that
     /// see anything but foreground before that.
     #[inline(always)]
-    fn chunk_exits(&self, asked: &Asked, points: &Coordinates, chunk: &Chunk, scratch: &mut Scratch) {
-        let Scratch { sights, rays, .. } = scratch;
-        sights.look(&self.views, points, chunk.from, Sought::Place, self.path);
-        rays.begin(asked, chunk, self.most_depth_m);
+    fn chunk_exits(&self, batch: &BatchQuestion, points: &Coordinates, chunk: &Chunk, scratch: &mut Scratch) {
+        let Scratch { projections, rays, .. } = scratch;
+        projections.project(&self.views, points, chunk.from, SearchTarget::AnyPlace, self.path);
+        rays.begin(batch, chunk, self.most_depth_m);
         for at in 0..chunk.count {
-            rays.first[at] = self.hinted(asked, chunk.from + at).unwrap_or(sights.least_clear(at)) as u32;
+            rays.first[at] =
+                self.hinted(batch, chunk.from + at).unwrap_or(projections.least_clear(at)) as u32;
         }
         let turns: &[bool] = if self.views.len() == 1 { &[true] } else { &[true, false] };
         for &is_first in turns {
             for (index, view) in self.views.iter().enumerate() {
-                let sight = sights.of(index);
-                rays.picks.take(chunk.count, |at| {
-                    let may_leave = sight.clear_m[at] <= rays.end_m[at];
+                let projection = projections.of(index);
+                rays.selection.select(chunk.count, |at| {
+                    let may_leave = projection.clear_m[at] <= rays.end_m[at];
                     may_leave & ((rays.first[at] == index as u32) == is_first)
                 });
-                rays.leave(view, sight, points, chunk.from);
+                rays.leave(view, projection, points, chunk.from);
             }
         }
     }
 
     /// The view that is worth trying first.
     #[inline(always)]
-    fn hinted(&self, asked: &Asked, at: usize) -> Option<usize> {
-        let hint = asked.hint(at)?;
+    fn hinted(&self, batch: &BatchQuestion, at: usize) -> Option<usize> {
+        let hint = batch.hint(at)?;
         // Most often all cameras of the rig are here.
         let is_hinted = |view: &View| view.observer().rig_index() == hint;
         let same = usize::from(hint);
@@ -72,9 +73,15 @@ impl ViewSet {
     }
 
     /// Where the ray leaves when cameras may be silent; what happens before goes to `changes`.
-    fn exit_with_silence(&self, asked: &Asked, at: usize, a: &Point3<f64>, changes: &mut Vec<Change>) -> f32 {
-        let n = Vector3::from(asked.direction(at).map(f64::from));
-        let (point, reach_m) = ((asked.first_point + at) as u32, asked.reach(at));
+    fn exit_with_silence(
+        &self,
+        batch: &BatchQuestion,
+        at: usize,
+        a: &Point3<f64>,
+        changes: &mut Vec<Change>,
+    ) -> f32 {
+        let n = Vector3::from(batch.direction(at).map(f64::from));
+        let (point, reach_m) = ((batch.first_point + at) as u32, batch.reach(at));
         let begin = changes.len();
         let mut exit_m = NO_EXIT_M;
         for view in &self.views {
@@ -104,14 +111,14 @@ impl View {
 impl Rays {
     /// Takes a chunk's directions and reaches.
     #[inline(always)]
-    fn begin(&mut self, asked: &Asked, chunk: &Chunk, most_depth_m: f32) {
+    fn begin(&mut self, batch: &BatchQuestion, chunk: &Chunk, most_depth_m: f32) {
         for at in 0..chunk.count {
-            let n = asked.direction(chunk.from + at);
+            let n = batch.direction(chunk.from + at);
             self.n.x[at] = f64::from(n[0]);
             self.n.y[at] = f64::from(n[1]);
             self.n.z[at] = f64::from(n[2]);
         }
-        asked.reaches(chunk.from, &mut self.reach_m[..chunk.count]);
+        batch.reaches(chunk.from, &mut self.reach_m[..chunk.count]);
         for at in 0..CHUNK {
             self.exit_m[at] = NO_EXIT_M;
             self.end_m[at] = self.reach_m[at].min(most_depth_m);
@@ -120,10 +127,10 @@ impl Rays {
 
     /// Finds the exits of the picked rays from a view, as far as they are of interest.
     #[inline(always)]
-    fn leave(&mut self, view: &View, sight: &Sight, points: &Coordinates, from: usize) {
-        let count = self.picks.len();
+    fn leave(&mut self, view: &View, projection: &Projection, points: &Coordinates, from: usize) {
+        let count = self.selection.len();
         let Rays { moved, n, ends, .. } = self;
-        for (place, at) in self.picks.iter().enumerate() {
+        for (place, at) in self.selection.iter().enumerate() {
             let (a, end_m) = (points.point(from + at), f64::from(self.end_m[at]));
             moved.x[place] = a.x + end_m * n.x[at];
             moved.y[place] = a.y + end_m * n.y[at];
@@ -132,9 +139,9 @@ impl Rays {
         let (column, row) = (&mut ends.0[..count], &mut ends.1[..count]);
         view.coefficients().pixels(&moved.x[..count], &moved.y[..count], &moved.z[..count], column, row);
         let bend_pixels = view.observer().bend_pixels() as f32;
-        for (place, at) in self.picks.iter().enumerate() {
+        for (place, at) in self.selection.iter().enumerate() {
             let end = Pixel { column: self.ends.0[place], row: self.ends.1[place] };
-            if sight.is_clear_to(view, at, end, self.end_m[at], bend_pixels) {
+            if projection.is_clear_to(view, at, end, self.end_m[at], bend_pixels) {
                 continue;
             }
             let reach_m = self.reach_m[at];
@@ -149,7 +156,7 @@ impl Rays {
     }
 }
 
-impl Sight {
+impl Projection {
     /// True if all that a view sees of a ray from a point to its end is foreground.
     #[inline(always)]
     fn is_clear_to(&self, view: &View, at: usize, end: Pixel, end_m: f32, bend_pixels: f32) -> bool {
@@ -198,7 +205,7 @@ pub(super) struct Rays {
     end_m: [f32; CHUNK],
     /// The view that is searched first.
     first: [u32; CHUNK],
-    picks: Picks,
+    selection: Selection,
     /// The ends of the picked rays.
     moved: Axes,
     /// Where a view sees them: column and row.
@@ -213,7 +220,7 @@ impl Default for Rays {
             exit_m: [0.0; CHUNK],
             end_m: [0.0; CHUNK],
             first: [0; CHUNK],
-            picks: Picks::default(),
+            selection: Selection::default(),
             moved: Axes::default(),
             ends: ([0; CHUNK], [0; CHUNK]),
         }

@@ -4,8 +4,8 @@
 
 mod edges;
 mod exits;
-mod picks;
-mod sights;
+mod projections;
+mod selection;
 
 use std::ops::Range;
 
@@ -20,7 +20,7 @@ use crate::vector::{VectorPath, on_path};
 use crate::view::{Class, View};
 use edges::Nearest;
 use exits::Rays;
-use sights::Sights;
+use projections::Projections;
 
 /// Fewer points than this are classified one by one.
 const FEW: usize = 16;
@@ -43,7 +43,7 @@ pub struct ViewSet {
 pub struct Scratch {
     points: Coordinates,
     block: Box<Block>,
-    sights: Sights,
+    projections: Projections,
     nearest: Nearest,
     rays: Rays,
 }
@@ -112,7 +112,7 @@ impl ViewSet {
         let mut first_point: usize = question.batches[..batches.start].iter().map(Batch::len).sum();
         for index in batches {
             let batch = &question.batches[index];
-            let asked = Asked { question, index, first_point };
+            let batch_question = BatchQuestion { question, index, first_point };
             first_point += batch.len();
             if question.kind == QuestionKind::Classes && self.rejects(batch) {
                 let count = answer.standings.len() + batch.len();
@@ -126,9 +126,9 @@ impl ViewSet {
                 QuestionKind::Classes => {
                     self.append_standings(&points, &mut scratch.block, &mut answer.standings)
                 }
-                QuestionKind::Edges => self.edges(&asked, &points, scratch, answer),
+                QuestionKind::Edges => self.edges(&batch_question, &points, scratch, answer),
                 QuestionKind::Exits | QuestionKind::SharedExits => {
-                    self.exits(&asked, &points, scratch, answer)
+                    self.exits(&batch_question, &points, scratch, answer)
                 }
             }
             scratch.points = points;
@@ -196,13 +196,13 @@ impl ViewSet {
 }
 
 /// One batch of a question.
-struct Asked<'a> {
+struct BatchQuestion<'a> {
     question: &'a Question,
     index: usize,
     first_point: usize,
 }
 
-impl Asked<'_> {
+impl BatchQuestion<'_> {
     #[inline(always)]
     fn reach(&self, at: usize) -> f32 {
         self.question.within.get(self.first_point + at).map_or(f32::INFINITY, |reach| reach.m())
@@ -231,8 +231,8 @@ impl Asked<'_> {
     }
 }
 
-/// An order in which neighbours, who reject the same points, come late. It decides what is tested, never
-/// what is found.
+/// An order in which neighbouring cameras, which reject the same points, come late. It decides what is tested,
+/// never what is found.
 fn rejecting_order(views: &[View]) -> Vec<usize> {
     let forward = |view: &View| view.camera().rotation().row(2).transpose();
     let mut left: Vec<usize> = (0..views.len()).collect();

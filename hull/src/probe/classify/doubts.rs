@@ -1,4 +1,4 @@
-//! What sketches do not tell is looked up by pixel, in double precision.
+//! Points that a sketch leaves undecided are looked up by pixel, in double precision.
 
 use super::{BLOCK, Block, GROUP, PLACE, ROOM};
 use crate::camera::Pixel;
@@ -8,18 +8,18 @@ use crate::view::View;
 /// Points that are looked up together.
 const CHUNK: usize = 256;
 /// No point.
-const NOBODY: u32 = u32::MAX;
+const NONE: u32 = u32::MAX;
 /// The digits of a tag that are the place.
 const PLACES: u32 = BLOCK as u32 - 1;
 
-/// Points in doubt, in lists by the first view that is to be asked; a last one that nobody asks for.
+/// Points in doubt, in lists by the first view to look them up in; the last list holds those that are rejected.
 struct Lists {
     first: [u32; GROUP + 1],
 }
 
-/// Points that a view is asked about.
+/// Points that are looked up in a view.
 #[derive(Clone, Debug)]
-pub(super) struct Asked {
+pub(super) struct Lookup {
     point: [u32; CHUNK],
     x: [f64; CHUNK],
     y: [f64; CHUNK],
@@ -28,9 +28,9 @@ pub(super) struct Asked {
     row: [i32; CHUNK],
 }
 
-impl Default for Asked {
-    fn default() -> Asked {
-        Asked {
+impl Default for Lookup {
+    fn default() -> Lookup {
+        Lookup {
             point: [0; CHUNK],
             x: [0.0; CHUNK],
             y: [0.0; CHUNK],
@@ -42,7 +42,7 @@ impl Default for Asked {
 }
 
 impl Block {
-    /// Drops the points that a view of the group rejects, if a doubt is noted.
+    /// Drops the points with a noted doubt that a view of the group rejects.
     #[inline(always)]
     pub(super) fn resolve(
         &mut self,
@@ -52,7 +52,7 @@ impl Block {
         group: &[usize],
         is_last: bool,
     ) {
-        let mut lists = Lists { first: [NOBODY; GROUP + 1] };
+        let mut lists = Lists { first: [NONE; GROUP + 1] };
         let mut doubtful = 0;
         for at in 0..self.len {
             self.doubtful[doubtful % BLOCK] = at as u32;
@@ -66,7 +66,7 @@ impl Block {
             );
         }
         for (number, &view) in group.iter().enumerate() {
-            self.ask(points_world, from, &views[view], number, &mut lists);
+            self.look_up(points_world, from, &views[view], number, &mut lists);
         }
         if is_last {
             self.retain(|block, at, to| block.tag[to] = block.tag[at]);
@@ -93,9 +93,9 @@ impl Block {
         self.len = kept;
     }
 
-    /// Asks a view about the points of its list, and moves them to that of the next.
+    /// Looks up the points of a view's list, and moves them to that of the next view.
     #[inline(always)]
-    fn ask(
+    fn look_up(
         &mut self,
         points_world: &Coordinates,
         from: usize,
@@ -107,11 +107,11 @@ impl Block {
         let end = points_world.len().min(from + BLOCK);
         let (all_x, all_y, all_z) =
             (&points_world.x[from..end], &points_world.y[from..end], &points_world.z[from..end]);
-        let Asked { point, x, y, z, column, row } = &mut self.asked;
+        let Lookup { point, x, y, z, column, row } = &mut self.lookup;
         let mut next = lists.first[number];
-        while next != NOBODY {
+        while next != NONE {
             let mut count = 0;
-            while next != NOBODY && count < CHUNK {
+            while next != NONE && count < CHUNK {
                 let at = next as usize % BLOCK;
                 point[count] = at as u32;
                 let place = (self.tag[at] & PLACES) as usize;

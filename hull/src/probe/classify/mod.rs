@@ -1,5 +1,5 @@
-//! Inside, outside or unknown (paper §4.1): one projection and one bit. For many points a sketch of the
-//! silhouette tells most, in single precision, and the others are looked up in double precision: the answers
+//! Inside, outside or unknown (paper §4.1): one projection and one bit. Of many points a sketch of the
+//! silhouette decides most, in single precision, and the others are looked up in double precision: the answers
 //! are those of the latter alone.
 
 #[cfg(target_arch = "x86_64")]
@@ -15,9 +15,9 @@ use crate::silhouette::{CODES, NONE};
 use crate::vector::VectorPath;
 use crate::view::sieve::Sums;
 use crate::view::{Class, View};
-use doubts::Asked;
+use doubts::Lookup;
 
-/// Points are classified in blocks of this many: so many as stay in the nearest cache.
+/// Points are classified in blocks of this many: as many as stay in the nearest cache.
 pub const BLOCK: usize = 2048;
 
 /// Room for that, and so much more that neighbours of a point do not lie at like addresses, which some
@@ -48,7 +48,7 @@ pub struct Block {
     x: [f32; ROOM],
     y: [f32; ROOM],
     z: [f32; ROOM],
-    /// The place in the block and, above it, a bit for each view of a group whose sketch does not tell.
+    /// The place in the block and, above it, a bit for each view of a group whose sketch does not decide.
     tag: [u32; ROOM],
     /// The next point with a doubt about the same view.
     next: [u32; ROOM],
@@ -56,7 +56,7 @@ pub struct Block {
     doubtful: [u32; ROOM],
     /// Where on a view's sketch some of the points lie.
     cells: [[u32; CHUNK]; STAGE],
-    asked: Asked,
+    lookup: Lookup,
     len: usize,
     origin: [f64; 3],
     /// How far points are from it, along each axis.
@@ -73,7 +73,7 @@ impl Default for Block {
             next: [0; ROOM],
             doubtful: [0; ROOM],
             cells: [[0; CHUNK]; STAGE],
-            asked: Asked::default(),
+            lookup: Lookup::default(),
             len: 0,
             origin: [0.0; 3],
             largest: [0.0; 3],
@@ -83,7 +83,7 @@ impl Default for Block {
 
 impl Block {
     /// Finds the points, of at most [`BLOCK`] at `from..`, that are on the foreground of every view, asked
-    /// in this order. For views that always judge, these are the points that no camera calls outside.
+    /// in this order. For views that are never silent, these are the points that no camera calls outside.
     #[inline(always)]
     pub fn keep_inside(
         &mut self,
@@ -124,7 +124,7 @@ impl Block {
         }
     }
 
-    /// Drops the points that a view's sketch rejects, and notes those that it does not tell.
+    /// Drops the points that a view's sketch rejects, and notes those that it does not decide.
     #[inline(always)]
     fn sift(&mut self, views: &[View], group: &[usize], is_last: bool, path: VectorPath) {
         #[cfg(target_arch = "x86_64")]
@@ -188,7 +188,7 @@ impl Block {
     }
 
     /// Moves the points of a range that no sketch of a stage rejects to those kept before, and returns how many
-    /// are kept then. Of the last ones nobody asks for more than the tag.
+    /// are kept then. Of the last stage's points only the tag is read later.
     #[inline(always)]
     fn keep<const VIEWS: usize>(
         &mut self,

@@ -14,7 +14,7 @@ const BLIND_STEP_M: f64 = 0.005;
 const MAX_HALVINGS: usize = 48;
 
 impl View {
-    /// Follows the ray and reports each change of class (`t`, from, to) until told to stop. Steps do not
+    /// Follows the ray and reports each change of class (`t`, from, to) until `report` returns false. Steps do not
     /// depend on the limit: what is found is the same however early the search may end.
     pub(super) fn follow(
         &self,
@@ -35,7 +35,7 @@ impl View {
         let limit_m = limit_m.min(depth_m);
         while here.t < limit_m {
             if here.pixel.is_none() {
-                // Nothing tells how far the image is: no step may jump over it.
+                // The distance to the image is unknown: no step may jump over it.
                 step = f64::min(step, BLIND_STEP_M);
             }
             let next = at((here.t + step).min(depth_m));
@@ -120,7 +120,7 @@ struct Place {
     class: Class,
 }
 
-/// Pixels between two places, as a king walks; unseen places are next to everything.
+/// Pixels between two places, diagonals counting one; unseen places are next to everything.
 fn stride_pixels(from: Option<Pixel>, to: Option<Pixel>) -> i64 {
     match (from, to) {
         (Some(a), Some(b)) => {

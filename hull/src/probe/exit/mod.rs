@@ -29,7 +29,7 @@ pub fn along(a_world: &Point3<f64>, n_world: &Vector3<f64>, t_m: f32) -> Point3<
 
 impl View {
     /// The first `t` in `(0, limit_m]` at which this camera calls `a + t n` outside. `a` must be inside
-    /// here, and the camera must always judge.
+    /// here, and the camera must never be silent.
     #[inline(always)]
     pub fn first_outside(&self, a: &Point3<f64>, n: &Vector3<f64>, limit_m: f64) -> Option<f32> {
         self.crossing(a, n, limit_m).map(|t| self.settled(a, n, t))

@@ -24,7 +24,7 @@ pub(super) enum Crossing {
 }
 
 impl Track {
-    /// How the image first enters background. `entered` tells the pixel of the other axis that it enters a
+    /// How the image first enters background. `entered` gives the pixel of the other axis that it enters a
     /// step by. Columns are the axis if `ACROSS`, else rows. What lies deep inside is skipped.
     #[inline(always)]
     pub fn first_crossing<const ACROSS: bool>(

@@ -150,7 +150,7 @@ fn key_of_rows(map: &BitMap, place: &Place, path: VectorPath, first: i32) -> u32
         let gap = if is_left { gap_left } else { gap_right };
         let column = if is_left { 64 - gap_left } else { 64 + gap_right };
         let down = (first + at as i32 - place.row) as u32;
-        // Rows too far to be told in seven bits have keys that are too large anyway.
+        // Rows that do not fit in seven bits have keys that are too large anyway.
         let squared = down.wrapping_mul(down).wrapping_add(gap * gap);
         keys[at] = squared << 14 | (down.wrapping_add(64) & 127) << 7 | column;
     }

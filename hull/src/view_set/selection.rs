@@ -1,23 +1,23 @@
-//! Some points of a chunk: chosen without branches, since nobody could foretell them.
+//! Some points of a chunk, selected without branches: they could not be predicted.
 
-use super::sights::CHUNK;
+use super::projections::CHUNK;
 use crate::probe::edge_ray::LANES;
 
 /// Points of a chunk, in order. Places beyond the last one may be read.
 #[derive(Clone, Debug)]
-pub(super) struct Picks {
+pub(super) struct Selection {
     places: [u8; CHUNK],
     count: usize,
 }
 
-impl Default for Picks {
-    fn default() -> Picks {
-        Picks { places: [0; CHUNK], count: 0 }
+impl Default for Selection {
+    fn default() -> Selection {
+        Selection { places: [0; CHUNK], count: 0 }
     }
 }
 
-impl Picks {
-    /// Forgets all.
+impl Selection {
+    /// Empties it.
     #[inline(always)]
     pub fn clear(&mut self) {
         self.count = 0;
@@ -30,9 +30,9 @@ impl Picks {
         self.count += 1;
     }
 
-    /// Takes the points that fit of the first so many, instead of those before.
+    /// Selects those of the first `count` points that fit, instead of the former selection.
     #[inline(always)]
-    pub fn take(&mut self, count: usize, fits: impl Fn(usize) -> bool) {
+    pub fn select(&mut self, count: usize, fits: impl Fn(usize) -> bool) {
         let mut fitting = [0u8; CHUNK];
         for (at, fitting) in fitting[..count].iter_mut().enumerate() {
             *fitting = u8::from(fits(at));

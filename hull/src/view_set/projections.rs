@@ -1,16 +1,16 @@
-//! Where a group's cameras see a few points: found for many at once before each is searched by itself.
+//! Where a group's cameras see a chunk of points: computed for all at once, before each is searched by itself.
 
 use crate::coordinates::Coordinates;
 use crate::silhouette::Index;
 use crate::vector::VectorPath;
 use crate::view::{Class, View};
 
-/// Points that are looked at together.
+/// Points that are projected together.
 pub(super) const CHUNK: usize = 64;
 
-/// One camera's view of a chunk of points.
+/// A chunk of points as one camera sees them.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Sight {
+pub(super) struct Projection {
     /// Their pixels.
     pub column: [i32; CHUNK],
     /// Their pixels.
@@ -23,10 +23,10 @@ pub(super) struct Sight {
     stretch_pixels: f32,
 }
 
-/// The sights of all cameras of a group.
+/// The projections of all cameras of a group.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Sights {
-    views: Vec<Sight>,
+pub(super) struct Projections {
+    views: Vec<Projection>,
     least: Least,
 }
 
@@ -43,47 +43,47 @@ impl Default for Least {
     }
 }
 
-/// What is searched for from a point.
+/// What is searched for, starting at a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Sought {
+pub(super) enum SearchTarget {
     /// The centre of a background pixel, from a place anywhere in the point's pixel.
-    Centre,
+    PixelCentre,
     /// Any place in a background pixel.
-    Place,
+    AnyPlace,
 }
 
-impl Sought {
+impl SearchTarget {
     /// What pixels between two centres may be more than the clear distance, by half a diagonal an end.
     #[inline(always)]
     fn slack_pixels(self) -> f32 {
         match self {
-            Sought::Centre => 0.7072,
-            Sought::Place => 1.4143,
+            SearchTarget::PixelCentre => 0.7072,
+            SearchTarget::AnyPlace => 1.4143,
         }
     }
 
     #[inline(always)]
     fn index(self, view: &View) -> &Index {
         match self {
-            Sought::Centre => view.edge_candidates(),
-            Sought::Place => view.foreground(),
+            SearchTarget::PixelCentre => view.edge_candidates(),
+            SearchTarget::AnyPlace => view.foreground(),
         }
     }
 }
 
-impl Sights {
-    /// Looks at the points of a chunk, which begins at `from`.
+impl Projections {
+    /// Projects the points of a chunk, which begins at `from`.
     #[inline(always)]
-    pub fn look(
+    pub fn project(
         &mut self,
         views: &[View],
         points: &Coordinates,
         from: usize,
-        sought: Sought,
+        target: SearchTarget,
         path: VectorPath,
     ) {
         let nothing = [0.0; CHUNK];
-        let blank = Sight {
+        let blank = Projection {
             column: [0; CHUNK],
             row: [0; CHUNK],
             clear_m: nothing,
@@ -94,12 +94,12 @@ impl Sights {
         };
         self.views.resize(views.len(), blank);
         self.least.clear_m = [f32::INFINITY; CHUNK];
-        for ((sight, view), index) in self.views.iter_mut().zip(views).zip(0..) {
-            sight.look(view, points, from, sought, path);
+        for ((projection, view), index) in self.views.iter_mut().zip(views).zip(0..) {
+            projection.project(view, points, from, target, path);
             let Least { clear_m, view } = &mut self.least;
             for at in 0..CHUNK {
-                let is_less = sight.clear_m[at] < clear_m[at];
-                clear_m[at] = if is_less { sight.clear_m[at] } else { clear_m[at] };
+                let is_less = projection.clear_m[at] < clear_m[at];
+                clear_m[at] = if is_less { projection.clear_m[at] } else { clear_m[at] };
                 view[at] = if is_less { index } else { view[at] };
             }
         }
@@ -111,14 +111,14 @@ impl Sights {
         (self.least.view[at] as usize).min(self.views.len() - 1)
     }
 
-    /// What a view sees.
+    /// The projection into a view.
     #[inline(always)]
-    pub fn of(&self, view: usize) -> &Sight {
+    pub fn of(&self, view: usize) -> &Projection {
         &self.views[view]
     }
 }
 
-impl Sight {
+impl Projection {
     /// The pixel distance beyond which no pixel's ray comes as near as `distance_m` to a point.
     ///
     /// A ray that near meets a point `b` with `|a − b| ≤ distance`, at a depth of at least `z − distance`;
@@ -145,14 +145,21 @@ impl Sight {
     }
 
     #[inline(always)]
-    fn look(&mut self, view: &View, points: &Coordinates, from: usize, sought: Sought, path: VectorPath) {
+    fn project(
+        &mut self,
+        view: &View,
+        points: &Coordinates,
+        from: usize,
+        target: SearchTarget,
+        path: VectorPath,
+    ) {
         let count = (points.len() - from).min(CHUNK);
         let coefficients = view.coefficients();
         let range = from..from + count;
         let (x, y, z) = (&points.x[range.clone()], &points.y[range.clone()], &points.z[range]);
         coefficients.pixels(x, y, z, &mut self.column[..count], &mut self.row[..count]);
         coefficients.ranges(x, y, z, &mut self.depth_m[..count], &mut self.range_m[..count]);
-        let (index, slack_pixels) = (sought.index(view), sought.slack_pixels());
+        let (index, slack_pixels) = (target.index(view), target.slack_pixels());
         let looked_up = (&self.column[..count], &self.row[..count], &mut self.clear_pixels[..count]);
         index.depth().look_up(looked_up.0, looked_up.1, looked_up.2, path);
         for at in 0..count {
