@@ -78,7 +78,7 @@ mod tests {
         assert!(matches!(read(Path::new("/dev/zero"), 5), Err(ReadError::Special)));
     }
 
-    /// `/proc` tells a size of zero for files that are not empty.
+    /// `/proc` reports a size of zero for files that are not empty.
     #[test]
     #[cfg(target_os = "linux")]
     fn a_size_that_is_not_true_does_not_help() {

@@ -25,9 +25,9 @@ fn print(what: &str, report: &CheckReport) {
     let name = report.moved.map_or("-", |index| report.cameras[index].camera.as_str());
     print!("{what:14} cost {:6.3}  names {name:6}", report.cost);
     for camera in &report.cameras {
-        let mend = &camera.mend;
-        let [right, down] = mend.shift_px;
-        print!(" | {:.3} mends to {:6.3} by {right:5.1} {down:5.1} px", camera.explained, mend.cost);
+        let refinement = &camera.refinement;
+        let [right, down] = refinement.shift_px;
+        print!(" | {:.3} refined to {:6.3} by {right:5.1} {down:5.1} px", camera.explained, refinement.cost);
     }
     println!();
 }

@@ -1,11 +1,11 @@
-//! Does a rig fit its silhouettes, and which single camera, moved, would mend most?
+//! Does a rig fit its silhouettes, and which single camera, moved, would fit best?
 //!
 //! The visual hull rule is the default one: off the image and behind the camera count as outside.
 
 mod explained;
 mod field;
-mod mend;
 mod ray;
+mod refine;
 mod report;
 
 use hull::{Camera, Rig, Silhouette};
@@ -14,10 +14,10 @@ use thiserror::Error;
 
 use explained::Share;
 use field::Field;
-use mend::{Gaps, Mended, OutlineRay};
 use ray::Other;
+use refine::{Gaps, OutlineRay, Refined};
 
-pub use report::{CameraCheck, CheckReport, MEND_COST, MEND_SHARE, Mend};
+pub use report::{CameraCheck, CheckReport, Refinement, SIGNIFICANT_COST, SIGNIFICANT_SHARE};
 
 /// Foreground pixels looked at per camera, over all frames: the share is good to half a percent.
 const PIXELS_PER_CAMERA: u64 = 4000;
@@ -90,7 +90,7 @@ impl<'a> Prepared<'a> {
         let side = |silhouette: &Silhouette| silhouette.width().max(silhouette.height());
         let scale_px = f64::from(first.iter().map(side).max().unwrap_or(1)) / 640.0;
         let spacings_px: Vec<u32> = first.iter().map(|silhouette| (side(silhouette) / 600).max(1)).collect();
-        let margin_px = (mend::CAP_PX * scale_px) as u32 + 2;
+        let margin_px = (refine::CAP_PX * scale_px) as u32 + 2;
         let jobs: Vec<(usize, usize)> =
             (0..frames.len()).flat_map(|frame| (0..count).map(move |index| (frame, index))).collect();
         let fitted = frames.len().min(FITTED_FRAMES);
@@ -127,14 +127,15 @@ impl<'a> Prepared<'a> {
         let cost = gaps.cost(cameras);
         let mut report = CheckReport { cameras: Vec::new(), cost, moved: None };
         for (index, camera) in cameras.iter().enumerate() {
-            let mended =
-                gaps.mend(cameras, index).unwrap_or(Mended { correction: mend::Correction::zeros(), cost });
+            let refined = gaps
+                .refine(cameras, index)
+                .unwrap_or(Refined { correction: refine::Correction::zeros(), cost });
             let Share { pixels, explained } = shares[index];
             report.cameras.push(CameraCheck {
                 camera: camera.name().to_owned(),
                 explained: explained as f64 / pixels.max(1) as f64,
                 pixels,
-                mend: report::described(camera, &mended, subject_m[index]),
+                refinement: report::described(camera, &refined, subject_m[index]),
             });
         }
         report.moved = report::significant(&report);
@@ -229,13 +230,13 @@ fn outline(silhouette: &Silhouette, count: usize) -> Vec<Point2<f64>> {
 
 /// The rays of one frame's outline pixels, each with the depth where it lies deepest in the hull.
 fn outline_rays(prepared: &Prepared, cameras: &[Camera], frame: usize) -> Vec<OutlineRay> {
-    let cap_px = mend::CAP_PX * prepared.scale_px;
+    let cap_px = refine::CAP_PX * prepared.scale_px;
     let others: Vec<_> = (0..cameras.len()).map(|index| prepared.others(frame, index, cameras)).collect();
     let ray = |&(camera, pixel): &(usize, Point2<f64>)| {
         let others = others[camera].as_ref()?;
         let direction_camera = cameras[camera].ray_camera(&pixel)?;
         let mut ray = OutlineRay { camera, direction_camera, depth_m: f64::INFINITY };
-        let in_world = mend::ray_of(&cameras[camera], &ray);
+        let in_world = refine::ray_of(&cameras[camera], &ray);
         ray.depth_m = ray::nearest(&in_world, others, (-cap_px, cap_px), f64::INFINITY).depth_m;
         Some(ray)
     };

@@ -44,9 +44,9 @@ fn frames(rig: &Rig) -> Vec<Vec<Silhouette>> {
 
 fn turned(rig: &Rig, index: usize, turn_rad: Vector3<f64>) -> Rig {
     let mut cameras = rig.cameras().to_vec();
-    let mut correction = mend::Correction::zeros();
+    let mut correction = refine::Correction::zeros();
     correction.fixed_rows_mut::<3>(0).copy_from(&turn_rad);
-    cameras[index] = mend::corrected(&cameras[index], &correction, 3.0).expect("valid");
+    cameras[index] = refine::corrected(&cameras[index], &correction, 3.0).expect("valid");
     Rig::new(cameras).expect("unique names")
 }
 
@@ -70,7 +70,7 @@ fn the_camera_that_was_turned_is_named_with_the_way_back() {
         let report = prepared.check(&turned(&rig, index, turn_rad)).expect("fits");
         assert_eq!(report.moved, Some(index), "{report:?}");
         // The turn moved the picture right and down by 220 · 0.026 pixels.
-        let [right, down] = report.cameras[index].mend.shift_px;
+        let [right, down] = report.cameras[index].refinement.shift_px;
         assert!((right + 5.7).abs() < 1.0 && (down + 5.7).abs() < 1.0, "camera {index}: {right} {down}");
         let lost = report.cameras.iter().any(|camera| camera.explained < 0.93);
         assert!(lost, "{report:?}");

@@ -174,7 +174,7 @@ mod tests {
             folder(&[("b.txt", P), ("a.P", P), ("notes.txt", "taken on Monday"), ("a.png", "no text")]);
         assert_eq!(detect(plain.path()).expect("known"), Format::Matrices);
         assert_eq!(names(plain.path(), None), ["a", "b"]);
-        // The same files read as plain matrices, when told.
+        // The same files read as plain matrices where the format is given.
         assert_eq!(names(tool.path(), Some(Format::Matrices)), ["camera2", "camera10"]);
     }
 

@@ -2,7 +2,7 @@
 //!
 //! [`import`] reads a file or a folder. The functions behind it take texts and are pure. Every format
 //! ends in the same place: cameras of the source's world and unit, then [`ImportOptions`] scales them to
-//! metres and, when told which axis is up, turns them to +Y up.
+//! metres and, if the axis that points up is given, turns them to +Y up.
 
 mod axes;
 mod entry;

@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rotation_printed_with_few_digits_is_mended_with_a_warning() {
+    fn a_rotation_printed_with_few_digits_is_replaced_with_a_warning() {
         let r = matrix_from_rodrigues(&Vector3::new(0.3, 0.2, -0.4)).map(|x| (x * 1e4).round() * 1e-4);
         let placement = Placement { file: "f", key: "R", name: "c", size: (640, 480) };
         let k = Matrix3::new(500.0, 0.0, 320.0, 0.0, 500.0, 240.0, 0.0, 0.0, 1.0);

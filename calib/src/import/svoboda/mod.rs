@@ -14,7 +14,7 @@ use super::{ImportError, ImportOptions, Imported, TextFile, axes, numbers, size_
 
 /// MATLAB's point finder counts pixels from 1.
 const MATLAB_ORIGIN: f64 = 1.0;
-/// Refits worse than this are told, pixels.
+/// Refits worse than this give a warning, pixels.
 const TOLD_PX: f64 = 0.1;
 
 /// Reads the files of a MultiCamSelfCal folder (others among them are left alone).

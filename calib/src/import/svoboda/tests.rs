@@ -146,7 +146,7 @@ fn a_failed_radial_fit_is_told() {
 }
 
 #[test]
-fn the_pixel_origin_is_one_unless_told_and_moves_every_pixel() {
+fn the_pixel_origin_is_one_by_default_and_moves_every_pixel() {
     let kc = [-0.25, 0.1, 0.0, 0.0];
     let mut files = folder(&matrices());
     files.push(file("camera1.rad", radial(&k(), kc)));

@@ -127,17 +127,17 @@ fn table(report: &CheckReport) -> String {
     text +=
         &format!("{:width$}  explained  misfit  less  right  down, px    pan   tilt   roll, deg\n", "camera");
     for camera in &report.cameras {
-        let mend = &camera.mend;
-        let [right, down] = mend.shift_px;
+        let refinement = &camera.refinement;
+        let [right, down] = refinement.shift_px;
         text += &format!(
             "{:width$}  {:9.3}  {:6.3}  {:>4} {right:6.1}  {down:8.1} {:6.2} {:6.2}  {:10.2}\n",
             camera.camera,
             camera.explained,
-            mend.cost,
+            refinement.cost,
             share(report, camera),
-            mend.pan_deg,
-            mend.tilt_deg,
-            mend.roll_deg
+            refinement.pan_deg,
+            refinement.tilt_deg,
+            refinement.roll_deg
         );
     }
     text
@@ -145,27 +145,27 @@ fn table(report: &CheckReport) -> String {
 
 /// How much of the misfit a camera's correction takes away.
 fn share(report: &CheckReport, camera: &CameraCheck) -> String {
-    let share = if report.cost > 0.0 { 1.0 - camera.mend.cost / report.cost } else { 0.0 };
+    let share = if report.cost > 0.0 { 1.0 - camera.refinement.cost / report.cost } else { 0.0 };
     format!("{:.0} %", 100.0 * share.max(0.0))
 }
 
 fn verdict(report: &CheckReport) -> String {
     let named = report.moved.and_then(|index| report.cameras.get(index));
     if let Some(camera) = named {
-        let mend = &camera.mend;
-        let ([right, down], [x, y, z]) = (mend.shift_px, mend.move_m);
+        let refinement = &camera.refinement;
+        let ([right, down], [x, y, z]) = (refinement.shift_px, refinement.move_m);
         return format!(
             "{} is out of its place: moved, it would mend most ({} less misfit). Its picture would move {right:.1} px \
              right and {down:.1} px down; the camera would turn {:.2}° right, {:.2}° up, {:.2}° clockwise and \
              move {x:.3} m right, {y:.3} m down, {z:.3} m ahead",
             camera.camera,
             share(report, camera),
-            mend.pan_deg,
-            mend.tilt_deg,
-            mend.roll_deg
+            refinement.pan_deg,
+            refinement.tilt_deg,
+            refinement.roll_deg
         );
     }
-    let best = report.cameras.iter().min_by(|a, b| a.mend.cost.total_cmp(&b.mend.cost));
+    let best = report.cameras.iter().min_by(|a, b| a.refinement.cost.total_cmp(&b.refinement.cost));
     best.map_or_else(String::new, |camera| {
         format!(
             "no camera is clearly out of its place: moving {} would mend most ({} less misfit)",

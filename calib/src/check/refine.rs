@@ -1,4 +1,4 @@
-//! Which camera, moved, would mend most: for each camera by itself, the small turn and shift that
+//! Which camera, moved, would fit best: for each camera by itself, the small turn and shift that
 //! makes the outline rays of all cameras meet the common hull best (Levenberg–Marquardt on the gaps).
 //!
 //! An outline pixel's ray touches the object, so it must meet the cones of all other silhouettes at
@@ -44,7 +44,7 @@ pub(super) struct Gaps<'a> {
 
 /// The best correction of one camera.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Mended {
+pub(super) struct Refined {
     pub(super) correction: Correction,
     pub(super) cost: f64,
 }
@@ -84,7 +84,7 @@ impl Gaps<'_> {
     }
 
     /// The best correction of camera `moved` alone.
-    pub(super) fn mend(&self, cameras: &[Camera], moved: usize) -> Result<Mended, CameraError> {
+    pub(super) fn refine(&self, cameras: &[Camera], moved: usize) -> Result<Refined, CameraError> {
         let rays = self.ray_count();
         let stiffness = PRIOR_COST * rays / (PRIOR_SIZE * PRIOR_SIZE);
         let mut posed = cameras.to_vec();
@@ -118,7 +118,7 @@ impl Gaps<'_> {
                 }
             }
         }
-        Ok(Mended { correction: here, cost: system.cost / rays })
+        Ok(Refined { correction: here, cost: system.cost / rays })
     }
 
     fn system(&self, cameras: &[Camera], moved: Option<usize>) -> System {
