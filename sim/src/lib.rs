@@ -8,7 +8,6 @@
 //! solver computes in `f32`; poses that leave are those numbers widened to `f64`. One scene, one seed
 //! and one series of responses give the same poses, bit for bit, on every machine.
 
-pub mod record;
 pub mod response;
 mod rotation;
 pub mod samples;
@@ -16,15 +15,18 @@ pub mod scene;
 mod seeded;
 pub mod solid;
 mod solver;
+pub mod summary;
+pub mod trajectory;
 pub mod world;
 
-pub use record::{BodyRecord, TrajectoryDigest};
 pub use response::{BodyResponse, HullContact, ResponseMode};
 pub use scene::{
     BodyRequest, BodySpec, FRICTION, Floor, HullSurface, MAX_SPEED_M_S, MassSpec, RESTITUTION, RequestError,
     Scene, SceneError, ShapeRequest, StageHint,
 };
 pub use solid::Solid;
+pub use summary::BodySummary;
+pub use trajectory::TrajectoryDigest;
 pub use world::{
     Body, BodyId, CommandError, Fault, FaultKind, Parameters, Prepared, StepReport, World, WorldError,
     WorldSettings,

@@ -73,12 +73,12 @@ pub fn json(setup: &Setup, figures: &Figures, world: &World, overlaps: &[Overlap
         },
         "faults": figures.faults,
         "trajectory_digest": world.digest().to_string(),
-        "bodies": world.bodies().iter().zip(world.records()).map(body).collect::<Vec<Value>>(),
+        "bodies": world.bodies().iter().zip(world.summaries()).map(body).collect::<Vec<Value>>(),
         "hull_overlap": overlaps.iter().map(overlap).collect::<Vec<Value>>(),
     })
 }
 
-fn body((body, record): (&sim::Body, &sim::BodyRecord)) -> Value {
+fn body((body, record): (&sim::Body, &sim::BodySummary)) -> Value {
     json!({
         "name": record.name,
         "fixed": body.fixed,
@@ -143,7 +143,7 @@ pub fn summary(setup: &Setup, figures: &Figures, world: &World) -> String {
     if figures.blind_steps > 0 {
         text += &format!("{} steps without a hull\n", figures.blind_steps);
     }
-    for record in world.records().iter().filter(|record| record.first_touch_s.is_some()) {
+    for record in world.summaries().iter().filter(|record| record.first_touch_s.is_some()) {
         text += &format!(
             "  {:<16} touched at {:.2} s, moved {:.2} m, by the hull {:.2} m\n",
             record.name,

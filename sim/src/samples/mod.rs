@@ -13,7 +13,7 @@ use hull::Shape;
 use hull::body::{BodyError, MAX_SAMPLES};
 use revolved::ProfilePiece;
 
-/// The covering radius when nobody says otherwise, metres: 250–500 samples on a box of 0.25–0.3 m.
+/// The default covering radius, metres: 250–500 samples on a box of 0.25–0.3 m.
 pub const DEFAULT_COVERING_RADIUS_M: f64 = 0.025;
 
 /// Samples are rounded to `f32`; a covering radius is held after that.

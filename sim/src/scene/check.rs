@@ -22,7 +22,7 @@ pub(super) const DEFAULT_RESTITUTION: f64 = 0.1;
 pub(crate) const MAX_POSITION_M: f64 = 1000.0;
 /// Components of the gravity are within ± this, m/s²: more than on any planet.
 pub(crate) const MAX_GRAVITY_M_S2: f64 = 100.0;
-/// Whoever may be missed at a greater depth, metres, is not seen to collide.
+/// At most so deep a sample may be missed, metres: deeper ones would be seen to collide.
 const MAX_REUSE_M: f64 = 0.1;
 
 /// Checks the file's values.

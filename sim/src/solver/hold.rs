@@ -1,7 +1,7 @@
-//! Bodies that somebody holds: a point of the body is drawn to a target as by a critically damped spring.
+//! Bodies that are held: a point of the body is drawn to a target as by a critically damped spring.
 //!
 //! The pull is worked out from the inertia that the grip feels, so that a rod held by its end follows like a
-//! ball held at its centre, and weightlessly. It is bounded: whoever drags a body through others, or through
+//! ball held at its centre, and weightlessly. It is bounded: a body that is dragged through others, or through
 //! the floor, squeezes them with a few times its weight and no more. It is part of the solver's step, and so
 //! of what a copy of the solver foresees.
 
@@ -42,7 +42,7 @@ impl Solver {
         self.holds.retain(|hold| hold.handle != handle);
     }
 
-    /// Whether somebody holds a body.
+    /// Whether a body is held.
     pub(crate) fn is_held(&self, index: usize) -> bool {
         self.holds.iter().any(|hold| hold.handle == self.handles[index])
     }

@@ -79,7 +79,7 @@ impl Solver {
         Some(())
     }
 
-    /// Takes a body away; those after it move up. Whoever rested on it wakes.
+    /// Takes a body away; those after it move up. Bodies that rested on it wake.
     pub(crate) fn remove(&mut self, index: usize) {
         self.let_go(index);
         self.physics.remove_body(self.handles.remove(index));

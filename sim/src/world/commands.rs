@@ -19,7 +19,7 @@ pub type BodyId = u32;
 pub const MAX_SAMPLES: usize = 500_000;
 /// Samples of all different shapes at most, those of fixed bodies too: some 50 MB.
 const MAX_KEPT_SAMPLES: usize = 4_000_000;
-/// Records kept of bodies that are gone.
+/// Summaries kept of bodies that are gone.
 const MAX_REMOVED: usize = 1000;
 /// A grip or a push may lie this far off the body's bounding ball, metres: pages point at where it was.
 const BESIDE_M: f64 = 0.5;
@@ -79,7 +79,7 @@ pub struct Parameters {
 }
 
 impl Prepared {
-    /// Its samples, to be registered with whoever will be asked about it.
+    /// Its samples, to be registered with the nodes before it is asked about.
     pub fn shape(&self) -> &Arc<Shape> {
         &self.shape
     }
@@ -134,12 +134,12 @@ impl World {
         let index = self.index_of(id)?;
         self.solver.remove(index);
         self.bodies.remove(index);
-        let mut record = self.records.remove(index);
-        record.removed_s = Some(self.time_s());
+        let mut summary = self.summaries.remove(index);
+        summary.removed_s = Some(self.time_s());
         if self.removed.len() == MAX_REMOVED {
             self.removed.pop_front();
         }
-        self.removed.push_back(record);
+        self.removed.push_back(summary);
         self.moving = (0..self.bodies.len()).filter(|&index| !self.bodies[index].fixed).collect();
         self.trajectory.remove_body(id);
         Ok(())
@@ -183,8 +183,8 @@ impl World {
         Ok(())
     }
 
-    /// Lets a body go. It keeps the velocity it has, or is thrown with another, m/s. Who is not held may be
-    /// thrown, too.
+    /// Lets a body go. It keeps the velocity it has, or is thrown with another, m/s. A body that is not held
+    /// may be thrown, too.
     pub fn release(&mut self, id: BodyId, velocity_m_s: Option<[f64; 3]>) -> Result<(), CommandError> {
         let index = self.moving_index(id)?;
         if let Some(velocity_m_s) = velocity_m_s {
@@ -237,7 +237,7 @@ impl World {
         self.index_of(id).ok().map(|index| &self.bodies[index])
     }
 
-    /// Whether somebody holds a body.
+    /// Whether a body is held.
     pub fn is_grabbed(&self, id: BodyId) -> bool {
         self.index_of(id).is_ok_and(|index| self.solver.is_held(index))
     }

@@ -5,8 +5,8 @@ use hull::Pose;
 
 impl World {
     /// The poses of the moving bodies (in the order of [`World::moving_bodies`]) after each of the next
-    /// `steps` steps, if the hull touches nobody in them: bit for bit what [`World::step`] will make of
-    /// the same responses. Touches change that for the bodies they push and for whoever these run into;
+    /// `steps` steps, if the hull touches no body in them: bit for bit what [`World::step`] will make of
+    /// the same responses. Touches change that for the bodies they push and for those that these run into;
     /// the world itself stays as it is. Empty if there is nothing to foresee: no steps, or a solver that
     /// runs out of the numbers.
     pub fn poses_ahead(&self, steps: usize) -> Vec<Vec<Pose>> {

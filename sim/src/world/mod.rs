@@ -15,11 +15,12 @@ pub use commands::{BodyId, CommandError, MAX_SAMPLES, Parameters, Prepared};
 pub use settings::{WorldError, WorldSettings};
 pub use step::{Fault, FaultKind, StepReport};
 
-use crate::record::{BodyRecord, Trajectory, TrajectoryDigest};
 use crate::samples;
 use crate::scene::{BodySpec, Scene};
 use crate::solid::Solid;
 use crate::solver::Solver;
+use crate::summary::BodySummary;
+use crate::trajectory::{Trajectory, TrajectoryDigest};
 use hull::{Pose, Shape};
 use nalgebra::Vector3;
 use std::collections::VecDeque;
@@ -60,9 +61,9 @@ pub struct World {
     up: Vector3<f64>,
     solver: Solver,
     bodies: Vec<Body>,
-    records: Vec<BodyRecord>,
+    summaries: Vec<BodySummary>,
     /// Of bodies that were taken away, the latest.
-    removed: VecDeque<BodyRecord>,
+    removed: VecDeque<BodySummary>,
     next_id: BodyId,
     /// Indices of the bodies that are not fixed.
     moving: Vec<usize>,
@@ -88,7 +89,7 @@ impl World {
             up: scene.up().into(),
             solver,
             bodies: vec![],
-            records: vec![],
+            summaries: vec![],
             removed: VecDeque::new(),
             next_id: 0,
             moving: vec![],
@@ -105,7 +106,7 @@ impl World {
         let index = self.bodies.len();
         // The pose as the solver has it, so that what is asked and what is stepped are the same.
         let pose = self.solver.state(index).pose().unwrap_or(spec.pose);
-        self.records.push(BodyRecord::new(&spec.name, pose, self.time_s()));
+        self.summaries.push(BodySummary::new(&spec.name, pose, self.time_s()));
         if !spec.fixed {
             self.moving.push(index);
         }
@@ -139,12 +140,12 @@ impl World {
     }
 
     /// What every body did so far, in the order of [`World::bodies`].
-    pub fn records(&self) -> &[BodyRecord] {
-        &self.records
+    pub fn summaries(&self) -> &[BodySummary] {
+        &self.summaries
     }
 
     /// What bodies did that were taken away, the last thousand of them in the order in which they went.
-    pub fn removed(&self) -> impl ExactSizeIterator<Item = &BodyRecord> {
+    pub fn removed(&self) -> impl ExactSizeIterator<Item = &BodySummary> {
         self.removed.iter()
     }
 

@@ -80,7 +80,7 @@ impl World {
                 }
             }
         }
-        self.records[index].first_touch_s.get_or_insert(time_s);
+        self.summaries[index].first_touch_s.get_or_insert(time_s);
     }
 
     /// Translates a body and mirrors its velocity; does nothing and says `false` if the response is not
@@ -94,7 +94,7 @@ impl World {
             return false;
         }
         self.solver.set_position(index, position_m);
-        self.records[index].hull_moved_m += length_m;
+        self.summaries[index].hull_moved_m += length_m;
         report.translated += 1;
         let velocity_m_s = state.velocity_m_s.map(f64::from);
         if let Some(mirrored) =
@@ -124,6 +124,6 @@ impl World {
             }
         }
         let speed_m_s = Vector3::from(body.velocity_m_s).norm();
-        self.records[index].add(body.pose, speed_m_s, self.up);
+        self.summaries[index].add(body.pose, speed_m_s, self.up);
     }
 }

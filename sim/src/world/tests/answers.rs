@@ -30,8 +30,8 @@ fn a_response_moves_the_body_and_mirrors_what_points_in() {
         assert!((body.velocity_m_s[axis] - velocity_m_s[axis]).abs() < 1e-6);
     }
     assert_eq!(body.spin_rad_s, [0.0; 3]);
-    assert!((world.records()[0].hull_moved_m - 0.05).abs() < 1e-12);
-    assert_eq!(world.records()[0].first_touch_s, Some(1.0 / 120.0));
+    assert!((world.summaries()[0].hull_moved_m - 0.05).abs() < 1e-12);
+    assert_eq!(world.summaries()[0].first_touch_s, Some(1.0 / 120.0));
 }
 
 #[test]
@@ -61,7 +61,7 @@ fn a_body_without_a_way_out_is_touched_and_not_moved() {
         .expect("a step");
     assert_eq!((report.touched, report.inside_samples, report.translated), (1, 3, 0));
     assert_eq!(world.bodies()[0].pose, start);
-    assert_eq!(world.records()[0].first_touch_s, Some(1.0 / 120.0));
+    assert_eq!(world.summaries()[0].first_touch_s, Some(1.0 / 120.0));
 }
 
 #[test]
@@ -77,7 +77,7 @@ fn responses_that_are_no_numbers_are_reported_and_do_no_harm() {
         reference.step(&untouched(&reference)).expect("a step");
     }
     assert_eq!(world.digest(), reference.digest());
-    assert_eq!(world.records()[2].first_touch_s, None);
+    assert_eq!(world.summaries()[2].first_touch_s, None);
 }
 
 #[test]

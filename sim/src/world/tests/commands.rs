@@ -36,13 +36,13 @@ fn a_spawned_body_falls_and_lies_and_its_number_is_never_given_again() {
     assert_eq!(world.body(ball).expect("there").name, "ball_4");
     steps(&mut world, 240);
     assert!((position(&world, ball).y - 0.1).abs() < 0.005, "{}", position(&world, ball));
-    assert_eq!(world.records()[4].from_s, 0.25);
+    assert_eq!(world.summaries()[4].from_s, 0.25);
     world.remove(ball).expect("there");
     assert!(world.body(ball).is_none());
     let gone = world.removed().next().expect("kept");
     assert_eq!((gone.name.as_str(), gone.removed_s), ("ball_4", Some(2.25)));
     assert_eq!(spawn(&mut world, BALL), 5);
-    assert_eq!(world.records().len(), world.bodies().len());
+    assert_eq!(world.summaries().len(), world.bodies().len());
 }
 
 #[test]

@@ -7,9 +7,9 @@ fn a_stack_of_four_stands_for_ten_seconds() {
     for seed in 1..=3 {
         let mut world = world_of(STACK, seed);
         run(&mut world, 10.0);
-        for record in world.records() {
-            assert!(record.moved_before_touch_m < 0.02, "{record:?}");
-            assert!(record.max_tilt_deg < 2.0, "{record:?}");
+        for summary in world.summaries() {
+            assert!(summary.moved_before_touch_m < 0.02, "{summary:?}");
+            assert!(summary.max_tilt_deg < 2.0, "{summary:?}");
         }
     }
 }
@@ -19,7 +19,7 @@ fn the_same_stack_stands_where_up_is_z() {
     let mut world = world_of(&format!("gravity = [0.0, 0.0, -9.81]\n{STACK}"), 1);
     run(&mut world, 3.0);
     assert!(world.bodies()[3].pose.position_m()[2] > 0.9);
-    assert!(world.records().iter().all(|record| record.moved_m < 0.02));
+    assert!(world.summaries().iter().all(|summary| summary.moved_m < 0.02));
 }
 
 #[test]
@@ -62,7 +62,7 @@ fn fixed_bodies_carry_others_and_are_not_asked() {
     let mut world = world_of(&text, 1);
     assert_eq!((world.bodies().len(), world.moving_bodies().len()), (5, 4));
     run(&mut world, 3.0);
-    assert_eq!(world.records()[0].moved_m, 0.0);
+    assert_eq!(world.summaries()[0].moved_m, 0.0);
     assert!(world.moving_bodies().all(|body| body.pose.position_m()[1] > 0.9));
 }
 
@@ -101,9 +101,9 @@ fn a_crowd_settles_and_nothing_is_faster_than_its_fall() {
     let top_m = world.bodies().iter().map(|body| body.pose.position_m()[1]).fold(0.0, f64::max);
     run(&mut world, 6.0);
     let fall_m_s = (2.0 * 9.81 * top_m).sqrt();
-    for (body, record) in world.bodies().iter().zip(world.records()) {
-        assert!(record.max_speed_m_s < 1.05 * fall_m_s, "{record:?}");
-        assert!(body.pose.position_m()[1] > 0.0, "{record:?}");
+    for (body, summary) in world.bodies().iter().zip(world.summaries()) {
+        assert!(summary.max_speed_m_s < 1.05 * fall_m_s, "{summary:?}");
+        assert!(body.pose.position_m()[1] > 0.0, "{summary:?}");
         let speed_m_s = Vector3::from(body.velocity_m_s).norm();
         assert!(speed_m_s < 1.0, "{} still at {speed_m_s} m/s", body.name);
     }

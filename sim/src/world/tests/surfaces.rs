@@ -44,13 +44,13 @@ fn an_arm_knocks_a_stack_over_and_throws_nothing() {
         let responses = arm.responses(&world);
         assert_eq!(world.step(&responses).expect("a step").faults, []);
     }
-    let third = &world.records()[2];
+    let third = &world.summaries()[2];
     assert!(third.moved_before_touch_m < 0.02 && third.max_tilt_deg > 60.0, "{third:?}");
     assert!(third.first_touch_s.is_some_and(|touch_s| (1.2..1.3).contains(&touch_s)), "{third:?}");
     // A fall from the top of the stack, and the arm.
     let fastest_m_s = (2.0 * 9.81 * 1.12f64).sqrt() + ARM_M_S;
-    for record in world.records() {
-        assert!(record.max_speed_m_s < fastest_m_s, "{record:?}");
+    for summary in world.summaries() {
+        assert!(summary.max_speed_m_s < fastest_m_s, "{summary:?}");
     }
     assert!(world.bodies()[3].pose.position_m()[1] < 0.75, "the top box fell");
 }
@@ -76,9 +76,9 @@ fn the_boxes_of_lift_rest_on_the_lid_and_rise_with_it() {
             }
         }
         assert!(farthest_m < most_m, "{farthest_m} m off the lid with {mirror_restitution}");
-        for record in world.records() {
-            assert!(record.max_tilt_deg < 1.0 && record.max_speed_m_s < most_m_s, "{record:?}");
-            assert!((record.moved_m - RISE_M).abs() < most_m, "{record:?}");
+        for summary in world.summaries() {
+            assert!(summary.max_tilt_deg < 1.0 && summary.max_speed_m_s < most_m_s, "{summary:?}");
+            assert!((summary.moved_m - RISE_M).abs() < most_m, "{summary:?}");
         }
     }
 }
