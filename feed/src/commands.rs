@@ -1,68 +1,58 @@
-//! Commands as JSON objects, taken apart strictly: every field is known, there, and of its kind, or one line
-//! says which is not, what was found and what was expected.
-
-use std::ops::RangeInclusive;
+//! Commands as JSON objects.
 
 use coordinator::live::{BodyId, Command, Parameters};
 use serde_json::{Map, Value};
 use sim::{BodyRequest, BodySpec, FRICTION, RESTITUTION, Scene};
 
-/// The longest a background may be learnt, seconds.
-const MAX_BACKGROUND_S: f64 = 60.0;
-/// The most steps that one command makes.
-const MAX_STEPS: u64 = 100_000;
+use crate::fields::{Fields, InputError, wrong};
+
 /// The keys of every command beside its own.
 const ENVELOPE: [&str; 3] = ["op", "id", "command"];
+const COMMANDS: &str = "pause, resume, step, reset, choose, spawn, remove, push, grab, release, set or \
+    take_background";
 
 /// A command and the number that its answer carries.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Request {
-    /// Chosen by whoever asks.
+pub(crate) struct Request {
+    /// Chosen by the client.
     pub id: u64,
-    /// What is asked, or why it is none.
-    pub command: Result<Command, String>,
+    /// The command, or why it is none.
+    pub command: Result<Command, InputError>,
 }
 
-/// A `{"op":"command"}` message. An error says why it is none at all; a command that is wrong in itself is in
-/// the request, and is refused under its number.
-pub fn parse(message: &Map<String, Value>) -> Result<Request, String> {
-    let fields = Fields { object: message, of: "command" };
-    let id = fields.whole("id", u64::MAX)?;
+/// A `{"op":"command"}` message. An error means that it has no number; a command that is wrong in itself is in the
+/// request, and is refused under its number.
+pub(crate) fn parse(message: &Map<String, Value>) -> Result<Request, InputError> {
+    let id = Fields { object: message, of: "command" }.whole("id", 0..=u64::MAX)?;
     Ok(Request { id, command: command(message) })
 }
 
-fn command(message: &Map<String, Value>) -> Result<Command, String> {
+fn command(message: &Map<String, Value>) -> Result<Command, InputError> {
     let name = Fields { object: message, of: "command" }.text("command")?;
     let fields = Fields { object: message, of: name };
-    let only = |own: &[&str]| fields.only(own);
+    let only = |own: &[&str]| fields.only(own, &ENVELOPE);
     Ok(match name {
-        "pause" | "resume" | "reset" => {
-            only(&[])?;
-            match name {
-                "pause" => Command::Pause,
-                "resume" => Command::Resume,
-                _ => Command::Reset,
-            }
-        }
+        "pause" => only(&[]).map(|()| Command::Pause)?,
+        "resume" => only(&[]).map(|()| Command::Resume)?,
+        "reset" => only(&[]).map(|()| Command::Reset)?,
         "step" => {
             only(&["steps"])?;
-            let steps = if fields.has("steps") { fields.whole("steps", MAX_STEPS)? } else { 1 };
-            Command::Step(steps as u32)
+            let steps = fields.optional("steps", |f, key| f.whole(key, 0..=u32::MAX.into()))?;
+            Command::Step(steps.unwrap_or(1) as u32)
         }
         "choose" => {
             only(&["scene"])?;
-            let scene = Scene::named(fields.text("scene")?);
-            Command::Choose(scene.map_err(|error| error.to_string())?)
+            Command::Choose(Scene::named(fields.text("scene")?)?)
         }
         "spawn" => Command::Spawn(Box::new(spawn(message)?)),
         "remove" => {
             only(&["body"])?;
-            Command::Remove(fields.body()?)
+            Command::Remove(body(&fields)?)
         }
         "push" => {
             only(&["body", "impulse", "at"])?;
             Command::Push {
-                body: fields.body()?,
+                body: body(&fields)?,
                 impulse_n_s: fields.vector("impulse")?,
                 at_m: fields.optional("at", Fields::vector)?,
             }
@@ -70,7 +60,7 @@ fn command(message: &Map<String, Value>) -> Result<Command, String> {
         "grab" => {
             only(&["body", "grip", "target"])?;
             Command::Grab {
-                body: fields.body()?,
+                body: body(&fields)?,
                 grip_body_m: fields.vector("grip")?,
                 target_m: fields.vector("target")?,
             }
@@ -78,133 +68,44 @@ fn command(message: &Map<String, Value>) -> Result<Command, String> {
         "release" => {
             only(&["body", "velocity"])?;
             Command::Release {
-                body: fields.body()?,
+                body: body(&fields)?,
                 velocity_m_s: fields.optional("velocity", Fields::vector)?,
             }
         }
         "set" => Command::Set(parameters(&fields)?),
         "take_background" => {
             only(&["seconds"])?;
-            Command::TakeBackground { seconds: fields.number("seconds", 0.0..=MAX_BACKGROUND_S)? }
+            Command::TakeBackground { seconds: fields.number("seconds", proto::BACKGROUND_S)? }
         }
-        other => return Err(format!("command is {other:?}, expected {COMMANDS}")),
+        _ => return Err(wrong("command", &name.into(), COMMANDS)),
     })
 }
 
-const COMMANDS: &str = "pause, resume, step, reset, choose, spawn, remove, push, grab, release, set or \
-    take_background";
+fn body(fields: &Fields<'_>) -> Result<BodyId, InputError> {
+    fields.whole("body", 0..=u32::MAX.into()).map(|id| id as BodyId)
+}
 
-fn parameters(fields: &Fields<'_>) -> Result<Parameters, String> {
-    fields.only(&["answers_hull", "hull_restitution", "hull_friction", "gravity"])?;
-    let set = Parameters {
+fn parameters(fields: &Fields<'_>) -> Result<Parameters, InputError> {
+    fields.only(&["answers_hull", "hull_restitution", "hull_friction", "gravity"], &ENVELOPE)?;
+    let parameters = Parameters {
         answers_hull: fields.optional("answers_hull", Fields::truth)?,
         hull_restitution: fields.optional("hull_restitution", |f, key| f.number(key, RESTITUTION))?,
         hull_friction: fields.optional("hull_friction", |f, key| f.number(key, FRICTION))?,
         gravity_m_s2: fields.optional("gravity", Fields::vector)?,
     };
-    if set == Parameters::default() {
-        return Err("set has no field, expected one or more".into());
+    if parameters == Parameters::default() {
+        return Err(InputError::NothingToSet);
     }
-    Ok(set)
+    Ok(parameters)
 }
 
 /// A body with a scene's keys, and a pose of its own.
-fn spawn(message: &Map<String, Value>) -> Result<BodySpec, String> {
+fn spawn(message: &Map<String, Value>) -> Result<BodySpec, InputError> {
     let own = message.iter().filter(|(key, _)| !ENVELOPE.contains(&key.as_str()));
     let own = own.map(|(key, value)| (key.clone(), value.clone())).collect();
-    let request: BodyRequest =
-        serde_json::from_value(Value::Object(own)).map_err(|error| format!("spawn: {error}"))?;
-    request.check().map_err(|error| format!("spawn.{error}"))
-}
-
-/// The fields of an object, and whose they are.
-struct Fields<'a> {
-    object: &'a Map<String, Value>,
-    of: &'a str,
-}
-
-impl<'a> Fields<'a> {
-    fn has(&self, key: &str) -> bool {
-        self.object.contains_key(key)
-    }
-
-    fn value(&self, key: &str) -> Result<&'a Value, String> {
-        self.object.get(key).ok_or_else(|| format!("{}.{key} is missing", self.of))
-    }
-
-    fn only(&self, own: &[&str]) -> Result<(), String> {
-        let known = |key: &str| own.contains(&key) || ENVELOPE.contains(&key);
-        match self.object.keys().find(|key| !known(key)) {
-            None => Ok(()),
-            Some(key) if own.is_empty() => Err(format!("{}.{key} is unknown, expected no fields", self.of)),
-            Some(key) => Err(format!("{}.{key} is unknown, expected {}", self.of, own.join(", "))),
-        }
-    }
-
-    fn wrong<T>(&self, key: &str, found: &Value, expected: &str) -> Result<T, String> {
-        Err(format!("{}.{key} is {}, expected {expected}", self.of, short(found)))
-    }
-
-    fn optional<T>(
-        &self,
-        key: &str,
-        read: impl Fn(&Self, &str) -> Result<T, String>,
-    ) -> Result<Option<T>, String> {
-        if self.has(key) { read(self, key).map(Some) } else { Ok(None) }
-    }
-
-    fn text(&self, key: &str) -> Result<&'a str, String> {
-        let value = self.value(key)?;
-        value.as_str().map_or_else(|| self.wrong(key, value, "a text"), Ok)
-    }
-
-    fn truth(&self, key: &str) -> Result<bool, String> {
-        let value = self.value(key)?;
-        value.as_bool().map_or_else(|| self.wrong(key, value, "true or false"), Ok)
-    }
-
-    fn whole(&self, key: &str, most: u64) -> Result<u64, String> {
-        let value = self.value(key)?;
-        match value.as_u64() {
-            Some(number) if number <= most => Ok(number),
-            _ => self.wrong(key, value, &format!("a whole number from 0 to {most}")),
-        }
-    }
-
-    fn number(&self, key: &str, allowed: RangeInclusive<f64>) -> Result<f64, String> {
-        let value = self.value(key)?;
-        match value.as_f64() {
-            Some(number) if allowed.contains(&number) => Ok(number),
-            _ => {
-                let (least, most) = allowed.into_inner();
-                self.wrong(key, value, &format!("a number from {least} to {most}"))
-            }
-        }
-    }
-
-    fn body(&self) -> Result<BodyId, String> {
-        self.whole("body", u64::from(u32::MAX)).map(|id| id as BodyId)
-    }
-
-    fn vector(&self, key: &str) -> Result<[f64; 3], String> {
-        self.numbers(key)
-    }
-
-    /// Numbers that `f32` can hold: the solver's.
-    fn numbers<const N: usize>(&self, key: &str) -> Result<[f64; N], String> {
-        let value = self.value(key)?;
-        let fits = |value: &Value| value.as_f64().filter(|number| (*number as f32).is_finite());
-        let numbers: Option<Vec<f64>> = value.as_array().and_then(|list| list.iter().map(fits).collect());
-        let numbers = numbers.and_then(|numbers| numbers.try_into().ok());
-        numbers.map_or_else(|| self.wrong(key, value, &format!("{N} numbers")), Ok)
-    }
-}
-
-/// A value in a line of bearable length.
-pub(crate) fn short(value: &Value) -> String {
-    const MOST: usize = 60;
-    let text = value.to_string();
-    if text.chars().count() <= MOST { text } else { text.chars().take(MOST).chain("…".chars()).collect() }
+    let request: BodyRequest = serde_json::from_value(Value::Object(own))
+        .map_err(|error| InputError::BodyKeys(error.to_string()))?;
+    request.check().map_err(|error| InputError::Body { of: "spawn.", error })
 }
 
 #[cfg(test)]
@@ -213,7 +114,7 @@ mod tests {
     use serde_json::json;
     use sim::{MassSpec, Solid};
 
-    fn read(message: Value) -> Result<Command, String> {
+    fn read(message: Value) -> Result<Command, InputError> {
         let Value::Object(mut object) = message else { panic!("an object") };
         object.insert("op".into(), "command".into());
         object.insert("id".into(), 7.into());
@@ -294,6 +195,10 @@ mod tests {
             ),
             (json!({"command": "step", "steps": 1e9}), "step.steps is 1000000000.0, expected a whole number"),
             (
+                json!({"command": "take_background", "seconds": 31}),
+                "take_background.seconds is 31, expected a number from 0.2 to 30",
+            ),
+            (
                 json!({"command": "spawn", "position": [0, 0, 0], "shape": {"ball": {"radius": 90}}}),
                 "spawn.shape.ball.radius: 90",
             ),
@@ -304,7 +209,7 @@ mod tests {
             ),
             (json!({"command": "spawn", "position": [0, 0, 0], "shape": null}), "spawn: "),
         ] {
-            let error = read(message.clone()).expect_err("refused");
+            let error = read(message.clone()).expect_err("refused").to_string();
             assert!(error.contains(expected) && !error.contains('\n'), "{message}: {error}");
         }
     }
@@ -312,6 +217,7 @@ mod tests {
     #[test]
     fn a_command_without_a_number_is_none() {
         let Value::Object(object) = json!({"op": "command", "command": "pause"}) else { panic!() };
-        assert_eq!(parse(&object), Err("command.id is missing".into()));
+        let error = parse(&object).expect_err("refused").to_string();
+        assert!(error.starts_with("command.id is missing, expected a whole number"), "{error}");
     }
 }

@@ -1,14 +1,16 @@
-//! The feed: all that others see of a run and ask of it, over one HTTP port.
+//! The feed: everything that viewers and programs see of a run and ask of it, over one HTTP port.
 //!
-//! A [`Feed`] runs on a thread of its own, with its own runtime: the loop never waits for a page. It serves
+//! A [`Feed`] runs on a thread of its own, with its own runtime: the loop never waits for a viewer. It serves
 //! the page itself, its binary feed (a WebSocket), and what programs use. It knows a run by its
 //! [`coordinator::live::Follower`], what it is by [`RunInfo`], and asks [`pictures::Pictures`] for
 //! silhouettes and colours of a frame, only while somebody looks. `docs/feed.md` is the format in words.
 
-pub mod commands;
+mod commands;
+mod fields;
 mod http;
 pub mod message;
 mod message_cache;
+mod orders;
 mod page;
 pub mod pictures;
 mod programs;
@@ -18,7 +20,8 @@ mod shared;
 pub mod text;
 mod tier;
 
-pub use http::{Origin, Token};
-pub use programs::Osc;
+pub use fields::InputError;
+pub use http::{Origin, OriginError, RandomError, Token, TokenError};
+pub use programs::{Osc, OscError};
 pub use run_info::{RunInfo, Volume};
 pub use server::{Feed, FeedError, FeedSettings};

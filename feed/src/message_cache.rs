@@ -1,8 +1,9 @@
-//! Makes messages out of pictures and worlds, each once, however many pages get it.
+//! Messages about frames and worlds, each made once for all pages, and the pictures of the frame at which a paused
+//! world stands.
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use bytes::Bytes;
 use coordinator::live::WorldState;
@@ -12,13 +13,15 @@ use crate::message;
 use crate::pictures::{FramePictures, JPEG_QUALITY, PictureKind, PictureRequest, Pictures};
 use crate::tier::Tier;
 
-/// Messages remembered: every tier of the last frames. What a page asks for that came later than the others is
-/// made for it alone.
+/// Messages kept: every tier of the last frames. A page that asks for an older one has it made again.
 const MAX_RECENT: usize = 24;
+/// How often the pictures of a paused world's frame are asked for, until all cameras have answered. Nodes forget
+/// the frame within a quarter of a second.
+const FREEZE_ATTEMPTS: usize = 3;
 
 /// What a message shows of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Look {
+pub(crate) enum Content {
     /// All cameras: silhouettes or not, colours of a tier.
     FrameSet { silhouettes: bool, tier: Tier },
     /// Whole images of all cameras, both sides divided by 2 to the power of this.
@@ -29,50 +32,64 @@ pub(crate) enum Look {
 
 /// A message about a frame.
 #[derive(Clone, Debug)]
-pub(crate) struct Made {
+pub(crate) struct FrameMessage {
     pub seq: u32,
     /// Whether it shows any colours.
     pub has_colour: bool,
     pub bytes: Bytes,
 }
 
-type Cell = Arc<OnceCell<Result<Made, String>>>;
-type Key = (u64, Look);
+type Cell = Arc<OnceCell<Result<FrameMessage, String>>>;
+type Key = (u64, Content);
 type WorldMessages = Option<(Arc<WorldState>, [Option<Bytes>; 2])>;
 
 pub(crate) struct MessageCache {
     pictures: Arc<dyn Pictures>,
     fps: f64,
+    /// Cameras of the rig.
+    cameras: usize,
     next_seq: AtomicU32,
     recent: Mutex<VecDeque<(Key, Cell)>>,
+    kept: Mutex<Kept>,
     /// The newest world, and its messages without and with touches.
     world: Mutex<WorldMessages>,
 }
 
+/// Pictures that outlive the nodes' own.
+#[derive(Default)]
+struct Kept {
+    /// The frame of a paused world.
+    frozen: Option<u64>,
+    /// The pictures of that frame; while the world runs, the last of all cameras that a page got.
+    pictures: Option<FramePictures>,
+}
+
 impl MessageCache {
-    pub fn new(pictures: Arc<dyn Pictures>, fps: f64) -> MessageCache {
+    pub fn new(pictures: Arc<dyn Pictures>, fps: f64, cameras: usize) -> MessageCache {
         MessageCache {
             pictures,
             fps,
+            cameras,
             next_seq: AtomicU32::new(1),
             recent: Mutex::default(),
+            kept: Mutex::default(),
             world: Mutex::default(),
         }
     }
 
-    /// A message about a frame. Whoever asks first has it made; the others wait for the same.
-    pub async fn look(&self, frame: u64, look: Look) -> Result<Made, String> {
-        let cell = self.cell((frame, look));
-        cell.get_or_init(|| self.make(Some(frame), look)).await.clone()
+    /// A message about a frame, made for the first page that asks and shared by the others.
+    pub async fn message(&self, frame: u64, content: Content) -> Result<FrameMessage, String> {
+        let cell = self.cell((frame, content));
+        cell.get_or_init(|| self.make(Some(frame), content)).await.clone()
     }
 
     /// A message about the newest frame there is.
-    pub async fn look_at_newest(&self, look: Look) -> Result<Made, String> {
-        self.make(None, look).await
+    pub async fn newest(&self, content: Content) -> Result<FrameMessage, String> {
+        self.make(None, content).await
     }
 
     fn cell(&self, key: Key) -> Cell {
-        let mut recent = self.recent.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut recent = lock(&self.recent);
         if let Some((_, cell)) = recent.iter().find(|(of, _)| *of == key) {
             return Arc::clone(cell);
         }
@@ -84,39 +101,97 @@ impl MessageCache {
         cell
     }
 
-    async fn make(&self, frame: Option<u64>, look: Look) -> Result<Made, String> {
-        let (kind, scale_log2, cameras) = match look {
-            Look::FrameSet { tier: Tier::Off, .. } => (PictureKind::Silhouettes, 0, vec![]),
-            Look::FrameSet { tier, .. } => (PictureKind::Crops, tier.scale_log2(), vec![]),
-            Look::Thumbnails { scale_log2 } => (PictureKind::Whole, scale_log2, vec![]),
-            Look::Image { camera, scale_log2 } => (PictureKind::Whole, scale_log2, vec![camera]),
-        };
-        let mut pictures = match (frame, look) {
-            // A page that wants neither still hears of every frame.
-            (Some(frame), Look::FrameSet { silhouettes: false, tier: Tier::Off }) => {
+    async fn make(&self, frame: Option<u64>, content: Content) -> Result<FrameMessage, String> {
+        let pictures = match (frame, content) {
+            // A page that wants neither still gets every frame's number.
+            (Some(frame), Content::FrameSet { silhouettes: false, tier: Tier::Off }) => {
                 FramePictures { frame, captured_unix_s: 0.0, cameras: vec![] }
             }
-            _ => {
-                let request = PictureRequest { frame, kind, scale_log2, jpeg_quality: JPEG_QUALITY, cameras };
-                self.pictures.fetch(request).await?
-            }
+            (Some(frame), Content::FrameSet { silhouettes, tier }) => match self.frozen(frame) {
+                Some(frozen) => stripped(frozen, silhouettes, tier),
+                None => {
+                    let fetched = self.fetch(Some(frame), content).await?;
+                    self.keep(&fetched);
+                    stripped(fetched, silhouettes, tier)
+                }
+            },
+            _ => self.fetch(frame, content).await?,
         };
-        if matches!(look, Look::FrameSet { silhouettes: false, .. }) {
-            pictures.cameras.iter_mut().for_each(|camera| camera.runs = Bytes::new());
-        }
         let seq = self.seq();
-        let bytes = match look {
-            Look::FrameSet { .. } => message::frame_set(seq, self.fps, &pictures),
-            Look::Thumbnails { .. } => message::images(seq, self.fps, true, &pictures),
-            Look::Image { .. } => message::images(seq, self.fps, false, &pictures),
+        let bytes = match content {
+            Content::FrameSet { .. } => message::frame_set(seq, self.fps, &pictures),
+            Content::Thumbnails { .. } => message::images(seq, self.fps, true, &pictures),
+            Content::Image { .. } => message::images(seq, self.fps, false, &pictures),
         };
         let has_colour = pictures.cameras.iter().any(|camera| !camera.jpeg.is_empty());
-        Ok(Made { seq, has_colour, bytes })
+        Ok(FrameMessage { seq, has_colour, bytes })
+    }
+
+    async fn fetch(&self, frame: Option<u64>, content: Content) -> Result<FramePictures, String> {
+        let (kind, scale_log2, cameras) = match content {
+            Content::FrameSet { tier: Tier::Off, .. } => (PictureKind::Silhouettes, 0, vec![]),
+            Content::FrameSet { tier, .. } => (PictureKind::Crops, tier.scale_log2(), vec![]),
+            Content::Thumbnails { scale_log2 } => (PictureKind::Whole, scale_log2, vec![]),
+            Content::Image { camera, scale_log2 } => (PictureKind::Whole, scale_log2, vec![camera]),
+        };
+        let request = PictureRequest { frame, kind, scale_log2, jpeg_quality: JPEG_QUALITY, cameras };
+        self.pictures.fetch(request).await
+    }
+
+    /// The world stands at this frame: keeps its pictures for pages that join before it goes on.
+    pub async fn freeze(&self, frame: u64) {
+        if lock(&self.kept).frozen.replace(frame) == Some(frame) {
+            return;
+        }
+        for _ in 0..FREEZE_ATTEMPTS {
+            let content = Content::FrameSet { silhouettes: true, tier: Tier::Full };
+            let is_whole = match self.fetch(Some(frame), content).await {
+                Ok(fetched) => self.keep(&fetched),
+                Err(_) => false,
+            };
+            if is_whole {
+                break;
+            }
+        }
+        // What was made before may lack cameras or colours.
+        lock(&self.recent)
+            .retain(|((of, content), _)| *of != frame || !matches!(content, Content::FrameSet { .. }));
+    }
+
+    /// The world goes on.
+    pub fn thaw(&self) {
+        lock(&self.kept).frozen = None;
+    }
+
+    /// The kept pictures of a frame at which the world stands.
+    fn frozen(&self, frame: u64) -> Option<FramePictures> {
+        let kept = lock(&self.kept);
+        let is_frozen = kept.frozen == Some(frame);
+        kept.pictures.clone().filter(|pictures| is_frozen && pictures.frame == frame)
+    }
+
+    /// Keeps pictures if they are of all cameras, or of the frozen frame and of no fewer cameras than those before;
+    /// whether they are of all cameras.
+    fn keep(&self, pictures: &FramePictures) -> bool {
+        let count = |pictures: &FramePictures| {
+            pictures.cameras.iter().filter(|camera| !camera.runs.is_empty()).count()
+        };
+        let is_whole = count(pictures) == self.cameras;
+        let mut kept = lock(&self.kept);
+        let improves = match (&kept.pictures, kept.frozen) {
+            (Some(old), _) if old.frame == pictures.frame => count(pictures) >= count(old),
+            (_, Some(frozen)) => frozen == pictures.frame,
+            _ => is_whole,
+        };
+        if improves {
+            kept.pictures = Some(pictures.clone());
+        }
+        is_whole
     }
 
     /// The message about a world.
     pub fn world(&self, world: &Arc<WorldState>, with_touches: bool) -> Bytes {
-        let mut kept = self.world.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut kept = lock(&self.world);
         if !kept.as_ref().is_some_and(|(of, _)| Arc::ptr_eq(of, world)) {
             *kept = Some((Arc::clone(world), [None, None]));
         }
@@ -130,4 +205,22 @@ impl MessageCache {
     fn seq(&self) -> u32 {
         self.next_seq.fetch_add(1, Ordering::Relaxed)
     }
+}
+
+/// Pictures without what a page does not want.
+fn stripped(mut pictures: FramePictures, silhouettes: bool, tier: Tier) -> FramePictures {
+    for camera in &mut pictures.cameras {
+        if !silhouettes {
+            camera.runs = Bytes::new();
+        }
+        if tier == Tier::Off {
+            camera.jpeg = Bytes::new();
+            (camera.crop, camera.scale_log2) = ([0; 4], 0);
+        }
+    }
+    pictures
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

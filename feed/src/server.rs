@@ -1,4 +1,4 @@
-//! The server: a thread of its own, one port, everything behind the gate.
+//! The server: a thread of its own and one port.
 
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -15,15 +15,15 @@ use thiserror::Error;
 use tokio::net::TcpListener;
 use tokio::sync::watch;
 
-use crate::http::{Access, BytesSent, CountingListener, Origin, Token, random_hex};
+use crate::http::{Access, BytesSent, CountingListener, Origin, RandomError, Token, random_hex};
 use crate::message_cache::MessageCache;
 use crate::pictures::Pictures;
 use crate::run_info::RunInfo;
 use crate::shared::Shared;
 use crate::{http, page, programs};
 
-/// Pages get so long to hear that the run ends.
-const LAST_WORDS: Duration = Duration::from_millis(300);
+/// How long the end waits until pages have their last message.
+const SHUTDOWN_GRACE: Duration = Duration::from_millis(300);
 
 /// Where to serve, and who steers.
 #[derive(Clone, Debug)]
@@ -32,7 +32,7 @@ pub struct FeedSettings {
     pub listen: SocketAddr,
     /// If that port is taken, any free one will do.
     pub or_any_port: bool,
-    /// What lets its holder steer.
+    /// The secret that lets its holder steer.
     pub token: Token,
     /// Where a proxy in front of this server shows it.
     pub origin: Option<Origin>,
@@ -46,12 +46,15 @@ pub enum FeedError {
     Listen {
         /// Which address.
         address: SocketAddr,
-        /// What the system says.
+        /// The system's error.
         error: std::io::Error,
     },
-    /// The system gave no thread, no runtime or no chance.
+    /// The system gave no thread or no runtime.
     #[error("cannot serve: {0}")]
-    System(String),
+    System(#[from] std::io::Error),
+    /// The system gave no random bytes for the session.
+    #[error("cannot serve: {0}")]
+    Random(#[from] RandomError),
 }
 
 /// A server that runs until it is dropped.
@@ -68,37 +71,36 @@ impl Feed {
     /// it returns is asked only while somebody looks.
     pub fn start(
         settings: &FeedSettings,
-        facts: RunInfo,
+        info: RunInfo,
         follower: Follower,
         pictures: impl FnOnce() -> Arc<dyn Pictures>,
     ) -> Result<Feed, FeedError> {
         let listener = bind(settings)?;
-        let system = |error: std::io::Error| FeedError::System(error.to_string());
-        let address = listener.local_addr().map_err(system)?;
-        listener.set_nonblocking(true).map_err(system)?;
+        let address = listener.local_addr()?;
+        listener.set_nonblocking(true)?;
         let (end, ending) = watch::channel(false);
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(system)?;
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
         let pictures = {
             let _within = runtime.enter();
             pictures()
         };
         let pages: Arc<AtomicUsize> = Arc::default();
         let shared = Arc::new(Shared {
-            messages: MessageCache::new(pictures, facts.fps),
-            volume: facts.volume(),
-            facts,
+            messages: MessageCache::new(pictures, info.fps, info.rig.cameras().len()),
+            volume: info.volume(),
+            info,
             follower,
             pages: Arc::clone(&pages),
             programs: Arc::default(),
             access: Access::new(settings.token.clone(), address, settings.origin.clone()),
-            session: random_hex().map_err(FeedError::System)?,
+            session: random_hex()?,
             ending,
         });
         let thread = std::thread::Builder::new().name("feed".into()).spawn(move || {
             runtime.block_on(serve(listener, shared));
-            runtime.shutdown_timeout(LAST_WORDS);
+            runtime.shutdown_timeout(SHUTDOWN_GRACE);
         });
-        Ok(Feed { address, pages, end, thread: Some(thread.map_err(system)?) })
+        Ok(Feed { address, pages, end, thread: Some(thread?) })
     }
 
     /// Where it listens.
@@ -116,7 +118,7 @@ impl Drop for Feed {
     fn drop(&mut self) {
         self.end.send_replace(true);
         if let Some(thread) = self.thread.take() {
-            // A panic of the thread was told on standard error.
+            // A panic of the thread is on standard error already.
             let _ = thread.join();
         }
     }
@@ -133,10 +135,10 @@ fn bind(settings: &FeedSettings) -> Result<std::net::TcpListener, FeedError> {
     bound.map_err(|error| FeedError::Listen { address, error })
 }
 
-/// Everything that is served. Each part brings its own routes.
+/// All routes; each part has its own.
 async fn router(shared: &Arc<Shared>) -> Router {
     let guarded = axum::middleware::from_fn_with_state(Arc::clone(shared), guard);
-    // What no route takes is the page's to answer.
+    // Other paths are the page's.
     let calls: Router<Arc<Shared>> = programs::grpc_routes(shared).await.with_state(());
     let routes = Router::new().merge(page::routes()).merge(programs::json_routes());
     routes.merge(http::routes()).merge(calls).layer(guarded).with_state(Arc::clone(shared))
@@ -145,11 +147,25 @@ async fn router(shared: &Arc<Shared>) -> Router {
 async fn guard(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
     match shared.access.check(request.uri(), request.headers()) {
         Ok(()) => next.run(request).await,
-        Err((status, why)) => (status, why + "\n").into_response(),
+        Err(denied) => (denied.status(), format!("{denied}\n")).into_response(),
+    }
+}
+
+/// Keeps the pictures of the frame at which a paused world stands: its nodes drop them within a quarter of a
+/// second, and a page that joins later must not show the person of another moment.
+async fn keep_frozen_frame(shared: Arc<Shared>) {
+    let mut world = shared.follower.world.clone();
+    while world.changed().await.is_ok() {
+        let frozen = world.borrow_and_update().as_ref().filter(|world| world.paused).map(|world| world.frame);
+        match frozen.flatten() {
+            Some(frame) => shared.messages.freeze(frame).await,
+            None => shared.messages.thaw(),
+        }
     }
 }
 
 async fn serve(listener: std::net::TcpListener, shared: Arc<Shared>) {
+    tokio::spawn(keep_frozen_frame(Arc::clone(&shared)));
     let listener = match TcpListener::from_std(listener) {
         Ok(listener) => CountingListener(listener),
         Err(error) => return tracing::error!("the page cannot be served: {error}"),
@@ -161,19 +177,19 @@ async fn serve(listener: std::net::TcpListener, shared: Arc<Shared>) {
         // An end whose sender is gone is an end.
         let _ = ending.wait_for(|ended| *ended).await;
     });
-    let hurry = async {
+    let deadline = async {
         let _ = ended.wait_for(|ended| *ended).await;
-        tokio::time::sleep(LAST_WORDS).await;
+        tokio::time::sleep(SHUTDOWN_GRACE).await;
     };
     tokio::select! {
         served = serving => if let Err(error) = served { tracing::error!("serving the page failed: {error}") },
-        () = hurry => {}
+        () = deadline => {}
     }
-    let pages_told = async {
+    let pages_closed = async {
         while shared.pages.load(Ordering::Relaxed) > 0 {
             tokio::time::sleep(Duration::from_millis(5)).await;
         }
     };
-    // Pages that do not listen are not waited for.
-    let _ = tokio::time::timeout(LAST_WORDS, pages_told).await;
+    // Pages that do not read are not waited for.
+    let _ = tokio::time::timeout(SHUTDOWN_GRACE, pages_closed).await;
 }

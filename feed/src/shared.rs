@@ -12,15 +12,15 @@ use crate::run_info::{RunInfo, Volume};
 
 /// What every part of the server shares.
 pub(crate) struct Shared {
-    pub facts: RunInfo,
-    /// The facts' own.
+    pub info: RunInfo,
+    /// .
     pub volume: Volume,
     pub follower: Follower,
     pub messages: MessageCache,
     pub access: Access,
-    /// New with every start of a server, so that a page sees that it talks to another run.
+    /// New with every start of a server: a page that connects again notices another run.
     pub session: String,
-    /// How many pages look.
+    /// How many pages are connected.
     pub pages: Arc<AtomicUsize>,
     /// How many programs follow, over JSON or gRPC.
     pub programs: Arc<AtomicUsize>,
@@ -28,11 +28,11 @@ pub(crate) struct Shared {
     pub ending: watch::Receiver<bool>,
 }
 
-/// One of so many places for those who follow, given back when dropped.
+/// One of a bounded number of connections, given back when dropped.
 pub(crate) struct Seat(Arc<AtomicUsize>);
 
 impl Seat {
-    /// A place, if one is free.
+    /// A seat, if one is free.
     pub fn take(taken: &Arc<AtomicUsize>, most: usize) -> Option<Seat> {
         let before = taken.fetch_add(1, Ordering::AcqRel);
         let seat = Seat(Arc::clone(taken));

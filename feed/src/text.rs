@@ -1,9 +1,10 @@
-//! The feed's texts: JSON objects with an `"op"`, one a message.
+//! The feed's text messages: JSON objects with an `"op"`.
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use coordinator::live::{BodyLook, CameraStatus, Done, RunStatus, SceneState};
 use proto::convert::{SilhouetteEncoding, silhouette_data};
+use proto::text::{MAX_MESSAGE_CHARS, clean};
 use serde_json::{Value, json};
 use sim::{Scene, Solid};
 
@@ -14,19 +15,19 @@ use hull::{Camera, Silhouette};
 /// The version of the format.
 pub const VERSION: u8 = 1;
 
-/// What a page hears first. `volume` is that of the facts, found once: that takes a while.
-pub fn hello(facts: &RunInfo, volume: &Volume, session: &str, is_controller: bool) -> String {
-    let rule = facts.probes.rule();
-    let cameras = facts.rig.cameras().iter().zip(&facts.ignored);
+/// The first message to a page. `volume` is the info's own, which takes a while to find.
+pub fn hello(info: &RunInfo, volume: &Volume, session: &str, is_controller: bool) -> String {
+    let rule = info.probes.rule();
+    let cameras = info.rig.cameras().iter().zip(&info.ignored);
     json!({
         "op": "hello",
         "version": VERSION,
         "program": env!("CARGO_PKG_VERSION"),
         "session": session,
         "controller": is_controller,
-        "fps": facts.fps,
-        "dt_s": facts.step_s,
-        "latency_s": facts.latency_s,
+        "fps": info.fps,
+        "dt_s": info.step_s,
+        "latency_s": info.latency_s,
         "cameras": cameras.map(|(known, ignored)| camera(known, ignored.as_ref())).collect::<Vec<_>>(),
         "rule": {
             "min_views": rule.min_views,
@@ -35,13 +36,13 @@ pub fn hello(facts: &RunInfo, volume: &Volume, session: &str, is_controller: boo
                 OutOfView::Abstain => "abstain",
             },
         },
-        "up": facts.up,
-        "floor_m": facts.floor_m,
+        "up": info.up,
+        "floor_m": info.floor_m,
         "volume": {"low": volume.low_m, "high": volume.high_m},
         "scenes": Scene::names().collect::<Vec<_>>(),
-        "responses": [facts.response.name(), "off"],
-        "colour": facts.has_colour,
-        "replay": facts.is_replay,
+        "responses": [info.response.name(), "off"],
+        "colour": info.has_colour,
+        "replay": info.is_replay,
     })
     .to_string()
 }
@@ -117,22 +118,22 @@ pub fn shape(solid: &Solid) -> Value {
     }
 }
 
-/// What a page's own connection does.
+/// The figures of a page's own connection.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FeedStatus {
     /// Bytes sent to this page a second, over the last quarter.
     pub bytes_per_s: f64,
     /// Frame sets sent to it.
     pub sent: u64,
-    /// Frame sets that it could not take.
+    /// Frame sets that were left out because it could not take them.
     pub dropped: u64,
-    /// What it gets of the colours.
+    /// The tier of its colours.
     pub tier: &'static str,
     /// Pages that are connected.
     pub pages: usize,
 }
 
-/// How the run does, and the page's own connection.
+/// The figures of the run and of the page's own connection.
 pub fn status(status: Option<&RunStatus>, is_paused: bool, feed: &FeedStatus) -> String {
     let mut object = json!({
         "op": "status",
@@ -185,7 +186,7 @@ fn camera_status(camera: &CameraStatus) -> Value {
     })
 }
 
-/// What a command did.
+/// The answer to a command that was applied.
 pub fn done(id: u64, done: Done) -> String {
     match done {
         Done::Done => json!({"op": "done", "id": id}),
@@ -194,14 +195,19 @@ pub fn done(id: u64, done: Done) -> String {
     .to_string()
 }
 
-/// Why a command did nothing.
-pub fn refused(id: u64, why: &str) -> String {
-    json!({"op": "refused", "id": id, "why": why}).to_string()
+/// The answer to a command that was refused, or to a message without a number.
+pub fn refused(id: Option<u64>, why: &str) -> String {
+    let why = clean(why, MAX_MESSAGE_CHARS);
+    match id {
+        Some(id) => json!({"op": "refused", "id": id, "why": why}),
+        None => json!({"op": "refused", "why": why}),
+    }
+    .to_string()
 }
 
-/// The last word before the server closes on purpose.
+/// The last message before the server closes on purpose.
 pub fn bye(why: &str) -> String {
-    json!({"op": "bye", "why": why}).to_string()
+    json!({"op": "bye", "why": clean(why, MAX_MESSAGE_CHARS)}).to_string()
 }
 
 #[cfg(test)]
@@ -211,13 +217,13 @@ mod tests {
 
     #[test]
     fn a_camera_says_which_pixels_it_ignores_as_the_runs_of_a_silhouette() {
-        let mut facts = ring(3, OutOfView::Outside);
+        let mut info = ring(3, OutOfView::Outside);
         // Columns 3 to 5 of row 1, and nothing else.
         let mut mask = vec![0; 100 * 100];
         mask[103..106].fill(1);
-        facts.ignored[1] = Some(Silhouette::from_mask(100, 100, &mask).expect("a mask"));
-        facts.ignored[2] = Some(Silhouette::from_mask(100, 100, &[0; 100 * 100]).expect("a mask"));
-        let text = hello(&facts, &facts.volume(), "a session", false);
+        info.ignored[1] = Some(Silhouette::from_mask(100, 100, &mask).expect("a mask"));
+        info.ignored[2] = Some(Silhouette::from_mask(100, 100, &[0; 100 * 100]).expect("a mask"));
+        let text = hello(&info, &info.volume(), "a session", false);
         let told: Value = serde_json::from_str(&text).expect("JSON");
         let cameras = told["cameras"].as_array().expect("a list");
         assert!(cameras[0].get("ignored").is_none(), "no mask, no word of it");

@@ -2,8 +2,6 @@
 
 mod common;
 
-use std::sync::atomic::Ordering;
-
 use common::*;
 use coordinator::live::Command;
 use feed::pictures::PictureKind;
@@ -233,31 +231,6 @@ async fn pages_beyond_the_bound_are_turned_away() {
     pages.pop().expect("a page").abort();
     until("a place is free", || run.feed.pages() < 64).await;
     connect(&url).await.expect("there is a place again");
-}
-
-#[tokio::test]
-async fn a_page_that_comes_while_all_stands_still_sees_what_there_is() {
-    let run = Run::start();
-    run.publish_world(Some(7), true);
-    run.studio.oldest.store(50, Ordering::SeqCst);
-    run.studio.newest.store(60, Ordering::SeqCst);
-    let mut page = run.viewer().await;
-    let (mut world, mut set) = (None, None);
-    while world.is_none() || set.is_none() {
-        if let Heard::Binary(bytes) = page.hear().await {
-            match bytes[4] {
-                1 => set = Some(frame_of(&bytes)),
-                _ => world = Some(u32_at(&bytes, 20)),
-            }
-        }
-    }
-    assert_eq!(world, Some(1), "paused");
-    assert_eq!(set, Some(60), "frame 7 is gone: the newest");
-    // Its own frame stays; the image behind a camera's view is of what is filmed now.
-    page.say(json!({"op": "want", "image_of": "cam_1"})).await;
-    let image = page.hear_kind(3).await;
-    assert_eq!((frame_of(&image), u16_at(&image, 48)), (60, 1));
-    assert_eq!(page.hear_op("status").await["feed"]["dropped"], json!(0), "film that went by is not missed");
 }
 
 #[tokio::test]

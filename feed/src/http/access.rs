@@ -1,7 +1,7 @@
 //! Who may look and who may steer.
 //!
-//! Everybody who reaches the port may look. Whoever knows the token may steer. A page of another site in a
-//! browser on this machine reaches loopback ports too, and by a name that its owner points here (DNS
+//! Everybody who reaches the port may look; a client with the token may steer. A page of another site, in a
+//! browser on this machine, reaches loopback ports too, and by a name that its owner points here (DNS
 //! rebinding) even as its own: so on a loopback port only loopback names are answered, and WebSockets only
 //! for pages of this very server.
 
@@ -9,30 +9,31 @@ use std::fmt;
 use std::net::SocketAddr;
 
 use axum::http::{HeaderMap, StatusCode, Uri, header};
+use proto::text::clean;
+use thiserror::Error;
 
-/// What lets its holder steer.
+/// The secret that lets its holder steer.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Token(String);
 
 /// The longest token, bytes: it is part of an address.
 const MAX_TOKEN_BYTES: usize = 128;
+/// The most characters of a header that an answer repeats.
+const MAX_SHOWN_CHARS: usize = 100;
 
 impl Token {
-    /// A token of somebody's choice: 8 to 128 letters, digits, `-`, `_`, `.` or `~`, which stand in an address
+    /// A chosen token: 8 to 128 letters, digits, `-`, `_`, `.` or `~`, which stand in an address
     /// as they are.
-    pub fn new(text: &str) -> Result<Token, String> {
+    pub fn new(text: &str) -> Result<Token, TokenError> {
         let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-_.~".contains(&byte);
         if !(8..=MAX_TOKEN_BYTES).contains(&text.len()) || !text.bytes().all(is_plain) {
-            let found = text.len();
-            return Err(format!(
-                "a token of {found} bytes, expected 8 to {MAX_TOKEN_BYTES} letters, digits or any of -_.~"
-            ));
+            return Err(TokenError { found_bytes: text.len() });
         }
         Ok(Token(text.into()))
     }
 
     /// A token that nobody can guess.
-    pub fn random() -> Result<Token, String> {
+    pub fn random() -> Result<Token, RandomError> {
         random_hex().map(Token)
     }
 
@@ -41,7 +42,7 @@ impl Token {
         &self.0
     }
 
-    /// Whether somebody's text is this token; takes the same time whatever it is.
+    /// Whether a text is this token; takes the same time whatever it is.
     pub fn is(&self, text: &str) -> bool {
         // Hashes compare in constant time, and of the same length.
         blake3::hash(self.0.as_bytes()) == blake3::hash(text.as_bytes())
@@ -54,6 +55,36 @@ impl fmt::Debug for Token {
     }
 }
 
+/// A text that is no token.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("a token of {found_bytes} bytes, expected 8 to {MAX_TOKEN_BYTES} letters, digits or any of -_.~")]
+pub struct TokenError {
+    found_bytes: usize,
+}
+
+/// A text that is no origin.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("{found:?}, expected https://HOST or https://HOST:PORT")]
+pub struct OriginError {
+    found: String,
+}
+
+/// Why the system gave no random bytes.
+#[derive(Debug, Error)]
+pub enum RandomError {
+    /// It gave fewer than asked for.
+    #[error("the system gave {found} random bytes, expected {expected}")]
+    Few {
+        /// So many.
+        found: usize,
+        /// Instead of so many.
+        expected: usize,
+    },
+    /// It refused.
+    #[error("the system gives no random bytes: {0}")]
+    System(std::io::Error),
+}
+
 /// Where pages come from: `https://host` or `https://host:port`, or with `http`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Origin {
@@ -62,15 +93,15 @@ pub struct Origin {
 }
 
 impl Origin {
-    /// An origin as browsers tell it.
-    pub fn new(text: &str) -> Result<Origin, String> {
+    /// An origin as browsers send it.
+    pub fn new(text: &str) -> Result<Origin, OriginError> {
         let authority = text.strip_prefix("https://").or_else(|| text.strip_prefix("http://"));
         let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-.:[]".contains(&byte);
         match authority {
             Some(authority) if !authority.is_empty() && authority.bytes().all(is_plain) => {
                 Ok(Origin { authority: authority.into(), text: text.into() })
             }
-            _ => Err(format!("{text:?}, expected https://HOST or https://HOST:PORT")),
+            _ => Err(OriginError { found: text.into() }),
         }
     }
 
@@ -80,23 +111,40 @@ impl Origin {
 }
 
 /// 128 bits from the system, as hexadecimal digits.
-pub(crate) fn random_hex() -> Result<String, String> {
+pub(crate) fn random_hex() -> Result<String, RandomError> {
     let mut bytes = [0u8; 16];
     let got = rustix::rand::getrandom(&mut bytes, rustix::rand::GetRandomFlags::empty());
     match got {
         Ok(length) if length == bytes.len() => Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect()),
-        Ok(length) => Err(format!("the system gave {length} random bytes, expected {}", bytes.len())),
-        Err(error) => Err(format!("the system gives no random bytes: {error}")),
+        Ok(found) => Err(RandomError::Few { found, expected: bytes.len() }),
+        Err(error) => Err(RandomError::System(error.into())),
     }
 }
 
-/// Decides about requests.
+/// Decides which requests are answered, and who may steer.
 #[derive(Clone, Debug)]
 pub(crate) struct Access {
     token: Token,
     is_loopback: bool,
     /// Where a proxy shows this server.
     origin: Option<Origin>,
+}
+
+/// Why a request is not answered.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub(crate) enum Denied {
+    #[error("no Host, expected one")]
+    NoHost,
+    #[error("Host is {0:?}, expected localhost or a loopback address")]
+    Host(String),
+    #[error("Origin is {0:?}, expected a page of this server")]
+    Origin(String),
+}
+
+impl Denied {
+    pub fn status(&self) -> StatusCode {
+        if *self == Denied::NoHost { StatusCode::BAD_REQUEST } else { StatusCode::FORBIDDEN }
+    }
 }
 
 impl Access {
@@ -109,19 +157,16 @@ impl Access {
         token.is_some_and(|token| self.token.is(token))
     }
 
-    /// Refuses requests that a browser makes for somebody else.
-    pub fn check(&self, uri: &Uri, headers: &HeaderMap) -> Result<(), (StatusCode, String)> {
-        let refused = |why: String| Err((StatusCode::FORBIDDEN, why));
+    /// Refuses requests that a browser makes for a page of another site.
+    pub fn check(&self, uri: &Uri, headers: &HeaderMap) -> Result<(), Denied> {
         let text =
             |name| headers.get(name).map(|value| String::from_utf8_lossy(value.as_bytes()).into_owned());
         // HTTP/2 has it in the address.
         let asked = uri.authority().map(ToString::to_string).or_else(|| text(header::HOST));
-        let Some(asked) = asked else {
-            return Err((StatusCode::BAD_REQUEST, "no Host, expected one".into()));
-        };
+        let asked = asked.ok_or(Denied::NoHost)?;
         let is_shown = self.origin.as_ref().is_some_and(|origin| origin.is_host(&asked));
         if self.is_loopback && !is_shown && !is_loopback_name(host_of(&asked)) {
-            return refused(format!("Host is {asked:?}, expected localhost or a loopback address"));
+            return Err(Denied::Host(clean(&asked, MAX_SHOWN_CHARS)));
         }
         let Some(origin) = text(header::ORIGIN) else { return Ok(()) };
         let from = origin.split_once("://").map_or("", |(_, rest)| rest);
@@ -132,7 +177,7 @@ impl Access {
         if is_own || is_near {
             return Ok(());
         }
-        refused(format!("Origin is {origin:?}, expected a page of this server"))
+        Err(Denied::Origin(clean(&origin, MAX_SHOWN_CHARS)))
     }
 }
 
@@ -191,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn a_proxy_that_was_told_of_may_ask_in_its_own_name() {
+    fn a_configured_proxy_may_ask_in_its_own_name() {
         let behind =
             |host, origin| check_behind(Some("https://studio.example"), "127.0.0.1:8470", host, Some(origin));
         // Some proxies keep the Host, some put their own there.

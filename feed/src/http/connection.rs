@@ -1,4 +1,4 @@
-//! Connections that count what their peer takes.
+//! Connections that count the bytes sent to their peer.
 
 use std::io;
 use std::net::SocketAddr;
@@ -12,7 +12,7 @@ use axum::serve::{IncomingStream, Listener};
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::{TcpListener, TcpStream};
 
-/// What the kernel keeps for a peer that reads slowly, bytes: beyond, what is sent would be old when it comes.
+/// Bytes that the kernel buffers for a slow peer: more would be old when it arrives.
 /// A page in the same building takes hundreds of megabits a second through so much.
 const SEND_BUFFER_BYTES: usize = 128 << 10;
 

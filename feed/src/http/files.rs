@@ -4,6 +4,7 @@ use axum::Router;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
+use proto::text::clean;
 
 /// The built page.
 #[derive(rust_embed::RustEmbed)]
@@ -18,7 +19,7 @@ const HASHED: &str = "assets/";
 const POLICY: &str = "default-src 'self'; connect-src 'self' ws: wss:; img-src 'self' data: blob:; \
     style-src 'self' 'unsafe-inline'; worker-src 'self' blob:; base-uri 'none'; frame-ancestors 'none'";
 
-/// Everything that no other route takes.
+/// Answers every path that has no other route.
 pub(crate) fn routes<S: Clone + Send + Sync + 'static>() -> Router<S> {
     Router::new().fallback_service(get(serve))
 }
@@ -27,7 +28,7 @@ async fn serve(uri: Uri, headers: HeaderMap) -> Response {
     let path = uri.path().trim_start_matches('/');
     let path = if path.is_empty() { INDEX } else { path };
     let Some(file) = Files::get(path) else {
-        return (StatusCode::NOT_FOUND, format!("no {path:?} here\n")).into_response();
+        return (StatusCode::NOT_FOUND, format!("no {:?} here\n", clean(path, 100))).into_response();
     };
     let hash = file.metadata.sha256_hash();
     let tag: String = hash[..16].iter().map(|byte| format!("{byte:02x}")).collect();

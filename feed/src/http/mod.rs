@@ -5,6 +5,6 @@ mod connection;
 mod files;
 
 pub(crate) use access::{Access, random_hex};
-pub use access::{Origin, Token};
+pub use access::{Origin, OriginError, RandomError, Token, TokenError};
 pub(crate) use connection::{BytesSent, CountingListener};
 pub(crate) use files::routes;

@@ -1,16 +1,17 @@
-//! What a page says.
+//! The messages of a page.
 
-use serde_json::{Map, Value};
+use std::ops::RangeInclusive;
+
+use serde_json::Value;
 
 use crate::commands::{self, Request};
+use crate::fields::{Fields, InputError, object, wrong};
 use crate::tier::Tier;
 
-/// The highest rates that a page may ask for, a second.
-const MAX_FPS: f64 = 240.0;
-const MAX_STATE_HZ: f64 = 240.0;
-const MAX_THUMBNAILS_HZ: f64 = 5.0;
-/// Whoever wants some wants one in ten seconds at least.
-const LEAST_HZ: f64 = 0.1;
+/// Rates that a page may ask for, a second, if it wants any.
+const FPS: RangeInclusive<f64> = 0.1..=240.0;
+const STATE_HZ: RangeInclusive<f64> = 0.1..=240.0;
+const THUMBNAILS_HZ: RangeInclusive<f64> = 0.1..=5.0;
 
 /// What a page wants to see.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,63 +55,52 @@ pub(crate) enum Incoming {
     Command(Request),
 }
 
-/// Reads a text; `want` is what the page wanted so far, of which it may change parts. The error is one line.
-pub(crate) fn parse(text: &str, want: &Want) -> Result<Incoming, String> {
-    let value: Value = serde_json::from_str(text).map_err(|error| format!("no JSON: {error}"))?;
-    let Value::Object(object) = value else { return Err("no JSON object, expected one with \"op\"".into()) };
+/// Reads a text; `want` is what the page wanted so far, of which it may change parts.
+pub(crate) fn parse(text: &str, want: &Want) -> Result<Incoming, InputError> {
+    let object = object(text)?;
+    let fields = |of| Fields { object: &object, of };
     match object.get("op").and_then(Value::as_str) {
-        Some("want") => change(want.clone(), &object).map(Incoming::Want),
-        Some("shown") => {
-            let seq = object.get("seq").and_then(Value::as_u64).and_then(|seq| u32::try_from(seq).ok());
-            seq.map(Incoming::Shown).ok_or_else(|| wrong("shown.seq", object.get("seq"), "a frame set's seq"))
-        }
+        Some("want") => changed(want, &fields("want")).map(Incoming::Want),
+        Some("shown") => Ok(Incoming::Shown(fields("shown").whole("seq", 0..=u32::MAX.into())? as u32)),
         Some("command") => commands::parse(&object).map(Incoming::Command),
-        _ => Err(wrong("op", object.get("op"), "\"want\", \"shown\" or \"command\"")),
+        _ => Err(wrong("op", object.get("op").unwrap_or(&Value::Null), "\"want\", \"shown\" or \"command\"")),
     }
 }
 
-fn change(mut want: Want, object: &Map<String, Value>) -> Result<Want, String> {
-    for (key, value) in object {
-        let rate = |most: f64| {
-            let found = value.as_f64().filter(|&rate| rate == 0.0 || (LEAST_HZ..=most).contains(&rate));
-            found.ok_or_else(|| {
-                wrong(&format!("want.{key}"), Some(value), &format!("0, or {LEAST_HZ} to {most}"))
-            })
-        };
-        let truth =
-            || value.as_bool().ok_or_else(|| wrong(&format!("want.{key}"), Some(value), "true or false"));
-        match key.as_str() {
-            "op" => {}
-            "colour" => {
-                want.colour = value.as_str().and_then(Tier::from_name).ok_or_else(|| {
-                    wrong("want.colour", Some(value), "\"full\", \"half\", \"quarter\" or \"off\"")
-                })?;
-            }
-            "fps" => want.fps = rate(MAX_FPS)?,
-            "state_hz" => want.state_hz = rate(MAX_STATE_HZ)?,
-            "thumbnails_hz" => want.thumbnails_hz = rate(MAX_THUMBNAILS_HZ)?,
-            "touches" => want.touches = truth()?,
-            "silhouettes" => want.silhouettes = truth()?,
-            "image_of" => {
-                want.image_of = match value {
-                    Value::Null => None,
-                    Value::String(name) => Some(name.clone()),
-                    other => return Err(wrong("want.image_of", Some(other), "a camera's name or null")),
-                };
-            }
-            other => {
-                let known = "colour, fps, state_hz, touches, thumbnails_hz, image_of or silhouettes";
-                return Err(format!("want.{} is unknown, expected {known}", commands::short(&other.into())));
-            }
-        }
-    }
-    Ok(want)
+fn changed(want: &Want, fields: &Fields<'_>) -> Result<Want, InputError> {
+    fields.only(
+        &["colour", "fps", "state_hz", "touches", "thumbnails_hz", "image_of", "silhouettes"],
+        &["op"],
+    )?;
+    let tier = |fields: &Fields<'_>, key: &str| {
+        let tier = |value: &Value| value.as_str().and_then(Tier::from_name);
+        fields.read(key, "\"full\", \"half\", \"quarter\" or \"off\"", tier)
+    };
+    let name = |fields: &Fields<'_>, key: &str| {
+        fields.read(key, "a camera's name or null", |value| match value {
+            Value::Null => Some(None),
+            Value::String(name) => Some(Some(name.clone())),
+            _ => None,
+        })
+    };
+    Ok(Want {
+        colour: fields.optional("colour", tier)?.unwrap_or(want.colour),
+        fps: fields.optional("fps", rate(FPS))?.unwrap_or(want.fps),
+        state_hz: fields.optional("state_hz", rate(STATE_HZ))?.unwrap_or(want.state_hz),
+        touches: fields.optional("touches", Fields::truth)?.unwrap_or(want.touches),
+        thumbnails_hz: fields.optional("thumbnails_hz", rate(THUMBNAILS_HZ))?.unwrap_or(want.thumbnails_hz),
+        image_of: fields.optional("image_of", name)?.unwrap_or_else(|| want.image_of.clone()),
+        silhouettes: fields.optional("silhouettes", Fields::truth)?.unwrap_or(want.silhouettes),
+    })
 }
 
-fn wrong(key: &str, found: Option<&Value>, expected: &str) -> String {
-    match found {
-        Some(found) => format!("{key} is {}, expected {expected}", commands::short(found)),
-        None => format!("{key} is missing, expected {expected}"),
+/// Reads a rate within bounds, or none.
+fn rate(allowed: RangeInclusive<f64>) -> impl Fn(&Fields<'_>, &str) -> Result<f64, InputError> {
+    move |fields, key| {
+        let expected = format!("0, or {} to {}", allowed.start(), allowed.end());
+        fields.read(key, &expected, |value| {
+            value.as_f64().filter(|rate| *rate == 0.0 || allowed.contains(rate))
+        })
     }
 }
 
@@ -131,21 +121,21 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_message_is_told_why_in_one_line() {
+    fn an_invalid_message_is_answered_by_one_line_that_says_why() {
         for (text, expected) in [
             ("hello", "no JSON: "),
-            ("[]", "no JSON object, expected one with \"op\""),
-            ("{}", "op is missing, expected \"want\", \"shown\" or \"command\""),
+            ("[]", "message is [], expected an object with \"op\""),
+            ("{}", "op is null, expected \"want\", \"shown\" or \"command\""),
             (r#"{"op":"dance"}"#, "op is \"dance\", expected "),
             (r#"{"op":"want","fps":-1}"#, "want.fps is -1, expected 0, or 0.1 to 240"),
             (r#"{"op":"want","state_hz":1e-300}"#, "want.state_hz is 1e-300, expected 0, or 0.1 to 240"),
             (r#"{"op":"want","thumbnails_hz":9}"#, "want.thumbnails_hz is 9, expected 0, or 0.1 to 5"),
             (r#"{"op":"want","colour":"best"}"#, "want.colour is \"best\", expected \"full\""),
-            (r#"{"op":"want","size":1}"#, "want.\"size\" is unknown, expected colour"),
-            (r#"{"op":"shown","seq":-1}"#, "shown.seq is -1, expected a frame set's seq"),
+            (r#"{"op":"want","size":1}"#, "want.size is unknown, expected colour"),
+            (r#"{"op":"shown","seq":-1}"#, "shown.seq is -1, expected a whole number from 0 to 4294967295"),
             (r#"{"op":"command","command":"pause"}"#, "command.id is missing"),
         ] {
-            let error = parse(text, &Want::default()).expect_err("refused");
+            let error = parse(text, &Want::default()).expect_err("refused").to_string();
             assert!(error.starts_with(expected) && !error.contains('\n'), "{text}: {error}");
         }
     }

@@ -3,7 +3,6 @@
 mod frames;
 mod incoming;
 mod link;
-mod orders;
 mod outbox;
 mod socket;
 mod state;

@@ -1,4 +1,4 @@
-//! What one page has, wants and may get, and whether it still reads.
+//! The state of one page: what it wants, what it may get, and whether it still reads.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -6,13 +6,14 @@ use std::time::{Duration, Instant};
 
 use coordinator::live::{Follower, Watching};
 
-use super::frames::{Newest, PageFrames};
+use super::frames::{PageFrames, WorldFrame};
 use super::incoming::{self, Incoming, Want};
 use super::link::Link;
-use super::orders::Orders;
 use super::outbox::Outbox;
 use super::{STATUS_EVERY, WRITE_TIMEOUT};
+use crate::fields::wrong;
 use crate::http::BytesSent;
+use crate::orders::Orders;
 use crate::shared::Shared;
 use crate::text::{self, FeedStatus};
 
@@ -65,9 +66,10 @@ impl Page {
         follower.world.mark_changed();
         follower.scene.mark_changed();
         let watching = follower.watch();
-        let orders = Orders::new(follower.clone(), is_controller);
+        let refusal = (!is_controller).then_some("open the page with its token");
+        let orders = Orders::new(follower.clone(), refusal);
         let now = Instant::now();
-        let want = Want { fps: shared.facts.fps, ..Want::default() };
+        let want = Want { fps: shared.info.fps, ..Want::default() };
         Page {
             link: Link::new(want.colour),
             frames: PageFrames::new(Arc::clone(&shared)),
@@ -92,8 +94,8 @@ impl Page {
     /// The first words.
     pub fn begin(&mut self) {
         let hello = {
-            let Shared { facts, volume, session, .. } = &*self.shared;
-            text::hello(facts, volume, session, self.is_controller)
+            let Shared { info, volume, session, .. } = &*self.shared;
+            text::hello(info, volume, session, self.is_controller)
         };
         self.outbox.text(hello);
     }
@@ -126,7 +128,7 @@ impl Page {
             }
             // There is room for a frame now.
             () = outbox.drained() => None,
-            _ = ending.wait_for(|ended| *ended) => Some(Verdict::Bye(shared.facts.end().into())),
+            _ = ending.wait_for(|ended| *ended) => Some(Verdict::Bye(shared.info.end().into())),
         }
     }
 
@@ -149,20 +151,19 @@ impl Page {
                 None
             }
             Ok(Incoming::Command(request)) => {
-                let refusal = self.orders.take(request);
+                let refusal = self.orders.order(request);
                 refusal.and_then(|refusal| self.tell(refusal))
             }
-            Err(why) => Some(Verdict::Bye(why)),
+            Err(why) => Some(Verdict::Bye(why.to_string())),
         }
     }
 
     fn change(&mut self, want: Want) -> Option<Verdict> {
         if let Some(name) = &want.image_of
-            && self.shared.facts.rig.index_of(name).is_none()
+            && self.shared.info.rig.index_of(name).is_none()
         {
-            return Some(Verdict::Bye(format!(
-                "want.image_of is {name:?}, expected a camera's name or null"
-            )));
+            let wrong = wrong("want.image_of", &name.as_str().into(), "a camera's name or null");
+            return Some(Verdict::Bye(wrong.to_string()));
         }
         self.link.ask(want.colour);
         if want != self.want {
@@ -206,7 +207,7 @@ impl Page {
     pub fn pull_frame(&mut self) {
         let newest = {
             let world = self.follower.world.borrow();
-            world.as_ref().and_then(|world| Some(Newest { frame: world.frame?, is_paused: world.paused }))
+            world.as_ref().and_then(|world| Some(WorldFrame { frame: world.frame?, is_paused: world.paused }))
         };
         // On a slow link a second frame set would only queue behind the first.
         let has_room = self.is_quick || self.outbox.frame_waits().is_none();

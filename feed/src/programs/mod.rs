@@ -1,10 +1,10 @@
-//! What programs use: the world as JSON, over gRPC and as Open Sound Control.
+//! Interfaces for programs: the world as JSON, over gRPC and as Open Sound Control.
 
 mod osc;
 mod state_socket;
 mod ticks;
 mod world_service;
 
-pub use osc::Osc;
+pub use osc::{Osc, OscError};
 pub(crate) use state_socket::routes as json_routes;
 pub(crate) use world_service::routes as grpc_routes;

@@ -1,8 +1,8 @@
 //! The world as Open Sound Control over UDP, for the tools of installations: a bundle a tick to one address.
 //!
 //! Each bundle begins with `/hulltouch/world` and holds whole bodies; a world of many bodies takes several
-//! bundles a tick, so that none is larger than networks carry in a piece or two. What cannot be sent is counted
-//! and told.
+//! bundles a tick, so that none is larger than networks carry in a piece or two. Bundles that cannot be sent are
+//! counted and logged.
 
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::mpsc::{RecvTimeoutError, SyncSender, sync_channel};
@@ -11,15 +11,24 @@ use std::time::{Duration, Instant};
 
 use coordinator::live::{BodyState, Follower, SceneState, WorldState};
 use rosc::{OscBundle, OscMessage, OscPacket, OscTime, OscType};
+use thiserror::Error;
 
 /// Ticks a second.
 const RATE_HZ: f64 = 60.0;
 /// No bundle is larger, bytes: many receivers read into 8 KiB.
 const MAX_BUNDLE_BYTES: usize = 8000;
-/// Bundles that could not be sent are told this often.
-const TELL_EVERY: Duration = Duration::from_secs(10);
+/// Bundles that could not be sent are logged this often.
+const LOG_EVERY: Duration = Duration::from_secs(10);
 /// "At once": bundles are for now, and clocks of machines differ.
 const IMMEDIATELY: OscTime = OscTime { seconds: 0, fractional: 1 };
+
+/// Why nothing can be sent.
+#[derive(Debug, Error)]
+#[error("cannot send to {to}: {error}")]
+pub struct OscError {
+    to: SocketAddr,
+    error: std::io::Error,
+}
 
 /// Sends until it is dropped, or the run ends, on a thread of its own.
 #[derive(Debug)]
@@ -29,15 +38,15 @@ pub struct Osc {
 }
 
 impl Osc {
-    /// Begins to send a run's world to an address; the error is one line.
-    pub fn start(to: SocketAddr, follower: Follower) -> Result<Osc, String> {
+    /// Begins to send a run's world to an address.
+    pub fn start(to: SocketAddr, follower: Follower) -> Result<Osc, OscError> {
         let any = if to.is_ipv4() { "0.0.0.0:0" } else { "[::]:0" };
-        let said = |error: std::io::Error| format!("cannot send to {to}: {error}");
-        let socket = UdpSocket::bind(any).map_err(said)?;
-        socket.connect(to).map_err(said)?;
+        let failed = |error| OscError { to, error };
+        let socket = UdpSocket::bind(any).map_err(failed)?;
+        socket.connect(to).map_err(failed)?;
         let (end, ended) = sync_channel(0);
         let thread = std::thread::Builder::new().name("osc".into()).spawn(move || {
-            let mut unsent = Unsent { to, count: 0, told: None };
+            let mut unsent = Unsent { to, count: 0, logged: None };
             let _watching = follower.watch();
             let mut due = Instant::now();
             loop {
@@ -46,7 +55,7 @@ impl Osc {
                 let is_over =
                     waited != Err(RecvTimeoutError::Timeout) || follower.world.has_changed().is_err();
                 if is_over {
-                    return unsent.tell();
+                    return unsent.log();
                 }
                 let (world, scene) = (follower.world.borrow().clone(), follower.scene.borrow().clone());
                 let Some(world) = world else { continue };
@@ -57,7 +66,7 @@ impl Osc {
                 }
             }
         });
-        Ok(Osc { end: Some(end), thread: Some(thread.map_err(said)?) })
+        Ok(Osc { end: Some(end), thread: Some(thread.map_err(failed)?) })
     }
 }
 
@@ -65,7 +74,7 @@ impl Drop for Osc {
     fn drop(&mut self) {
         drop(self.end.take());
         if let Some(thread) = self.thread.take() {
-            // A panic of the thread was told on standard error.
+            // A panic of the thread is on standard error already.
             let _ = thread.join();
         }
     }
@@ -75,19 +84,19 @@ impl Drop for Osc {
 struct Unsent {
     to: SocketAddr,
     count: u64,
-    told: Option<Instant>,
+    logged: Option<Instant>,
 }
 
 impl Unsent {
     fn add(&mut self, why: &std::io::Error) {
         self.count += 1;
-        if self.told.is_none_or(|told| told.elapsed() > TELL_EVERY) {
-            self.told = Some(Instant::now());
+        if self.logged.is_none_or(|logged| logged.elapsed() > LOG_EVERY) {
+            self.logged = Some(Instant::now());
             tracing::warn!("OSC to {}: {} bundles not sent so far: {why}", self.to, self.count);
         }
     }
 
-    fn tell(&self) {
+    fn log(&self) {
         if self.count > 0 {
             tracing::warn!("OSC to {}: {} bundles were not sent", self.to, self.count);
         }

@@ -1,6 +1,5 @@
-//! The world as JSON over a WebSocket, for programs: a text message a tick, commands the other way.
+//! The world as JSON over a WebSocket: a text message a tick, commands the other way.
 
-use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -10,24 +9,25 @@ use axum::extract::{Query, State};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
-use coordinator::live::{BodyId, Command, SceneState, WorldState};
+use coordinator::live::{BodyId, SceneState, WorldState};
 use serde::Deserialize;
-use serde_json::{Value, json};
-use tokio::sync::watch;
+use serde_json::json;
+use tokio::time::timeout;
 
 use super::ticks::{DEFAULT_RATE_HZ, MAX_PROGRAMS, Ticks};
+use crate::orders::Orders;
 use crate::shared::{Seat, Shared};
-use crate::{commands, text};
+use crate::{commands, fields, text};
 
-/// The longest message a program may send, bytes: a convex hull of 256 points fits.
+/// The longest message of a program, bytes: a convex hull of 256 points fits.
 const MAX_MESSAGE_BYTES: usize = 64 << 10;
 /// A program whose socket takes nothing for so long is dropped.
-const PATIENCE: Duration = Duration::from_secs(5);
+const WRITE_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// What stands in the address.
+/// The query of the address.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Asked {
+struct SocketQuery {
     rate: Option<f64>,
     token: Option<String>,
 }
@@ -38,110 +38,69 @@ pub(crate) fn routes() -> Router<Arc<Shared>> {
 
 async fn open(
     State(shared): State<Arc<Shared>>,
-    Query(asked): Query<Asked>,
+    Query(query): Query<SocketQuery>,
     upgrade: WebSocketUpgrade,
 ) -> Response {
     let Some(seat) = Seat::take(&shared.programs, MAX_PROGRAMS) else {
         let why = format!("{MAX_PROGRAMS} programs follow already, expected fewer\n");
         return (StatusCode::SERVICE_UNAVAILABLE, why).into_response();
     };
-    let ticks = match Ticks::new(&shared.follower, asked.rate.unwrap_or(DEFAULT_RATE_HZ)) {
+    let ticks = match Ticks::new(&shared.follower, query.rate.unwrap_or(DEFAULT_RATE_HZ)) {
         Ok(ticks) => ticks,
-        Err(why) => return (StatusCode::BAD_REQUEST, why + "\n").into_response(),
+        Err(why) => return (StatusCode::BAD_REQUEST, format!("{why}\n")).into_response(),
     };
-    let may_steer = shared.access.may_steer(asked.token.as_deref());
+    let may_steer = shared.access.may_steer(query.token.as_deref());
+    let refusal = (!may_steer).then_some("add ?token= to the address");
     let upgrade = upgrade.max_message_size(MAX_MESSAGE_BYTES).max_frame_size(MAX_MESSAGE_BYTES);
-    upgrade.on_upgrade(move |socket| async move {
-        let program = Program { shared, may_steer, generation: 0, held: BTreeSet::new() };
-        program.serve(socket, ticks).await;
+    upgrade.on_upgrade(async move |socket| {
+        let mut orders = Orders::new(shared.follower.clone(), refusal);
+        serve(socket, &shared, ticks, &mut orders).await;
+        orders.end();
         drop(seat);
     })
 }
 
-/// One program that is connected.
-struct Program {
-    shared: Arc<Shared>,
-    may_steer: bool,
-    /// The world's, when it was last seen.
-    generation: u32,
-    /// Bodies of that world that it holds: let go when it goes.
-    held: BTreeSet<BodyId>,
-}
-
-impl Program {
-    async fn serve(mut self, mut socket: WebSocket, mut ticks: Ticks) {
-        let mut ending = self.shared.ending.clone();
-        loop {
-            let text = tokio::select! {
-                world = ticks.next() => match world {
-                    Some(world) => {
-                        if world.generation != self.generation {
-                            self.held.clear();
-                            self.generation = world.generation;
-                        }
-                        state(&world, self.shared.follower.scene.borrow().as_deref())
-                    }
-                    None => break,
-                },
-                heard = socket.recv() => match heard {
-                    Some(Ok(Message::Text(text))) => self.answer(&text).await,
-                    Some(Ok(Message::Close(_)) | Err(_)) | None => break,
-                    Some(Ok(_)) => continue,
-                },
-                () = ended(&mut ending) => break,
-            };
-            let sent = tokio::time::timeout(PATIENCE, socket.send(Message::Text(text.into()))).await;
-            if !matches!(sent, Ok(Ok(()))) {
-                break;
-            }
-        }
-        for body in std::mem::take(&mut self.held) {
-            // It may be gone, or the run over: then nothing is held.
-            let _ = self.shared.follower.order(Command::Release { body, velocity_m_s: None }).await;
-        }
-    }
-
-    /// Does what a message asks, and says what came of it.
-    async fn answer(&mut self, text: &str) -> String {
-        let request = match serde_json::from_str(text) {
-            Ok(Value::Object(message)) => commands::parse(&message),
-            Ok(other) => Err(format!("message is {other}, expected an object")),
-            Err(error) => Err(format!("message is no JSON: {error}")),
-        };
-        let commands::Request { id, command } = match request {
-            Ok(request) => request,
-            Err(why) => return json!({"op": "refused", "why": why}).to_string(),
-        };
-        let command = match command {
-            Ok(command) if self.may_steer => command,
-            Ok(_) => return text::refused(id, "a viewer cannot steer: add ?token= to the address"),
-            Err(why) => return text::refused(id, &why),
-        };
-        let held = match command {
-            Command::Grab { body, .. } => Some((body, true)),
-            Command::Release { body, .. } | Command::Remove(body) => Some((body, false)),
-            _ => None,
-        };
-        match self.shared.follower.order(command).await {
-            Ok(done) => {
-                match held {
-                    Some((body, true)) => drop(self.held.insert(body)),
-                    Some((body, false)) => drop(self.held.remove(&body)),
-                    None => {}
+/// Sends states and answers until either side ends the connection.
+async fn serve(mut socket: WebSocket, shared: &Shared, mut ticks: Ticks, orders: &mut Orders) {
+    let mut ending = shared.ending.clone();
+    let mut generation = 0;
+    loop {
+        let text = tokio::select! {
+            world = ticks.next() => {
+                let Some(world) = world else { return };
+                if world.generation != generation {
+                    orders.forget_held();
+                    generation = world.generation;
                 }
-                text::done(id, done)
+                state(&world, shared.follower.scene.borrow().as_deref())
             }
-            Err(why) => text::refused(id, &why.to_string()),
+            answer = orders.answered() => answer,
+            message = socket.recv() => match message {
+                Some(Ok(Message::Text(text))) => match order(&text, orders) {
+                    Some(refusal) => refusal,
+                    None => continue,
+                },
+                Some(Ok(Message::Close(_)) | Err(_)) | None => return,
+                Some(Ok(_)) => continue,
+            },
+            // An end whose sender is gone is an end.
+            _ = ending.wait_for(|ended| *ended) => return,
+        };
+        if !matches!(timeout(WRITE_TIMEOUT, socket.send(Message::Text(text.into()))).await, Ok(Ok(()))) {
+            return;
         }
     }
 }
 
-async fn ended(ending: &mut watch::Receiver<bool>) {
-    // An end whose sender is gone is an end.
-    let _ = ending.wait_for(|ended| *ended).await;
+/// Passes the command of a message on; returns the answer if it is refused at once.
+fn order(text: &str, orders: &mut Orders) -> Option<String> {
+    match fields::object(text).and_then(|message| commands::parse(&message)) {
+        Ok(request) => orders.order(request),
+        Err(why) => Some(text::refused(None, &why.to_string())),
+    }
 }
 
-/// The world as a message. A body that came this very moment may have no name yet.
+/// The world as a message. A body that was spawned just now may have no name yet.
 fn state(world: &WorldState, scene: Option<&SceneState>) -> String {
     let looks = scene.filter(|scene| scene.generation == world.generation).map(|scene| &scene.bodies[..]);
     let name = |id: BodyId| looks?.iter().find(|look| look.id == id).map(|look| &look.name[..]);
@@ -176,6 +135,7 @@ fn state(world: &WorldState, scene: Option<&SceneState>) -> String {
 mod tests {
     use super::*;
     use crate::programs::ticks::tests::world;
+    use serde_json::Value;
 
     #[test]
     fn a_state_is_an_object_with_every_body() {

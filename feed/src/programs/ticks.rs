@@ -1,18 +1,24 @@
-//! The world at a steady rate, for whoever follows it.
+//! The world at a steady rate.
 
 use std::sync::Arc;
 use std::time::Duration;
 
 use coordinator::live::{Follower, Watching, WorldState};
+use thiserror::Error;
 use tokio::sync::watch;
 use tokio::time::{Interval, MissedTickBehavior};
 
 /// Rates that can be asked for, a second: none is above the steps'.
-pub const RATE_HZ: std::ops::RangeInclusive<f64> = 1.0..=120.0;
-/// Programs that follow at once, over JSON and gRPC together: each has its state made for it.
+const RATE_HZ: std::ops::RangeInclusive<f64> = 1.0..=120.0;
+/// Programs that follow at once, over JSON and gRPC together: each has states of its own encoded.
 pub(crate) const MAX_PROGRAMS: usize = 64;
-/// The rate of those who ask for none.
-pub const DEFAULT_RATE_HZ: f64 = 30.0;
+/// The rate of a program that asks for none.
+pub(crate) const DEFAULT_RATE_HZ: f64 = 30.0;
+
+/// A rate that no program can have.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[error("a rate of {0} Hz, expected {low} to {high}", low = RATE_HZ.start(), high = RATE_HZ.end())]
+pub(crate) struct RateError(f64);
 
 /// The newest state of the world, tick by tick. Ticks that come too late are left out.
 pub(crate) struct Ticks {
@@ -22,10 +28,10 @@ pub(crate) struct Ticks {
 }
 
 impl Ticks {
-    /// Begins to watch; the error says why that cannot be. Must run within a runtime.
-    pub fn new(follower: &Follower, rate_hz: f64) -> Result<Ticks, String> {
+    /// Begins to watch. Must run within a runtime.
+    pub fn new(follower: &Follower, rate_hz: f64) -> Result<Ticks, RateError> {
         if !RATE_HZ.contains(&rate_hz) {
-            return Err(format!("a rate of {rate_hz} Hz, expected {} to {}", RATE_HZ.start(), RATE_HZ.end()));
+            return Err(RateError(rate_hz));
         }
         let mut interval = tokio::time::interval(Duration::from_secs_f64(1.0 / rate_hz));
         interval.set_missed_tick_behavior(MissedTickBehavior::Skip);
@@ -87,8 +93,8 @@ pub(crate) mod tests {
         for step in 2..40 {
             live.world.send_replace(Some(world(step)));
         }
-        assert_eq!(ticks.next().await.expect("runs").step, 39, "what is old is passed over");
-        assert_eq!(ticks.next().await.expect("runs").step, 39, "and a world that rests is told again");
+        assert_eq!(ticks.next().await.expect("runs").step, 39, "older worlds are left out");
+        assert_eq!(ticks.next().await.expect("runs").step, 39, "a world that stands is sent again");
         assert_eq!(began.elapsed(), Duration::from_millis(200));
         drop(live);
         assert!(ticks.next().await.is_none());

@@ -1,10 +1,10 @@
-//! The gRPC service `World` for programs: the only place of this crate, beside the pictures', that speaks the
-//! protocol.
+//! The gRPC service `World`. Generated types stay in this file.
 
 use std::pin::Pin;
 use std::sync::Arc;
 
 use coordinator::live::{BodyLook, BodyState, Command, Done, Parameters, SceneState, WorldState};
+use proto::text::{MAX_MESSAGE_CHARS, clean};
 use proto::v1;
 use proto::v1::world_server::{World, WorldServer};
 use sim::{BodyRequest, Scene, ShapeRequest, Solid};
@@ -12,13 +12,14 @@ use tokio::sync::mpsc;
 use tokio_stream::Stream;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::service::Routes;
-use tonic::{Request, Response, Status};
+use tonic::{Code, Request, Response, Status};
 
 use super::ticks::{DEFAULT_RATE_HZ, MAX_PROGRAMS, Ticks};
+use crate::fields::InputError;
 use crate::message::MAX_TOUCHES;
 use crate::shared::{Seat, Shared};
 
-/// States that wait for a caller that reads slowly; beyond, ticks are left out.
+/// States that wait for a slow caller; beyond, ticks are left out.
 const MAX_WAITING: usize = 2;
 /// The longest message, bytes: a convex hull of 256 points fits.
 const MAX_MESSAGE_BYTES: usize = 64 << 10;
@@ -40,7 +41,7 @@ pub(crate) async fn routes(shared: &Arc<Shared>) -> axum::Router {
         .add_service(reflection().build_v1alpha().expect(describe_error))
         .prepare()
         .into_axum_router()
-        // What no call answers is the page's to answer.
+        // Other paths are the page's.
         .reset_fallback()
 }
 
@@ -53,36 +54,35 @@ impl Service {
         self.0.access.may_steer(authorization.and_then(|value| value.strip_prefix("Bearer ")))
     }
 
-    /// Has something done for whoever holds the token.
+    /// Passes a command on to the run, if the caller has the token.
     async fn order<T>(
         &self,
         request: Request<T>,
-        command: impl FnOnce(T) -> Result<Command, String>,
+        command: impl FnOnce(T) -> Result<Command, InputError>,
     ) -> Result<Done, Status> {
         if !self.may_steer(&request) {
             return Err(Status::permission_denied(
                 "a viewer cannot steer: send metadata \"authorization: Bearer TOKEN\"",
             ));
         }
-        let command = command(request.into_inner()).map_err(Status::invalid_argument)?;
+        let command = command(request.into_inner()).map_err(invalid)?;
         let follower = &self.0.follower;
         follower.order(command).await.map_err(|why| {
             let is_over = follower.world.has_changed().is_err();
-            let status = if is_over { Status::unavailable } else { Status::failed_precondition };
-            status(why.to_string())
+            status(if is_over { Code::Unavailable } else { Code::FailedPrecondition }, why)
         })
     }
 
-    async fn done<T>(
+    async fn apply<T>(
         &self,
         request: Request<T>,
-        command: impl FnOnce(T) -> Result<Command, String>,
+        command: impl FnOnce(T) -> Result<Command, InputError>,
     ) -> Result<Response<v1::Done>, Status> {
         self.order(request, command).await.map(|_| Response::new(v1::Done {}))
     }
 }
 
-type Followed = Pin<Box<dyn Stream<Item = Result<v1::WorldState, Status>> + Send>>;
+type WorldStates = Pin<Box<dyn Stream<Item = Result<v1::WorldState, Status>> + Send>>;
 
 #[tonic::async_trait]
 impl World for Service {
@@ -92,22 +92,22 @@ impl World for Service {
     ) -> Result<Response<v1::WorldDescription>, Status> {
         let scene = self.0.follower.scene.borrow().clone();
         let scene = scene.ok_or_else(|| Status::unavailable("the run has not begun"))?;
-        let facts = &self.0.facts;
+        let info = &self.0.info;
         Ok(Response::new(v1::WorldDescription {
             scenes: Scene::names().map(Into::into).collect(),
-            frames_per_s: facts.fps,
-            step_s: facts.step_s,
+            frames_per_s: info.fps,
+            step_s: info.step_s,
             may_steer: self.may_steer(&request),
             ..description(&scene)
         }))
     }
 
-    type FollowStream = Followed;
+    type FollowStream = WorldStates;
 
-    async fn follow(&self, request: Request<v1::FollowRequest>) -> Result<Response<Followed>, Status> {
+    async fn follow(&self, request: Request<v1::FollowRequest>) -> Result<Response<WorldStates>, Status> {
         let v1::FollowRequest { rate_hz, touches } = request.into_inner();
         let rate_hz = if rate_hz == 0.0 { DEFAULT_RATE_HZ } else { rate_hz };
-        let mut ticks = Ticks::new(&self.0.follower, rate_hz).map_err(Status::invalid_argument)?;
+        let mut ticks = Ticks::new(&self.0.follower, rate_hz).map_err(invalid)?;
         let seat = Seat::take(&self.0.programs, MAX_PROGRAMS).ok_or_else(|| {
             Status::resource_exhausted(format!("{MAX_PROGRAMS} programs follow already, expected fewer"))
         })?;
@@ -143,11 +143,11 @@ impl World for Service {
     }
 
     async fn remove(&self, request: Request<v1::RemoveRequest>) -> Result<Response<v1::Done>, Status> {
-        self.done(request, |v1::RemoveRequest { body }| Ok(Command::Remove(body))).await
+        self.apply(request, |v1::RemoveRequest { body }| Ok(Command::Remove(body))).await
     }
 
     async fn push(&self, request: Request<v1::PushRequest>) -> Result<Response<v1::Done>, Status> {
-        self.done(request, |v1::PushRequest { body, impulse, at }| {
+        self.apply(request, |v1::PushRequest { body, impulse, at }| {
             let impulse_n_s = needed("impulse", impulse)?;
             Ok(Command::Push { body, impulse_n_s, at_m: at.map(numbers) })
         })
@@ -155,7 +155,7 @@ impl World for Service {
     }
 
     async fn grab(&self, request: Request<v1::GrabRequest>) -> Result<Response<v1::Done>, Status> {
-        self.done(request, |v1::GrabRequest { body, grip, target }| {
+        self.apply(request, |v1::GrabRequest { body, grip, target }| {
             let grip_body_m = grip.map(numbers).unwrap_or_default();
             Ok(Command::Grab { body, grip_body_m, target_m: needed("target", target)? })
         })
@@ -163,18 +163,18 @@ impl World for Service {
     }
 
     async fn release(&self, request: Request<v1::ReleaseRequest>) -> Result<Response<v1::Done>, Status> {
-        self.done(request, |v1::ReleaseRequest { body, velocity }| {
+        self.apply(request, |v1::ReleaseRequest { body, velocity }| {
             Ok(Command::Release { body, velocity_m_s: velocity.map(numbers) })
         })
         .await
     }
 
     async fn set_parameters(&self, request: Request<v1::Parameters>) -> Result<Response<v1::Done>, Status> {
-        self.done(request, |v1::Parameters { answers_hull, hull_restitution, hull_friction, gravity }| {
+        self.apply(request, |v1::Parameters { answers_hull, hull_restitution, hull_friction, gravity }| {
             let gravity_m_s2 = gravity.map(numbers);
             let set = Parameters { answers_hull, hull_restitution, hull_friction, gravity_m_s2 };
             if set == Parameters::default() {
-                return Err("no parameter is given, expected one or more".into());
+                return Err(InputError::NothingToSet);
             }
             Ok(Command::Set(set))
         })
@@ -182,26 +182,23 @@ impl World for Service {
     }
 
     async fn pause(&self, request: Request<v1::PauseRequest>) -> Result<Response<v1::Done>, Status> {
-        self.done(request, |_| Ok(Command::Pause)).await
+        self.apply(request, |_| Ok(Command::Pause)).await
     }
 
     async fn resume(&self, request: Request<v1::ResumeRequest>) -> Result<Response<v1::Done>, Status> {
-        self.done(request, |_| Ok(Command::Resume)).await
+        self.apply(request, |_| Ok(Command::Resume)).await
     }
 
     async fn step(&self, request: Request<v1::StepRequest>) -> Result<Response<v1::Done>, Status> {
-        self.done(request, |v1::StepRequest { steps }| Ok(Command::Step(steps.max(1)))).await
+        self.apply(request, |v1::StepRequest { steps }| Ok(Command::Step(steps.max(1)))).await
     }
 
     async fn reset(&self, request: Request<v1::ResetRequest>) -> Result<Response<v1::Done>, Status> {
-        self.done(request, |_| Ok(Command::Reset)).await
+        self.apply(request, |_| Ok(Command::Reset)).await
     }
 
     async fn choose(&self, request: Request<v1::ChooseRequest>) -> Result<Response<v1::Done>, Status> {
-        self.done(request, |v1::ChooseRequest { scene }| {
-            Scene::named(&scene).map(Command::Choose).map_err(|error| error.to_string())
-        })
-        .await
+        self.apply(request, |v1::ChooseRequest { scene }| Ok(Command::Choose(Scene::named(&scene)?))).await
     }
 
     async fn take_background(
@@ -209,7 +206,7 @@ impl World for Service {
         request: Request<v1::TakeWorldBackgroundRequest>,
     ) -> Result<Response<v1::Done>, Status> {
         let command = |v1::TakeWorldBackgroundRequest { seconds }| Ok(Command::TakeBackground { seconds });
-        self.done(request, command).await
+        self.apply(request, command).await
     }
 }
 
@@ -221,12 +218,24 @@ fn vector([x, y, z]: [f64; 3]) -> Option<v1::Vector> {
     Some(v1::Vector { x, y, z })
 }
 
-fn needed(key: &str, found: Option<v1::Vector>) -> Result<[f64; 3], String> {
-    found.map(numbers).ok_or_else(|| format!("{key} is missing, expected a vector"))
+fn status(code: Code, why: impl std::fmt::Display) -> Status {
+    Status::new(code, clean(&why.to_string(), MAX_MESSAGE_CHARS))
 }
 
-/// A body as it is asked for, with the checks of a scene's bodies.
-fn spawn(request: v1::SpawnRequest) -> Result<Command, String> {
+fn invalid(why: impl std::fmt::Display) -> Status {
+    status(Code::InvalidArgument, why)
+}
+
+fn missing(field: &str, expected: &str) -> InputError {
+    InputError::Missing { field: field.into(), expected: expected.into() }
+}
+
+fn needed(field: &str, found: Option<v1::Vector>) -> Result<[f64; 3], InputError> {
+    found.map(numbers).ok_or_else(|| missing(field, "a vector"))
+}
+
+/// A body to spawn, with the checks of a scene's bodies.
+fn spawn(request: v1::SpawnRequest) -> Result<Command, InputError> {
     let v1::SpawnRequest { shape, position, rotation, velocity, mass, density, friction, .. } = request;
     let body = BodyRequest {
         name: Some(request.name),
@@ -241,12 +250,14 @@ fn spawn(request: v1::SpawnRequest) -> Result<Command, String> {
         fixed: request.fixed,
         color: request.color.map(|v1::Color { red, green, blue }| [red, green, blue]),
     };
-    body.check().map(|spec| Command::Spawn(Box::new(spec))).map_err(|error| error.to_string())
+    let spec = body.check().map_err(|error| InputError::Body { of: "", error })?;
+    Ok(Command::Spawn(Box::new(spec)))
 }
 
-fn shape_request(kind: Option<v1::body_shape::Kind>) -> Result<ShapeRequest, String> {
+fn shape_request(kind: Option<v1::body_shape::Kind>) -> Result<ShapeRequest, InputError> {
     use v1::body_shape::{Ball, Box, Capsule, Cone, Cylinder, Hull, Kind};
-    Ok(match kind.ok_or("shape is missing, expected box, ball, capsule, cylinder, cone or hull")? {
+    let kind = kind.ok_or_else(|| missing("shape", "box, ball, capsule, cylinder, cone or hull"))?;
+    Ok(match kind {
         Kind::Box(Box { size }) => ShapeRequest::Box { size: needed("shape.box.size", size)? },
         Kind::Ball(Ball { radius }) => ShapeRequest::Ball { radius },
         Kind::Capsule(Capsule { radius, length }) => ShapeRequest::Capsule { radius, length },
@@ -375,8 +386,8 @@ mod tests {
     }
 
     #[test]
-    fn a_spawn_without_shape_or_place_says_so() {
-        let error = |request| spawn(request).expect_err("refused");
+    fn a_spawn_without_shape_or_position_is_refused_by_field() {
+        let error = |request| spawn(request).expect_err("refused").to_string();
         assert!(error(v1::SpawnRequest::default()).starts_with("shape is missing"));
         let ball = v1::body_shape::Kind::Ball(v1::body_shape::Ball { radius: 0.1 });
         let shape = Some(v1::BodyShape { kind: Some(ball) });

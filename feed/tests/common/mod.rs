@@ -41,6 +41,8 @@ pub struct Studio {
     /// Frames before this are gone.
     pub oldest: AtomicU64,
     pub newest: AtomicU64,
+    /// So many requests for whole images are answered without colours, as by nodes that did not keep any.
+    pub colourless: AtomicU64,
 }
 
 impl Pictures for Studio {
@@ -48,11 +50,16 @@ impl Pictures for Studio {
         self.asked.lock().expect("whole").push(request.clone());
         let frame = request.frame.unwrap_or(self.newest.load(Ordering::SeqCst));
         let is_gone = frame < self.oldest.load(Ordering::SeqCst);
+        let count_down = |left: u64| left.checked_sub(1);
+        let is_colourless = request.kind == PictureKind::Whole
+            && !is_gone
+            && self.colourless.fetch_update(Ordering::SeqCst, Ordering::SeqCst, count_down).is_ok();
         let cameras = (0..CAMERAS as u16)
             .filter(|camera| request.cameras.is_empty() || request.cameras.contains(camera))
             .map(|camera| {
                 let jpeg = match request.kind {
                     PictureKind::Silhouettes => Bytes::new(),
+                    _ if is_colourless => Bytes::new(),
                     _ => Bytes::from(vec![camera as u8; JPEG_BYTES[usize::from(request.scale_log2)]]),
                 };
                 let runs = match request.kind {

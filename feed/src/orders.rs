@@ -1,4 +1,4 @@
-//! What one page asks of the run, and what it holds on to.
+//! The commands of one page or program on their way, and the bodies that it holds.
 
 use std::collections::BTreeSet;
 
@@ -10,47 +10,48 @@ use futures::stream::FuturesOrdered;
 use crate::commands::Request;
 use crate::text;
 
-/// Commands of one page that wait for the loop.
+/// Commands of one client that wait for the loop, at most.
 const MAX_ORDERS: usize = 64;
 
-/// What a command that is done changes about who holds what.
+/// What a command changes about the bodies that its client holds, once it is done.
 #[derive(Clone, Copy)]
 enum Hold {
-    Takes(BodyId),
-    Leaves(BodyId),
+    Grab(BodyId),
+    Release(BodyId),
 }
 
 type Order = BoxFuture<'static, (u64, Option<Hold>, Result<Done, Refused>)>;
 
 pub(crate) struct Orders {
     follower: Follower,
-    is_controller: bool,
+    /// How to get the right to steer, if the client has not.
+    refusal: Option<&'static str>,
     /// In their order: a release must not overtake its grab.
     waiting: FuturesOrdered<Order>,
     held: BTreeSet<BodyId>,
 }
 
 impl Orders {
-    pub fn new(follower: Follower, is_controller: bool) -> Orders {
-        Orders { follower, is_controller, waiting: FuturesOrdered::new(), held: BTreeSet::new() }
+    pub fn new(follower: Follower, refusal: Option<&'static str>) -> Orders {
+        Orders { follower, refusal, waiting: FuturesOrdered::new(), held: BTreeSet::new() }
     }
 
-    /// Passes a command on to the run; what refuses it at once is the answer.
-    pub fn take(&mut self, Request { id, command }: Request) -> Option<String> {
-        let refused = |why: &str| Some(text::refused(id, why));
-        if !self.is_controller {
-            return refused("a viewer cannot steer: open the page with its token");
+    /// Passes a command on to the run; returns the answer if it is refused at once.
+    pub fn order(&mut self, Request { id, command }: Request) -> Option<String> {
+        let refused = |why: &str| Some(text::refused(Some(id), why));
+        if let Some(how) = self.refusal {
+            return refused(&format!("a viewer cannot steer: {how}"));
         }
         if self.waiting.len() >= MAX_ORDERS {
             return refused(&format!("{MAX_ORDERS} commands wait, expected fewer"));
         }
         let command = match command {
             Ok(command) => command,
-            Err(why) => return refused(&why),
+            Err(why) => return refused(&why.to_string()),
         };
         let hold = match command {
-            Command::Grab { body, .. } => Some(Hold::Takes(body)),
-            Command::Release { body, .. } => Some(Hold::Leaves(body)),
+            Command::Grab { body, .. } => Some(Hold::Grab(body)),
+            Command::Release { body, .. } | Command::Remove(body) => Some(Hold::Release(body)),
             _ => None,
         };
         let follower = self.follower.clone();
@@ -58,26 +59,26 @@ impl Orders {
         None
     }
 
-    /// Waits for the next answer; for ever if nothing was asked.
+    /// The next answer; pending for ever if no command waits.
     pub async fn answered(&mut self) -> String {
         let Some((id, hold, answer)) = self.waiting.next().await else { return std::future::pending().await };
         match (&answer, hold) {
-            (Ok(_), Some(Hold::Takes(body))) => drop(self.held.insert(body)),
-            (Ok(_), Some(Hold::Leaves(body))) => drop(self.held.remove(&body)),
+            (Ok(_), Some(Hold::Grab(body))) => drop(self.held.insert(body)),
+            (Ok(_), Some(Hold::Release(body))) => drop(self.held.remove(&body)),
             _ => {}
         }
         match answer {
             Ok(done) => text::done(id, done),
-            Err(Refused(why)) => text::refused(id, &why),
+            Err(Refused(why)) => text::refused(Some(id), &why),
         }
     }
 
-    /// Another world has begun: what was held is no more.
+    /// Another world has begun: its bodies are others.
     pub fn forget_held(&mut self) {
         self.held.clear();
     }
 
-    /// The page has gone: what it held falls, and what it was about to hold.
+    /// The client has disconnected: releases what it holds, and what it was about to hold.
     pub fn end(mut self) {
         tokio::spawn(async move {
             while !self.waiting.is_empty() {
