@@ -19,9 +19,9 @@ use crate::writer::{Entry, Sink};
 /// Frames on their way at most: as many as a node keeps; what waits longer is gone there.
 const MAX_FETCHING: usize = 8;
 /// A lock-step run brings a frame into use while at most so many are on their way.
-const EASY: usize = 1;
+const MAX_AHEAD: usize = 1;
 /// A frame that has not come by then has been dropped by its node long ago.
-const PATIENCE: Duration = Duration::from_secs(2);
+const FETCH_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// What was cut out of a camera's image around its foreground.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -46,7 +46,7 @@ pub type ColourSource = Box<dyn FnOnce() -> Colours + Send>;
 /// Hands frames to a thread that waits for them.
 #[derive(Debug)]
 pub(crate) struct Fetcher {
-    wanted: Option<mpsc::Sender<Wanted>>,
+    requests: Option<mpsc::Sender<FrameRequest>>,
     counts: Arc<Counts>,
 }
 
@@ -65,7 +65,7 @@ struct Counts {
     colourless: AtomicU64,
 }
 
-struct Wanted {
+struct FrameRequest {
     frame: u64,
     /// When each camera captured it (unix seconds) and how long that took to segment, milliseconds.
     facts: Vec<(u16, f64, f64)>,
@@ -75,7 +75,7 @@ struct Wanted {
 impl Fetcher {
     /// A fetcher and its thread.
     pub fn begin(sink: Sink, times: Times, colours: Option<ColourSource>) -> (Fetcher, Fetches) {
-        let (wanted, asked) = mpsc::channel(MAX_FETCHING);
+        let (requests, received) = mpsc::channel(MAX_FETCHING);
         let counts = Arc::new(Counts::default());
         let thread = {
             let counts = Arc::clone(&counts);
@@ -84,13 +84,13 @@ impl Fetcher {
                 match runtime {
                     Ok(runtime) => runtime.block_on(async {
                         let colours = colours.map(|source| source());
-                        fetch_all(asked, sink, times, colours, &counts).await;
+                        fetch_all(received, sink, times, colours, &counts).await;
                     }),
                     Err(error) => tracing::error!("silhouettes are not recorded: {error}"),
                 }
             })
         };
-        (Fetcher { wanted: Some(wanted), counts: Arc::clone(&counts) }, Fetches { thread, counts })
+        (Fetcher { requests: Some(requests), counts: Arc::clone(&counts) }, Fetches { thread, counts })
     }
 
     /// Begins to wait for a frame.
@@ -103,22 +103,22 @@ impl Fetcher {
             facts.cameras.iter().map(camera).collect::<Vec<_>>()
         };
         let facts = record.facts.iter().flat_map(of_node).collect();
-        let wanted = Wanted { frame: record.frame, facts, silhouettes: record.silhouettes };
+        let request = FrameRequest { frame: record.frame, facts, silhouettes: record.silhouettes };
         self.counts.fetching.fetch_add(1, Ordering::Relaxed);
-        let sent = self.wanted.as_ref().is_some_and(|sender| sender.try_send(wanted).is_ok());
+        let sent = self.requests.as_ref().is_some_and(|sender| sender.try_send(request).is_ok());
         if !sent {
             self.counts.lose(record.frame, "too many frames are on their way");
         }
     }
 
     /// Whether few frames are on their way.
-    pub fn is_easy(&self) -> bool {
-        self.counts.fetching.load(Ordering::Relaxed) <= EASY
+    pub fn keeps_up(&self) -> bool {
+        self.counts.fetching.load(Ordering::Relaxed) <= MAX_AHEAD
     }
 
     /// No more frames come.
     pub fn close(&mut self) {
-        self.wanted = None;
+        self.requests = None;
     }
 }
 
@@ -135,7 +135,7 @@ impl Fetches {
 impl Counts {
     fn lack_colour(&self, frame: u64, why: &str) {
         if self.colourless.fetch_add(1, Ordering::Relaxed) == 0 {
-            tracing::warn!("the recording lacks the colours of frame {frame}: {why} (told once)");
+            tracing::warn!("the recording lacks the colours of frame {frame}: {why} (logged once)");
         }
     }
 
@@ -143,40 +143,40 @@ impl Counts {
         self.fetching.fetch_sub(1, Ordering::Relaxed);
         if self.lost.fetch_add(1, Ordering::Relaxed) == 0 {
             tracing::warn!(
-                "the recording lacks frame {frame}: {why} (told once; the file's end counts them)"
+                "the recording lacks frame {frame}: {why} (logged once; the file's end counts them)"
             );
         }
     }
 }
 
 async fn fetch_all(
-    mut asked: mpsc::Receiver<Wanted>,
+    mut requests: mpsc::Receiver<FrameRequest>,
     sink: Sink,
     times: Times,
     colours: Option<Colours>,
     counts: &Arc<Counts>,
 ) {
     let mut fetches = tokio::task::JoinSet::new();
-    while let Some(wanted) = asked.recv().await {
+    while let Some(request) = requests.recv().await {
         while fetches.len() >= MAX_FETCHING {
             fetches.join_next().await;
         }
         while fetches.try_join_next().is_some() {}
         let (sink, counts) = (sink.clone(), Arc::clone(counts));
-        let colours = colours.as_ref().map(|fetch| fetch(wanted.frame));
-        fetches.spawn(fetch(wanted, colours, sink, times, counts));
+        let colours = colours.as_ref().map(|fetch| fetch(request.frame));
+        fetches.spawn(fetch(request, colours, sink, times, counts));
     }
     while fetches.join_next().await.is_some() {}
 }
 
 async fn fetch(
-    wanted: Wanted,
+    request: FrameRequest,
     colours: Option<FetchingColours>,
     sink: Sink,
     times: Times,
     counts: Arc<Counts>,
 ) {
-    let Wanted { frame, facts, silhouettes } = wanted;
+    let FrameRequest { frame, facts, silhouettes } = request;
     let colours = async {
         match colours {
             Some(colours) => in_time(colours).await,
@@ -199,9 +199,9 @@ async fn fetch(
     }
 }
 
-/// What comes within our patience.
+/// What comes before the timeout.
 async fn in_time<T>(fetching: impl Future<Output = Result<T, String>>) -> Result<T, String> {
-    let fetched = tokio::time::timeout(PATIENCE, fetching).await;
+    let fetched = tokio::time::timeout(FETCH_TIMEOUT, fetching).await;
     fetched.unwrap_or_else(|_| Err("it did not come in time".into()))
 }
 

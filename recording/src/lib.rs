@@ -16,8 +16,8 @@ mod writer;
 pub use convert::{ConvertError, RunHeader};
 pub use fetch::{ColourCrop, ColourSource, Colours, FetchingColours};
 pub use read::{
-    Difference, ReadError, RecordedFrames, RecordedPicture, RecordedPictures, RecordedSteps, Recording,
-    StepCheck,
+    Difference, ReadError, ReadProblem, RecordedFrames, RecordedPicture, RecordedPictures, RecordedSteps,
+    Recording, StepCheck,
 };
 pub use recorder::{Recorded, RecordingFile, RunRecorder, record};
 pub use writer::{Overwrites, WriteError};

@@ -1,4 +1,4 @@
-//! A queue between whoever must not wait for a disk and the thread that does, bounded in bytes.
+//! A queue, bounded in bytes, between a loop that must not wait for a disk and the thread that does.
 
 use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
@@ -19,13 +19,13 @@ struct Inner<T> {
     closed: bool,
 }
 
-/// What was taken.
+/// The outcome of waiting for an item.
 #[derive(Debug, PartialEq, Eq)]
-pub(crate) enum Taken<T> {
+pub(crate) enum Received<T> {
     /// The oldest there was.
     Next(T),
     /// Nothing came in time.
-    Nothing,
+    Timeout,
     /// Nothing will come any more.
     Closed,
 }
@@ -63,25 +63,25 @@ impl<T> ByteQueue<T> {
     }
 
     /// Whether less than half of the limit waits.
-    pub fn is_easy(&self) -> bool {
+    pub fn has_room(&self) -> bool {
         self.lock().bytes < self.limit_bytes / 2
     }
 
     /// Takes the oldest, or waits for one until `deadline`.
-    pub fn take(&self, deadline: Option<Instant>) -> Taken<T> {
+    pub fn take(&self, deadline: Option<Instant>) -> Received<T> {
         let mut inner = self.lock();
         loop {
             if let Some((bytes, item)) = inner.waiting.pop_front() {
                 inner.bytes -= bytes;
                 self.changed.notify_all();
-                return Taken::Next(item);
+                return Received::Next(item);
             }
             if inner.closed {
-                return Taken::Closed;
+                return Received::Closed;
             }
             let left = deadline.map(|deadline| deadline.saturating_duration_since(Instant::now()));
             inner = match left {
-                Some(Duration::ZERO) => return Taken::Nothing,
+                Some(Duration::ZERO) => return Received::Timeout,
                 Some(left) => {
                     self.changed.wait_timeout(inner, left).unwrap_or_else(PoisonError::into_inner).0
                 }
@@ -113,18 +113,18 @@ mod tests {
     use std::sync::Arc;
 
     #[test]
-    fn a_full_queue_refuses_an_offer_and_lets_whoever_may_wait_wait() {
+    fn a_full_queue_refuses_an_offer_and_holds_up_a_put() {
         let queue = Arc::new(ByteQueue::new(10));
         assert!(queue.offer(9, 'a') && queue.offer(9, 'b'), "the limit may be passed by one");
-        assert!(!queue.offer(1, 'c') && !queue.is_easy());
+        assert!(!queue.offer(1, 'c') && !queue.has_room());
         let waiting = {
             let queue = Arc::clone(&queue);
             std::thread::spawn(move || queue.put(1, 'd'))
         };
-        assert_eq!(queue.take(None), Taken::Next('a'));
+        assert_eq!(queue.take(None), Received::Next('a'));
         assert!(waiting.join().expect("no panic"), "there was room in the end");
-        assert_eq!((queue.take(None), queue.take(None)), (Taken::Next('b'), Taken::Next('d')));
-        assert_eq!(queue.take(Some(Instant::now())), Taken::Nothing);
+        assert_eq!((queue.take(None), queue.take(None)), (Received::Next('b'), Received::Next('d')));
+        assert_eq!(queue.take(Some(Instant::now())), Received::Timeout);
     }
 
     #[test]
@@ -133,6 +133,6 @@ mod tests {
         assert!(queue.offer(20, 'a'));
         queue.close();
         assert!(!queue.offer(1, 'b') && !queue.put(1, 'b'));
-        assert_eq!((queue.take(None), queue.take(None)), (Taken::Next('a'), Taken::Closed));
+        assert_eq!((queue.take(None), queue.take(None)), (Received::Next('a'), Received::Closed));
     }
 }

@@ -144,7 +144,7 @@ impl Recorder for RunRecorder {
     }
 
     fn is_ready(&self) -> bool {
-        self.sink.is_easy() && self.fetcher.is_easy()
+        self.sink.keeps_up() && self.fetcher.keeps_up()
     }
 }
 
@@ -155,7 +155,7 @@ impl RunRecorder {
 }
 
 impl RecordingFile {
-    /// Waits for frames on their way and completes the file. Whatever drives the nodes' connections must go on
+    /// Waits for frames on their way and completes the file. The runtime of the nodes' connections must run
     /// meanwhile. Fails if the file has.
     pub fn finish(mut self) -> Result<Recorded, WriteError> {
         let (frames, frames_lost) = self.fetches.take().map_or((0, 0), Fetches::finish);

@@ -15,7 +15,7 @@ use thiserror::Error;
 
 use crate::channels::Channel;
 use crate::messages::DESCRIPTORS;
-use crate::queue::{ByteQueue, Taken};
+use crate::queue::{ByteQueue, Received};
 
 /// What may wait for the disk: a minute of eight cameras' silhouettes.
 const MAX_WAITING_BYTES: usize = 64 << 20;
@@ -83,16 +83,16 @@ impl Sink {
     pub fn put(&self, entries: Vec<Entry>) {
         let bytes = entries.iter().map(|entry| size_of::<Entry>() + entry.message.len()).sum();
         if self.waits {
-            // A file that has failed has told why.
+            // A file that has failed has logged why.
             self.queue.put(bytes, entries);
         } else if !self.queue.offer(bytes, entries) && !self.queue.is_closed() {
             self.fail(format!("the disk is too slow: {} MB wait for it", MAX_WAITING_BYTES >> 20));
         }
     }
 
-    /// Whether the disk keeps up, or never will.
-    pub fn is_easy(&self) -> bool {
-        self.queue.is_easy() || self.queue.is_closed()
+    /// Whether the disk keeps up, or the recording has ended.
+    pub fn keeps_up(&self) -> bool {
+        self.queue.has_room() || self.queue.is_closed()
     }
 
     /// Why the recording has ended too early, if so.
@@ -231,9 +231,9 @@ impl Chunks {
     fn write_all(mut self, queue: &ByteQueue<Vec<Entry>>) -> Result<(), McapError> {
         loop {
             match queue.take(self.due.map(|(deadline, _)| deadline)) {
-                Taken::Next(entries) => self.add(&entries)?,
-                Taken::Nothing => self.flush()?,
-                Taken::Closed => break,
+                Received::Next(entries) => self.add(&entries)?,
+                Received::Timeout => self.flush()?,
+                Received::Closed => break,
             }
         }
         self.writer.finish()?;

@@ -6,7 +6,7 @@ use coordinator::record::{EndRecord, FrameRecord, Recorder, StepRecord};
 use thiserror::Error;
 
 use super::RecordedSteps;
-use super::schedule::Told;
+use super::schedule::Comparison;
 
 /// The first step at which a replay is another run.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -25,7 +25,7 @@ pub struct Difference {
 /// Compares steps: hand [`StepCheck::recorder`] to the coordinator that follows the schedule.
 #[derive(Clone, Debug)]
 pub struct StepCheck {
-    told: Arc<Told>,
+    comparison: Arc<Comparison>,
     state: Arc<Mutex<State>>,
 }
 
@@ -38,10 +38,10 @@ struct State {
 impl StepCheck {
     /// A check of the steps that come out of a schedule.
     pub fn of(steps: &RecordedSteps) -> StepCheck {
-        StepCheck { told: steps.told(), state: Arc::default() }
+        StepCheck { comparison: steps.comparison(), state: Arc::default() }
     }
 
-    /// The recorder that is told of the replay.
+    /// The recorder that compares the replay.
     pub fn recorder(&self) -> Box<dyn Recorder> {
         Box::new(self.clone())
     }
@@ -53,7 +53,7 @@ impl StepCheck {
 
     /// How many of them took the recorded answers instead of asking.
     pub fn given(&self) -> u64 {
-        self.told.given()
+        self.comparison.given()
     }
 
     /// The first step that differs, if one does.
@@ -63,7 +63,7 @@ impl StepCheck {
 
     /// Why the file could not be read to its end, if so.
     pub fn problem(&self) -> Option<String> {
-        self.told.problem()
+        self.comparison.problem()
     }
 }
 
@@ -71,7 +71,7 @@ impl Recorder for StepCheck {
     fn frame(&mut self, _record: FrameRecord<'_>) {}
 
     fn step(&mut self, record: &StepRecord<'_>) {
-        let Some(expected) = self.told.take() else { return };
+        let Some(expected) = self.comparison.take() else { return };
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         state.steps += 1;
         if state.difference.is_some() {

@@ -3,13 +3,15 @@
 use std::fs::File;
 use std::io::{Read as _, Seek as _, SeekFrom};
 
-use mcap::records::{MessageHeader, Record, op};
+use mcap::records::{MessageHeader, Record as McapRecord, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{MAGIC, parse_record};
 
+use super::error::ReadProblem;
+
 /// No record is larger, packed or not: sixteen times what we write, for files that other tools have packed
 /// anew.
-const MAX_RECORD_BYTES: u64 = 64 << 20;
+pub(super) const MAX_RECORD_BYTES: u64 = 64 << 20;
 /// A record's kind and length.
 const HEAD_BYTES: u64 = 9;
 
@@ -20,19 +22,19 @@ pub(super) struct Place {
     bytes: u64,
 }
 
-/// What a file holds, from its beginning as far as it can be read.
+/// The chunks of a file, from its beginning as far as it can be read.
 #[derive(Debug)]
 pub(super) struct Chunks {
     file: File,
     offset: u64,
     /// Why it cannot be read any farther: it was cut off, or damaged.
-    pub problem: Option<String>,
+    pub problem: Option<ReadProblem>,
     ended: bool,
 }
 
-/// What is of interest in a chunk.
+/// A record of a chunk that is of interest.
 #[derive(Debug, PartialEq)]
-pub(super) enum Found {
+pub(super) enum Record {
     /// A channel's number and topic.
     Channel(u16, String),
     /// A message.
@@ -41,17 +43,17 @@ pub(super) enum Found {
 
 impl Chunks {
     /// Fails if the file is no MCAP at all.
-    pub fn begin(mut file: File) -> Result<Chunks, String> {
+    pub fn begin(mut file: File) -> Result<Chunks, ReadProblem> {
         let mut magic = [0; MAGIC.len()];
         let read = file.rewind().and_then(|()| file.read_exact(&mut magic));
         if read.is_err() || magic != MAGIC {
-            return Err("no MCAP file".into());
+            return Err(ReadProblem::NotMcap);
         }
         Ok(Chunks { file, offset: MAGIC.len() as u64, problem: None, ended: false })
     }
 
-    /// The next chunk and what it holds. After the last, `problem` tells whether that was the end.
-    pub fn next(&mut self) -> Option<(Place, Vec<Found>)> {
+    /// The next chunk and its records. After the last, `problem` is why the file ends there, if it is not its end.
+    pub fn next(&mut self) -> Option<(Place, Vec<Record>)> {
         while !self.ended && self.problem.is_none() {
             match self.step() {
                 Ok(Some(found)) => return Some(found),
@@ -63,10 +65,10 @@ impl Chunks {
     }
 
     /// Passes over a record, or reads it if it is a chunk.
-    fn step(&mut self) -> Result<Option<(Place, Vec<Found>)>, String> {
+    fn step(&mut self) -> Result<Option<(Place, Vec<Record>)>, ReadProblem> {
         let mut head = [0; HEAD_BYTES as usize];
-        self.file.seek(SeekFrom::Start(self.offset)).map_err(said)?;
-        self.file.read_exact(&mut head).map_err(|_| "it ends too early".to_owned())?;
+        self.file.seek(SeekFrom::Start(self.offset))?;
+        self.file.read_exact(&mut head).map_err(|_| ReadProblem::CutOff)?;
         let kind = head[0];
         let length = u64::from_le_bytes([1, 2, 3, 4, 5, 6, 7, 8].map(|at| head[at]));
         if kind == op::DATA_END || kind == op::FOOTER {
@@ -81,15 +83,15 @@ impl Chunks {
 }
 
 /// The channels and messages of a chunk; all of it, or why not.
-pub(super) fn read(file: &mut File, place: Place) -> Result<Vec<Found>, String> {
+pub(super) fn read(file: &mut File, place: Place) -> Result<Vec<Record>, ReadProblem> {
     if place.bytes > MAX_RECORD_BYTES {
-        return Err(format!("a record claims {} bytes, expected at most {MAX_RECORD_BYTES}", place.bytes));
+        return Err(ReadProblem::RecordSize(place.bytes));
     }
     let mut bytes = Vec::new();
-    file.seek(SeekFrom::Start(place.offset)).map_err(said)?;
-    file.take(place.bytes).read_to_end(&mut bytes).map_err(said)?;
+    file.seek(SeekFrom::Start(place.offset))?;
+    file.take(place.bytes).read_to_end(&mut bytes)?;
     if bytes.len() as u64 != place.bytes {
-        return Err("it ends too early".into());
+        return Err(ReadProblem::CutOff);
     }
     // The chunk alone, as if it were the whole file: checked before anything of it is used.
     let options = LinearReaderOptions::default()
@@ -101,23 +103,21 @@ pub(super) fn read(file: &mut File, place: Place) -> Result<Vec<Found>, String> 
     let mut left = &bytes[..];
     let mut found = Vec::new();
     while let Some(event) = reader.next_event() {
-        match event.map_err(said)? {
+        match event? {
             LinearReadEvent::ReadRequest(need) => {
                 let count = need.min(left.len());
                 reader.insert(count).copy_from_slice(&left[..count]);
                 reader.notify_read(count);
                 left = &left[count..];
             }
-            LinearReadEvent::Record { data, opcode } => match parse_record(opcode, data).map_err(said)? {
-                Record::Channel(channel) => found.push(Found::Channel(channel.id, channel.topic)),
-                Record::Message { header, data } => found.push(Found::Message(header, data.into_owned())),
+            LinearReadEvent::Record { data, opcode } => match parse_record(opcode, data)? {
+                McapRecord::Channel(channel) => found.push(Record::Channel(channel.id, channel.topic)),
+                McapRecord::Message { header, data } => {
+                    found.push(Record::Message(header, data.into_owned()))
+                }
                 _ => {}
             },
         }
     }
     Ok(found)
-}
-
-fn said(error: impl std::fmt::Display) -> String {
-    error.to_string()
 }

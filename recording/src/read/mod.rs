@@ -2,6 +2,7 @@
 
 mod check;
 mod chunk;
+mod error;
 mod frames;
 mod schedule;
 #[cfg(test)]
@@ -9,6 +10,7 @@ mod tests;
 mod unpack;
 
 pub use check::{Difference, StepCheck};
+pub use error::{ReadError, ReadProblem};
 pub use frames::RecordedFrames;
 pub use schedule::RecordedSteps;
 pub use unpack::{RecordedPicture, RecordedPictures};
@@ -19,28 +21,17 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use prost::Message;
-use thiserror::Error;
 
 use crate::channels::Channel;
 use crate::convert::RunHeader;
 use crate::messages;
-use chunk::{Chunks, Found, Place};
+use chunk::{Chunks, Place, Record};
 
 /// Film of longer runs, and frames beyond these, are no run's.
 const FILM_S: std::ops::RangeInclusive<f64> = 0.0..=1e9;
 const MAX_FRAME: u64 = 1 << 40;
 
-/// Why a file is no recording that could be replayed.
-#[derive(Debug, Error)]
-#[error("{}: {problem}", path.display())]
-pub struct ReadError {
-    /// The file.
-    pub path: PathBuf,
-    /// What was found and expected.
-    pub problem: String,
-}
-
-/// A recording that has been looked through.
+/// A recording that has been read through once.
 #[derive(Debug)]
 pub struct Recording {
     header: RunHeader,
@@ -48,7 +39,7 @@ pub struct Recording {
     steps: u64,
     last: messages::Step,
     is_complete: bool,
-    problem: Option<String>,
+    problem: Option<ReadProblem>,
 }
 
 /// Where things are in the file. A few bytes a frame and camera: an hour of eight cameras takes 10 MB.
@@ -66,36 +57,38 @@ struct Index {
 }
 
 impl Recording {
-    /// Looks a file through. One that was cut off ends with its last whole chunk.
+    /// Reads a file through. One that was cut off ends with its last whole chunk.
     pub fn open(path: &Path) -> Result<Recording, ReadError> {
-        let refused = |problem: String| ReadError { path: path.to_owned(), problem };
-        let file = File::open(path).map_err(|error| refused(error.to_string()))?;
+        let refused = |problem| ReadError { path: path.to_owned(), problem };
+        let file = File::open(path).map_err(|error| refused(error.into()))?;
         let mut chunks = Chunks::begin(file).map_err(refused)?;
-        let mut looked = Looked::default();
+        let mut scan = Scan::default();
         while let Some((place, found)) = chunks.next() {
-            looked.take(place, found).map_err(refused)?;
+            scan.add(place, found).map_err(refused)?;
         }
         let problem = chunks.problem.take();
-        let why = problem.as_ref().map_or_else(String::new, |problem| format!(" ({problem})"));
-        let header = looked.header.ok_or_else(|| refused(format!("no recording of this program{why}")))?;
-        let last = looked.last.ok_or_else(|| refused(format!("it holds no step{why}")))?;
+        let (header, last) = match (scan.header, scan.last) {
+            (None, _) => return Err(refused(ReadProblem::NoHeader(problem.map(Box::new)))),
+            (_, None) => return Err(refused(ReadProblem::NoStep(problem.map(Box::new)))),
+            (Some(header), Some(last)) => (header, last),
+        };
         let cameras = header.rig.cameras().len();
-        let mut frames = looked.frames;
+        let mut frames = scan.frames;
         frames.retain(|_, chunks| chunks.len() == cameras && !chunks.contains(&NO_CHUNK));
         let index = Index {
             path: path.to_owned(),
-            channels: looked.channels,
-            chunks: looked.chunks,
-            with_steps: looked.with_steps,
+            channels: scan.channels,
+            chunks: scan.chunks,
+            with_steps: scan.with_steps,
             frames,
-            colours: looked.colours,
+            colours: scan.colours,
         };
         Ok(Recording {
             header,
             index: Arc::new(index),
-            steps: looked.steps,
+            steps: scan.steps,
             last,
-            is_complete: looked.is_complete,
+            is_complete: scan.is_complete,
             problem,
         })
     }
@@ -130,7 +123,7 @@ impl Recording {
         if self.is_complete && self.problem.is_none() {
             return None;
         }
-        let why = self.problem.as_deref().unwrap_or("its run was cut off");
+        let why = self.problem.as_ref().map_or_else(|| "its run was cut off".into(), ToString::to_string);
         let (steps, film_s) = (self.steps, self.last.film_s);
         Some(format!("it is not complete ({why}): {steps} steps, {film_s:.2} s, are there"))
     }
@@ -140,7 +133,7 @@ impl Recording {
         RecordedSteps::begin(&self.header, Arc::clone(&self.index))
     }
 
-    /// What it shows of its frames.
+    /// The pictures of its frames.
     pub fn pictures(&self) -> Result<RecordedPictures, ReadError> {
         RecordedPictures::begin(Arc::clone(&self.index))
     }
@@ -159,9 +152,9 @@ impl Recording {
 /// A camera whose silhouette of a frame has not been found.
 const NO_CHUNK: u32 = u32::MAX;
 
-/// What has been seen of a file.
+/// What a file holds, as far as it has been read.
 #[derive(Default)]
-struct Looked {
+struct Scan {
     header: Option<RunHeader>,
     channels: HashMap<u16, Channel>,
     chunks: Vec<Place>,
@@ -175,24 +168,23 @@ struct Looked {
     topics: HashMap<u16, String>,
 }
 
-impl Looked {
-    fn take(&mut self, place: Place, found: Vec<Found>) -> Result<(), String> {
+impl Scan {
+    fn add(&mut self, place: Place, found: Vec<Record>) -> Result<(), ReadProblem> {
         let chunk = self.chunks.len() as u32;
         self.chunks.push(place);
         for found in found {
             match found {
-                Found::Channel(id, topic) => {
+                Record::Channel(id, topic) => {
                     self.topics.insert(id, topic);
                     self.name_channels();
                 }
-                Found::Message(header, data) => {
+                Record::Message(header, data) => {
                     let topic = self.topics.get(&header.channel_id).map(String::as_str);
                     match self.channels.get(&header.channel_id) {
                         Some(&channel) => self.message(chunk, channel, &data)?,
                         None if topic == Some("/header") => {
                             let message = decode::<messages::Header>("Header", &data)?;
-                            let header = RunHeader::from_message(&message);
-                            self.header = Some(header.map_err(|error| error.to_string())?);
+                            self.header = Some(RunHeader::from_message(&message)?);
                             self.name_channels();
                         }
                         None => {}
@@ -214,15 +206,18 @@ impl Looked {
         }
     }
 
-    fn message(&mut self, chunk: u32, channel: Channel, data: &[u8]) -> Result<(), String> {
+    fn message(&mut self, chunk: u32, channel: Channel, data: &[u8]) -> Result<(), ReadProblem> {
         match channel {
             Channel::Step => {
                 let step = decode::<messages::Step>("Step", data)?;
-                if !FILM_S.contains(&step.film_s) || step.frame.is_some_and(|frame| frame > MAX_FRAME) {
-                    return Err(format!("a step at {} s of frame {:?}", step.film_s, step.frame));
+                if !FILM_S.contains(&step.film_s) {
+                    return Err(ReadProblem::FilmTime(step.film_s));
+                }
+                if let Some(frame) = step.frame.filter(|frame| *frame > MAX_FRAME) {
+                    return Err(ReadProblem::FrameNumber(frame));
                 }
                 if self.last.as_ref().is_some_and(|last| last.film_s >= step.film_s) {
-                    return Err(format!("steps are out of order at {:.3} s", step.film_s));
+                    return Err(ReadProblem::Order(step.film_s));
                 }
                 self.steps += 1;
                 self.last = Some(step);
@@ -258,28 +253,28 @@ impl Index {
         File::open(&self.path).map_err(|error| self.refused(error))
     }
 
-    fn refused(&self, problem: impl std::fmt::Display) -> ReadError {
-        ReadError { path: self.path.clone(), problem: problem.to_string() }
+    fn refused(&self, problem: impl Into<ReadProblem>) -> ReadError {
+        ReadError { path: self.path.clone(), problem: problem.into() }
     }
 
     fn lacks(&self, frame: u64, camera: usize) -> ReadError {
-        self.refused(format_args!("frame {frame} of camera {camera} is not where it was"))
+        self.refused(ReadProblem::Moved { frame, camera })
     }
 
     /// The messages of a chunk with their channels.
     fn messages(&self, file: &mut File, chunk: u32) -> Result<Vec<(Channel, Vec<u8>)>, ReadError> {
-        let place = self.chunks.get(chunk as usize).ok_or_else(|| self.refused("no such chunk"))?;
-        let found = chunk::read(file, *place).map_err(|problem| self.refused(problem))?;
+        let found =
+            chunk::read(file, self.chunks[chunk as usize]).map_err(|problem| self.refused(problem))?;
         let of_channel = |found| match found {
-            Found::Message(header, data) => {
+            Record::Message(header, data) => {
                 self.channels.get(&header.channel_id).map(|&channel| (channel, data))
             }
-            Found::Channel(..) => None,
+            Record::Channel(..) => None,
         };
         Ok(found.into_iter().filter_map(of_channel).collect())
     }
 }
 
-fn decode<M: Message + Default>(name: &str, data: &[u8]) -> Result<M, String> {
-    M::decode(data).map_err(|error| format!("a message {name} cannot be read: {error}"))
+fn decode<M: Message + Default>(message: &'static str, data: &[u8]) -> Result<M, ReadProblem> {
+    M::decode(data).map_err(|error| ReadProblem::Decode { message, error })
 }

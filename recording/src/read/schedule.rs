@@ -24,12 +24,12 @@ pub struct RecordedSteps {
     next_chunk: usize,
     steps: VecDeque<Step>,
     is_rounded: bool,
-    told: Arc<Told>,
+    comparison: Arc<Comparison>,
 }
 
-/// What the schedule has told, for whoever compares.
+/// What the steps that were handed out must come to, shared with the check.
 #[derive(Debug, Default)]
-pub(super) struct Told {
+pub(super) struct Comparison {
     inner: Mutex<Inner>,
 }
 
@@ -40,7 +40,7 @@ struct Inner {
     problem: Option<String>,
 }
 
-/// What a step must come to.
+/// The recorded outcome of a step.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Expected {
     pub generation: u32,
@@ -53,12 +53,12 @@ impl RecordedSteps {
     pub(super) fn begin(header: &RunHeader, index: Arc<Index>) -> Result<RecordedSteps, ReadError> {
         let file = index.open()?;
         let is_rounded = header.precision == Precision::Quantised;
-        let (steps, told) = (VecDeque::new(), Arc::default());
-        Ok(RecordedSteps { index, file, next_chunk: 0, steps, is_rounded, told })
+        let (steps, comparison) = (VecDeque::new(), Arc::default());
+        Ok(RecordedSteps { index, file, next_chunk: 0, steps, is_rounded, comparison })
     }
 
-    pub(super) fn told(&self) -> Arc<Told> {
-        Arc::clone(&self.told)
+    pub(super) fn comparison(&self) -> Arc<Comparison> {
+        Arc::clone(&self.comparison)
     }
 
     fn next_step(&mut self) -> Result<Option<Step>, ReadError> {
@@ -100,19 +100,19 @@ impl Schedule for RecordedSteps {
         });
         match found {
             Ok(Some((expected, scheduled))) => {
-                self.told.expect(expected, matches!(scheduled.sees, Sees::Given { .. }));
+                self.comparison.expect(expected, matches!(scheduled.sees, Sees::Given { .. }));
                 Some(scheduled)
             }
             Ok(None) => None,
             Err(error) => {
-                self.told.fail(error.to_string());
+                self.comparison.fail(error.to_string());
                 None
             }
         }
     }
 }
 
-impl Told {
+impl Comparison {
     fn expect(&self, expected: Expected, is_given: bool) {
         let mut inner = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
         inner.given += u64::from(is_given);
@@ -126,7 +126,7 @@ impl Told {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner).problem = Some(problem);
     }
 
-    /// What the step that was just made must come to.
+    /// The recorded outcome of the step that was just made.
     pub fn take(&self) -> Option<Expected> {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner).expected.pop_front()
     }

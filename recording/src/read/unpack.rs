@@ -26,7 +26,7 @@ pub struct RecordedPicture {
     pub colour: Option<ColourCrop>,
 }
 
-/// Silhouettes and colours of a recording, for whoever shows them.
+/// Silhouettes and colours of a recording, to be shown.
 #[derive(Debug)]
 pub struct RecordedPictures(Mutex<Unpacker>);
 
@@ -39,7 +39,7 @@ pub(super) struct Unpacker {
     kept: VecDeque<(u32, Unpacked)>,
 }
 
-/// What of a chunk is about frames.
+/// The silhouettes and colours of a chunk.
 #[derive(Debug, Default)]
 struct Unpacked {
     silhouettes: Vec<(usize, messages::Silhouette)>,
@@ -110,7 +110,7 @@ impl Unpacker {
         }
         let mut unpacked = Unpacked::default();
         for (channel, data) in self.index.messages(&mut self.file, chunk)? {
-            let refused = |problem: String| self.index.refused(problem);
+            let refused = |problem| self.index.refused(problem);
             match channel {
                 Channel::Silhouette(camera) => {
                     unpacked.silhouettes.push((camera, decode("Silhouette", &data).map_err(refused)?));

@@ -1,0 +1,81 @@
+//! What can be wrong with a recording.
+
+use std::path::PathBuf;
+
+use mcap::McapError;
+use proto::convert::ConvertError as SilhouetteError;
+use thiserror::Error;
+
+use super::chunk::MAX_RECORD_BYTES;
+use crate::convert::ConvertError;
+
+/// Why a file is no recording that can be replayed.
+#[derive(Debug, Error)]
+#[error("{}: {problem}", path.display())]
+pub struct ReadError {
+    /// The file.
+    pub path: PathBuf,
+    /// What was found and expected.
+    pub problem: ReadProblem,
+}
+
+/// What is wrong with a file.
+#[derive(Debug, Error)]
+pub enum ReadProblem {
+    /// The system does not give it.
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+    /// It does not begin like an MCAP file.
+    #[error("no MCAP file")]
+    NotMcap,
+    /// It was cut off.
+    #[error("it ends too early")]
+    CutOff,
+    /// A record that claims to be too large to be read.
+    #[error("a record claims {0} bytes, expected at most {MAX_RECORD_BYTES}")]
+    RecordSize(u64),
+    /// A chunk or record that MCAP does not allow.
+    #[error(transparent)]
+    Mcap(#[from] McapError),
+    /// It has no header, perhaps because it cannot be read so far.
+    #[error("no recording of this program{}", because(.0))]
+    NoHeader(Option<Box<ReadProblem>>),
+    /// It has no step, perhaps because it cannot be read so far.
+    #[error("it holds no step{}", because(.0))]
+    NoStep(Option<Box<ReadProblem>>),
+    /// A step at a film time that no run reaches, seconds.
+    #[error("a step at {0} s, expected 0 to 1e9 s")]
+    FilmTime(f64),
+    /// A step of a frame that no run reaches.
+    #[error("a step of frame {0}, expected at most 2^40")]
+    FrameNumber(u64),
+    /// A step that does not follow the one before it.
+    #[error("steps are out of order at {0:.3} s")]
+    Order(f64),
+    /// Bytes that are no message of this kind.
+    #[error("a message {message} cannot be read: {error}")]
+    Decode {
+        /// The message's name.
+        message: &'static str,
+        /// Why.
+        error: prost::DecodeError,
+    },
+    /// A message that cannot be.
+    #[error(transparent)]
+    Message(#[from] ConvertError),
+    /// Runs that are no silhouette.
+    #[error(transparent)]
+    Silhouette(#[from] SilhouetteError),
+    /// The file has changed since it was looked through.
+    #[error("frame {frame} of camera {camera} is not where it was")]
+    Moved {
+        /// Of which frame.
+        frame: u64,
+        /// The camera's place in the rig.
+        camera: usize,
+    },
+}
+
+fn because(problem: &Option<Box<ReadProblem>>) -> String {
+    problem.as_ref().map_or_else(String::new, |problem| format!(" ({problem})"))
+}
