@@ -1,9 +1,9 @@
 //! The feed: everything that viewers and programs see of a run and ask of it, over one HTTP port.
 //!
 //! A [`Feed`] runs on a thread of its own, with its own runtime: the loop never waits for a viewer. It serves
-//! the page itself, its binary feed (a WebSocket), and what programs use. It knows a run by its
-//! [`coordinator::live::Follower`], what it is by [`RunInfo`], and asks [`pictures::Pictures`] for
-//! silhouettes and colours of a frame, only while somebody looks. `docs/feed.md` is the format in words.
+//! the page itself, its binary feed (a WebSocket), and interfaces for programs. It follows a run by a
+//! [`coordinator::live::Follower`], describes it by [`RunInfo`], and asks [`pictures::Pictures`] for
+//! silhouettes and colours of a frame, only while a page is connected. `docs/feed.md` describes the format.
 
 mod commands;
 mod fields;

@@ -45,15 +45,15 @@ pub const PAUSED: u32 = 1;
 pub const BLIND: u32 = 2;
 /// The body touches the hull.
 pub const TOUCHING: u16 = 1;
-/// Somebody holds the body.
+/// A page or program holds the body.
 pub const GRABBED: u16 = 2;
 /// The solver has put the body to sleep.
 pub const ASLEEP: u16 = 4;
 
-/// What a binary message is.
+/// The kind of a binary message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
-pub enum Kind {
+pub enum MessageKind {
     /// Silhouettes and colours of one frame.
     FrameSet = 1,
     /// Bodies after a step.
@@ -62,14 +62,14 @@ pub enum Kind {
     Images = 3,
 }
 
-fn begin(kind: Kind, count: usize, seq: u32, total: usize) -> BytesMut {
+fn begin(kind: MessageKind, count: usize, seq: u32, total: usize) -> BytesMut {
     let mut bytes = BytesMut::with_capacity(total);
     bytes.put_u32_le(MAGIC);
     bytes.put_u8(kind as u8);
     bytes.put_u8(VERSION);
     bytes.put_u16_le(count as u16);
     bytes.put_u32_le(seq);
-    // The most that ever comes: 64 cameras' images.
+    // 64 cameras' images are far below 4 GB.
     bytes.put_u32_le(total as u32);
     bytes
 }
@@ -80,15 +80,15 @@ fn padded(length: usize) -> usize {
 
 /// Silhouettes and colours of one frame.
 pub fn frame_set(seq: u32, fps: f64, pictures: &FramePictures) -> Bytes {
-    pictures_message(Kind::FrameSet, seq, fps, 0, pictures)
+    pictures_message(MessageKind::FrameSet, seq, fps, 0, pictures)
 }
 
 /// Whole images of one frame.
 pub fn images(seq: u32, fps: f64, are_thumbnails: bool, pictures: &FramePictures) -> Bytes {
-    pictures_message(Kind::Images, seq, fps, if are_thumbnails { THUMBNAILS } else { 0 }, pictures)
+    pictures_message(MessageKind::Images, seq, fps, if are_thumbnails { THUMBNAILS } else { 0 }, pictures)
 }
 
-fn pictures_message(kind: Kind, seq: u32, fps: f64, flags: u32, pictures: &FramePictures) -> Bytes {
+fn pictures_message(kind: MessageKind, seq: u32, fps: f64, flags: u32, pictures: &FramePictures) -> Bytes {
     let cameras = &pictures.cameras[..pictures.cameras.len().min(usize::from(u16::MAX))];
     let first = FRAME_SET_BYTES + CAMERA_BYTES * cameras.len();
     let payload = |camera: &CameraPicture| padded(camera.runs.len()) + padded(camera.jpeg.len());
@@ -126,7 +126,7 @@ pub fn world(seq: u32, world: &WorldState, with_touches: bool) -> Bytes {
     let touches = if with_touches { &world.touches[..] } else { &[] };
     let touches = &touches[..touches.len().min(MAX_TOUCHES)];
     let total = WORLD_BYTES + BODY_BYTES * bodies.len() + 4 + TOUCH_BYTES * touches.len();
-    let mut bytes = begin(Kind::World, bodies.len(), seq, total);
+    let mut bytes = begin(MessageKind::World, bodies.len(), seq, total);
     bytes.put_u32_le(world.generation);
     let flag = |is: bool, bit: u32| if is { bit } else { 0 };
     bytes.put_u32_le(flag(world.paused, PAUSED) | flag(world.frame.is_none(), BLIND));

@@ -1,4 +1,4 @@
-//! What a run is, as far as those who watch it need to know.
+//! The description of a run for those who watch it.
 
 use hull::rule::OutOfView;
 use hull::{Camera, ProbeSettings, Rig, Silhouette};
@@ -15,7 +15,7 @@ pub struct RunInfo {
     pub rig: Rig,
     /// Of each camera, in rig order, the pixels where it is silent whatever it sees; `None` if there are none.
     pub ignored: Vec<Option<Silhouette>>,
-    /// How the hull judges.
+    /// The hull rule and the probes' settings.
     pub probes: ProbeSettings,
     /// Frames of the cluster per second.
     pub fps: f64,
@@ -31,7 +31,7 @@ pub struct RunInfo {
     pub floor_m: Option<f64>,
     /// Whether any camera films in colour.
     pub has_colour: bool,
-    /// Whether it is a recorded run made again: then nothing can be asked of it but to stand and go on.
+    /// Whether a recording is replayed: then only pause, resume and step are taken.
     pub is_replay: bool,
 }
 
@@ -45,7 +45,7 @@ pub struct Volume {
 }
 
 impl RunInfo {
-    /// What pages are told when it is over.
+    /// The reason that pages get at the end.
     pub fn end(&self) -> &'static str {
         if self.is_replay { "the recording has ended" } else { "the run has ended" }
     }

@@ -67,8 +67,8 @@ pub struct Feed {
 }
 
 impl Feed {
-    /// Binds the address and begins to serve. `pictures` is called once, within the server's own runtime; what
-    /// it returns is asked only while somebody looks.
+    /// Binds the address and begins to serve. `pictures` is called once, within the server's own runtime; its
+    /// result is asked only while a page is connected.
     pub fn start(
         settings: &FeedSettings,
         info: RunInfo,

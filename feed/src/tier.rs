@@ -1,6 +1,6 @@
-//! In what size a page gets colours.
+//! The size of a page's colours.
 
-/// What a page gets of the colours, the most first.
+/// The size of colours, the largest first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) enum Tier {
     Full,
@@ -10,7 +10,7 @@ pub(crate) enum Tier {
 }
 
 impl Tier {
-    /// As in messages.
+    /// Its name in messages.
     pub fn name(self) -> &'static str {
         match self {
             Tier::Full => "full",

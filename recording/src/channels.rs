@@ -1,4 +1,4 @@
-//! The channels of a recording: what stands where.
+//! The channels of a recording.
 
 use std::borrow::Cow;
 
@@ -8,7 +8,7 @@ const PACKAGE: &str = "hulltouch.recording.v1";
 /// A channel. Cameras count in rig order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Channel {
-    /// What a run needs besides its film.
+    /// Everything that a run needs besides its film.
     Header,
     /// Silhouettes of a camera.
     Silhouette(usize),
@@ -16,13 +16,13 @@ pub enum Channel {
     Colour(usize),
     /// Steps.
     Step,
-    /// What bodies there are.
+    /// The bodies.
     Scene,
-    /// Where they are.
+    /// Their poses.
     Bodies,
     /// Samples inside the hull.
     Touches,
-    /// How the run does.
+    /// The run's figures.
     Figures,
     /// The end.
     End,

@@ -37,13 +37,13 @@ impl<T> ByteQueue<T> {
         ByteQueue { limit_bytes, inner: Mutex::new(inner), changed: Condvar::new() }
     }
 
-    /// Puts something at the end; false if there is no room for it, or nobody takes from it any more.
+    /// Puts something at the end; false if there is no room for it, or the queue is closed.
     pub fn offer(&self, bytes: usize, item: T) -> bool {
         let inner = self.lock();
         inner.bytes < self.limit_bytes && self.push(inner, bytes, item)
     }
 
-    /// Puts something at the end once there is room; false if nobody takes from it any more.
+    /// Puts something at the end once there is room; false if the queue is closed.
     pub fn put(&self, bytes: usize, item: T) -> bool {
         let mut inner = self.lock();
         while inner.bytes >= self.limit_bytes && !inner.closed {

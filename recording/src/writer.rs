@@ -110,7 +110,8 @@ impl Sink {
 
 impl FileWriter {
     /// Creates the file and all its channels; `first` is on the disk when this returns. A file that is there
-    /// stays as it is until the new one is complete, and is replaced only if it may be. With `waits` a slow disk holds up whoever hands in messages.
+    /// stays as it is until the new one is complete, and is replaced only if it may be. With `waits` a slow disk
+    /// holds up the sender.
     pub fn create(
         path: &Path,
         overwrites: Overwrites,

@@ -32,7 +32,7 @@ impl Token {
         Ok(Token(text.into()))
     }
 
-    /// A token that nobody can guess.
+    /// A random token of 128 bits.
     pub fn random() -> Result<Token, RandomError> {
         random_hex().map(Token)
     }

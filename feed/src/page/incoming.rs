@@ -13,7 +13,7 @@ const FPS: RangeInclusive<f64> = 0.1..=240.0;
 const STATE_HZ: RangeInclusive<f64> = 0.1..=240.0;
 const THUMBNAILS_HZ: RangeInclusive<f64> = 0.1..=5.0;
 
-/// What a page wants to see.
+/// The wants of a page.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Want {
     /// The most of the colours.
@@ -22,7 +22,7 @@ pub(crate) struct Want {
     pub fps: f64,
     /// Worlds a second, at most; none at 0.
     pub state_hz: f64,
-    /// Whether worlds carry the samples that touch.
+    /// Whether worlds carry the samples that touch the hull.
     pub touches: bool,
     /// Thumbnails a second; none at 0.
     pub thumbnails_hz: f64,

@@ -1,4 +1,4 @@
-//! How much of the colours a page gets: what it asks for, or less where its link does not carry that.
+//! The tier of a page's colours: what it asks for, or less where its link does not carry that.
 //!
 //! Behind every frame set goes a ping, which a browser answers as soon as it has received what came before,
 //! however slowly it draws. So the time to the answer is the link's. A link is too slow if a frame set takes
@@ -9,19 +9,19 @@ use std::time::{Duration, Instant};
 
 use crate::tier::Tier;
 
-/// A link that is too slow for so long gets less.
+/// A link that is too slow for so long gets a smaller tier.
 const SLOW: Duration = Duration::from_secs(3);
 /// Frame sets that are on their way for so long, one after the other, are too large: there is less at once. A single
 /// one may have met a busy machine.
 const TOO_LATE: Duration = Duration::from_millis(500);
 const LATE_IN_A_ROW: usize = 2;
-/// A link at ease for so long gets more.
-const EASE: Duration = Duration::from_secs(10);
+/// A link with room for so long gets a larger tier.
+const RAISE_AFTER: Duration = Duration::from_secs(10);
 /// A link that could not take more waits twice as long each time, up to so long.
-const LONGEST_EASE: Duration = Duration::from_secs(160);
-/// At ease: a frame set arrives so many times faster than the next one comes; the next tier is about so many
+const MAX_RAISE_AFTER: Duration = Duration::from_secs(160);
+/// With room: a frame set arrives so many times faster than the next one comes; the next tier is about so many
 /// times as large.
-const EASE_FACTOR: u32 = 3;
+const ROOM_FACTOR: u32 = 3;
 /// Arrivals looked at: those of so long.
 const WINDOW: Duration = Duration::from_secs(3);
 /// Arrivals kept at most: a hundred frames a second of them.
@@ -35,9 +35,9 @@ pub(crate) struct Link {
     /// When frame sets arrived, and how long they took.
     arrivals: VecDeque<(Instant, Duration)>,
     slow_since: Option<Instant>,
-    easy_since: Option<Instant>,
+    room_since: Option<Instant>,
     raised_at: Option<Instant>,
-    patience: Duration,
+    raise_after: Duration,
 }
 
 impl Link {
@@ -47,9 +47,9 @@ impl Link {
             tier: asked,
             arrivals: VecDeque::new(),
             slow_since: None,
-            easy_since: None,
+            room_since: None,
             raised_at: None,
-            patience: EASE,
+            raise_after: RAISE_AFTER,
         }
     }
 
@@ -87,15 +87,16 @@ impl Link {
             since.map_or(Duration::ZERO, |since| now.duration_since(since))
         };
         let slow = note(&mut self.slow_since, mean.is_some_and(|mean| mean > interval));
-        let easy = note(&mut self.easy_since, mean.is_some_and(|mean| mean * EASE_FACTOR < interval));
+        let room = note(&mut self.room_since, mean.is_some_and(|mean| mean * ROOM_FACTOR < interval));
         let late = |took: &Duration| took.saturating_sub(base) > TOO_LATE;
         let in_a_row = self.arrivals.iter().rev().take_while(|(_, took)| late(took)).count();
         let is_late = in_a_row >= LATE_IN_A_ROW;
         if (slow >= SLOW || is_late) && self.tier != Tier::Off {
-            let was_raised = self.raised_at.is_some_and(|at| now.duration_since(at) < EASE);
-            self.patience = if was_raised { (2 * self.patience).min(LONGEST_EASE) } else { self.patience };
+            let was_raised = self.raised_at.is_some_and(|at| now.duration_since(at) < RAISE_AFTER);
+            self.raise_after =
+                if was_raised { (2 * self.raise_after).min(MAX_RAISE_AFTER) } else { self.raise_after };
             self.change(self.tier.less());
-        } else if easy >= self.patience && self.tier > self.asked {
+        } else if room >= self.raise_after && self.tier > self.asked {
             self.raised_at = Some(now);
             self.change(self.tier.more());
         }
@@ -105,7 +106,7 @@ impl Link {
         self.tier = tier;
         self.arrivals.clear();
         self.slow_since = None;
-        self.easy_since = None;
+        self.room_since = None;
     }
 }
 

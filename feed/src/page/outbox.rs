@@ -1,5 +1,5 @@
-//! What waits to be sent to one page: at most one of each kind, the newest, so that a page that reads slowly
-//! costs nothing and sees nothing old.
+//! Messages that wait to be sent to one page: at most one of each kind, the newest, so that a slow page costs
+//! nothing and gets nothing old.
 
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -13,7 +13,7 @@ const MAX_TEXTS: usize = 256;
 /// Pings on their way that are remembered: two frame sets, and one a second for longer than a page is waited for.
 const MAX_PINGS: usize = 16;
 
-/// What is sent next.
+/// The next thing to send.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Item {
     Text(String),
@@ -21,7 +21,7 @@ pub(crate) enum Item {
     /// Messages about one frame, and the ping behind them.
     Frame(Vec<Bytes>),
     Ping,
-    /// The last words.
+    /// The last message.
     Bye(String),
 }
 
@@ -49,7 +49,7 @@ struct Ping {
     is_behind_frame: bool,
 }
 
-/// What the answer to a ping tells.
+/// What the answer to a ping shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Arrival {
     pub took: Duration,
@@ -96,7 +96,7 @@ impl Outbox {
         self.filled.notify_one();
     }
 
-    /// Nothing else is sent any more but what is being sent, and this.
+    /// Sends only what is being sent now, and this.
     pub fn bye(&self, why: String) {
         let mut slots = self.slots();
         *slots = Slots { is_busy: slots.is_busy, bye: Some(why), ..Slots::default() };
@@ -115,7 +115,7 @@ impl Outbox {
         self.slots().is_busy
     }
 
-    /// Waits for what to send next.
+    /// Waits for the next thing to send.
     pub async fn next(&self) -> Item {
         loop {
             let filled = self.filled.notified();
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn last_words_are_the_last() {
+    async fn nothing_follows_the_last_message() {
         let outbox = Outbox::default();
         outbox.world(Bytes::from_static(&[1]));
         outbox.bye("enough".into());
@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn answers_that_nobody_reads_are_bounded() {
+    fn unread_answers_are_bounded() {
         let outbox = Outbox::default();
         assert!((0..MAX_TEXTS).all(|_| outbox.text("done".into())));
         assert!(!outbox.text("one too many".into()));

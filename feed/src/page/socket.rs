@@ -15,7 +15,7 @@ use serde::Deserialize;
 use tokio::task::JoinHandle;
 
 use super::outbox::{Item, Outbox};
-use super::state::{Page, Verdict};
+use super::state::{Ending, Page};
 use super::{STATUS_EVERY, WRITE_TIMEOUT};
 use crate::http::BytesSent;
 use crate::shared::{Seat, Shared};
@@ -29,7 +29,7 @@ const MAX_PAGES: usize = 64;
 const MAX_MESSAGE_BYTES: usize = 64 << 10;
 /// What WebSocket closes may give as a reason, bytes.
 const MAX_REASON_BYTES: usize = 123;
-/// How often a page is asked whether it is there.
+/// How often a page is pinged.
 const PING_EVERY: Duration = Duration::from_secs(1);
 
 /// The page's socket.
@@ -68,15 +68,15 @@ async fn serve(socket: WebSocket, shared: Arc<Shared>, is_controller: bool, byte
     let outbox = Arc::new(Outbox::default());
     let mut writing = Writing(tokio::spawn(write(sink, Arc::clone(&outbox))));
     let mut page = Page::new(shared, Arc::clone(&outbox), is_controller, bytes_sent);
-    let verdict = tokio::select! {
-        verdict = talk(&mut page, stream) => verdict,
-        _ = &mut writing.0 => Verdict::Gone,
+    let ending = tokio::select! {
+        ending = talk(&mut page, stream) => ending,
+        _ = &mut writing.0 => Ending::Disconnected,
     };
     page.end();
-    match verdict {
-        Verdict::Gone => {}
-        Verdict::Stuck => tracing::info!("a page that stopped reading was dropped"),
-        Verdict::Bye(why) => {
+    match ending {
+        Ending::Disconnected => {}
+        Ending::Stalled => tracing::info!("a page that stopped reading was dropped"),
+        Ending::Bye(why) => {
             outbox.bye(why);
             let _ = tokio::time::timeout(WRITE_TIMEOUT, &mut writing.0).await;
         }
@@ -92,32 +92,32 @@ impl Drop for Writing {
     }
 }
 
-/// Takes what comes, and lets the page's state decide what goes, until there is a reason to end.
-async fn talk(page: &mut Page, mut stream: SplitStream<WebSocket>) -> Verdict {
+/// Hands what comes to the page's state, which decides what is sent, until there is a reason to end.
+async fn talk(page: &mut Page, mut stream: SplitStream<WebSocket>) -> Ending {
     let mut status = tokio::time::interval(STATUS_EVERY);
     let mut pings = tokio::time::interval(PING_EVERY);
     page.begin();
     loop {
         let (state_due, frame_due) = (page.state_due(), page.frame_due());
-        let verdict = tokio::select! {
+        let ending = tokio::select! {
             message = stream.next() => match message {
                 Some(Ok(Message::Text(text))) => page.read(&text),
                 Some(Ok(Message::Pong(number))) => page.pong(&number),
                 // Pings are answered already.
                 Some(Ok(Message::Ping(_))) => None,
-                Some(Ok(Message::Binary(_))) => Some(Verdict::Bye("a binary message, expected texts".into())),
-                Some(Ok(Message::Close(_))) | None => Some(Verdict::Gone),
-                Some(Err(error)) => Some(Verdict::Bye(format!("no message: {error}"))),
+                Some(Ok(Message::Binary(_))) => Some(Ending::Bye("a binary message, expected texts".into())),
+                Some(Ok(Message::Close(_))) | None => Some(Ending::Disconnected),
+                Some(Err(error)) => Some(Ending::Bye(format!("no message: {error}"))),
             },
-            verdict = page.changed() => verdict,
+            ending = page.changed() => ending,
             () = sleep_until(state_due) => page.send_state(),
             // Asked for below.
             () = sleep_until(frame_due) => None,
             _ = status.tick() => page.look_at_link(),
             _ = pings.tick() => page.ping(),
         };
-        if let Some(verdict) = verdict {
-            return verdict;
+        if let Some(ending) = ending {
+            return ending;
         }
         page.pull_frame();
     }
@@ -130,7 +130,7 @@ async fn sleep_until(due: Option<Instant>) {
     }
 }
 
-/// Sends what the outbox holds, until the peer is gone or the last word is said.
+/// Sends what the outbox holds, until the peer is gone or the last message is sent.
 async fn write(mut sink: SplitSink<WebSocket, Message>, outbox: Arc<Outbox>) {
     loop {
         let sent = match outbox.next().await {

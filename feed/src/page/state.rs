@@ -26,12 +26,12 @@ const LATE: Duration = Duration::from_millis(250);
 
 /// Why a page's connection ends.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Verdict {
-    /// It went.
-    Gone,
-    /// It reads no more.
-    Stuck,
-    /// It is told why.
+pub(crate) enum Ending {
+    /// The page disconnected.
+    Disconnected,
+    /// It no longer reads.
+    Stalled,
+    /// The server closes it and gives the reason.
     Bye(String),
 }
 
@@ -51,18 +51,18 @@ pub(crate) struct Page {
     base: Duration,
     /// Whether the last frame set arrived soon enough for the next to follow it on its way.
     is_quick: bool,
-    /// The world's, when bodies were last told.
+    /// The world's, when the scene was last sent.
     generation: u32,
     /// Bytes taken when the link was last looked at, and when they last grew or nothing waited.
-    seen_bytes: u64,
-    moved: Instant,
+    last_bytes: u64,
+    progress_at: Instant,
     _watching: Watching,
 }
 
 impl Page {
     pub fn new(shared: Arc<Shared>, outbox: Arc<Outbox>, is_controller: bool, bytes_sent: BytesSent) -> Page {
         let mut follower = shared.follower.clone();
-        // What is there already is new to this page.
+        // What was published before is new to this page.
         follower.world.mark_changed();
         follower.scene.mark_changed();
         let watching = follower.watch();
@@ -77,7 +77,7 @@ impl Page {
             follower,
             outbox,
             is_controller,
-            seen_bytes: bytes_sent.bytes(),
+            last_bytes: bytes_sent.bytes(),
             bytes_sent,
             want,
             orders,
@@ -86,12 +86,12 @@ impl Page {
             base: WRITE_TIMEOUT,
             is_quick: false,
             generation: 0,
-            moved: now,
+            progress_at: now,
             _watching: watching,
         }
     }
 
-    /// The first words.
+    /// Sends the first message.
     pub fn begin(&mut self) {
         let hello = {
             let Shared { info, volume, session, .. } = &*self.shared;
@@ -100,8 +100,8 @@ impl Page {
         self.outbox.text(hello);
     }
 
-    /// Waits for news: of the run, of a command, of a frame set, of the end.
-    pub async fn changed(&mut self) -> Option<Verdict> {
+    /// Waits for a change of the run, an answer to a command, a frame set or the end.
+    pub async fn changed(&mut self) -> Option<Ending> {
         let Page { follower, orders, frames, shared, outbox, .. } = self;
         let mut ending = shared.ending.clone();
         tokio::select! {
@@ -111,14 +111,14 @@ impl Page {
                     orders.forget_held();
                     self.generation = scene.generation;
                 }
-                self.tell(text::scene(&scene))
+                self.send(text::scene(&scene))
             }
             Ok(()) = follower.world.changed() => {
                 follower.world.mark_unchanged();
                 self.is_state_new = true;
                 None
             }
-            answer = orders.answered() => self.tell(answer),
+            answer = orders.answered() => self.send(answer),
             made = frames.made() => {
                 match made {
                     Ok(messages) => outbox.frame(messages),
@@ -128,22 +128,22 @@ impl Page {
             }
             // There is room for a frame now.
             () = outbox.drained() => None,
-            _ = ending.wait_for(|ended| *ended) => Some(Verdict::Bye(shared.info.end().into())),
+            _ = ending.wait_for(|ended| *ended) => Some(Ending::Bye(shared.info.end().into())),
         }
     }
 
-    /// The page has gone.
+    /// The page has disconnected.
     pub fn end(self) {
         self.orders.end();
     }
 
-    /// A text that must arrive.
-    fn tell(&self, text: String) -> Option<Verdict> {
-        (!self.outbox.text(text)).then_some(Verdict::Stuck)
+    /// Sends a text that must not be lost.
+    fn send(&self, text: String) -> Option<Ending> {
+        (!self.outbox.text(text)).then_some(Ending::Stalled)
     }
 
     /// A message of the page.
-    pub fn read(&mut self, text: &str) -> Option<Verdict> {
+    pub fn read(&mut self, text: &str) -> Option<Ending> {
         match incoming::parse(text, &self.want) {
             Ok(Incoming::Want(want)) => self.change(want),
             Ok(Incoming::Shown(seq)) => {
@@ -152,18 +152,18 @@ impl Page {
             }
             Ok(Incoming::Command(request)) => {
                 let refusal = self.orders.order(request);
-                refusal.and_then(|refusal| self.tell(refusal))
+                refusal.and_then(|refusal| self.send(refusal))
             }
-            Err(why) => Some(Verdict::Bye(why.to_string())),
+            Err(why) => Some(Ending::Bye(why.to_string())),
         }
     }
 
-    fn change(&mut self, want: Want) -> Option<Verdict> {
+    fn change(&mut self, want: Want) -> Option<Ending> {
         if let Some(name) = &want.image_of
             && self.shared.info.rig.index_of(name).is_none()
         {
             let wrong = wrong("want.image_of", &name.as_str().into(), "a camera's name or null");
-            return Some(Verdict::Bye(wrong.to_string()));
+            return Some(Ending::Bye(wrong.to_string()));
         }
         self.link.ask(want.colour);
         if want != self.want {
@@ -190,7 +190,7 @@ impl Page {
     }
 
     /// Sends the newest world.
-    pub fn send_state(&mut self) -> Option<Verdict> {
+    pub fn send_state(&mut self) -> Option<Ending> {
         let now = Instant::now();
         let interval = Duration::from_secs_f64(1.0 / self.want.state_hz.max(0.1));
         // Kept in step, so that 60 of 120 a second are every second one.
@@ -216,7 +216,7 @@ impl Page {
     }
 
     /// A ping was answered.
-    pub fn pong(&mut self, number: &[u8]) -> Option<Verdict> {
+    pub fn pong(&mut self, number: &[u8]) -> Option<Ending> {
         let number = number.try_into().map(u32::from_le_bytes).ok()?;
         let arrival = self.outbox.pong(number)?;
         if arrival.is_of_frame {
@@ -227,26 +227,26 @@ impl Page {
         None
     }
 
-    /// Asks whether the page is there.
-    pub fn ping(&mut self) -> Option<Verdict> {
+    /// Checks that the page is alive.
+    pub fn ping(&mut self) -> Option<Ending> {
         self.outbox.ping();
         // Routes change: what was the least long ago counts less and less.
         self.base = self.base.mul_f64(1.02).min(WRITE_TIMEOUT);
         None
     }
 
-    /// Judges the link, tells the status, and gives up a page that reads no more.
-    pub fn look_at_link(&mut self) -> Option<Verdict> {
+    /// Judges the link, sends the status, and gives up a page that no longer reads.
+    pub fn look_at_link(&mut self) -> Option<Ending> {
         let now = Instant::now();
         let bytes = self.bytes_sent.bytes();
-        let grown = bytes - self.seen_bytes;
+        let grown = bytes - self.last_bytes;
         if grown > 0 || !self.outbox.is_busy() {
-            self.moved = now;
+            self.progress_at = now;
         }
-        self.seen_bytes = bytes;
+        self.last_bytes = bytes;
         let is_silent = self.outbox.silence().is_some_and(|silence| silence > WRITE_TIMEOUT);
-        if is_silent || now.duration_since(self.moved) > WRITE_TIMEOUT {
-            return Some(Verdict::Stuck);
+        if is_silent || now.duration_since(self.progress_at) > WRITE_TIMEOUT {
+            return Some(Ending::Stalled);
         }
         self.link.judge(now, self.outbox.frame_waits(), self.base, self.frames.interval(&self.want));
         let (sent, dropped) = self.frames.counts();

@@ -130,7 +130,7 @@ fn serve_page(
     source: PageSource,
 ) -> Outcome<Feed> {
     let file = &setup.file;
-    let facts = RunInfo {
+    let info = RunInfo {
         rig: file.rig.clone(),
         ignored: source.ignored,
         probes: file.probes,
@@ -143,9 +143,9 @@ fn serve_page(
         has_colour: source.has_colour,
         is_replay: source.is_replay,
     };
-    let feed = Feed::start(settings, facts, follower, source.pictures).map_err(|error| match error {
+    let feed = Feed::start(settings, info, follower, source.pictures).map_err(|error| match error {
         FeedError::Listen { .. } => Failure::input(format_args!("--listen: {error}")),
-        FeedError::System(_) => Failure::run(error),
+        FeedError::System(_) | FeedError::Random(_) => Failure::run(error),
     })?;
     let address = feed.address();
     if !address.ip().is_loopback() {

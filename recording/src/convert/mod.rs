@@ -13,7 +13,7 @@ pub(crate) use world::{bodies, scene, touches};
 
 use thiserror::Error;
 
-/// A message that says what cannot be.
+/// A message with an impossible value.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{message}: {problem}")]
 pub struct ConvertError {

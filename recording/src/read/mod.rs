@@ -164,7 +164,7 @@ struct Scan {
     steps: u64,
     last: Option<messages::Step>,
     is_complete: bool,
-    /// Topics by number, until the header says what cameras there are.
+    /// Topics by number, until the header names the cameras.
     topics: HashMap<u16, String>,
 }
 

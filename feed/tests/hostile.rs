@@ -1,0 +1,61 @@
+//! Text of pages and programs comes back as one short line without control characters.
+
+mod common;
+
+use common::*;
+use serde_json::{Value, json};
+
+/// Escape sequences, a forged line, a mark that reverses text, and 40 KB.
+fn hostile() -> String {
+    format!("\u{1b}[2J\u{1b}]0;title\u{7}\r\nERROR a forged line \u{202e}{}", "x".repeat(40_000))
+}
+
+#[track_caller]
+fn is_clean(why: &Value) {
+    let why = why.as_str().expect("a text");
+    assert!(why.chars().count() <= 301, "{} characters", why.chars().count());
+    let is_bad = |character: char| character.is_control() || character == '\u{202e}';
+    assert!(!why.contains(is_bad), "{why:?}");
+}
+
+#[tokio::test]
+async fn what_a_page_sends_comes_back_short_and_clean() {
+    let run = Run::start();
+    let mut page = run.controller().await;
+    let command = |fields: Value| {
+        let mut message = json!({"op": "command", "id": 1});
+        let (Some(message_fields), Value::Object(fields)) = (message.as_object_mut(), fields) else {
+            panic!()
+        };
+        message_fields.extend(fields);
+        message
+    };
+    let ball = json!({"ball": {"radius": 0.1}});
+    for fields in [
+        json!({"command": hostile()}),
+        json!({"command": "choose", "scene": hostile()}),
+        json!({"command": "remove", "body": hostile()}),
+        json!({"command": "pause", hostile(): 1}),
+        json!({"command": "spawn", "position": [0, 1, 0], "shape": ball, "name": hostile()}),
+        json!({"command": "spawn", "position": [0, 1, 0], "shape": {hostile(): {}}}),
+        json!({"command": "spawn", "position": [0, 1, 0], "shape": ball, hostile(): 1}),
+    ] {
+        page.say(command(fields)).await;
+        is_clean(&page.hear_op("refused").await["why"]);
+    }
+    page.say(json!({"op": "want", "image_of": hostile()})).await;
+    is_clean(&page.hear_op("bye").await["why"]);
+    assert!(run.ordered.lock().expect("whole").is_empty());
+}
+
+#[tokio::test]
+async fn what_a_program_sends_comes_back_short_and_clean() {
+    let run = Run::start();
+    let mut program = Page::open(&format!("ws://{}/state", run.feed.address())).await;
+    for text in [hostile(), json!([hostile()]).to_string()] {
+        use futures::SinkExt as _;
+        let message = tokio_tungstenite::tungstenite::Message::text(text);
+        program.socket.send(message).await.expect("sent");
+        is_clean(&program.hear_op("refused").await["why"]);
+    }
+}
