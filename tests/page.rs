@@ -17,15 +17,16 @@ use segment::SegmentSettings;
 use serde_json::{Value, json};
 use tokio::net::TcpStream;
 use tokio_tungstenite::tungstenite::Message;
+use tokio_tungstenite::tungstenite::client::IntoClientRequest as _;
 use tokio_tungstenite::{MaybeTlsStream, WebSocketStream};
 
 const PATIENCE: Duration = Duration::from_secs(100);
 
-/// A demo and the address that its first line tells.
+/// A demo, its socket's address, and the token that its first line tells.
 struct Demo {
     child: Child,
+    token: String,
     socket: String,
-    viewers: String,
     errors: BufReader<std::process::ChildStderr>,
 }
 
@@ -46,14 +47,18 @@ impl Demo {
             errors.read_line(&mut line).expect("a line");
             line.trim().strip_prefix(prefix).unwrap_or_else(|| panic!("found {line:?}")).to_owned()
         };
-        let socket = line("page: http://").replacen("/?", "/feed?", 1);
-        let viewers = line("viewers: http://");
-        assert_eq!(socket.split('/').next(), viewers.split('/').next());
-        Demo { child, socket: format!("ws://{socket}"), viewers: format!("ws://{viewers}feed"), errors }
+        let page = line("page: http://");
+        let (address, token) = page.split_once("?token=").expect("a token");
+        assert_eq!(address, line("viewers: http://"));
+        Demo { child, token: token.into(), socket: format!("ws://{address}feed"), errors }
     }
 
-    async fn connect(&self, url: &str) -> Page {
-        let (socket, _) = tokio_tungstenite::connect_async(url).await.expect("connects");
+    async fn connect(&self, token: Option<&str>) -> Page {
+        let mut request = self.socket.as_str().into_client_request().expect("an address");
+        let offered = token.map(|token| format!(", hulltouch.token.{token}")).unwrap_or_default();
+        let protocols = format!("hulltouch.feed.v1{offered}").parse().expect("a value");
+        request.headers_mut().insert("Sec-WebSocket-Protocol", protocols);
+        let (socket, _) = tokio_tungstenite::connect_async(request).await.expect("connects");
         Page { socket, deadline: tokio::time::Instant::now() + PATIENCE }
     }
 }
@@ -152,10 +157,10 @@ fn shows_the_person(set: &[u8]) -> bool {
 
 async fn a_run_is_seen_and_steered(more: &[&str]) {
     let mut demo = Demo::start(more);
-    let mut viewer = demo.connect(&demo.viewers).await;
+    let mut viewer = demo.connect(None).await;
     let hello = viewer.op("hello").await;
     assert_eq!((&hello["controller"], hello["cameras"].as_array().map(Vec::len)), (&json!(false), Some(2)));
-    let mut page = demo.connect(&demo.socket).await;
+    let mut page = demo.connect(Some(&demo.token)).await;
     assert_eq!(page.op("hello").await["controller"], json!(true));
     assert_eq!(page.op("scene").await["scene"], json!("topple"));
     // The first frames come before anybody asked for colours.

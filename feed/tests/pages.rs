@@ -140,6 +140,20 @@ async fn a_page_that_shows_nothing_gets_two_frame_sets_and_then_the_newest() {
 }
 
 #[tokio::test]
+async fn touches_wanted_while_paused_come_with_the_world_that_stands() {
+    let run = Run::start();
+    let mut page = run.viewer().await;
+    page.say(json!({"op": "want", "touches": false})).await;
+    run.publish_world(Some(10), true);
+    let touches = |world: &[u8]| u32_at(world, 48 + 48);
+    while touches(&page.hear_kind(2).await) > 0 {}
+    page.say(json!({"op": "want", "touches": true})).await;
+    assert_eq!(touches(&page.hear_kind(2).await), 2);
+    page.say(json!({"op": "want", "touches": false})).await;
+    assert_eq!(touches(&page.hear_kind(2).await), 0);
+}
+
+#[tokio::test]
 async fn who_has_the_token_steers_and_nobody_else() {
     let run = Run::start();
     let mut viewer = run.viewer().await;
@@ -147,8 +161,11 @@ async fn who_has_the_token_steers_and_nobody_else() {
     let refused = viewer.hear_op("refused").await;
     let why = "a viewer cannot steer: open the page with its token";
     assert_eq!((&refused["id"], &refused["why"]), (&json!(1), &json!(why)));
-    let mut wrong = Page::open(&format!("ws://{}/feed?token=let-me-steeR", run.feed.address())).await;
+    let mut wrong = run.page_with_token("let-me-steeR").await;
     assert_eq!(wrong.hear_op("hello").await["controller"], json!(false));
+    let mut in_address = Page::open(&format!("ws://{}/feed?token={TOKEN}", run.feed.address())).await;
+    let is_controller = in_address.hear_op("hello").await["controller"].clone();
+    assert_eq!(is_controller, json!(false), "browsers print addresses");
     assert!(run.ordered.lock().expect("whole").is_empty());
 
     let mut controller = run.controller().await;
@@ -224,13 +241,13 @@ async fn pages_beyond_the_bound_are_turned_away() {
         pages.push(tokio::spawn(async move { while !matches!(page.hear().await, Heard::Close(_)) {} }));
     }
     let url = format!("ws://{}/feed", run.feed.address());
-    match connect(&url).await {
+    match connect(&url, None).await {
         Err(tungstenite::Error::Http(response)) => assert_eq!(response.status(), 503),
         other => panic!("expected 503, found {other:?}"),
     }
     pages.pop().expect("a page").abort();
     until("a place is free", || run.feed.pages() < 64).await;
-    connect(&url).await.expect("there is a place again");
+    connect(&url, None).await.expect("there is a place again");
 }
 
 #[tokio::test]

@@ -50,9 +50,10 @@ export function debug(app: App, hands: Hands, version: string): Debug {
       layers: [...app.layers],
       through: app.through,
       follow: app.follow,
-      paused: app.paused,
+      paused: app.run.isPaused,
+      isGrey: app.isGrey,
       live: app.frames.playout.live,
-      behindMs: app.frames.playout.live ? 0 : (app.frames.timeline.span()?.[1] ?? 0) - (app.frames.playout.moment ?? 0),
+      behindMs: app.frames.playout.behindMs ?? 0,
       eye: app.orbit.eye(),
       target: app.orbit.now.target,
       framesShown: app.frames.count,
@@ -61,7 +62,7 @@ export function debug(app: App, hands: Hands, version: string): Debug {
       quality: app.quality.number,
       colours: app.status?.feed?.tier ?? null,
       drawMs: app.quality.averageMs,
-      latencyMs: app.frames.latencyMs.get(),
+      latencyMs: app.frames.latency.get(),
       receivedBytes: app.connection.received,
       stalls: app.frames.stalls,
       outstanding: app.connection.credit.outstanding,
@@ -71,16 +72,22 @@ export function debug(app: App, hands: Hands, version: string): Debug {
       generation: app.moment?.world.generation ?? null,
       step: app.worlds.newest()?.step ?? null,
       bodies: (app.moment?.bodies ?? []).map((body) => ({ ...body, name: app.scene?.bodies.find(({ id }) => id === body.id)?.name ?? null })),
+      touchesDrawn: app.layers.has("touches") ? (app.stage?.touches.count ?? 0) : 0,
       box: app.stage?.hull?.box ?? null,
       hasBackdrop: app.stage?.cameras?.backdrop.visible ?? false,
     }),
     rig: () => app.hello?.cameras ?? [],
     picture: (from, width, height, mode = "photo") => picture(app, from, width, height, mode),
-    onCanvas: (point) => app.onCanvas(point),
+    onCanvas: (point) => onCanvas(app, point),
     bodyAt: (x, y) => hands.hit(x, y, false)?.body ?? null,
     placeAt: (x, y) => hands.hit(x, y)?.what ?? null,
     fixedBodies: () => (app.scene?.bodies ?? []).filter(({ fixed }) => fixed).map(({ id }) => id),
   };
+}
+
+function onCanvas({ stage, canvas }: App, point: Vec3): [number, number] | null {
+  const at = stage?.toClip(point);
+  return at ? [(at[0] * 0.5 + 0.5) * canvas.clientWidth, (0.5 - at[1] * 0.5) * canvas.clientHeight] : null;
 }
 
 function picture(app: App, from: From, width: number, height: number, mode: "photo" | "shaded"): TestPicture | null {

@@ -26,11 +26,3 @@ function store(token: string): void {
     // A browser that keeps nothing forgets the token at the next load.
   }
 }
-
-/** Where the feed is, with the token. */
-export function feedUrl(token: string | null): string {
-  const url = new URL("feed", location.href.replace(/[?#].*$/, ""));
-  url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
-  if (token) url.searchParams.set("token", token);
-  return url.toString();
-}

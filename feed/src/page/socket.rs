@@ -5,13 +5,12 @@ use std::time::{Duration, Instant};
 
 use axum::Router;
 use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade, close_code};
-use axum::extract::{ConnectInfo, Query, State};
-use axum::http::StatusCode;
+use axum::extract::{ConnectInfo, State};
+use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use futures::stream::{SplitSink, SplitStream};
 use futures::{SinkExt as _, StreamExt as _};
-use serde::Deserialize;
 use tokio::task::JoinHandle;
 
 use super::outbox::{Item, Outbox};
@@ -23,6 +22,8 @@ use crate::text;
 
 /// The subprotocol, with the format's version.
 const PROTOCOL: &str = "hulltouch.feed.v1";
+/// A page offers its token as a subprotocol: browsers print the address of a socket that fails.
+const TOKEN_PREFIX: &str = "hulltouch.token.";
 /// Pages at once: a hundred megabits a second carry seven of them at full rate.
 const MAX_PAGES: usize = 64;
 /// The longest message of a page, bytes: a body of 256 points takes 20 KB.
@@ -37,14 +38,15 @@ pub(crate) fn routes() -> Router<Arc<Shared>> {
     Router::new().route("/feed", get(upgrade))
 }
 
-#[derive(Deserialize)]
-struct Parameters {
-    token: Option<String>,
+/// The token among the subprotocols that a page offers.
+fn offered_token(headers: &HeaderMap) -> Option<&str> {
+    let lists = headers.get_all(header::SEC_WEBSOCKET_PROTOCOL).iter().filter_map(|list| list.to_str().ok());
+    lists.flat_map(|list| list.split(',')).find_map(|protocol| protocol.trim().strip_prefix(TOKEN_PREFIX))
 }
 
 async fn upgrade(
     State(shared): State<Arc<Shared>>,
-    Query(parameters): Query<Parameters>,
+    headers: HeaderMap,
     ConnectInfo(bytes_sent): ConnectInfo<BytesSent>,
     upgrade: WebSocketUpgrade,
 ) -> Response {
@@ -52,7 +54,7 @@ async fn upgrade(
         let why = format!("{MAX_PAGES} pages look already, expected fewer\n");
         return (StatusCode::SERVICE_UNAVAILABLE, why).into_response();
     };
-    let is_controller = shared.access.may_steer(parameters.token.as_deref());
+    let is_controller = shared.access.may_steer(offered_token(&headers));
     upgrade
         .protocols([PROTOCOL])
         .max_message_size(MAX_MESSAGE_BYTES)

@@ -169,6 +169,8 @@ impl Page {
         if want != self.want {
             self.frames.again();
         }
+        // A world that stands still is not made anew.
+        self.is_state_new |= want.touches != self.want.touches;
         self.want = want;
         None
     }

@@ -249,7 +249,11 @@ impl Run {
     }
 
     pub async fn controller(&self) -> Page {
-        Page::open(&format!("ws://{}/feed?token={TOKEN}", self.feed.address())).await
+        self.page_with_token(TOKEN).await
+    }
+
+    pub async fn page_with_token(&self, token: &str) -> Page {
+        Page::open_with(&format!("ws://{}/feed", self.feed.address()), Some(token)).await
     }
 }
 
@@ -302,17 +306,23 @@ pub fn seq_of(bytes: &[u8]) -> u32 {
     u32_at(bytes, 8)
 }
 
-pub async fn connect(url: &str) -> Result<Socket, tungstenite::Error> {
+/// Connects as a page does: a token is offered as a subprotocol.
+pub async fn connect(url: &str, token: Option<&str>) -> Result<Socket, tungstenite::Error> {
     let mut request = url.into_client_request().expect("an address");
-    let protocol = "hulltouch.feed.v1".parse().expect("a value");
+    let offered = token.map(|token| format!(", hulltouch.token.{token}")).unwrap_or_default();
+    let protocol = format!("hulltouch.feed.v1{offered}").parse().expect("a value");
     request.headers_mut().insert("Sec-WebSocket-Protocol", protocol);
     tokio_tungstenite::connect_async(request).await.map(|(socket, _)| socket)
 }
 
 impl Page {
     pub async fn open(url: &str) -> Page {
+        Page::open_with(url, None).await
+    }
+
+    async fn open_with(url: &str, token: Option<&str>) -> Page {
         let deadline = tokio::time::Instant::now() + PATIENCE;
-        Page { socket: connect(url).await.expect("connects"), shows: true, deadline }
+        Page { socket: connect(url, token).await.expect("connects"), shows: true, deadline }
     }
 
     pub async fn say(&mut self, text: Value) {

@@ -2,20 +2,19 @@
 import type { Box } from "../decode/hull_box.ts";
 import { Quality } from "../draw/quality.ts";
 import { Stage } from "../draw/stage.ts";
-import { type Answer, Connection, type LinkState, type Want } from "../feed/connection.ts";
+import { type Answer, Connection, type Endpoint, type LinkState, type Want } from "../feed/connection.ts";
 import { parseMessage, type WorldMessage } from "../feed/message.ts";
-import { hasEnded, type Hello, type Scene, type Status, type Text } from "../feed/text.ts";
+import { type Hello, type Scene, type Status, type Text } from "../feed/text.ts";
 import { type Moment, Worlds } from "../time/worlds.ts";
 import { HULL_MODES, type HullMode, type Layer } from "../view/hash.ts";
-import type { Camera, Vec3 } from "../view/lens.ts";
+import type { Camera } from "../view/lens.ts";
 import { Orbit, type View } from "../view/orbit.ts";
 import { FOV_DEG, isPerson, presetView, startView, viewOf } from "../view/start.ts";
-import { Address } from "./address.ts";
 import { Drawing } from "./drawing.ts";
 import { Frames } from "./frames.ts";
 import { Images } from "./images.ts";
-import { Loop } from "./loop.ts";
 import type { Observer } from "./observer.ts";
+import { describe, INITIAL, isStale, reduce, type RunEvent, type RunState, type RunText } from "./run_state.ts";
 import { wantOf } from "./want.ts";
 
 /** Pictures that take longer are slow: frames wait for them, not they for frames. */
@@ -27,13 +26,12 @@ export class App {
   readonly quality: Quality;
   readonly frames: Frames;
   readonly drawing: Drawing | null;
-  readonly address = new Address(this);
-  readonly loop = new Loop(this);
   readonly worlds = new Worlds();
   orbit: Orbit = new Orbit([0, 1, 0], 0, { target: [0, 1, 0], azimuth: 0.6, polar: 1.3, distance: 4 });
   hello: Hello | null = null;
   scene: Scene | null = null;
   status: Status | null = null;
+  run: RunState = INITIAL;
   mode: HullMode = "photo";
   layers = new Set<Layer>(["bodies", "cameras", "images", "grid", "shadows"]);
   /** The camera that is looked through. */
@@ -45,6 +43,8 @@ export class App {
   fovDeg = FOV_DEG;
   colour: Want["colour"] = "full";
   moment: Moment | null = null;
+  /** Whether bodies or touches are to be drawn anew though they did not move. */
+  isOutdated = false;
   /** CSS pixels that panels cover at the right and at the bottom: the view's middle is that of the rest. */
   covered: readonly [number, number] = [0, 0];
   /** Whether somebody drags the view. */
@@ -58,12 +58,12 @@ export class App {
   private startView: View | null = null;
   private met = false;
 
-  constructor(canvas: HTMLCanvasElement, graphics: { antialias: boolean; software: boolean } | null, url: () => string, observer: Observer) {
+  constructor(canvas: HTMLCanvasElement, graphics: { antialias: boolean; software: boolean } | null, endpoint: Endpoint, observer: Observer) {
     this.canvas = canvas;
     this.observer = observer;
     this.stage = graphics ? new Stage(canvas, graphics.antialias) : null;
     this.quality = new Quality(graphics?.software ? 3 : 0);
-    this.connection = new Connection(url, {
+    this.connection = new Connection(endpoint, {
       link: (state, retry, why) => this.onLink(state, retry, why),
       text: (text) => this.onText(text),
       binary: (type, buffer) => this.onBinary(type, buffer),
@@ -83,11 +83,6 @@ export class App {
     this.resize();
   }
 
-  start(): void {
-    this.connection.connect();
-    this.loop.start();
-  }
-
   /** Something changed that is seen. */
   invalidate(): void {
     this.drawing?.invalidate();
@@ -103,8 +98,15 @@ export class App {
     return this.connection.command(command, fields);
   }
 
-  get paused(): boolean {
-    return this.worlds.newest()?.paused ?? this.status?.paused ?? false;
+  /** Whether the person is drawn grey: it is not that of now. What is looked back at was so then. */
+  get isGrey(): boolean {
+    return this.frames.playout.live && isStale(this.run);
+  }
+
+  /** The words for link and run as they are now. */
+  describe(nowMs: number): RunText {
+    const framesPerS = this.frames.rate.perSecond(nowMs);
+    return describe(this.run, { nowMs, framesPerS, canDraw: this.stage !== null, behindMs: this.frames.playout.behindMs });
   }
 
   get controller(): boolean {
@@ -131,12 +133,8 @@ export class App {
   setLayer(layer: Layer, on: boolean): void {
     if (on) this.layers.add(layer);
     else this.layers.delete(layer);
+    this.isOutdated = true;
     this.changed();
-  }
-
-  /** Bodies are marked otherwise now. */
-  placeAnew(): void {
-    this.loop.placeAnew();
   }
 
   /** Looks through a camera; null: back to the free view. */
@@ -171,12 +169,13 @@ export class App {
     this.invalidate();
     this.observer.view();
     this.updateWant();
-    this.address.changed();
   }
 
   /** Says what this page can use now. */
   updateWant(): void {
-    if (this.hello) this.connection.want(wantOf(this, this.hello));
+    const { quality, mode, colour, layers, through, opacity, wantsThumbnails } = this;
+    const view = { canDraw: this.stage !== null, isHidden: document.hidden, quality, mode, colour, layers, through, opacity, wantsThumbnails };
+    if (this.hello) this.connection.want(wantOf(view, this.hello));
   }
 
   // Time.
@@ -193,13 +192,21 @@ export class App {
 
   // What comes.
 
-  private onLink(state: LinkState, retry: number | null, why: string | null): void {
+  private apply(event: RunEvent): void {
+    const before = this.run;
+    this.run = reduce(before, event);
+    if (this.run === before) return;
+    this.observer.run(before, this.run);
+    this.invalidate();
+  }
+
+  private onLink(state: LinkState, retryInMs: number | null, why: string | null): void {
     if (state === "lost") {
       this.frames.disconnected();
-      if (this.stage?.hull) this.stage.hull.fade = hasEnded(why) ? 0 : 1;
-      this.invalidate();
+      this.apply({ type: "lost", why, retryAtMs: performance.now() + (retryInMs ?? 0) });
+    } else {
+      this.apply({ type: state === "open" ? "opened" : "connecting" });
     }
-    this.observer.link(state, retry, why);
   }
 
   private onText(text: Text): void {
@@ -211,14 +218,16 @@ export class App {
         this.scene = text;
         this.stage?.setScene(text);
         if (this.follow !== null && !text.bodies.some(({ id }) => id === this.follow)) this.followBody(null);
-        this.loop.placeAnew();
-        this.address.followNamed();
+        this.isOutdated = true;
         this.observer.scene(text);
         this.invalidate();
         break;
       case "status":
         this.status = text;
         this.stage?.cameras?.health(new Set((text.cameras ?? []).flatMap((camera, index) => (camera.problem ? [index] : []))));
+        // Worlds tell it sooner, but none comes before the first step.
+        if (this.worlds.newest() === null) this.apply({ type: "paused", isPaused: text.paused ?? false });
+        this.apply({ type: "blind", why: text.blind ?? text.progress?.blind ?? null });
         this.observer.status(text);
         break;
       default:
@@ -228,7 +237,6 @@ export class App {
 
   private async onHello(hello: Hello): Promise<void> {
     const before = this.hello;
-    const first = before === null;
     this.hello = hello;
     const sameRig = before !== null && JSON.stringify([before.cameras, before.rule, before.volume, before.up]) === JSON.stringify([hello.cameras, hello.rule, hello.volume, hello.up]);
     if (before && before.session !== hello.session) {
@@ -243,11 +251,10 @@ export class App {
       this.startView = this.orbit.now;
       this.met = false;
     }
-    this.observer.hello(hello);
     // The shaders compile meanwhile; everything else is there at once.
     const compiled = sameRig ? null : this.stage?.setRig(hello);
-    if (this.stage?.hull) this.stage.hull.fade = 0;
-    if (first) this.address.apply(location.hash);
+    this.apply({ type: "hello", isReplay: hello.replay });
+    this.observer.hello(hello, before === null);
     await compiled;
     if (this.scene) this.stage?.setScene(this.scene);
     this.observer.view();
@@ -260,7 +267,9 @@ export class App {
       this.frames.came(buffer, !document.hidden && this.stage !== null);
     } else if (type === 2) {
       try {
-        this.worlds.add(parseMessage(buffer) as WorldMessage);
+        const world = parseMessage(buffer) as WorldMessage;
+        this.worlds.add(world);
+        this.apply({ type: "paused", isPaused: world.paused });
       } catch (error) {
         this.observer.fault(error instanceof Error ? error.message : String(error));
       }
@@ -276,20 +285,6 @@ export class App {
     if (!isPerson(box) || this.orbit.now !== this.startView) return;
     this.orbit.jump(startView(this.hello, box));
     this.startView = this.orbit.now;
-  }
-
-  /** What is on the screen, drawn once more at full effort, as PNG. */
-  async screenshot(): Promise<Blob | null> {
-    if (!this.drawing) return null;
-    this.drawing.draw(performance.now(), 0, this.loop.picture());
-    // Before the browser shows it and forgets it.
-    return new Promise((done) => this.canvas.toBlob(done, "image/png"));
-  }
-
-  /** Where a point is on the canvas, CSS pixels from its corner; null behind the view. */
-  onCanvas(point: Vec3): [number, number] | null {
-    const at = this.stage?.toClip(point);
-    return at ? [(at[0] * 0.5 + 0.5) * this.canvas.clientWidth, (0.5 - at[1] * 0.5) * this.canvas.clientHeight] : null;
   }
 
   private listen(): void {

@@ -3,15 +3,13 @@ import { Decoder } from "../decode/decoder.ts";
 import { closeImages, type Decoded, type Job } from "../decode/work.ts";
 import type { Credit } from "../feed/credit.ts";
 import type { Hello } from "../feed/text.ts";
-import { Median, Rate } from "../time/clock.ts";
+import { Latency, Median, Rate } from "../time/clock.ts";
 import { Playout } from "../time/playout.ts";
 import { Timeline } from "../time/timeline.ts";
+import { WholeSets } from "../time/whole.ts";
 
 /** Sets that are neither shown nor followed by others for so long will never be, milliseconds. */
 const STALLED_MS = 3000;
-
-/** Sets that lack a camera are passed over for so long after one that lacked none, milliseconds. */
-const WHOLE_MS = 5000;
 
 /** What is to be decoded of a set. */
 export type Wanted = Pick<Job, "contours" | "colour">;
@@ -27,7 +25,7 @@ export class Frames {
   readonly playout = new Playout(this.timeline);
   readonly rate = new Rate();
   readonly decodeMs = new Median();
-  readonly latencyMs = new Median();
+  readonly latency = new Latency();
   /** Sets that were put on the screen so far. */
   count = 0;
   /** How often credit hung and was given back. */
@@ -46,9 +44,7 @@ export class Frames {
   private seeking = false;
   /** When a set last came or was shown. */
   private movedAt = 0;
-  /** Cameras of the run, and when a set last came that had all of them. */
-  private cameras = 0;
-  private wholeAt = -Infinity;
+  private readonly whole = new WholeSets();
 
   constructor(credit: Credit, wanted: () => Wanted, fault: (text: string) => void) {
     this.credit = credit;
@@ -58,7 +54,7 @@ export class Frames {
 
   /** A connection: how its sets are to be understood. */
   setup(hello: Hello): void {
-    this.cameras = hello.cameras.length;
+    this.whole.setup(hello.cameras.length);
     this.decoder.setup({ cameras: hello.cameras, volume: hello.volume, offImageIsOutside: hello.rule.out_of_view === "outside" });
   }
 
@@ -83,17 +79,10 @@ export class Frames {
     const seq = header.getUint32(8, true);
     this.credit.received(seq);
     this.movedAt = performance.now();
-    if (this.lacksSome(header.getUint16(6, true))) return this.credit.dropped(seq);
+    if (!this.whole.accepts(header.getUint16(6, true), this.movedAt)) return this.credit.dropped(seq);
     this.timeline.add({ atMs: this.movedAt, frame: Number(header.getBigUint64(16, true)), message: buffer });
     if (this.playout.live && canDraw) void this.decodeLive(buffer, seq);
     else this.credit.dropped(seq);
-  }
-
-  /** Whether a node was too busy for its part of a set: of the other cameras a person would be far too large. */
-  private lacksSome(count: number): boolean {
-    if (count === this.cameras) this.wholeAt = this.movedAt;
-    // None at all: only the frame's number was asked for.
-    return count > 0 && count < this.cameras && this.movedAt - this.wholeAt < WHOLE_MS;
   }
 
   private async decodeLive(message: ArrayBuffer, seq: number): Promise<void> {
@@ -158,15 +147,15 @@ export class Frames {
     return this.ready !== null;
   }
 
-  /** The decoded set; it counts as being drawn from now on. */
-  take(now: number): Decoded | null {
+  /** The decoded set; it counts as being drawn from now on. A set of a paused run was not captured just now. */
+  take(now: number, isPaused: boolean): Decoded | null {
     const set = this.ready;
     if (!set) return null;
     this.ready = null;
     this.shown = { frame: set.frame, atMs: now };
     this.count++;
     this.rate.add(now);
-    if (this.playout.live) this.drawing = { seq: set.seq, capturedUnixS: set.seq === this.takenSeq ? null : set.capturedUnixS };
+    if (this.playout.live) this.drawing = { seq: set.seq, capturedUnixS: isPaused || set.seq === this.takenSeq ? null : set.capturedUnixS };
     this.takenSeq = set.seq;
     return set;
   }
@@ -174,8 +163,8 @@ export class Frames {
   /** The set that was taken last is on the screen: the server may send the next. */
   drawn(isSlow: boolean): void {
     if (!this.drawing) return;
-    // What is drawn once more tells nothing of how long it took to come.
-    if (this.drawing.capturedUnixS !== null) this.latencyMs.add(Date.now() - this.drawing.capturedUnixS * 1000);
+    // A set that is drawn once more tells nothing of how long it took to come.
+    if (this.drawing.capturedUnixS !== null) this.latency.add(this.drawing.capturedUnixS, Date.now());
     this.credit.slow = isSlow;
     this.credit.shown(this.drawing.seq);
     this.movedAt = performance.now();

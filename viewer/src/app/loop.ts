@@ -28,11 +28,6 @@ export class Loop {
     requestAnimationFrame((now) => this.round(now));
   }
 
-  /** Bodies are marked otherwise now, or others. */
-  placeAnew(): void {
-    this.poses = "";
-  }
-
   private round(now: number): void {
     requestAnimationFrame((next) => this.round(next));
     const { app } = this;
@@ -61,11 +56,10 @@ export class Loop {
   /** Takes what is decoded onto the card. */
   private showFrame(now: number): void {
     const { app } = this;
-    const set = app.frames.take(now);
+    const set = app.frames.take(now, app.run.isPaused);
     if (!set) return;
     app.meetPerson(set.box);
     app.stage!.showFrame(set);
-    app.stage!.hull!.fade = 0;
     app.invalidate();
   }
 
@@ -73,10 +67,11 @@ export class Loop {
     const { app } = this;
     const moment = this.momentOf(now);
     const key = moment && posesKey(moment);
-    if (!moment || key === this.poses) return;
+    if (!moment || (key === this.poses && !app.isOutdated)) return;
     this.poses = key!;
+    app.isOutdated = false;
     app.moment = moment;
-    app.stage!.showWorld(moment.world, moment.bodies);
+    app.stage!.showWorld(moment.world, moment.bodies, app.layers.has("touches"));
     const followed = app.follow === null ? null : moment.bodies.find(({ id }) => id === app.follow);
     if (followed) app.orbit.follow(followed.position);
     app.invalidate();
@@ -96,8 +91,17 @@ export class Loop {
     return ofFrame ?? (playout.live ? worlds.live(BEHIND_S) : moment);
   }
 
+  /** What is on the screen, drawn once more at full effort, as PNG. */
+  async screenshot(): Promise<Blob | null> {
+    const { drawing, canvas } = this.app;
+    if (!drawing) return null;
+    drawing.draw(performance.now(), 0, this.picture());
+    // Before the browser shows it and forgets it.
+    return new Promise((done) => canvas.toBlob(done, "image/png"));
+  }
+
   /** What is to be drawn. */
-  picture(): Omit<Picture, "level"> {
+  private picture(): Omit<Picture, "level"> {
     const { app } = this;
     const camera = app.through === null ? null : app.rig[app.through];
     const ratio = app.stage!.size()[0] / Math.max(1, app.canvas.clientWidth);
@@ -108,6 +112,7 @@ export class Loop {
       fovDeg: app.fovDeg,
       through: camera ? { camera, opacity: app.opacity, inFront: app.inFront } : null,
       mode: app.mode,
+      isGrey: app.isGrey,
       layers: app.layers,
       covered: [app.covered[0] * ratio, app.covered[1] * ratio],
     };

@@ -1,12 +1,14 @@
-import type { LinkState } from "../feed/connection.ts";
 import type { Hello, Scene, Status } from "../feed/text.ts";
+import type { RunState } from "./run_state.ts";
 
-/** What the panel and the status lines are told. */
+/** Who hears of changes: the panel, the status lines, the address. */
 export interface Observer {
-  link(state: LinkState, retryInMs: number | null, why: string | null): void;
-  hello(hello: Hello): void;
+  run(before: RunState, after: RunState): void;
+  /** `isFirst`: nothing was shown before. */
+  hello(hello: Hello, isFirst: boolean): void;
   scene(scene: Scene): void;
   status(status: Status): void;
+  /** The view, or what is drawn. */
   view(): void;
   thumbnail(camera: number, bitmap: ImageBitmap): void;
   fault(text: string): void;

@@ -51,6 +51,8 @@ export interface Picture {
   /** The camera that is looked through, with how much of its image is seen and whether before the scene. */
   readonly through: { readonly camera: Camera; readonly opacity: number; readonly inFront: boolean } | null;
   readonly mode: HullMode;
+  /** Whether the person is drawn grey: it is not that of now. */
+  readonly isGrey: boolean;
   readonly layers: ReadonlySet<Layer>;
   readonly level: Level;
   /** Pixels of the drawing buffer that panels cover at the right and at the bottom. */
@@ -134,9 +136,9 @@ export class Stage {
     this.shadowsAreOld = true;
   }
 
-  showWorld(world: WorldMessage, bodies: readonly BodyPose[]): void {
+  showWorld(world: WorldMessage, bodies: readonly BodyPose[], withTouches: boolean): void {
     this.bodies.place(bodies);
-    if (this.touches.group.visible) this.touches.show(world, bodies);
+    if (withTouches) this.touches.show(world, bodies);
     this.shadowsAreOld = true;
   }
 
@@ -164,6 +166,7 @@ export class Stage {
     const scale = level.scale;
     const [w, h] = [Math.max(8, Math.round(width * scale)), Math.max(8, Math.round(height * scale))];
     const shrunk: Eye = { ...eye, pinhole: [eye.pinhole[0] * (w / width), eye.pinhole[1] * (h / height), eye.pinhole[2] * (w / width), eye.pinhole[3] * (h / height)] };
+    if (this.hull) this.hull.fade = picture.isGrey ? 1 : 0;
     this.hull?.draw(this.renderer, shrunk, w, h, mode, level, [width, height]);
     this.shadows(layers.has("shadows") && level.shadows, mode);
     this.renderer.setRenderTarget(null);

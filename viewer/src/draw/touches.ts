@@ -10,6 +10,8 @@ const MIN_ARROW_M = 0.04;
 
 export class Touches {
   readonly group = new Group();
+  /** Touches of the world that is shown. */
+  count = 0;
   private readonly points: Points<BufferGeometry, PointsMaterial>;
   private readonly ways: LineSegments<BufferGeometry, LineBasicMaterial>;
   private readonly arrows: LineSegments<BufferGeometry, LineBasicMaterial>;
@@ -28,14 +30,14 @@ export class Touches {
     }
   }
 
-  /** Shows a world's touches; returns how many there are. */
-  show(world: WorldMessage, bodies: readonly BodyPose[]): number {
-    const count = world.touches.length / 7;
-    const step = Math.max(1, Math.ceil(count / MAX_DRAWN));
+  /** Shows a world's touches. */
+  show(world: WorldMessage, bodies: readonly BodyPose[]): void {
+    this.count = world.touches.length / 7;
+    const step = Math.max(1, Math.ceil(this.count / MAX_DRAWN));
     const points = this.points.geometry.getAttribute("position");
     const ways = this.ways.geometry.getAttribute("position");
     let drawn = 0;
-    for (let touch = 0; touch < count; touch += step) {
+    for (let touch = 0; touch < this.count; touch += step) {
       const at = touch * 7;
       const [x, y, z] = [world.touches[at + 1], world.touches[at + 2], world.touches[at + 3]];
       points.setXYZ(drawn, x, y, z);
@@ -48,7 +50,6 @@ export class Touches {
     this.points.geometry.setDrawRange(0, drawn);
     this.ways.geometry.setDrawRange(0, drawn * 2);
     this.showArrows(bodies);
-    return count;
   }
 
   private showArrows(bodies: readonly BodyPose[]): void {

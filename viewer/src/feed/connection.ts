@@ -4,13 +4,18 @@ import { Credit } from "./credit.ts";
 import { MAGIC } from "./message.ts";
 import { parseText, type Text } from "./text.ts";
 
-export const SUBPROTOCOL = "hulltouch.feed.v1";
 /** A server that says nothing for so long is gone: status comes four times a second. */
 const SILENCE_MS = 6000;
 /** Commands that wait for an answer at most. */
 const MAX_COMMANDS = 256;
 
 export type LinkState = "connecting" | "open" | "lost";
+
+/** Where the feed is, and the subprotocols that are offered there. */
+export interface Endpoint {
+  readonly url: string;
+  readonly protocols: readonly string[];
+}
 
 /** What the page hears of. */
 export interface Listener {
@@ -45,13 +50,13 @@ export class Connection {
   private goodbye: string | null = null;
   private wanted: Want | null = null;
   private readonly waiting = new Map<number, (answer: Answer) => void>();
-  private readonly url: () => string;
+  private readonly endpoint: Endpoint;
   private readonly listener: Listener;
   /** Bytes that came so far. */
   received = 0;
 
-  constructor(url: () => string, listener: Listener) {
-    this.url = url;
+  constructor(endpoint: Endpoint, listener: Listener) {
+    this.endpoint = endpoint;
     this.listener = listener;
     this.credit = new Credit((seq) => this.send({ op: "shown", seq }));
     setInterval(() => this.watch(), 1000);
@@ -67,7 +72,7 @@ export class Connection {
     this.goodbye = null;
     let socket: WebSocket;
     try {
-      socket = new WebSocket(this.url(), SUBPROTOCOL);
+      socket = new WebSocket(this.endpoint.url, [...this.endpoint.protocols]);
     } catch (error) {
       this.lost(String(error));
       return;

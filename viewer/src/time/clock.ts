@@ -33,8 +33,31 @@ export class Median {
     if (this.figures.length > 31) this.figures.shift();
   }
 
+  clear(): void {
+    this.figures.length = 0;
+  }
+
   get(): number | null {
     if (this.figures.length === 0) return null;
     return [...this.figures].sort((a, b) => a - b)[this.figures.length >> 1];
+  }
+}
+
+/** From capture to screen: the median of the last frame sets. */
+export class Latency {
+  private readonly median = new Median();
+
+  /**
+   * A set is on the screen for the first time. `capturedUnixS` is 0 if nothing was asked of the cameras: then
+   * there is nothing to measure, and what was measured before no longer holds.
+   */
+  add(capturedUnixS: number, nowUnixMs: number): void {
+    if (capturedUnixS > 0) this.median.add(nowUnixMs - capturedUnixS * 1000);
+    else this.median.clear();
+  }
+
+  /** Milliseconds; null if nothing was measured. */
+  get(): number | null {
+    return this.median.get();
   }
 }

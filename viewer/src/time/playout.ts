@@ -2,8 +2,7 @@
  * What is on the screen, and when: live, each frame set as it is decoded; looking back, the sets of the
  * timeline, standing or going on. Bodies follow the frame that is shown, so that both are of one moment.
  */
-import type { Kept } from "./timeline.ts";
-import type { Timeline } from "./timeline.ts";
+import type { Kept, Timeline } from "./timeline.ts";
 
 /** Looking back never goes on faster than it came. */
 const RATE = 1;
@@ -30,6 +29,12 @@ export class Playout {
   /** The moment that is looked at, if one is. */
   get moment(): number | null {
     return this.at;
+  }
+
+  /** How far before the newest set one looks, milliseconds; null while live. */
+  get behindMs(): number | null {
+    const span = this.timeline.span();
+    return this.at === null ? null : span ? Math.max(0, span[1] - this.at) : 0;
   }
 
   goLive(): void {

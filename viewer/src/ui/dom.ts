@@ -6,7 +6,7 @@ export function byId<T extends HTMLElement>(id: string): T {
 }
 
 /** Sets text only where it changed: layout is not free. */
-export function setText(element: HTMLElement, text: string): void {
+export function setText(element: Element, text: string): void {
   if (element.textContent !== text) element.textContent = text;
 }
 

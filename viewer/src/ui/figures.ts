@@ -1,14 +1,18 @@
 /** The figures: of the page, the link and the run. */
 import type { App } from "../app/app.ts";
+import type { Rate } from "../time/clock.ts";
 import { byId, bytesText } from "./dom.ts";
 
 export class Figures {
   private readonly app: App;
   private readonly rows = new Map<string, HTMLElement>();
+  private readonly received: Rate;
   private readonly renderer: string;
 
-  constructor(app: App, renderer: string) {
+  /** `received`: bytes that came. `renderer`: what draws. */
+  constructor(app: App, received: Rate, renderer: string) {
     this.app = app;
+    this.received = received;
     this.renderer = renderer;
   }
 
@@ -20,8 +24,8 @@ export class Figures {
     const ms = (value: number | null | undefined, digits = 1) => (value === null || value === undefined ? null : `${value.toFixed(digits)} ms`);
     this.show("Pictures drawn", `${(app.drawing?.rate.perSecond(now) ?? 0).toFixed(0)} /s`);
     this.show("Frames shown", `${app.frames.rate.perSecond(now).toFixed(1)} /s`);
-    this.show("From lens to screen", ms(app.frames.latencyMs.get(), 0));
-    this.show("Link", `${((app.loop.received.perSecond(now) * 8) / 1e6).toFixed(1)} Mbit/s`);
+    this.show("From lens to screen", ms(app.frames.latency.get(), 0));
+    this.show("Link", `${((this.received.perSecond(now) * 8) / 1e6).toFixed(1)} Mbit/s`);
     this.show("Decoding", ms(app.frames.decodeMs.get()));
     this.show("Drawing", ms(app.quality.averageMs || null));
     this.show("Person drawn at", app.stage ? `${Math.round(app.quality.level.scale * 100)} %` : null);

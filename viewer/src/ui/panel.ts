@@ -2,7 +2,7 @@
 import type { App } from "../app/app.ts";
 import type { Hello, Scene } from "../feed/text.ts";
 import type { HullMode, Layer } from "../view/hash.ts";
-import { announce, byId, option, setPressed, setText, toast } from "./dom.ts";
+import { byId, option, setPressed, setText, toast } from "./dom.ts";
 import type { Hands, Kind } from "./hands.ts";
 
 /** Time to leave the room before the background is taken, seconds. */
@@ -78,22 +78,17 @@ export class Panel {
     setText(byId("summary"), `${through}; person ${app.mode}; ${app.stage?.bodies.count ?? 0} bodies.`);
   }
 
-  /** Shows whether the world stands. */
+  /** Shows whether the world is paused. */
   paused(): void {
-    const { paused } = this.app;
+    const { isPaused } = this.app.run;
     const button = byId("pause");
-    setPressed(button, paused);
-    const text = paused ? "Go on" : "Pause";
-    const label = button.querySelector("span")!;
-    if (label.textContent !== text) {
-      announce(paused ? "The world stands." : "The world goes on.");
-      label.textContent = text;
-      button.querySelector("use")!.setAttribute("href", paused ? "#i-play" : "#i-pause");
-    }
+    setPressed(button, isPaused);
+    setText(button.querySelector("span")!, isPaused ? "Go on" : "Pause");
+    button.querySelector("use")!.setAttribute("href", isPaused ? "#i-play" : "#i-pause");
   }
 
   async togglePause(): Promise<void> {
-    await this.ask(this.app.paused ? "resume" : "pause");
+    await this.ask(this.app.run.isPaused ? "resume" : "pause");
   }
 
   async ask(command: string, fields: Record<string, unknown> = {}): Promise<void> {

@@ -31,16 +31,14 @@ export class TimelineBar {
   }
 
   update(): void {
-    const { playout, timeline } = this.app.frames;
-    const span = timeline.span();
-    const behindMs = playout.live || !span ? 0 : Math.max(0, span[1] - (playout.moment ?? span[1]));
+    const { playout } = this.app.frames;
+    const { timeline, isLive } = this.app.describe(performance.now());
+    const behindMs = playout.behindMs ?? 0;
     const value = String(Math.round((-behindMs / SPAN_MS) * 1000));
-    if (this.scrub.value !== value && document.activeElement !== this.scrub) this.scrub.value = value;
-    else if (playout.live && this.scrub.value !== "0") this.scrub.value = "0";
-    const text = playout.live ? "live" : `−${(behindMs / 1000).toFixed(1)} s`;
-    setText(byId("behind"), text);
-    this.scrub.setAttribute("aria-valuetext", playout.live ? "live" : `${(behindMs / 1000).toFixed(1)} seconds ago`);
-    setPressed(byId("live"), playout.live);
+    if (this.scrub.value !== value && (playout.live || document.activeElement !== this.scrub)) this.scrub.value = value;
+    setText(byId("behind"), timeline);
+    this.scrub.setAttribute("aria-valuetext", playout.live ? timeline : `${(behindMs / 1000).toFixed(1)} seconds ago`);
+    setPressed(byId("live"), isLive);
     const button = byId("look-back");
     const stands = !playout.live && !playout.isPlaying;
     const label = playout.live ? "Hold the picture" : stands ? "Play on from here" : "Hold the picture";

@@ -144,18 +144,20 @@ for (const [outside, minViews] of [[true, 2], [true, 8], [false, 4]] as const) {
 test("sets that lack cameras, of nodes that are busy, change nothing", async () => {
   const film = await known(browser, { bent: false, outside: true, colour: false });
   let sent = 0;
-  const some = { ...film.film, frame: () => (sent++ % 2 === 0 ? film.film.frame(0) : film.film.frame(0).slice(0, 1)) };
+  // The first of all lacks some, as on a page that joins a paused run.
+  const some = { ...film.film, frame: () => (sent++ % 2 === 1 ? film.film.frame(0) : film.film.frame(0).slice(0, 5)) };
   const feeder = await serve(some, DIST);
   const { page, complaints } = await open(browser, `${feeder.address}#mode=shaded`);
   try {
     await until(page, "a first frame", ({ framesShown }) => framesShown > 0);
-    const whole = await picture(page, { camera: 0 }, 160, 120, "shaded");
+    const view = NOVEL[0];
+    const truth = hullMask(view, film.cameras, film.masks, 2, true);
     for (let round = 0; round < 12; round++) {
-      await page.waitForTimeout(70);
-      const { mask } = await picture(page, { camera: 0 }, 160, 120, "shaded");
-      assert.ok(overlap(mask, whole.mask) > 0.999, `round ${round}`);
+      const before = sent;
+      const { mask } = await picture(page, from(view), view.width, view.height, "shaded");
+      assert.ok(overlap(mask, truth) >= 0.97, `round ${round}: overlap with the hull ${overlap(mask, truth).toFixed(4)}`);
+      await until(page, "more sets", () => sent > before + 1);
     }
-    assert.ok(sent > 4, "both kinds came");
     assert.deepEqual(complaints, []);
   } finally {
     await page.context().close();

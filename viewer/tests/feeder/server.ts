@@ -31,7 +31,7 @@ interface Body extends BodyText {
 }
 
 const TYPES: Record<string, string> = { ".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml", ".json": "application/json" };
-const TOKEN = process.env.TOKEN ?? "test";
+const TOKEN = process.env.TOKEN ?? "feeder-test";
 const STATE_HZ = 60;
 
 export interface Feeder {
@@ -40,6 +40,10 @@ export interface Feeder {
   /** Frame sets sent so far. */
   sent(): number;
   commands(): readonly string[];
+  /** Says why there is no hull, from the next status on; null: there is one. */
+  goBlind(why: string | null): void;
+  /** Says goodbye and goes, as a run that is over. */
+  end(why: string): Promise<void>;
   close(): Promise<void>;
 }
 
@@ -61,7 +65,8 @@ export async function serve(film: Film, page: string, bodies: readonly BodyText[
   let sent = 0;
   const commands: string[] = [];
   sockets.on("connection", (socket, request) => {
-    const controller = new URL(request.url ?? "/", "http://x").searchParams.get("token") === TOKEN;
+    const offered = String(request.headers["sec-websocket-protocol"] ?? "").split(",").map((protocol) => protocol.trim());
+    const controller = offered.includes(`hulltouch.token.${TOKEN}`);
     new Page(socket, film, world, controller, commands, () => sent++);
   });
   await new Promise<void>((resolve) => server.listen(port, "127.0.0.1", resolve));
@@ -71,6 +76,14 @@ export async function serve(film: Film, page: string, bodies: readonly BodyText[
     token: TOKEN,
     sent: () => sent,
     commands: () => commands,
+    goBlind: (why) => (world.blind = why),
+    end: async (why) => {
+      for (const socket of sockets.clients) {
+        socket.send(JSON.stringify({ op: "bye", why }));
+        await new Promise((resolve) => socket.once("close", resolve).close());
+      }
+      await close(server, sockets, world);
+    },
     close: () => close(server, sockets, world),
   };
 }
@@ -96,6 +109,7 @@ class World {
   version = 1;
   scene = "topple";
   paused = false;
+  blind: string | null = null;
 
   constructor(bodies: readonly BodyText[], film: Film) {
     this.film = film;
@@ -209,7 +223,7 @@ class Page {
   private seq = 0;
   private version = 0;
   private sentBytes = 0;
-  private wants = { colour: "full", fps: 30, thumbnails_hz: 0, image_of: null as string | null };
+  private wants = { colour: "full", fps: 30, thumbnails_hz: 0, image_of: null as string | null, touches: true, silhouettes: true };
 
   constructor(socket: WebSocket, film: Film, world: World, controller: boolean, commands: string[], sent: () => void) {
     this.socket = socket;
@@ -246,7 +260,8 @@ class Page {
     if (this.unshown >= 2 || frame === this.lastFrame) return;
     this.lastFrame = frame;
     this.unshown++;
-    const parts = this.film.frame(frame).map((part) => (this.wants.colour === "off" ? { ...part, jpeg: null } : part));
+    const { colour, silhouettes } = this.wants;
+    const parts = colour === "off" && !silhouettes ? [] : this.film.frame(frame).map((part) => (colour === "off" ? { ...part, jpeg: null } : part));
     const bytes = frameMessage(1, this.seq++, frame, frame / this.film.fps, parts);
     this.sentBytes += bytes.byteLength;
     this.socket.send(bytes);
@@ -272,7 +287,8 @@ class Page {
       const bodies = world.bodies.map(({ id, name, color, fixed, shape }) => ({ id, name, color, fixed, shape }));
       this.text({ op: "scene", generation: world.generation, version: world.version, scene: world.scene, parameters: { answers_hull: true, hull_restitution: 0.3, hull_friction: 0.5, gravity_m_s2: [0, -9.81, 0] }, bodies });
     }
-    this.socket.send(worldMessage(this.seq++, world.generation, world.step, world.filmS, world.frame, world.paused, world.bodies));
+    const touches = this.wants.touches ? world.bodies.map(({ position }, index) => [index, ...position, 0, 0.1, 0]) : [];
+    this.socket.send(worldMessage(this.seq++, world.generation, world.step, world.filmS, world.frame, world.paused, world.bodies, touches));
   }
 
   private sendStatus(): void {
@@ -285,7 +301,7 @@ class Page {
       frames_expected: world.frame,
       late_steps: 0,
       blind_steps: 0,
-      blind: null,
+      blind: world.blind,
       paused: world.paused,
       feed: { bytes_per_s: this.sentBytes * 4, sent: this.seq, dropped: 0, tier: "full", pages: 1 },
     });

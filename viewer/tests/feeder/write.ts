@@ -35,7 +35,8 @@ export function frameMessage(type: 1 | 3, seq: number, frame: number, filmS: num
   const view = new DataView(buffer);
   header(view, type, parts.length, seq);
   view.setBigUint64(16, BigInt(frame), true);
-  view.setFloat64(24, Date.now() / 1000, true);
+  // Nothing was asked of the cameras: nothing was captured.
+  view.setFloat64(24, parts.length > 0 ? Date.now() / 1000 : 0, true);
   view.setFloat64(32, filmS, true);
   view.setUint32(40, flags, true);
   parts.forEach((part, index) => {

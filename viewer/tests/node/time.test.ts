@@ -90,7 +90,9 @@ test("looking back stands, plays on as it came, and ends live", () => {
   for (let at = 0; at <= 1000; at += 100) timeline.add(kept(at));
   const playout = new Playout(timeline);
   assert.equal(playout.step(5000), null);
+  assert.equal(playout.behindMs, null);
   playout.seek(400);
+  assert.equal(playout.behindMs, 600);
   assert.equal(playout.step(5000)!.atMs, 400);
   assert.equal(playout.step(6000)!.atMs, 400);
   playout.play(true);

@@ -1,0 +1,32 @@
+/** The panel beside the view, or over it on a phone, and how much of the view is covered. */
+import type { App } from "../app/app.ts";
+import { byId } from "./dom.ts";
+
+export class Layout {
+  private readonly app: App;
+
+  constructor(app: App) {
+    this.app = app;
+    byId("panel-toggle").addEventListener("click", () => this.openPanel(document.body.classList.contains("panel-closed")));
+    window.addEventListener("resize", () => this.measure());
+    // On a phone the picture comes first.
+    this.openPanel(matchMedia("(min-width: 721px)").matches);
+  }
+
+  private openPanel(open: boolean): void {
+    document.body.classList.toggle("panel-closed", !open);
+    byId("panel-toggle").setAttribute("aria-expanded", String(open));
+    this.app.wantsThumbnails = open;
+    this.app.updateWant();
+    this.measure();
+  }
+
+  private measure(): void {
+    const sheet = byId("panel").getBoundingClientRect();
+    const strip = document.querySelector(".timeline")!.getBoundingClientRect();
+    const isBeside = sheet.width > 0 && sheet.width < innerWidth * 0.6;
+    const isBelow = sheet.width > 0 && !isBeside;
+    this.app.covered = [isBeside ? innerWidth - sheet.left : 0, innerHeight - (isBelow ? sheet.top : strip.top)];
+    this.app.invalidate();
+  }
+}

@@ -1,0 +1,94 @@
+/** What the page says of link and run, and how it draws the person meanwhile. */
+import assert from "node:assert/strict";
+import { after, before, describe, test } from "node:test";
+import type { Browser, Page } from "playwright-core";
+import type { BodyText } from "../../src/feed/text.ts";
+import { type Feeder, serve } from "../feeder/server.ts";
+import { DIST, launch, open, state, until } from "./browser.ts";
+import { known } from "./film.ts";
+
+const BALL: BodyText = { id: 3, name: "ball", color: [1, 0.5, 0.25], fixed: false, shape: { ball: { radius: 0.15 } } };
+
+describe("the page says how the run is", () => {
+  let browser: Browser;
+  let feeder: Feeder;
+  let page: Page;
+  /** Everything on the console. */
+  const printed: string[] = [];
+  before(async () => {
+    browser = await launch();
+    const { film } = await known(browser, { bent: false, outside: true, colour: false });
+    feeder = await serve(film, DIST, [BALL]);
+    ({ page } = await open(browser, "about:blank", { viewport: { width: 960, height: 600 } }));
+    page.on("console", (message) => printed.push(message.text()));
+    await page.goto(`${feeder.address}?token=${feeder.token}#mode=shaded`);
+    await until(page, "a first frame", ({ framesShown, controller }) => framesShown > 0 && controller);
+  });
+  after(async () => {
+    await browser?.close();
+    await feeder?.close();
+  });
+
+  /** Waits for the status line, then tells what else is there. */
+  async function said(status: RegExp): Promise<{ behind: string | null; live: string | null; banner: string | null }> {
+    await page.locator("#link-text", { hasText: status }).waitFor({ state: "visible", timeout: 60_000 });
+    const banner = page.locator("#banner");
+    return {
+      behind: await page.locator("#behind").textContent(),
+      live: await page.locator("#live").getAttribute("aria-pressed"),
+      banner: (await banner.isVisible()) ? await page.locator("#banner-text").textContent() : null,
+    };
+  }
+
+  test("live, and nothing else", async () => {
+    assert.deepEqual(await said(/^Live/), { behind: "live", live: "true", banner: null });
+  });
+
+  test("paused, beside which Live is not pressed", async () => {
+    await page.getByRole("button", { name: "Pause" }).click();
+    assert.deepEqual(await said(/^Paused$/), { behind: "paused", live: "false", banner: null });
+  });
+
+  test("touches that are wanted while paused are drawn, again and again", async () => {
+    const touches = page.getByRole("checkbox", { name: /Touches/ });
+    for (let round = 0; round < 3; round++) {
+      await touches.check();
+      await until(page, "touches", ({ paused, touchesDrawn }) => paused && touchesDrawn > 0);
+      await touches.uncheck();
+      await until(page, "no touches", ({ touchesDrawn }) => touchesDrawn === 0);
+    }
+    await page.getByRole("button", { name: "Go on" }).click();
+    await said(/^Live/);
+  });
+
+  test("in Off nothing is captured, and nothing is said of how long it takes", async () => {
+    const latency = async () => (await state(page)).latencyMs as number | null;
+    await until(page, "a latency", ({ latencyMs }) => latencyMs !== null);
+    await page.getByRole("button", { name: "Off", exact: true }).click();
+    await until(page, "none", ({ latencyMs }) => latencyMs === null);
+    await page.getByRole("button", { name: "Shaded", exact: true }).click();
+    await until(page, "a latency again", ({ latencyMs }) => latencyMs !== null);
+    assert.ok((await latency())! < 600_000, `${await latency()} ms`);
+  });
+
+  test("without a hull the person that is left is grey, and the banner says what that means", async () => {
+    feeder.goBlind("node a is gone");
+    await until(page, "grey", ({ isGrey }) => isGrey);
+    assert.equal((await said(/^Live/)).banner, "Hull unavailable, collisions off: node a is gone");
+    feeder.goBlind(null);
+    await until(page, "not grey", ({ isGrey }) => !isGrey);
+    assert.equal((await said(/^Live/)).banner, null);
+  });
+
+  test("ended: the person stays as it was while the program is looked for, and no token is printed", async () => {
+    await feeder.end("the run has ended");
+    const { behind, live, banner } = await said(/^Ended$/);
+    assert.deepEqual([behind, live], ["end", "false"]);
+    assert.match(banner!, /^The run has ended\./);
+    const failed = () => printed.filter((text) => /WebSocket connection to .* failed/.test(text));
+    await until(page, "attempts in vain", () => failed().length >= 2);
+    assert.equal((await state(page)).isGrey, false);
+    assert.equal((await said(/^Ended$/)).banner, banner);
+    assert.deepEqual(printed.filter((text) => text.includes(feeder.token)), []);
+  });
+});
