@@ -1,11 +1,10 @@
 /**
- * `window.hulltouch`: what tests and curious people may look at. Pictures are of the person alone, from any
+ * `window.hulltouch`: state and pictures for tests and for debugging. Pictures are of the person alone, from any
  * view, at any size, independent of the screen.
  */
 import type { App } from "./app/app.ts";
-import { clipOf, eyeOfCamera, PICTURE_FAR_M, PICTURE_NEAR_M } from "./draw/stage.ts";
-import type { Eye } from "./draw/hull.ts";
-import type { Hands } from "./ui/hands.ts";
+import { clipOf, type Eye, eyeOfCamera, FAR_M, NEAR_M } from "./draw/eye.ts";
+import type { BodyTools } from "./ui/body_tools.ts";
 import type { CameraText, Mat3, Vec3 } from "./view/lens.ts";
 
 /** A camera of the rig by its place, or a pinhole: fx, fy, cx, cy with pixel centres at whole numbers. */
@@ -26,7 +25,7 @@ export interface TestPicture {
 export interface Debug {
   /** Counts and states. */
   state(): Record<string, unknown>;
-  /** The cameras as the run told them. */
+  /** The run's cameras. */
   rig(): readonly CameraText[];
   /** The person alone; null without a hull, or without WebGL2. */
   picture(from: From, width: number, height: number, mode?: "photo" | "shaded"): TestPicture | null;
@@ -40,7 +39,7 @@ export interface Debug {
   fixedBodies(): number[];
 }
 
-export function debug(app: App, hands: Hands, version: string): Debug {
+export function debug(app: App, tools: BodyTools, version: string): Debug {
   return {
     state: () => ({
       version,
@@ -57,8 +56,10 @@ export function debug(app: App, hands: Hands, version: string): Debug {
       eye: app.orbit.eye(),
       target: app.orbit.now.target,
       framesShown: app.frames.count,
-      frame: (app.frames.shown?.frame ?? null),
-      pictures: (app.drawing?.count ?? 0),
+      frame: app.frames.shown?.frame ?? null,
+      timelineFrame: app.frames.timeline.at(app.frames.playout.moment ?? Infinity)?.frame ?? null,
+      worldFrame: app.worlds.newest()?.frame ?? null,
+      pictures: app.drawing?.count ?? 0,
       quality: app.quality.number,
       colours: app.status?.feed?.tier ?? null,
       drawMs: app.quality.averageMs,
@@ -67,6 +68,7 @@ export function debug(app: App, hands: Hands, version: string): Debug {
       stalls: app.frames.stalls,
       outstanding: app.connection.credit.outstanding,
       timelineFrames: app.frames.timeline.length,
+      timelineMs: (([from, to]) => to - from)(app.frames.timeline.span() ?? [0, 0]),
       cameras: app.hello?.cameras.length ?? 0,
       scene: app.scene?.scene ?? null,
       generation: app.moment?.world.generation ?? null,
@@ -79,8 +81,8 @@ export function debug(app: App, hands: Hands, version: string): Debug {
     rig: () => app.hello?.cameras ?? [],
     picture: (from, width, height, mode = "photo") => picture(app, from, width, height, mode),
     onCanvas: (point) => onCanvas(app, point),
-    bodyAt: (x, y) => hands.hit(x, y, false)?.body ?? null,
-    placeAt: (x, y) => hands.hit(x, y)?.what ?? null,
+    bodyAt: (x, y) => tools.hit(x, y, false)?.body ?? null,
+    placeAt: (x, y) => tools.hit(x, y)?.what ?? null,
     fixedBodies: () => (app.scene?.bodies ?? []).filter(({ fixed }) => fixed).map(({ id }) => id),
   };
 }
@@ -111,7 +113,7 @@ function picture(app: App, from: From, width: number, height: number, mode: "pho
     rgba.set(made.rgba.subarray(below * width * 4, (below + 1) * width * 4), row * width * 4);
     for (let column = 0; column < width; column++) {
       const d = made.depth[below * width + column] * 2 - 1;
-      const metres = (2 * PICTURE_FAR_M * PICTURE_NEAR_M) / (PICTURE_FAR_M + PICTURE_NEAR_M - d * (PICTURE_FAR_M - PICTURE_NEAR_M));
+      const metres = (2 * FAR_M * NEAR_M) / (FAR_M + NEAR_M - d * (FAR_M - NEAR_M));
       depth[row * width + column] = made.rgba[(below * width + column) * 4 + 3] > 0 ? metres : 0;
     }
   }

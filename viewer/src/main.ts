@@ -10,7 +10,7 @@ import { takeToken } from "./token.ts";
 import { CamerasList } from "./ui/cameras_list.ts";
 import { byId, toast } from "./ui/dom.ts";
 import { Figures } from "./ui/figures.ts";
-import { Hands } from "./ui/hands.ts";
+import { BodyTools } from "./ui/body_tools.ts";
 import { bindKeys } from "./ui/keys.ts";
 import { Layout } from "./ui/layout.ts";
 import { Panel } from "./ui/panel.ts";
@@ -27,8 +27,8 @@ declare global {
 }
 
 const VERSION = "0.1.0";
-/** Faults of messages are told so often, then no more. */
-const MAX_FAULTS_TOLD = 3;
+/** So many faults are shown, then no more. */
+const MAX_FAULTS_SHOWN = 3;
 
 const canvas = byId<HTMLCanvasElement>("view");
 const graphics = probeGraphics();
@@ -55,7 +55,7 @@ const app = new App(canvas, graphics, endpointOf(location.href, token), {
     figures.update();
   },
   view: () => {
-    app.stage?.bodies.highlight(hands.chosen ?? app.follow);
+    app.stage?.bodies.highlight(tools.chosen ?? app.follow);
     app.isOutdated = true;
     panel.update();
     cameras.pressed(app.through);
@@ -64,13 +64,13 @@ const app = new App(canvas, graphics, endpointOf(location.href, token), {
   },
   thumbnail: (camera, bitmap) => cameras.thumbnail(camera, bitmap),
   fault: (text) => {
-    if (++faults <= MAX_FAULTS_TOLD) toast(text);
+    if (++faults <= MAX_FAULTS_SHOWN) toast(text);
   },
 });
 const loop = new Loop(app);
 const address = new Address(app);
-const hands = new Hands(app);
-const panel = new Panel(app, hands);
+const tools = new BodyTools(app);
+const panel = new Panel(app, tools);
 const cameras = new CamerasList(app);
 const figures = new Figures(app, loop.received, graphics?.name ?? "none");
 const timeline = new TimelineBar(app);
@@ -84,7 +84,7 @@ const actions = {
   step: () => void panel.ask("step", { steps: 1 }),
   reset: () => void panel.ask("reset"),
   escape: () => {
-    if (hands.placing) hands.placing = false;
+    if (tools.placing) tools.placing = false;
     else if (app.through !== null) app.lookThrough(null);
     else if (app.follow !== null) app.followBody(null);
     else if (!app.frames.playout.live) app.goLive();
@@ -93,7 +93,7 @@ const actions = {
   },
 };
 
-bindPointer(canvas, app, hands, () => app.changed());
+bindPointer(canvas, app, tools, () => app.changed());
 bindKeys(canvas, app, actions, () => byId<HTMLInputElement>("shortcuts").checked);
 byId("screenshot").addEventListener("click", actions.screenshot);
 byId("share").addEventListener("click", actions.share);
@@ -117,4 +117,4 @@ setInterval(() => {
 }, 250);
 app.connection.connect();
 loop.start();
-window.hulltouch = debug(app, hands, VERSION);
+window.hulltouch = debug(app, tools, VERSION);

@@ -47,7 +47,7 @@ export class App {
   isOutdated = false;
   /** CSS pixels that panels cover at the right and at the bottom: the view's middle is that of the rest. */
   covered: readonly [number, number] = [0, 0];
-  /** Whether somebody drags the view. */
+  /** Whether the view is being dragged. */
   held = false;
   /** Whether the panel shows small images. */
   wantsThumbnails = true;
@@ -67,7 +67,7 @@ export class App {
       link: (state, retry, why) => this.onLink(state, retry, why),
       text: (text) => this.onText(text),
       binary: (type, buffer) => this.onBinary(type, buffer),
-      complaint: (why) => observer.fault(why),
+      invalid: (why) => observer.fault(why),
     });
     const wanted = () => ({ contours: this.mode === "cones", colour: this.mode === "photo" });
     this.frames = new Frames(this.connection.credit, wanted, (text) => observer.fault(text));
@@ -278,7 +278,7 @@ export class App {
     }
   }
 
-  /** Whoever has not chosen a view begins with one of the person, wherever in the volume that is. */
+  /** Unless a view was chosen, the first is of the person, wherever in the volume that is. */
   meetPerson(box: Box | null): void {
     if (this.met || !box || !this.hello) return;
     this.met = true;

@@ -6,9 +6,9 @@ import { Rate } from "../time/clock.ts";
 /** With nothing going on, one picture at full effort is drawn after so long, milliseconds. */
 const IDLE_MS = 300;
 /** The card is not waited for longer than this, milliseconds: a lost context never signals. */
-const PATIENCE_MS = 5000;
+const FENCE_TIMEOUT_MS = 5000;
 
-/** Who hears of it. */
+/** What drawing reports. */
 export interface DrawingListener {
   /** The card is done with the last picture. */
   drawn(): void;
@@ -89,7 +89,7 @@ export class Drawing {
   private isDone(now: number, { sync, began }: { sync: WebGLSync; began: number }): boolean {
     const { gl } = this;
     const state = gl.clientWaitSync(sync, 0, 0);
-    if (state === gl.TIMEOUT_EXPIRED && now - began < PATIENCE_MS) return false;
+    if (state === gl.TIMEOUT_EXPIRED && now - began < FENCE_TIMEOUT_MS) return false;
     gl.deleteSync(sync);
     this.fence = null;
     this.listener.drawn();

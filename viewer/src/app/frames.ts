@@ -15,7 +15,7 @@ const STALLED_MS = 3000;
 export type Wanted = Pick<Job, "contours" | "colour">;
 
 /** The set that is on the screen. */
-export interface Shown {
+export interface ShownFrame {
   readonly frame: number;
   readonly atMs: number;
 }
@@ -30,7 +30,7 @@ export class Frames {
   count = 0;
   /** How often credit hung and was given back. */
   stalls = 0;
-  shown: Shown | null = null;
+  shown: ShownFrame | null = null;
   private readonly decoder = new Decoder();
   private readonly credit: Credit;
   private readonly wanted: () => Wanted;
@@ -107,12 +107,14 @@ export class Frames {
 
   goLive(): void {
     this.playout.goLive();
-    this.shownKept = null;
+    this.showNewest();
   }
 
   /** Decodes what the timeline shows now, if that is another set than before. */
   look(now: number): void {
+    const wasLive = this.playout.live;
     const kept = this.playout.step(now);
+    if (!wasLive && this.playout.live) this.showNewest();
     if (!kept || this.seeking || this.shownKept === kept.atMs) return;
     this.seeking = true;
     this.shownKept = kept.atMs;
@@ -131,14 +133,23 @@ export class Frames {
   /** The set that is on the screen is needed once more: the card lost it, or other things of it are wanted. */
   again(): void {
     this.shownKept = null;
-    if (!this.playout.live || this.ready || !this.shown) return;
-    const { frame } = this.shown;
+    if (this.playout.live && this.timeline.newest()?.frame === this.shown?.frame) this.decodeNewest();
+  }
+
+  /** Live again: a run that is paused or over sends no other set than it has sent. */
+  private showNewest(): void {
+    this.shownKept = null;
+    if (this.timeline.newest()?.frame !== this.shown?.frame) this.decodeNewest();
+  }
+
+  /** Decodes the newest set that is kept, unless a newer one comes meanwhile. */
+  private decodeNewest(): void {
     const kept = this.timeline.newest();
-    if (!kept || kept.frame !== frame) return;
+    const { shown } = this;
+    if (!kept || this.ready) return;
     void this.decoder.decode({ message: kept.message, ...this.wanted() }).then((outcome) => {
       if (outcome.op !== "decoded") return;
-      // What came meanwhile is newer.
-      if (this.playout.live && !this.ready && this.shown?.frame === frame) this.ready = outcome;
+      if (this.playout.live && !this.ready && this.shown === shown) this.ready = outcome;
       else closeImages(outcome);
     });
   }

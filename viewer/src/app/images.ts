@@ -3,7 +3,7 @@ import { Decoder } from "../decode/decoder.ts";
 import type { Cameras } from "../draw/cameras.ts";
 import type { Hello } from "../feed/text.ts";
 
-/** Who gets images. */
+/** What images are drawn into. */
 export interface ImageUsers {
   /** The frusta and the image behind the scene; null without WebGL2. */
   cameras(): Cameras | null;

@@ -1,7 +1,7 @@
 import type { Hello, Scene, Status } from "../feed/text.ts";
 import type { RunState } from "./run_state.ts";
 
-/** Who hears of changes: the panel, the status lines, the address. */
+/** Gets every change: implemented by the panel, the status line, the address. */
 export interface Observer {
   run(before: RunState, after: RunState): void;
   /** `isFirst`: nothing was shown before. */

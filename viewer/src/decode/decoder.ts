@@ -1,7 +1,7 @@
 /** The page's end of the decoding worker: one job at a time, and only the newest of those that wait. */
 import type { Decoded, Failed, Job, Setup } from "./work.ts";
 
-/** How a job ended: decoded, or passed over for a newer one, or nonsense. */
+/** How a job ended: decoded, skipped for a newer one, or an invalid message. */
 export type Outcome = Decoded | { readonly op: "skipped" } | { readonly op: "failed"; readonly why: string };
 
 interface Waiting {

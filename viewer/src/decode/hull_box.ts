@@ -13,7 +13,7 @@ export interface Box {
 }
 
 /** One camera's silhouette, with what it ignores: their field, or null if both are empty. */
-export interface Seen {
+export interface CameraSilhouette {
   readonly camera: Camera;
   readonly field: DistanceField | null;
 }
@@ -22,7 +22,7 @@ const SPLITS = 4;
 const FIRST_CELLS = 6;
 
 /** The box around the hull within the volume, or null if nothing is left. */
-export function hullBox(volume: Box, seen: readonly Seen[], offImageIsOutside: boolean): Box | null {
+export function hullBox(volume: Box, seen: readonly CameraSilhouette[], offImageIsOutside: boolean): Box | null {
   if (offImageIsOutside && seen.some(({ field }) => field === null)) return null;
   let half = [0, 1, 2].map((i) => (volume.high[i] - volume.low[i]) / FIRST_CELLS / 2);
   let cells: number[] = [];
@@ -79,8 +79,8 @@ function around(cells: number[], half: number[]): Box {
   return { low, high };
 }
 
-/** Whether some camera says outside for the whole ball around a point. */
-function rejected(x: number, y: number, z: number, radius: number, seen: readonly Seen[], offImageIsOutside: boolean): boolean {
+/** Whether the whole ball around a point is outside for some camera. */
+function rejected(x: number, y: number, z: number, radius: number, seen: readonly CameraSilhouette[], offImageIsOutside: boolean): boolean {
   for (const { camera, field } of seen) {
     const at = project(camera, x, y, z);
     if (!at) {

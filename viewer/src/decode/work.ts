@@ -63,7 +63,7 @@ export interface Failed {
   readonly why: string;
 }
 
-/** Closes images that nobody draws. */
+/** Closes the images of a set that is not drawn. */
 export function closeImages(set: Decoded): void {
   for (const part of set.cameras) part.image?.close();
 }

@@ -4,7 +4,7 @@ import { type CameraPart, type FrameSet, parseMessage } from "../feed/message.ts
 import { decodeRuns } from "../feed/runs.ts";
 import { type Camera, camera } from "../view/lens.ts";
 import { contour } from "./contour.ts";
-import { hullBox, type Seen } from "./hull_box.ts";
+import { hullBox, type CameraSilhouette } from "./hull_box.ts";
 import { type Silhouette, silhouetteOf } from "./silhouette.ts";
 import type { Decoded, DecodedCamera, Failed, Job, Setup } from "./work.ts";
 
@@ -50,7 +50,7 @@ async function decode(job: Job): Promise<Decoded> {
     for (const image of images) void image.then((done) => done?.close());
     throw error;
   }
-  const seen: Seen[] = parts.filter((part) => part.hasRuns).map((part) => ({ camera: cameras[part.camera], field: part.field }));
+  const seen: CameraSilhouette[] = parts.filter((part) => part.hasRuns).map((part) => ({ camera: cameras[part.camera], field: part.field }));
   const box = set.type === "frames" && seen.length > 0 ? hullBox(setup.volume, seen, setup.offImageIsOutside) : null;
   const done: DecodedCamera[] = [];
   for (const [index, part] of parts.entries()) done.push({ ...part, image: await images[index] });

@@ -5,12 +5,9 @@
 import {
   BufferGeometry,
   DataArrayTexture,
-  DepthTexture,
   Float32BufferAttribute,
   GLSL3,
   InstancedBufferGeometry,
-  LinearFilter,
-  type Matrix4,
   Mesh,
   NearestFilter,
   NoBlending,
@@ -22,7 +19,6 @@ import {
   RawShaderMaterial,
   Scene,
   type Texture,
-  UnsignedIntType,
   Vector2,
   Vector3,
   Vector4,
@@ -37,30 +33,16 @@ import { type DistanceField, distanceField, fieldStep, Scratch } from "../feed/d
 import type { Camera } from "../view/lens.ts";
 import type { HullMode } from "../view/hash.ts";
 import { CameraBlock } from "./camera_block.ts";
-import * as glsl from "./glsl.ts";
+import type { Eye } from "./eye.ts";
+import * as glsl from "./glsl/index.ts";
 import { Layers } from "./layers.ts";
+import { CELL, Targets } from "./targets.ts";
 
 /** Depth maps hold distances up to this, metres: no studio is larger. */
 const DEPTH_RANGE_M = 40;
-/** Pixels a side of a cell of the first pass; the surface pass counts on it. */
-const CELL = 4;
 const TILE = 8;
 /** Depth maps are this large: about a quarter of the silhouettes' own pixels. */
 const MAPS = [64, 96, 128] as const;
-
-/** From where and through what a picture is taken. */
-export interface Eye {
-  /** World, metres. */
-  readonly position: readonly [number, number, number];
-  /** Camera frame (x right, y down, z forward) to world, row by row. */
-  readonly turn: readonly number[];
-  /** fx, fy, cx, cy in pixels of the picture; a pixel's centre is at a half. */
-  readonly pinhole: readonly [number, number, number, number];
-  readonly skew: number;
-  readonly lens: readonly [number, number, number, number, number];
-  /** World to clip space: for the depth alone. */
-  readonly clip: Matrix4;
-}
 
 /** What may be left out to draw faster. */
 export interface Effort {
@@ -68,40 +50,6 @@ export interface Effort {
   readonly photoTests: number;
   /** Halvings of the depth maps' size. */
   readonly coarseMaps: number;
-}
-
-/** Targets of one size. */
-class Targets {
-  readonly start: WebGLRenderTarget;
-  readonly surface: WebGLRenderTarget;
-  readonly width: number;
-  readonly height: number;
-
-  constructor(width: number, height: number) {
-    this.width = width;
-    this.height = height;
-    this.start = new WebGLRenderTarget(Math.ceil(width / CELL), Math.ceil(height / CELL), {
-      minFilter: NearestFilter,
-      magFilter: NearestFilter,
-      colorSpace: NoColorSpace,
-      depthBuffer: false,
-    });
-    const depth = new DepthTexture(width, height, UnsignedIntType);
-    depth.minFilter = NearestFilter;
-    depth.magFilter = NearestFilter;
-    this.surface = new WebGLRenderTarget(width, height, {
-      minFilter: LinearFilter,
-      magFilter: LinearFilter,
-      colorSpace: NoColorSpace,
-      depthTexture: depth,
-    });
-  }
-
-  dispose(): void {
-    this.start.dispose();
-    this.surface.depthTexture?.dispose();
-    this.surface.dispose();
-  }
 }
 
 export class HullView {

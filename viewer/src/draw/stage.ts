@@ -32,14 +32,13 @@ import { type Camera, camera as makeCamera } from "../view/lens.ts";
 import { Bodies } from "./bodies.ts";
 import { Cameras } from "./cameras.ts";
 import { Cones } from "./cones.ts";
-import { type Eye, HullView } from "./hull.ts";
-import * as glsl from "./glsl.ts";
+import { type Eye, eyeOf, FAR_M, NEAR_M } from "./eye.ts";
+import { HullView } from "./hull.ts";
+import * as glsl from "./glsl/index.ts";
 import type { Level } from "./quality.ts";
 import { Touches } from "./touches.ts";
 
 export const BACKGROUND = 0x14171c;
-const NEAR_M = 0.05;
-const FAR_M = 120;
 const SHADOW_SIZE = 1024;
 
 /** One view to draw. */
@@ -184,7 +183,7 @@ export class Stage {
   }
 
   /**
-   * The card lost everything: lets go of all that was on it, while nobody minds. What the page holds itself
+   * The card lost everything: frees all that was on it while that is allowed. What the page holds itself
    * goes back onto the card by itself.
    */
   release(): void {
@@ -319,45 +318,6 @@ export class Stage {
     floor.receiveShadow = true;
     this.ground.add(floor);
   }
-}
-
-/** The same view for the hull's shaders. */
-export function eyeOf(view: PerspectiveCamera, pinhole: readonly [number, number, number, number]): Eye {
-  const e = view.matrixWorld.elements;
-  return {
-    position: [e[12], e[13], e[14]],
-    turn: [e[0], -e[4], -e[8], e[1], -e[5], -e[9], e[2], -e[6], -e[10]],
-    pinhole,
-    skew: 0,
-    lens: [0, 0, 0, 0, 0],
-    clip: new Matrix4().multiplyMatrices(view.projectionMatrix, view.matrixWorldInverse),
-  };
-}
-
-/** A camera's own view, lens and all, at some size. */
-export function eyeOfCamera(camera: Camera, width: number, height: number): Eye {
-  const [sx, sy] = [width / camera.width, height / camera.height];
-  const [m0, m1] = camera.matrix;
-  const [r0, r1, r2] = camera.rotation;
-  return {
-    position: camera.centre,
-    turn: [r0[0], r1[0], r2[0], r0[1], r1[1], r2[1], r0[2], r1[2], r2[2]],
-    pinhole: [m0[0] * sx, m1[1] * sy, (m0[2] + 0.5) * sx, (m1[2] + 0.5) * sy],
-    skew: m0[1] * sx,
-    lens: camera.distortions,
-    clip: clipOf(camera.rotation, camera.translation),
-  };
-}
-
-/** The nearest and the farthest that pictures' depths tell, metres. */
-export const PICTURE_NEAR_M = NEAR_M;
-export const PICTURE_FAR_M = FAR_M;
-
-/** World to clip space with depth alone: x and y are not used. */
-export function clipOf(rotation: readonly (readonly number[])[], translation: readonly number[]): Matrix4 {
-  const [a, b] = [(FAR_M + NEAR_M) / (FAR_M - NEAR_M), (-2 * FAR_M * NEAR_M) / (FAR_M - NEAR_M)];
-  const r = rotation[2];
-  return new Matrix4().set(0, 0, 0, 0, 0, 0, 0, 0, a * r[0], a * r[1], a * r[2], a * translation[2] + b, r[0], r[1], r[2], translation[2]);
 }
 
 function lines(half: number, step: number, color: number): LineSegments {

@@ -4,7 +4,7 @@ import { Credit } from "./credit.ts";
 import { MAGIC } from "./message.ts";
 import { parseText, type Text } from "./text.ts";
 
-/** A server that says nothing for so long is gone: status comes four times a second. */
+/** A server that is silent for so long is gone: status comes four times a second. */
 const SILENCE_MS = 6000;
 /** Commands that wait for an answer at most. */
 const MAX_COMMANDS = 256;
@@ -17,12 +17,12 @@ export interface Endpoint {
   readonly protocols: readonly string[];
 }
 
-/** What the page hears of. */
+/** What the connection reports. */
 export interface Listener {
   link(state: LinkState, retryInMs: number | null, why: string | null): void;
   text(text: Text): void;
   binary(type: number, buffer: ArrayBuffer): void;
-  complaint(why: string): void;
+  invalid(why: string): void;
 }
 
 /** What the page wants to be sent. */
@@ -44,7 +44,7 @@ export class Connection {
   private socket: WebSocket | null = null;
   private attempt = 0;
   private timer: ReturnType<typeof setTimeout> | undefined;
-  private heardAt = 0;
+  private receivedAt = 0;
   private watchedAt = 0;
   private nextId = 1;
   private goodbye: string | null = null;
@@ -79,7 +79,7 @@ export class Connection {
     }
     socket.binaryType = "arraybuffer";
     this.socket = socket;
-    this.heardAt = performance.now();
+    this.receivedAt = performance.now();
     socket.onopen = () => {
       if (this.socket !== socket) return;
       this.credit.reset();
@@ -87,7 +87,7 @@ export class Connection {
       if (this.wanted) this.send({ op: "want", ...this.wanted });
     };
     socket.onmessage = (event: MessageEvent<string | ArrayBuffer>) => {
-      if (this.socket === socket) this.heard(event.data);
+      if (this.socket === socket) this.receive(event.data);
     };
     socket.onclose = () => {
       if (this.socket === socket) this.lost(this.goodbye);
@@ -117,12 +117,12 @@ export class Connection {
     });
   }
 
-  private heard(data: string | ArrayBuffer): void {
-    this.heardAt = performance.now();
+  private receive(data: string | ArrayBuffer): void {
+    this.receivedAt = performance.now();
     if (typeof data !== "string") {
       this.received += data.byteLength;
       const view = new DataView(data);
-      if (data.byteLength < 16 || view.getUint32(0, true) !== MAGIC) return this.listener.complaint("a binary message that is not the feed's");
+      if (data.byteLength < 16 || view.getUint32(0, true) !== MAGIC) return this.listener.invalid("a binary message that is not the feed's");
       this.listener.binary(view.getUint8(4), data);
       return;
     }
@@ -139,7 +139,7 @@ export class Connection {
       if (text.op === "bye") this.goodbye = text.why;
       this.listener.text(text);
     } catch (error) {
-      this.listener.complaint(error instanceof Error ? error.message : String(error));
+      this.listener.invalid(error instanceof Error ? error.message : String(error));
     }
   }
 
@@ -149,14 +149,14 @@ export class Connection {
 
   private watch(): void {
     const now = performance.now();
-    // A page that stood still itself has no right to call the server silent.
-    if (now - this.watchedAt > 2500) this.heardAt = now;
+    // While the page itself was suspended, nothing could be received.
+    if (now - this.watchedAt > 2500) this.receivedAt = now;
     this.watchedAt = now;
-    if (this.open && now - this.heardAt > SILENCE_MS) {
+    if (this.open && now - this.receivedAt > SILENCE_MS) {
       const socket = this.socket!;
       this.socket = null;
       socket.close();
-      this.lost("the server says nothing any more");
+      this.lost("the server is silent");
     }
   }
 

@@ -1,4 +1,4 @@
-/** Where the feed of a page is, and how the page says who it is. */
+/** The feed's address for a page, and how the page offers its token. */
 import type { Endpoint } from "./connection.ts";
 
 /** The subprotocol, with the format's version. */

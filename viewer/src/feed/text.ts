@@ -152,7 +152,7 @@ export function parseText(text: string): Text | null {
 }
 
 function hello(value: Record<string, unknown>): Hello {
-  if (value.version !== 1) throw new TextError(`the server speaks version ${String(value.version)}, this page version 1: reload it`);
+  if (value.version !== 1) throw new TextError(`the server has version ${String(value.version)}, this page version 1: reload it`);
   const cameras = list(value.cameras, "cameras");
   if (cameras.length > MAX_CAMERAS) throw new TextError(`${cameras.length} cameras, expected ${MAX_CAMERAS} at most`);
   const rule = isRecord(value.rule) ? value.rule : {};

@@ -2,7 +2,7 @@
  * What is on the screen, and when: live, each frame set as it is decoded; looking back, the sets of the
  * timeline, standing or going on. Bodies follow the frame that is shown, so that both are of one moment.
  */
-import type { Kept, Timeline } from "./timeline.ts";
+import type { KeptSet, Timeline } from "./timeline.ts";
 
 /** Looking back never goes on faster than it came. */
 const RATE = 1;
@@ -71,7 +71,7 @@ export class Playout {
   }
 
   /** Moves on; the set that is to be shown then, or null while live. */
-  step(nowMs: number): Kept | null {
+  step(nowMs: number): KeptSet | null {
     if (this.at === null) return null;
     const span = this.timeline.span();
     if (!span) return null;

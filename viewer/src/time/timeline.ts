@@ -6,18 +6,18 @@ export const SPAN_MS = 10_000;
 export const MAX_BYTES = 64 * 1024 * 1024;
 
 /** One encoded frame set and when it came. */
-export interface Kept {
+export interface KeptSet {
   readonly atMs: number;
   readonly frame: number;
   readonly message: ArrayBuffer;
 }
 
 export class Timeline {
-  private readonly kept: Kept[] = [];
+  private readonly kept: KeptSet[] = [];
   private bytes = 0;
 
   /** Keeps a set; forgets those too old, or too much. */
-  add(entry: Kept): void {
+  add(entry: KeptSet): void {
     this.kept.push(entry);
     this.bytes += entry.message.byteLength;
     while (this.kept.length > 1 && (this.bytes > MAX_BYTES || entry.atMs - this.kept[0].atMs > SPAN_MS)) {
@@ -39,7 +39,7 @@ export class Timeline {
   }
 
   /** The set that came last. */
-  newest(): Kept | null {
+  newest(): KeptSet | null {
     return this.kept.at(-1) ?? null;
   }
 
@@ -49,7 +49,7 @@ export class Timeline {
   }
 
   /** The set that was on at a moment: the last that came at or before it, or the first. */
-  at(ms: number): Kept | null {
+  at(ms: number): KeptSet | null {
     if (this.kept.length === 0) return null;
     let [low, high] = [0, this.kept.length - 1];
     while (low < high) {
@@ -61,7 +61,7 @@ export class Timeline {
   }
 
   /** The set before (−1) or after (+1) the one that was on at a moment. */
-  beside(ms: number, direction: 1 | -1): Kept | null {
+  beside(ms: number, direction: 1 | -1): KeptSet | null {
     const now = this.at(ms);
     if (!now) return null;
     const index = this.kept.indexOf(now) + direction;

@@ -3,9 +3,9 @@ import type { App } from "../app/app.ts";
 import type { CameraStatus, Hello } from "../feed/text.ts";
 import { byId, bytesText, setPressed, setText } from "./dom.ts";
 
-/** Images older than this are told of, milliseconds. */
+/** Older images are marked late, milliseconds. */
 const OLD_MS = 250;
-/** Cameras farther from the others' time than this are told of, milliseconds. */
+/** Cameras farther from the others' time are marked out of step, milliseconds. */
 const UNSYNCED_MS = 12;
 
 interface Row {
@@ -69,13 +69,13 @@ export class CamerasList {
     let well = 0;
     this.rows.forEach((row, index) => {
       const status = cameras[index];
-      const [state, text] = status ? judge(status) : (["warn", "no word of it yet"] as const);
+      const [state, text] = status ? health(status) : (["warn", "no figures yet"] as const);
       if (state === "good") well++;
       row.dot.className = `dot ${state}`;
       row.health.classList.toggle("bad", state === "bad");
       setText(row.health, text);
     });
-    setText(byId("cameras-health"), cameras.length > 0 ? `${well} of ${this.rows.length} well` : "");
+    setText(byId("cameras-health"), cameras.length > 0 ? `${well} of ${this.rows.length} good` : "");
   }
 
   pressed(through: number | null): void {
@@ -102,7 +102,7 @@ export class CamerasList {
   }
 }
 
-function judge(status: CameraStatus): readonly ["good" | "warn" | "bad", string] {
+function health(status: CameraStatus): readonly ["good" | "warn" | "bad", string] {
   if (status.problem) return ["bad", `gone: ${status.problem}`];
   const time: string[] = [];
   const sight: string[] = [];

@@ -3,19 +3,19 @@ import type { App } from "../app/app.ts";
 import type { Hello, Scene } from "../feed/text.ts";
 import type { HullMode, Layer } from "../view/hash.ts";
 import { byId, option, setPressed, setText, toast } from "./dom.ts";
-import type { Hands, Kind } from "./hands.ts";
+import type { BodyTools, ShapeKind } from "./body_tools.ts";
 
 /** Time to leave the room before the background is taken, seconds. */
 const LEAVE_S = 5;
 
 export class Panel {
   private readonly app: App;
-  private readonly hands: Hands;
+  private readonly tools: BodyTools;
   private countdown: ReturnType<typeof setInterval> | undefined;
 
-  constructor(app: App, hands: Hands) {
+  constructor(app: App, tools: BodyTools) {
     this.app = app;
-    this.hands = hands;
+    this.tools = tools;
     this.bindView();
     this.bindWorld();
     this.bindFigures();
@@ -50,13 +50,13 @@ export class Panel {
       setText(byId("restitution-text"), `${Math.round(hull_restitution * 100)} %`);
     }
     byId<HTMLSelectElement>("body").replaceChildren(option("", "None"), ...scene.bodies.map(({ id, name }) => option(String(id), name)));
-    if (this.hands.chosen !== null && !scene.bodies.some(({ id }) => id === this.hands.chosen)) this.hands.chosen = null;
+    if (this.tools.chosen !== null && !scene.bodies.some(({ id }) => id === this.tools.chosen)) this.tools.chosen = null;
     this.update();
   }
 
   /** Shows the state of the view. */
   update(): void {
-    const { app, hands } = this;
+    const { app, tools } = this;
     for (const button of byId("modes").querySelectorAll<HTMLButtonElement>("[data-mode]")) setPressed(button, button.dataset.mode === app.mode);
     for (const box of byId("layers").querySelectorAll<HTMLInputElement>("[data-layer]")) box.checked = app.layers.has(box.dataset.layer as Layer);
     byId<HTMLSelectElement>("camera").value = app.through === null ? "" : String(app.through);
@@ -64,15 +64,15 @@ export class Panel {
     byId<HTMLInputElement>("opacity").value = String(Math.round(app.opacity * 100));
     setText(byId("opacity-text"), `${Math.round(app.opacity * 100)} %`);
     byId<HTMLInputElement>("in-front").checked = app.inFront;
-    byId<HTMLSelectElement>("body").value = String(hands.chosen ?? app.follow ?? "");
+    byId<HTMLSelectElement>("body").value = String(tools.chosen ?? app.follow ?? "");
     setPressed(byId("follow"), app.follow !== null);
-    byId<HTMLButtonElement>("follow").disabled = hands.chosen === null && app.follow === null;
-    const chosen = hands.chosen === null ? null : app.stage?.bodies.text(hands.chosen);
+    byId<HTMLButtonElement>("follow").disabled = tools.chosen === null && app.follow === null;
+    const chosen = tools.chosen === null ? null : app.stage?.bodies.text(tools.chosen);
     byId("chosen-row").hidden = !chosen || !app.steers;
     if (chosen) setText(byId("chosen"), chosen.name);
-    setPressed(byId("place"), hands.placing);
-    byId("hint").hidden = !hands.placing;
-    if (hands.placing) setText(byId("hint"), "Click where the new body goes. Esc ends it.");
+    setPressed(byId("place"), tools.placing);
+    byId("hint").hidden = !tools.placing;
+    if (tools.placing) setText(byId("hint"), "Click where the new body goes. Esc ends it.");
     this.paused();
     const through = app.through === null ? "free view" : `through ${app.rig[app.through]?.name}`;
     setText(byId("summary"), `${through}; person ${app.mode}; ${app.stage?.bodies.count ?? 0} bodies.`);
@@ -116,10 +116,10 @@ export class Panel {
     });
     const body = byId<HTMLSelectElement>("body");
     body.addEventListener("change", () => {
-      this.hands.chosen = body.value === "" ? null : Number(body.value);
-      app.followBody(app.follow === null ? null : this.hands.chosen);
+      this.tools.chosen = body.value === "" ? null : Number(body.value);
+      app.followBody(app.follow === null ? null : this.tools.chosen);
     });
-    byId("follow").addEventListener("click", () => app.followBody(app.follow === null ? this.hands.chosen : null));
+    byId("follow").addEventListener("click", () => app.followBody(app.follow === null ? this.tools.chosen : null));
     const inFront = byId<HTMLInputElement>("in-front");
     inFront.addEventListener("change", () => {
       app.inFront = inFront.checked;
@@ -128,27 +128,27 @@ export class Panel {
   }
 
   private bindWorld(): void {
-    const { app, hands } = this;
+    const { app, tools } = this;
     byId("pause").addEventListener("click", () => void this.togglePause());
     byId("step").addEventListener("click", () => void this.ask("step", { steps: 1 }));
     byId("reset").addEventListener("click", () => void this.ask("reset"));
     const scene = byId<HTMLSelectElement>("scene");
     scene.addEventListener("change", () => void this.ask("choose", { scene: scene.value }));
     const shape = byId<HTMLSelectElement>("shape");
-    shape.addEventListener("change", () => (hands.kind = shape.value as Kind));
+    shape.addEventListener("change", () => (tools.kind = shape.value as ShapeKind));
     const size = byId<HTMLInputElement>("size");
     size.addEventListener("input", () => {
-      hands.sizeM = Number(size.value) / 100;
+      tools.sizeM = Number(size.value) / 100;
       setText(byId("size-text"), `${size.value} cm`);
     });
     byId("place").addEventListener("click", () => {
-      hands.placing = !hands.placing;
-      byId("view").classList.toggle("placing", hands.placing);
+      tools.placing = !tools.placing;
+      byId("view").classList.toggle("placing", tools.placing);
       app.changed();
     });
-    byId("drop").addEventListener("click", () => void hands.drop());
-    byId("push").addEventListener("click", () => void hands.push());
-    byId("remove").addEventListener("click", () => void hands.remove());
+    byId("drop").addEventListener("click", () => void tools.drop());
+    byId("push").addEventListener("click", () => void tools.push());
+    byId("remove").addEventListener("click", () => void tools.remove());
     const response = byId<HTMLSelectElement>("response");
     response.addEventListener("change", () => void this.ask("set", { answers_hull: response.value !== "off" }));
     const restitution = byId<HTMLInputElement>("restitution");
@@ -171,7 +171,7 @@ export class Panel {
     });
   }
 
-  /** Counts down so that the room can be left, takes the background, and tells when it is done. */
+  /** Counts down so that the room can be left, takes the background, and shows when it is done. */
   private takeBackground(): void {
     const button = byId<HTMLButtonElement>("background");
     const text = byId("countdown");

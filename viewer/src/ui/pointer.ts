@@ -1,6 +1,6 @@
-/** Pointers and the wheel on the canvas: turning, moving across, zooming, and what {@link Hands} do. */
+/** Pointers and the wheel on the canvas: turning, moving across, zooming, and what {@link BodyTools} do. */
 import type { App } from "../app/app.ts";
-import type { Hands } from "./hands.ts";
+import type { BodyTools } from "./body_tools.ts";
 
 /** A full turn takes so many heights of the canvas. */
 const TURN_PER_HEIGHT = Math.PI * 1.25;
@@ -16,7 +16,7 @@ interface Finger {
   readonly button: number;
 }
 
-export function bindPointer(canvas: HTMLCanvasElement, app: App, hands: Hands, onPlaced: () => void): void {
+export function bindPointer(canvas: HTMLCanvasElement, app: App, tools: BodyTools, onPlaced: () => void): void {
   const fingers = new Map<number, Finger>();
   let moved = false;
   let lastClick = { at: -Infinity, x: 0, y: 0 };
@@ -33,14 +33,14 @@ export function bindPointer(canvas: HTMLCanvasElement, app: App, hands: Hands, o
     moved = fingers.size > 1;
     app.orbit.hold();
     app.held = true;
-    if (fingers.size === 1 && event.button === 0 && !hands.placing && app.steers) {
-      const hit = hands.hit(x, y, false);
-      if (hit?.body !== null && hit && hands.grab(hit)) {
-        hands.chosen = hit.body;
+    if (fingers.size === 1 && event.button === 0 && !tools.placing && app.steers) {
+      const hit = tools.hit(x, y, false);
+      if (hit?.body !== null && hit && tools.grab(hit)) {
+        tools.chosen = hit.body;
         app.changed();
       }
-    } else if (fingers.size > 1 && hands.carrying) {
-      void hands.release();
+    } else if (fingers.size > 1 && tools.carrying) {
+      void tools.release();
     }
   });
 
@@ -57,8 +57,8 @@ export function bindPointer(canvas: HTMLCanvasElement, app: App, hands: Hands, o
     const before = pinch(fingers);
     finger.x = x;
     finger.y = y;
-    if (hands.carrying) {
-      hands.carry(x, y);
+    if (tools.carrying) {
+      tools.carry(x, y);
       app.invalidate();
       return;
     }
@@ -79,8 +79,8 @@ export function bindPointer(canvas: HTMLCanvasElement, app: App, hands: Hands, o
     fingers.delete(event.pointerId);
     if (fingers.size === 0) app.held = false;
     if (!finger) return;
-    const wasCarrying = hands.carrying;
-    if (wasCarrying) void hands.release();
+    const wasCarrying = tools.carrying;
+    if (wasCarrying) void tools.release();
     if (event.type === "pointercancel" || moved || finger.button !== 0) return;
     click(finger.startX, finger.startY);
   };
@@ -94,8 +94,8 @@ export function bindPointer(canvas: HTMLCanvasElement, app: App, hands: Hands, o
       event.preventDefault();
       const lines = event.deltaMode === 1 ? 18 : event.deltaMode === 2 ? 400 : 1;
       const factor = Math.exp(Math.max(-240, Math.min(240, event.deltaY * lines)) * 0.0016);
-      if (hands.carrying) {
-        hands.reach(1 / factor);
+      if (tools.carrying) {
+        tools.reach(1 / factor);
         return;
       }
       leaveCamera();
@@ -106,8 +106,8 @@ export function bindPointer(canvas: HTMLCanvasElement, app: App, hands: Hands, o
   );
 
   function click(x: number, y: number): void {
-    if (hands.placing) {
-      void hands.place(x, y).then(onPlaced);
+    if (tools.placing) {
+      void tools.place(x, y).then(onPlaced);
       return;
     }
     const now = performance.now();
@@ -118,17 +118,17 @@ export function bindPointer(canvas: HTMLCanvasElement, app: App, hands: Hands, o
   }
 
   function choose(x: number, y: number): void {
-    const hit = hands.hit(x, y, false);
-    hands.chosen = hit?.body ?? null;
+    const hit = tools.hit(x, y, false);
+    tools.chosen = hit?.body ?? null;
     if (!hit) {
-      const camera = app.through === null ? hands.cameraAt(x, y) : null;
+      const camera = app.through === null ? tools.cameraAt(x, y) : null;
       if (camera !== null) app.lookThrough(camera);
     }
     app.changed();
   }
 
   function focusOn(x: number, y: number): void {
-    const hit = hands.hit(x, y);
+    const hit = tools.hit(x, y);
     if (!hit) {
       app.preset("home");
     } else if (hit.body !== null) {
@@ -168,8 +168,8 @@ export function bindPointer(canvas: HTMLCanvasElement, app: App, hands: Hands, o
     const now = performance.now();
     if (now - hovered < 60) return;
     hovered = now;
-    canvas.classList.toggle("placing", hands.placing);
-    if (!hands.placing) canvas.classList.toggle("over-body", hands.bodyAt(x, y) !== null);
+    canvas.classList.toggle("placing", tools.placing);
+    if (!tools.placing) canvas.classList.toggle("over-body", tools.bodyAt(x, y) !== null);
   }
 }
 

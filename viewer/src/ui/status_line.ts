@@ -1,4 +1,4 @@
-/** The line that says how link and run are, and the banner over the picture when something is wrong. */
+/** The state of link and run in the title, and the banner over the picture when something is wrong. */
 import type { App } from "../app/app.ts";
 import { announcement, type RunState } from "../app/run_state.ts";
 import { announce, byId, setText } from "./dom.ts";
@@ -11,14 +11,14 @@ export class StatusLine {
     byId("retry").addEventListener("click", () => app.connection.retryNow());
   }
 
-  /** Link or run changed: that is spoken, too. */
+  /** Link or run changed: announced to screen readers, too. */
   changed(before: RunState, after: RunState): void {
     const spoken = announcement(before, after);
     if (spoken) announce(spoken);
     this.update();
   }
 
-  /** Shows how it is now; times go by without a change. */
+  /** Shows the state now; countdowns go on without a change. */
   update(): void {
     const { status, banner } = this.app.describe(performance.now());
     byId("link").dataset.state = this.app.run.link;

@@ -7,7 +7,7 @@ import { Orbit, type View } from "./orbit.ts";
 /** A box with a longer side is no person, metres: few cameras see it, or it is several people. */
 const PERSON_M = 2.6;
 
-/** The field of view, from top to bottom, unless somebody says otherwise. */
+/** The field of view, from top to bottom, by default. */
 export const FOV_DEG = 42;
 /** The start view is never nearer, metres. */
 const NEAREST_M = 2.9;

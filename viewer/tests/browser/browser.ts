@@ -15,6 +15,9 @@ const CHROMIUM = process.env.CHROMIUM ?? "/usr/bin/chromium";
 /** The program under test; tests that need it are skipped aloud without it. */
 export const PROGRAM = process.env.HULLTOUCH_BIN;
 
+/** What has not happened by now will not: far longer than anything takes on a busy machine. */
+export const TIMEOUT_MS = 180_000;
+
 export async function launch(more: readonly string[] = []): Promise<Browser> {
   assert.ok(existsSync(CHROMIUM), `no browser at ${CHROMIUM}: install chromium, or set CHROMIUM`);
   return chromium.launch({
@@ -46,6 +49,7 @@ const HARMLESS = [/GL Driver Message/, /KHR_parallel_shader_compile/];
 
 export async function open(browser: Browser, url: string, options: BrowserContextOptions = {}, alsoHarmless: RegExp[] = []): Promise<Watched> {
   const context = await browser.newContext({ viewport: { width: 480, height: 320 }, ...options });
+  context.setDefaultTimeout(TIMEOUT_MS);
   const page = await context.newPage();
   const complaints: string[] = [];
   page.on("console", (message) => {
@@ -63,16 +67,47 @@ export async function state(page: Page): Promise<Record<string, any>> {
   return page.evaluate(() => (window as any).hulltouch.state());
 }
 
-/** Waits until the page says so; a minute, for machines that are busy. */
-export async function until(page: Page, what: string, condition: (state: Record<string, any>) => boolean, seconds = 60): Promise<Record<string, any>> {
-  const end = performance.now() + seconds * 1000;
+/** Waits until the page is in a state. */
+export async function until(page: Page, what: string, condition: (state: Record<string, any>) => boolean): Promise<Record<string, any>> {
+  const end = performance.now() + TIMEOUT_MS;
   let last: Record<string, any> = {};
   while (performance.now() < end) {
     last = await state(page);
     if (condition(last)) return last;
     await page.waitForTimeout(50);
   }
-  assert.fail(`${what}: not within ${seconds} s; the page says ${JSON.stringify(last).slice(0, 1500)}`);
+  assert.fail(`${what}: not within ${TIMEOUT_MS / 1000} s; the page says ${JSON.stringify(last).slice(0, 1500)}`);
+}
+
+/** Waits until the run is paused and the page shows the frame at which it stands. */
+export async function untilStanding(page: Page): Promise<Record<string, any>> {
+  return until(page, "the frame at which the world stands", ({ paused, frame, worldFrame }) => paused && frame !== null && frame === worldFrame);
+}
+
+/**
+ * Pauses the run at a frame that the page shows. A busy machine may drop a frame before anybody has fetched it:
+ * then it is another frame's turn.
+ */
+export async function pauseAtItsFrame(page: Page): Promise<Record<string, any>> {
+  const end = performance.now() + TIMEOUT_MS;
+  while (performance.now() < end) {
+    await page.getByRole("button", { name: "Pause" }).click();
+    await until(page, "a pause", ({ paused }) => paused);
+    const found = await within(page, 10_000, ({ frame, worldFrame }) => frame !== null && frame === worldFrame);
+    if (found) return found;
+    await page.getByRole("button", { name: "Go on" }).click();
+    await until(page, "the world goes on", ({ paused }) => !paused);
+  }
+  return assert.fail("the page never shows the frame at which the run is paused");
+}
+
+/** The page's state once a condition holds; null if it does not within so many milliseconds. */
+export async function within(page: Page, ms: number, condition: (state: Record<string, any>) => boolean): Promise<Record<string, any> | null> {
+  for (const end = performance.now() + ms; performance.now() < end; await page.waitForTimeout(50)) {
+    const now = await state(page);
+    if (condition(now)) return now;
+  }
+  return null;
 }
 
 /** A picture of the person alone. */
@@ -109,7 +144,7 @@ export class Program {
         program.viewers = /^viewers: (\S+)/m.exec(program.log)?.[1] ?? "";
         if (program.page && program.viewers) resolve();
       });
-      setTimeout(() => reject(new Error(`the program served no page within a minute: ${program.log}`)), 60_000).unref();
+      setTimeout(() => reject(new Error(`the program served no page in time: ${program.log}`)), TIMEOUT_MS).unref();
       child.on("error", reject);
       child.on("exit", (status) => reject(new Error(`the program ended with ${status}: ${program.log}`)));
     });

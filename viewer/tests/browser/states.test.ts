@@ -31,7 +31,7 @@ describe("the page says how the run is", () => {
 
   /** Waits for the status line, then tells what else is there. */
   async function said(status: RegExp): Promise<{ behind: string | null; live: string | null; banner: string | null }> {
-    await page.locator("#link-text", { hasText: status }).waitFor({ state: "visible", timeout: 60_000 });
+    await page.locator("#link-text", { hasText: status }).waitFor({ state: "visible" });
     const banner = page.locator("#banner");
     return {
       behind: await page.locator("#behind").textContent(),

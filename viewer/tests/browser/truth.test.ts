@@ -100,8 +100,7 @@ function compare(shown: { mask: Uint8Array; rgba: Uint8Array }, { mask: person, 
 test("from every side the outline and the colours are the person's", async (t) => {
   // The page holds one frame, so that all pictures are of it.
   await watched.page.locator("#look-back").click();
-  await until(watched.page, "the picture stands", ({ live }) => !live);
-  await watched.page.waitForTimeout(500);
+  await until(watched.page, "the picture stands", ({ live, frame, timelineFrame }) => !live && frame === timelineFrame);
   const between = VIEWS.map((view): Section => ({
     name: view.name,
     size: [SIDE, SIDE],

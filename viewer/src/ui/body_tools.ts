@@ -1,4 +1,4 @@
-/** Hands in the scene: what the pointer is on, carrying and throwing bodies, placing new ones. */
+/** Bodies under the pointer: picking, carrying, throwing, placing new ones. */
 import { Plane, Raycaster, Vector2, Vector3, type Mesh } from "three";
 import type { App } from "../app/app.ts";
 import { radiusOf } from "../draw/bodies.ts";
@@ -21,10 +21,10 @@ const PALETTE: readonly Vec3[] = [
   [0.8, 0.42, 0.55],
 ];
 
-export type Kind = "box" | "ball" | "capsule" | "cylinder" | "cone";
+export type ShapeKind = "box" | "ball" | "capsule" | "cylinder" | "cone";
 
 /** A shape of about so many metres. */
-export function shapeOf(kind: Kind, sizeM: number): Shape {
+export function shapeOf(kind: ShapeKind, sizeM: number): Shape {
   const radius = sizeM / 2;
   switch (kind) {
     case "box":
@@ -48,7 +48,7 @@ export interface Hit {
   readonly what: "body" | "person" | "floor";
 }
 
-interface Held {
+interface HeldBody {
   readonly body: number;
   readonly grip: Vec3;
   readonly plane: Plane;
@@ -59,15 +59,15 @@ interface Held {
   isAsking: boolean;
 }
 
-export class Hands {
+export class BodyTools {
   private readonly app: App;
   private readonly raycaster = new Raycaster();
-  private held: Held | null = null;
+  private held: HeldBody | null = null;
   private spawned = 0;
   /** The body that buttons act on. */
   chosen: number | null = null;
   placing = false;
-  kind: Kind = "box";
+  kind: ShapeKind = "box";
   sizeM = 0.25;
 
   constructor(app: App) {
