@@ -13,7 +13,7 @@ use tokio::sync::mpsc;
 
 use crate::channels::Channel;
 use crate::messages;
-use crate::recorder::{Times, unix_ns};
+use crate::times::{Times, unix_ns};
 use crate::writer::{Entry, Sink};
 
 /// Frames on their way at most: as many as a node keeps; what waits longer is gone there.

@@ -11,6 +11,7 @@ mod messages;
 mod queue;
 mod read;
 mod recorder;
+mod times;
 mod writer;
 
 pub use convert::{ConvertError, RunHeader};

@@ -4,12 +4,12 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use coordinator::record::{EndRecord, FrameRecord, Recorder, StepRecord};
-use prost::Message;
 
 use crate::channels::Channel;
 use crate::convert::{self, RunHeader, command_to_message, vector};
 use crate::fetch::{ColourSource, Fetcher, Fetches};
 use crate::messages::{End, Figures, Response, Step};
+use crate::times::Times;
 use crate::writer::{Entry, FileWriter, Overwrites, Sink, WriteError};
 
 /// Film time between poses, seconds.
@@ -52,30 +52,11 @@ pub struct RecordingFile {
     last: Arc<Mutex<End>>,
 }
 
-/// From film time to log time.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Times {
-    began_unix_s: f64,
-    pub fps: f64,
-}
-
 /// What was measured since the last figures.
 #[derive(Debug, Default)]
 struct Recent {
     steps_ms: Vec<f64>,
     blind_steps: u32,
-}
-
-impl Times {
-    /// Unix nanoseconds of a film time.
-    pub fn log_ns(self, film_s: f64) -> u64 {
-        unix_ns(self.began_unix_s + film_s)
-    }
-}
-
-/// Nanoseconds of unix seconds.
-pub(crate) fn unix_ns(unix_s: f64) -> u64 {
-    (unix_s * 1e9) as u64
 }
 
 /// Creates a file for a run. The header is on the disk when this returns. Colours are kept if there is a source.
@@ -178,13 +159,6 @@ impl Drop for RecordingFile {
         if let Some(writer) = self.writer.take().filter(|_| is_empty) {
             writer.abandon();
         }
-    }
-}
-
-impl Entry {
-    /// A message of that log time.
-    pub fn new(channel: Channel, log_ns: u64, message: &impl Message) -> Entry {
-        Entry { channel, log_ns, publish_ns: log_ns, message: message.encode_to_vec() }
     }
 }
 

@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 use mcap::{Compression, McapError, WriteOptions, Writer};
+use prost::Message;
 use thiserror::Error;
 
 use crate::channels::Channel;
@@ -75,6 +76,13 @@ pub(crate) struct FileWriter {
     thread: Option<JoinHandle<()>>,
     path: PathBuf,
     writing: PathBuf,
+}
+
+impl Entry {
+    /// A message of that log time.
+    pub fn new(channel: Channel, log_ns: u64, message: &impl Message) -> Entry {
+        Entry { channel, log_ns, publish_ns: log_ns, message: message.encode_to_vec() }
+    }
 }
 
 impl Sink {

@@ -11,7 +11,7 @@ use super::error::ReadProblem;
 
 /// No record is larger, packed or not: sixteen times what we write, for files that other tools have packed
 /// anew.
-pub(super) const MAX_RECORD_BYTES: u64 = 64 << 20;
+const MAX_RECORD_BYTES: u64 = 64 << 20;
 /// A record's kind and length.
 const HEAD_BYTES: u64 = 9;
 
@@ -85,7 +85,7 @@ impl Chunks {
 /// The channels and messages of a chunk; all of it, or why not.
 pub(super) fn read(file: &mut File, place: Place) -> Result<Vec<Record>, ReadProblem> {
     if place.bytes > MAX_RECORD_BYTES {
-        return Err(ReadProblem::RecordSize(place.bytes));
+        return Err(ReadProblem::RecordSize { found: place.bytes, most: MAX_RECORD_BYTES });
     }
     let mut bytes = Vec::new();
     file.seek(SeekFrom::Start(place.offset))?;

@@ -6,7 +6,6 @@ use mcap::McapError;
 use proto::convert::ConvertError as SilhouetteError;
 use thiserror::Error;
 
-use super::chunk::MAX_RECORD_BYTES;
 use crate::convert::ConvertError;
 
 /// Why a file is no recording that can be replayed.
@@ -32,8 +31,13 @@ pub enum ReadProblem {
     #[error("it ends too early")]
     CutOff,
     /// A record that claims to be too large to be read.
-    #[error("a record claims {0} bytes, expected at most {MAX_RECORD_BYTES}")]
-    RecordSize(u64),
+    #[error("a record claims {found} bytes, expected at most {most}")]
+    RecordSize {
+        /// So many bytes.
+        found: u64,
+        /// Instead of so many.
+        most: u64,
+    },
     /// A chunk or record that MCAP does not allow.
     #[error(transparent)]
     Mcap(#[from] McapError),
