@@ -1,99 +1,18 @@
-//! The ring of recent frames: silhouettes ready to be probed, each frame complete over all cameras of
-//! the node. It is the only thing that film and service share.
+//! The ring: frames appear when all cameras have delivered them, and leave in their order.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use bytes::Bytes;
-use hull::silhouette::PixelRect;
-use hull::{Observer, Silhouette, View, ViewSet};
-use proto::{CameraReport, FilmState, FrameReport};
+use hull::ViewSet;
+use proto::FilmState;
 use thiserror::Error;
 use tokio::sync::watch;
+
+use super::frame::{CameraFrame, Frame, Stamp};
 
 /// How many frames are kept: enough for a coordinator that lags by a quarter of a second at 30
 /// frames/s, little enough that eight 8K silhouettes stay within 100 MB.
 pub const RING_FRAMES: usize = 8;
-
-/// One camera's part of a frame.
-#[derive(Clone, Debug)]
-pub struct CameraFrame {
-    /// Place in the rig.
-    pub rig_index: u16,
-    /// The silhouette.
-    pub silhouette: Arc<Silhouette>,
-    /// The silhouette as compact bytes.
-    pub bytes: Bytes,
-    /// Least rectangle of what the camera does not reject; `None` if it rejects all it sees.
-    pub admitted: Option<PixelRect>,
-    /// From capture to silhouette, milliseconds.
-    pub segment_ms: f64,
-    view: View,
-}
-
-impl CameraFrame {
-    /// Prepares a camera's silhouette for probing and sending.
-    pub fn new(observer: &Arc<Observer>, silhouette: Silhouette, segment_ms: f64) -> CameraFrame {
-        CameraFrame {
-            rig_index: observer.rig_index(),
-            bytes: silhouette.encode().into(),
-            admitted: observer.admitted(silhouette.bounds()),
-            view: View::new(Arc::clone(observer), &silhouette),
-            silhouette: Arc::new(silhouette),
-            segment_ms,
-        }
-    }
-}
-
-/// One frame over all cameras of the node.
-#[derive(Clone, Debug)]
-pub struct Frame {
-    /// Its number in the cluster's count.
-    pub number: u64,
-    /// Film time since the epoch, seconds.
-    pub capture_time_s: f64,
-    /// When it was captured by the wall clock, unix seconds.
-    pub captured_unix_s: f64,
-    /// Frames passed over since the one before because they came too late, the most of any camera.
-    pub skipped: u64,
-    /// Each camera's part, in rig order.
-    pub cameras: Vec<CameraFrame>,
-    /// The cameras ready to answer together.
-    pub views: ViewSet,
-}
-
-impl Frame {
-    /// What others need to know of it, without its pixels.
-    pub fn report(&self) -> FrameReport {
-        let camera = |camera: &CameraFrame| CameraReport {
-            rig_index: camera.rig_index,
-            admitted: camera.admitted,
-            area: camera.silhouette.area(),
-            silhouette_bytes: camera.bytes.len() as u32,
-            segment_ms: camera.segment_ms,
-        };
-        FrameReport {
-            frame: self.number,
-            capture_time_s: self.capture_time_s,
-            captured_unix_s: self.captured_unix_s,
-            cameras: self.cameras.iter().map(camera).collect(),
-            skipped: self.skipped,
-        }
-    }
-}
-
-/// Number and times of a frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stamp {
-    /// Its number.
-    pub number: u64,
-    /// Film time since the epoch, seconds.
-    pub capture_time_s: f64,
-    /// The wall clock at capture, unix seconds.
-    pub captured_unix_s: f64,
-    /// Frames passed over just before.
-    pub skipped: u64,
-}
 
 /// Why a frame is not there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
@@ -172,7 +91,7 @@ pub struct News {
     pub run: u64,
     /// Its frames, oldest first.
     pub frames: Vec<Arc<Frame>>,
-    /// The state of its film; if that is not running, no frame follows these.
+    /// The state of its film; of one that has ended, no frame follows these.
     pub state: FilmState,
 }
 
@@ -317,8 +236,9 @@ impl FrameRing {
 
 #[cfg(test)]
 mod tests {
+    use hull::{Observer, ProbeSettings, Silhouette};
+
     use super::*;
-    use hull::ProbeSettings;
 
     fn observer(rig_index: u16) -> Arc<Observer> {
         let camera = crate::source::tests::camera(8, 4);
