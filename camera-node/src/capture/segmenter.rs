@@ -37,7 +37,7 @@ pub(super) struct ColourSegmenter {
     segmenter: Segmenter,
     /// Cores that one frame may take.
     cores: usize,
-    /// Was the last frame hardly a person any more?
+    /// Whether the last frame was more than a person.
     doubted: bool,
 }
 

@@ -42,7 +42,8 @@ struct Service {
 
 impl Service {
     /// Learns the backgrounds. Blocks until done.
-    fn new(config: NodeConfig, ring: Arc<FrameRing>) -> Result<Service, ServeError> {
+    fn new(config: NodeConfig) -> Result<Service, ServeError> {
+        let ring = Arc::new(FrameRing::new(config.cameras.len()));
         let film = Arc::new(Film::prepare(&config, Arc::clone(&ring))?);
         let pictures = PictureEncoder::new(Arc::clone(&ring), film.colours(), config.rig_indices());
         Ok(Service {

@@ -1,6 +1,5 @@
 //! A node on its port: it listens, learns its backgrounds, serves, and ends.
 
-use std::sync::Arc;
 use std::time::Duration;
 
 use proto::v1::camera_node_server::CameraNodeServer;
@@ -13,7 +12,6 @@ use tonic::transport::server::{Router, TcpIncoming};
 use super::Service;
 use crate::capture::CaptureError;
 use crate::config::NodeConfig;
-use crate::frames::FrameRing;
 use crate::listen::{Listen, Listener};
 
 /// A silent peer is noticed within twice this.
@@ -57,7 +55,6 @@ pub enum ServeError {
 pub struct Node {
     listener: Listener,
     service: Service,
-    ring: Arc<FrameRing>,
 }
 
 impl Node {
@@ -79,23 +76,16 @@ impl Node {
         }
         let bound = Listener::bind(&address).await;
         let listener = bound.map_err(|error| ServeError::Listen { address, error })?;
-        let ring = Arc::new(FrameRing::new(config.cameras.len()));
-        let shared = Arc::clone(&ring);
         // Learning reads whole clips; meanwhile the runtime must be able to end.
-        let service = tokio::task::spawn_blocking(move || Service::new(config, shared))
+        let service = tokio::task::spawn_blocking(move || Service::new(config))
             .await
             .map_err(ServeError::Panicked)??;
-        Ok(Node { listener, service, ring })
+        Ok(Node { listener, service })
     }
 
     /// The address it listens on.
     pub fn address(&self) -> std::io::Result<Listen> {
         self.listener.address()
-    }
-
-    /// Its frames.
-    pub fn ring(&self) -> Arc<FrameRing> {
-        Arc::clone(&self.ring)
     }
 
     /// Serves until `stop` completes.

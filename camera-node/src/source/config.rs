@@ -148,7 +148,7 @@ impl SourceConfig {
         Some(SourceConfig::Stage(StageConfig { empty: true, frames, ..stage.clone() }))
     }
 
-    /// Does it give frames for ever?
+    /// Whether it gives frames without end.
     pub fn is_endless(&self) -> bool {
         match self {
             SourceConfig::Stage(stage) => stage.frames.is_none(),
@@ -156,7 +156,7 @@ impl SourceConfig {
         }
     }
 
-    /// Does it run at its own pace, so that frames which are not taken are lost?
+    /// Whether it runs at its own pace, so that frames which are not taken are lost.
     pub fn is_live(&self) -> bool {
         matches!(self, SourceConfig::Pipe(PipeConfig { live: true, .. }))
     }

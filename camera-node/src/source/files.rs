@@ -34,7 +34,6 @@ impl FileFrames {
         context: &OpenContext,
     ) -> Result<FileFrames, SourceError> {
         let path = &config.path;
-        let refused = |problem: String| SourceError::File { path: path.clone(), problem };
         let files = numbered_files(path)?;
         let (first, last) = (files.first().map(|f| f.0), files.last().map(|f| f.0));
         let numbering = Numbering::new(config.start_frame, config.frame_step);
@@ -43,13 +42,16 @@ impl FileFrames {
             .filter_map(|(index, path)| numbering.number(index).map(|number| (number, path)))
             .collect();
         if frames.is_empty() {
-            return Err(refused(match (first, last) {
-                (Some(first), Some(last)) => format!(
-                    "numbers {first} to {last}, none of them start_frame {} plus a multiple of frame_step {}",
-                    config.start_frame, config.frame_step
-                ),
-                _ => "found no numbered image, expected .png or .jpg files".to_owned(),
-            }));
+            return Err(SourceError::file(
+                path,
+                match (first, last) {
+                    (Some(first), Some(last)) => format!(
+                        "numbers {first} to {last}, none of them start_frame {} plus a multiple of frame_step {}",
+                        config.start_frame, config.frame_step
+                    ),
+                    _ => "found no numbered image, expected .png or .jpg files".to_owned(),
+                },
+            ));
         }
         Ok(FileFrames { frames, cursor: 0, kind, fit: Fit::new(camera), fps: context.fps })
     }
@@ -75,15 +77,14 @@ impl Source for FileFrames {
 
 /// Reads one image file that must have the camera's size; colours become RGB.
 fn load(path: &Path, kind: ImageKind, fit: &Fit, image: &mut Image) -> Result<(), SourceError> {
-    let refused = |problem: String| SourceError::File { path: path.to_owned(), problem };
     let decoder = ImageReader::open(path)
         .and_then(ImageReader::with_guessed_format)
-        .map_err(|error| refused(error.to_string()))?
+        .map_err(|error| SourceError::file(path, error))?
         .into_decoder()
-        .map_err(|error| refused(error.to_string()))?;
+        .map_err(|error| SourceError::file(path, error))?;
     // Checked before anything of that size is decoded.
     fit.check(&path.display().to_string(), decoder.dimensions())?;
-    let decoded = DynamicImage::from_decoder(decoder).map_err(|error| refused(error.to_string()))?;
+    let decoded = DynamicImage::from_decoder(decoder).map_err(|error| SourceError::file(path, error))?;
     (image.width, image.height) = (decoded.width(), decoded.height());
     (image.kind, image.data) = match kind {
         ImageKind::Colour(_) => (COLOUR, decoded.into_rgb8().into_raw()),
@@ -94,30 +95,31 @@ fn load(path: &Path, kind: ImageKind, fit: &Fit, image: &mut Image) -> Result<()
 
 /// Files and their numbers, ascending.
 fn numbered_files(path: &Path) -> Result<Vec<(u64, PathBuf)>, SourceError> {
-    let refused = |problem: String| SourceError::File { path: path.to_owned(), problem };
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     let mut files = if name.contains('%') {
         let expected = "expected one %d or %06d in the file name, and no other %";
-        let pattern = Pattern::parse(name).ok_or_else(|| refused(expected.to_owned()))?;
+        let pattern = Pattern::parse(name).ok_or_else(|| SourceError::file(path, expected))?;
         listed(path.parent().unwrap_or(Path::new(".")), |name| pattern.number(name))?
     } else if path.is_dir() {
         listed(path, plain_number)?
     } else if path.is_file() {
         vec![(0, path.to_owned())]
     } else {
-        return Err(refused("no such file or folder".to_owned()));
+        return Err(SourceError::file(path, "no such file or folder"));
     };
     files.sort();
     if let Some(twice) = files.windows(2).find(|pair| pair[0].0 == pair[1].0) {
         let names = (twice[0].1.display(), twice[1].1.display());
-        return Err(refused(format!("{} and {} are both number {}", names.0, names.1, twice[0].0)));
+        return Err(SourceError::file(
+            path,
+            format_args!("{} and {} are both number {}", names.0, names.1, twice[0].0),
+        ));
     }
     Ok(files)
 }
 
 fn listed(folder: &Path, number: impl Fn(&str) -> Option<u64>) -> Result<Vec<(u64, PathBuf)>, SourceError> {
-    let refused =
-        |error: std::io::Error| SourceError::File { path: folder.to_owned(), problem: error.to_string() };
+    let refused = |error: std::io::Error| SourceError::file(folder, error);
     let mut files = Vec::new();
     for entry in fs::read_dir(folder).map_err(refused)? {
         let entry = entry.map_err(refused)?;

@@ -100,12 +100,11 @@ impl FileFilm {
         context: &OpenContext,
     ) -> Result<FileFilm, SourceError> {
         let path = config.path.clone();
-        let refused = |problem: String| SourceError::File { path: path.clone(), problem };
-        let file = File::open(&path).map_err(|error| refused(error.to_string()))?;
-        let reader = Reader::new(BufReader::new(file)).map_err(|error| refused(error.to_string()))?;
+        let file = File::open(&path).map_err(|error| SourceError::file(&path, error))?;
+        let reader = Reader::new(BufReader::new(file)).map_err(|error| SourceError::file(&path, error))?;
         let (header, name) = (reader.header(), path.display().to_string());
         Fit::new(camera).check(&name, (header.width, header.height))?;
-        let format = header.format().map_err(|error| refused(error.to_string()))?;
+        let format = header.format().map_err(|error| SourceError::file(&path, error))?;
         let numbering = Numbering::new(config.start_frame, config.frame_step);
         check_rate(&name, header, numbering.film_fps(context.fps))?;
         Ok(FileFilm { path, reader, format, numbering, fps: context.fps, index: 0 })
@@ -121,7 +120,7 @@ impl Source for FileFilm {
                 Ok(true) => {}
                 Ok(false) => return Ok(None),
                 Err(error) => {
-                    return Err(SourceError::File { path: self.path.clone(), problem: error.to_string() });
+                    return Err(SourceError::file(&self.path, error));
                 }
             }
             let number = self.numbering.number(self.index);

@@ -15,7 +15,8 @@ mod raw;
 mod stage_source;
 mod y4m;
 
-use std::path::PathBuf;
+use std::fmt::Display;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use hull::Camera;
@@ -166,6 +167,12 @@ pub enum SourceError {
         /// The last lines of its standard error, in one line.
         stderr_tail: String,
     },
+}
+
+impl SourceError {
+    fn file(path: &Path, problem: impl Display) -> SourceError {
+        SourceError::File { path: path.to_owned(), problem: problem.to_string() }
+    }
 }
 
 impl SourceConfig {
