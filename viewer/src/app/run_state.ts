@@ -49,7 +49,7 @@ export function reduce(state: RunState, event: RunEvent): RunState {
 
 /** Whether the person on the screen is not that of now: drawn grey. The last picture of an ended run is as it should be. */
 export function isStale(state: RunState): boolean {
-  return (state.lost !== null && state.ended === null) || state.blind !== null;
+  return state.ended === null && (state.lost !== null || state.blind !== null);
 }
 
 /** What else the words depend on. */

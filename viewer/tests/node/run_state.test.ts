@@ -79,6 +79,10 @@ test("a broken link matters more than a missing hull, and the next run begins wi
   assert.equal(words(reduce(gone, HELLO)).banner, null);
 });
 
+test("cameras that go first when a run ends do not darken its last picture", () => {
+  assert.equal(isStale(after(OPENED, HELLO, BLIND, lost("the run has ended"))), false);
+});
+
 test("what is told again changes nothing", () => {
   const state = after(OPENED, HELLO, PAUSED, BLIND);
   for (const event of [PAUSED, BLIND]) assert.equal(reduce(state, event), state);
