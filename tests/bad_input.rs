@@ -48,6 +48,40 @@ fn wrong_words_of_demo() {
 }
 
 #[test]
+fn a_recording_that_cannot_be_written_is_refused_before_anything_starts() {
+    let folder = tempfile::tempdir().expect("folder");
+    let inside = folder.path().join("none/out.mcap");
+    let (inside, itself) = (inside.to_string_lossy(), folder.path().to_string_lossy());
+    let studio = ["--cameras", "2", "--size", "160x120", "--seconds", "0.2"];
+    check(
+        &[&["record", &inside], &studio[..]].concat(),
+        2,
+        &["cannot write", "none/out.mcap", "No such file"],
+    );
+    check(
+        &[&["record", &itself, "--force"], &studio[..]].concat(),
+        2,
+        &["found a folder", "a file to write"],
+    );
+    check(&[&["demo", "--headless", "--record", &inside], &studio[..]].concat(), 2, &["cannot write"]);
+    let cluster = write_cluster(folder.path(), "source = { kind = \"stage\" }");
+    // Nobody listens at its nodes' address: waiting for them would end with status 1.
+    check(&["record", &inside, "--cluster", &cluster], 2, &["cannot write"]);
+}
+
+#[test]
+fn a_run_without_a_frame_fails() {
+    let folder = tempfile::tempdir().expect("folder");
+    let header_alone = "source = { kind = \"pipe\", command = [\"printf\", \"YUV4MPEG2 W160 H120 F30:1 C420\\\\n\"] }\n\
+                        segmentation = { method = \"chroma\" }";
+    let cluster = write_cluster(folder.path(), header_alone);
+    for transport in ["inprocess", "cluster"] {
+        let demo = ["demo", "--recording", &cluster, "--unpaced", "--headless", "--transport", transport];
+        check(&demo, 1, &["frame"]);
+    }
+}
+
+#[test]
 fn wrong_words_of_node_and_coordinator() {
     let folder = tempfile::tempdir().expect("folder");
     let cluster = write_cluster(folder.path(), "source = { kind = \"stage\" }");

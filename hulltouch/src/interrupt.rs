@@ -3,14 +3,16 @@
 use futures::future::select_all;
 use tokio::signal::unix::{SignalKind, signal};
 
-/// Completes on Ctrl-C (SIGINT), SIGTERM, SIGQUIT, and when the terminal goes (SIGHUP). Must run within a tokio
-/// runtime.
-pub async fn interrupted() {
+/// From now on the program does not die of Ctrl-C (SIGINT), SIGTERM, SIGQUIT and of a terminal that closes
+/// (SIGHUP); what is returned completes with the first of them. Must be called within a tokio runtime.
+pub fn interrupted() -> impl Future<Output = ()> {
     let kinds = [SignalKind::interrupt(), SignalKind::terminate(), SignalKind::quit(), SignalKind::hangup()];
     let signals = kinds.into_iter().filter_map(|kind| signal(kind).ok());
     let waits: Vec<_> = signals.map(|mut signal| Box::pin(async move { signal.recv().await })).collect();
-    if waits.is_empty() {
-        return std::future::pending().await;
+    async move {
+        if waits.is_empty() {
+            return std::future::pending().await;
+        }
+        drop(select_all(waits).await);
     }
-    drop(select_all(waits).await);
 }

@@ -61,10 +61,15 @@ pub fn play(
 ) -> Outcome<RunOutcome> {
     let RunPlan { observers, recorder, schedule, file, page, connect_timeout } = plan;
     let world = World::new(&setup.scene, setup.world).map_err(Failure::input)?;
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::run)?;
+    // Before anybody is told that the run is there.
+    let stop = {
+        let _within = runtime.enter();
+        interrupted()
+    };
     let (served, live) = outlets::serve(setup, page)?.unzip();
     let mut console = Console::new(setup, &observers);
     let gather = (setup.transport == TransportName::Gather).then(|| observers.clone());
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::run)?;
     let ended = runtime.block_on(async {
         let transport = transport(&world, gather);
         let settings = run_settings(setup, connect_timeout);
@@ -78,7 +83,7 @@ pub fn play(
         if let Some(schedule) = schedule {
             coordinator = coordinator.with_schedule(schedule);
         }
-        let run = coordinator.run(&mut console, interrupted()).await;
+        let run = coordinator.run(&mut console, stop).await;
         // The last frames are still on their way to the file, over connections that live here.
         let recording = match file {
             Some(file) => Some(tokio::task::spawn_blocking(move || file.finish()).await),

@@ -1,0 +1,44 @@
+//! A run that is asked to end leaves nothing behind, whichever signal asks.
+
+use std::io::{BufRead as _, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, ExitStatus, Stdio};
+
+use rustix::process::{Pid, Signal, kill_process};
+
+/// Starts a live demo whose temporary files go to `folder`, and waits until it serves.
+fn demo(folder: &Path) -> Child {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_hulltouch"))
+        .args(["demo", "--cameras", "2", "--size", "160x120", "--seconds", "600", "--headless"])
+        .args(["--listen", "127.0.0.1:0"])
+        .env("TMPDIR", folder)
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("starts");
+    let stderr = BufReader::new(child.stderr.take().expect("piped"));
+    let mut lines = stderr.lines().map_while(Result::ok);
+    assert!(lines.any(|line| line.starts_with("page: ")), "it serves a page");
+    // What else it writes must not fill the pipe.
+    std::thread::spawn(move || lines.for_each(drop));
+    child
+}
+
+fn ended_by(signal: Signal, folder: &Path) -> ExitStatus {
+    let mut demo = demo(folder);
+    assert!(std::fs::read_dir(folder).expect("listed").count() > 0, "the studio is in a temporary folder");
+    let process = Pid::from_raw(demo.id().cast_signed()).expect("a number");
+    kill_process(process, signal).expect("sent");
+    demo.wait().expect("ends")
+}
+
+#[test]
+fn every_signal_that_ends_a_run_leaves_no_temporary_folder() {
+    for signal in [Signal::INT, Signal::TERM, Signal::HUP, Signal::QUIT] {
+        let folder = tempfile::tempdir().expect("folder");
+        let status = ended_by(signal, folder.path());
+        assert!(status.code().is_some(), "{signal:?} killed it");
+        let left: Vec<_> = std::fs::read_dir(folder.path()).expect("listed").flatten().collect();
+        assert!(left.is_empty(), "{signal:?} left {left:?}");
+    }
+}
