@@ -65,7 +65,7 @@ fn silhouettes_that_are_not_the_rigs_are_refused() {
 
     let deep = image::ImageBuffer::<image::Luma<u16>, Vec<u16>>::new(8, 6);
     deep.save(path.join("sil/left.png")).expect("written");
-    refused(path, &[], "sil/left.png: found pixels of L16, expected 8 bits a channel");
+    refused(path, &[], "sil/left.png: found 16 bits a channel, expected 8");
 
     fs::remove_file(path.join("sil/left.png")).expect("removed");
     let missing = "found no such file, expected the silhouette of camera \"left\" of the rig";

@@ -1,7 +1,7 @@
 //! Other people's software to compare with: a Python program that answers requests, one JSON object a line.
 
 use std::fmt::Display;
-use std::io::{BufRead, BufReader, Write};
+use std::io::{self, BufRead, BufReader, Write};
 use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
@@ -30,21 +30,22 @@ pub struct Peer {
 
 impl Peer {
     /// Starts `script` (its text) under an interpreter. The program's first line must be its greeting, an
-    /// object with `ready`. `Err` says in one line why there is no such program to talk to.
-    pub fn start(python: &str, script: &str) -> Result<Peer, String> {
-        let folder = tempfile::tempdir().map_err(|error| format!("no temporary folder: {error}"))?;
+    /// object with `ready`.
+    pub fn start(python: &str, script: &str) -> Outcome<Peer> {
+        let folder = tempfile::tempdir().map_err(Failure::run)?;
         let path = folder.path().join("peer.py");
-        std::fs::write(&path, script).map_err(|error| format!("{}: {error}", path.display()))?;
+        std::fs::write(&path, script).map_err(|error| Failure::unwritable(&path, error))?;
         let mut command = Command::new(python);
         command.arg(&path).envs(ONE_THREAD.map(|name| (name, "1"))).envs(KEEP_MEMORY);
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        let mut child = command.spawn().map_err(|error| format!("{python}: {error}"))?;
+        let refused = |problem: &dyn Display| Failure::run(format_args!("{python}: {problem}"));
+        let mut child = command.spawn().map_err(|error| refused(&error))?;
         let (requests, answers) = (child.stdin.take(), child.stdout.take());
-        let answers = answers.map(BufReader::new).ok_or("no output of the interpreter")?;
+        let answers = answers.map(BufReader::new).ok_or_else(|| refused(&"no output of the interpreter"))?;
         let mut peer = Peer { child, requests, answers, folder, greeting: Value::Null };
-        peer.greeting = peer.line().map_err(|_| format!("{python}: {}", peer.last_words()))?;
+        peer.greeting = peer.line().map_err(|_| refused(&peer.last_error()))?;
         if peer.greeting.get("ready").is_none() {
-            return Err(format!("{python}: found {}, expected a greeting", peer.greeting));
+            return Err(refused(&format_args!("found {}, expected a greeting", peer.greeting)));
         }
         Ok(peer)
     }
@@ -72,21 +73,22 @@ impl Peer {
         self.line().map_err(|problem| self.failure(problem))
     }
 
-    fn line(&mut self) -> Result<Value, String> {
+    fn line(&mut self) -> io::Result<Value> {
         let mut line = String::new();
         match self.answers.read_line(&mut line) {
-            Ok(0) => Err("it ended".to_owned()),
-            Ok(_) => serde_json::from_str(&line).map_err(|error| format!("found {line:?}: {error}")),
-            Err(error) => Err(error.to_string()),
+            Ok(0) => Err(io::Error::other("it ended")),
+            Ok(_) => serde_json::from_str(&line)
+                .map_err(|error| io::Error::other(format!("found {line:?}: {error}"))),
+            Err(error) => Err(error),
         }
     }
 
     fn failure(&mut self, problem: impl Display) -> Failure {
-        Failure::run(format_args!("the Python program: {problem}: {}", self.last_words()))
+        Failure::run(format_args!("the Python program: {problem}: {}", self.last_error()))
     }
 
     /// The last line that it wrote to standard error, once it has ended.
-    fn last_words(&mut self) -> String {
+    fn last_error(&mut self) -> String {
         self.requests = None;
         // It may hang rather than end; nothing is lost with it.
         let _ = self.child.kill();
@@ -112,7 +114,7 @@ mod tests {
 
     #[test]
     fn an_interpreter_that_is_not_there_is_one_line() {
-        let problem = Peer::start("no-such-python", "").err().expect("a problem");
+        let problem = Peer::start("no-such-python", "").err().expect("a problem").to_string();
         assert!(problem.starts_with("no-such-python: ") && problem.lines().count() == 1, "{problem}");
     }
 }

@@ -1,14 +1,14 @@
 //! What the program's commands and its benches share: how they fail, files written whole, progress on a
 //! terminal, sizes and precisions on the command line.
 
+mod argument;
 mod failure;
 mod output_file;
 mod precision;
 mod progress;
-mod size;
 
+pub use crate::argument::{ArgumentError, parse_size};
 pub use crate::failure::{Failure, Outcome};
 pub use crate::output_file::{check_writable, write_whole};
 pub use crate::precision::PrecisionName;
 pub use crate::progress::{Progress, while_working};
-pub use crate::size::parse_size;

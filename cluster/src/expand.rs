@@ -57,16 +57,12 @@ pub fn expand(text: &str, variables: Variables<'_>) -> Result<Expanded, ExpandEr
             return Err(wrong());
         }
         let is_first = expanded.text.is_empty();
-        match (variables(name), default) {
-            (Some(value), None) => {
+        match (variables(name).filter(|value| default.is_none() || !value.is_empty()), default) {
+            (Some(value), _) => {
                 expanded.starts_with_variable |= is_first;
                 expanded.text.push_str(&value);
             }
-            (Some(value), Some(_)) if !value.is_empty() => {
-                expanded.starts_with_variable |= is_first;
-                expanded.text.push_str(&value);
-            }
-            (_, Some(default)) => expanded.text.push_str(default),
+            (None, Some(default)) => expanded.text.push_str(default),
             (None, None) => {
                 return Err(ExpandError::Missing { name: name.to_owned(), text: text.to_owned() });
             }

@@ -17,7 +17,7 @@ use super::cluster::film::{FPS, FilmPlan};
 use super::cluster::{parse_bodies, parse_nodes};
 use super::outputs::Outputs;
 use super::table::{Machine, Table};
-use cli::{Outcome, Progress, parse_size};
+use cli::{ArgumentError, Outcome, Progress, parse_size};
 
 /// Frames of the film: each is gathered once.
 const FRAMES: u64 = 2;
@@ -70,9 +70,9 @@ struct Report {
     crossings: Vec<CrossingRow>,
 }
 
-fn parse_noise(text: &str) -> Result<f64, String> {
+fn parse_noise(text: &str) -> Result<f64, ArgumentError> {
     let share = text.parse().ok().filter(|share| (0.0..=0.5).contains(share));
-    share.ok_or_else(|| format!("found {text:?}, expected 0 to 0.5"))
+    share.ok_or_else(|| ArgumentError::new(text, "0 to 0.5"))
 }
 
 /// Runs it.

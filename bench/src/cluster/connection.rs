@@ -95,19 +95,18 @@ impl ClusterClient {
         let runtime =
             tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::run)?;
         let (settings, shapes, frames) = (film.settings(), bodies.shapes(), film.plan.frames);
-        let (transport, news) = runtime
-            .block_on(async {
-                let gather = (answered == AnswerPlace::Coordinator).then(|| film.observers());
-                let mut transport = Transport::connect(nodes, gather, settings, FPS, shapes);
-                transport.ready(READY_TIMEOUT).await?;
-                transport.start(Pace { epoch_unix_s: 0.0, lock_step: true }).await?;
-                let before = transport.bytes();
-                transport.credit(frames - 1);
-                film_has_come(&mut transport, frames - 1).await?;
-                let news = transport.bytes().since(before);
-                Ok::<_, String>((transport, news))
-            })
-            .map_err(Failure::run)?;
+        let (transport, news) = runtime.block_on(async {
+            let gather = (answered == AnswerPlace::Coordinator).then(|| film.observers());
+            let mut transport = Transport::connect(nodes, gather, settings, FPS, shapes);
+            transport.ready(READY_TIMEOUT).await.map_err(Failure::run)?;
+            let pace = Pace { epoch_unix_s: 0.0, lock_step: true };
+            transport.start(pace).await.map_err(Failure::run)?;
+            let before = transport.bytes();
+            transport.credit(frames - 1);
+            film_has_come(&mut transport, frames - 1).await?;
+            let news = transport.bytes().since(before);
+            Ok::<_, Failure>((transport, news))
+        })?;
         let news_bytes_per_frame = (news.to_nodes + news.from_nodes) as f64 / frames as f64;
         let passes = Passes::new(settings, transport.group_count());
         Ok(ClusterClient { runtime, transport, passes, frames, news_bytes_per_frame })
@@ -130,7 +129,7 @@ impl ClusterClient {
             };
             let frame = pass / PASSES_PER_FRAME % self.frames;
             let began_s = thread_cpu_s();
-            inside += self.pass(&points, frame, &mut costs).map_err(Failure::run)?;
+            inside += self.pass(&points, frame, &mut costs)?;
             coordinator_s += thread_cpu_s() - began_s;
         }
         let ended = Counters::now(&self.transport);
@@ -163,7 +162,7 @@ impl ClusterClient {
             // The second pass finds the frame already there.
             for took_ms in &mut took_ms {
                 let began_s = thread_cpu_s();
-                self.pass(&points, frame, &mut PassCosts::default()).map_err(Failure::run)?;
+                self.pass(&points, frame, &mut PassCosts::default())?;
                 *took_ms = (thread_cpu_s() - began_s) * 1e3;
             }
             let bytes = self.transport.bytes().since(before);
@@ -174,7 +173,7 @@ impl ClusterClient {
     }
 
     /// One pass; returns how many samples were inside.
-    fn pass(&mut self, bodies: &[Points], frame: u64, costs: &mut PassCosts) -> Result<usize, String> {
+    fn pass(&mut self, bodies: &[Points], frame: u64, costs: &mut PassCosts) -> Outcome<usize> {
         let ClusterClient { runtime, transport, passes, .. } = self;
         let mut stages_ms: BTreeMap<Round, f64> = BTreeMap::new();
         runtime.block_on(async {
@@ -186,7 +185,10 @@ impl ClusterClient {
                 *stages_ms.entry(round).or_default() += ms;
                 *trips += 1;
             };
-            transport.run_pass(&mut passes.pass, frame, ROUND_TIMEOUT, &mut took).await?;
+            transport
+                .run_pass(&mut passes.pass, frame, ROUND_TIMEOUT, &mut took)
+                .await
+                .map_err(Failure::run)?;
             let inside = passes.end();
             costs.pass_ms.add(began.elapsed().as_secs_f64() * 1e3);
             for (round, ms) in stages_ms {
@@ -228,14 +230,15 @@ impl Counters {
     }
 }
 
-async fn film_has_come(transport: &mut Transport, last: u64) -> Result<(), String> {
+async fn film_has_come(transport: &mut Transport, last: u64) -> Outcome {
     let deadline = Instant::now() + READY_TIMEOUT;
     while transport.newest_common(last) != Some(last) {
         if let FilmState::Failed(problem) = transport.film(last) {
-            return Err(problem);
+            return Err(Failure::run(problem));
         }
         if Instant::now() > deadline {
-            return Err(format!("nodes have not read their films within {} s", READY_TIMEOUT.as_secs()));
+            let waited_s = READY_TIMEOUT.as_secs();
+            return Err(Failure::run(format_args!("nodes have not read their films within {waited_s} s")));
         }
         transport.told(Duration::from_millis(50)).await;
     }

@@ -21,7 +21,7 @@ use self::rows::{Row, print_header, print_row, print_stages};
 use super::outputs::Outputs;
 use super::scale::report::{ScaleReport, report};
 use super::table::{Machine, Table};
-use cli::{Outcome, PrecisionName, parse_size};
+use cli::{ArgumentError, Outcome, PrecisionName, parse_size};
 
 const BASE_NODES: usize = 8;
 const BASE_BODIES: usize = 30;
@@ -73,17 +73,17 @@ struct Report {
 }
 
 /// A whole number from 1 to 64.
-pub fn parse_nodes(text: &str) -> Result<usize, String> {
+pub fn parse_nodes(text: &str) -> Result<usize, ArgumentError> {
     within(text, 64)
 }
 
 /// A whole number from 1 to 1000.
-pub fn parse_bodies(text: &str) -> Result<usize, String> {
+pub fn parse_bodies(text: &str) -> Result<usize, ArgumentError> {
     within(text, 1000)
 }
 
-fn within(text: &str, most: usize) -> Result<usize, String> {
-    let wrong = || format!("found {text:?}, expected 1 to {most}");
+fn within(text: &str, most: usize) -> Result<usize, ArgumentError> {
+    let wrong = || ArgumentError::new(text, format!("1 to {most}"));
     text.parse().ok().filter(|count| (1..=most).contains(count)).ok_or_else(wrong)
 }
 

@@ -14,7 +14,7 @@ use self::rows::{Row, print_header, print_row};
 use self::run::{Setting, measured};
 use super::outputs::Outputs;
 use super::table::{Machine, Table};
-use cli::{Failure, Outcome, parse_size};
+use cli::{ArgumentError, Failure, Outcome, parse_size};
 
 const SIZES: [(u32, u32); 2] = [(640, 480), (1920, 1080)];
 
@@ -48,16 +48,16 @@ pub struct FeedBenchArguments {
     outputs: Outputs,
 }
 
-fn parse_link(text: &str) -> Result<f64, String> {
+fn parse_link(text: &str) -> Result<f64, ArgumentError> {
     number_within(text, 0.0, 100_000.0)
 }
 
-fn parse_seconds(text: &str) -> Result<f64, String> {
+fn parse_seconds(text: &str) -> Result<f64, ArgumentError> {
     number_within(text, 1.0, 3600.0)
 }
 
-fn number_within(text: &str, least: f64, most: f64) -> Result<f64, String> {
-    let wrong = || format!("found {text:?}, expected {least} to {most}");
+fn number_within(text: &str, least: f64, most: f64) -> Result<f64, ArgumentError> {
+    let wrong = || ArgumentError::new(text, format!("{least} to {most}"));
     text.parse().ok().filter(|number| (least..=most).contains(number)).ok_or_else(wrong)
 }
 

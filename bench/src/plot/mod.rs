@@ -106,7 +106,7 @@ impl LineChart {
             shown.copied().collect()
         });
         let mut text = String::new();
-        draw_lines(&mut text, self, (x.clone(), y.clone()), curves.collect()).map_err(Failure::run)?;
+        draw_lines(&mut text, self, (x.clone(), y.clone()), curves.collect())?;
         write_whole(&folder.join(format!("{name}.svg")), text.as_bytes())
     }
 }
@@ -117,7 +117,7 @@ impl BarChart {
         let values = self.series.iter().flat_map(|series| series.values.iter().copied().flatten());
         let y = Scale::around(&self.y, values);
         let mut text = String::new();
-        draw_bars(&mut text, self, &y).map_err(Failure::run)?;
+        draw_bars(&mut text, self, &y)?;
         write_whole(&folder.join(format!("{name}.svg")), text.as_bytes())
     }
 
@@ -132,16 +132,14 @@ impl BarChart {
     }
 }
 
-type Drawn = Result<(), String>;
-
 fn draw_lines(
     text: &mut String,
     chart: &LineChart,
     (x, y): (Scale, Scale),
     curves: Vec<Vec<(f64, f64)>>,
-) -> Drawn {
+) -> Outcome {
     let area = SVGBackend::with_string(text, SIZE).into_drawing_area();
-    area.fill(&WHITE).map_err(said)?;
+    area.fill(&WHITE).map_err(failed)?;
     let mut context = ChartBuilder::on(&area)
         .caption(&chart.title, TITLE_FONT)
         .margin(12)
@@ -149,24 +147,24 @@ fn draw_lines(
         .x_label_area_size(52)
         .y_label_area_size(84)
         .build_cartesian_2d(x, y)
-        .map_err(said)?;
+        .map_err(failed)?;
     let mut mesh = context.configure_mesh();
     mesh.x_desc(&chart.x.label).y_desc(&chart.y.label).light_line_style(WHITE);
-    mesh.axis_desc_style(AXIS_FONT).label_style(MARK_FONT).draw().map_err(said)?;
+    mesh.axis_desc_style(AXIS_FONT).label_style(MARK_FONT).draw().map_err(failed)?;
     for (index, points) in curves.into_iter().enumerate() {
         let colour = COLOURS[index % COLOURS.len()];
         let line = LineSeries::new(points.clone(), colour.stroke_width(2));
-        context.draw_series(line).map_err(said)?;
+        context.draw_series(line).map_err(failed)?;
         let dots = points.into_iter().map(|point| Circle::new(point, 3, colour.filled()));
-        context.draw_series(dots).map_err(said)?;
+        context.draw_series(dots).map_err(failed)?;
     }
     legend(&area, chart.series.iter().map(|series| series.name.as_str()))?;
-    area.present().map_err(said)
+    area.present().map_err(failed)
 }
 
-fn draw_bars(text: &mut String, chart: &BarChart, y: &Scale) -> Drawn {
+fn draw_bars(text: &mut String, chart: &BarChart, y: &Scale) -> Outcome {
     let area = SVGBackend::with_string(text, SIZE).into_drawing_area();
-    area.fill(&WHITE).map_err(said)?;
+    area.fill(&WHITE).map_err(failed)?;
     let mut context = ChartBuilder::on(&area)
         .caption(&chart.title, TITLE_FONT)
         .margin(12)
@@ -174,35 +172,35 @@ fn draw_bars(text: &mut String, chart: &BarChart, y: &Scale) -> Drawn {
         .x_label_area_size(52)
         .y_label_area_size(84)
         .build_cartesian_2d(Scale::of_names(&chart.groups), y.clone())
-        .map_err(said)?;
+        .map_err(failed)?;
     let mut mesh = context.configure_mesh();
     mesh.disable_x_mesh().y_desc(&chart.y.label).light_line_style(WHITE);
-    mesh.axis_desc_style(AXIS_FONT).label_style(MARK_FONT).draw().map_err(said)?;
+    mesh.axis_desc_style(AXIS_FONT).label_style(MARK_FONT).draw().map_err(failed)?;
     for index in 0..chart.series.len() {
         let colour = COLOURS[index % COLOURS.len()];
         let shown = chart.bars(index).filter(|bar| y.shows(bar.2));
         let bars = shown
             .map(|(left, right, value)| Rectangle::new([(left, y.floor()), (right, value)], colour.filled()));
-        context.draw_series(bars).map_err(said)?;
+        context.draw_series(bars).map_err(failed)?;
     }
     legend(&area, chart.series.iter().map(|series| series.name.as_str()))?;
-    area.present().map_err(said)
+    area.present().map_err(failed)
 }
 
 /// The names of the series and their colours, to the right of the chart.
-fn legend<'a>(area: &DrawingArea<SVGBackend, Shift>, names: impl Iterator<Item = &'a str>) -> Drawn {
+fn legend<'a>(area: &DrawingArea<SVGBackend, Shift>, names: impl Iterator<Item = &'a str>) -> Outcome {
     let left = SIZE.0 as i32 - LEGEND_WIDTH as i32 + 12;
     for (index, name) in names.enumerate() {
         let top = 56 + 26 * index as i32;
         let colour = COLOURS[index % COLOURS.len()].filled();
-        area.draw(&Rectangle::new([(left, top), (left + 14, top + 14)], colour)).map_err(said)?;
-        area.draw(&Text::new(name.to_owned(), (left + 20, top), MARK_FONT)).map_err(said)?;
+        area.draw(&Rectangle::new([(left, top), (left + 14, top + 14)], colour)).map_err(failed)?;
+        area.draw(&Text::new(name.to_owned(), (left + 20, top), MARK_FONT)).map_err(failed)?;
     }
     Ok(())
 }
 
-fn said(error: impl std::fmt::Display) -> String {
-    format!("drawing a chart: {error}")
+fn failed(error: impl std::fmt::Display) -> Failure {
+    Failure::run(format_args!("drawing a chart: {error}"))
 }
 
 #[cfg(test)]

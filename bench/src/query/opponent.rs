@@ -55,8 +55,8 @@ pub struct Opponent {
 }
 
 impl Opponent {
-    /// Starts it; `Err` says in one line why it cannot take part.
-    pub fn start(python: &str) -> Result<Opponent, String> {
+    /// Starts it; the failure says why it cannot take part.
+    pub fn start(python: &str) -> Outcome<Opponent> {
         Peer::start(python, SCRIPT).map(|peer| Opponent { peer })
     }
 

@@ -20,12 +20,6 @@ const PEERS: [&str; 3] = ["mog2", MOG2_I420, "difference"];
 /// The one that takes I420; only of even sides.
 const MOG2_I420: &str = "mog2_i420";
 
-/// What an engine made of a scene.
-pub struct Quality {
-    /// Intersection over union with the truth, of each frame.
-    pub overlaps: Vec<f64>,
-}
-
 /// Ours, with one layout of one scene.
 pub struct Ours<'a> {
     segmenter: Segmenter,
@@ -58,14 +52,14 @@ impl<'a> Ours<'a> {
         Ok(seconds)
     }
 
-    /// How good the silhouettes are.
-    pub fn cut(&mut self, truth: &[Silhouette]) -> Outcome<Quality> {
+    /// Intersection over union of each frame's silhouette with the truth.
+    pub fn overlaps(&mut self, truth: &[Silhouette]) -> Outcome<Vec<f64>> {
         let mut overlaps = Vec::new();
         for (frame, truth) in self.film.iter().zip(truth) {
             let found = self.segmenter.segment(frame).map_err(Failure::run)?;
             overlaps.push(intersection_over_union(&found.silhouette.to_mask(), truth));
         }
-        Ok(Quality { overlaps })
+        Ok(overlaps)
     }
 }
 
@@ -75,8 +69,8 @@ pub struct Opponent {
 }
 
 impl Opponent {
-    /// Starts it; `Err` says in one line why it cannot take part.
-    pub fn start(python: &str) -> Result<Opponent, String> {
+    /// Starts it; the failure says why it cannot take part.
+    pub fn start(python: &str) -> Outcome<Opponent> {
         Peer::start(python, SCRIPT).map(|peer| Opponent { peer })
     }
 
@@ -115,8 +109,9 @@ impl Opponent {
         seconds.ok_or_else(|| Failure::run(format_args!("the Python program answered {answer}")))
     }
 
-    /// How good its masks are: as they are, or cleaned, whichever is better in the mean.
-    pub fn cut(&mut self, engine: &str, scene: &Scene) -> Outcome<Quality> {
+    /// Intersection over union of each frame's mask with the truth: as it is, or cleaned, whichever is better in
+    /// the mean.
+    pub fn overlaps(&mut self, engine: &str, scene: &Scene) -> Outcome<Vec<f64>> {
         let folder = self.peer.folder();
         let files = [folder.join("raw.masks"), folder.join("cleaned.masks")];
         let long = scene.size.0.max(scene.size.1);
@@ -126,15 +121,15 @@ impl Opponent {
             "largest": scene.settings.keep_largest.is_some(),
         });
         self.peer.ask(&request)?;
-        let mut best = Quality { overlaps: Vec::new() };
+        let mut best = Vec::new();
         for file in &files {
             let masks = std::fs::read(file).map_err(|error| Failure::unreadable(file, error))?;
             let pixels = scene.size.0 as usize * scene.size.1 as usize;
             let pairs = masks.chunks_exact(pixels).zip(&scene.truth);
             let overlaps: Vec<f64> =
                 pairs.map(|(mask, truth)| intersection_over_union(mask, truth)).collect();
-            if overlaps.iter().sum::<f64>() > best.overlaps.iter().sum::<f64>() {
-                best = Quality { overlaps };
+            if overlaps.iter().sum::<f64>() > best.iter().sum::<f64>() {
+                best = overlaps;
             }
         }
         Ok(best)

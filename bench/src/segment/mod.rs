@@ -9,12 +9,12 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
 
-use self::engines::{Opponent, Ours, Quality};
+use self::engines::{Opponent, Ours};
 use self::scene::{LAYOUTS, Scene};
 use super::outputs::Outputs;
 use super::plot::{Axis, BarChart, Series};
 use super::table::Machine;
-use cli::{Outcome, Progress, parse_size};
+use cli::{Failure, Outcome, Progress, parse_size};
 
 /// A figure is the median over the frames of so many turns, in which every engine segments the whole film,
 /// after one that does not count.
@@ -97,12 +97,13 @@ pub fn run(arguments: &SegmentBenchArguments) -> Outcome {
     arguments.outputs.write(&report, |folder| report.draw(folder))
 }
 
-fn recording() -> Result<Vec<Scene>, String> {
-    let datasets = std::env::var_os("HULLTOUCH_DATASETS").ok_or("HULLTOUCH_DATASETS is not set")?;
+fn recording() -> Outcome<Vec<Scene>> {
+    let datasets = std::env::var_os("HULLTOUCH_DATASETS");
+    let datasets = datasets.ok_or_else(|| Failure::input("HULLTOUCH_DATASETS is not set"))?;
     Scene::recording(Path::new(&datasets))
 }
 
-/// What one engine showed so far.
+/// What was measured of one engine so far.
 #[derive(Default)]
 struct EngineFigures {
     mpx_per_s: Vec<f64>,
@@ -110,9 +111,9 @@ struct EngineFigures {
 }
 
 impl EngineFigures {
-    fn add(&mut self, pixels: f64, turns: &[Vec<f64>], cut: Quality) {
+    fn add(&mut self, pixels: f64, turns: &[Vec<f64>], overlaps: Vec<f64>) {
         self.mpx_per_s.extend(turns.iter().flatten().map(|seconds| pixels / seconds / 1e6));
-        self.overlaps.extend(cut.overlaps);
+        self.overlaps.extend(overlaps);
     }
 
     fn row(mut self, set: &'static str, size: (u32, u32), engine: &'static str) -> Row {
@@ -128,46 +129,55 @@ impl EngineFigures {
     }
 }
 
+/// One scene: the engines take turns, so that what else the machine does meets them alike.
+fn measure_scene(
+    scene: &Scene,
+    engines: &[&'static str],
+    mut opponent: Option<&mut Opponent>,
+    figures: &mut [EngineFigures],
+    progress: &mut Progress,
+) -> Outcome {
+    if let Some(opponent) = opponent.as_deref_mut() {
+        opponent.take(scene)?;
+    }
+    let mut ours = (0..LAYOUTS.len()).map(|layout| Ours::new(scene, layout)).collect::<Outcome<Vec<_>>>()?;
+    let mut turns: Vec<Vec<Vec<f64>>> = vec![Vec::new(); engines.len()];
+    for _ in 0..=TURNS {
+        for (at, engine) in engines.iter().enumerate() {
+            turns[at].push(match (ours.get_mut(at), opponent.as_deref_mut()) {
+                (Some(ours), _) => ours.turn()?,
+                (None, Some(opponent)) => opponent.turn(engine)?,
+                (None, None) => Vec::new(),
+            });
+        }
+        progress.step();
+    }
+    let pixels = f64::from(scene.size.0) * f64::from(scene.size.1);
+    for (at, engine) in engines.iter().enumerate() {
+        let overlaps = match (ours.get_mut(at), opponent.as_deref_mut()) {
+            (Some(ours), _) => ours.overlaps(&scene.truth)?,
+            (None, Some(opponent)) => opponent.overlaps(engine, scene)?,
+            (None, None) => Vec::new(),
+        };
+        figures[at].add(pixels, &turns[at][1..], overlaps);
+    }
+    Ok(())
+}
+
 impl Report {
-    /// All engines on scenes of one set and size: they take turns, so that what else the machine does
-    /// meets them alike.
+    /// All engines on scenes of one set and size.
     fn measure(&mut self, scenes: &[Scene], mut opponent: Option<&mut Opponent>) -> Outcome {
         let Some(first) = scenes.first() else { return Ok(()) };
         let peers = if opponent.is_some() { Opponent::engines(first.size) } else { Vec::new() };
         let engines: Vec<&'static str> = LAYOUTS.iter().map(|layout| layout.0).chain(peers).collect();
-        let mut shown: Vec<EngineFigures> = engines.iter().map(|_| EngineFigures::default()).collect();
+        let mut figures: Vec<EngineFigures> = engines.iter().map(|_| EngineFigures::default()).collect();
         let mut progress = Progress::new("segmenting", (scenes.len() * (TURNS + 1)) as u64);
         for scene in scenes {
-            if let Some(opponent) = opponent.as_deref_mut() {
-                opponent.take(scene)?;
-            }
-            let mut ours =
-                (0..LAYOUTS.len()).map(|layout| Ours::new(scene, layout)).collect::<Outcome<Vec<_>>>()?;
-            let mut turns: Vec<Vec<Vec<f64>>> = vec![Vec::new(); engines.len()];
-            for _ in 0..=TURNS {
-                for (at, engine) in engines.iter().enumerate() {
-                    let seconds = match (ours.get_mut(at), opponent.as_deref_mut()) {
-                        (Some(ours), _) => ours.turn()?,
-                        (None, Some(opponent)) => opponent.turn(engine)?,
-                        (None, None) => Vec::new(),
-                    };
-                    turns[at].push(seconds);
-                }
-                progress.step();
-            }
-            let pixels = f64::from(scene.size.0) * f64::from(scene.size.1);
-            for (at, engine) in engines.iter().enumerate() {
-                let cut = match (ours.get_mut(at), opponent.as_deref_mut()) {
-                    (Some(ours), _) => ours.cut(&scene.truth)?,
-                    (None, Some(opponent)) => opponent.cut(engine, scene)?,
-                    (None, None) => Quality { overlaps: Vec::new() },
-                };
-                shown[at].add(pixels, &turns[at][1..], cut);
-            }
+            measure_scene(scene, &engines, opponent.as_deref_mut(), &mut figures, &mut progress)?;
         }
         drop(progress);
-        let rows =
-            shown.into_iter().zip(engines).map(|(shown, engine)| shown.row(first.set, first.size, engine));
+        let rows = figures.into_iter().zip(engines);
+        let rows = rows.map(|(figures, engine)| figures.row(first.set, first.size, engine));
         let from = self.rows.len();
         self.rows.extend(rows);
         self.print(from);

@@ -82,8 +82,8 @@ impl Scene {
         Ok(Scene { set: "stage", size, settings: SegmentSettings::default(), frames, truth })
     }
 
-    /// The cameras of `uu_horseman`, decoded by ffmpeg into each layout; `Err` says in one line why not.
-    pub fn recording(datasets: &Path) -> Result<Vec<Scene>, String> {
+    /// The cameras of `uu_horseman`, decoded by ffmpeg into each layout; the failure says why not.
+    pub fn recording(datasets: &Path) -> Outcome<Vec<Scene>> {
         let folder = datasets.join("uu_horseman");
         let mut progress = Progress::new("decoding", RECORDED_CAMERAS.len() as u64);
         let scene = |camera: &&str| {
@@ -91,19 +91,19 @@ impl Scene {
             let chosen = format!("select='not(mod(n,{RECORDED_STEP}))*lte(n,{RECORDED_LAST})'");
             let decoded = LAYOUTS.iter().map(|&(_, layout, pixel_format)| {
                 let format = Format::new(layout, RECORDED_SIZE.0, RECORDED_SIZE.1);
-                let bytes = format.map_err(|error| error.to_string())?.frame_bytes();
+                let bytes = format.map_err(Failure::run)?.frame_bytes();
                 Ok(Frames {
                     background: decoded(&videos.join("background.avi"), bytes, pixel_format, "null")?,
                     film: decoded(&videos.join("video.avi"), bytes, pixel_format, &chosen)?,
                 })
             });
-            let frames = decoded.collect::<Result<Vec<Frames>, String>>()?;
+            let frames = decoded.collect::<Outcome<Vec<Frames>>>()?;
             let numbers = (0..=RECORDED_LAST).step_by(RECORDED_STEP);
             let references = folder.join("silhouettes").join(camera);
             let truth = numbers.map(|number| reference(&references.join(format!("{number:06}.png"))));
-            let truth = truth.collect::<Result<Vec<Silhouette>, String>>()?;
+            let truth = truth.collect::<Outcome<Vec<Silhouette>>>()?;
             if frames.iter().any(|frames| frames.film.len() != truth.len()) {
-                return Err(format!("{}: other frames than references", videos.display()));
+                return Err(Failure::unreadable(&videos, "other frames than references"));
             }
             progress.step();
             // The chair and the flicker of lamps are smaller than the man, as the cluster file says.
@@ -124,26 +124,21 @@ fn in_layouts(rgb: &[u8], (width, height): (u32, u32)) -> Outcome<Vec<Vec<u8>>> 
     bytes.into_iter().collect()
 }
 
-fn decoded(
-    video: &Path,
-    frame_bytes: usize,
-    pixel_format: &str,
-    filter: &str,
-) -> Result<Vec<Vec<u8>>, String> {
+fn decoded(video: &Path, frame_bytes: usize, pixel_format: &str, filter: &str) -> Outcome<Vec<Vec<u8>>> {
     let mut ffmpeg = Command::new("ffmpeg");
     ffmpeg.args(["-v", "error", "-nostdin", "-i"]).arg(video);
     ffmpeg.args(["-vf", filter, "-fps_mode", "passthrough", "-f", "rawvideo", "-pix_fmt", pixel_format, "-"]);
-    let output = ffmpeg.output().map_err(|error| format!("ffmpeg: {error}"))?;
+    let output = ffmpeg.output().map_err(|error| Failure::run(format_args!("ffmpeg: {error}")))?;
     if !output.status.success() || output.stdout.is_empty() || output.stdout.len() % frame_bytes != 0 {
         let words = String::from_utf8_lossy(&output.stderr);
         let last = words.lines().last().unwrap_or("frames of another size");
-        return Err(format!("{}: {last}", video.display()));
+        return Err(Failure::unreadable(video, last));
     }
     Ok(output.stdout.chunks_exact(frame_bytes).map(<[u8]>::to_vec).collect())
 }
 
-fn reference(path: &Path) -> Result<Silhouette, String> {
-    let image = image::open(path).map_err(|error| format!("{}: {error}", path.display()))?.into_luma8();
+fn reference(path: &Path) -> Outcome<Silhouette> {
+    let image = image::open(path).map_err(|error| Failure::unreadable(path, error))?.into_luma8();
     let mask: Vec<u8> = image.iter().map(|&level| u8::from(level > 127)).collect();
-    Silhouette::from_mask(image.width(), image.height(), &mask).map_err(|error| error.to_string())
+    Silhouette::from_mask(image.width(), image.height(), &mask).map_err(Failure::run)
 }

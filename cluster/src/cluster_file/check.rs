@@ -33,23 +33,7 @@ impl Checker<'_> {
         };
         let whole = self.rig(&folder, &file.rig)?;
         let rig = self.used(&whole, &file.unused_cameras)?;
-        let mut cameras: Vec<CameraEntry> = Vec::new();
-        for keys in &file.camera {
-            let entry = self.camera(&folder, &whole, &rig, &file.segmentation, keys)?;
-            if cameras.iter().any(|other| other.name == entry.name) {
-                return Err(
-                    self.wrong("camera", format!("found {:?} twice, expected every name once", entry.name))
-                );
-            }
-            cameras.push(entry);
-        }
-        if let Some(missing) =
-            rig.cameras().iter().find(|camera| cameras.iter().all(|e| e.name != camera.name()))
-        {
-            let problem = "found no [[camera]] entry, expected one, or its name in unused_cameras";
-            return Err(self.wrong(&format!("camera {:?} of the rig", missing.name()), problem));
-        }
-        cameras.sort_by_key(|entry| entry.rig_index);
+        let cameras = self.cameras(&folder, &whole, &rig, file)?;
         Ok(ClusterFile {
             path: self.absolute.to_owned(),
             rig,
@@ -66,6 +50,34 @@ impl Checker<'_> {
             },
             cameras,
         })
+    }
+
+    /// An entry for each camera of `rig`, in its order.
+    fn cameras(
+        &self,
+        folder: &Path,
+        whole: &Rig,
+        rig: &Rig,
+        file: &File,
+    ) -> Result<Vec<CameraEntry>, ClusterFileError> {
+        let mut cameras: Vec<CameraEntry> = Vec::new();
+        for keys in &file.camera {
+            let entry = self.camera(folder, whole, rig, &file.segmentation, keys)?;
+            if cameras.iter().any(|other| other.name == entry.name) {
+                return Err(
+                    self.wrong("camera", format!("found {:?} twice, expected every name once", entry.name))
+                );
+            }
+            cameras.push(entry);
+        }
+        if let Some(missing) =
+            rig.cameras().iter().find(|camera| cameras.iter().all(|e| e.name != camera.name()))
+        {
+            let problem = "found no [[camera]] entry, expected one, or its name in unused_cameras";
+            return Err(self.wrong(&format!("camera {:?} of the rig", missing.name()), problem));
+        }
+        cameras.sort_by_key(|entry| entry.rig_index);
+        Ok(cameras)
     }
 
     fn rig(&self, folder: &Path, text: &str) -> Result<Rig, ClusterFileError> {

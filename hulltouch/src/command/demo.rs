@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use hull::Rig;
 use sim::Scene;
 use stage::{Motion, Prop, studio_rig};
 
@@ -161,24 +162,29 @@ impl StudioArguments {
             prop.parse::<Prop>()
                 .map_err(|error| Failure::input(format_args!("scene, stage.props: {error}")))?;
         }
-        let seed = self.seed.unwrap_or(1);
-        let mut text = format!(
-            "rig = \"rig.toml\"\nscene = \"topple\"\nfps = {:?}\nlatency_s = {DEMO_LATENCY_S}\nmin_views = {}\n",
-            self.fps,
-            self.cameras.min(2),
-        );
-        for camera in rig.cameras() {
-            text += &format!(
-                "[[camera]]\nname = {:?}\nsource = {{ kind = \"stage\", motion = \"{motion}\", props = {:?}, seed = {seed} }}\n",
-                camera.name(),
-                stage.props,
-            );
-        }
         let path = folder.join("studio.cluster.toml");
+        let text = self.cluster_text(&rig, motion, &stage.props);
         std::fs::write(folder.join("rig.toml"), rig.to_toml())
             .map_err(|error| Failure::unwritable(folder, error))?;
         std::fs::write(&path, text).map_err(|error| Failure::unwritable(&path, error))?;
         Ok((ClusterFile::open(&path)?, scene))
+    }
+
+    /// The studio's cluster file, beside `rig.toml`.
+    fn cluster_text(&self, rig: &Rig, motion: Motion, props: &[String]) -> String {
+        let (fps, min_views, seed) = (self.fps, self.cameras.min(2), self.seed.unwrap_or(1));
+        let mut text = format!(
+            "rig = \"rig.toml\"\nscene = \"topple\"\nfps = {fps:?}\nlatency_s = {DEMO_LATENCY_S}\n\
+             min_views = {min_views}\n"
+        );
+        for camera in rig.cameras() {
+            let name = camera.name();
+            text += &format!(
+                "[[camera]]\nname = {name:?}\nsource = {{ kind = \"stage\", motion = \"{motion}\", \
+                 props = {props:?}, seed = {seed} }}\n"
+            );
+        }
+        text
     }
 }
 

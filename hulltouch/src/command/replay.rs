@@ -1,13 +1,13 @@
 //! `hulltouch replay`: a recorded run once more.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
 use clap::Args;
 use coordinator::Transport;
 use recording::{Recording, StepCheck};
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::run::outlets::{PageArguments, PageSource};
 use crate::run::play::{RunPlan, play};
@@ -48,9 +48,9 @@ pub fn run(arguments: &ReplayArguments) -> Outcome {
     let frames = recording.frames().map_err(Failure::input)?;
     let pictures = RecordingPictures::new(recording.pictures().map_err(Failure::input)?);
     let check = StepCheck::of(&steps);
-    let header = recording.header();
     let setup = setup(&recording, arguments)?;
     setup.prepare_outputs()?;
+    let header = recording.header();
     let plan = RunPlan {
         observers: header.observers(),
         recorder: Some(check.recorder()),
@@ -65,20 +65,10 @@ pub fn run(arguments: &ReplayArguments) -> Outcome {
         connect_timeout: Duration::ZERO,
     };
     let mut outcome = play(&setup, plan, |_, _| Transport::in_process(Box::new(frames)))?;
-    let difference = check.difference().map(|difference| difference.to_string());
-    outcome.json["replay"] = json!({
-        "file": arguments.file.display().to_string(),
-        "program": header.program,
-        "steps": check.steps(),
-        "recorded_steps": recording.step_count(),
-        "given_steps": check.given(),
-        "cut_off": recording.cut_off(),
-        "difference": difference,
-    });
+    outcome.json["replay"] = figures(&recording, &check, &arguments.file);
     outcome.summary += &summary(&recording, &check);
     outcome.report(&setup)?;
-    let problem = difference.or_else(|| check.problem());
-    if let Some(problem) = problem {
+    if let Some(problem) = check.difference().map(|difference| difference.to_string()).or(check.problem()) {
         let (file, recorded, this) = (arguments.file.display(), &header.program, env!("CARGO_PKG_VERSION"));
         return Err(Failure::run(format_args!(
             "{file}: {problem} (recorded by version {recorded}, this is {this})"
@@ -87,6 +77,18 @@ pub fn run(arguments: &ReplayArguments) -> Outcome {
     // A run that never had a hull was made again all the same.
     let is_whole = check.steps() == recording.step_count();
     outcome.failure.filter(|_| !is_whole).map_or(Ok(()), Err)
+}
+
+fn figures(recording: &Recording, check: &StepCheck, file: &Path) -> Value {
+    json!({
+        "file": file.display().to_string(),
+        "program": recording.header().program,
+        "steps": check.steps(),
+        "recorded_steps": recording.step_count(),
+        "given_steps": check.given(),
+        "cut_off": recording.cut_off(),
+        "difference": check.difference().map(|difference| difference.to_string()),
+    })
 }
 
 fn summary(recording: &Recording, check: &StepCheck) -> String {

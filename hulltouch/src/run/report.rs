@@ -1,4 +1,4 @@
-//! What a run prints and writes: the JSON of spec'd keys, and a few lines for people.
+//! The figures of a run: as JSON, and as a few lines for people.
 
 use coordinator::{Figures, Percentiles};
 use hull::Camera;
@@ -25,11 +25,9 @@ pub struct Overlap {
 pub fn json(setup: &Setup, figures: &Figures, world: &World, overlaps: &[Overlap]) -> Value {
     let sizes = setup.file.rig.cameras().iter().map(|camera| (camera.width(), camera.height()));
     let (width, height) = sizes.max().unwrap_or((0, 0));
-    let bytes = figures.bytes_to_nodes + figures.bytes_from_nodes;
     let stages = coordinator::STAGES.iter().zip(&figures.stage_ms);
     let stage_ms: serde_json::Map<String, Value> =
         stages.map(|(name, stage)| ((*name).to_owned(), percentiles(stage))).collect();
-    let missed = figures.frames_expected.saturating_sub(figures.frames);
     json!({
         "cameras": setup.file.rig.cameras().len(),
         "width": width,
@@ -57,25 +55,39 @@ pub fn json(setup: &Setup, figures: &Figures, world: &World, overlaps: &[Overlap
         "response_age_ms": percentiles(&figures.response_age_ms),
         "stage_ms": stage_ms,
         "steps_per_s": figures.steps as f64 / figures.wall_s.max(1e-9),
-        "bytes": {
-            "to_nodes": figures.bytes_to_nodes,
-            "from_nodes": figures.bytes_from_nodes,
-            "per_step": bytes as f64 / figures.steps.max(1) as f64,
-            "silhouettes": figures.bytes_silhouettes,
-        },
-        "missed": {
-            "frames": missed,
-            "frames_expected": figures.frames_expected,
-            "share": missed as f64 / figures.frames_expected.max(1) as f64,
-            "late_steps": figures.late_steps,
-            "blind_steps": figures.blind_steps,
-            "slipped_s": figures.slipped_s,
-        },
+        "bytes": bytes(figures),
+        "missed": missed(figures),
         "faults": figures.faults,
         "trajectory_digest": world.digest().to_string(),
         "bodies": world.bodies().iter().zip(world.summaries()).map(body).collect::<Vec<Value>>(),
         "hull_overlap": overlaps.iter().map(overlap).collect::<Vec<Value>>(),
     })
+}
+
+fn bytes(figures: &Figures) -> Value {
+    let all = figures.bytes_to_nodes + figures.bytes_from_nodes;
+    json!({
+        "to_nodes": figures.bytes_to_nodes,
+        "from_nodes": figures.bytes_from_nodes,
+        "per_step": all as f64 / figures.steps.max(1) as f64,
+        "silhouettes": figures.bytes_silhouettes,
+    })
+}
+
+fn missed(figures: &Figures) -> Value {
+    let frames = missed_frames(figures);
+    json!({
+        "frames": frames,
+        "frames_expected": figures.frames_expected,
+        "share": frames as f64 / figures.frames_expected.max(1) as f64,
+        "late_steps": figures.late_steps,
+        "blind_steps": figures.blind_steps,
+        "slipped_s": figures.slipped_s,
+    })
+}
+
+fn missed_frames(figures: &Figures) -> u64 {
+    figures.frames_expected.saturating_sub(figures.frames)
 }
 
 fn body((body, record): (&sim::Body, &sim::BodySummary)) -> Value {
@@ -121,7 +133,6 @@ fn percentiles(figures: &Percentiles) -> Value {
 /// The run in a few lines.
 pub fn summary(setup: &Setup, figures: &Figures, world: &World) -> String {
     let ms = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.2}"));
-    let missed = figures.frames_expected.saturating_sub(figures.frames);
     let mut text = format!(
         "{} frames of {} cameras ({} missed), {} steps in {:.1} s\n\
          step p50 {} ms, p99 {} ms; response age p50 {} ms\n\
@@ -129,7 +140,7 @@ pub fn summary(setup: &Setup, figures: &Figures, world: &World) -> String {
          {} samples inside over all steps, {:.1} % not freed by their response\n",
         figures.frames,
         setup.file.rig.cameras().len(),
-        missed,
+        missed_frames(figures),
         figures.steps,
         figures.wall_s,
         ms(figures.step_ms.p50()),

@@ -60,7 +60,8 @@ pub fn read(path: &Path, camera: &Camera) -> Outcome<Silhouette> {
     }
     let colour = decoder.color_type();
     if !matches!(colour, ColorType::L8 | ColorType::La8 | ColorType::Rgb8 | ColorType::Rgba8) {
-        return Err(refused(format!("found pixels of {colour:?}, expected 8 bits a channel")));
+        let bits = colour.bits_per_pixel() / u16::from(colour.channel_count());
+        return Err(refused(format!("found {bits} bits a channel, expected 8")));
     }
     let image = DynamicImage::from_decoder(decoder).map_err(|error| refused(error.to_string()))?;
     let mut mask = image.into_luma8().into_raw();
