@@ -3,7 +3,7 @@
 
 mod common;
 
-use calib::check::{CheckReport, Prepared};
+use calib::check::{CheckReport, PreparedFrames};
 use hull::rotation::matrix_from_rodrigues;
 use hull::{Camera, Rig};
 use nalgebra::Vector3;
@@ -38,7 +38,7 @@ fn check_dataset(name: &str) {
     let rig = common::rig(&folder.join("rig.toml"));
     let frames = common::silhouettes(&folder, &rig);
     assert_eq!(frames.len(), 10);
-    let prepared = Prepared::new(&frames).expect("frames");
+    let prepared = PreparedFrames::new(&frames).expect("frames");
     let reference = prepared.check(&rig).expect("fits");
     print("as it is", &reference);
     assert_eq!(reference.moved, None);

@@ -39,16 +39,15 @@ impl BodyDirection {
     }
 }
 
-/// [`BodyDirection`] of a list of responses.
-pub fn body_direction(responses_m: &[[f64; 3]]) -> Option<[f32; 3]> {
-    let mut direction = BodyDirection::default();
-    responses_m.iter().for_each(|&response_m| direction.add(response_m));
-    direction.unit()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn body_direction(responses_m: &[[f64; 3]]) -> Option<[f32; 3]> {
+        let mut direction = BodyDirection::default();
+        responses_m.iter().for_each(|&response_m| direction.add(response_m));
+        direction.unit()
+    }
 
     #[test]
     fn the_mean_gives_the_direction() {

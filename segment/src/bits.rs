@@ -87,13 +87,6 @@ impl BitImage {
         run_words(run).map(|(at, bits)| (words[at] & bits).count_ones()).sum()
     }
 
-    /// Clears every pixel that is set in `other`, of the same size.
-    pub(crate) fn clear_where(&mut self, other: &BitImage) {
-        for (word, other) in self.words.iter_mut().zip(&other.words) {
-            *word &= !other;
-        }
-    }
-
     /// Flips every pixel of an area.
     pub(crate) fn invert(&mut self, area: &Area) {
         let used = self.width % 64;

@@ -1,5 +1,7 @@
 //! How the bytes of a frame are laid out: what cameras, films and pictures hand over.
 
+use std::fmt;
+
 use thiserror::Error;
 
 /// Which bytes of a YUV frame are black and white.
@@ -53,6 +55,22 @@ pub enum Layout {
     Yuyv(Range),
     /// Quadruples U, Y, V, Y for two pixels.
     Uyvy(Range),
+}
+
+impl fmt::Display for Layout {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Layout::Rgb => "RGB",
+            Layout::Planar(Sampling::Mono, _) => "mono",
+            Layout::Planar(Sampling::C420, _) => "planar YUV 4:2:0",
+            Layout::Planar(Sampling::C422, _) => "planar YUV 4:2:2",
+            Layout::Planar(Sampling::C411, _) => "planar YUV 4:1:1",
+            Layout::Planar(Sampling::C444, _) => "planar YUV 4:4:4",
+            Layout::Nv12(_) => "NV12",
+            Layout::Yuyv(_) => "YUYV",
+            Layout::Uyvy(_) => "UYVY",
+        })
+    }
 }
 
 /// An image size that no camera has.

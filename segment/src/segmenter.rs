@@ -23,11 +23,9 @@ pub enum SegmentError {
     /// The method `difference` without a model.
     #[error("method \"difference\" without a background clip or plate")]
     NoBackground,
-    /// A model or mask of another camera.
-    #[error("{what} of {found_width} x {found_height}, expected {width} x {height} as the frames")]
+    /// A model of another camera.
+    #[error("background of {found_width} x {found_height}, expected {width} x {height} as the frames")]
     Size {
-        /// Model or mask.
-        what: &'static str,
         /// Pixels across that it has.
         found_width: u32,
         /// Pixels down that it has.
@@ -38,7 +36,7 @@ pub enum SegmentError {
         height: u32,
     },
     /// A frame of the wrong length.
-    #[error("frame of {found} bytes, expected {expected}: {layout:?} of {width} x {height}")]
+    #[error("frame of {found} bytes, expected {expected}: {layout} of {width} x {height}")]
     Frame {
         /// Bytes given.
         found: usize,
@@ -84,7 +82,6 @@ pub struct Segmenter {
     gains: Option<Gains>,
     path: VectorPath,
     cores: usize,
-    never: Option<BitImage>,
     bits: BitImage,
     grown: BitImage,
     blobs: Blobs,
@@ -106,7 +103,10 @@ impl Segmenter {
             (Method::Difference, None) => return Err(SegmentError::NoBackground),
             (Method::Difference, Some(model)) => {
                 let found = model.format();
-                same_size("background", (found.width(), found.height()), (width, height))?;
+                if (found.width(), found.height()) != (width, height) {
+                    let (found_width, found_height) = (found.width(), found.height());
+                    return Err(SegmentError::Size { found_width, found_height, width, height });
+                }
                 let model = model.in_layout(format.layout());
                 let background =
                     Background::new(format, model.shared_mean(), &low_thresholds(settings, &model));
@@ -122,7 +122,6 @@ impl Segmenter {
             gains,
             path: VectorPath::best(),
             cores: 1,
-            never: None,
             bits: BitImage::new(width, height),
             grown: BitImage::new(width, height),
             blobs: Blobs::default(),
@@ -145,18 +144,6 @@ impl Segmenter {
     /// machine lacks becomes the portable one.
     pub fn set_vector_path(&mut self, path: VectorPath) {
         self.path = path;
-    }
-
-    /// Pixels that are never foreground, whatever they show: a bystander, a screen, a window.
-    pub fn set_never_foreground(&mut self, mask: &Silhouette) -> Result<(), SegmentError> {
-        let (width, height) = (self.format.width(), self.format.height());
-        same_size("never-foreground mask", (mask.width(), mask.height()), (width, height))?;
-        let mut never = BitImage::new(width, height);
-        for row in 0..height {
-            mask.row(row).iter().for_each(|&run| never.set_run(row as usize, run, true));
-        }
-        self.never = Some(never);
-        Ok(())
     }
 
     /// The silhouette of a frame: bytes of the segmenter's format.
@@ -200,9 +187,6 @@ impl Segmenter {
                 own.into_iter().for_each(|band| band.run_on(path));
             });
         }
-        if let Some(never) = &self.never {
-            self.bits.clear_where(never);
-        }
     }
 
     /// Takes noise out of the bits: so many, all in the area; gives the area that holds them then.
@@ -218,9 +202,6 @@ impl Segmenter {
             self.blobs.keep_largest(&mut self.bits, &self.grown, &grown, keep);
         }
         self.blobs.fill_holes(&mut self.bits, &area, hole_px);
-        if let Some(never) = &self.never {
-            self.bits.clear_where(never);
-        }
         area
     }
 
@@ -252,12 +233,4 @@ impl Segmenter {
         }
         builder.finish()
     }
-}
-
-fn same_size(what: &'static str, found: (u32, u32), expected: (u32, u32)) -> Result<(), SegmentError> {
-    if found == expected {
-        return Ok(());
-    }
-    let ((found_width, found_height), (width, height)) = (found, expected);
-    Err(SegmentError::Size { what, found_width, found_height, width, height })
 }

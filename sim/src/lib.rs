@@ -28,6 +28,6 @@ pub use solid::Solid;
 pub use summary::BodySummary;
 pub use trajectory::TrajectoryDigest;
 pub use world::{
-    Body, BodyId, CommandError, Fault, FaultKind, Parameters, Prepared, StepReport, World, WorldError,
+    Body, BodyId, CommandError, Fault, FaultKind, Parameters, PreparedBody, StepReport, World, WorldError,
     WorldSettings,
 };

@@ -3,7 +3,7 @@
 use hull::Camera;
 use nalgebra::Point2;
 
-use super::Prepared;
+use super::PreparedFrames;
 use super::ray::{Ray, meets_hull};
 
 /// Foreground pixels looked at, and those whose viewing ray meets the hull of all cameras.
@@ -15,7 +15,7 @@ pub(super) struct Share {
 
 /// Counts every `stride`-th foreground pixel (in raster order) of one camera's silhouette in one frame.
 pub(super) fn share(
-    prepared: &Prepared,
+    prepared: &PreparedFrames,
     cameras: &[Camera],
     frame: usize,
     index: usize,

@@ -66,7 +66,7 @@ pub enum CheckError {
 }
 
 /// Silhouettes made ready for checking any rig of their sizes.
-pub struct Prepared<'a> {
+pub struct PreparedFrames<'a> {
     frames: &'a [Vec<Silhouette>],
     fields: Vec<Vec<Option<Field>>>,
     spacings_px: Vec<u32>,
@@ -76,12 +76,12 @@ pub struct Prepared<'a> {
 
 /// Checks a rig against silhouettes, one list per frame in rig order.
 pub fn check(rig: &Rig, frames: &[Vec<Silhouette>]) -> Result<CheckReport, CheckError> {
-    Prepared::new(frames)?.check(rig)
+    PreparedFrames::new(frames)?.check(rig)
 }
 
-impl<'a> Prepared<'a> {
+impl<'a> PreparedFrames<'a> {
     /// Distance fields and outlines of all silhouettes (the slow part that no rig changes).
-    pub fn new(frames: &'a [Vec<Silhouette>]) -> Result<Prepared<'a>, CheckError> {
+    pub fn new(frames: &'a [Vec<Silhouette>]) -> Result<PreparedFrames<'a>, CheckError> {
         let first = frames.first().ok_or(CheckError::NoFrames)?;
         let count = first.len();
         if let Some((frame, other)) = frames.iter().enumerate().find(|(_, other)| other.len() != count) {
@@ -111,7 +111,7 @@ impl<'a> Prepared<'a> {
             fields[frame].push(field);
             outlines[frame].extend(outline.into_iter().map(|pixel| (index, pixel)));
         }
-        Ok(Prepared { frames, fields, spacings_px, outlines, scale_px })
+        Ok(PreparedFrames { frames, fields, spacings_px, outlines, scale_px })
     }
 
     /// Checks one rig: half a second for four cameras and ten frames.
@@ -229,7 +229,7 @@ fn outline(silhouette: &Silhouette, count: usize) -> Vec<Point2<f64>> {
 }
 
 /// The rays of one frame's outline pixels, each with the depth where it lies deepest in the hull.
-fn outline_rays(prepared: &Prepared, cameras: &[Camera], frame: usize) -> Vec<OutlineRay> {
+fn outline_rays(prepared: &PreparedFrames, cameras: &[Camera], frame: usize) -> Vec<OutlineRay> {
     let cap_px = refine::CAP_PX * prepared.scale_px;
     let others: Vec<_> = (0..cameras.len()).map(|index| prepared.others(frame, index, cameras)).collect();
     let ray = |&(camera, pixel): &(usize, Point2<f64>)| {

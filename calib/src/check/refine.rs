@@ -10,7 +10,7 @@ use hull::rotation::matrix_from_rodrigues;
 use hull::{Camera, CameraError};
 use nalgebra::{Matrix6, Vector3, Vector6};
 
-use super::Prepared;
+use super::PreparedFrames;
 use super::ray::{Miss, Other, Ray, distance_px, nearest};
 
 /// Turn about the camera's x axis (tilt), y axis (pan) and z axis (roll), radians, then shifts along
@@ -36,7 +36,7 @@ pub(super) struct OutlineRay {
 
 /// The gaps of all outline rays for one set of poses.
 pub(super) struct Gaps<'a> {
-    pub(super) prepared: &'a Prepared<'a>,
+    pub(super) prepared: &'a PreparedFrames<'a>,
     pub(super) outlines: &'a [Vec<OutlineRay>],
     /// Distance from each camera to the subject, metres.
     pub(super) subject_m: &'a [f64],

@@ -64,7 +64,7 @@ fn a_rig_that_fits_explains_everything_and_names_no_camera() {
 fn the_camera_that_was_turned_is_named_with_the_way_back() {
     let rig = rig();
     let frames = frames(&rig);
-    let prepared = Prepared::new(&frames).expect("frames");
+    let prepared = PreparedFrames::new(&frames).expect("frames");
     for index in 0..4 {
         let turn_rad = Vector3::new(-0.026, 0.026, 0.0);
         let report = prepared.check(&turned(&rig, index, turn_rad)).expect("fits");

@@ -28,7 +28,7 @@ pub enum DecodeError {
         left: usize,
     },
     /// Another size than the camera's.
-    #[error("silhouette is {found:?}, expected {expected:?} pixels")]
+    #[error("silhouette of {} x {} pixels, expected {} x {}", found.0, found.1, expected.0, expected.1)]
     Size {
         /// Width and height claimed.
         found: (u32, u32),

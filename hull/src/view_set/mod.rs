@@ -124,11 +124,11 @@ impl ViewSet {
             question.append_world(batch, &mut points);
             match question.kind {
                 QuestionKind::Classes => {
-                    self.append_standings(&points, &mut scratch.block, &mut answer.standings)
+                    self.append_standings(&points, &mut scratch.block, &mut answer.standings);
                 }
                 QuestionKind::Edges => self.edges(&batch_question, &points, scratch, answer),
                 QuestionKind::Exits | QuestionKind::SharedExits => {
-                    self.exits(&batch_question, &points, scratch, answer)
+                    self.exits(&batch_question, &points, scratch, answer);
                 }
             }
             scratch.points = points;

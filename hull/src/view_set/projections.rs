@@ -27,19 +27,19 @@ pub(super) struct Projection {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Projections {
     views: Vec<Projection>,
-    least: Least,
+    least: LeastClear,
 }
 
 /// For each point the view that is clear least far.
 #[derive(Clone, Debug)]
-struct Least {
+struct LeastClear {
     clear_m: [f32; CHUNK],
     view: [u32; CHUNK],
 }
 
-impl Default for Least {
-    fn default() -> Least {
-        Least { clear_m: [0.0; CHUNK], view: [0; CHUNK] }
+impl Default for LeastClear {
+    fn default() -> LeastClear {
+        LeastClear { clear_m: [0.0; CHUNK], view: [0; CHUNK] }
     }
 }
 
@@ -96,7 +96,7 @@ impl Projections {
         self.least.clear_m = [f32::INFINITY; CHUNK];
         for ((projection, view), index) in self.views.iter_mut().zip(views).zip(0..) {
             projection.project(view, points, from, target, path);
-            let Least { clear_m, view } = &mut self.least;
+            let LeastClear { clear_m, view } = &mut self.least;
             for at in 0..CHUNK {
                 let is_less = projection.clear_m[at] < clear_m[at];
                 clear_m[at] = if is_less { projection.clear_m[at] } else { clear_m[at] };

@@ -60,7 +60,7 @@ pub enum CommandError {
 
 /// A body that is checked and sampled, ready for the world that prepared it.
 #[derive(Clone, Debug)]
-pub struct Prepared {
+pub struct PreparedBody {
     spec: BodySpec,
     shape: Arc<Shape>,
 }
@@ -78,7 +78,7 @@ pub struct Parameters {
     pub gravity_m_s2: Option<[f64; 3]>,
 }
 
-impl Prepared {
+impl PreparedBody {
     /// Its samples, to be registered with the nodes before it is asked about.
     pub fn shape(&self) -> &Arc<Shape> {
         &self.shape
@@ -87,7 +87,7 @@ impl Prepared {
 
 impl World {
     /// Checks a body and samples it. A body without a name gets one; a name that is taken is refused.
-    pub fn prepare(&self, mut spec: BodySpec) -> Result<Prepared, CommandError> {
+    pub fn prepare(&self, mut spec: BodySpec) -> Result<PreparedBody, CommandError> {
         let count = self.bodies.len() + 1;
         if count > MAX_BODIES {
             return Err(CommandError::TooMany { what: "bodies", found: count, most: MAX_BODIES });
@@ -112,12 +112,12 @@ impl World {
             let what = "samples of all different shapes";
             return Err(CommandError::TooMany { what, found, most: MAX_KEPT_SAMPLES });
         }
-        Ok(Prepared { spec, shape })
+        Ok(PreparedBody { spec, shape })
     }
 
     /// Puts a body into the world.
-    pub fn spawn(&mut self, prepared: Prepared) -> Result<BodyId, CommandError> {
-        let Prepared { spec, shape } = prepared;
+    pub fn spawn(&mut self, prepared: PreparedBody) -> Result<BodyId, CommandError> {
+        let PreparedBody { spec, shape } = prepared;
         if self.solver.add(&spec).is_none() {
             return Err(WorldError::Solid { body: spec.name }.into());
         }

@@ -11,7 +11,7 @@ mod step;
 #[cfg(test)]
 mod tests;
 
-pub use commands::{BodyId, CommandError, MAX_SAMPLES, Parameters, Prepared};
+pub use commands::{BodyId, CommandError, MAX_SAMPLES, Parameters, PreparedBody};
 pub use settings::{WorldError, WorldSettings};
 pub use step::{Fault, FaultKind, StepReport};
 

@@ -2,7 +2,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::ray::{Ray, Unseen};
+use super::ray::{OutOfSight, Ray};
 use super::span::Span;
 use crate::view::View;
 
@@ -15,7 +15,7 @@ impl View {
         a: &Point3<f64>,
         n: &Vector3<f64>,
         limit_m: f64,
-    ) -> Result<Option<f64>, Unseen> {
+    ) -> Result<Option<f64>, OutOfSight> {
         let depth = self.foreground().depth();
         let bounds = self.observer().bounds();
         let per_pixel = 1.0 / (1.000_001 * bounds.stretch);
@@ -26,7 +26,7 @@ impl View {
         }
         while here.t < limit_m {
             if here.camera.z < NEAREST_M {
-                return Err(Unseen);
+                return Err(OutOfSight);
             }
             let clear = f64::from(depth.clear_pixels(here.pixel.column, here.pixel.row)) - HALF_DIAGONAL;
             let apart = clear * per_pixel;

@@ -18,7 +18,7 @@ use nalgebra::{Point3, Vector3};
 
 use crate::question::{Change, NO_EXIT_M};
 use crate::view::{Class, View};
-use ray::Unseen;
+use ray::OutOfSight;
 
 /// The point `a + t n`; every machine must form it alike.
 #[inline]
@@ -41,7 +41,7 @@ impl View {
         if self.camera().lens().is_straight() {
             self.walk(a, n, limit_m)
         } else {
-            self.trace(a, n, limit_m).unwrap_or_else(|Unseen| {
+            self.trace(a, n, limit_m).unwrap_or_else(|OutOfSight| {
                 let mut found = None;
                 self.follow(a, n, limit_m, &mut |t, _, to| {
                     found = (to == Class::Outside).then_some(t);

@@ -6,7 +6,7 @@ use crate::camera::Pixel;
 use crate::view::View;
 
 /// The ray comes behind the camera or beyond its lens.
-pub(super) struct Unseen;
+pub(super) struct OutOfSight;
 
 /// A ray in a camera's frame.
 pub(super) struct Ray<'a> {
@@ -29,16 +29,16 @@ impl<'a> Ray<'a> {
 
     /// The place `t` metres from the start.
     #[inline(always)]
-    pub fn seen(&self, t: f64) -> Result<Sighted, Unseen> {
+    pub fn seen(&self, t: f64) -> Result<RayPoint, OutOfSight> {
         let at = self.start + self.step * t;
-        let image = self.view.camera().image_from_camera(&at).ok_or(Unseen)?;
-        Ok(Sighted { t, camera: at, image, pixel: Pixel::holding(image.x, image.y) })
+        let image = self.view.camera().image_from_camera(&at).ok_or(OutOfSight)?;
+        Ok(RayPoint { t, camera: at, image, pixel: Pixel::holding(image.x, image.y) })
     }
 
     /// True if nothing but foreground is between two places: in the chord's rectangle, larger by as much as
     /// the ray's image may be away from its chord.
     #[inline(always)]
-    pub fn is_clear_between(&self, a: &Sighted, b: &Sighted) -> bool {
+    pub fn is_clear_between(&self, a: &RayPoint, b: &RayPoint) -> bool {
         let across = b.camera.xy() / b.camera.z - a.camera.xy() / a.camera.z;
         let bow = 0.1251 * self.view.observer().bend_pixels() * across.norm_squared() + 1e-9;
         let (low, high) = (a.image.inf(&b.image), a.image.sup(&b.image));
@@ -50,7 +50,7 @@ impl<'a> Ray<'a> {
     /// How far the ray goes on until it is `apart` from there in normalised coordinates; not so far that
     /// the camera comes near.
     #[inline(always)]
-    pub fn travel_m(&self, from: &Sighted, apart: f64) -> f64 {
+    pub fn travel_m(&self, from: &RayPoint, apart: f64) -> f64 {
         let (depth_m, nearing) = (from.camera.z, -self.step.z);
         let most_m = if nearing > 0.0 { self.most_m.min(0.5 * depth_m / nearing) } else { self.most_m };
         let (over, under) = (apart * depth_m * depth_m, self.drift + apart * depth_m * nearing);
@@ -60,7 +60,7 @@ impl<'a> Ray<'a> {
 
 /// A place on a ray as a camera sees it.
 #[derive(Clone, Copy)]
-pub(super) struct Sighted {
+pub(super) struct RayPoint {
     pub t: f64,
     pub camera: Vector3<f64>,
     pub image: Point2<f64>,

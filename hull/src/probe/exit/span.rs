@@ -3,7 +3,7 @@
 use nalgebra::Vector2;
 
 use super::parabola::Parabola;
-use super::ray::{Ray, Sighted, Unseen};
+use super::ray::{OutOfSight, Ray, RayPoint};
 use super::walk::{Crossing, Track};
 use crate::camera::{Camera, floor};
 use crate::silhouette::Index;
@@ -12,8 +12,8 @@ use crate::view::Bounds;
 /// A piece of a ray, from 0 to 1 in normalised coordinates.
 pub(super) struct Span<'a> {
     camera: &'a Camera,
-    here: Sighted,
-    there: Sighted,
+    here: RayPoint,
+    there: RayPoint,
     /// Normalised: where it begins, and how far it goes.
     from: Vector2<f64>,
     across: Vector2<f64>,
@@ -33,7 +33,7 @@ const ROOT_STEPS: usize = 60;
 impl<'a> Span<'a> {
     /// The span that begins at a place.
     #[inline(always)]
-    pub fn from(ray: &Ray<'a>, here: Sighted, bounds: &Bounds) -> Result<Span<'a>, Unseen> {
+    pub fn from(ray: &Ray<'a>, here: RayPoint, bounds: &Bounds) -> Result<Span<'a>, OutOfSight> {
         let mut length_m = ray.travel_m(&here, bounds.span);
         let from = here.camera.xy() / here.camera.z;
         for _ in 0..HALVINGS {
@@ -47,12 +47,12 @@ impl<'a> Span<'a> {
                 return Ok(Span { camera: ray.view.camera(), here, there, from, across, bend, twist });
             }
         }
-        Err(Unseen)
+        Err(OutOfSight)
     }
 
     /// Where it ends.
     #[inline(always)]
-    pub fn end(&self) -> Sighted {
+    pub fn end(&self) -> RayPoint {
         self.there
     }
 
@@ -71,7 +71,7 @@ impl<'a> Span<'a> {
     fn exit_along<const ACROSS: bool>(&self, foreground: &Index, limit_m: f64) -> Option<f64> {
         let (major, minor) = if ACROSS { (0, 1) } else { (1, 0) };
         let (here, there) = (&self.here, &self.there);
-        let pixel = |of: &Sighted| {
+        let pixel = |of: &RayPoint| {
             if ACROSS { [of.pixel.column, of.pixel.row] } else { [of.pixel.row, of.pixel.column] }
         };
         let ([first, start], [last, end]) = (pixel(here), pixel(there));

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use calib::check::{CameraCheck, CheckReport, Prepared};
+use calib::check::{CameraCheck, CheckReport, PreparedFrames};
 use clap::Args;
 use hull::{Rig, Silhouette};
 use serde::Serialize;
@@ -64,7 +64,7 @@ pub fn run(arguments: &CheckArguments) -> Outcome {
         check_writable("--json", path)?;
     }
     let film = Film::read(&arguments.silhouettes, &rig)?;
-    let report = while_working("checking", || Prepared::new(&film.frames)?.check(&rig))
+    let report = while_working("checking", || PreparedFrames::new(&film.frames)?.check(&rig))
         .map_err(|error| Failure::unreadable(&arguments.silhouettes, error))?;
     if let Some(path) = &arguments.json {
         let figures = Figures {
