@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use super::layout::Layout;
+use super::layout::{Layout, STEPS};
 use super::measure::{AtBodies, FilmMeasurement};
-use super::verdict::{BASE_SIZE, STEPS, base_bodies, plan_name};
+use super::verdict::{BASE_SIZE, base_bodies, plan_name};
 use super::{BASE_CAMERAS, CAMERAS_SIZE};
 use crate::cluster::film::FilmPlan;
 use crate::plot::{Axis, LineChart, Series};

@@ -1,5 +1,8 @@
 //! The six layouts, and what is known of each once it has been measured.
 
+use crate::cluster::connection::PASSES_PER_FRAME;
+use crate::cluster::film::FPS;
+
 /// Where bodies and silhouettes meet, and as what they travel (spec §7).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Layout {
@@ -47,6 +50,11 @@ pub struct Rates {
     /// Passes a second.
     pub passes_per_s: f64,
 }
+
+/// Bodies stepped at four times the rate of film.
+pub const STEPS: Rates = Rates { frames_per_s: FPS, passes_per_s: FPS * PASSES_PER_FRAME as f64 };
+/// One question a frame of film.
+pub const FRAMES_ONLY: Rates = Rates { frames_per_s: FPS, passes_per_s: FPS };
 
 /// What one layout costs, for all cameras together.
 #[derive(Clone, Copy, Debug, PartialEq)]

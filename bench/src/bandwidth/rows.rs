@@ -2,9 +2,8 @@
 
 use serde::Serialize;
 
-use super::layout::Cost;
+use super::layout::{Cost, FRAMES_ONLY, STEPS};
 use super::measure::{AtBodies, FilmMeasurement};
-use super::verdict::{FRAMES_ONLY, STEPS};
 
 /// One layout in one setting.
 #[derive(Debug, Serialize)]

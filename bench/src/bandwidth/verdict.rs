@@ -2,17 +2,12 @@
 
 use serde::Serialize;
 
-use super::layout::{Cost, Crossing, Layout, Rates, crossing};
+use super::layout::{Cost, Crossing, FRAMES_ONLY, Layout, Rates, STEPS, crossing};
 use super::measure::{AtBodies, FilmMeasurement};
 use super::rows::bytes;
-use crate::cluster::connection::PASSES_PER_FRAME;
-use crate::cluster::film::{FPS, FilmPlan};
+use crate::cluster::film::FilmPlan;
 use crate::scale::report::{LATENCY_S, LINKS_BITS_PER_S, link_name};
 
-/// Bodies stepped at four times the rate of film.
-pub const STEPS: Rates = Rates { frames_per_s: FPS, passes_per_s: FPS * PASSES_PER_FRAME as f64 };
-/// One question a frame of film.
-pub const FRAMES_ONLY: Rates = Rates { frames_per_s: FPS, passes_per_s: FPS };
 /// The size that most is said about.
 pub const BASE_SIZE: (u32, u32) = (3840, 2160);
 const BASE_BODIES: usize = 30;

@@ -5,8 +5,7 @@ use std::time::Duration;
 
 use clap::Args;
 
-use crate::run::outlets::PageArguments;
-use crate::run::recording::RecordOptions;
+use crate::run::options::{PageArguments, RecordOptions};
 use crate::run::run_deployed;
 use crate::run::setup::{AskName, ResponseName, Setup, TransportName, checked_seconds, world_settings};
 use cli::{Failure, Outcome};
@@ -58,7 +57,7 @@ pub fn run(arguments: &CoordinatorArguments) -> Outcome {
     if arguments.transport == TransportName::Inprocess {
         return Err(Failure::input("--transport inprocess has no nodes, expected cluster or gather"));
     }
-    let patience = Duration::try_from_secs_f64(arguments.patience)
+    let connect_timeout = Duration::try_from_secs_f64(arguments.patience)
         .map_err(|error| Failure::input(format_args!("--patience {}: {error}", arguments.patience)))?;
     let file = ClusterFile::open(&arguments.cluster)?;
     let scene = file.load_scene().map_err(Failure::input)?;
@@ -77,5 +76,5 @@ pub fn run(arguments: &CoordinatorArguments) -> Outcome {
         snapshots: arguments.snapshot.clone(),
         record: arguments.record.checked()?,
     };
-    run_deployed(&setup, patience)
+    run_deployed(&setup, connect_timeout)
 }

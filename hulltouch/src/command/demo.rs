@@ -7,8 +7,7 @@ use hull::Rig;
 use sim::Scene;
 use stage::{Motion, Prop, studio_rig};
 
-use crate::run::outlets::PageArguments;
-use crate::run::recording::RecordOptions;
+use crate::run::options::{PageArguments, RecordOptions};
 use crate::run::run_locally;
 use crate::run::setup::{AskName, ResponseName, Setup, TransportName, checked_seconds, world_settings};
 use cli::{Failure, Outcome, PrecisionName, parse_size};

@@ -8,8 +8,7 @@ use cli::{Failure, Outcome};
 use sim::ResponseMode;
 
 use crate::command::demo::StudioArguments;
-use crate::run::outlets::Outlets;
-use crate::run::recording::RecordTo;
+use crate::run::options::{Outlets, RecordTo};
 use crate::run::setup::{AskName, Setup, TransportName, checked_seconds, world_settings};
 use crate::run::{run_deployed, run_locally};
 

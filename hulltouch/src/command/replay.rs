@@ -9,7 +9,8 @@ use coordinator::Transport;
 use recording::{Recording, StepCheck};
 use serde_json::{Value, json};
 
-use crate::run::outlets::{PageArguments, PageSource};
+use crate::run::options::PageArguments;
+use crate::run::outlets::PageSource;
 use crate::run::play::{RunPlan, play};
 use crate::run::recorded_pictures::RecordingPictures;
 use crate::run::setup::{Setup, TransportName};

@@ -1,10 +1,11 @@
 //! A run from a cluster file: what `demo`, `coordinator`, `record` and `replay` share.
 
 mod console;
+pub mod options;
 pub mod outlets;
 pub mod play;
 pub mod recorded_pictures;
-pub mod recording;
+mod recording;
 mod report;
 pub mod setup;
 mod snapshot;

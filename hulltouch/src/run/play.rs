@@ -100,7 +100,7 @@ pub fn play(
     ended.outcome(setup, &overlaps)
 }
 
-fn run_settings(setup: &Setup, connect_patience: Duration) -> RunSettings {
+fn run_settings(setup: &Setup, connect_timeout: Duration) -> RunSettings {
     RunSettings {
         probes: setup.file.probes,
         fps: setup.file.fps,
@@ -110,7 +110,7 @@ fn run_settings(setup: &Setup, connect_patience: Duration) -> RunSettings {
         lock_step: setup.lock_step,
         asks: setup.asks,
         reuse_within_m: setup.scene.hull().reuse_within_m,
-        connect_patience,
+        connect_patience: connect_timeout,
     }
 }
 

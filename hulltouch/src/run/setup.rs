@@ -8,8 +8,7 @@ use cluster::ClusterFile;
 use coordinator::Asks;
 use sim::{ResponseMode, Scene, WorldSettings};
 
-use super::outlets::Outlets;
-use super::recording::RecordTo;
+use super::options::{Outlets, RecordTo};
 
 /// Where probes are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

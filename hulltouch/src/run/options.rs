@@ -1,0 +1,118 @@
+//! Options that several subcommands share, and what they are once checked.
+
+use std::net::{Ipv4Addr, SocketAddr, ToSocketAddrs as _};
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use cli::{Failure, Outcome};
+use feed::{FeedSettings, Origin, Token};
+use recording::{Overwrites, WriteError};
+
+/// Where the page is unless somebody says otherwise.
+const LISTEN: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOST), 8470);
+
+/// Who may look, and who may steer.
+#[derive(Clone, Debug, Default, Args)]
+pub struct PageArguments {
+    /// Serve the page at this address [default: 127.0.0.1:8470, or a free port if that is taken].
+    #[arg(long, value_name = "ADDR")]
+    listen: Option<SocketAddr>,
+    /// What lets a page steer the run, at least 8 letters and digits [default: a new one each run].
+    #[arg(long, value_name = "T", env = "HULLTOUCH_TOKEN", hide_env_values = true)]
+    token: Option<String>,
+    /// Where a proxy with a certificate shows the page, as in https://studio.example: its name is answered too.
+    #[arg(long, value_name = "ORIGIN")]
+    origin: Option<String>,
+    /// Send the world as Open Sound Control to this address, over UDP.
+    #[arg(long, value_name = "HOST:PORT")]
+    osc: Option<String>,
+}
+
+/// Where a run can be seen and steered; by default nowhere.
+#[derive(Clone, Debug, Default)]
+pub struct Outlets {
+    /// The page, and what programs use.
+    pub page: Option<FeedSettings>,
+    /// Who gets OSC.
+    pub osc: Option<SocketAddr>,
+}
+
+impl PageArguments {
+    /// What is served where, and for whom. A headless run serves its page only where it is told to.
+    pub fn checked(&self, headless: bool) -> Outcome<Outlets> {
+        Ok(Outlets { page: self.page(headless)?, osc: self.osc.as_deref().map(osc_address).transpose()? })
+    }
+
+    fn page(&self, headless: bool) -> Outcome<Option<FeedSettings>> {
+        if headless && self.listen.is_none() {
+            return Ok(None);
+        }
+        let token = match &self.token {
+            Some(text) => Token::new(text).map_err(|why| Failure::input(format_args!("--token is {why}")))?,
+            None => Token::random().map_err(Failure::run)?,
+        };
+        let (listen, or_any_port) = (self.listen.unwrap_or(LISTEN), self.listen.is_none());
+        let origin = self.origin.as_deref().map(Origin::new).transpose();
+        let origin = origin.map_err(|why| Failure::input(format_args!("--origin is {why}")))?;
+        Ok(Some(FeedSettings { listen, or_any_port, token, origin }))
+    }
+}
+
+/// Recording beside whatever else a run does.
+#[derive(Debug, Args)]
+pub struct RecordOptions {
+    /// Record the run in an MCAP file, for `hulltouch replay` and other tools.
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
+    /// Keep the colours around the foreground, too.
+    #[arg(long = "record-colour", requires = "record")]
+    colour: bool,
+    /// Replace the file of --record if it is there.
+    #[arg(long, requires = "record")]
+    force: bool,
+}
+
+impl RecordOptions {
+    /// Where the run is recorded, if it is to be.
+    pub fn checked(&self) -> Outcome<Option<RecordTo>> {
+        self.record.clone().map(|path| RecordTo::checked(path, self.force, self.colour)).transpose()
+    }
+}
+
+/// Where a run is recorded.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RecordTo {
+    /// The file.
+    pub path: PathBuf,
+    /// Whether it may take the place of another.
+    pub overwrites: Overwrites,
+    /// With colours.
+    pub colour: bool,
+}
+
+impl RecordTo {
+    /// Refuses, before anything starts, a file that is there and one that cannot be written.
+    pub fn checked(path: PathBuf, force: bool, colour: bool) -> Outcome<RecordTo> {
+        if path.is_dir() {
+            return Err(Failure::unreadable(&path, "found a folder, expected a file to write"));
+        }
+        if path.exists() && !force {
+            return Err(Failure::input(WriteError::Exists(path)));
+        }
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        // Without a name, so that nothing is left and nothing overwritten.
+        tempfile::tempfile_in(folder)
+            .map_err(|error| Failure::input(format_args!("cannot write {}: {error}", path.display())))?;
+        let overwrites = if force { Overwrites::AtTheEnd } else { Overwrites::Never };
+        Ok(RecordTo { path, overwrites, colour })
+    }
+}
+
+/// The address that a host's name and a port mean.
+fn osc_address(text: &str) -> Outcome<SocketAddr> {
+    let wrong = |why: &str| Failure::input(format_args!("--osc {text}: {why}, expected HOST:PORT"));
+    let found: Vec<SocketAddr> = text.to_socket_addrs().map_err(|error| wrong(&error.to_string()))?.collect();
+    // A name may mean both; tools that take OSC listen on the older one.
+    let old = found.iter().find(|address| address.is_ipv4());
+    old.or(found.first()).copied().ok_or_else(|| wrong("no such host"))
+}
