@@ -85,7 +85,7 @@ export async function untilStanding(page: Page): Promise<Record<string, any>> {
 }
 
 /**
- * Pauses the run at a frame that the page shows. A busy machine may drop a frame before anybody has fetched it:
+ * Pauses the run at a frame that the page shows, with one before it to look back at. A busy machine may drop a frame before anybody has fetched it:
  * then it is another frame's turn.
  */
 export async function pauseAtItsFrame(page: Page): Promise<Record<string, any>> {
@@ -93,7 +93,7 @@ export async function pauseAtItsFrame(page: Page): Promise<Record<string, any>> 
   while (performance.now() < end) {
     await page.getByRole("button", { name: "Pause" }).click();
     await until(page, "a pause", ({ paused }) => paused);
-    const found = await within(page, 10_000, ({ frame, worldFrame }) => frame !== null && frame === worldFrame);
+    const found = await within(page, 10_000, ({ frame, worldFrame, timelineFrames }) => frame !== null && frame === worldFrame && timelineFrames > 1);
     if (found) return found;
     await page.getByRole("button", { name: "Go on" }).click();
     await until(page, "the world goes on", ({ paused }) => !paused);
