@@ -144,6 +144,9 @@ impl MessageCache {
             return;
         }
         for _ in 0..FREEZE_ATTEMPTS {
+            if lock(&self.kept).frozen != Some(frame) {
+                return;
+            }
             let content = Content::FrameSet { silhouettes: true, tier: Tier::Full };
             let is_whole = match self.fetch(Some(frame), content).await {
                 Ok(fetched) => self.keep(&fetched),
@@ -170,16 +173,20 @@ impl MessageCache {
         kept.pictures.clone().filter(|pictures| is_frozen && pictures.frame == frame)
     }
 
-    /// Keeps pictures if they are of all cameras, or of the frozen frame and of no fewer cameras than those before;
-    /// whether they are of all cameras.
+    /// Keeps pictures if they are of all cameras, or of the frozen frame, with no fewer cameras or colours than those
+    /// before; whether they are of all cameras.
     fn keep(&self, pictures: &FramePictures) -> bool {
         let count = |pictures: &FramePictures| {
             pictures.cameras.iter().filter(|camera| !camera.runs.is_empty()).count()
         };
+        let colour_bytes =
+            |pictures: &FramePictures| pictures.cameras.iter().map(|camera| camera.jpeg.len()).sum::<usize>();
         let is_whole = count(pictures) == self.cameras;
         let mut kept = lock(&self.kept);
         let improves = match (&kept.pictures, kept.frozen) {
-            (Some(old), _) if old.frame == pictures.frame => count(pictures) >= count(old),
+            (Some(old), _) if old.frame == pictures.frame => {
+                (count(pictures), colour_bytes(pictures)) >= (count(old), colour_bytes(old))
+            }
             (_, Some(frozen)) => frozen == pictures.frame,
             _ => is_whole,
         };

@@ -158,7 +158,11 @@ async fn keep_frozen_frame(shared: Arc<Shared>) {
     while world.changed().await.is_ok() {
         let frozen = world.borrow_and_update().as_ref().filter(|world| world.paused).map(|world| world.frame);
         match frozen.flatten() {
-            Some(frame) => shared.messages.freeze(frame).await,
+            Some(frame) => {
+                let shared = Arc::clone(&shared);
+                // Beside the next step, which may pause at another frame.
+                tokio::spawn(async move { shared.messages.freeze(frame).await });
+            }
             None => shared.messages.thaw(),
         }
     }
