@@ -1,4 +1,4 @@
-//! How the program fails: bad input is told from a run that failed.
+//! How the program fails: bad input, or a run that failed.
 
 use std::fmt::{self, Display};
 use std::path::Path;

@@ -48,7 +48,7 @@ pub enum LocalClusterError {
         /// The system's reason.
         source: io::Error,
     },
-    /// A node refuses what the cluster file says.
+    /// A node refuses the cluster file.
     #[error("node of {cameras}: {problem}")]
     Input {
         /// Names of its cameras.

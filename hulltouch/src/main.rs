@@ -1,7 +1,7 @@
 //! Virtual rigid bodies collide with people on film.
 //!
-//! One module a subcommand. Exit status 0: done; 1: ran and failed; 2: bad input, with one line that says
-//! which file, which key, what was found and what was expected.
+//! One module a subcommand. Exit status 0: done; 1: ran and failed; 2: bad input, with one line that names
+//! the file and key, what was found and what was expected.
 
 mod command;
 mod interrupt;

@@ -50,18 +50,18 @@ pub struct AtBodies {
     pub costs: Vec<Cost>,
 }
 
-/// Films, serves and asks; `counts` of bodies ascending. `told` hears of every step.
+/// Films, serves and asks; `counts` of bodies ascending. Calls `step_done` after every step.
 pub fn measured(
     plan: FilmPlan,
     counts: &[usize],
     passes: u64,
-    told: &mut dyn FnMut(),
+    step_done: &mut dyn FnMut(),
 ) -> Outcome<FilmMeasurement> {
     let film = Film::make(plan)?;
     let views = film.views();
     let bodies = Bodies::place(counts.last().copied().unwrap_or_default(), &views, &film.person_world)?;
-    told();
-    let gathered = gathered(&film, &bodies.first(1), told)?;
+    step_done();
+    let gathered = gathered(&film, &bodies.first(1), step_done)?;
     let hosted = HostedNodes::start(&film)?;
     let mut nodes = ClusterClient::to(&film, hosted.nodes().to_vec(), &bodies, AnswerPlace::Nodes)?;
     let mut at = Vec::new();
@@ -85,25 +85,25 @@ pub fn measured(
             inside_share = took.inside_share;
         }
         at.push(AtBodies { bodies: count, inside_share, costs });
-        told();
+        step_done();
     }
     if at.is_empty() { Err(Failure::run("no bodies to ask about")) } else { Ok(FilmMeasurement { plan, at }) }
 }
 
 /// What each encoding of the silhouettes costs.
-fn gathered(film: &Film, few: &Bodies, told: &mut dyn FnMut()) -> Outcome<Vec<(Layout, FrameCosts)>> {
+fn gathered(film: &Film, few: &Bodies, step_done: &mut dyn FnMut()) -> Outcome<Vec<(Layout, FrameCosts)>> {
     let hosted = HostedNodes::start(film)?;
     let mut connected = ClusterClient::to(film, hosted.nodes().to_vec(), few, AnswerPlace::Coordinator)?;
     let mut gathered = Vec::new();
     for (layout, encoding) in Layout::GATHERED.into_iter().zip(ENCODINGS) {
         connected = connected.encoded_as(encoding);
         gathered.push((layout, connected.gather(few)?));
-        told();
+        step_done();
     }
     Ok(gathered)
 }
 
-/// How many times `told` is called.
+/// How many times `step_done` is called.
 pub fn steps(counts: &[usize]) -> u64 {
     (1 + Layout::GATHERED.len() + counts.len()) as u64
 }

@@ -36,7 +36,7 @@ pub struct FilmPlan {
     pub size: (u32, u32),
     /// How many frames.
     pub frames: u64,
-    /// The share of pixels that say the opposite, each by itself.
+    /// The share of pixels that are inverted, each independently.
     pub noise: f64,
 }
 
@@ -77,7 +77,7 @@ impl Film {
         Ok(())
     }
 
-    /// The settings that its nodes judge by.
+    /// The probe settings of its nodes.
     pub fn settings(&self) -> ProbeSettings {
         self.file.probes
     }
@@ -194,7 +194,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn noise_turns_the_share_it_is_told() {
+    fn noise_inverts_the_given_share() {
         let mut mask = vec![0u8; 200_000];
         add_noise(&mut mask, 0.05, &mut Random::new(7));
         let turned = mask.iter().filter(|&&pixel| pixel == 255).count() as f64 / mask.len() as f64;

@@ -25,7 +25,7 @@ pub fn to_world(points: Points) -> Points {
     Points::World(shape.samples_body().iter().map(|&sample| world_from_body(sample).into()).collect())
 }
 
-/// Passes that follow one another: buffers are kept, and how deep bodies were says how far to look.
+/// Passes that follow one another: buffers are kept, and the depth of bodies bounds the next search.
 pub struct Passes {
     /// The pass that was begun last.
     pub pass: Pass,

@@ -26,7 +26,7 @@ pub struct Page {
     pub cameras: usize,
 }
 
-/// What a page hears.
+/// A message of the feed.
 pub enum PageMessage {
     /// Bytes of one frame set, and how long ago the film was captured, seconds, if that is known.
     FrameSet { bytes: usize, delay_s: Option<f64> },
@@ -39,7 +39,7 @@ pub enum PageMessage {
 }
 
 impl Page {
-    /// Connects to a feed and is told what is filmed.
+    /// Connects to a feed and reads what is filmed.
     pub async fn connect(server: SocketAddr) -> Outcome<Page> {
         let address = format!("ws://{server}/feed");
         let (socket, _) = tokio_tungstenite::connect_async(address).await.map_err(Failure::run)?;
@@ -63,7 +63,7 @@ impl Page {
         self.send(&json!({ "op": "want", "fps": fps, "state_hz": state_hz })).await
     }
 
-    /// The next message; says of frame sets that they are shown.
+    /// The next message; frame sets are acknowledged as shown.
     pub async fn receive(&mut self) -> Outcome<PageMessage> {
         loop {
             match self.socket.next().await {

@@ -120,7 +120,7 @@ pub async fn measured(setting: &Setting) -> Outcome<Row> {
     Ok(seen.row(setting, &page))
 }
 
-/// Hears a page for a while, or until the run ends.
+/// Reads a page's messages for a while, or until the run ends.
 async fn look(page: &mut Page, turn: Duration, looks: bool, seen: &mut PageFigures) -> Outcome {
     page.look(looks).await?;
     let began = Instant::now();

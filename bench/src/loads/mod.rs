@@ -101,7 +101,7 @@ impl Studio {
         (0..count).map(|_| point()).collect()
     }
 
-    /// Random points that the hull says are inside, 1 to 3 cm from an edge's ray if `near_surface`.
+    /// Random points inside the hull, 1 to 3 cm from an edge's ray if `near_surface`.
     pub fn inside(&self, random: &mut Random, count: usize, near_surface: bool) -> Outcome<Vec<[f64; 3]>> {
         let mut found = Vec::new();
         let mut asked = PassRunner::new(self.settings, 1);

@@ -57,7 +57,7 @@ impl Axis {
 /// A named curve, or the bars of one colour.
 #[derive(Clone, Debug)]
 pub struct Series<Value> {
-    /// What the legend says.
+    /// Its name in the legend.
     pub name: String,
     /// Of a line chart `(x, y)`, in order of x; of a bar chart a value for each group, `None` for no bar.
     pub values: Vec<Value>,

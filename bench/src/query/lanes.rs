@@ -24,7 +24,7 @@ pub struct Lane<'a> {
 }
 
 impl<'a> Lane<'a> {
-    /// A lane whose repetitions say their own rate.
+    /// A lane whose repetitions return their own rate.
     pub fn new(engine: &'static str, repetition: impl FnMut() -> Outcome<f64> + 'a) -> Lane<'a> {
         Lane { engine, repetition: Box::new(repetition) }
     }

@@ -1,4 +1,4 @@
-//! OpenCV and NumPy on the very same masks and points, and whether they say the same.
+//! OpenCV and NumPy on the very same masks and points, and whether they agree.
 
 use std::cell::RefCell;
 use std::path::PathBuf;
@@ -33,7 +33,7 @@ const LEAST_AGREEING: f64 = 0.95;
 /// and of those that agree or were given another edge as near.
 const LEAST_EXPLAINED: f64 = 0.99;
 
-/// How far the two say the same.
+/// How far the two agree.
 #[derive(Clone, Debug, Serialize)]
 pub struct Agreement {
     /// Of the cameras' images.

@@ -83,7 +83,7 @@ impl Part {
     }
 }
 
-/// What the model says.
+/// What the model predicts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Prediction {
     /// From the beginning of a pass to the result of the last rig, milliseconds.

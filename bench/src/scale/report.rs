@@ -35,7 +35,7 @@ pub struct ScaleRow {
     breaks: bool,
 }
 
-/// The model's rows, and what it says in words.
+/// The model's rows, and a note on them.
 #[derive(Debug, Serialize)]
 pub struct ScaleReport {
     /// What this is.

@@ -89,7 +89,7 @@ pub enum SceneChoice {
     File(PathBuf),
 }
 
-/// What the cluster file says of one camera.
+/// The cluster file's entry of one camera.
 #[derive(Clone, Debug)]
 pub struct CameraEntry {
     /// Its name in the rig.
@@ -108,7 +108,7 @@ pub struct CameraEntry {
     pub ignore_mask: Option<PathBuf>,
 }
 
-/// Why a cluster file was refused; one line each.
+/// Why a cluster file is refused; one line each.
 #[derive(Debug, Error)]
 pub enum ClusterFileError {
     /// It cannot be read.

@@ -1,4 +1,4 @@
-//! What a cluster file gives, and how each mistake is told.
+//! Values of a cluster file, and the message of each mistake.
 
 use std::fs;
 use std::path::{Path, PathBuf};

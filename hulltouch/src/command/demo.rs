@@ -16,7 +16,7 @@ use cluster::ClusterFile;
 /// From capture to the step that sees it: rendering and segmenting eight cameras on two cores takes
 /// most of a frame's time.
 const DEMO_LATENCY_S: f64 = 0.06;
-/// How long the empty room of a recording is looked at when nothing else says so.
+/// How long the empty room of a recording is filmed without --seconds.
 const EMPTY_RECORDING_S: f64 = 4.0;
 
 /// A whole cluster on this machine: camera nodes as processes, coordinator, physics.

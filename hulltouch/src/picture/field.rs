@@ -25,7 +25,7 @@ pub(super) struct CameraRay {
     pub direction: Vector3<f64>,
 }
 
-/// What a camera says of a point of a ray.
+/// How a camera classifies a point of a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Verdict {
     Inside,
@@ -103,7 +103,7 @@ impl<'a> Field<'a> {
         self.view
     }
 
-    /// From where to where on the ray this camera may say inside, metres; empty if the end comes first.
+    /// From where to where on the ray this camera may answer inside, metres; empty if the end comes first.
     pub fn span_m(&self, ray: &CameraRay) -> (f64, f64) {
         let (o, d) = (&ray.start, &ray.direction);
         let mut span_m = (0.0f64, f64::INFINITY);
@@ -126,7 +126,7 @@ impl<'a> Field<'a> {
         span_m
     }
 
-    /// What the camera says of the ray's point at `t_m`.
+    /// How the camera classifies the ray's point at `t_m`.
     pub fn verdict(&self, ray: &CameraRay, t_m: f64) -> Verdict {
         let point = ray.start + ray.direction * t_m;
         let camera = self.view.camera();

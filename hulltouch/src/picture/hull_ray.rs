@@ -15,7 +15,7 @@ const FAR_M: f64 = 60.0;
 const BLIND_STEP_M: f64 = 0.01;
 /// Halvings of the last step before the entry.
 const HALVINGS: usize = 10;
-/// Cameras whose edge is nearer than about this have a say in the normal, metres: rounds the creases
+/// Cameras whose edge is nearer than about this contribute to the normal, metres: rounds the creases
 /// where the cones of two cameras meet.
 const ROUNDING_M: f64 = 0.012;
 /// Edges farther than this have none worth their cost, metres.
@@ -89,7 +89,7 @@ impl<'a> HullTracer<'a> {
         None
     }
 
-    /// Narrows a range of the ray to where enough cameras may say inside; `false` if nothing is left.
+    /// Narrows a range of the ray to where enough cameras may answer inside; `false` if nothing is left.
     fn clip_to_views(&self, ray: &Ray, range_m: &mut (f64, f64), scratch: &mut Scratch) -> bool {
         let Scratch { rays, starts_m, ends_m } = scratch;
         rays.clear();

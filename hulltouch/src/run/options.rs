@@ -8,7 +8,7 @@ use cli::{Failure, Outcome};
 use feed::{FeedSettings, Origin, Token};
 use recording::{Overwrites, WriteError};
 
-/// Where the page is unless somebody says otherwise.
+/// The default address of the page.
 const LISTEN: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOST), 8470);
 
 /// Who may look, and who may steer.
@@ -38,7 +38,7 @@ pub struct Outlets {
 }
 
 impl PageArguments {
-    /// What is served where, and for whom. A headless run serves its page only where it is told to.
+    /// What is served where, and for whom. A headless run serves its page only with --listen.
     pub fn checked(&self, headless: bool) -> Outcome<Outlets> {
         Ok(Outlets { page: self.page(headless)?, osc: self.osc.as_deref().map(osc_address).transpose()? })
     }

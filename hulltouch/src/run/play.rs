@@ -62,7 +62,7 @@ pub fn play(
     let RunPlan { observers, recorder, schedule, file, page, connect_timeout } = plan;
     let world = World::new(&setup.scene, setup.world).map_err(Failure::input)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::run)?;
-    // Before anybody is told that the run is there.
+    // Before the page is announced: from then on a signal may come.
     let stop = {
         let _within = runtime.enter();
         interrupted()
@@ -91,7 +91,7 @@ pub fn play(
         };
         Ended { run, recording }
     });
-    // Pages are told that it is over before figures are written.
+    // Pages hear of the end before figures are written.
     drop(served);
     let overlaps = match console.finish() {
         Some(album) => runtime.block_on(finish(album))?,

@@ -57,7 +57,7 @@ impl Album {
             up: snapshot.world.up().into(),
             inside_world: snapshot.inside_world.into_iter().map(Point3::from).collect(),
         };
-        // An artist that failed has told why; its album ends early.
+        // A thread that failed returns its error from `finish`; the album ends early.
         let _ = self.moments.send(moment);
     }
 

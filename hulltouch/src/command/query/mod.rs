@@ -39,10 +39,10 @@ pub struct QueryArguments {
     /// The points, CSV.
     #[arg(long, value_name = "FILE")]
     points: PathBuf,
-    /// What a camera says of a point that it does not see.
+    /// How a camera classifies a point that it does not see.
     #[arg(long, value_enum, default_value = "outside")]
     out_of_view: OutOfViewChoice,
-    /// How many cameras must say inside.
+    /// How many cameras must classify a point as inside.
     #[arg(long, value_name = "N", default_value_t = HullRule::default().min_views)]
     min_views: u32,
     /// Half the side of the window for normals, pixels, or `auto`.

@@ -8,7 +8,7 @@ use hull::Camera;
 
 use cli::{Failure, Outcome, parse_size, write_whole};
 
-/// Turns another program's calibration into a rig file: metres, +Y up when told which axis is up.
+/// Turns another program's calibration into a rig file: in metres, and +Y up if --up names the source's axis.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -30,7 +30,7 @@ pub struct ImportArguments {
     /// The source's unit of length in metres [default: the format's own, else 1].
     #[arg(long, value_name = "S")]
     scale: Option<f64>,
-    /// The image size, for sources that do not say it.
+    /// The image size, for sources that do not contain it.
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<(u32, u32)>,
     /// The source's coordinates of the top left pixel's centre [default: the format's own, else 0].
