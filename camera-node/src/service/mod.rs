@@ -42,12 +42,12 @@ struct Service {
 
 impl Service {
     /// Learns the backgrounds. Blocks until done.
-    fn new(config: NodeConfig) -> Result<Service, ServeError> {
+    fn new(config: &NodeConfig) -> Result<Service, ServeError> {
         let ring = Arc::new(FrameRing::new(config.cameras.len()));
-        let film = Arc::new(Film::prepare(&config, Arc::clone(&ring))?);
+        let film = Arc::new(Film::prepare(config, Arc::clone(&ring))?);
         let pictures = PictureEncoder::new(Arc::clone(&ring), film.colours(), config.rig_indices());
         Ok(Service {
-            description: describe(&config),
+            description: describe(config),
             film,
             shapes: Arc::default(),
             worker: Worker::new(Arc::clone(&ring), config.cameras.len()),

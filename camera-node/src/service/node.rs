@@ -77,7 +77,7 @@ impl Node {
         let bound = Listener::bind(&address).await;
         let listener = bound.map_err(|error| ServeError::Listen { address, error })?;
         // Learning reads whole clips; meanwhile the runtime must be able to end.
-        let service = tokio::task::spawn_blocking(move || Service::new(config))
+        let service = tokio::task::spawn_blocking(move || Service::new(&config))
             .await
             .map_err(ServeError::Panicked)??;
         Ok(Node { listener, service })
