@@ -16,8 +16,8 @@ use hull::question::{Answer, Batch, NO_EXIT_M, Points, Question, QuestionKind};
 use hull::view_set::Scratch;
 use hull::{Pose, ProbeSettings, Rig, Shape, Silhouette, View, ViewSet};
 use proto::convert::{
-    ProbeAnswer, RefusalReason, SilhouetteEncoding, answer_from_wire, pixel_rect_from_wire, question_to_wire,
-    shape_to_wire, silhouette_from_data,
+    ExpectedAnswer, ProbeAnswer, RefusalReason, SilhouetteEncoding, answer_from_wire, pixel_rect_from_wire,
+    question_to_wire, shape_to_wire, silhouette_from_data,
 };
 use proto::v1;
 use proto::v1::camera_node_client::CameraNodeClient;
@@ -162,28 +162,39 @@ struct Probe {
     requests: mpsc::Sender<v1::ProbeRequest>,
     replies: Streaming<v1::ProbeReply>,
     next_id: u64,
+    /// The node's cameras: place in the rig, and size.
+    cameras: Vec<(u16, (u32, u32))>,
 }
 
 impl Probe {
-    async fn open(client: &mut Client) -> Probe {
+    async fn open(client: &mut Client, rig: &Rig) -> Probe {
+        let camera =
+            |(place, camera): (usize, &hull::Camera)| (place as u16, (camera.width(), camera.height()));
+        let cameras = rig.cameras().iter().enumerate().map(camera).collect();
         let (requests, receiver) = mpsc::channel(4);
         let replies = client.probe(ReceiverStream::new(receiver)).await.expect("opens").into_inner();
-        Probe { requests, replies, next_id: 1 }
+        Probe { requests, replies, next_id: 1, cameras }
     }
 
-    async fn raw(&mut self, mut request: v1::ProbeRequest) -> ProbeAnswer {
+    /// A message that makes no question.
+    async fn raw(&mut self, request: v1::ProbeRequest) -> ProbeAnswer {
+        self.send(request, &Question::default()).await
+    }
+
+    async fn send(&mut self, mut request: v1::ProbeRequest, question: &Question) -> ProbeAnswer {
         request.id = self.next_id;
         self.next_id += 1;
         let id = request.id;
         self.requests.send(request).await.expect("sent");
         let reply = tokio::time::timeout(PATIENCE, self.replies.next()).await.expect("in time");
-        let (of, answer, _) = answer_from_wire(reply.expect("a reply").expect("no error")).expect("valid");
-        assert_eq!(of, id, "replies carry their question's id");
-        answer
+        let reply = reply.expect("a reply").expect("no error");
+        assert_eq!(reply.id, id, "replies carry their question's id");
+        let (kind, points, cameras) = (question.kind, question.len(), self.cameras.clone());
+        answer_from_wire(reply, &ExpectedAnswer { kind, points, cameras }).expect("valid").0
     }
 
     async fn ask(&mut self, frame: u64, question: &Question) -> ProbeAnswer {
-        self.raw(question_to_wire(0, frame, question)).await
+        self.send(question_to_wire(0, frame, question), question).await
     }
 
     async fn refused(&mut self, frame: u64, question: &Question) -> RefusalReason {
@@ -205,7 +216,7 @@ async fn suite(address: Listen, rig: &Rig) {
     let channel = connect(&address).await;
     let mut client = CameraNodeClient::new(channel).max_encoding_message_size(proto::MAX_MESSAGE_BYTES);
     describes_its_cameras(&mut client, rig).await;
-    let mut probe = Probe::open(&mut client).await;
+    let mut probe = Probe::open(&mut client, rig).await;
     let one = world_points(vec![[0.0, 1.0, 0.0]]);
     assert_eq!(probe.refused(0, &one).await, RefusalReason::NotYet, "before film");
 

@@ -9,8 +9,8 @@ use std::process::{Command, Output};
 use std::sync::Arc;
 use std::time::Duration;
 
+use coordinator::hooks::{EndRecord, Recorder as _, StepRecord};
 use coordinator::live::{Command as Ask, Follower, Parameters, WorldState, live};
-use coordinator::record::{EndRecord, Recorder as _, StepRecord};
 use coordinator::{Coordinator, Figures, Progress, RunSettings, Snapshot, Transport, Watcher};
 use demo::Demo;
 use futures::StreamExt as _;
@@ -226,9 +226,9 @@ fn what_was_asked_of_a_run_is_asked_again() {
         hold_s: 0.0,
         seconds: Some(2.5),
         lock_step: true,
-        asks: header.asks,
+        ask_every: header.asks,
         reuse_within_m: 0.0,
-        connect_patience: Duration::ZERO,
+        connect_timeout: Duration::ZERO,
     };
     let world = World::new(&header.scene, header.world).expect("a world");
     let (live, follower) = live();

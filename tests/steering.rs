@@ -8,10 +8,10 @@ use camera_node::service::Node;
 use camera_node::source::{SourceConfig, StageConfig};
 use camera_node::{NodeCamera, NodeConfig};
 use cluster::{InProcess, expected_node};
-use coordinator::live::{Command, Done, Follower, Parameters, WorldState, live};
-use coordinator::record::{EndRecord, FrameRecord, Recorder, Schedule, Scheduled, Sees, StepRecord};
+use coordinator::hooks::{EndRecord, FrameRecord, Recorder, Schedule, Scheduled, Sees, StepRecord};
+use coordinator::live::{Command, Follower, Outcome, Parameters, WorldState, live};
 use coordinator::{
-    Asks, Coordinator, Figures, LocalFrames as _, Progress, RunSettings, Snapshot, Transport, Watcher,
+    AskEvery, Coordinator, Figures, LocalFrames as _, Progress, RunSettings, Snapshot, Transport, Watcher,
 };
 use hull::{Observer, ProbeSettings, Rig};
 use proto::Address;
@@ -87,9 +87,9 @@ impl Studio {
             hold_s: 0.0,
             seconds: Some(self.seconds),
             lock_step: self.lock_step,
-            asks: Asks::EachFrame,
+            ask_every: AskEvery::Frame,
             reuse_within_m: 0.0,
-            connect_patience: TIMEOUT,
+            connect_timeout: TIMEOUT,
         };
         Coordinator::new(transport, self.world(), self.observers(), settings)
     }
@@ -130,7 +130,7 @@ struct Keeper(Arc<Mutex<Kept>>);
 
 impl Recorder for Keeper {
     fn frame(&mut self, record: FrameRecord<'_>) {
-        let areas = record.facts.iter().flat_map(|facts| &facts.cameras).map(|camera| camera.area);
+        let areas = record.reports.iter().flat_map(|report| &report.cameras).map(|camera| camera.area);
         self.0.lock().expect("whole").areas.push((record.frame, areas.sum()));
     }
 
@@ -247,7 +247,7 @@ async fn a_run_is_paused_stepped_changed_and_begun_anew_by_those_who_follow_it()
         follower.order(Command::Pause).await.expect("paused");
         let paused = seen(&mut follower, |world| world.paused).await;
         let spawn = spawned("shape.ball.radius = 0.1\nposition = [1, 1, 1]\nname = 'mine'");
-        assert_eq!(follower.order(spawn.clone()).await, Ok(Done::Spawned(3)));
+        assert_eq!(follower.order(spawn.clone()).await.expect("spawned"), Outcome::Spawned(3));
         let refused = follower.order(spawn).await.expect_err("the name is taken");
         assert_eq!(refused.to_string(), "name: `mine`, expected one that no body has");
         let scene = follower.scene.borrow().clone().expect("a scene");
@@ -342,5 +342,5 @@ async fn cameras_without_a_background_say_so_and_none_of_the_others_learns() {
     config.cameras[2].segmentation.method = segment::Method::Chroma;
     let cameras = InProcess::prepare(&config).expect("films");
     let refused = cameras.take_background(1, 30).expect_err("refused");
-    assert_eq!(refused, "camera \"cam_2\" learns no background: it is keyed by colour");
+    assert_eq!(refused.to_string(), "camera \"cam_2\" learns no background: it is keyed by colour");
 }

@@ -7,11 +7,12 @@ use camera_node::NodeConfig;
 use camera_node::capture::{BackgroundRequest, CaptureError, Film};
 use camera_node::frames::FrameRing;
 use camera_node::pictures::PictureEncoder;
-use coordinator::{CameraFacts, FrameFacts, LocalFrames};
-use feed::pictures::{CameraPicture, FETCH_PATIENCE, FramePictures, PictureRequest, Pictures};
+use coordinator::{BoxError, LocalFrames};
+use feed::pictures::Pictures;
 use futures::future::BoxFuture;
 use hull::{Silhouette, ViewSet};
-use proto::{CameraReport, FilmState, FrameReport, Pace, Picture, PictureKind};
+use node_client::FETCH_TIMEOUT;
+use proto::{FilmState, FramePictures, FrameReport, Pace, Picture, PictureRequest};
 use tokio::sync::{mpsc, watch};
 
 /// Cameras filmed in this process.
@@ -38,31 +39,23 @@ impl InProcess {
 pub struct LocalPictures(PictureEncoder);
 
 impl Pictures for LocalPictures {
-    fn fetch(&self, request: PictureRequest) -> BoxFuture<'static, Result<FramePictures, String>> {
-        let PictureRequest { frame, kind, scale_log2, jpeg_quality, cameras } = request;
-        let kind = match kind {
-            feed::pictures::PictureKind::Silhouettes => PictureKind::Silhouettes,
-            feed::pictures::PictureKind::Crops => PictureKind::Crops,
-            feed::pictures::PictureKind::Whole => PictureKind::Whole,
-        };
+    fn fetch(&self, request: PictureRequest) -> BoxFuture<'static, Result<FramePictures, BoxError>> {
         // More cameras than any rig has.
         let (sender, mut pictures) = mpsc::channel(usize::from(u16::MAX));
         let deliver = move |picture: Picture| {
             // The request may have been dropped.
             let _ = sender.try_send(picture);
         };
-        let request = proto::PictureRequest { frame, kind, scale_log2, jpeg_quality, cameras };
-        let requested = self.0.request(request, deliver).map_err(|error| error.to_string());
+        let requested = self.0.request(request, deliver);
         Box::pin(async move {
             requested?;
             let (mut frame, mut captured_unix_s, mut cameras) = (0, 0.0, Vec::new());
-            let deadline = tokio::time::Instant::now() + FETCH_PATIENCE;
+            let deadline = tokio::time::Instant::now() + FETCH_TIMEOUT;
             loop {
                 let picture = tokio::time::timeout_at(deadline, pictures.recv()).await;
                 let Some(picture) = picture.map_err(|_| "no pictures in time")? else { break };
                 (frame, captured_unix_s) = (picture.frame, picture.captured_unix_s);
-                let proto::CameraPicture { rig_index: camera, runs, crop, scale_log2, jpeg } = picture.camera;
-                cameras.push(CameraPicture { camera, runs, scale_log2, crop, jpeg });
+                cameras.push(picture.camera);
             }
             if cameras.is_empty() {
                 return Err("no camera has this frame".into());
@@ -73,9 +66,8 @@ impl Pictures for LocalPictures {
 }
 
 impl LocalFrames for InProcess {
-    fn start(&self, pace: coordinator::Pace) -> Result<(), String> {
-        let coordinator::Pace { epoch_unix_s, lock_step } = pace;
-        self.film.start(Pace { epoch_unix_s, lock_step }).map_err(|error| error.to_string())
+    fn start(&self, pace: Pace) -> Result<(), BoxError> {
+        Ok(self.film.start(pace)?)
     }
 
     fn credit(&self, up_to_frame: u64) {
@@ -90,23 +82,12 @@ impl LocalFrames for InProcess {
         self.ring.since(None).frames.iter().map(|frame| frame.number).collect()
     }
 
-    fn facts(&self, frame: u64) -> Option<FrameFacts> {
-        let FrameReport { frame, capture_time_s, captured_unix_s, cameras, skipped } =
-            self.ring.get(frame).ok()?.report();
-        let camera = |camera: CameraReport| {
-            let CameraReport { rig_index, admitted, area, silhouette_bytes, segment_ms } = camera;
-            CameraFacts { rig_index, admitted, area, silhouette_bytes, segment_ms }
-        };
-        let cameras = cameras.into_iter().map(camera).collect();
-        Some(FrameFacts { frame, capture_time_s, captured_unix_s, cameras, skipped })
+    fn report(&self, frame: u64) -> Option<FrameReport> {
+        Some(self.ring.get(frame).ok()?.report())
     }
 
-    fn film(&self) -> coordinator::FilmState {
-        match self.ring.state() {
-            FilmState::Running => coordinator::FilmState::Running,
-            FilmState::Ended => coordinator::FilmState::Ended,
-            FilmState::Failed(why) => coordinator::FilmState::Failed(why),
-        }
+    fn film(&self) -> FilmState {
+        self.ring.state()
     }
 
     fn with_views(&self, frame: u64, use_views: &mut dyn FnMut(&ViewSet)) -> bool {
@@ -122,8 +103,7 @@ impl LocalFrames for InProcess {
         Some(frame.cameras.iter().map(|camera| Arc::clone(&camera.silhouette)).collect())
     }
 
-    fn take_background(&self, first_frame: u64, frames: u64) -> Result<(), String> {
-        let request = BackgroundRequest { first_frame, frames };
-        self.film.take_background(request).map_err(|error| error.to_string())
+    fn take_background(&self, first_frame: u64, frames: u64) -> Result<(), BoxError> {
+        Ok(self.film.take_background(BackgroundRequest { first_frame, frames })?)
     }
 }

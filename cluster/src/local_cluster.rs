@@ -7,7 +7,7 @@ use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use coordinator::ExpectedNode;
+use node_client::ExpectedNode;
 use proto::{Address, AddressError};
 use thiserror::Error;
 use wait_timeout::ChildExt as _;

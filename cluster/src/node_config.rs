@@ -5,10 +5,10 @@ use std::sync::Arc;
 
 use camera_node::source::{FileConfig, Image, OpenContext, SourceError};
 use camera_node::{NodeCamera, NodeConfig, SourceConfig};
-use coordinator::{ExpectedCamera, ExpectedNode};
 use hull::silhouette::SilhouetteError;
 use hull::{Camera, Rig, Silhouette};
-use proto::Address;
+use node_client::ExpectedNode;
+use proto::{Address, CameraDescription};
 use thiserror::Error;
 
 use crate::cluster_file::{CameraEntry, ClusterFile};
@@ -90,7 +90,7 @@ fn ignored(entry: &CameraEntry, camera: &Camera) -> Result<Option<Silhouette>, N
 pub fn expected_node(rig: &Rig, address: Address, indices: &[usize]) -> ExpectedNode {
     let camera = |&index: &usize| {
         let camera = &rig.cameras()[index];
-        ExpectedCamera {
+        CameraDescription {
             name: camera.name().to_owned(),
             rig_index: index as u16,
             size: (camera.width(), camera.height()),

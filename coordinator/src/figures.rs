@@ -176,7 +176,7 @@ pub struct Progress {
     /// Bytes at the sockets a second since the last report.
     pub bytes_per_s: f64,
     /// Why there is no hull now, if so.
-    pub blind: Option<String>,
+    pub hull_unavailable: Option<String>,
 }
 
 #[cfg(test)]

@@ -1,25 +1,19 @@
 //! The coordinator: asks the nodes, merges their answers and steps the world.
 //!
-//! Three layouts share the pass and the loop: `cluster` (questions travel, nodes compute), `gather`
-//! (silhouettes travel, one machine computes: the paper's layout) and `in process` (nothing travels).
+//! What is decided stands in plain structs: [`roster`] (who is there, which frame all have) and [`query`] (what to
+//! ask the hull, what the answers make of it). What waits is thin: [`Transport`] (three layouts) and
+//! [`Coordinator`] (the loop).
 
-mod answers;
-mod bounds;
-mod camera_client;
-mod counting;
-mod facts;
-mod fanout;
+mod ask_policy;
 mod figures;
+pub mod hooks;
 pub mod live;
-pub mod record;
+pub mod query;
+pub mod roster;
 mod run;
 mod transport;
-mod ways;
 
-pub use answers::Asks;
-pub use camera_client::{ExpectedCamera, ExpectedNode};
-pub use counting::ByteCounts;
-pub use facts::{CameraFacts, FilmState, FrameFacts, Pace};
 pub use figures::{Figures, Percentiles, Progress, STAGES};
+pub use query::AskEvery;
 pub use run::{Coordinator, RunError, RunSettings, Snapshot, Watcher};
-pub use transport::{LocalFrames, Transport};
+pub use transport::{BoxError, LocalFrames, Silhouettes, Transport, TransportError};

@@ -1,20 +1,23 @@
 //! What others see of a run while it goes on, and what they may ask of it.
 //!
 //! The loop publishes the world after every step and its status four times a second, and takes commands
-//! between steps. A [`Follower`] is the other end: cheap to copy, free to lag, and never waited for. Nothing
+//! between steps. A [`Follower`] is the other end: cheap to copy, free to lag, without back-pressure. Nothing
 //! is published while nobody follows.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use hull::Pose;
+use proto::BACKGROUND_S;
 pub use sim::{BodyId, Parameters};
 use sim::{BodySpec, Scene, Solid};
 use thiserror::Error;
 use tokio::sync::{mpsc, oneshot, watch};
 
+use crate::transport::TransportError;
+
 /// Commands that wait for the next step at most: a page that drags sends one a picture.
-pub(crate) const MAX_WAITING: usize = 256;
+pub const MAX_WAITING: usize = 256;
 
 /// What is asked of a run.
 #[derive(Clone, Debug, PartialEq)]
@@ -70,17 +73,59 @@ pub enum Command {
 
 /// What a command did.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Done {
-    /// What it says.
-    Done,
+pub enum Outcome {
+    /// It took effect.
+    Applied,
     /// A body was spawned.
     Spawned(BodyId),
 }
 
-/// Why a command did nothing: one line.
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("{0}")]
-pub struct Refused(pub String);
+/// The most steps that one command makes: a quarter of an hour.
+pub const MAX_STEPS: u32 = 100_000;
+
+/// Why a command did nothing.
+#[derive(Debug, Error)]
+pub enum Refusal {
+    /// The world refused it.
+    #[error(transparent)]
+    World(#[from] sim::CommandError),
+    /// There can be no such world.
+    #[error(transparent)]
+    NewWorld(#[from] sim::WorldError),
+    /// There can be no such scene.
+    #[error(transparent)]
+    Scene(#[from] sim::SceneError),
+    /// Nodes refused it.
+    #[error(transparent)]
+    Nodes(#[from] TransportError),
+    /// Too few or too many steps.
+    #[error("{found} steps, expected 1 to {MAX_STEPS}")]
+    Steps {
+        /// Steps asked for.
+        found: u32,
+    },
+    /// Too little or too much film.
+    #[error("a background of {found_s} s, expected {} to {} s", BACKGROUND_S.start(), BACKGROUND_S.end())]
+    Background {
+        /// Film asked for, seconds.
+        found_s: f64,
+    },
+    /// The run follows a recording.
+    #[error("this run follows a recording, which others steered: pause, resume or step")]
+    Replay,
+    /// A recording keeps no more between two steps.
+    #[error("{limit} commands since the last step, expected a step before more")]
+    TooManyCommands {
+        /// The most that are kept.
+        limit: usize,
+    },
+    /// Too many commands wait for the next step.
+    #[error("{MAX_WAITING} commands wait, expected fewer")]
+    Busy,
+    /// The run has ended.
+    #[error("the run has ended")]
+    Ended,
+}
 
 /// A command on its way, and where its answer goes.
 #[derive(Debug)]
@@ -88,7 +133,7 @@ pub struct Order {
     /// What is asked.
     pub command: Command,
     /// Where the answer goes.
-    pub reply: oneshot::Sender<Result<Done, Refused>>,
+    pub reply: oneshot::Sender<Result<Outcome, Refusal>>,
 }
 
 /// One body after a step.
@@ -277,16 +322,14 @@ impl Follower {
     }
 
     /// Asks for something and waits for the step that does it.
-    pub async fn order(&self, command: Command) -> Result<Done, Refused> {
+    pub async fn order(&self, command: Command) -> Result<Outcome, Refusal> {
         let (reply, answered) = oneshot::channel();
         let order = Order { command, reply };
-        self.orders.try_send(order).map_err(|error| {
-            Refused(match error {
-                mpsc::error::TrySendError::Full(_) => format!("{MAX_WAITING} commands wait, expected fewer"),
-                mpsc::error::TrySendError::Closed(_) => "the run has ended".into(),
-            })
+        self.orders.try_send(order).map_err(|error| match error {
+            mpsc::error::TrySendError::Full(_) => Refusal::Busy,
+            mpsc::error::TrySendError::Closed(_) => Refusal::Ended,
         })?;
-        answered.await.unwrap_or_else(|_| Err(Refused("the run has ended".into())))
+        answered.await.unwrap_or(Err(Refusal::Ended))
     }
 }
 
@@ -309,10 +352,10 @@ mod tests {
         });
         let order = live.orders.recv().await.expect("an order");
         assert_eq!(order.command, Command::Pause);
-        order.reply.send(Ok(Done::Done)).expect("somebody waits");
-        assert_eq!(asking.await.expect("no panic"), Ok(Done::Done));
+        order.reply.send(Ok(Outcome::Applied)).expect("somebody waits");
+        assert_eq!(asking.await.expect("no panic").expect("applied"), Outcome::Applied);
         drop(live);
-        assert_eq!(follower.order(Command::Resume).await, Err(Refused("the run has ended".into())));
+        assert!(matches!(follower.order(Command::Resume).await, Err(Refusal::Ended)));
     }
 
     #[tokio::test]

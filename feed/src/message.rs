@@ -13,8 +13,8 @@
 use bytes::{BufMut as _, Bytes, BytesMut};
 use coordinator::live::{BodyState, TouchPoint, WorldState};
 
-use crate::pictures::{CameraPicture, FramePictures};
 use crate::text::VERSION;
+use proto::{CameraPicture, FramePictures};
 
 /// The first four bytes of every message, as a little-endian number.
 pub const MAGIC: u32 = u32::from_le_bytes(*b"HTF1");
@@ -102,7 +102,7 @@ fn pictures_message(kind: MessageKind, seq: u32, fps: f64, flags: u32, pictures:
     let mut at = first;
     for camera in cameras {
         let has = |data: &Bytes, bit: u8| if data.is_empty() { 0 } else { bit };
-        bytes.put_u16_le(camera.camera);
+        bytes.put_u16_le(camera.rig_index);
         bytes.put_u8(has(&camera.runs, HAS_RUNS) | has(&camera.jpeg, HAS_JPEG));
         bytes.put_u8(camera.scale_log2);
         camera.crop.iter().for_each(|&side| bytes.put_u16_le(side));

@@ -10,8 +10,9 @@ use coordinator::live::WorldState;
 use tokio::sync::OnceCell;
 
 use crate::message;
-use crate::pictures::{FramePictures, JPEG_QUALITY, PictureKind, PictureRequest, Pictures};
+use crate::pictures::{JPEG_QUALITY, Pictures, PicturesError};
 use crate::tier::Tier;
+use proto::{FramePictures, PictureKind, PictureRequest};
 
 /// Messages kept: every tier of the last frames. A page that asks for an older one has it made again.
 const MAX_RECENT: usize = 24;
@@ -39,7 +40,7 @@ pub(crate) struct FrameMessage {
     pub bytes: Bytes,
 }
 
-type Cell = Arc<OnceCell<Result<FrameMessage, String>>>;
+type Cell = Arc<OnceCell<Result<FrameMessage, PicturesError>>>;
 type Key = (u64, Content);
 type WorldMessages = Option<(Arc<WorldState>, [Option<Bytes>; 2])>;
 
@@ -78,13 +79,13 @@ impl MessageCache {
     }
 
     /// A message about a frame, made for the first page that asks and shared by the others.
-    pub async fn message(&self, frame: u64, content: Content) -> Result<FrameMessage, String> {
+    pub async fn message(&self, frame: u64, content: Content) -> Result<FrameMessage, PicturesError> {
         let cell = self.cell((frame, content));
         cell.get_or_init(|| self.make(Some(frame), content)).await.clone()
     }
 
     /// A message about the newest frame there is.
-    pub async fn newest(&self, content: Content) -> Result<FrameMessage, String> {
+    pub async fn newest(&self, content: Content) -> Result<FrameMessage, PicturesError> {
         self.make(None, content).await
     }
 
@@ -101,7 +102,7 @@ impl MessageCache {
         cell
     }
 
-    async fn make(&self, frame: Option<u64>, content: Content) -> Result<FrameMessage, String> {
+    async fn make(&self, frame: Option<u64>, content: Content) -> Result<FrameMessage, PicturesError> {
         let pictures = match (frame, content) {
             // A page that wants neither still gets every frame's number.
             (Some(frame), Content::FrameSet { silhouettes: false, tier: Tier::Off }) => {
@@ -127,7 +128,7 @@ impl MessageCache {
         Ok(FrameMessage { seq, has_colour, bytes })
     }
 
-    async fn fetch(&self, frame: Option<u64>, content: Content) -> Result<FramePictures, String> {
+    async fn fetch(&self, frame: Option<u64>, content: Content) -> Result<FramePictures, PicturesError> {
         let (kind, scale_log2, cameras) = match content {
             Content::FrameSet { tier: Tier::Off, .. } => (PictureKind::Silhouettes, 0, vec![]),
             Content::FrameSet { tier, .. } => (PictureKind::Crops, tier.scale_log2(), vec![]),
@@ -135,7 +136,7 @@ impl MessageCache {
             Content::Image { camera, scale_log2 } => (PictureKind::Whole, scale_log2, vec![camera]),
         };
         let request = PictureRequest { frame, kind, scale_log2, jpeg_quality: JPEG_QUALITY, cameras };
-        self.pictures.fetch(request).await
+        Ok(self.pictures.fetch(request).await?)
     }
 
     /// The world stands at this frame: keeps its pictures for pages that join before it goes on.

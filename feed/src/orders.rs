@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use coordinator::live::{BodyId, Command, Done, Follower, Refused};
+use coordinator::live::{BodyId, Command, Follower, Outcome, Refusal};
 use futures::StreamExt as _;
 use futures::future::BoxFuture;
 use futures::stream::FuturesOrdered;
@@ -20,7 +20,7 @@ enum Hold {
     Release(BodyId),
 }
 
-type Order = BoxFuture<'static, (u64, Option<Hold>, Result<Done, Refused>)>;
+type Order = BoxFuture<'static, (u64, Option<Hold>, Result<Outcome, Refusal>)>;
 
 pub(crate) struct Orders {
     follower: Follower,
@@ -69,7 +69,7 @@ impl Orders {
         }
         match answer {
             Ok(done) => text::done(id, done),
-            Err(Refused(why)) => text::refused(Some(id), &why),
+            Err(why) => text::refused(Some(id), &why.to_string()),
         }
     }
 

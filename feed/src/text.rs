@@ -2,7 +2,7 @@
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
-use coordinator::live::{BodyLook, CameraStatus, Done, RunStatus, SceneState};
+use coordinator::live::{BodyLook, CameraStatus, Outcome, RunStatus, SceneState};
 use proto::convert::{SilhouetteEncoding, silhouette_data};
 use proto::text::{MAX_MESSAGE_CHARS, clean};
 use serde_json::{Value, json};
@@ -149,7 +149,7 @@ pub fn status(status: Option<&RunStatus>, is_paused: bool, feed: &FeedStatus) ->
     });
     if let (Some(status), Value::Object(object)) = (status, &mut object) {
         let progress = &status.progress;
-        object.insert("blind".into(), json!(progress.blind));
+        object.insert("blind".into(), json!(progress.hull_unavailable));
         object.insert(
             "progress".into(),
             json!({
@@ -187,10 +187,10 @@ fn camera_status(camera: &CameraStatus) -> Value {
 }
 
 /// The answer to a command that was applied.
-pub fn done(id: u64, done: Done) -> String {
-    match done {
-        Done::Done => json!({"op": "done", "id": id}),
-        Done::Spawned(body) => json!({"op": "done", "id": id, "body": body}),
+pub fn done(id: u64, outcome: Outcome) -> String {
+    match outcome {
+        Outcome::Applied => json!({"op": "done", "id": id}),
+        Outcome::Spawned(body) => json!({"op": "done", "id": id, "body": body}),
     }
     .to_string()
 }

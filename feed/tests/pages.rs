@@ -4,7 +4,7 @@ mod common;
 
 use common::*;
 use coordinator::live::Command;
-use feed::pictures::PictureKind;
+use proto::PictureKind;
 use serde_json::json;
 use tokio_tungstenite::tungstenite;
 

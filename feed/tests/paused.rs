@@ -5,7 +5,7 @@ mod common;
 use std::sync::atomic::Ordering;
 
 use common::*;
-use feed::pictures::PictureKind;
+use proto::PictureKind;
 use serde_json::json;
 
 /// The nodes drop all frames up to 49; the newest is 60.

@@ -7,13 +7,13 @@ use std::sync::Arc;
 use bytes::Bytes;
 use coordinator::Progress;
 use coordinator::live::{
-    BodyLook, BodyState, CameraStatus, Done, Parameters, RunStatus, SceneState, TouchPoint, WorldState,
+    BodyLook, BodyState, CameraStatus, Outcome, Parameters, RunStatus, SceneState, TouchPoint, WorldState,
 };
 use feed::message;
-use feed::pictures::{CameraPicture, FramePictures};
 use feed::text::{self, FeedStatus};
 use hull::{Pose, Silhouette};
 use proto::convert::{SilhouetteEncoding, silhouette_data};
+use proto::{CameraPicture, FramePictures};
 use sim::Solid;
 use sim::solid::ConvexHull;
 
@@ -48,14 +48,14 @@ fn pictures(frame: u64, cameras: Vec<CameraPicture>) -> FramePictures {
 #[test]
 fn a_frame_set() {
     let both = CameraPicture {
-        camera: 0,
+        rig_index: 0,
         runs: runs(),
         scale_log2: 1,
         crop: [16, 32, 48, 64],
         jpeg: Bytes::from_static(&[0xff, 0xd8, 1, 2, 3, 0xff, 0xd9]),
     };
-    let runs_alone = CameraPicture { camera: 2, runs: runs(), ..CameraPicture::default() };
-    let nothing = CameraPicture { camera: 5, ..CameraPicture::default() };
+    let runs_alone = CameraPicture { rig_index: 2, runs: runs(), ..CameraPicture::default() };
+    let nothing = CameraPicture { rig_index: 5, ..CameraPicture::default() };
     let set = pictures(90, vec![both, runs_alone, nothing]);
     is_golden("frame_set.bin", &message::frame_set(41, 30.0, &set));
     is_golden("frame_set_empty.bin", &message::frame_set(42, 30.0, &pictures(91, vec![])));
@@ -64,7 +64,7 @@ fn a_frame_set() {
 #[test]
 fn images() {
     let image = |camera: u16| CameraPicture {
-        camera,
+        rig_index: camera,
         runs: Bytes::new(),
         scale_log2: 2,
         crop: [0, 0, 640, 480],
@@ -169,7 +169,7 @@ fn texts() {
         samples: 5000,
         contacts: 2,
         bytes_per_s: 65536.0,
-        blind: None,
+        hull_unavailable: None,
     };
     let status = RunStatus {
         progress,
@@ -181,7 +181,7 @@ fn texts() {
     };
     let feed = FeedStatus { bytes_per_s: 1_500_000.0, sent: 88, dropped: 2, tier: "full", pages: 3 };
     is_golden("status.json", text::status(Some(&status), false, &feed).as_bytes());
-    is_golden("done.json", text::done(7, Done::Spawned(12)).as_bytes());
+    is_golden("done.json", text::done(7, Outcome::Spawned(12)).as_bytes());
     is_golden("refused.json", text::refused(Some(8), "no body has number 99").as_bytes());
     is_golden("bye.json", text::bye("the run has ended").as_bytes());
 }

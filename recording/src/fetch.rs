@@ -6,9 +6,11 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use coordinator::record::{Fetching, FrameRecord};
+use coordinator::BoxError;
+use coordinator::hooks::{Fetching, FrameRecord};
 use hull::Silhouette;
 use proto::convert::{SilhouetteEncoding, silhouette_data};
+use proto::{CameraReport, FrameReport};
 use tokio::sync::mpsc;
 
 use crate::channels::Channel;
@@ -37,7 +39,7 @@ pub struct ColourCrop {
 }
 
 /// Colours of a frame on their way; cameras that have none are left out.
-pub type FetchingColours = Pin<Box<dyn Future<Output = Result<Vec<ColourCrop>, String>> + Send>>;
+pub type FetchingColours = Pin<Box<dyn Future<Output = Result<Vec<ColourCrop>, BoxError>> + Send>>;
 /// Begins to fetch the colours of a frame.
 pub type Colours = Box<dyn Fn(u64) -> FetchingColours + Send>;
 /// Makes that, on the thread and within the runtime where it is used.
@@ -95,14 +97,12 @@ impl Fetcher {
 
     /// Begins to wait for a frame.
     pub fn fetch(&mut self, record: FrameRecord<'_>) {
-        let of_node = |facts: &coordinator::FrameFacts| {
-            let captured_unix_s = facts.captured_unix_s;
-            let camera = move |camera: &coordinator::CameraFacts| {
-                (camera.rig_index, captured_unix_s, camera.segment_ms)
-            };
-            facts.cameras.iter().map(camera).collect::<Vec<_>>()
+        let of_node = |report: &&FrameReport| {
+            let captured_unix_s = report.captured_unix_s;
+            let camera = move |camera: &CameraReport| (camera.rig_index, captured_unix_s, camera.segment_ms);
+            report.cameras.iter().map(camera).collect::<Vec<_>>()
         };
-        let facts = record.facts.iter().flat_map(of_node).collect();
+        let facts = record.reports.iter().flat_map(of_node).collect();
         let request = FrameRequest { frame: record.frame, facts, silhouettes: record.silhouettes };
         self.counts.fetching.fetch_add(1, Ordering::Relaxed);
         let sent = self.requests.as_ref().is_some_and(|sender| sender.try_send(request).is_ok());
@@ -189,20 +189,19 @@ async fn fetch(
             let mut all = entries(frame, &facts, &silhouettes, times);
             match colours {
                 Ok(colours) => all.extend(colours.into_iter().map(|crop| colour_entry(frame, crop, times))),
-                Err(why) => counts.lack_colour(frame, &why),
+                Err(why) => counts.lack_colour(frame, &why.to_string()),
             }
             sink.put(all);
             counts.frames.fetch_add(1, Ordering::Relaxed);
             counts.fetching.fetch_sub(1, Ordering::Relaxed);
         }
-        Err(why) => counts.lose(frame, &why),
+        Err(why) => counts.lose(frame, &why.to_string()),
     }
 }
 
 /// What comes before the timeout.
-async fn in_time<T>(fetching: impl Future<Output = Result<T, String>>) -> Result<T, String> {
-    let fetched = tokio::time::timeout(FETCH_TIMEOUT, fetching).await;
-    fetched.unwrap_or_else(|_| Err("it did not come in time".into()))
+async fn in_time<T, E: Into<BoxError>>(fetching: impl Future<Output = Result<T, E>>) -> Result<T, BoxError> {
+    tokio::time::timeout(FETCH_TIMEOUT, fetching).await?.map_err(Into::into)
 }
 
 fn colour_entry(frame: u64, crop: ColourCrop, times: Times) -> Entry {

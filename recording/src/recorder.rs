@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use coordinator::record::{EndRecord, FrameRecord, Recorder, StepRecord};
+use coordinator::hooks::{EndRecord, FrameRecord, Recorder, StepRecord};
 
 use crate::channels::Channel;
 use crate::convert::{self, RunHeader, command_to_message, vector};

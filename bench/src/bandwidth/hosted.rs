@@ -6,7 +6,7 @@ use std::thread::JoinHandle;
 
 use camera_node::NodeConfig;
 use camera_node::service::Node;
-use coordinator::ExpectedNode;
+use node_client::ExpectedNode;
 use proto::Address;
 use tokio::sync::watch;
 use tokio::task::JoinHandle as Task;

@@ -3,9 +3,11 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use coordinator::{ByteCounts, ExpectedNode, FilmState, Pace, Percentiles, Transport};
+use coordinator::{Percentiles, Transport};
 use hull::pass::Round;
 use hull::question::Points;
+use node_client::{ByteCounts, ExpectedNode};
+use proto::Pace;
 use proto::convert::{Precision, SilhouetteEncoding};
 use tokio::runtime::Runtime;
 
@@ -103,7 +105,7 @@ impl ClusterClient {
             transport.start(pace).await.map_err(Failure::run)?;
             let before = transport.bytes();
             transport.credit(frames - 1);
-            film_has_come(&mut transport, frames - 1).await?;
+            transport.frame(frames - 1, READY_TIMEOUT).await.map_err(Failure::run)?;
             let news = transport.bytes().since(before);
             Ok::<_, Failure>((transport, news))
         })?;
@@ -228,19 +230,4 @@ impl Counters {
     fn now(transport: &Transport) -> Counters {
         Counters { bytes: transport.bytes(), process_s: this_process_cpu_s(), thread_s: thread_cpu_s() }
     }
-}
-
-async fn film_has_come(transport: &mut Transport, last: u64) -> Outcome {
-    let deadline = Instant::now() + READY_TIMEOUT;
-    while transport.newest_common(last) != Some(last) {
-        if let FilmState::Failed(problem) = transport.film(last) {
-            return Err(Failure::run(problem));
-        }
-        if Instant::now() > deadline {
-            let waited_s = READY_TIMEOUT.as_secs();
-            return Err(Failure::run(format_args!("nodes have not read their films within {waited_s} s")));
-        }
-        transport.told(Duration::from_millis(50)).await;
-    }
-    Ok(())
 }

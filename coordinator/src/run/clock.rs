@@ -1,8 +1,9 @@
 //! Film time: which frame a step sees, how many steps share it, and when a live step is due.
 
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 
-use crate::facts::Pace;
+use proto::{Pace, unix_now_s};
+use tokio::time::Instant;
 
 /// Film times a billionth of a frame before a frame count as that frame's: sums of steps fall short.
 const FRAME_SLACK: f64 = 1e-9;
@@ -48,11 +49,10 @@ impl Clock {
         unix_now_s() - (self.pace.epoch_unix_s + film_s + self.latency_s + self.shifted_s)
     }
 
-    pub async fn sleep_until(&self, film_s: f64) {
+    /// When the step of a film time is due, if that is still to come.
+    pub fn due(&self, film_s: f64) -> Option<Instant> {
         let left_s = -self.lag_s(film_s);
-        if left_s > 0.0 {
-            tokio::time::sleep(Duration::from_secs_f64(left_s)).await;
-        }
+        (left_s > 0.0).then(|| Instant::now() + Duration::from_secs_f64(left_s))
     }
 
     /// Gives up film time that steps can no longer make good.
@@ -73,11 +73,6 @@ impl Clock {
     pub fn shift(&mut self, film_s: f64) {
         self.shifted_s += self.lag_s(film_s).max(0.0);
     }
-}
-
-/// Wall clock, unix seconds.
-pub(super) fn unix_now_s() -> f64 {
-    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64())
 }
 
 #[cfg(test)]

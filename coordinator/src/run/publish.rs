@@ -3,17 +3,34 @@
 use std::sync::Arc;
 
 use hull::pass::{BodyResult, Touch};
+use proto::{FrameReport, unix_now_s};
 use sim::{Body, BodyId, BodyResponse};
 
 use super::Coordinator;
-use super::clock::unix_now_s;
-use crate::facts::FrameFacts;
 use crate::figures::Progress;
-use crate::live::{BodyLook, BodyState, CameraStatus, RunStatus, SceneState, TouchPoint, WorldState};
+use crate::live::{BodyLook, BodyState, CameraStatus, Live, RunStatus, SceneState, TouchPoint, WorldState};
+use crate::roster::RosterNode;
 
-/// What the last step saw, kept for who comes to watch a world that does not move.
+/// The end of followers, and what is published there.
 #[derive(Default)]
-pub(super) struct Seen {
+pub(super) struct Publisher {
+    pub live: Option<Live>,
+    /// Counts worlds.
+    pub generation: u32,
+    /// The last step, for followers that come while the world does not move.
+    pub view: StepView,
+    scene_version: u64,
+}
+
+impl Publisher {
+    fn is_watched(&self) -> bool {
+        self.live.as_ref().is_some_and(Live::is_watched)
+    }
+}
+
+/// What followers see of a step.
+#[derive(Default)]
+pub(super) struct StepView {
     /// Film time of its end, seconds.
     pub film_s: f64,
     /// Its frame, if there was a hull.
@@ -25,8 +42,8 @@ pub(super) struct Seen {
     touches: Vec<(BodyId, TouchPoint)>,
 }
 
-impl Seen {
-    /// Another world: nothing was said of its bodies yet.
+impl StepView {
+    /// Another world: there are no responses to its bodies yet.
     pub fn forget_bodies(&mut self) {
         self.bodies.clear();
         self.touches.clear();
@@ -35,21 +52,17 @@ impl Seen {
 }
 
 impl Coordinator {
-    fn is_watched(&self) -> bool {
-        self.live.as_ref().is_some_and(crate::live::Live::is_watched)
-    }
-
-    /// Notes what the hull says before a step moves bodies: where they touch is where they are now.
+    /// Keeps the hull's responses before a step moves bodies: where they touch is where they are now.
     pub(super) fn note_touches(&mut self, responses: &[BodyResponse], results: Option<&[BodyResult]>) {
-        self.seen.forget_bodies();
-        if !self.is_watched() {
+        self.publisher.view.forget_bodies();
+        if !self.publisher.is_watched() {
             return;
         }
         let bodies = || self.world.moving_bodies();
         let response = |(body, response): (&Body, &BodyResponse)| {
             (body.id, response.inside_samples, response.response_m)
         };
-        self.seen.bodies = bodies().zip(responses).map(response).collect();
+        let responses = bodies().zip(responses).map(response).collect();
         let touched =
             bodies().zip(results.unwrap_or_default()).filter(|(_, result)| !result.touches.is_empty());
         let points = touched.flat_map(|(body, result)| {
@@ -60,12 +73,14 @@ impl Coordinator {
             };
             result.touches.iter().map(point)
         });
-        self.seen.touches = points.collect();
+        let touches = points.collect();
+        let view = &mut self.publisher.view;
+        (view.bodies, view.touches) = (responses, touches);
     }
 
     /// Hands the world as it is to whoever watches.
     pub(super) fn publish_world(&self) {
-        let Some(live) = self.live.as_ref().filter(|live| live.is_watched()) else { return };
+        let Some(live) = self.publisher.live.as_ref().filter(|live| live.is_watched()) else { return };
         let state = Arc::new(self.world_state());
         live.world.send_if_modified(|known| {
             let is_new = known.as_ref() != Some(&state);
@@ -79,12 +94,12 @@ impl Coordinator {
     fn world_state(&self) -> WorldState {
         let bodies = self.world.bodies();
         let place = |id: BodyId| bodies.binary_search_by_key(&id, |body| body.id).ok();
-        let touches = self.seen.touches.iter();
+        let touches = self.publisher.view.touches.iter();
         WorldState {
-            generation: self.generation,
+            generation: self.publisher.generation,
             step: self.world.steps(),
-            film_s: self.seen.film_s,
-            frame: self.seen.frame,
+            film_s: self.publisher.view.film_s,
+            frame: self.publisher.view.frame,
             paused: self.steering.is_paused(),
             bodies: bodies.iter().map(|body| self.body_state(body)).collect(),
             touches: touches
@@ -94,11 +109,9 @@ impl Coordinator {
     }
 
     fn body_state(&self, body: &Body) -> BodyState {
-        let found = self.seen.bodies.binary_search_by_key(&body.id, |&(id, ..)| id);
-        let (inside_samples, response_m) = found.map_or((0, None), |index| {
-            let (_, inside_samples, response_m) = self.seen.bodies[index];
-            (inside_samples, response_m)
-        });
+        let responses = &self.publisher.view.bodies;
+        let place = responses.binary_search_by_key(&body.id, |&(id, ..)| id);
+        let (_, inside_samples, response_m) = place.map_or((body.id, 0, None), |place| responses[place]);
         BodyState {
             id: body.id,
             pose: body.pose,
@@ -113,8 +126,9 @@ impl Coordinator {
 
     /// Hands out bodies and parameters, watched or not: they change seldom.
     pub(super) fn publish_scene(&mut self) {
-        let Some(live) = &self.live else { return };
-        self.scene_version += 1;
+        let publisher = &mut self.publisher;
+        let Some(live) = &publisher.live else { return };
+        publisher.scene_version += 1;
         let (world, scene) = (&self.world, self.world.scene());
         let look = |body: &Body| BodyLook {
             id: body.id,
@@ -124,8 +138,8 @@ impl Coordinator {
             fixed: body.fixed,
         };
         live.scene.send_replace(Some(Arc::new(SceneState {
-            generation: self.generation,
-            version: self.scene_version,
+            generation: publisher.generation,
+            version: publisher.scene_version,
             scene: scene.name().to_owned(),
             bodies: world.bodies().iter().map(look).collect(),
             parameters: world.parameters(),
@@ -135,7 +149,7 @@ impl Coordinator {
     }
 
     pub(super) fn publish_status(&self, progress: Progress) {
-        let Some(live) = self.live.as_ref().filter(|live| live.is_watched()) else { return };
+        let Some(live) = self.publisher.live.as_ref().filter(|live| live.is_watched()) else { return };
         live.status.send_replace(Some(Arc::new(RunStatus {
             progress,
             cameras: self.camera_status(),
@@ -147,31 +161,34 @@ impl Coordinator {
     }
 
     fn camera_status(&self) -> Vec<CameraStatus> {
-        let (now_s, nodes) = (unix_now_s(), self.transport.nodes_told());
-        let cameras = self.observers.iter().map(|observer| {
-            let node = nodes.iter().find(|node| node.cameras.contains(&observer.rig_index()));
-            (observer, node, node.and_then(|node| node.newest.as_ref()))
+        let (now_s, nodes) = (unix_now_s(), self.transport.roster().nodes());
+        let cameras = self.query.observers().iter().map(|observer| {
+            // The cameras of this process are one node.
+            let of_node =
+                |node: &&RosterNode| nodes.len() == 1 || node.cameras().contains(&observer.rig_index());
+            let node = nodes.iter().find(of_node);
+            (observer, node, node.and_then(|node| node.newest()))
         });
         let cameras: Vec<_> = cameras.collect();
         // How far each capture is from where its frame's number puts it, against the mean of all.
-        let shift_s = |facts: &FrameFacts| facts.captured_unix_s - facts.frame as f64 / self.settings.fps;
-        let shifts: Vec<f64> = cameras.iter().filter_map(|(_, _, facts)| facts.map(shift_s)).collect();
+        let shift_s = |report: &FrameReport| report.captured_unix_s - report.frame as f64 / self.settings.fps;
+        let shifts: Vec<f64> = cameras.iter().filter_map(|(_, _, report)| report.map(shift_s)).collect();
         let mean_s = shifts.iter().sum::<f64>() / shifts.len().max(1) as f64;
-        let status = cameras.into_iter().map(|(observer, node, facts)| {
+        let status = cameras.into_iter().map(|(observer, node, report)| {
             let camera = observer.camera();
-            let of_it = facts.and_then(|facts| {
-                facts.cameras.iter().find(|camera| camera.rig_index == observer.rig_index())
+            let part = report.and_then(|report| {
+                report.cameras.iter().find(|camera| camera.rig_index == observer.rig_index())
             });
             let pixels = f64::from(camera.width()) * f64::from(camera.height());
             CameraStatus {
                 name: camera.name().to_owned(),
-                problem: node.and_then(|node| node.problem.clone()),
-                newest_frame: facts.map(|facts| facts.frame),
-                age_ms: facts.map_or(0.0, |facts| (now_s - facts.captured_unix_s) * 1e3),
-                sync_ms: facts.map_or(0.0, |facts| (shift_s(facts) - mean_s) * 1e3),
-                foreground: of_it.map_or(0.0, |camera| camera.area as f64 / pixels),
-                silhouette_bytes: of_it.map_or(0, |camera| camera.silhouette_bytes),
-                segment_ms: of_it.map_or(0.0, |camera| camera.segment_ms),
+                problem: node.and_then(|node| Some(node.missing()?.to_string())),
+                newest_frame: report.map(|report| report.frame),
+                age_ms: report.map_or(0.0, |report| (now_s - report.captured_unix_s) * 1e3),
+                sync_ms: report.map_or(0.0, |report| (shift_s(report) - mean_s) * 1e3),
+                foreground: part.map_or(0.0, |camera| camera.area as f64 / pixels),
+                silhouette_bytes: part.map_or(0, |camera| camera.silhouette_bytes),
+                segment_ms: part.map_or(0.0, |camera| camera.segment_ms),
             }
         });
         status.collect()

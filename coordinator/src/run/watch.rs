@@ -1,15 +1,14 @@
-//! What others are told of a run while it goes on: figures four times a second, and pictures.
+//! What is reported of a run while it goes on: figures four times a second, and pictures.
 
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use hull::Silhouette;
 use hull::pass::BodyResult;
+use proto::unix_now_s;
 use sim::World;
 
 use super::Coordinator;
-use super::clock::unix_now_s;
 use crate::figures::{Percentiles, Progress};
+use crate::transport::Silhouettes;
 
 pub(super) const REPORT_EVERY: Duration = Duration::from_millis(250);
 
@@ -20,16 +19,16 @@ pub struct Snapshot<'a> {
     /// The frame in use.
     pub frame: u64,
     /// Its silhouettes in rig order.
-    pub silhouettes: Vec<Arc<Silhouette>>,
+    pub silhouettes: Silhouettes,
     /// The world after the step.
     pub world: &'a World,
     /// Samples that were inside the hull before the step, world, metres.
     pub inside_world: Vec<[f64; 3]>,
 }
 
-/// Who is told of a run as it goes.
+/// Receives reports of a run as it goes.
 pub trait Watcher {
-    /// Told four times a second.
+    /// Four times a second.
     fn progress(&mut self, progress: &Progress);
     /// Asked after every step: is a picture of it wanted?
     fn wants_snapshot(&mut self, film_s: f64) -> bool;
@@ -38,16 +37,17 @@ pub trait Watcher {
 }
 
 /// What was measured since the last report.
-pub(super) struct Recent {
+pub(super) struct RecentFigures {
     since: Instant,
     steps_ms: Percentiles,
     bytes: u64,
     passes: u64,
 }
 
-impl Recent {
-    pub fn new(bytes: u64, passes: u64) -> Recent {
-        Recent { since: Instant::now(), steps_ms: Percentiles::default(), bytes, passes }
+impl RecentFigures {
+    /// Nothing yet, since so many bytes and passes.
+    pub fn since(bytes: u64, passes: u64) -> RecentFigures {
+        RecentFigures { since: Instant::now(), steps_ms: Percentiles::default(), bytes, passes }
     }
 }
 
@@ -55,13 +55,14 @@ impl Coordinator {
     /// How old the film was that caused this step's responses, if there were any.
     pub(super) fn note_age(&mut self, results: Option<&[BodyResult]>) {
         let responded = results.is_some_and(|results| results.iter().any(|result| result.response_m.is_ok()));
-        let facts = self.frame.and_then(|frame| self.transport.facts(frame)).filter(|_| responded);
-        if let Some(facts) = facts.as_ref().and_then(|facts| facts.first()) {
-            self.figures.response_age_ms.add((unix_now_s() - facts.captured_unix_s) * 1e3);
+        let Some(frame) = self.film.frame.filter(|_| responded) else { return };
+        let reports = self.transport.roster().reports(frame);
+        if let Some(report) = reports.as_ref().and_then(|reports| reports.first()) {
+            self.figures.response_age_ms.add((unix_now_s() - report.captured_unix_s) * 1e3);
         }
     }
 
-    /// Tells how the run stands, four times a second; `step_ms` is what a step took, if one was made.
+    /// Reports how the run goes, four times a second; `step_ms` is what a step took, if one was made.
     pub(super) fn report(&mut self, watcher: &mut dyn Watcher, step_ms: Option<f64>) {
         step_ms.into_iter().for_each(|step_ms| self.recent.steps_ms.add(step_ms));
         let elapsed = self.recent.since.elapsed();
@@ -72,22 +73,27 @@ impl Coordinator {
         let bytes = bytes.to_nodes + bytes.from_nodes;
         let passes = self.figures.passes;
         let progress = Progress {
-            film_s: self.seen.film_s,
-            frame: self.frame,
+            film_s: self.publisher.view.film_s,
+            frame: self.film.frame,
             steps_per_s: self.recent.steps_ms.count() as f64 / elapsed.as_secs_f64(),
             passes_per_s: (passes - self.recent.passes) as f64 / elapsed.as_secs_f64(),
             p50_ms: self.recent.steps_ms.p50().unwrap_or(0.0),
             p99_ms: self.recent.steps_ms.p99().unwrap_or(0.0),
             samples: self.figures.samples,
-            contacts: self.seen.touching,
+            contacts: self.publisher.view.touching,
             bytes_per_s: (bytes - self.recent.bytes) as f64 / elapsed.as_secs_f64(),
-            blind: self.blind.clone(),
+            hull_unavailable: self
+                .film
+                .unavailable
+                .as_ref()
+                .filter(|why| why.is_fault())
+                .map(ToString::to_string),
         };
         watcher.progress(&progress);
         self.publish_status(progress);
         // Somebody may have begun to watch a world that does not move.
         self.publish_world();
-        self.recent = Recent::new(bytes, passes);
+        self.recent = RecentFigures::since(bytes, passes);
     }
 
     pub(super) async fn picture(
@@ -96,7 +102,7 @@ impl Coordinator {
         film_s: f64,
         results: Option<&[BodyResult]>,
     ) {
-        let Some(frame) = self.frame else { return };
+        let Some(frame) = self.film.frame else { return };
         if !watcher.wants_snapshot(film_s) {
             return;
         }

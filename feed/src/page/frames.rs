@@ -9,6 +9,7 @@ use proto::MAX_SCALE_LOG2;
 
 use super::incoming::Want;
 use crate::message_cache::{Content, FrameMessage};
+use crate::pictures::PicturesError;
 use crate::shared::Shared;
 use crate::tier::Tier;
 
@@ -49,7 +50,7 @@ pub(crate) struct WorldFrame {
 pub(crate) struct PageFrames {
     shared: Arc<Shared>,
     /// The messages that are being made.
-    making: Option<BoxFuture<'static, Result<Messages, String>>>,
+    making: Option<BoxFuture<'static, Result<Messages, PicturesError>>>,
     /// Frame sets that were sent and not shown.
     unshown: Vec<u32>,
     /// The last frame that was asked for, and when.
@@ -105,7 +106,7 @@ impl PageFrames {
     }
 
     /// The next messages, when they are made; pending for ever if none are being made.
-    pub async fn made(&mut self) -> Result<Vec<Bytes>, String> {
+    pub async fn made(&mut self) -> Result<Vec<Bytes>, PicturesError> {
         let made = match &mut self.making {
             Some(making) => making.await,
             None => future::pending().await,
@@ -177,7 +178,7 @@ impl PageFrames {
         WorldFrame { frame, is_paused }: WorldFrame,
         set: Option<Content>,
         images: Vec<Content>,
-    ) -> BoxFuture<'static, Result<Messages, String>> {
+    ) -> BoxFuture<'static, Result<Messages, PicturesError>> {
         let shared = Arc::clone(&self.shared);
         Box::pin(async move {
             let cache = &shared.messages;

@@ -3,7 +3,7 @@
 use std::pin::Pin;
 use std::sync::Arc;
 
-use coordinator::live::{BodyLook, BodyState, Command, Done, Parameters, SceneState, WorldState};
+use coordinator::live::{BodyLook, BodyState, Command, Outcome, Parameters, SceneState, WorldState};
 use proto::text::{MAX_MESSAGE_CHARS, clean};
 use proto::v1;
 use proto::v1::world_server::{World, WorldServer};
@@ -59,7 +59,7 @@ impl Service {
         &self,
         request: Request<T>,
         command: impl FnOnce(T) -> Result<Command, InputError>,
-    ) -> Result<Done, Status> {
+    ) -> Result<Outcome, Status> {
         if !self.may_steer(&request) {
             return Err(Status::permission_denied(
                 "a viewer cannot steer: send metadata \"authorization: Bearer TOKEN\"",
@@ -137,8 +137,8 @@ impl World for Service {
 
     async fn spawn(&self, request: Request<v1::SpawnRequest>) -> Result<Response<v1::SpawnReply>, Status> {
         match self.order(request, spawn).await? {
-            Done::Spawned(body) => Ok(Response::new(v1::SpawnReply { body })),
-            Done::Done => Err(Status::internal("the run spawned nothing")),
+            Outcome::Spawned(body) => Ok(Response::new(v1::SpawnReply { body })),
+            Outcome::Applied => Err(Status::internal("the run spawned nothing")),
         }
     }
 

@@ -8,15 +8,16 @@ use std::time::Duration;
 use bytes::Bytes;
 use coordinator::Progress;
 use coordinator::live::{
-    BodyLook, BodyState, CameraStatus, Command, Done, Live, Order, Parameters, Refused, RunStatus,
+    BodyLook, BodyState, CameraStatus, Command, Live, Order, Outcome, Parameters, Refusal, RunStatus,
     SceneState, TouchPoint, WorldState, live,
 };
-use feed::pictures::{CameraPicture, FramePictures, PictureKind, PictureRequest, Pictures};
+use feed::pictures::Pictures;
 use feed::{Feed, FeedSettings, RunInfo, Token};
 use futures::future::BoxFuture;
 use futures::{SinkExt as _, StreamExt as _};
 use hull::{Camera, Pose, ProbeSettings, Rig};
 use nalgebra::{Matrix3, Vector3};
+use proto::{CameraPicture, FramePictures, PictureKind, PictureRequest};
 use serde_json::Value;
 use sim::Solid;
 use tokio::net::TcpStream;
@@ -46,7 +47,10 @@ pub struct Studio {
 }
 
 impl Pictures for Studio {
-    fn fetch(&self, request: PictureRequest) -> BoxFuture<'static, Result<FramePictures, String>> {
+    fn fetch(
+        &self,
+        request: PictureRequest,
+    ) -> BoxFuture<'static, Result<FramePictures, coordinator::BoxError>> {
         self.asked.lock().expect("whole").push(request.clone());
         let frame = request.frame.unwrap_or(self.newest.load(Ordering::SeqCst));
         let is_gone = frame < self.oldest.load(Ordering::SeqCst);
@@ -67,12 +71,12 @@ impl Pictures for Studio {
                     _ => Bytes::from(vec![0; 480]),
                 };
                 let crop = if jpeg.is_empty() { [0; 4] } else { [64, 64, 128, 256] };
-                CameraPicture { camera, runs, scale_log2: request.scale_log2, crop, jpeg }
+                CameraPicture { rig_index: camera, runs, scale_log2: request.scale_log2, crop, jpeg }
             })
             .collect();
         Box::pin(async move {
             if is_gone {
-                return Err(format!("frame {frame} is gone"));
+                return Err(format!("frame {frame} is gone").into());
             }
             Ok(FramePictures { frame, captured_unix_s: 1_000.0 + frame as f64 / FPS, cameras })
         })
@@ -144,9 +148,9 @@ impl Run {
         tokio::spawn(async move {
             while let Some(Order { command, reply }) = orders.recv().await {
                 let answer = match &command {
-                    Command::Remove(99) => Err(Refused("no body has number 99".into())),
-                    Command::Spawn(_) => Ok(Done::Spawned(12)),
-                    _ => Ok(Done::Done),
+                    Command::Remove(99) => Err(Refusal::World(sim::CommandError::NoBody(99))),
+                    Command::Spawn(_) => Ok(Outcome::Spawned(12)),
+                    _ => Ok(Outcome::Applied),
                 };
                 record.lock().expect("whole").push(command);
                 // Whoever asked may have gone.
@@ -198,7 +202,7 @@ impl Run {
             samples: 400,
             contacts: 1,
             bytes_per_s: 1e5,
-            blind: Some("no node".into()),
+            hull_unavailable: Some("no node".into()),
         };
         let status = RunStatus {
             progress,

@@ -42,7 +42,8 @@ impl Console {
 
 impl Watcher for Console {
     fn progress(&mut self, progress: &Progress) {
-        let hull = progress.blind.as_ref().map_or_else(String::new, |why| format!("  NO HULL: {why}"));
+        let hull =
+            progress.hull_unavailable.as_ref().map_or_else(String::new, |why| format!("  NO HULL: {why}"));
         self.line.set_message(format!(
             "{:6.1} s  frame {}  {:4.0} steps/s  {:3.0} passes/s  p50 {:.2} ms  p99 {:.2} ms  {} samples  {} contacts  {:.0} KB/s{hull}",
             progress.film_s,

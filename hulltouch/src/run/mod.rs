@@ -17,10 +17,11 @@ use ::recording::ColourSource;
 use camera_node::NodeConfig;
 use cli::{Failure, Outcome};
 use cluster::{InProcess, LocalCluster, Sockets, expected_node};
-use coordinator::{ExpectedNode, Transport};
-use feed::pictures::{NodePictures, Pictures};
+use coordinator::Transport;
+use feed::pictures::Pictures;
 use hull::Observer;
-use proto::Address;
+use node_client::ExpectedNode;
+use node_client::NodePictures;
 use sim::World;
 
 use self::outlets::PageSource;
@@ -81,12 +82,9 @@ fn run_over_nodes(
     nodes: Vec<ExpectedNode>,
     connect_timeout: Duration,
 ) -> Outcome {
-    let rig_indices = |node: &ExpectedNode| node.cameras.iter().map(|camera| camera.rig_index).collect();
-    let addresses: Vec<(Address, Vec<u16>)> =
-        nodes.iter().map(|node| (node.address.clone(), rig_indices(node))).collect();
-    let of_recording = addresses.clone();
+    let (of_recording, of_page) = (nodes.clone(), nodes.clone());
     let colours = colour_source(setup, || Arc::new(NodePictures::new(of_recording)));
-    let page = PageSource::of_cameras(cameras, || Arc::new(NodePictures::new(addresses)));
+    let page = PageSource::of_cameras(cameras, || Arc::new(NodePictures::new(of_page)));
     let transport = |world: &World, gather| connect(setup, nodes, world, gather);
     run(setup, cameras, transport, page, colours, connect_timeout)
 }

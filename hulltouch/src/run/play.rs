@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use cli::{Failure, Outcome, write_whole};
-use coordinator::record::{Recorder, Schedule};
+use coordinator::hooks::{Recorder, Schedule};
 use coordinator::{Coordinator, Figures, RunError, RunSettings, Transport};
 use hull::Observer;
 use recording::{Recorded, RecordingFile, WriteError};
@@ -108,9 +108,9 @@ fn run_settings(setup: &Setup, connect_timeout: Duration) -> RunSettings {
         hold_s: setup.file.hold_s,
         seconds: setup.seconds,
         lock_step: setup.lock_step,
-        asks: setup.asks,
+        ask_every: setup.asks,
         reuse_within_m: setup.scene.hull().reuse_within_m,
-        connect_patience: connect_timeout,
+        connect_timeout,
     }
 }
 

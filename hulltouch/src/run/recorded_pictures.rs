@@ -3,8 +3,10 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use feed::pictures::{CameraPicture, FramePictures, PictureKind, PictureRequest, Pictures};
+use coordinator::BoxError;
+use feed::pictures::Pictures;
 use futures::future::BoxFuture;
+use proto::{CameraPicture, FramePictures, PictureKind, PictureRequest};
 use recording::{ColourCrop, RecordedPicture, RecordedPictures};
 
 /// No frame was requested yet.
@@ -26,18 +28,22 @@ impl RecordingPictures {
 }
 
 impl Pictures for RecordingPictures {
-    fn fetch(&self, request: PictureRequest) -> BoxFuture<'static, Result<FramePictures, String>> {
+    fn fetch(&self, request: PictureRequest) -> BoxFuture<'static, Result<FramePictures, BoxError>> {
         let frame = request.frame.unwrap_or_else(|| self.newest.load(Ordering::Relaxed));
         self.newest.store(frame, Ordering::Relaxed);
         let pictures = Arc::clone(&self.pictures);
         // Reading a file waits for a disk.
         let reading = tokio::task::spawn_blocking(move || read(&pictures, frame, &request));
-        Box::pin(async move { reading.await.unwrap_or_else(|error| Err(error.to_string())) })
+        Box::pin(async move { reading.await? })
     }
 }
 
-fn read(pictures: &RecordedPictures, frame: u64, request: &PictureRequest) -> Result<FramePictures, String> {
-    let found = pictures.frame(frame).map_err(|error| error.to_string())?;
+fn read(
+    pictures: &RecordedPictures,
+    frame: u64,
+    request: &PictureRequest,
+) -> Result<FramePictures, BoxError> {
+    let found = pictures.frame(frame)?;
     let found = found.ok_or_else(|| format!("frame {frame} is not in the recording"))?;
     let captured_unix_s = found.first().map_or(0.0, |picture| picture.captured_unix_s);
     let wanted = found.into_iter().filter(|picture| {
@@ -50,7 +56,7 @@ fn read(pictures: &RecordedPictures, frame: u64, request: &PictureRequest) -> Re
 
 fn shown(picture: RecordedPicture, kind: PictureKind) -> CameraPicture {
     let RecordedPicture { camera, runs, colour, .. } = picture;
-    let silhouette = CameraPicture { camera, runs: runs.into(), ..CameraPicture::default() };
+    let silhouette = CameraPicture { rig_index: camera, runs: runs.into(), ..CameraPicture::default() };
     match colour.filter(|_| kind == PictureKind::Crops) {
         Some(ColourCrop { crop, scale_log2, jpeg, .. }) => CameraPicture {
             // Sides are 16,384 pixels at most.

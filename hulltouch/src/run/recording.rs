@@ -4,9 +4,10 @@ use std::sync::Arc;
 
 use camera_node::NodeConfig;
 use cli::{Failure, Outcome};
-use feed::pictures::{CameraPicture, PictureKind, PictureRequest, Pictures};
+use feed::pictures::Pictures;
 use proto::convert::Precision;
 use proto::unix_now_s;
+use proto::{CameraPicture, PictureKind, PictureRequest};
 use recording::{ColourCrop, ColourSource, RecordingFile, RunHeader, RunRecorder, WriteError};
 
 use super::options::RecordTo;
@@ -75,7 +76,7 @@ pub fn colour_source<P: Pictures + 'static>(make: impl FnOnce() -> Arc<P> + Send
 
 fn crop(picture: &CameraPicture) -> ColourCrop {
     ColourCrop {
-        camera: picture.camera,
+        camera: picture.rig_index,
         crop: picture.crop.map(u32::from),
         scale_log2: picture.scale_log2.into(),
         jpeg: picture.jpeg.to_vec(),

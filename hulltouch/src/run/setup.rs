@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 use cli::{Failure, Outcome, check_writable};
 use cluster::ClusterFile;
-use coordinator::Asks;
+use coordinator::AskEvery;
 use sim::{ResponseMode, Scene, WorldSettings};
 
 use super::options::{Outlets, RecordTo};
@@ -63,11 +63,11 @@ pub enum AskName {
     Step,
 }
 
-impl From<AskName> for Asks {
-    fn from(name: AskName) -> Asks {
+impl From<AskName> for AskEvery {
+    fn from(name: AskName) -> AskEvery {
         match name {
-            AskName::Frame => Asks::EachFrame,
-            AskName::Step => Asks::EachStep,
+            AskName::Frame => AskEvery::Frame,
+            AskName::Step => AskEvery::Step,
         }
     }
 }
@@ -83,7 +83,7 @@ pub struct Setup {
     /// Where probes are computed.
     pub transport: TransportName,
     /// How often the hull is asked.
-    pub asks: Asks,
+    pub asks: AskEvery,
     /// Every frame, as fast as it can be made.
     pub lock_step: bool,
     /// The scene without the person.

@@ -11,7 +11,8 @@ use super::rounded::{
     Precision, UnitBits, covering_code, from_octahedral, nearest_code, octahedral, on_scale, step_m,
 };
 use super::{ConvertError, RefusalReason};
-use crate::{MAX_POINTS, v1};
+use crate::text::{MAX_MESSAGE_CHARS, clean};
+use crate::{MAX_MESSAGE_BYTES, v1};
 
 /// Steps of the scale of rounded distances in three bytes, and in two.
 const STEPS: u32 = 0xff_ffff;
@@ -23,7 +24,9 @@ const SHORT_M: f32 = 0.1;
 /// Up to here 16 bits for each part of a normal are enough: ways of that length end a few micrometres off.
 const SHORT_NORMALS_M: f32 = 0.12;
 
-/// Stands for the pixel of an edge whose pixel was not told.
+/// Unit vectors of single precision, or rounded, differ from length 1 by less.
+const UNIT_TOLERANCE: f32 = 1e-3;
+/// Stands for the pixel of an edge whose pixel was not sent.
 const NO_PIXEL: Pixel = Pixel { column: 0, row: 0 };
 
 /// A node's reply to a question.
@@ -52,29 +55,81 @@ pub fn answer_to_wire(
     v1::ProbeReply { id, answer: Some(answer), compute_ms: compute_ms as f32 }
 }
 
-/// A node's reply: its id, the answer, and the milliseconds it took to compute.
-pub fn answer_from_wire(reply: v1::ProbeReply) -> Result<(u64, ProbeAnswer, f64), ConvertError> {
-    use v1::probe_reply::Answer as Wire;
-    let v1::ProbeReply { id, answer, compute_ms } = reply;
-    let missing = ConvertError::Missing { message: "ProbeReply", field: "answer" };
-    let answer = match answer.ok_or(missing)? {
-        Wire::Classes(classes) => ProbeAnswer::Answer(classes_from_wire(&classes)?),
-        Wire::Edges(edges) => ProbeAnswer::Answer(edges_from_wire(&edges)?),
-        Wire::Exits(exits) => ProbeAnswer::Answer(exits_from_wire(&exits)?),
-        Wire::Refusal(refusal) => {
-            ProbeAnswer::Refused(super::from_wire::reason_from_wire(&refusal), refusal.message)
-        }
-    };
-    Ok((id, answer, f64::from(compute_ms)))
+/// What an answer must be to fit its question.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExpectedAnswer {
+    /// What was asked.
+    pub kind: QuestionKind,
+    /// Of how many points.
+    pub points: usize,
+    /// The node's cameras: place in the rig, width and height in pixels.
+    pub cameras: Vec<(u16, (u32, u32))>,
 }
 
-/// A count that memory may be set aside for.
-fn checked_count(count: u32, field: Field) -> Result<usize, ConvertError> {
-    let count = count as usize;
-    if count > MAX_POINTS {
-        return Err(field.value(format!("is {count}, expected at most {MAX_POINTS}")));
+impl ExpectedAnswer {
+    /// Refuses any other count, before memory is set aside for it.
+    fn check_count(&self, count: u32, field: Field) -> Result<usize, ConvertError> {
+        if count as usize != self.points {
+            return Err(field.value(format!("is {count}, expected {}", self.points)));
+        }
+        Ok(self.points)
     }
-    Ok(count)
+
+    /// Refuses edges of cameras that the node has not, or beside their images. Those whose pixel was not sent
+    /// pass.
+    fn check_edge(&self, edge: &Edge, field: Field) -> Result<(), ConvertError> {
+        let Edge { camera, pixel, distance_m, normal_world } = *edge;
+        let size = self.cameras.iter().find(|(place, _)| *place == camera).map(|(_, size)| *size);
+        let (width, height) = size.ok_or_else(|| {
+            field.value(format!("holds an edge of camera {camera}, not one of the node's own"))
+        })?;
+        // Under "outside" the nearest background may be the first pixel off the image.
+        let is_near = |at: i32, side: u32| (-1..=i64::from(side)).contains(&i64::from(at));
+        if !is_near(pixel.column, width) || !is_near(pixel.row, height) {
+            let Pixel { column, row } = pixel;
+            return Err(
+                field.value(format!("holds pixel ({column}, {row}) of camera {camera}, {width} x {height}"))
+            );
+        }
+        if !distance_m.is_finite() || distance_m < 0.0 {
+            return Err(field.value(format!("holds a distance of {distance_m}, expected finite metres")));
+        }
+        let length = normal_world.iter().map(|n| n * n).sum::<f32>().sqrt();
+        if (length - 1.0).abs() > UNIT_TOLERANCE {
+            return Err(field.value(format!("holds a normal of length {length}, expected 1")));
+        }
+        Ok(())
+    }
+}
+
+/// A node's reply: the answer to the question that was asked, or its refusal, and the milliseconds that it took
+/// to compute.
+pub fn answer_from_wire(
+    reply: v1::ProbeReply,
+    expected: &ExpectedAnswer,
+) -> Result<(ProbeAnswer, f64), ConvertError> {
+    use v1::probe_reply::Answer as Wire;
+    let v1::ProbeReply { id: _, answer, compute_ms } = reply;
+    let field = |name| Field("ProbeReply", name);
+    let missing = ConvertError::Missing { message: "ProbeReply", field: "answer" };
+    let answer = match answer.ok_or(missing)? {
+        Wire::Classes(classes) => classes_from_wire(&classes, expected)?,
+        Wire::Edges(edges) => edges_from_wire(&edges, expected)?,
+        Wire::Exits(exits) => exits_from_wire(&exits, expected)?,
+        Wire::Refusal(refusal) => {
+            let message = clean(&refusal.message, MAX_MESSAGE_CHARS);
+            let refused = ProbeAnswer::Refused(super::from_wire::reason_from_wire(&refusal), message);
+            return Ok((refused, 0.0));
+        }
+    };
+    if !answer.kind.answers(expected.kind) {
+        return Err(field("answer").value("is of another kind than the question"));
+    }
+    let compute_ms = f64::from(compute_ms);
+    if !compute_ms.is_finite() || compute_ms < 0.0 {
+        return Err(field("compute_ms").value(format!("is {compute_ms}, expected milliseconds")));
+    }
+    Ok((ProbeAnswer::Answer(answer), compute_ms))
 }
 
 fn chosen(bytes: &[u8], count: usize, field: Field) -> Result<Vec<u32>, ConvertError> {
@@ -95,10 +150,14 @@ fn classes_to_wire(standings: &[Standing], camera_count: usize) -> v1::ClassesAn
     }
 }
 
-fn classes_from_wire(answer: &v1::ClassesAnswer) -> Result<Answer, ConvertError> {
+fn classes_from_wire(answer: &v1::ClassesAnswer, expected: &ExpectedAnswer) -> Result<Answer, ConvertError> {
     let v1::ClassesAnswer { count, not_outside, inside_counts, cameras } = answer;
     let field = |name| Field("ClassesAnswer", name);
-    let count = checked_count(*count, field("count"))?;
+    let count = expected.check_count(*count, field("count"))?;
+    let most = expected.cameras.len();
+    if *cameras as usize != most {
+        return Err(field("cameras").value(format!("is {cameras}, expected {most}")));
+    }
     let mut standings = vec![Standing::OUTSIDE; count];
     if inside_counts.is_empty() {
         let all = Standing::inside(*cameras as usize);
@@ -106,6 +165,9 @@ fn classes_from_wire(answer: &v1::ClassesAnswer) -> Result<Answer, ConvertError>
     } else {
         let set = chosen(not_outside, count, field("not_outside"))?;
         let counts = unpack_exactly(inside_counts, set.len(), field("inside_counts"))?;
+        if let Some(count) = counts.iter().find(|count| usize::from(**count) > most) {
+            return Err(field("inside_counts").value(format!("holds {count}, expected at most {most}")));
+        }
         for (index, count) in set.into_iter().zip(counts) {
             standings[index as usize] = Standing::inside(usize::from(count));
         }
@@ -159,11 +221,11 @@ fn edges_to_wire(answer: &Answer, precision: Precision) -> v1::EdgesAnswer {
     wire
 }
 
-fn edges_from_wire(answer: &v1::EdgesAnswer) -> Result<Answer, ConvertError> {
+fn edges_from_wire(answer: &v1::EdgesAnswer, expected: &ExpectedAnswer) -> Result<Answer, ConvertError> {
     let v1::EdgesAnswer { count, present, distances, normals, cameras, pixels, step_m, exits_within } =
         answer;
     let field = |name| Field("EdgesAnswer", name);
-    let mut edges = vec![None; checked_count(*count, field("count"))?];
+    let mut edges = vec![None; expected.check_count(*count, field("count"))?];
     let set = chosen(present, edges.len(), field("present"))?;
     check_step(*step_m, field("step_m"))?;
     let rounded = *step_m > 0.0;
@@ -172,9 +234,6 @@ fn edges_from_wire(answer: &v1::EdgesAnswer) -> Result<Answer, ConvertError> {
     } else {
         unpack(distances, set.len(), field("distances"), f32::from_le_bytes)?
     };
-    if let Some(distance) = distances.iter().find(|distance| !distance.is_finite()) {
-        return Err(field("distances").value(format!("holds {distance}, expected finite metres")));
-    }
     let normals = if rounded {
         from_octahedral(normals, set.len(), field("normals"))?
     } else {
@@ -204,12 +263,14 @@ fn edges_from_wire(answer: &v1::EdgesAnswer) -> Result<Answer, ConvertError> {
         places.zip(told).for_each(|(index, code)| exits_within[index] = Reach::from_code(code));
     }
     for (at, index) in set.into_iter().enumerate() {
-        edges[index as usize] = Some(Edge {
+        let edge = Edge {
             distance_m: distances[at],
             camera: cameras[if cameras.len() == 1 { 0 } else { at }],
             pixel: pixels[at],
             normal_world: normals[at],
-        });
+        };
+        expected.check_edge(&edge, field("present"))?;
+        edges[index as usize] = Some(edge);
     }
     Ok(Answer { kind: QuestionKind::Edges, edges, exits_within, ..Answer::default() })
 }
@@ -275,10 +336,10 @@ fn exits_to_wire(answer: &Answer, precision: Precision) -> v1::ExitsAnswer {
 }
 
 /// Whether they are shared is the question's matter: the answer is taken for either kind.
-fn exits_from_wire(answer: &v1::ExitsAnswer) -> Result<Answer, ConvertError> {
+fn exits_from_wire(answer: &v1::ExitsAnswer, expected: &ExpectedAnswer) -> Result<Answer, ConvertError> {
     let v1::ExitsAnswer { count, present, outside, changes, step_m } = answer;
     let field = |name| Field("ExitsAnswer", name);
-    let mut exits_m = vec![NO_EXIT_M; checked_count(*count, field("count"))?];
+    let mut exits_m = vec![NO_EXIT_M; expected.check_count(*count, field("count"))?];
     let set = chosen(present, exits_m.len(), field("present"))?;
     check_step(*step_m, field("step_m"))?;
     let found = if *step_m > 0.0 {
@@ -290,14 +351,24 @@ fn exits_from_wire(answer: &v1::ExitsAnswer) -> Result<Answer, ConvertError> {
         return Err(field("outside").value(format!("holds {t}, expected metres")));
     }
     set.into_iter().zip(found).for_each(|(index, exit_m)| exits_m[index as usize] = exit_m);
-    let changes = changes_from_wire(changes, exits_m.len(), field("changes"))?;
+    let cameras = expected.cameras.len();
+    let changes = changes_from_wire(changes, exits_m.len(), cameras, field("changes"))?;
     Ok(Answer { kind: QuestionKind::Exits, exits_m, changes, ..Answer::default() })
 }
 
-fn changes_from_wire(bytes: &[u8], count: usize, field: Field) -> Result<Vec<Change>, ConvertError> {
-    /// A ray crosses the borders of an image, or of what is ignored in it, a few times a camera.
-    const MOST_A_POINT: usize = 1 << 10;
-    let bytes = unpack_at_most(bytes, count.saturating_mul(12 * MOST_A_POINT), field)?;
+fn changes_from_wire(
+    bytes: &[u8],
+    count: usize,
+    cameras: usize,
+    field: Field,
+) -> Result<Vec<Change>, ConvertError> {
+    /// A ray crosses the borders of an image, or of what is ignored in it, a few times a camera: a fence of
+    /// fifty bars takes a hundred.
+    const MOST_A_RAY: usize = 128;
+    const CHANGE_BYTES: usize = 12;
+    // What a message could hold unpacked is enough for whatever was asked.
+    let most = count.saturating_mul(cameras * MOST_A_RAY * CHANGE_BYTES).min(MAX_MESSAGE_BYTES);
+    let bytes = unpack_at_most(bytes, most, field)?;
     let change = |bytes: [u8; 12]| {
         let [a, b, c, d, e, f, g, h, i, j, k, l] = bytes;
         Change {
@@ -325,10 +396,16 @@ mod tests {
         Answer { kind, ..Answer::default() }
     }
 
+    /// Two cameras of the largest images there are.
+    fn expected(kind: QuestionKind, points: usize) -> ExpectedAnswer {
+        let size = (16_384, 16_384);
+        ExpectedAnswer { kind, points, cameras: vec![(1, size), (3, size)] }
+    }
+
     fn there_and_back(answer: &Answer, precision: Precision) -> Answer {
         let wire = answer_to_wire(9, answer, 2, precision, 0.5);
-        match answer_from_wire(wire).expect("valid") {
-            (9, ProbeAnswer::Answer(answer), 0.5) => answer,
+        match answer_from_wire(wire, &expected(answer.kind, answer.len())).expect("valid") {
+            (ProbeAnswer::Answer(answer), 0.5) => answer,
             other => panic!("expected the answer, found {other:?}"),
         }
     }
@@ -349,11 +426,11 @@ mod tests {
             Answer { standings: vec![Standing::OUTSIDE, inside(2), inside(1)], ..of(QuestionKind::Classes) },
             Answer { edges: vec![None, edge(0.25, 3, -1, 479), None], ..of(QuestionKind::Edges) },
             Answer {
-                edges: vec![edge(0.1, 3, 0, -2), None, edge(0.3, 1, 16_385, 9), edge(0.2, 3, -3, 16_384)],
+                edges: vec![edge(0.1, 3, 0, -1), None, edge(0.3, 1, 16_384, 9), edge(0.2, 3, -1, 16_384)],
                 ..of(QuestionKind::Edges)
             },
             Answer {
-                edges: vec![None, edge(0.1, 3, 0, -2), edge(0.2, 3, 1, 1)],
+                edges: vec![None, edge(0.1, 3, 0, -1), edge(0.2, 3, 1, 1)],
                 exits_within: vec![Reach::UNBOUNDED, Reach::from_code(7), Reach::UNBOUNDED],
                 ..of(QuestionKind::Edges)
             },
@@ -386,13 +463,85 @@ mod tests {
         }
     }
 
+    #[track_caller]
+    fn refused(answer: v1::probe_reply::Answer, kind: QuestionKind, points: usize, message: &str) {
+        let reply = v1::ProbeReply { id: 0, answer: Some(answer), compute_ms: 0.0 };
+        let error = answer_from_wire(reply, &expected(kind, points)).expect_err(message);
+        assert_eq!(error.to_string(), message);
+    }
+
     #[test]
     fn a_claimed_count_sets_no_memory_aside() {
-        let lie = v1::ClassesAnswer { count: u32::MAX, ..v1::ClassesAnswer::default() };
-        let answer = Some(v1::probe_reply::Answer::Classes(lie));
-        let error = answer_from_wire(v1::ProbeReply { id: 0, answer, compute_ms: 0.0 }).expect_err("a lie");
-        let expected = "ClassesAnswer.count: is 4294967295, expected at most 1000000";
-        assert_eq!(error.to_string(), expected);
+        use v1::probe_reply::Answer as Wire;
+        let lie = v1::ClassesAnswer { count: u32::MAX, cameras: 2, ..v1::ClassesAnswer::default() };
+        refused(
+            Wire::Classes(lie),
+            QuestionKind::Classes,
+            7,
+            "ClassesAnswer.count: is 4294967295, expected 7",
+        );
+        let bomb: Vec<u8> = [1].into_iter().chain(lz4_flex::block::compress(&vec![0; 64 << 20])).collect();
+        let lie = v1::ExitsAnswer {
+            count: 7,
+            changes: bomb.into(),
+            present: choice(&[false; 7], |_| false),
+            ..v1::ExitsAnswer::default()
+        };
+        let reply = v1::ProbeReply { id: 0, answer: Some(Wire::Exits(lie)), compute_ms: 0.0 };
+        let error =
+            answer_from_wire(reply, &expected(QuestionKind::Exits, 7)).expect_err("a bomb").to_string();
+        assert!(error.starts_with("ExitsAnswer.changes: does not decompress"), "{error}");
+    }
+
+    #[test]
+    fn an_edge_that_cannot_be_is_the_nodes_own_fault() {
+        use v1::probe_reply::Answer as Wire;
+        type Lie = fn(&mut Edge);
+        let lies: [(Lie, &str); 5] = [
+            (
+                |edge| edge.camera = 2,
+                "EdgesAnswer.present: holds an edge of camera 2, not one of the node's own",
+            ),
+            (
+                |edge| edge.normal_world = [2.0, 0.0, 0.0],
+                "EdgesAnswer.present: holds a normal of length 2, expected 1",
+            ),
+            (
+                |edge| edge.normal_world = [0.0; 3],
+                "EdgesAnswer.present: holds a normal of length 0, expected 1",
+            ),
+            (
+                |edge| edge.distance_m = -1.0,
+                "EdgesAnswer.present: holds a distance of -1, expected finite metres",
+            ),
+            (
+                |edge| edge.pixel.row = 16_385,
+                "EdgesAnswer.present: holds pixel (5, 16385) of camera 3, 16384 x 16384",
+            ),
+        ];
+        for (lie, message) in lies {
+            let mut edge = edge(0.1, 3, 5, 7).expect("an edge");
+            lie(&mut edge);
+            let answer = Answer { edges: vec![Some(edge)], ..of(QuestionKind::Edges) };
+            let wire = answer_to_wire(9, &answer, 2, Precision::Exact, 0.5).answer.expect("an answer");
+            refused(wire, QuestionKind::Edges, 1, message);
+        }
+        let answer = Answer { edges: vec![None], ..of(QuestionKind::Edges) };
+        let wire = answer_to_wire(9, &answer, 2, Precision::Exact, 0.5).answer.expect("an answer");
+        refused(
+            wire.clone(),
+            QuestionKind::Exits,
+            1,
+            "ProbeReply.answer: is of another kind than the question",
+        );
+        let counts = v1::ClassesAnswer {
+            count: 1,
+            cameras: 2,
+            not_outside: choice(&[true], |&set| set),
+            inside_counts: pack(&[3]),
+        };
+        let message = "ClassesAnswer.inside_counts: holds 3, expected at most 2";
+        refused(Wire::Classes(counts), QuestionKind::Classes, 1, message);
     }
 
     proptest! {
@@ -400,19 +549,21 @@ mod tests {
         fn any_bytes_make_an_answer_or_an_error(
             count in 0u32..80, a in proptest::collection::vec(any::<u8>(), 0..40),
             b in proptest::collection::vec(any::<u8>(), 0..100), c in proptest::collection::vec(any::<u8>(), 0..40),
-            kind in 0..3, step_m in -0.1f32..0.2,
+            kind in 0usize..3, step_m in -0.1f32..0.2,
         ) {
             use v1::probe_reply::Answer as Wire;
             let (a, b, c) = (Bytes::from(a), Bytes::from(b), Bytes::from(c));
             let answer = match kind {
-                0 => Wire::Classes(v1::ClassesAnswer { count, not_outside: a, inside_counts: b, cameras: 3 }),
+                0 => Wire::Classes(v1::ClassesAnswer { count, not_outside: a, inside_counts: b, cameras: 2 }),
                 1 => Wire::Edges(v1::EdgesAnswer {
                     count, present: a, distances: b.clone(), normals: b.clone(), cameras: b.clone(), pixels: b,
                     step_m, exits_within: c,
                 }),
                 _ => Wire::Exits(v1::ExitsAnswer { count, present: a, outside: b.clone(), changes: b, step_m }),
             };
-            drop(answer_from_wire(v1::ProbeReply { id: 0, answer: Some(answer), compute_ms: 0.0 }));
+            let kind = [QuestionKind::Classes, QuestionKind::Edges, QuestionKind::Exits][kind];
+            let expected = expected(kind, count as usize);
+            drop(answer_from_wire(v1::ProbeReply { id: 0, answer: Some(answer), compute_ms: 0.0 }, &expected));
         }
     }
 }

@@ -14,7 +14,7 @@ mod rounded;
 mod silhouette;
 mod to_wire;
 
-pub use answer::{ProbeAnswer, answer_from_wire, answer_to_wire};
+pub use answer::{ExpectedAnswer, ProbeAnswer, answer_from_wire, answer_to_wire};
 pub use description::{description_from_wire, description_to_wire};
 pub use film::{film_event_from_wire, film_event_to_wire, pace_from_wire, pace_to_wire};
 pub use from_wire::{pixel_rect_from_wire, settings_from_wire, shape_from_wire};

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use coordinator::Asks;
+use coordinator::AskEvery;
 use hull::rule::{HullRule, NormalWindow, OutOfView, ProbeSettings};
 use hull::{Observer, Rig, Silhouette};
 use proto::convert::{Precision, SilhouetteEncoding, silhouette_data, silhouette_from_data};
@@ -41,7 +41,7 @@ pub struct RunHeader {
     /// How numbers travelled between coordinator and nodes.
     pub precision: Precision,
     /// How often the hull was asked.
-    pub asks: Asks,
+    pub asks: AskEvery,
     /// Where probes were computed, as on the command line.
     pub transport: String,
     /// Every frame, as fast as it could be made, instead of in real time.
@@ -96,8 +96,8 @@ impl RunHeader {
                 Precision::Quantised => "quantised".into(),
             },
             ask: match self.asks {
-                Asks::EachFrame => "frame".into(),
-                Asks::EachStep => "step".into(),
+                AskEvery::Frame => "frame".into(),
+                AskEvery::Step => "step".into(),
             },
             transport: self.transport.clone(),
             lock_step: self.lock_step,
@@ -131,8 +131,8 @@ impl RunHeader {
                 other => return Err(wrong(format!("precision is {other:?}, expected exact or quantised"))),
             },
             asks: match &header.ask[..] {
-                "frame" => Asks::EachFrame,
-                "step" => Asks::EachStep,
+                "frame" => AskEvery::Frame,
+                "step" => AskEvery::Step,
                 other => return Err(wrong(format!("ask is {other:?}, expected frame or step"))),
             },
             transport: header.transport.clone(),

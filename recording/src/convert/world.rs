@@ -1,6 +1,6 @@
 //! The world after a step, as other tools like to read it.
 
-use coordinator::record::StepRecord;
+use coordinator::hooks::StepRecord;
 use nalgebra::Point3;
 use sim::{Body, World};
 

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use coordinator::record::{EndRecord, FrameRecord, Recorder, StepRecord};
+use coordinator::hooks::{EndRecord, FrameRecord, Recorder, StepRecord};
 use thiserror::Error;
 
 use super::RecordedSteps;

@@ -3,9 +3,10 @@
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use coordinator::{CameraFacts, FilmState, FrameFacts, LocalFrames, Pace};
+use coordinator::{BoxError, LocalFrames};
 use hull::{Observer, Silhouette, View, ViewSet};
 use proto::convert::{SilhouetteEncoding, silhouette_from_data};
+use proto::{CameraReport, FilmState, FrameReport, Pace};
 use tokio::sync::watch;
 
 use super::unpack::Unpacker;
@@ -37,7 +38,7 @@ struct Frame {
     number: u64,
     views: ViewSet,
     silhouettes: Vec<Arc<Silhouette>>,
-    facts: FrameFacts,
+    report: FrameReport,
 }
 
 impl RecordedFrames {
@@ -97,16 +98,17 @@ impl RecordedFrames {
         let views = ViewSet::new(
             views.map(|(observer, (silhouette, ..))| View::new(Arc::clone(observer), silhouette)).collect(),
         );
-        let facts = parts.iter().zip(&self.observers);
-        let cameras = facts.map(|((silhouette, silhouette_bytes, _, segment_ms), observer)| CameraFacts {
-            rig_index: observer.rig_index(),
-            admitted: observer.admitted(silhouette.bounds()),
-            area: silhouette.area(),
-            silhouette_bytes: *silhouette_bytes,
-            segment_ms: *segment_ms,
-        });
+        let parts_of = parts.iter().zip(&self.observers);
+        let cameras =
+            parts_of.map(|((silhouette, silhouette_bytes, _, segment_ms), observer)| CameraReport {
+                rig_index: observer.rig_index(),
+                admitted: observer.admitted(silhouette.bounds()),
+                area: silhouette.area(),
+                silhouette_bytes: *silhouette_bytes,
+                segment_ms: *segment_ms,
+            });
         let capture_time_s = number as f64 / self.fps;
-        let facts = FrameFacts {
+        let report = FrameReport {
             frame: number,
             capture_time_s,
             captured_unix_s: inner.epoch_unix_s + capture_time_s,
@@ -114,12 +116,12 @@ impl RecordedFrames {
             skipped: 0,
         };
         let silhouettes = parts.into_iter().map(|(silhouette, ..)| Arc::new(silhouette)).collect();
-        Ok(Frame { number, views, silhouettes, facts })
+        Ok(Frame { number, views, silhouettes, report })
     }
 }
 
 impl LocalFrames for RecordedFrames {
-    fn start(&self, pace: Pace) -> Result<(), String> {
+    fn start(&self, pace: Pace) -> Result<(), BoxError> {
         self.lock().epoch_unix_s = pace.epoch_unix_s;
         Ok(())
     }
@@ -142,8 +144,8 @@ impl LocalFrames for RecordedFrames {
         numbers
     }
 
-    fn facts(&self, frame: u64) -> Option<FrameFacts> {
-        self.frame(frame).map(|frame| frame.facts.clone())
+    fn report(&self, frame: u64) -> Option<FrameReport> {
+        self.frame(frame).map(|frame| frame.report.clone())
     }
 
     fn film(&self) -> FilmState {

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::fs::File;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use coordinator::record::{Schedule, Scheduled, Sees};
+use coordinator::hooks::{Schedule, Scheduled, Sees};
 use proto::convert::Precision;
 use sim::BodyResponse;
 

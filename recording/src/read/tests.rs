@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use coordinator::hooks::{EndRecord, FrameRecord, Recorder as _, Schedule as _, Sees, StepRecord};
 use coordinator::live::{Command, Parameters};
-use coordinator::record::{EndRecord, FrameRecord, Recorder as _, Schedule as _, Sees, StepRecord};
-use coordinator::{Asks, Figures, LocalFrames as _};
+use coordinator::{AskEvery, Figures, LocalFrames as _};
 use hull::rule::ProbeSettings;
 use hull::{Camera, Rig, Silhouette};
 use nalgebra::{Matrix3, Vector3};
@@ -37,7 +37,7 @@ fn header(precision: Precision) -> RunHeader {
         scene: Scene::named("topple").expect("a scene").with_gravity([0.0, 0.5, -9.0]).expect("finite"),
         world: WorldSettings { seed: 77, ..WorldSettings::default() },
         precision,
-        asks: Asks::EachStep,
+        asks: AskEvery::Step,
         transport: "cluster".into(),
         lock_step: true,
     }
@@ -95,7 +95,7 @@ impl TestRun {
             }
             let silhouettes = (0..2).map(|camera| Arc::new(silhouette(frame, camera))).collect();
             let silhouettes = Box::pin(std::future::ready(Ok(silhouettes)));
-            self.recorder.frame(FrameRecord { frame, facts: &[], silhouettes });
+            self.recorder.frame(FrameRecord { frame, reports: &[], silhouettes });
         }
         let frame = (frame != 1).then_some(frame);
         let responses = self.responses(frame);
@@ -180,7 +180,7 @@ fn what_is_read_is_what_was_recorded() {
     for frame in [0, 49, 7, 48, 3] {
         let found = frames.silhouettes(frame).expect("it is there");
         assert_eq!((&*found[0], &*found[1]), (&silhouette(frame, 0), &silhouette(frame, 1)));
-        assert_eq!(frames.facts(frame).expect("known").cameras[1].area, found[1].area());
+        assert_eq!(frames.report(frame).expect("known").cameras[1].area, found[1].area());
         assert!(frames.with_views(frame, &mut |views| assert_eq!(views.views().len(), 2)));
     }
     assert_eq!((frames.silhouettes(2), frames.silhouettes(50)), (None, None));

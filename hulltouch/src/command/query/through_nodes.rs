@@ -2,11 +2,12 @@
 
 use std::fs;
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use coordinator::{FilmState, Pace, Transport};
+use coordinator::{Transport, TransportError};
 use hull::pass::{BodyResult, Pass};
 use hull::rule::{NormalWindow, OutOfView};
+use proto::Pace;
 use toml::Value;
 
 use super::Query;
@@ -32,26 +33,16 @@ pub fn results(query: &Query) -> Outcome<Vec<BodyResult>> {
     runtime.block_on(async {
         let nodes = cluster.nodes().to_vec();
         let mut transport = Transport::connect(nodes, None, query.settings, file.fps, Vec::new());
-        asked(&mut transport, &mut pass).await.map_err(Failure::run)
+        answer(&mut transport, &mut pass).await.map_err(Failure::run)
     })?;
     Ok(pass.into_results())
 }
 
-async fn asked(transport: &mut Transport, pass: &mut Pass) -> Result<(), String> {
+async fn answer(transport: &mut Transport, pass: &mut Pass) -> Result<(), TransportError> {
     transport.ready(START_TIMEOUT).await?;
     transport.start(Pace { epoch_unix_s: 0.0, lock_step: true }).await?;
     transport.credit(FRAME);
-    let deadline = Instant::now() + START_TIMEOUT;
-    while transport.newest_common(FRAME).is_none() {
-        if let FilmState::Failed(problem) = transport.film(FRAME) {
-            return Err(problem);
-        }
-        if Instant::now() > deadline {
-            let waited_s = START_TIMEOUT.as_secs();
-            return Err(format!("nodes have not read their silhouettes within {waited_s} s"));
-        }
-        transport.told(Duration::from_millis(50)).await;
-    }
+    transport.frame(FRAME, START_TIMEOUT).await?;
     transport.run_pass(pass, FRAME, ROUND_TIMEOUT, &mut |_, _| {}).await
 }
 

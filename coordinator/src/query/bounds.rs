@@ -5,7 +5,7 @@ use std::sync::Arc;
 use hull::cull::{Frustum, WorldBox, hull_box};
 use hull::{HullRule, Observer, Pose, Shape};
 
-use crate::facts::FrameFacts;
+use proto::FrameReport;
 
 /// Bounds of the hull of one frame, from what every camera told of it.
 #[derive(Clone, Debug, Default)]
@@ -16,13 +16,13 @@ pub(crate) struct HullBounds {
 }
 
 impl HullBounds {
-    /// The bounds of a frame of which `facts` are known; `observers` are the whole rig's. A camera without
-    /// facts bounds like one that rejects all it sees.
-    pub fn of(facts: &[FrameFacts], observers: &[Arc<Observer>], rule: HullRule) -> HullBounds {
+    /// The bounds of a frame of which nodes reported; `observers` are the whole rig's. A camera without a report
+    /// bounds like one that rejects all it sees.
+    pub fn of(reports: &[&FrameReport], observers: &[Arc<Observer>], rule: HullRule) -> HullBounds {
         let frustum = |observer: &Arc<Observer>| {
-            let mut cameras = facts.iter().flat_map(|facts| &facts.cameras);
-            let facts = cameras.find(|camera| camera.rig_index == observer.rig_index())?;
-            facts.admitted.map(|rect| Frustum::of(observer.camera(), rect))
+            let mut cameras = reports.iter().flat_map(|report| &report.cameras);
+            let report = cameras.find(|camera| camera.rig_index == observer.rig_index())?;
+            report.admitted.map(|rect| Frustum::of(observer.camera(), rect))
         };
         let frusta: Vec<Option<Frustum>> = observers.iter().map(frustum).collect();
         let hull_box = hull_box(&frusta, rule);
@@ -47,10 +47,10 @@ impl HullBounds {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::facts::CameraFacts;
     use hull::silhouette::PixelRect;
     use hull::{Camera, ProbeSettings};
     use nalgebra::{Matrix3, Vector3};
+    use proto::CameraReport;
 
     /// Two cameras at 3 m that look at the origin, along z and along x.
     fn observers() -> Vec<Arc<Observer>> {
@@ -65,11 +65,11 @@ mod tests {
     }
 
     /// Both cameras see somebody in the middle of the picture: a cube of about half a metre.
-    fn facts(admitted: Option<PixelRect>) -> Vec<FrameFacts> {
+    fn report(admitted: Option<PixelRect>) -> FrameReport {
         let camera =
-            |rig_index| CameraFacts { rig_index, admitted, area: 0, silhouette_bytes: 0, segment_ms: 0.0 };
+            |rig_index| CameraReport { rig_index, admitted, area: 0, silhouette_bytes: 0, segment_ms: 0.0 };
         let cameras = vec![camera(0), camera(1)];
-        vec![FrameFacts { frame: 0, capture_time_s: 0.0, captured_unix_s: 0.0, cameras, skipped: 0 }]
+        FrameReport { frame: 0, capture_time_s: 0.0, captured_unix_s: 0.0, cameras, skipped: 0 }
     }
 
     fn may_meet(bounds: &HullBounds, position_m: [f64; 3]) -> bool {
@@ -80,7 +80,7 @@ mod tests {
     #[test]
     fn what_misses_somebody_in_one_camera_needs_no_question() {
         let rect = PixelRect { left: 42, top: 42, right: 59, bottom: 59 };
-        let bounds = HullBounds::of(&facts(Some(rect)), &observers(), ProbeSettings::default().rule());
+        let bounds = HullBounds::of(&[&report(Some(rect))], &observers(), ProbeSettings::default().rule());
         for (position_m, expected) in [
             ([0.0, 0.0, 0.0], true),
             ([0.3, 0.0, 0.0], true),
@@ -94,7 +94,7 @@ mod tests {
 
     #[test]
     fn a_camera_that_rejects_all_it_sees_leaves_no_hull() {
-        let bounds = HullBounds::of(&facts(None), &observers(), ProbeSettings::default().rule());
+        let bounds = HullBounds::of(&[&report(None)], &observers(), ProbeSettings::default().rule());
         assert!(bounds.hull_box().is_none() && !may_meet(&bounds, [0.0; 3]));
         let unknown = HullBounds::of(&[], &observers(), ProbeSettings::default().rule());
         assert!(!may_meet(&unknown, [0.0; 3]));

@@ -5,24 +5,22 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use hull::Shape;
+use proto::BACKGROUND_S;
 use sim::World;
 use tokio::time::timeout;
 
 use super::clock::frame_at;
 use super::watch::{REPORT_EVERY, Watcher};
 use super::{Coordinator, FRAMES_AHEAD, RunError};
-use crate::answers::Answers;
-use crate::live::{Command, Done, MAX_WAITING, Order, Refused};
-use crate::transport::{First, TransportError};
+use crate::live::{Command, MAX_STEPS, MAX_WAITING, Order, Outcome, Refusal};
+use crate::transport::FirstFrame;
 
-/// The most steps that one command makes: a quarter of an hour.
-const MAX_STEPS: u32 = 100_000;
 /// Commands between two steps that a recording keeps.
 const MAX_KEPT: usize = 10_000;
-/// A node that does not take a shape within this time will be told again when it first misses it.
-const REGISTER_PATIENCE: Duration = Duration::from_millis(500);
-/// The least and the most film that a background is learnt from, seconds.
-const BACKGROUND_S: std::ops::RangeInclusive<f64> = 0.2..=30.0;
+/// A node that does not take a shape within this time is sent it again when it first misses it.
+const REGISTER_TIMEOUT: Duration = Duration::from_millis(500);
+/// From a message to the cameras until all have received it, seconds.
+const MESSAGE_S: f64 = 0.25;
 
 /// Whether steps are made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -56,20 +54,29 @@ impl Coordinator {
     /// Does what is asked by now, as much of it as may wait between two steps.
     pub(super) async fn take_orders(&mut self) {
         for _ in 0..MAX_WAITING {
-            let Some(order) = self.live.as_mut().and_then(|live| live.orders.try_recv().ok()) else { break };
+            let Some(order) = self.publisher.live.as_mut().and_then(|live| live.orders.try_recv().ok())
+            else {
+                break;
+            };
             self.take(order).await;
         }
     }
 
     /// While paused: waits for an order, not for long, and lets film go by; false if the run's time is over.
     pub(super) async fn rest(&mut self, watcher: &mut dyn Watcher) -> bool {
-        let order = match &mut self.live {
-            Some(live) => timeout(REPORT_EVERY, live.orders.recv()).await,
-            None => Ok(None),
+        let Coordinator { transport, publisher, .. } = self;
+        let order = async {
+            let live = publisher.live.as_mut()?;
+            loop {
+                tokio::select! {
+                    order = live.orders.recv() => break order,
+                    () = transport.next() => {}
+                }
+            }
         };
-        match order {
+        match timeout(REPORT_EVERY, order).await {
             Ok(Some(order)) => self.take(order).await,
-            // Nobody is left who could ever say "go on".
+            // Nobody is left who could ever resume.
             Ok(None) => self.steering = Steering::Running,
             Err(_) => {}
         }
@@ -89,88 +96,86 @@ impl Coordinator {
             None => {
                 let before = frame_at(self.film_s(), self.settings.fps);
                 self.clock.pass(self.film_s());
-                self.frames_passed += frame_at(self.film_s(), self.settings.fps) - before;
+                self.film.frames_passed += frame_at(self.film_s(), self.settings.fps) - before;
             }
         }
     }
 
     async fn take(&mut self, order: Order) {
         let Order { command, reply } = order;
-        if let (Command::TakeBackground { seconds }, None) = (&command, &self.schedule) {
+        if let (Command::TakeBackground { seconds }, None) = (&command, &self.script.schedule) {
             let taken = self.take_background(*seconds);
-            // Nodes are told while steps go on.
-            tokio::spawn(async move { reply.send(taken.await.map(|()| Done::Done)) });
+            // Steps go on while the nodes answer.
+            tokio::spawn(async move { reply.send(taken.await.map(|()| Outcome::Applied)) });
             return;
         }
         let steers = matches!(command, Command::Pause | Command::Resume | Command::Step(_));
-        let done = if self.schedule.is_some() && !steers {
-            Err(Refused("this run follows a recording, which others steered: pause, resume or step".into()))
+        let outcome = if self.script.schedule.is_some() && !steers {
+            Err(Refusal::Replay)
         } else {
             self.carry_out(command).await
         };
         // Whoever asked may have gone.
-        let _ = reply.send(done);
+        let _ = reply.send(outcome);
         self.publish_world();
     }
 
     /// Does one thing, and keeps it for the record.
-    pub(super) async fn carry_out(&mut self, command: Command) -> Result<Done, Refused> {
-        let is_kept = self.recorder.is_some() && command.changes_world();
-        if is_kept && self.commands.len() == MAX_KEPT {
-            return Err(Refused(format!(
-                "{MAX_KEPT} commands since the last step, expected a step before more"
-            )));
+    async fn carry_out(&mut self, command: Command) -> Result<Outcome, Refusal> {
+        let is_kept = self.log.recorder.is_some() && command.changes_world();
+        if is_kept && self.log.commands.len() == MAX_KEPT {
+            return Err(Refusal::TooManyCommands { limit: MAX_KEPT });
         }
-        let done = self.done(&command).await?;
+        let outcome = self.apply_command(&command).await?;
         if is_kept {
-            keep(&mut self.commands, command);
+            keep(&mut self.log.commands, command);
         }
-        Ok(done)
+        Ok(outcome)
     }
 
-    async fn done(&mut self, command: &Command) -> Result<Done, Refused> {
+    async fn apply_command(&mut self, command: &Command) -> Result<Outcome, Refusal> {
         match *command {
             Command::Pause => self.steering = Steering::Paused,
             Command::Resume => self.steering = Steering::Running,
             Command::Step(steps) => self.count_steps(steps)?,
             Command::Reset => self.begin_world(self.world.again()).await?,
             Command::Choose(ref scene) => {
-                let scene = scene.clone().with_gravity(self.world.scene().gravity_m_s2()).map_err(refused)?;
+                let scene = scene.clone().with_gravity(self.world.scene().gravity_m_s2())?;
                 self.begin_world(self.world.with_scene(&scene)).await?;
             }
             Command::Spawn(ref spec) => {
-                let prepared = self.world.prepare((**spec).clone()).map_err(refused)?;
+                let prepared = self.world.prepare((**spec).clone())?;
                 let asked_about = (!spec.fixed).then(|| Arc::clone(prepared.shape()));
                 self.register(self.shapes().chain(asked_about).collect()).await?;
-                let id = self.world.spawn(prepared).map_err(refused)?;
+                let id = self.world.spawn(prepared)?;
                 self.bodies_changed();
-                return Ok(Done::Spawned(id));
+                return Ok(Outcome::Spawned(id));
             }
             Command::Remove(body) => {
-                self.world.remove(body).map_err(refused)?;
+                self.world.remove(body)?;
                 self.bodies_changed();
             }
             Command::Push { body, impulse_n_s, at_m } => {
-                self.world.push(body, impulse_n_s, at_m).map_err(refused)?;
+                self.world.push(body, impulse_n_s, at_m)?;
             }
             Command::Grab { body, grip_body_m, target_m } => {
-                self.world.grab(body, grip_body_m, target_m).map_err(refused)?;
+                self.world.grab(body, grip_body_m, target_m)?;
             }
             Command::Release { body, velocity_m_s } => {
-                self.world.release(body, velocity_m_s).map_err(refused)?;
+                self.world.release(body, velocity_m_s)?;
             }
             Command::Set(parameters) => {
-                self.world.set(parameters).map_err(refused)?;
+                self.world.set(parameters)?;
                 self.publish_scene();
             }
             Command::TakeBackground { seconds } => self.take_background(seconds).await?,
         }
-        Ok(Done::Done)
+        Ok(Outcome::Applied)
     }
 
-    fn count_steps(&mut self, steps: u32) -> Result<(), Refused> {
+    fn count_steps(&mut self, steps: u32) -> Result<(), Refusal> {
         if !(1..=MAX_STEPS).contains(&steps) {
-            return Err(Refused(format!("{steps} steps, expected 1 to {MAX_STEPS}")));
+            return Err(Refusal::Steps { found: steps });
         }
         let left = if let Steering::Counting(left) = self.steering { left } else { 0 };
         self.steering = Steering::Counting((left + u64::from(steps)).min(MAX_STEPS.into()));
@@ -178,74 +183,70 @@ impl Coordinator {
     }
 
     /// Puts a new world in the place of the old; film goes on from where it is.
-    async fn begin_world(&mut self, world: Result<World, sim::WorldError>) -> Result<(), Refused> {
-        let world = world.map_err(refused)?;
+    async fn begin_world(&mut self, world: Result<World, sim::WorldError>) -> Result<(), Refusal> {
+        let world = world?;
         let shapes = world.moving_bodies().map(|body| Arc::clone(&body.shape)).collect();
         self.register(shapes).await?;
         self.clock.passed_s += self.world.time_s();
         self.settings.reuse_within_m = world.scene().hull().reuse_within_m;
         self.world = world;
-        self.generation += 1;
-        self.seen.forget_bodies();
+        self.publisher.generation += 1;
+        self.publisher.view.forget_bodies();
         self.bodies_changed();
         Ok(())
     }
 
     /// Bodies have come or gone: what was known of them by their places no longer holds.
-    fn bodies_changed(&mut self) {
-        let (asks, reuse_m) = (self.settings.asks, self.settings.reuse_within_m);
-        self.answers = Answers::new(self.shapes(), asks, reuse_m);
-        self.figures.samples = self.shapes().map(|shape| shape.samples_body().len()).sum();
+    pub(super) fn bodies_changed(&mut self) {
+        let shapes: Vec<Arc<Shape>> = self.shapes().collect();
+        self.figures.samples = shapes.iter().map(|shape| shape.samples_body().len()).sum();
+        self.query.set_bodies(shapes.into_iter(), self.settings.reuse_within_m);
         self.publish_scene();
     }
 
     /// The moving bodies' shapes, in their order.
-    pub(super) fn shapes(&self) -> impl Iterator<Item = Arc<Shape>> {
+    fn shapes(&self) -> impl Iterator<Item = Arc<Shape>> {
         self.world.moving_bodies().map(|body| Arc::clone(&body.shape))
     }
 
     /// Makes shapes known to all nodes before they are asked about.
-    async fn register(&mut self, shapes: Vec<Arc<Shape>>) -> Result<(), Refused> {
+    async fn register(&mut self, shapes: Vec<Arc<Shape>>) -> Result<(), Refusal> {
         let distinct: HashMap<[u8; 32], Arc<Shape>> =
             shapes.into_iter().map(|shape| (shape.digest(), shape)).collect();
         let registered = self.transport.register_shapes(distinct.into_values().collect());
-        match timeout(REGISTER_PATIENCE, registered).await {
-            Ok(Err(TransportError::Refused(why))) => Err(Refused(why)),
-            // A node that is gone, or slow, is told when it is back, or when it first misses a shape.
-            Ok(Ok(()) | Err(TransportError::Gone(_))) | Err(_) => Ok(()),
+        match timeout(REGISTER_TIMEOUT, registered).await {
+            Ok(Err(error)) if error.is_refusal() => Err(error.into()),
+            // A node that is gone, or slow, is sent them when it is back, or when it first misses one.
+            Ok(_) | Err(_) => Ok(()),
         }
     }
 
-    /// What tells all cameras, or says why it cannot be; it does not need the run any more.
-    fn take_background(&self, seconds: f64) -> impl Future<Output = Result<(), Refused>> + Send + use<> {
+    /// Has all cameras learn their backgrounds, or says why they cannot; it does not need the run any more.
+    fn take_background(&self, seconds: f64) -> impl Future<Output = Result<(), Refusal>> + Send + use<> {
         let fps = self.settings.fps;
         let taken = if BACKGROUND_S.contains(&seconds) {
             let frames = (seconds * fps).ceil() as u64;
             // In lock-step cameras wait for the run, which is where it is now.
             let first = frame_at(self.film_s(), fps) + FRAMES_AHEAD + 1;
-            let first = if self.settings.lock_step { First::Frame(first) } else { First::After(word(fps)) };
+            let first = if self.settings.lock_step {
+                FirstFrame::At(first)
+            } else {
+                FirstFrame::AfterNewest((MESSAGE_S * fps).ceil() as u64)
+            };
             Ok(self.transport.take_background(first, frames))
         } else {
-            let (low, high) = (BACKGROUND_S.start(), BACKGROUND_S.end());
-            Err(Refused(format!("a background of {seconds} s, expected {low} to {high} s")))
+            Err(Refusal::Background { found_s: seconds })
         };
-        async move { taken?.await.map_err(Refused) }
+        async move { Ok(taken?.await?) }
     }
 
     /// Does what a schedule has before a step.
     pub(super) async fn follow(&mut self, commands: Vec<Command>) -> Result<(), RunError> {
         for command in commands.into_iter().filter(Command::changes_world) {
-            let said = |why: Refused| RunError::World(format!("a recorded command was refused: {why}"));
-            self.carry_out(command).await.map_err(said)?;
+            self.carry_out(command).await.map_err(RunError::Command)?;
         }
         Ok(())
     }
-}
-
-/// Frames until word has reached every camera.
-fn word(fps: f64) -> u64 {
-    const WORD_S: f64 = 0.25;
-    (WORD_S * fps).ceil() as u64
 }
 
 /// Keeps a command. Of a body that is drawn from place to place before a step only the last place counts.
@@ -261,10 +262,6 @@ fn keep(commands: &mut Vec<Command>, command: Command) {
         }
     }
     commands.push(command);
-}
-
-fn refused(error: impl std::error::Error) -> Refused {
-    Refused(error.to_string())
 }
 
 #[cfg(test)]

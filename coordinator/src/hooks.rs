@@ -1,30 +1,29 @@
-//! What is told of a run so that it can be made again, and how it is.
+//! How a run is recorded, and how a recorded run is made again.
 //!
-//! A [`Recorder`] is told every frame that comes into use and every step with all that decided it: the
-//! commands before it, the film it saw, the hull's responses. A [`Schedule`] is the mirror image: it says of
-//! each step which commands come before it and which frame it sees. A run that follows the schedule of its
-//! own record, over the same silhouettes, has the same digest after every step.
+//! A [`Recorder`] receives every frame that comes into use and every step with all that decided it: the
+//! commands before it, the film it saw, the hull's responses. A [`Schedule`] is the mirror image: for each step
+//! the commands before it and the frame it sees. A run that follows the schedule of its own recording, over the
+//! same silhouettes, has the same digest after every step.
 
 use std::pin::Pin;
-use std::sync::Arc;
 
-use hull::Silhouette;
 use hull::pass::BodyResult;
+use proto::FrameReport;
 use sim::{BodyResponse, World};
 
-use crate::facts::FrameFacts;
 use crate::figures::Figures;
 use crate::live::Command;
+use crate::transport::{Silhouettes, TransportError};
 
 /// Silhouettes on their way, in rig order; or why they did not come.
-pub type Fetching = Pin<Box<dyn Future<Output = Result<Vec<Arc<Silhouette>>, String>> + Send>>;
+pub type Fetching = Pin<Box<dyn Future<Output = Result<Silhouettes, TransportError>> + Send>>;
 
 /// A frame that comes into use.
 pub struct FrameRecord<'a> {
     /// Its number.
     pub frame: u64,
-    /// What each node told of it; empty if that is forgotten already.
-    pub facts: &'a [FrameFacts],
+    /// What each node reported of it; empty if that is forgotten already.
+    pub reports: &'a [&'a FrameReport],
     /// Its silhouettes. Nodes keep a frame for a quarter of a second, so begin to wait for them at once, on
     /// whatever runtime (a node's connection is driven by the loop's).
     pub silhouettes: Fetching,
@@ -48,7 +47,7 @@ pub struct StepRecord<'a> {
     pub frame: Option<u64>,
     /// What was handed to the world, one a moving body.
     pub responses: &'a [BodyResponse],
-    /// All that the hull said about these bodies, if there was one.
+    /// All that the hull answered about these bodies, if there was one.
     pub results: Option<&'a [BodyResult]>,
     /// What the step with its pass took, milliseconds.
     pub step_ms: f64,

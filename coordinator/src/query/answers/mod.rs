@@ -14,7 +14,7 @@
 //!
 //! An answer holds for a pose of the same bits: then a run is the same, bit for bit, as one that asks at
 //! every step. With `reuse_within_m` above zero, a body also counts as clear where each of its samples is
-//! known to have been outside no farther away than this. Known are, of an answer: the samples that were
+//! known to have been outside no farther away than this. KnownAnswer are, of an answer: the samples that were
 //! outside at the pose that was asked, and, of those that were not, that they are outside once the body
 //! has moved by its response, if all of them are. Between two poses each sample moves by an affine
 //! function of its place in the body, whose length is convex, so that none moves farther than the farthest
@@ -38,17 +38,17 @@ const MAX_SAMPLES_AHEAD: usize = 200_000;
 
 /// How often the hull is asked.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Asks {
+pub enum AskEvery {
     /// Once a film frame where nobody is touched, for all steps that share it.
     #[default]
-    EachFrame,
+    Frame,
     /// At every step, about every body: what the other is measured against.
-    EachStep,
+    Step,
 }
 
 /// A pose of a moving body to ask the hull about.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Asked {
+pub(crate) struct PoseQuery {
     /// The body's place among the moving ones.
     pub body: usize,
     /// World from body.
@@ -57,7 +57,7 @@ pub(crate) struct Asked {
 
 /// The answers that one step takes.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct StepAnswers {
+pub struct StepAnswers {
     /// One a moving body.
     pub results: Vec<BodyResult>,
     /// How many of them the hull gave; the other bodies are beyond its bounds.
@@ -69,19 +69,19 @@ pub(crate) struct StepAnswers {
 /// The hull's answers about the moving bodies at one film frame.
 #[derive(Clone, Debug)]
 pub(crate) struct Answers {
-    asks: Asks,
+    ask_every: AskEvery,
     reuse_within_m: f64,
     frame: Option<u64>,
     step: u64,
     bodies: Vec<BodyAnswers>,
     /// The step is the first that sees the frame.
     is_first: bool,
-    touched: Touched,
+    touched: RecentTouches,
 }
 
 /// Whether the hull touched a body.
 #[derive(Clone, Copy, Debug, Default)]
-struct Touched {
+struct RecentTouches {
     /// At the last first step of a frame.
     first: bool,
     /// At the last step that was not the first of a frame.
@@ -95,12 +95,12 @@ struct BodyAnswers {
     present: Option<Pose>,
     /// Whether it may meet the hull there.
     is_near: bool,
-    known: VecDeque<Known>,
+    known: VecDeque<KnownAnswer>,
     reaches: Reaches,
 }
 
 #[derive(Clone, Debug)]
-struct Known {
+struct KnownAnswer {
     pose: Pose,
     result: BodyResult,
     step: u64,
@@ -108,7 +108,11 @@ struct Known {
 
 impl Answers {
     /// No answers yet about bodies of these shapes.
-    pub fn new(shapes: impl Iterator<Item = Arc<Shape>>, asks: Asks, reuse_within_m: f64) -> Answers {
+    pub fn new(
+        shapes: impl Iterator<Item = Arc<Shape>>,
+        ask_every: AskEvery,
+        reuse_within_m: f64,
+    ) -> Answers {
         let body = |shape| BodyAnswers {
             shape,
             present: None,
@@ -116,8 +120,8 @@ impl Answers {
             known: VecDeque::new(),
             reaches: Reaches::default(),
         };
-        let (bodies, touched) = (shapes.map(body).collect(), Touched::default());
-        Answers { asks, reuse_within_m, frame: None, step: 0, bodies, is_first: true, touched }
+        let (bodies, touched) = (shapes.map(body).collect(), RecentTouches::default());
+        Answers { ask_every, reuse_within_m, frame: None, step: 0, bodies, is_first: true, touched }
     }
 
     /// Begins a step that sees `frame`, with the bodies at these poses: answers of other frames are
@@ -134,7 +138,7 @@ impl Answers {
         for (body, pose) in self.bodies.iter_mut().zip(present) {
             body.present = Some(pose);
             body.is_near = may_meet(&body.shape, &pose);
-            if self.is_first || self.asks == Asks::EachStep {
+            if self.is_first || self.ask_every == AskEvery::Step {
                 body.known.clear();
             }
         }
@@ -148,16 +152,17 @@ impl Answers {
     /// Whether poses of later steps are worth asking about: see the top of this file.
     pub fn may_foresee(&self) -> bool {
         let expects_touch = self.touched.later || self.is_first && self.touched.first;
-        self.asks == Asks::EachFrame && !expects_touch
+        self.ask_every == AskEvery::Frame && !expects_touch
     }
 
     /// What to ask: the bodies' present poses and those `ahead` (a list a later step), as far as they may
     /// meet the hull and no answer is known that holds.
-    pub fn questions(&self, ahead: &[Vec<Pose>], may_meet: impl Fn(&Shape, &Pose) -> bool) -> Vec<Asked> {
+    pub fn questions(&self, ahead: &[Vec<Pose>], may_meet: impl Fn(&Shape, &Pose) -> bool) -> Vec<PoseQuery> {
         let near = self.bodies.iter().enumerate().filter(|(_, body)| body.is_near);
         let lacking = near.filter(|(_, body)| self.present(body).is_none());
-        let present = lacking.filter_map(|(index, body)| Some(Asked { body: index, pose: body.present? }));
-        let mut asked: Vec<Asked> = present.collect();
+        let present =
+            lacking.filter_map(|(index, body)| Some(PoseQuery { body: index, pose: body.present? }));
+        let mut asked: Vec<PoseQuery> = present.collect();
         let mut planned: Vec<Vec<Pose>> = vec![Vec::new(); self.bodies.len()];
         asked.iter().for_each(|asked| planned[asked.body].push(asked.pose));
         let mut samples_ahead = 0;
@@ -174,10 +179,15 @@ impl Answers {
                     return asked;
                 }
                 planned[index].push(pose);
-                asked.push(Asked { body: index, pose });
+                asked.push(PoseQuery { body: index, pose });
             }
         }
         asked
+    }
+
+    /// A body's samples.
+    pub fn shape(&self, body: usize) -> &Arc<Shape> {
+        &self.bodies[body].shape
     }
 
     /// How far a body's edges are worth searching at first.
@@ -186,13 +196,13 @@ impl Answers {
     }
 
     /// Takes the answers to what was asked, in the same order.
-    pub fn add(&mut self, asked: &[Asked], results: &[BodyResult]) {
+    pub fn add(&mut self, asked: &[PoseQuery], results: &[BodyResult]) {
         for (asked, result) in asked.iter().zip(results) {
             let known = &mut self.bodies[asked.body].known;
             if known.len() == MAX_KNOWN {
                 known.pop_front();
             }
-            known.push_back(Known { pose: asked.pose, result: result.clone(), step: self.step });
+            known.push_back(KnownAnswer { pose: asked.pose, result: result.clone(), step: self.step });
         }
     }
 
@@ -215,18 +225,18 @@ impl Answers {
     }
 
     /// The answer for a body's present pose, if one is known that holds.
-    fn present<'a>(&self, body: &'a BodyAnswers) -> Option<&'a Known> {
+    fn present<'a>(&self, body: &'a BodyAnswers) -> Option<&'a KnownAnswer> {
         self.known(body, body.present.as_ref()?)
     }
 
     /// The answer for a pose, if one is known that holds: one for this very pose comes first.
-    fn known<'a>(&self, body: &'a BodyAnswers, pose: &Pose) -> Option<&'a Known> {
+    fn known<'a>(&self, body: &'a BodyAnswers, pose: &Pose) -> Option<&'a KnownAnswer> {
         let same = body.known.iter().find(|known| same_bits(&known.pose, pose));
         same.or_else(|| body.known.iter().find(|known| self.clears(body, known, pose)))
     }
 
     /// Whether an answer says of another pose that the body counts as clear there.
-    fn clears(&self, body: &BodyAnswers, known: &Known, pose: &Pose) -> bool {
+    fn clears(&self, body: &BodyAnswers, known: &KnownAnswer, pose: &Pose) -> bool {
         let freed = match known.result.response_m {
             _ if is_clear(&known.result) => Some(known.pose),
             Ok(response_m) if known.result.left_inside == 0 => Some(known.pose.moved(response_m)),

@@ -1,5 +1,5 @@
-//! Two ways to ask the nodes of a round: all at once, or some first and the others knowing what these have
-//! said. Then there is less to search and to send, for another round trip. Decided by what both ways took so
+//! Two ways to ask the nodes of a round: all at once, or in two phases, where the second knows what the first
+//! answered. Then there is less to search and to send, for another round trip. Decided by what both took so
 //! far; the answers are the same.
 
 use proto::convert::Precision;
@@ -66,48 +66,48 @@ struct NodeRate {
 
 /// A way to ask for classes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Way {
-    AtOnce,
-    Selective,
+enum Phases {
+    One,
+    Two,
 }
 
 /// Measures both ways and chooses.
 #[derive(Debug)]
-pub(crate) struct Ways {
+pub(crate) struct AskPolicy {
     nodes: Vec<NodeRate>,
-    at_once_ms: Measured,
-    selective_ms: Measured,
+    one_phase_ms: Measured,
+    two_phases_ms: Measured,
     advantage: f64,
     passes: u64,
 }
 
-impl Ways {
-    /// The ways to ask so many nodes for classes. Nothing is known of them yet.
-    pub fn of_classes(node_count: usize, precision: Precision) -> Ways {
+impl AskPolicy {
+    /// How to ask so many nodes for classes. Nothing is known of them yet.
+    pub fn of_classes(node_count: usize, precision: Precision) -> AskPolicy {
         let advantage = match precision {
             Precision::Exact => CLASSES_ADVANTAGE,
             // Naming the points that are left takes more bytes than their answers spare.
             Precision::Quantised => 0.0,
         };
-        Ways::new(node_count, advantage)
+        AskPolicy::new(node_count, advantage)
     }
 
-    /// The ways to ask so many nodes for edges and exits.
-    pub fn of_distances(node_count: usize, precision: Precision) -> Ways {
+    /// How to ask so many nodes for edges and exits.
+    pub fn of_distances(node_count: usize, precision: Precision) -> AskPolicy {
         let advantage = match precision {
             Precision::Exact => DISTANCES_ADVANTAGE,
             // Whoever rounds wants fewer bytes.
             Precision::Quantised => f64::INFINITY,
         };
-        Ways::new(node_count, advantage)
+        AskPolicy::new(node_count, advantage)
     }
 
-    fn new(node_count: usize, advantage: f64) -> Ways {
-        Ways {
+    fn new(node_count: usize, advantage: f64) -> AskPolicy {
+        AskPolicy {
             advantage,
             nodes: vec![NodeRate::default(); node_count],
-            at_once_ms: Measured::default(),
-            selective_ms: Measured::default(),
+            one_phase_ms: Measured::default(),
+            two_phases_ms: Measured::default(),
             passes: 0,
         }
     }
@@ -124,25 +124,29 @@ impl Ways {
         rate.rejects.add(rejected as f64 / points as f64);
     }
 
-    /// The rounds of a pass over `points` points took so long, asked selectively or at once.
-    pub fn took(&mut self, selectively: bool, points: usize, ms: f64) {
+    /// The rounds of a pass over `points` points took so long, asked in_two_phases or at once.
+    pub fn took(&mut self, in_two_phases: bool, points: usize, ms: f64) {
         self.passes += 1;
         if points == 0 || self.is_warming_up() {
             return;
         }
         let a_thousand_ms = ms * 1e3 / points as f64;
-        if selectively { self.selective_ms.add(a_thousand_ms) } else { self.at_once_ms.add(a_thousand_ms) }
+        if in_two_phases {
+            self.two_phases_ms.add(a_thousand_ms)
+        } else {
+            self.one_phase_ms.add(a_thousand_ms)
+        }
     }
 
     /// True if some nodes are to be asked first in the next pass.
-    pub fn is_selective(&self) -> bool {
+    pub fn asks_in_two_phases(&self) -> bool {
         // With fewer, one of the two groups is a single node that the other could not spare much.
-        self.nodes.len() >= 3 && self.way() == Way::Selective
+        self.nodes.len() >= 3 && self.way() == Phases::Two
     }
 
     /// The nodes to ask first in the next pass, those that reject most for their time; none: all at once.
     pub fn first(&self) -> Vec<usize> {
-        if !self.is_selective() {
+        if !self.asks_in_two_phases() {
             return Vec::new();
         }
         let gain = |node: &NodeRate| {
@@ -156,23 +160,23 @@ impl Ways {
         order
     }
 
-    fn way(&self) -> Way {
+    fn way(&self) -> Phases {
         match self.passes {
-            _ if self.advantage == f64::INFINITY => return Way::Selective,
-            _ if self.advantage == 0.0 => return Way::AtOnce,
-            0..TRIAL_PASSES => return Way::AtOnce,
-            passes if passes < 2 * TRIAL_PASSES => return Way::Selective,
+            _ if self.advantage == f64::INFINITY => return Phases::Two,
+            _ if self.advantage == 0.0 => return Phases::One,
+            0..TRIAL_PASSES => return Phases::One,
+            passes if passes < 2 * TRIAL_PASSES => return Phases::Two,
             _ => {}
         }
         let better = self.better();
-        let other = if better == Way::AtOnce { Way::Selective } else { Way::AtOnce };
+        let other = if better == Phases::One { Phases::Two } else { Phases::One };
         if self.since_trial() < AGAIN_PASSES { other } else { better }
     }
 
-    fn better(&self) -> Way {
-        match (self.at_once_ms.median(), self.selective_ms.median()) {
-            (Some(at_once), Some(selective)) if selective < self.advantage * at_once => Way::Selective,
-            _ => Way::AtOnce,
+    fn better(&self) -> Phases {
+        match (self.one_phase_ms.median(), self.two_phases_ms.median()) {
+            (Some(at_once), Some(selective)) if selective < self.advantage * at_once => Phases::Two,
+            _ => Phases::One,
         }
     }
 
@@ -194,58 +198,58 @@ impl Ways {
 mod tests {
     use super::*;
 
-    /// So many passes where the ways take so long; returns the share of the last hundred that were selective.
-    fn run(ways: &mut Ways, passes: u64, at_once_ms: f64, selective_ms: f64) -> f64 {
+    /// So many passes where both ways take so long; returns the share of the last hundred that were selective.
+    fn run(policy: &mut AskPolicy, passes: u64, one_phase_ms: f64, two_phases_ms: f64) -> f64 {
         let mut selective = 0;
         for pass in 0..passes {
-            let selectively = !ways.first().is_empty();
-            selective += u64::from(selectively && pass + 100 >= passes);
-            ways.took(selectively, 1000, if selectively { selective_ms } else { at_once_ms });
+            let in_two_phases = !policy.first().is_empty();
+            selective += u64::from(in_two_phases && pass + 100 >= passes);
+            policy.took(in_two_phases, 1000, if in_two_phases { two_phases_ms } else { one_phase_ms });
         }
         selective as f64 / 100.0
     }
 
     #[test]
     fn the_faster_way_is_taken_and_the_other_tried_again() {
-        assert!(run(&mut Ways::of_classes(8, Precision::Exact), 400, 2.0, 1.0) > 0.9);
-        assert!(run(&mut Ways::of_classes(8, Precision::Exact), 400, 1.0, 2.0) < 0.1);
-        let mut ways = Ways::of_classes(8, Precision::Exact);
-        run(&mut ways, 300, 1.0, 2.0);
+        assert!(run(&mut AskPolicy::of_classes(8, Precision::Exact), 400, 2.0, 1.0) > 0.9);
+        assert!(run(&mut AskPolicy::of_classes(8, Precision::Exact), 400, 1.0, 2.0) < 0.1);
+        let mut policy = AskPolicy::of_classes(8, Precision::Exact);
+        run(&mut policy, 300, 1.0, 2.0);
         // A trial now and then is all that tells of a change: it takes a while.
-        assert!(run(&mut ways, 20 * TRY_AGAIN_PASSES, 3.0, 1.0) > 0.9, "links change");
+        assert!(run(&mut policy, 20 * TRY_AGAIN_PASSES, 3.0, 1.0) > 0.9, "links change");
     }
 
     #[test]
     fn those_that_reject_most_for_their_time_are_asked_first() {
-        let mut ways = Ways::of_classes(8, Precision::Exact);
+        let mut policy = AskPolicy::of_classes(8, Precision::Exact);
         for node in 0..8 {
             let slow_ms = if node == 5 { 20.0 } else { 0.1 };
             let rejected = if node == 5 || node == 2 || node == 6 { 900 } else { 500 };
-            ways.answered(node, 1000, rejected, slow_ms + 0.2, 0.2);
+            policy.answered(node, 1000, rejected, slow_ms + 0.2, 0.2);
         }
-        run(&mut ways, 60, 2.0, 1.0);
-        assert_eq!(ways.first(), [2, 6]);
+        run(&mut policy, 60, 2.0, 1.0);
+        assert_eq!(policy.first(), [2, 6]);
     }
 
     #[test]
     fn a_little_time_is_given_for_fewer_bytes() {
-        let rounded = &mut Ways::of_classes(8, Precision::Quantised);
+        let rounded = &mut AskPolicy::of_classes(8, Precision::Quantised);
         assert_eq!(run(rounded, 400, 2.0, 1.0), 0.0, "for classes the selective way sends more");
-        let ways = |precision| Ways::of_distances(8, precision);
-        assert!(run(&mut ways(Precision::Exact), 400, 1.0, 1.2) > 0.9);
-        assert!(run(&mut ways(Precision::Exact), 400, 1.0, 1.4) < 0.1);
-        assert_eq!(run(&mut ways(Precision::Quantised), 400, 1.0, 1.2), 1.0);
+        let policy = |precision| AskPolicy::of_distances(8, precision);
+        assert!(run(&mut policy(Precision::Exact), 400, 1.0, 1.2) > 0.9);
+        assert!(run(&mut policy(Precision::Exact), 400, 1.0, 1.4) < 0.1);
+        assert_eq!(run(&mut policy(Precision::Quantised), 400, 1.0, 1.2), 1.0);
     }
 
     #[test]
     fn a_cold_start_is_forgotten() {
-        let mut ways = Ways::of_classes(8, Precision::Exact);
-        run(&mut ways, 3, 50.0, 50.0);
-        assert!(run(&mut ways, 200, 1.0, 2.0) < 0.1);
+        let mut policy = AskPolicy::of_classes(8, Precision::Exact);
+        run(&mut policy, 3, 50.0, 50.0);
+        assert!(run(&mut policy, 200, 1.0, 2.0) < 0.1);
     }
 
     #[test]
     fn two_nodes_are_always_asked_at_once() {
-        assert_eq!(run(&mut Ways::of_classes(2, Precision::Exact), 300, 2.0, 1.0), 0.0);
+        assert_eq!(run(&mut AskPolicy::of_classes(2, Precision::Exact), 300, 2.0, 1.0), 0.0);
     }
 }

@@ -64,7 +64,7 @@ fn at(x_m: f64) -> Pose {
 }
 
 fn answers(bodies: usize, reuse_within_m: f64) -> Answers {
-    Answers::new((0..bodies).map(|_| box_shape([0.2; 3])), Asks::EachFrame, reuse_within_m)
+    Answers::new((0..bodies).map(|_| box_shape([0.2; 3])), AskEvery::Frame, reuse_within_m)
 }
 
 const NOWHERE: Ball = Ball { centre_m: [100.0, 0.0, 0.0], radius_m: 0.5 };
@@ -76,7 +76,7 @@ fn step(
     hull: &Ball,
     present: &[Pose],
     ahead: &[Vec<Pose>],
-) -> (Vec<Asked>, StepAnswers) {
+) -> (Vec<PoseQuery>, StepAnswers) {
     let may_meet = |_: &Shape, pose: &Pose| pose.position_m()[1] < 10.0;
     answers.begin_step(frame, present.iter().copied(), may_meet);
     let ahead = if answers.may_foresee() { ahead } else { &[] };
@@ -155,14 +155,14 @@ fn steps_that_expect_touches_ask_about_present_poses_alone() {
     assert_eq!(asked_of(|_, k| k == 0), [[4, 0, 0, 0], [1, 3, 0, 0], [1, 3, 0, 0], [1, 3, 0, 0]]);
     // At rest on somebody: every step, as it is needed.
     assert_eq!(asked_of(|_, _| true), [[4, 1, 1, 1], [1; 4], [1; 4], [1; 4]]);
-    // Touched once: the next frame is cautious, the one after is not.
+    // RecentTouches once: the next frame is cautious, the one after is not.
     let once = asked_of(|frame, k| (frame, k) == (1, 0));
     assert_eq!(once, [[4, 0, 0, 0], [4, 0, 0, 0], [1, 3, 0, 0], [4, 0, 0, 0]]);
 }
 
 #[test]
 fn asking_each_step_keeps_nothing() {
-    let mut answers = Answers::new([box_shape([0.2; 3])].into_iter(), Asks::EachStep, 0.05);
+    let mut answers = Answers::new([box_shape([0.2; 3])].into_iter(), AskEvery::Step, 0.05);
     for _ in 0..3 {
         let (asked, taken) = step(&mut answers, 1, &NOWHERE, &[at(0.0)], &[vec![at(0.1)]]);
         assert_eq!((asked.len(), taken.reused), (1, 0));
@@ -272,7 +272,7 @@ fn check_flights(
 ) -> Result<(), TestCaseError> {
     let shape = box_shape([0.3, 0.1, 0.2]);
     let shapes = flights.iter().map(|_| Arc::clone(&shape));
-    let mut answers = Answers::new(shapes, Asks::EachFrame, reuse_within_m);
+    let mut answers = Answers::new(shapes, AskEvery::Frame, reuse_within_m);
     for frame in 0..3 {
         let hull = Ball { centre_m: [0.0; 3], radius_m: 0.2 + 0.1 * frame as f64 };
         let poses_at = |k: usize| flights.iter().map(|flight| flight[frame][k]).collect::<Vec<Pose>>();

@@ -1,0 +1,123 @@
+//! What to ask the hull for a step, and what the answers make of it: the bounds of the frame's hull, the answers
+//! of this frame that still hold, and the pass about the rest.
+//!
+//! Plain decisions: whoever waits carries the pass to the nodes between [`HullQuery::ask`] and
+//! [`HullQuery::answered`].
+
+mod answers;
+mod bounds;
+
+use std::sync::Arc;
+
+use hull::pass::Pass;
+use hull::question::Points;
+use hull::{Observer, Pose, ProbeSettings, Shape};
+use proto::FrameReport;
+
+use answers::{Answers, PoseQuery};
+use bounds::HullBounds;
+
+pub(crate) use answers::MAX_STEPS_AHEAD;
+pub use answers::{AskEvery, StepAnswers};
+
+/// The hull's answers about the moving bodies of a world, step by step.
+pub struct HullQuery {
+    observers: Vec<Arc<Observer>>,
+    settings: ProbeSettings,
+    ask_every: AskEvery,
+    answers: Answers,
+    bounds: HullBounds,
+    /// The frame whose bounds they are.
+    bounds_frame: Option<u64>,
+    pass: Pass,
+    asked: Vec<PoseQuery>,
+}
+
+impl HullQuery {
+    /// No bodies yet. `observers` are the whole rig's, in rig order; passes ask `group_count` groups of cameras.
+    pub fn new(
+        observers: Vec<Arc<Observer>>,
+        settings: ProbeSettings,
+        group_count: usize,
+        ask_every: AskEvery,
+    ) -> HullQuery {
+        HullQuery {
+            observers,
+            settings,
+            ask_every,
+            answers: Answers::new(std::iter::empty(), ask_every, 0.0),
+            bounds: HullBounds::default(),
+            bounds_frame: None,
+            pass: Pass::new(vec![], None, settings, group_count),
+            asked: Vec::new(),
+        }
+    }
+
+    /// The whole rig's observers, in rig order.
+    pub fn observers(&self) -> &[Arc<Observer>] {
+        &self.observers
+    }
+
+    /// Other bodies: no answer holds any more. Within one frame a body counts as clear where each of its samples
+    /// is known to be outside no farther away than `reuse_within_m`: no sample deeper than this is ever missed.
+    /// At 0 answers are used again for the very same pose alone.
+    pub fn set_bodies(&mut self, shapes: impl Iterator<Item = Arc<Shape>>, reuse_within_m: f64) {
+        self.answers = Answers::new(shapes, self.ask_every, reuse_within_m);
+    }
+
+    /// Begins a step that sees `frame`, of which the nodes reported, with the moving bodies at these poses.
+    pub fn begin_step(&mut self, frame: u64, reports: &[&FrameReport], poses: impl Iterator<Item = Pose>) {
+        if self.bounds_frame != Some(frame) {
+            self.bounds = HullBounds::of(reports, &self.observers, self.settings.rule());
+            self.bounds_frame = Some(frame);
+        }
+        let bounds = &self.bounds;
+        self.answers.begin_step(frame, poses, |shape, pose| bounds.may_meet(shape, pose));
+    }
+
+    /// Whether the hull must be asked about a pose of this step.
+    pub fn must_ask(&self) -> bool {
+        self.answers.lacks_any()
+    }
+
+    /// Whether poses of later steps that share the frame are worth foreseeing: they go into the same question.
+    pub fn may_foresee(&self) -> bool {
+        self.answers.may_foresee()
+    }
+
+    /// The pass to answer: about all poses of this step whose answers are not known, and about those `ahead`, a
+    /// list a later step.
+    pub fn ask(&mut self, ahead: &[Vec<Pose>]) -> &mut Pass {
+        let HullQuery { bounds, answers, pass, asked, .. } = self;
+        *asked = answers.questions(ahead, |shape, pose| bounds.may_meet(shape, pose));
+        let points = |query: &PoseQuery| {
+            let shape = Arc::clone(answers.shape(query.body));
+            (Points::Body { shape, pose: query.pose }, answers.reaches(query.body))
+        };
+        pass.restart(asked.iter().map(points), bounds.hull_box());
+        pass
+    }
+
+    /// The pass begun by [`HullQuery::ask`].
+    pub fn pass(&mut self) -> &mut Pass {
+        &mut self.pass
+    }
+
+    /// How many poses it is about.
+    pub fn poses_asked(&self) -> usize {
+        self.asked.len()
+    }
+
+    /// Takes the results of that pass, which is done.
+    pub fn answered(&mut self) {
+        self.answers.add(&self.asked, self.pass.results());
+    }
+
+    /// The answers of this step; `None` while one is missing.
+    pub fn take(&mut self) -> Option<StepAnswers> {
+        self.answers.take()
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,83 @@
+//! Whether there is a hull for a step.
+
+use proto::FilmState;
+use thiserror::Error;
+
+use super::{Missing, Roster};
+
+/// Live film that is older than this has stopped, seconds; a run that has no frame after this has a fault.
+const STALE_S: f64 = 1.0;
+
+/// Why a step has no hull: its bodies collide with nobody.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum HullUnavailable {
+    /// A node is not there.
+    #[error(transparent)]
+    Missing(#[from] Missing),
+    /// Film failed for good.
+    #[error("film failed: {0}")]
+    FilmFailed(String),
+    /// The run has just begun.
+    #[error("the first frame has not come yet")]
+    NotYet,
+    /// Film should long have begun.
+    #[error("no frame has come yet")]
+    NoFrame,
+    /// Live film has stopped.
+    #[error("film has stopped at frame {frame}, {age_s:.1} s ago")]
+    Stopped {
+        /// The newest frame of all cameras.
+        frame: u64,
+        /// How long ago that should have been followed by another, seconds.
+        age_s: f64,
+    },
+    /// The recorded run had none at this step.
+    #[error("there was no hull when this was recorded")]
+    Recorded,
+    /// The nodes did not answer all questions.
+    #[error("{0}")]
+    Unanswered(String),
+}
+
+impl HullUnavailable {
+    /// False for what every run begins with.
+    pub fn is_fault(&self) -> bool {
+        *self != HullUnavailable::NotYet
+    }
+}
+
+/// What a step knows of film.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepFilm {
+    /// Film time of the step's end, seconds.
+    pub film_s: f64,
+    /// Frames per second.
+    pub fps: f64,
+    /// The frame in use, if any.
+    pub frame: Option<u64>,
+    /// Whether frames are due at a wall time and one that is old is a fault: not in lock-step, nor while the
+    /// last frame is held.
+    pub is_paced: bool,
+}
+
+impl Roster {
+    /// The frame whose hull a step sees, or why there is none.
+    pub fn hull_frame(&self, step: StepFilm) -> Result<u64, HullUnavailable> {
+        if let Some(missing) = self.missing().next() {
+            return Err(missing.into());
+        }
+        if let FilmState::Failed(why) = self.film(0) {
+            return Err(HullUnavailable::FilmFailed(why));
+        }
+        let StepFilm { film_s, fps, frame, is_paced } = step;
+        let Some(frame) = frame else {
+            let is_late = film_s > STALE_S;
+            return Err(if is_late { HullUnavailable::NoFrame } else { HullUnavailable::NotYet });
+        };
+        let age_s = film_s - frame as f64 / fps;
+        if is_paced && age_s > STALE_S {
+            return Err(HullUnavailable::Stopped { frame, age_s });
+        }
+        Ok(frame)
+    }
+}

@@ -1,0 +1,217 @@
+//! Who is there: the nodes of a run, what each has reported of its film, and what follows from it: which frame
+//! all of them have, whether film has ended, who is missing.
+//!
+//! Plain decisions: events go in by [`Roster::up`], [`Roster::down`] and [`Roster::film`], time is an argument.
+//! The cameras of this process are one node that is always there.
+
+mod available;
+mod wait;
+
+use std::collections::VecDeque;
+
+use proto::{FilmEvent, FilmState, FrameReport};
+use thiserror::Error;
+
+pub use available::{HullUnavailable, StepFilm};
+pub use wait::{FrameWait, WaitError};
+pub(crate) use wait::{LOCK_STEP_TIMEOUT, joined};
+
+/// Frames remembered of a node: twice what its ring holds, so that nodes out of step still share some.
+const REMEMBERED_FRAMES: usize = 16;
+
+/// A node that is not there, and why, if it is known.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum Missing {
+    /// It was never reached, and no attempt has failed yet.
+    #[error("node {node} does not answer")]
+    Silent {
+        /// The node and its cameras.
+        node: String,
+    },
+    /// It was lost, or cannot be reached.
+    #[error("node {node}: {problem}")]
+    Down {
+        /// The node and its cameras.
+        node: String,
+        /// Why.
+        problem: String,
+    },
+}
+
+/// One node of a run.
+#[derive(Clone, Debug)]
+pub struct RosterNode {
+    name: String,
+    /// Places in the rig.
+    cameras: Vec<u16>,
+    is_up: bool,
+    /// Why it is, or was last, not there.
+    problem: Option<String>,
+    film: FilmState,
+    /// Of recent frames, ascending.
+    reports: VecDeque<FrameReport>,
+}
+
+impl RosterNode {
+    /// A node by the name that messages use, and its cameras' places in the rig. It is not there yet.
+    pub fn new(name: String, cameras: Vec<u16>) -> RosterNode {
+        let (film, reports) = (FilmState::Running, VecDeque::new());
+        RosterNode { name, cameras, is_up: false, problem: None, film, reports }
+    }
+
+    /// The places of its cameras in the rig.
+    pub fn cameras(&self) -> &[u16] {
+        &self.cameras
+    }
+
+    /// The report of its newest frame.
+    pub fn newest(&self) -> Option<&FrameReport> {
+        self.reports.back()
+    }
+
+    /// Why it is not there, if it is not.
+    pub fn missing(&self) -> Option<Missing> {
+        let node = || self.name.clone();
+        match &self.problem {
+            _ if self.is_up => None,
+            None => Some(Missing::Silent { node: node() }),
+            Some(problem) => Some(Missing::Down { node: node(), problem: problem.clone() }),
+        }
+    }
+
+    fn report(&self, frame: u64) -> Option<&FrameReport> {
+        self.reports.iter().find(|report| report.frame == frame)
+    }
+
+    fn newest_frame(&self) -> Option<u64> {
+        self.newest().map(|report| report.frame)
+    }
+
+    fn forget_film(&mut self) {
+        self.reports.clear();
+        self.film = FilmState::Running;
+    }
+
+    fn add(&mut self, report: FrameReport) {
+        if self.newest_frame().is_some_and(|newest| newest >= report.frame) {
+            // Its film began anew: what it reported before is gone.
+            self.forget_film();
+        }
+        self.reports.push_back(report);
+        if self.reports.len() > REMEMBERED_FRAMES {
+            self.reports.pop_front();
+        }
+    }
+}
+
+/// All nodes of a run, in the order of the cluster file.
+#[derive(Clone, Debug)]
+pub struct Roster {
+    nodes: Vec<RosterNode>,
+}
+
+impl Roster {
+    /// Nodes that are not there yet.
+    pub fn new(nodes: Vec<RosterNode>) -> Roster {
+        Roster { nodes }
+    }
+
+    /// The nodes.
+    pub fn nodes(&self) -> &[RosterNode] {
+        &self.nodes
+    }
+
+    /// A node is connected; what it reported before no longer holds.
+    pub fn up(&mut self, node: usize) {
+        let node = &mut self.nodes[node];
+        (node.is_up, node.problem) = (true, None);
+        node.forget_film();
+    }
+
+    /// A node is not there.
+    pub fn down(&mut self, node: usize, problem: String) {
+        let node = &mut self.nodes[node];
+        (node.is_up, node.problem) = (false, Some(problem));
+    }
+
+    /// A node reports of its film.
+    pub fn film_event(&mut self, node: usize, event: FilmEvent) {
+        let node = &mut self.nodes[node];
+        match event {
+            FilmEvent::Frame(report) => node.add(report),
+            FilmEvent::Ended => node.film = FilmState::Ended,
+            FilmEvent::Failed(why) => node.film = FilmState::Failed(why),
+        }
+    }
+
+    /// A run begins: frames of the one before are forgotten.
+    pub fn begin_run(&mut self) {
+        self.nodes.iter_mut().for_each(RosterNode::forget_film);
+    }
+
+    /// The nodes that are not there.
+    pub fn missing(&self) -> impl Iterator<Item = Missing> {
+        self.nodes.iter().filter_map(RosterNode::missing)
+    }
+
+    /// The newest frame that any node has.
+    pub fn newest(&self) -> Option<u64> {
+        self.nodes.iter().filter_map(RosterNode::newest_frame).max()
+    }
+
+    /// The newest frame not newer than `wanted` that all nodes have.
+    pub fn newest_common(&self, wanted: u64) -> Option<u64> {
+        let (first, others) = self.nodes.split_first()?;
+        let frames = first.reports.iter().rev().map(|report| report.frame);
+        let all_have = |frame: &u64| others.iter().all(|node| node.report(*frame).is_some());
+        frames.filter(|&frame| frame <= wanted).find(all_have)
+    }
+
+    /// What every node reported of a frame; `None` while one has not, or no longer remembers.
+    pub fn reports(&self, frame: u64) -> Option<Vec<&FrameReport>> {
+        self.nodes.iter().map(|node| node.report(frame)).collect()
+    }
+
+    /// The last frame of film: that of the node whose film ended first. `None` while all run.
+    pub fn last_frame(&self) -> Option<LastFrame> {
+        let ended = self.nodes.iter().filter(|node| node.film == FilmState::Ended);
+        ended.map(|node| node.newest_frame().map_or(LastFrame::None, LastFrame::Frame)).min()
+    }
+
+    /// The state of film for a step that wants a frame: failed, or ended before that frame, or running. A node
+    /// that is done early does not cut off what others have yet to report: in lock-step a fast node ends several
+    /// frames ahead of the one in use.
+    pub fn film(&self, wanted: u64) -> FilmState {
+        let failed = self.nodes.iter().find(|node| matches!(node.film, FilmState::Failed(_)));
+        if let Some(node) = failed {
+            return node.film.clone();
+        }
+        match self.last_frame() {
+            Some(last) if last < LastFrame::Frame(wanted) => FilmState::Ended,
+            _ => FilmState::Running,
+        }
+    }
+
+    /// Where in the film cameras may go on to for a step that wants a frame, `ahead` frames further. Film that
+    /// has ended is held at its last frame: nodes whose film is longer must not drop it from their rings.
+    pub fn credit(&self, wanted: u64, ahead: u64) -> u64 {
+        let last = match self.last_frame() {
+            Some(LastFrame::Frame(last)) => last,
+            Some(LastFrame::None) => 0,
+            None => u64::MAX,
+        };
+        wanted.min(last).saturating_add(ahead)
+    }
+}
+
+/// The last frame of film that has ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum LastFrame {
+    /// It had none.
+    None,
+    /// This one.
+    Frame(u64),
+}
+
+#[cfg(test)]
+mod tests;

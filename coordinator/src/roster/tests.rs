@@ -1,0 +1,174 @@
+//! Each rule of the roster, without a node, a thread or a clock.
+
+use std::task::Poll;
+use std::time::{Duration, Instant};
+
+use super::*;
+
+/// So many nodes of one camera each, all of them connected.
+fn roster(nodes: u16) -> Roster {
+    let mut roster =
+        Roster::new((0..nodes).map(|index| RosterNode::new(index.to_string(), vec![index])).collect());
+    (0..usize::from(nodes)).for_each(|node| roster.up(node));
+    roster
+}
+
+fn frame(frame: u64) -> FilmEvent {
+    let capture_time_s = frame as f64;
+    FilmEvent::Frame(FrameReport { frame, capture_time_s, captured_unix_s: 0.0, cameras: vec![], skipped: 0 })
+}
+
+/// A node reports frames.
+fn film(roster: &mut Roster, node: usize, frames: impl IntoIterator<Item = u64>) {
+    frames.into_iter().for_each(|number| roster.film_event(node, frame(number)));
+}
+
+#[test]
+fn a_node_is_missing_until_it_is_up_and_again_when_it_is_lost() {
+    let mut roster = Roster::new(vec![RosterNode::new("a (left)".into(), vec![0])]);
+    let missing = |roster: &Roster| roster.missing().map(|missing| missing.to_string()).collect::<Vec<_>>();
+    assert_eq!(missing(&roster), ["node a (left) does not answer"]);
+    roster.down(0, "connection refused".into());
+    assert_eq!(missing(&roster), ["node a (left): connection refused"]);
+    roster.up(0);
+    assert!(missing(&roster).is_empty());
+    roster.down(0, "it closed the stream".into());
+    assert_eq!(missing(&roster), ["node a (left): it closed the stream"]);
+}
+
+#[test]
+fn a_frame_is_common_once_every_node_has_it() {
+    let mut roster = roster(2);
+    film(&mut roster, 0, [3, 4, 5]);
+    assert_eq!(roster.newest_common(9), None);
+    film(&mut roster, 1, [2, 4]);
+    assert_eq!(roster.newest_common(9), Some(4));
+    assert_eq!(roster.newest_common(3), None, "3 is of one node alone");
+    assert_eq!(
+        (roster.newest(), roster.reports(5), roster.reports(4).map(|all| all.len())),
+        (Some(5), None, Some(2))
+    );
+}
+
+#[test]
+fn memory_of_frames_is_bounded() {
+    let mut roster = roster(1);
+    film(&mut roster, 0, 0..1000);
+    assert_eq!((roster.newest_common(983), roster.newest_common(984)), (None, Some(984)));
+}
+
+#[test]
+fn a_node_that_begins_anew_has_none_of_its_old_frames() {
+    let mut roster = roster(1);
+    film(&mut roster, 0, [7, 8]);
+    roster.film_event(0, FilmEvent::Ended);
+    film(&mut roster, 0, [0]);
+    assert_eq!((roster.newest_common(9), roster.film(9)), (Some(0), FilmState::Running));
+    film(&mut roster, 0, [1]);
+    roster.up(0);
+    assert_eq!(roster.newest_common(9), None, "after another connection too");
+    film(&mut roster, 0, [1]);
+    roster.begin_run();
+    assert_eq!(roster.newest_common(9), None, "and in another run");
+}
+
+#[test]
+fn film_ends_with_the_shortest_and_no_earlier_than_its_last_frame() {
+    let mut roster = roster(2);
+    film(&mut roster, 0, 0..=4);
+    film(&mut roster, 1, 0..=1);
+    roster.film_event(0, FilmEvent::Ended);
+    assert_eq!((roster.film(4), roster.film(5)), (FilmState::Running, FilmState::Ended));
+    assert_eq!(roster.last_frame(), Some(LastFrame::Frame(4)));
+    film(&mut roster, 1, 2..=30);
+    assert_eq!(roster.last_frame(), Some(LastFrame::Frame(4)), "longer films change nothing");
+}
+
+#[test]
+fn film_without_frames_has_ended_at_once() {
+    let mut roster = roster(1);
+    roster.film_event(0, FilmEvent::Ended);
+    assert_eq!((roster.film(0), roster.last_frame()), (FilmState::Ended, Some(LastFrame::None)));
+}
+
+#[test]
+fn film_that_fails_at_one_node_has_failed() {
+    let mut roster = roster(2);
+    film(&mut roster, 0, 0..=4);
+    roster.film_event(1, FilmEvent::Failed("no disk".into()));
+    assert_eq!(roster.film(0), FilmState::Failed("no disk".into()));
+}
+
+#[test]
+fn cameras_may_film_a_little_ahead_and_not_past_the_end() {
+    let mut roster = roster(2);
+    assert_eq!(roster.credit(7, 4), 11);
+    film(&mut roster, 0, 0..=5);
+    roster.film_event(0, FilmEvent::Ended);
+    assert_eq!((roster.credit(4, 4), roster.credit(500, 4)), (8, 9), "the other's ring keeps frame 5");
+}
+
+#[test]
+fn a_lock_step_step_waits_for_its_frame_for_half_a_minute() {
+    let (mut roster, mut wait, began) = (roster(1), FrameWait::default(), Instant::now());
+    let after = |s| began + Duration::from_secs(s);
+    film(&mut roster, 0, [0]);
+    assert_eq!(wait.poll(&roster, 0, began, began), Poll::Ready(Ok(())));
+    assert_eq!(wait.poll(&roster, 1, began, after(30)), Poll::Pending);
+    let late = Err(WaitError::Late { frame: 1 });
+    assert_eq!(wait.poll(&roster, 1, began, after(31)), Poll::Ready(late.clone()));
+    assert_eq!(late.expect_err("late").to_string(), "frame 1 did not come within 30 s");
+    roster.film_event(0, FilmEvent::Ended);
+    assert_eq!(wait.poll(&roster, 1, began, began), Poll::Ready(Ok(())), "nothing will come");
+    roster.film_event(0, FilmEvent::Failed("no disk".into()));
+    assert_eq!(
+        wait.poll(&roster, 1, began, began),
+        Poll::Ready(Err(WaitError::FilmFailed("no disk".into())))
+    );
+}
+
+#[test]
+fn a_lock_step_run_goes_on_without_a_lost_node_and_then_gives_up() {
+    let (mut roster, mut wait, began) = (roster(1), FrameWait::default(), Instant::now());
+    let after = |s| began + Duration::from_secs(s);
+    roster.down(0, "gone".into());
+    assert_eq!(wait.poll(&roster, 0, began, began), Poll::Pending, "it may come back");
+    assert_eq!(wait.poll(&roster, 0, began, after(2)), Poll::Pending);
+    assert_eq!(wait.poll(&roster, 0, began, after(3)), Poll::Ready(Ok(())), "without a hull");
+    assert_eq!(wait.poll(&roster, 1, after(3), after(4)), Poll::Ready(Ok(())), "no step waits anew");
+    let Poll::Ready(Err(error)) = wait.poll(&roster, 2, after(4), after(31)) else { panic!("it gives up") };
+    assert_eq!(error.to_string(), "node 0: gone");
+    roster.up(0);
+    assert_eq!(wait.poll(&roster, 2, after(31), after(31)), Poll::Pending, "it is back");
+    roster.down(0, "gone".into());
+    assert_eq!(wait.poll(&roster, 2, after(31), after(32)), Poll::Pending, "counted anew");
+}
+
+#[test]
+fn a_recorded_step_waits_for_the_very_frame() {
+    let (mut roster, began) = (roster(1), Instant::now());
+    film(&mut roster, 0, [4, 6]);
+    assert_eq!(roster.poll_recorded(6, began, began), Poll::Ready(Ok(())));
+    assert_eq!(roster.poll_recorded(5, began, began), Poll::Pending);
+    let later = began + Duration::from_secs(31);
+    assert_eq!(roster.poll_recorded(5, began, later), Poll::Ready(Err(WaitError::Late { frame: 5 })));
+}
+
+#[test]
+fn the_hull_is_unavailable_for_one_named_reason() {
+    let step = |film_s, frame| StepFilm { film_s, fps: 10.0, frame, is_paced: true };
+    let mut roster = roster(2);
+    let why =
+        |roster: &Roster, step| roster.hull_frame(step).map_err(|why| (why.to_string(), why.is_fault()));
+    let reason = |text: &str, is_fault| Err((text.to_owned(), is_fault));
+    assert_eq!(why(&roster, step(0.5, None)), reason("the first frame has not come yet", false));
+    assert_eq!(why(&roster, step(1.5, None)), reason("no frame has come yet", true));
+    assert_eq!(why(&roster, step(1.5, Some(14))), Ok(14));
+    assert_eq!(why(&roster, step(2.5, Some(14))), reason("film has stopped at frame 14, 1.1 s ago", true));
+    let held = StepFilm { is_paced: false, ..step(2.5, Some(14)) };
+    assert_eq!(why(&roster, held), Ok(14), "in lock-step, and while the last frame is held");
+    roster.film_event(1, FilmEvent::Failed("no disk".into()));
+    assert_eq!(why(&roster, step(1.5, Some(14))), reason("film failed: no disk", true));
+    roster.down(0, "gone".into());
+    assert_eq!(why(&roster, step(1.5, Some(14))), reason("node 0: gone", true));
+}

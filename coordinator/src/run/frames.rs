@@ -1,0 +1,98 @@
+//! The frame in use, frames that steps wait for, and what happens when one comes into use.
+
+use std::task::Poll;
+use std::time::{Duration, Instant};
+
+use super::{Coordinator, FRAMES_AHEAD, RunError};
+use crate::hooks::FrameRecord;
+use crate::roster::{FrameWait, HullUnavailable, LOCK_STEP_TIMEOUT};
+
+/// How often a waiting step looks at the clock.
+const LOOK_EVERY: Duration = Duration::from_millis(100);
+
+/// Which part of film a step is in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum FilmPhase {
+    /// Frames come.
+    Runs,
+    /// The last one is held.
+    Held,
+    /// The frame was asked for by its number, whatever the time.
+    Given,
+}
+
+/// The frame that steps see.
+#[derive(Default)]
+pub(super) struct FilmInUse {
+    /// The newest that was taken into use.
+    pub frame: Option<u64>,
+    /// Why the last step had no hull, if it had none.
+    pub unavailable: Option<HullUnavailable>,
+    /// Frames that nobody expected: film went by while no steps were wanted.
+    pub frames_passed: u64,
+    wait: FrameWait,
+}
+
+impl FilmInUse {
+    /// The frame that the last step saw, if it had a hull.
+    pub fn hull_frame(&self) -> Option<u64> {
+        self.frame.filter(|_| self.unavailable.is_none())
+    }
+}
+
+impl Coordinator {
+    /// Lock-step: waits until every node has a frame that new, or film has ended.
+    pub(super) async fn await_frame(&mut self, wanted: u64) -> Result<(), RunError> {
+        let began = Instant::now();
+        loop {
+            self.transport.drain();
+            let roster = self.transport.roster();
+            self.transport.credit(roster.credit(wanted, FRAMES_AHEAD));
+            if let Poll::Ready(waited) = self.film.wait.poll(roster, wanted, began, Instant::now()) {
+                return Ok(waited?);
+            }
+            self.transport.next_within(LOOK_EVERY).await;
+        }
+    }
+
+    /// Takes into use the very frame that a schedule names; waits for it if the hull is to be asked.
+    pub(super) async fn seek(&mut self, frame: u64, asks_hull: bool) -> Result<(), RunError> {
+        self.transport.credit(frame.saturating_add(FRAMES_AHEAD));
+        self.transport.drain();
+        let began = Instant::now();
+        while asks_hull {
+            let polled = self.transport.roster().poll_recorded(frame, began, Instant::now());
+            if let Poll::Ready(waited) = polled {
+                waited?;
+                break;
+            }
+            self.transport.next_within(LOOK_EVERY).await;
+        }
+        if self.film.frame == Some(frame) { Ok(()) } else { self.use_frame(frame).await }
+    }
+
+    /// Takes a frame into use.
+    pub(super) async fn use_frame(&mut self, frame: u64) -> Result<(), RunError> {
+        self.film.frame = Some(frame);
+        self.figures.frames += 1;
+        let reports = self.transport.roster().reports(frame).unwrap_or_default();
+        let cameras = reports.iter().flat_map(|report| &report.cameras);
+        if let Some(slowest_ms) = cameras.map(|camera| camera.segment_ms).reduce(f64::max) {
+            self.figures.add_stage("segment", slowest_ms);
+        }
+        let Some(recorder) = &mut self.log.recorder else { return Ok(()) };
+        recorder.frame(FrameRecord {
+            frame,
+            reports: &reports,
+            silhouettes: self.transport.silhouettes(frame),
+        });
+        let deadline = Instant::now() + LOCK_STEP_TIMEOUT;
+        while self.settings.lock_step && !recorder.is_ready() {
+            if Instant::now() > deadline {
+                return Err(RunError::Unrecorded { frame });
+            }
+            tokio::time::sleep(Duration::from_millis(1)).await;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,97 @@
+//! The hull's answers for a step: carries the query's pass to the nodes and back.
+
+use std::time::{Duration, Instant};
+
+use hull::Pose;
+use hull::pass::BodyResult;
+
+use super::Coordinator;
+use super::clock::steps_that_share;
+use super::frames::FilmPhase;
+use crate::figures::stage_of;
+use crate::query::MAX_STEPS_AHEAD;
+use crate::roster::{HullUnavailable, LOCK_STEP_TIMEOUT, StepFilm};
+use crate::transport::TransportError;
+
+/// Live: a round that takes longer has lost its node.
+const LIVE_TIMEOUT: Duration = Duration::from_millis(500);
+
+impl Coordinator {
+    /// What the hull answers about every moving body; `None` if there is no hull.
+    pub(super) async fn collide(&mut self, film_s: f64, phase: FilmPhase) -> Option<Vec<BodyResult>> {
+        let frame = match self.hull_frame(film_s, phase) {
+            Ok(frame) => frame,
+            Err(why) => {
+                self.lose_hull(why);
+                return None;
+            }
+        };
+        let reports = self.transport.roster().reports(frame).unwrap_or_default();
+        self.query.begin_step(frame, &reports, self.world.moving_bodies().map(|body| body.pose));
+        let passes_before = self.figures.passes;
+        if self.query.must_ask()
+            && let Err(error) = self.ask(frame, film_s).await
+        {
+            self.lose_hull(HullUnavailable::Unanswered(error.to_string()));
+            return None;
+        }
+        let answers = self.query.take()?;
+        if let Some(before) = self.film.unavailable.take().filter(HullUnavailable::is_fault) {
+            tracing::warn!("hull available again (it was not: {before})");
+        }
+        self.figures.steps_without_question += u64::from(self.figures.passes == passes_before);
+        self.figures.answers_used += answers.asked as u64;
+        self.figures.answers_reused += answers.reused as u64;
+        self.figures.add_results(&answers.results);
+        Some(answers.results)
+    }
+
+    fn hull_frame(&self, film_s: f64, phase: FilmPhase) -> Result<u64, HullUnavailable> {
+        let frame = self.film.frame;
+        if phase == FilmPhase::Given {
+            return frame.ok_or(HullUnavailable::NotYet);
+        }
+        let is_paced = !self.settings.lock_step && phase == FilmPhase::Runs;
+        let step = StepFilm { film_s, fps: self.settings.fps, frame, is_paced };
+        self.transport.roster().hull_frame(step)
+    }
+
+    /// One pass over all that this step lacks, and what is worth foreseeing.
+    async fn ask(&mut self, frame: u64, film_s: f64) -> Result<(), TransportError> {
+        let ahead = self.foresee(film_s);
+        let began = Instant::now();
+        let asks_nodes = self.query.ask(&ahead).question().is_some();
+        self.figures.add_stage("cull", began.elapsed().as_secs_f64() * 1e3);
+        self.figures.passes += u64::from(asks_nodes);
+        self.figures.poses_asked += self.query.poses_asked() as u64;
+        let timeout = if self.settings.lock_step { LOCK_STEP_TIMEOUT } else { LIVE_TIMEOUT };
+        let figures = &mut self.figures;
+        let mut took = |round, ms| figures.add_stage(stage_of(round), ms);
+        self.transport.run_pass(self.query.pass(), frame, timeout, &mut took).await?;
+        self.query.answered();
+        Ok(())
+    }
+
+    /// The poses of the steps that will share the frame in use, if they are worth a question.
+    fn foresee(&mut self, film_s: f64) -> Vec<Vec<Pose>> {
+        let dt_s = self.world.settings().dt_s;
+        let steps = steps_that_share(film_s, dt_s, self.settings.fps, MAX_STEPS_AHEAD);
+        if steps == 0 || !self.query.may_foresee() {
+            return vec![];
+        }
+        let began = Instant::now();
+        let ahead = self.world.poses_ahead(steps);
+        self.figures.add_stage("foresee", began.elapsed().as_secs_f64() * 1e3);
+        ahead
+    }
+
+    /// Counts a step without a hull, and reports once that there is none; the world goes on.
+    pub(super) fn lose_hull(&mut self, why: HullUnavailable) {
+        self.figures.blind_steps += 1;
+        let was_fault = self.film.unavailable.as_ref().is_some_and(HullUnavailable::is_fault);
+        if why.is_fault() && !was_fault {
+            tracing::error!("hull unavailable, collisions off: {why}");
+        }
+        self.film.unavailable = Some(why);
+    }
+}

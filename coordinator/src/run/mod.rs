@@ -1,0 +1,299 @@
+//! The loop: for every physics step the frame it must see, the hull's answers, and the step.
+//!
+//! Simulation time is film time. Step k (from 1) ends at T = k · dt and sees the newest frame captured
+//! at or before T. A live run makes it at wall time epoch + T + latency, so that film has time to
+//! arrive; a lock-step run waits for the frame however long it takes. Both see the same frames, so a
+//! live run that missed nothing is the lock-step run.
+//!
+//! The loop waits; what is decided is decided by the [`Roster`](crate::roster::Roster), the [`HullQuery`] and the
+//! clock.
+
+mod clock;
+mod commands;
+mod frames;
+mod hull;
+mod publish;
+mod step;
+mod watch;
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use ::hull::{Observer, ProbeSettings};
+use proto::{FilmState, Pace, unix_now_s};
+use sim::World;
+use thiserror::Error;
+
+use crate::figures::Figures;
+use crate::hooks::{EndRecord, Recorder, Schedule, Scheduled, Sees};
+use crate::live::{Command, Live, Refusal};
+use crate::query::{AskEvery, HullQuery};
+use crate::roster::WaitError;
+use crate::transport::{Transport, TransportError};
+use clock::Clock;
+use commands::Steering;
+use frames::FilmInUse;
+use publish::Publisher;
+use watch::RecentFigures;
+
+pub use watch::{Snapshot, Watcher};
+
+/// How far a lock-step node may film ahead of the frame in use: half of its ring.
+const FRAMES_AHEAD: u64 = 4;
+/// Live steps never lag by more than this behind film, seconds.
+const MAX_LAG_S: f64 = 0.15;
+/// How many frames back a node surely still has: its ring, less the one that is being replaced.
+const FRAMES_KEPT: f64 = 7.0;
+/// From the start of a live run to its first frame, seconds: the nodes begin meanwhile.
+const LEAD_S: f64 = 0.3;
+
+/// How a run goes.
+#[derive(Clone, Debug)]
+pub struct RunSettings {
+    /// The hull rule and the probes' settings.
+    pub probes: ProbeSettings,
+    /// Frames of the cluster per second.
+    pub fps: f64,
+    /// Live: wall time from capture to the step that sees it, seconds.
+    pub latency_s: f64,
+    /// How long the last frame of film that ends is held, seconds.
+    pub hold_s: f64,
+    /// The run ends after so much film, seconds; `None`: when film does, or never.
+    pub seconds: Option<f64>,
+    /// Every frame, as fast as it can be made, instead of in real time.
+    pub lock_step: bool,
+    /// How often the hull is asked.
+    pub ask_every: AskEvery,
+    /// See [`HullQuery::set_bodies`], metres.
+    pub reuse_within_m: f64,
+    /// How long to wait for nodes at the beginning.
+    pub connect_timeout: Duration,
+}
+
+/// Why a run could not be made.
+#[derive(Debug, Error)]
+pub enum RunError {
+    /// Nodes are missing, or not the ones meant.
+    #[error(transparent)]
+    Nodes(#[from] TransportError),
+    /// Film failed, or a frame did not come.
+    #[error("film failed: {0}")]
+    Film(WaitError),
+    /// Nodes stayed away.
+    #[error(transparent)]
+    Missing(WaitError),
+    /// A recorded step has no hull any more.
+    #[error("film failed: recorded frame {frame}: {why}")]
+    Recorded {
+        /// The frame.
+        frame: u64,
+        /// Why.
+        why: crate::roster::HullUnavailable,
+    },
+    /// The recorder could not take a frame in time.
+    #[error("film failed: frame {frame} could not be kept")]
+    Unrecorded {
+        /// The frame.
+        frame: u64,
+    },
+    /// The world refused a step.
+    #[error("world: {0}")]
+    World(#[from] sim::WorldError),
+    /// The world refused what a recording has for it.
+    #[error("world: a recorded command was refused: {0}")]
+    Command(Refusal),
+}
+
+impl From<WaitError> for RunError {
+    fn from(error: WaitError) -> RunError {
+        match error {
+            WaitError::Missing(_) => RunError::Missing(error),
+            WaitError::FilmFailed(_) | WaitError::Late { .. } => RunError::Film(error),
+        }
+    }
+}
+
+/// A transport, a world, and the loop over both.
+pub struct Coordinator {
+    transport: Transport,
+    world: World,
+    settings: RunSettings,
+    query: HullQuery,
+    film: FilmInUse,
+    clock: Clock,
+    figures: Figures,
+    steering: Steering,
+    script: Script,
+    log: Log,
+    publisher: Publisher,
+    recent: RecentFigures,
+}
+
+/// What a run follows instead of film and whoever steers it, if anything.
+#[derive(Default)]
+struct Script {
+    schedule: Option<Box<dyn Schedule>>,
+    /// Its next step, until it is made.
+    next: Option<Scheduled>,
+}
+
+/// Who keeps the run, and the commands since the last step that it has not received.
+#[derive(Default)]
+struct Log {
+    recorder: Option<Box<dyn Recorder>>,
+    commands: Vec<Command>,
+}
+
+impl Coordinator {
+    /// A coordinator of connected nodes; `observers` are the whole rig's, in rig order.
+    pub fn new(
+        transport: Transport,
+        world: World,
+        observers: Vec<Arc<Observer>>,
+        settings: RunSettings,
+    ) -> Coordinator {
+        let RunSettings { probes, fps, latency_s, lock_step, ask_every, .. } = settings;
+        let pace = Pace { epoch_unix_s: unix_now_s(), lock_step };
+        let max_lag_s = (FRAMES_KEPT / fps - latency_s).clamp(0.02, MAX_LAG_S);
+        let query = HullQuery::new(observers, probes, transport.group_count(), ask_every);
+        let mut coordinator = Coordinator {
+            transport,
+            world,
+            clock: Clock::new(pace, latency_s, max_lag_s),
+            settings,
+            query,
+            film: FilmInUse::default(),
+            figures: Figures::default(),
+            steering: Steering::default(),
+            script: Script::default(),
+            log: Log::default(),
+            publisher: Publisher::default(),
+            recent: RecentFigures::since(0, 0),
+        };
+        coordinator.bodies_changed();
+        coordinator
+    }
+
+    /// Takes orders from followers, and lets them watch.
+    pub fn with_live(mut self, live: Live) -> Coordinator {
+        self.publisher.live = Some(live);
+        self.publish_scene();
+        self
+    }
+
+    /// Has the run kept.
+    pub fn with_recorder(mut self, recorder: Box<dyn Recorder>) -> Coordinator {
+        self.log.recorder = Some(recorder);
+        self
+    }
+
+    /// Follows a schedule: it decides what every step sees and what comes before it.
+    pub fn with_schedule(mut self, schedule: Box<dyn Schedule>) -> Coordinator {
+        self.script.schedule = Some(schedule);
+        self
+    }
+
+    /// Runs until film or time ends, or `stop` completes. Returns the world as it ended.
+    pub async fn run(
+        mut self,
+        watcher: &mut dyn Watcher,
+        stop: impl Future<Output = ()>,
+    ) -> Result<(Figures, World), RunError> {
+        self.transport.ready(self.settings.connect_timeout).await?;
+        let lock_step = self.settings.lock_step;
+        let epoch_unix_s = unix_now_s() + if lock_step { 0.0 } else { LEAD_S };
+        self.clock.pace = Pace { epoch_unix_s, lock_step };
+        self.transport.start(self.clock.pace).await?;
+        let began = Instant::now();
+        tokio::pin!(stop);
+        let is_stopped = loop {
+            let goes_on = tokio::select! {
+                biased;
+                () = &mut stop => break true,
+                goes_on = self.turn(watcher) => goes_on?,
+            };
+            if !goes_on {
+                break false;
+            }
+            // A step may not wait at all; let the connections breathe.
+            tokio::task::yield_now().await;
+        };
+        self.figures.wall_s = began.elapsed().as_secs_f64();
+        self.finish(is_stopped);
+        Ok((self.figures, self.world))
+    }
+
+    /// Adds what is known at the end alone.
+    fn finish(&mut self, is_stopped: bool) {
+        let bytes = self.transport.bytes();
+        self.figures.bytes_to_nodes = bytes.to_nodes;
+        self.figures.bytes_from_nodes = bytes.from_nodes;
+        self.figures.bytes_silhouettes = self.transport.silhouette_bytes();
+        self.figures.slipped_s = self.clock.slipped_s;
+        self.figures.film_failure = match self.transport.roster().film(0) {
+            FilmState::Failed(why) => Some(why),
+            FilmState::Running | FilmState::Ended if self.figures.frames > 0 || is_stopped => None,
+            FilmState::Ended => Some("it ended without a frame that all cameras have".into()),
+            FilmState::Running => Some(match &self.film.unavailable {
+                Some(why) => why.to_string(),
+                None => "no frame has come".into(),
+            }),
+        };
+        let Coordinator { log, figures, world, .. } = self;
+        if let Some(recorder) = &mut log.recorder {
+            recorder.end(&EndRecord { commands: &log.commands, figures, world });
+        }
+    }
+
+    /// One step, or a while of waiting while paused; false at the end of film or time.
+    async fn turn(&mut self, watcher: &mut dyn Watcher) -> Result<bool, RunError> {
+        if self.script.next.is_none()
+            && let Some(schedule) = &mut self.script.schedule
+        {
+            self.script.next = schedule.next();
+            if self.script.next.is_none() {
+                return Ok(false);
+            }
+        }
+        if self.steering.is_paused() {
+            return Ok(self.rest(watcher).await);
+        }
+        let film_s = self.scheduled_film_s().unwrap_or_else(|| self.film_s());
+        if self.is_over(film_s) {
+            return Ok(false);
+        }
+        if !self.settings.lock_step
+            && let Some(due) = self.clock.due(film_s)
+        {
+            self.transport.until(due).await;
+        }
+        self.take_orders().await;
+        if self.steering.is_paused() {
+            return Ok(true);
+        }
+        match self.script.next.take() {
+            Some(Scheduled { commands, sees }) => {
+                self.follow(commands).await?;
+                self.scheduled_step(sees, watcher).await
+            }
+            None => self.film_step(watcher).await,
+        }
+    }
+
+    /// Film time of the next step's end, seconds.
+    fn film_s(&self) -> f64 {
+        self.world.next_time_s() + self.clock.offset_s()
+    }
+
+    /// The same where a schedule sets it.
+    fn scheduled_film_s(&self) -> Option<f64> {
+        match self.script.next.as_ref()?.sees {
+            Sees::Film => None,
+            Sees::Recorded { film_s, .. } | Sees::Given { film_s, .. } => Some(film_s),
+        }
+    }
+
+    fn is_over(&self, film_s: f64) -> bool {
+        self.settings.seconds.is_some_and(|seconds| film_s > seconds + 1e-9)
+    }
+}

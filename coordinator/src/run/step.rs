@@ -1,0 +1,154 @@
+//! One step: which frame it sees, the world's step with the hull's answers, and what is reported of it.
+
+use std::time::Instant;
+
+use hull::pass::BodyResult;
+use proto::FilmState;
+use sim::{Body, BodyResponse, FaultKind};
+
+use super::clock::frame_at;
+use super::frames::FilmPhase;
+use super::{Coordinator, RunError, Watcher};
+use crate::hooks::{Sees, StepRecord};
+use crate::roster::{HullUnavailable, LastFrame};
+
+impl Coordinator {
+    /// A step that sees what film has for it; false if film has ended and was held long enough.
+    pub(super) async fn film_step(&mut self, watcher: &mut dyn Watcher) -> Result<bool, RunError> {
+        let film_s = self.film_s();
+        let wanted = frame_at(film_s, self.settings.fps);
+        self.figures.frames_expected = (wanted + 1).saturating_sub(self.film.frames_passed);
+        if self.settings.lock_step {
+            self.await_frame(wanted).await?;
+        } else {
+            self.clock.slip(film_s);
+        }
+        self.transport.drain();
+        let roster = self.transport.roster();
+        let newest = roster.newest_common(wanted);
+        let last = roster.last_frame().filter(|_| roster.film(wanted) == FilmState::Ended);
+        if let Some(last) = last {
+            let frames = if let LastFrame::Frame(last) = last { last + 1 } else { 0 };
+            self.figures.frames_expected = frames.saturating_sub(self.film.frames_passed);
+            if film_s > frames as f64 / self.settings.fps + self.settings.hold_s {
+                return Ok(false);
+            }
+        } else {
+            self.figures.late_steps += u64::from(newest != Some(wanted));
+        }
+        if newest != self.film.frame
+            && let Some(newest) = newest
+        {
+            self.use_frame(newest).await?;
+        }
+        let began = Instant::now();
+        let phase = if last.is_some() { FilmPhase::Held } else { FilmPhase::Runs };
+        let results = self.collide(film_s, phase).await;
+        self.make(film_s, began, results, None, watcher).await
+    }
+
+    /// A step that sees what another run's step saw.
+    pub(super) async fn scheduled_step(
+        &mut self,
+        sees: Sees,
+        watcher: &mut dyn Watcher,
+    ) -> Result<bool, RunError> {
+        let (film_s, frame, given) = match sees {
+            Sees::Film => return self.film_step(watcher).await,
+            Sees::Recorded { film_s, frame } => (film_s, frame, None),
+            Sees::Given { film_s, frame, responses } => (film_s, frame, Some(responses)),
+        };
+        self.figures.frames_expected = frame_at(film_s, self.settings.fps) + 1;
+        if let Some(frame) = frame {
+            self.seek(frame, given.is_none()).await?;
+        }
+        let began = Instant::now();
+        let mut results = None;
+        match (frame, &given) {
+            (_, Some(_)) => self.film.unavailable = None,
+            (None, None) => self.lose_hull(match self.film.frame {
+                Some(_) => HullUnavailable::Recorded,
+                // At the beginning nothing is lost yet.
+                None => HullUnavailable::NotYet,
+            }),
+            (Some(frame), None) => {
+                results = self.collide(film_s, FilmPhase::Given).await;
+                if let (None, Some(why)) = (&results, self.film.unavailable.take()) {
+                    return Err(RunError::Recorded { frame, why });
+                }
+            }
+        }
+        self.make(film_s, began, results, given, watcher).await
+    }
+
+    /// The step itself, with the hull's answers, and what is reported of it.
+    async fn make(
+        &mut self,
+        film_s: f64,
+        began: Instant,
+        results: Option<Vec<BodyResult>>,
+        given: Option<Vec<BodyResponse>>,
+        watcher: &mut dyn Watcher,
+    ) -> Result<bool, RunError> {
+        let responses = given.unwrap_or_else(|| match &results {
+            Some(results) => self.world.moving_bodies().zip(results).map(response).collect(),
+            None => vec![BodyResponse::UNTOUCHED; self.world.moving_bodies().len()],
+        });
+        self.note_touches(&responses, results.as_deref());
+        let touching = self.apply(&responses)?;
+        let view = &mut self.publisher.view;
+        (view.film_s, view.frame, view.touching) = (film_s, self.film.hull_frame(), touching);
+        self.steering.count();
+        let step_ms = began.elapsed().as_secs_f64() * 1e3;
+        self.figures.step_ms.add(step_ms);
+        self.figures.steps += 1;
+        self.note_age(results.as_deref());
+        self.record(&responses, results.as_deref(), step_ms);
+        self.publish_world();
+        self.report(watcher, Some(step_ms));
+        self.picture(watcher, film_s, results.as_deref()).await;
+        Ok(true)
+    }
+
+    /// Steps the world with the hull's answers; returns how many bodies touch it.
+    fn apply(&mut self, responses: &[BodyResponse]) -> Result<usize, RunError> {
+        let began = Instant::now();
+        let report = self.world.step(responses)?;
+        self.figures.add_stage("physics", began.elapsed().as_secs_f64() * 1e3);
+        self.figures.faults += report.faults.len() as u64;
+        for fault in &report.faults {
+            let what = match fault.kind {
+                FaultKind::Response => "its response was not finite and was ignored",
+                FaultKind::Solver => "the solver made it not finite; it was put back",
+            };
+            tracing::error!("body {}: {what}", fault.body);
+        }
+        Ok(report.touched)
+    }
+
+    /// Hands the step to the recorder.
+    fn record(&mut self, responses: &[BodyResponse], results: Option<&[BodyResult]>, step_ms: f64) {
+        let view = &self.publisher.view;
+        if let Some(recorder) = &mut self.log.recorder {
+            recorder.step(&StepRecord {
+                generation: self.publisher.generation,
+                step: self.world.steps(),
+                commands: &self.log.commands,
+                film_s: view.film_s,
+                slipped_s: view.film_s - self.world.time_s(),
+                frame: view.frame,
+                responses,
+                results,
+                step_ms,
+                world: &self.world,
+            });
+        }
+        self.log.commands.clear();
+    }
+}
+
+fn response((body, result): (&Body, &BodyResult)) -> BodyResponse {
+    let mut response = BodyResponse::default();
+    response.set(result, &body.shape);
+    response
+}

@@ -1,0 +1,352 @@
+//! Three layouts behind one face: `cluster` (questions travel, nodes compute), `gather` (silhouettes travel, one
+//! machine computes: the paper's layout) and `in process` (nothing travels). They wait; what is decided from what
+//! they hear is decided by the [`Roster`] and the pass.
+
+mod cluster;
+mod gather;
+mod in_process;
+mod nodes;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use futures::future::BoxFuture;
+use hull::pass::{Pass, Round};
+use hull::{Observer, ProbeSettings, Shape, Silhouette};
+use node_client::{Agreement, ByteCounts, ExpectedNode, NodeClient, NodeError};
+use proto::convert::{Precision, SilhouetteEncoding};
+use proto::{FilmState, Pace};
+use thiserror::Error;
+use tokio::sync::mpsc;
+use tokio::time::Instant;
+
+use crate::hooks::Fetching;
+use crate::roster::{Missing, Roster, RosterNode, joined};
+use cluster::Cluster;
+use gather::Gather;
+use in_process::InProcess;
+use nodes::{CALL_TIMEOUT, Nodes};
+
+pub use in_process::LocalFrames;
+
+/// An error of whoever films in this process.
+pub type BoxError = Box<dyn std::error::Error + Send + Sync>;
+
+/// Events of one node that wait: the frames of its ring, the reply to its one open question, and its end.
+const MAX_EVENTS_PER_NODE: usize = 16;
+
+/// Why nodes, or the cameras of this process, did not do what they were asked.
+#[derive(Debug, Error)]
+pub enum TransportError {
+    /// A node failed.
+    #[error("node {node}: {error}")]
+    Node {
+        /// The node and its cameras.
+        node: String,
+        /// Why.
+        error: NodeError,
+    },
+    /// A node's answer does not fit its question.
+    #[error("node {node}: invalid reply: {error}")]
+    Answer {
+        /// The node and its cameras.
+        node: String,
+        /// How.
+        error: hull::pass::AnswerError,
+    },
+    /// Nodes are not there.
+    #[error("{}", joined(.0))]
+    Missing(Vec<Missing>),
+    /// A frame of this process's cameras is no longer there.
+    #[error("frame {frame} is gone")]
+    Gone {
+        /// Which frame.
+        frame: u64,
+    },
+    /// A frame did not come in time.
+    #[error("not every node has frame {frame} after {} s", timeout.as_secs())]
+    Late {
+        /// Which frame.
+        frame: u64,
+        /// In which time.
+        timeout: Duration,
+    },
+    /// Film failed for good.
+    #[error("{0}")]
+    FilmFailed(String),
+    /// Silhouettes did not come in time.
+    #[error("silhouettes of frame {frame} did not come within {} ms", timeout.as_millis())]
+    Silhouettes {
+        /// Which frame.
+        frame: u64,
+        /// In which time.
+        timeout: Duration,
+    },
+    /// The cameras of this process.
+    #[error("{0}")]
+    Local(BoxError),
+}
+
+impl TransportError {
+    fn of(client: &NodeClient, error: NodeError) -> TransportError {
+        TransportError::Node { node: client.node().to_string(), error }
+    }
+
+    /// True where a node will not, rather than cannot at present.
+    pub(crate) fn is_refusal(&self) -> bool {
+        matches!(self, TransportError::Node { error: NodeError::Refused(_), .. })
+    }
+}
+
+/// A layout, connected, and who is there.
+pub struct Transport {
+    roster: Roster,
+    layout: Layout,
+}
+
+enum Layout {
+    Cluster(Box<Cluster>),
+    Gather(Box<Gather>),
+    InProcess(Box<InProcess>),
+}
+
+/// The first frame of film that a background is learnt from: one that no camera has filmed before word of it
+/// comes, so that all begin at the same one.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum FirstFrame {
+    /// This one.
+    At(u64),
+    /// So many after the newest.
+    AfterNewest(u64),
+}
+
+impl Transport {
+    /// Connects to nodes that are asked, or, given the observers of the whole rig in rig order, whose silhouettes
+    /// are gathered. Must run within a tokio runtime.
+    pub fn connect(
+        nodes: Vec<ExpectedNode>,
+        gather: Option<Vec<Arc<Observer>>>,
+        settings: ProbeSettings,
+        fps: f64,
+        shapes: Vec<Arc<Shape>>,
+    ) -> Transport {
+        let agreement = Arc::new(Agreement::new(settings, fps, shapes));
+        let (sender, events) = mpsc::channel(MAX_EVENTS_PER_NODE * nodes.len().max(1));
+        let places = |node: &ExpectedNode| node.cameras.iter().map(|camera| camera.rig_index).collect();
+        let roster_nodes = nodes.iter().map(|node| RosterNode::new(node.to_string(), places(node)));
+        let roster = Roster::new(roster_nodes.collect());
+        let spawn = |(index, node)| NodeClient::spawn(node, index, Arc::clone(&agreement), sender.clone());
+        let clients = nodes.into_iter().enumerate().map(spawn).collect();
+        let nodes = Nodes::new(clients, agreement, events);
+        let layout = match gather {
+            None => Layout::Cluster(Box::new(Cluster::new(nodes, Precision::Exact))),
+            Some(observers) => Layout::Gather(Box::new(Gather::new(nodes, observers))),
+        };
+        Transport { roster, layout }
+    }
+
+    /// Cameras of this process.
+    pub fn in_process(frames: Box<dyn LocalFrames>) -> Transport {
+        let (cameras, roster) = InProcess::new(frames);
+        Transport { roster, layout: Layout::InProcess(Box::new(cameras)) }
+    }
+
+    /// Gathers silhouettes in another encoding than runs and LZ4: for measurements.
+    pub fn with_silhouettes_as(mut self, encoding: SilhouetteEncoding) -> Transport {
+        if let Layout::Gather(gather) = &mut self.layout {
+            gather.encoding = encoding;
+        }
+        self
+    }
+
+    /// Asks and answers with rounded numbers, or again with exact ones: see [`Precision`].
+    pub fn with_precision(self, precision: Precision) -> Transport {
+        let layout = match self.layout {
+            Layout::Cluster(cluster) => Layout::Cluster(Box::new(cluster.with_precision(precision))),
+            other => other,
+        };
+        Transport { layout, ..self }
+    }
+
+    /// Who is there and what they have reported, as of the last wait.
+    pub fn roster(&self) -> &Roster {
+        &self.roster
+    }
+
+    /// How many groups a pass asks.
+    pub fn group_count(&self) -> usize {
+        match &self.layout {
+            Layout::Cluster(cluster) => cluster.nodes.clients.len(),
+            Layout::Gather(_) | Layout::InProcess(_) => 1,
+        }
+    }
+
+    fn nodes(&self) -> Option<&Nodes> {
+        match &self.layout {
+            Layout::Cluster(cluster) => Some(&cluster.nodes),
+            Layout::Gather(gather) => Some(&gather.nodes),
+            Layout::InProcess(_) => None,
+        }
+    }
+
+    fn clients(&self) -> Vec<Arc<NodeClient>> {
+        self.nodes().map_or_else(Vec::new, |nodes| nodes.clients.clone())
+    }
+
+    /// Takes note of what has come, without waiting.
+    pub fn drain(&mut self) {
+        let Transport { roster, layout } = self;
+        match layout {
+            Layout::Cluster(cluster) => cluster.nodes.drain(roster),
+            Layout::Gather(gather) => gather.nodes.drain(roster),
+            Layout::InProcess(cameras) => cameras.drain(roster),
+        }
+    }
+
+    /// Waits until something has come, and takes note of it. Safe to abandon.
+    pub async fn next(&mut self) {
+        let Transport { roster, layout } = self;
+        match layout {
+            // Replies outside a pass come too late.
+            Layout::Cluster(cluster) => drop(cluster.nodes.next(roster).await),
+            Layout::Gather(gather) => drop(gather.nodes.next(roster).await),
+            Layout::InProcess(cameras) => cameras.next(roster).await,
+        }
+    }
+
+    /// The same for at most so long.
+    pub async fn next_within(&mut self, at_most: Duration) {
+        // Whether news or the clock ended the wait is for the caller to see.
+        let _ = tokio::time::timeout(at_most, self.next()).await;
+    }
+
+    /// Waits until a time, and takes note of what comes meanwhile.
+    pub async fn until(&mut self, time: Instant) {
+        while tokio::time::timeout_at(time, self.next()).await.is_ok() {}
+    }
+
+    /// Waits until every node is there; after `timeout`, says which are not and why.
+    pub async fn ready(&mut self, timeout: Duration) -> Result<(), TransportError> {
+        let deadline = Instant::now() + timeout;
+        loop {
+            self.drain();
+            let missing: Vec<Missing> = self.roster.missing().collect();
+            if missing.is_empty() {
+                return Ok(());
+            }
+            if tokio::time::timeout_at(deadline, self.next()).await.is_err() {
+                return Err(TransportError::Missing(missing));
+            }
+        }
+    }
+
+    /// Waits until every node has a frame.
+    pub async fn frame(&mut self, frame: u64, timeout: Duration) -> Result<(), TransportError> {
+        let deadline = Instant::now() + timeout;
+        loop {
+            self.drain();
+            if self.roster.newest_common(frame) == Some(frame) {
+                return Ok(());
+            }
+            if let FilmState::Failed(why) = self.roster.film(frame) {
+                return Err(TransportError::FilmFailed(why));
+            }
+            if tokio::time::timeout_at(deadline, self.next()).await.is_err() {
+                return Err(TransportError::Late { frame, timeout });
+            }
+        }
+    }
+
+    /// Begins a run everywhere.
+    pub async fn start(&mut self, pace: Pace) -> Result<(), TransportError> {
+        self.drain();
+        self.roster.begin_run();
+        match &self.layout {
+            Layout::Cluster(cluster) => cluster.nodes.start(pace).await,
+            Layout::Gather(gather) => gather.nodes.start(pace).await,
+            Layout::InProcess(cameras) => cameras.frames.start(pace).map_err(TransportError::Local),
+        }
+    }
+
+    /// Lets a lock-step run go on up to a frame.
+    pub fn credit(&self, up_to_frame: u64) {
+        match &self.layout {
+            Layout::Cluster(cluster) => cluster.nodes.credit(up_to_frame),
+            Layout::Gather(gather) => gather.nodes.credit(up_to_frame),
+            Layout::InProcess(cameras) => cameras.frames.credit(up_to_frame),
+        }
+    }
+
+    /// Makes shapes known to all nodes, also to those that come back later: these and no others.
+    pub(crate) async fn register_shapes(&self, shapes: Vec<Arc<Shape>>) -> Result<(), TransportError> {
+        let Some(nodes) = self.nodes() else { return Ok(()) };
+        let new = nodes.agreement.replace_shapes(shapes);
+        // Where silhouettes are gathered, no node is asked about shapes.
+        if new.is_empty() || matches!(self.layout, Layout::Gather(_)) {
+            return Ok(());
+        }
+        nodes.register(&new).await
+    }
+
+    /// Has every camera of every node learn its background anew from so many frames of film. If one cannot, none
+    /// does. What is returned holds on to the nodes by itself.
+    pub(crate) fn take_background(
+        &self,
+        first: FirstFrame,
+        frames: u64,
+    ) -> BoxFuture<'static, Result<(), TransportError>> {
+        let first = match first {
+            FirstFrame::At(frame) => frame,
+            FirstFrame::AfterNewest(later) => self.roster.newest().map_or(0, |newest| newest + 1) + later,
+        };
+        if let Layout::InProcess(cameras) = &self.layout {
+            let taken = cameras.frames.take_background(first, frames).map_err(TransportError::Local);
+            return Box::pin(futures::future::ready(taken));
+        }
+        Box::pin(nodes::take_background(self.clients(), first, frames))
+    }
+
+    /// Answers a pass over a frame; a round may take `timeout`. `took` receives each round and its milliseconds.
+    pub async fn run_pass(
+        &mut self,
+        pass: &mut Pass,
+        frame: u64,
+        timeout: Duration,
+        took: &mut dyn FnMut(Round, f64),
+    ) -> Result<(), TransportError> {
+        match &mut self.layout {
+            Layout::Cluster(cluster) => cluster.run_pass(pass, frame, timeout, &mut self.roster, took).await,
+            Layout::Gather(gather) => gather.run_pass(pass, frame, timeout, took).await,
+            Layout::InProcess(cameras) => cameras.run_pass(pass, frame, took),
+        }
+    }
+
+    /// The silhouettes of a frame in rig order, for pictures and not for probes. What is returned holds on to the
+    /// nodes by itself.
+    pub(crate) fn silhouettes(&self, frame: u64) -> Fetching {
+        if let Layout::InProcess(cameras) = &self.layout {
+            let found = cameras.frames.silhouettes(frame).ok_or(TransportError::Gone { frame });
+            return Box::pin(futures::future::ready(found));
+        }
+        let clients = self.clients();
+        Box::pin(async move {
+            let fetching = nodes::fetch(&clients, frame, SilhouetteEncoding::RunsLz4);
+            let late = |_| TransportError::Silhouettes { frame, timeout: CALL_TIMEOUT };
+            let (silhouettes, _) = tokio::time::timeout(CALL_TIMEOUT, fetching).await.map_err(late)??;
+            Ok(silhouettes.into_iter().map(Arc::new).collect())
+        })
+    }
+
+    /// Bytes at the sockets so far.
+    pub fn bytes(&self) -> ByteCounts {
+        self.nodes().map_or_else(ByteCounts::default, |nodes| nodes.agreement.bytes())
+    }
+
+    /// Bytes of silhouettes fetched to answer probes.
+    pub fn silhouette_bytes(&self) -> u64 {
+        if let Layout::Gather(gather) = &self.layout { gather.silhouette_bytes } else { 0 }
+    }
+}
+
+/// Silhouettes of a frame, in rig order.
+pub type Silhouettes = Vec<Arc<Silhouette>>;

@@ -1,0 +1,141 @@
+//! The nodes of a run: their clients, and the events that come from them.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use hull::{Shape, Silhouette};
+use node_client::{Agreement, NodeClient, NodeError, NodeEvent};
+use proto::Pace;
+use proto::convert::{ProbeAnswer, SilhouetteEncoding};
+use tokio::sync::mpsc;
+
+use super::TransportError;
+use crate::roster::Roster;
+
+/// A picture, or a message to the cameras, is not worth more of a step's time.
+pub(super) const CALL_TIMEOUT: Duration = Duration::from_secs(2);
+
+/// Clients of all nodes, in the order of the roster.
+pub(super) struct Nodes {
+    pub clients: Vec<Arc<NodeClient>>,
+    pub agreement: Arc<Agreement>,
+    events: mpsc::Receiver<(usize, NodeEvent)>,
+}
+
+/// What concerns the pass in flight.
+pub(super) enum PassEvent {
+    /// A node's answer to the question of that id, and the milliseconds that it computed.
+    Reply(usize, u64, ProbeAnswer, f64),
+    /// A node's connection broke.
+    Down(usize),
+}
+
+impl Nodes {
+    pub fn new(
+        clients: Vec<Arc<NodeClient>>,
+        agreement: Arc<Agreement>,
+        events: mpsc::Receiver<(usize, NodeEvent)>,
+    ) -> Nodes {
+        Nodes { clients, agreement, events }
+    }
+
+    /// Hands the roster all events that are there.
+    pub fn drain(&mut self, roster: &mut Roster) {
+        while let Ok((node, event)) = self.events.try_recv() {
+            note(roster, node, event);
+        }
+    }
+
+    /// Waits for an event and hands it to the roster. What concerns a pass is returned.
+    pub async fn next(&mut self, roster: &mut Roster) -> Option<PassEvent> {
+        match self.events.recv().await {
+            Some((node, event)) => note(roster, node, event),
+            // Every client holds a sender: there are none.
+            None => std::future::pending().await,
+        }
+    }
+
+    /// Begins a run everywhere, also at nodes that come back later.
+    pub async fn start(&self, pace: Pace) -> Result<(), TransportError> {
+        self.agreement.begin_run(pace);
+        each(&self.clients, |client| async move { client.start(pace).await }).await
+    }
+
+    pub fn credit(&self, up_to_frame: u64) {
+        self.clients.iter().for_each(|client| client.credit(up_to_frame));
+    }
+
+    /// Makes shapes known to all nodes that may lack them, and all are told, whatever one of them answers.
+    pub async fn register(&self, shapes: &[Arc<Shape>]) -> Result<(), TransportError> {
+        each(&self.clients, |client| async move { client.register(shapes).await }).await
+    }
+}
+
+fn note(roster: &mut Roster, node: usize, event: NodeEvent) -> Option<PassEvent> {
+    match event {
+        NodeEvent::Up => roster.up(node),
+        NodeEvent::Film(event) => roster.film_event(node, event),
+        NodeEvent::Down(error) => {
+            roster.down(node, error.to_string());
+            return Some(PassEvent::Down(node));
+        }
+        NodeEvent::Reply(id, answer, compute_ms) => {
+            return Some(PassEvent::Reply(node, id, answer, compute_ms));
+        }
+    }
+    None
+}
+
+/// Calls all nodes at once. Of several errors a refusal counts first: it will not pass by itself.
+async fn each<'a, F>(
+    clients: &'a [Arc<NodeClient>],
+    call: impl Fn(&'a Arc<NodeClient>) -> F,
+) -> Result<(), TransportError>
+where
+    F: Future<Output = Result<(), NodeError>>,
+{
+    let calls = clients.iter().map(|client| {
+        let called = call(client);
+        async move { called.await.map_err(|error| TransportError::of(client, error)) }
+    });
+    let (refused, others): (Vec<_>, Vec<_>) = futures::future::join_all(calls)
+        .await
+        .into_iter()
+        .partition(|result| result.as_ref().is_err_and(TransportError::is_refusal));
+    refused.into_iter().chain(others).collect()
+}
+
+/// Has all cameras learn their backgrounds from so many frames after the newest, or from a frame; if one
+/// cannot, none does.
+pub(super) async fn take_background(
+    clients: Vec<Arc<NodeClient>>,
+    first_frame: u64,
+    frames: u64,
+) -> Result<(), TransportError> {
+    for (first, check_only) in [(0, true), (first_frame, false)] {
+        each(&clients, |client| async move {
+            let taken = client.take_background(first, frames, check_only);
+            tokio::time::timeout(CALL_TIMEOUT, taken).await.unwrap_or(Err(NodeError::Timeout(CALL_TIMEOUT)))
+        })
+        .await?;
+    }
+    Ok(())
+}
+
+/// Silhouettes of all nodes in rig order, and the bytes they travelled as.
+pub(super) async fn fetch(
+    clients: &[Arc<NodeClient>],
+    frame: u64,
+    encoding: SilhouetteEncoding,
+) -> Result<(Vec<Silhouette>, u64), TransportError> {
+    let calls = clients.iter().map(|client| client.silhouettes(frame, encoding));
+    let mut all = Vec::new();
+    let mut bytes = 0;
+    for (client, fetched) in clients.iter().zip(futures::future::join_all(calls).await) {
+        let (silhouettes, more) = fetched.map_err(|error| TransportError::of(client, error))?;
+        all.extend(silhouettes);
+        bytes += more;
+    }
+    all.sort_by_key(|(rig_index, _)| *rig_index);
+    Ok((all.into_iter().map(|(_, silhouette)| silhouette).collect(), bytes))
+}

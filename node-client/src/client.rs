@@ -1,0 +1,430 @@
+//! One node: connects with backoff, checks who answers, keeps its streams open and hands on what it reports.
+
+use std::collections::VecDeque;
+use std::fmt;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use hull::question::Question;
+use hull::{ProbeSettings, Shape, Silhouette};
+use proto::convert::{
+    ExpectedAnswer, ProbeAnswer, SilhouetteEncoding, StreamKnows, WrittenQuestion, answer_from_wire,
+    description_from_wire, film_event_from_wire, pace_to_wire, shape_to_wire, silhouette_from_data,
+};
+use proto::v1::camera_node_client::CameraNodeClient;
+use proto::{Address, CameraDescription, FilmEvent, NodeDescription, Pace, v1};
+use tokio::sync::mpsc;
+use tokio_stream::StreamExt;
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::transport::Channel;
+
+use crate::connection::connect;
+use crate::counting::{ByteCounters, ByteCounts};
+use crate::error::{Mismatch, NodeError};
+
+/// Requests on their way: a pass has one question at a time, and a stalled node must not collect more.
+const MAX_SENDING: usize = 8;
+const FIRST_BACKOFF: Duration = Duration::from_millis(50);
+const LONGEST_BACKOFF: Duration = Duration::from_secs(2);
+/// All calls of a connection's beginning together: sources open, programs start.
+const BEGIN_TIMEOUT: Duration = Duration::from_secs(30);
+
+/// A node that must be there.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExpectedNode {
+    /// Where it listens.
+    pub address: Address,
+    /// Its cameras in rig order.
+    pub cameras: Vec<CameraDescription>,
+}
+
+impl fmt::Display for ExpectedNode {
+    /// The address and the cameras behind it: `unix:/run/a.sock (left, top)`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let names: Vec<&str> = self.cameras.iter().map(|camera| &camera.name[..]).collect();
+        write!(f, "{} ({})", self.address, names.join(", "))
+    }
+}
+
+/// What a node reports.
+#[derive(Debug)]
+pub enum NodeEvent {
+    /// It is connected, checked, and told of shapes and pace. What it reported before no longer holds.
+    Up,
+    /// The connection broke, or could not be made.
+    Down(NodeError),
+    /// Of its film.
+    Film(FilmEvent),
+    /// The answer to the question of that id, and the milliseconds that it computed.
+    Reply(u64, ProbeAnswer, f64),
+}
+
+/// What the nodes of a run and their coordinator agree on.
+pub struct Agreement {
+    settings: ProbeSettings,
+    fps: f64,
+    terms: Mutex<Terms>,
+    counters: Arc<ByteCounters>,
+}
+
+#[derive(Clone, Default)]
+struct Terms {
+    shapes: Vec<Arc<Shape>>,
+    pace: Option<Pace>,
+}
+
+impl Agreement {
+    /// The hull rule, frames per second, and the shapes that there will be questions about.
+    pub fn new(settings: ProbeSettings, fps: f64, shapes: Vec<Arc<Shape>>) -> Agreement {
+        let terms = Mutex::new(Terms { shapes, pace: None });
+        Agreement { settings, fps, terms, counters: Arc::default() }
+    }
+
+    /// Replaces the shapes; nodes that come back are told these. Returns those that are new.
+    pub fn replace_shapes(&self, shapes: Vec<Arc<Shape>>) -> Vec<Arc<Shape>> {
+        let mut terms = self.terms();
+        let is_new = |shape: &&Arc<Shape>| terms.shapes.iter().all(|old| old.digest() != shape.digest());
+        let new = shapes.iter().filter(is_new).cloned().collect();
+        terms.shapes = shapes;
+        new
+    }
+
+    /// From now on nodes that come back begin a run of this pace.
+    pub fn begin_run(&self, pace: Pace) {
+        self.terms().pace = Some(pace);
+    }
+
+    /// The bytes of all connections so far.
+    pub fn bytes(&self) -> ByteCounts {
+        self.counters.read()
+    }
+
+    fn terms(&self) -> MutexGuard<'_, Terms> {
+        self.terms.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Is this the node that the cluster file means?
+    fn check(&self, expected: &ExpectedNode, found: &NodeDescription) -> Result<(), Mismatch> {
+        if found.settings != self.settings {
+            return Err(Mismatch::of_settings(&found.settings, &self.settings));
+        }
+        if found.fps != self.fps {
+            return Err(Mismatch::FrameRate { found: found.fps, expected: self.fps });
+        }
+        for camera in &expected.cameras {
+            let name = || camera.name.clone();
+            let described = found.cameras.iter().find(|described| described.name == camera.name);
+            let described = described.ok_or_else(|| Mismatch::NoCamera(name()))?;
+            if described.calibration_digest != camera.calibration_digest {
+                return Err(Mismatch::Calibration(name()));
+            }
+            if described.rig_index != camera.rig_index {
+                let (found, expected) = (described.rig_index, camera.rig_index);
+                return Err(Mismatch::Place { name: name(), found, expected });
+            }
+        }
+        if found.cameras.len() != expected.cameras.len() {
+            return Err(Mismatch::Count { found: found.cameras.len(), expected: expected.cameras.len() });
+        }
+        Ok(())
+    }
+}
+
+/// The client of one node.
+pub struct NodeClient {
+    node: ExpectedNode,
+    index: usize,
+    agreement: Arc<Agreement>,
+    events: mpsc::Sender<(usize, NodeEvent)>,
+    state: Mutex<State>,
+}
+
+#[derive(Default)]
+struct State {
+    connection: Option<Connection>,
+    /// What the probe stream has received.
+    knows: StreamKnows,
+    /// Questions without an answer; the oldest is forgotten first.
+    open: VecDeque<(u64, ExpectedAnswer)>,
+}
+
+struct Connection {
+    client: CameraNodeClient<Channel>,
+    probes: mpsc::Sender<v1::ProbeRequest>,
+    credits: mpsc::Sender<v1::FrameCredit>,
+}
+
+/// The streams that a connection is read from.
+struct Streams {
+    replies: tonic::Streaming<v1::ProbeReply>,
+    frames: tonic::Streaming<v1::FrameInfo>,
+}
+
+impl NodeClient {
+    /// Begins to connect, and does so again whenever the connection breaks, until nobody receives events. They
+    /// carry `index`. Must run within a tokio runtime.
+    pub fn spawn(
+        node: ExpectedNode,
+        index: usize,
+        agreement: Arc<Agreement>,
+        events: mpsc::Sender<(usize, NodeEvent)>,
+    ) -> Arc<NodeClient> {
+        let client = Arc::new(NodeClient { node, index, agreement, events, state: Mutex::default() });
+        tokio::spawn(Arc::clone(&client).keep_connected());
+        client
+    }
+
+    /// The node that is meant.
+    pub fn node(&self) -> &ExpectedNode {
+        &self.node
+    }
+
+    /// Begins a run at this node.
+    pub async fn start(&self, pace: Pace) -> Result<(), NodeError> {
+        self.client()?.start(pace_to_wire(pace)).await?;
+        Ok(())
+    }
+
+    /// Lets a lock-step node go on up to a frame. A credit that does not fit is dropped: a later one includes
+    /// it.
+    pub fn credit(&self, up_to_frame: u64) {
+        if let Some(connection) = &self.state().connection {
+            let _ = connection.credits.try_send(v1::FrameCredit { up_to_frame });
+        }
+    }
+
+    /// Puts a question on its way; an error if the node is not there, or does not read.
+    pub fn ask(
+        &self,
+        id: u64,
+        frame: u64,
+        question: &Question,
+        written: &WrittenQuestion,
+    ) -> Result<(), NodeError> {
+        let mut state = self.state();
+        let State { connection, knows, open } = &mut *state;
+        let connection = connection.as_ref().ok_or(NodeError::NotConnected)?;
+        let message = written.message(knows, id, frame);
+        connection.probes.try_send(message).map_err(|_| NodeError::NotConnected)?;
+        knows.learn(written);
+        if open.len() == MAX_SENDING {
+            open.pop_front();
+        }
+        let cameras = self.node.cameras.iter().map(|camera| (camera.rig_index, camera.size)).collect();
+        open.push_back((id, ExpectedAnswer { kind: question.kind, points: question.len(), cameras }));
+        Ok(())
+    }
+
+    /// Sends everything anew with the next question: one was refused, so what the node has is unknown.
+    pub fn forget_sent(&self) {
+        self.state().knows = StreamKnows::default();
+    }
+
+    /// Registers the run's shapes once more.
+    pub async fn register_again(&self) -> Result<(), NodeError> {
+        let shapes = self.agreement.terms().shapes.clone();
+        self.register(&shapes).await
+    }
+
+    /// Registers shapes.
+    pub async fn register(&self, shapes: &[Arc<Shape>]) -> Result<(), NodeError> {
+        register(&mut self.client()?, shapes).await
+    }
+
+    /// Has the node's cameras learn their backgrounds anew from so many frames; or only asks whether they can.
+    pub async fn take_background(
+        &self,
+        first_frame: u64,
+        frames: u64,
+        check_only: bool,
+    ) -> Result<(), NodeError> {
+        let request = v1::TakeBackgroundRequest { first_frame, frames, check_only };
+        self.client()?.take_background(request).await?;
+        Ok(())
+    }
+
+    /// The silhouettes of a frame by place in the rig, and how many bytes they travelled as.
+    pub async fn silhouettes(
+        &self,
+        frame: u64,
+        encoding: SilhouetteEncoding,
+    ) -> Result<(Vec<(u16, Silhouette)>, u64), NodeError> {
+        let encoding_wire = v1::SilhouetteEncoding::from(encoding).into();
+        let request = v1::FetchSilhouettesRequest { frame, encoding: encoding_wire };
+        let mut stream = self.client()?.fetch_silhouettes(request).await?.into_inner();
+        let expected = self.node.cameras.len();
+        let mut bytes = 0;
+        let mut found: Vec<(u16, Silhouette)> = Vec::with_capacity(expected);
+        while let Some(v1::Silhouette { rig_index, data }) = stream.message().await? {
+            let camera = self.node.cameras.iter().find(|camera| u32::from(camera.rig_index) == rig_index);
+            let is_new =
+                |camera: &&CameraDescription| found.iter().all(|(known, _)| *known != camera.rig_index);
+            let wrong = NodeError::Cameras { found: found.len() + 1, expected };
+            let camera = camera.filter(is_new).ok_or(wrong)?;
+            bytes += data.len() as u64;
+            found.push((camera.rig_index, silhouette_from_data(&data, camera.size, encoding)?));
+        }
+        if found.len() != expected {
+            return Err(NodeError::Cameras { found: found.len(), expected });
+        }
+        Ok((found, bytes))
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn client(&self) -> Result<CameraNodeClient<Channel>, NodeError> {
+        let state = self.state();
+        state.connection.as_ref().map(|connection| connection.client.clone()).ok_or(NodeError::NotConnected)
+    }
+
+    async fn report(&self, event: NodeEvent) -> Result<(), NodeError> {
+        self.events.send((self.index, event)).await.map_err(|_| NodeError::Closed)
+    }
+
+    async fn keep_connected(self: Arc<NodeClient>) {
+        let mut backoff = FIRST_BACKOFF;
+        while !self.events.is_closed() {
+            let begun = tokio::time::timeout(BEGIN_TIMEOUT, self.begin()).await;
+            let error = match begun.unwrap_or(Err(NodeError::Timeout(BEGIN_TIMEOUT))) {
+                Ok((connection, streams)) => {
+                    backoff = FIRST_BACKOFF;
+                    *self.state() = State { connection: Some(connection), ..State::default() };
+                    tracing::debug!("node {} is up", self.node);
+                    let error = self.read(streams).await;
+                    self.state().connection = None;
+                    error
+                }
+                Err(error) => error,
+            };
+            // The run may have ended, and then there is nobody to hear it.
+            let _ = self.report(NodeEvent::Down(error)).await;
+            tokio::time::sleep(backoff).await;
+            backoff = (backoff * 2).min(LONGEST_BACKOFF);
+        }
+    }
+
+    async fn begin(&self) -> Result<(Connection, Streams), NodeError> {
+        let mut client = connect(&self.node.address, &self.agreement.counters).await?;
+        let description = description_from_wire(client.describe(v1::DescribeRequest {}).await?.into_inner())?;
+        self.agreement.check(&self.node, &description)?;
+        let Terms { shapes, pace } = self.agreement.terms().clone();
+        register(&mut client, &shapes).await?;
+        if let Some(pace) = pace {
+            client.start(pace_to_wire(pace)).await?;
+        }
+        let (credits, credit_stream) = mpsc::channel(MAX_SENDING);
+        let (probes, probe_stream) = mpsc::channel(MAX_SENDING);
+        let frames = client.watch_frames(ReceiverStream::new(credit_stream)).await?.into_inner();
+        let replies = client.probe(ReceiverStream::new(probe_stream)).await?.into_inner();
+        Ok((Connection { client, probes, credits }, Streams { replies, frames }))
+    }
+
+    /// Reads both streams until one ends, and says why.
+    async fn read(&self, streams: Streams) -> NodeError {
+        let reading = async {
+            self.report(NodeEvent::Up).await?;
+            let Streams { replies, frames } = streams;
+            tokio::try_join!(self.read_replies(replies), self.read_film(frames)).map(|_| ())
+        };
+        reading.await.err().unwrap_or(NodeError::Closed)
+    }
+
+    async fn read_replies(&self, mut replies: tonic::Streaming<v1::ProbeReply>) -> Result<(), NodeError> {
+        while let Some(reply) = replies.next().await {
+            let reply = reply?;
+            let id = reply.id;
+            let open = {
+                let mut state = self.state();
+                let place = state.open.iter().position(|(open, _)| *open == id);
+                place.and_then(|place| state.open.remove(place))
+            };
+            // Nothing is decoded that was not asked, or that was answered already.
+            let Some((_, expected)) = open else {
+                tracing::debug!("node {}: a reply to no open question", self.node);
+                continue;
+            };
+            let (answer, compute_ms) = answer_from_wire(reply, &expected)?;
+            self.report(NodeEvent::Reply(id, answer, compute_ms)).await?;
+        }
+        Err(NodeError::Closed)
+    }
+
+    async fn read_film(&self, mut frames: tonic::Streaming<v1::FrameInfo>) -> Result<(), NodeError> {
+        let mut before: Option<(u64, f64)> = None;
+        while let Some(info) = frames.next().await {
+            let event = film_event_from_wire(info?, &self.node.cameras)?;
+            if let FilmEvent::Frame(report) = &event {
+                check_order(before, (report.frame, report.capture_time_s))?;
+                before = Some((report.frame, report.capture_time_s));
+            }
+            self.report(NodeEvent::Film(event)).await?;
+        }
+        Err(NodeError::Closed)
+    }
+}
+
+/// Later frames are captured later. A number that is not higher begins another run.
+fn check_order(before: Option<(u64, f64)>, found: (u64, f64)) -> Result<(), NodeError> {
+    match before {
+        Some((before, before_s)) if found.0 > before && found.1 <= before_s => {
+            Err(NodeError::Backwards { frame: found.0, found_s: found.1, before, before_s })
+        }
+        _ => Ok(()),
+    }
+}
+
+async fn register(client: &mut CameraNodeClient<Channel>, shapes: &[Arc<Shape>]) -> Result<(), NodeError> {
+    let shapes = shapes.iter().map(|shape| shape_to_wire(shape)).collect();
+    client.register_shapes(v1::RegisterShapesRequest { shapes }).await?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn capture_times_that_run_backwards_are_refused_and_another_run_is_not() {
+        assert_eq!(check_order(None, (0, 0.0)), Ok(()));
+        assert_eq!(check_order(Some((4, 0.4)), (5, 0.5)), Ok(()));
+        assert_eq!(check_order(Some((4, 0.4)), (0, 0.0)), Ok(()));
+        let error = check_order(Some((4, 0.4)), (5, 0.3)).expect_err("backwards").to_string();
+        assert_eq!(error, "invalid reply: frame 5 was captured at 0.3 s, before frame 4 at 0.4 s");
+    }
+
+    fn described(name: &str) -> CameraDescription {
+        CameraDescription { name: name.into(), rig_index: 1, size: (8, 8), calibration_digest: [0; 32] }
+    }
+
+    #[test]
+    fn another_node_than_the_one_meant_is_refused_with_the_difference() {
+        let agreement = Agreement::new(ProbeSettings::default(), 30.0, vec![]);
+        let address = Address::Tcp("127.0.0.1:1".into());
+        let node = ExpectedNode { address, cameras: vec![described("left")] };
+        let description = || NodeDescription {
+            version: "0".into(),
+            cameras: vec![described("left")],
+            settings: ProbeSettings::default(),
+            fps: 30.0,
+        };
+        assert_eq!(agreement.check(&node, &description()), Ok(()));
+        type Change = fn(&mut NodeDescription);
+        let changes: [(Change, &str); 5] = [
+            (|node| node.fps = 25.0, "it films 25 frames/s, expected 30"),
+            (|node| node.cameras[0].name = "top".into(), "it has no camera \"left\""),
+            (
+                |node| node.cameras[0].calibration_digest[0] = 1,
+                "its calibration of camera \"left\" is not the rig's",
+            ),
+            (|node| node.cameras[0].rig_index = 2, "it has camera \"left\" at place 2, expected 1"),
+            (|node| node.cameras.push(described("top")), "it has 2 cameras, expected 1"),
+        ];
+        for (change, expected) in changes {
+            let mut found = description();
+            change(&mut found);
+            assert_eq!(agreement.check(&node, &found).expect_err(expected).to_string(), expected);
+        }
+    }
+}

@@ -1,0 +1,153 @@
+//! Why a node does not do what it is asked.
+
+use std::time::Duration;
+
+use hull::ProbeSettings;
+use hull::rule::{NormalWindow, OutOfView};
+use proto::convert::ConvertError;
+use proto::text::{MAX_MESSAGE_CHARS, clean};
+use thiserror::Error;
+
+/// Why a node does not do what it is asked. Texts of the node are cleaned.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum NodeError {
+    /// There is no connection at present.
+    #[error("not connected")]
+    NotConnected,
+    /// A connection could not be made.
+    #[error("cannot connect: {0}")]
+    Unreachable(String),
+    /// It did not answer in time.
+    #[error("no answer within {} ms", .0.as_millis())]
+    Timeout(Duration),
+    /// The connection broke during a call.
+    #[error("connection lost: {0}")]
+    Lost(String),
+    /// The node closed a stream that should stay open.
+    #[error("it closed the stream")]
+    Closed,
+    /// The node refused the call, and why.
+    #[error("{0}")]
+    Refused(String),
+    /// A reply that cannot be.
+    #[error("invalid reply: {0}")]
+    Invalid(#[from] ConvertError),
+    /// A reply about cameras that it was not asked about, or not all of them.
+    #[error("invalid reply: {found} silhouettes, expected {expected}, one a camera")]
+    Cameras {
+        /// Silhouettes found.
+        found: usize,
+        /// Cameras of the node.
+        expected: usize,
+    },
+    /// Frames whose capture times run backwards.
+    #[error(
+        "invalid reply: frame {frame} was captured at {found_s} s, before frame {before} at {before_s} s"
+    )]
+    Backwards {
+        /// The later frame.
+        frame: u64,
+        /// Its film time, seconds.
+        found_s: f64,
+        /// The earlier frame.
+        before: u64,
+        /// Its film time, seconds.
+        before_s: f64,
+    },
+    /// Another node than the one meant.
+    #[error(transparent)]
+    Mismatch(#[from] Mismatch),
+}
+
+/// How a node differs from the one that the cluster file means.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum Mismatch {
+    /// The hull rule or the probes' settings.
+    #[error("hull rule differs: {0}")]
+    Settings(String),
+    /// The frame rate.
+    #[error("it films {found} frames/s, expected {expected}")]
+    FrameRate {
+        /// The node's.
+        found: f64,
+        /// The cluster file's.
+        expected: f64,
+    },
+    /// A camera is missing.
+    #[error("it has no camera {0:?}")]
+    NoCamera(String),
+    /// The camera's calibration.
+    #[error("its calibration of camera {0:?} is not the rig's")]
+    Calibration(String),
+    /// The camera's place.
+    #[error("it has camera {name:?} at place {found}, expected {expected}")]
+    Place {
+        /// The camera.
+        name: String,
+        /// Its place in the node's rig.
+        found: u16,
+        /// Its place in ours.
+        expected: u16,
+    },
+    /// Cameras that nobody expects there.
+    #[error("it has {found} cameras, expected {expected}")]
+    Count {
+        /// Cameras of the node.
+        found: usize,
+        /// Cameras of the cluster file.
+        expected: usize,
+    },
+}
+
+impl Mismatch {
+    /// The settings that differ, each with what was found and expected.
+    pub(crate) fn of_settings(found: &ProbeSettings, expected: &ProbeSettings) -> Mismatch {
+        let view = |settings: &ProbeSettings| match settings.rule().out_of_view {
+            OutOfView::Outside => "outside".to_owned(),
+            OutOfView::Abstain => "abstain".to_owned(),
+        };
+        let window = |settings: &ProbeSettings| match settings.normal_window() {
+            NormalWindow::Auto => "auto".to_owned(),
+            NormalWindow::Pixels(k) => k.to_string(),
+        };
+        let pairs = [
+            ("out_of_view", view(found), view(expected)),
+            ("min_views", found.rule().min_views.to_string(), expected.rule().min_views.to_string()),
+            ("normal_window", window(found), window(expected)),
+            ("max_depth_m", found.max_depth_m().to_string(), expected.max_depth_m().to_string()),
+        ];
+        let differing = pairs.iter().filter(|(_, found, expected)| found != expected);
+        let texts = differing.map(|(key, found, expected)| format!("{key} is {found}, expected {expected}"));
+        Mismatch::Settings(texts.collect::<Vec<_>>().join("; "))
+    }
+}
+
+impl From<tonic::Status> for NodeError {
+    fn from(status: tonic::Status) -> NodeError {
+        let message = clean(status.message(), MAX_MESSAGE_CHARS);
+        match status.code() {
+            tonic::Code::Unavailable | tonic::Code::Cancelled | tonic::Code::Unknown => {
+                NodeError::Lost(message)
+            }
+            _ => NodeError::Refused(message),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_that_differ_are_named_one_by_one() {
+        let rule = |out_of_view, min_views| hull::HullRule { out_of_view, min_views };
+        let settings = |rule, depth_m| ProbeSettings::new(rule, NormalWindow::Auto, depth_m).expect("valid");
+        let found = settings(rule(OutOfView::Abstain, 3), 1.0);
+        let expected = settings(rule(OutOfView::Outside, 2), 1.0);
+        let text = Mismatch::of_settings(&found, &expected).to_string();
+        assert_eq!(
+            text,
+            "hull rule differs: out_of_view is abstain, expected outside; min_views is 3, expected 2"
+        );
+    }
+}

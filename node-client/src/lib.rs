@@ -1,0 +1,14 @@
+//! The one client of a camera node. It connects, and again whenever the connection breaks; it checks who
+//! answers, puts questions on their way, hands on what the node reports, and counts bytes at the socket. What
+//! any of it means is for the caller to decide.
+
+mod client;
+mod connection;
+mod counting;
+mod error;
+mod pictures;
+
+pub use client::{Agreement, ExpectedNode, NodeClient, NodeEvent};
+pub use counting::ByteCounts;
+pub use error::{Mismatch, NodeError};
+pub use pictures::{FETCH_TIMEOUT, NodePictures, PicturesError};
