@@ -168,7 +168,7 @@ mod tests {
 
     fn pictures() -> FramePictures {
         let camera = |camera: u16, runs: &'static [u8], jpeg: &'static [u8]| CameraPicture {
-            camera,
+            rig_index: camera,
             runs: Bytes::from_static(runs),
             scale_log2: u8::from(!jpeg.is_empty()),
             crop: if jpeg.is_empty() { [0; 4] } else { [16, 32, 48, 64] },
