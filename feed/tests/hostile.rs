@@ -3,7 +3,9 @@
 mod common;
 
 use common::*;
+use futures::{SinkExt as _, StreamExt as _};
 use serde_json::{Value, json};
+use tokio_tungstenite::tungstenite::Message;
 
 /// Escape sequences, a forged line, a mark that reverses text, and 40 KB.
 fn hostile() -> String {
@@ -51,11 +53,14 @@ async fn what_a_page_sends_comes_back_short_and_clean() {
 #[tokio::test]
 async fn what_a_program_sends_comes_back_short_and_clean() {
     let run = Run::start();
-    let mut program = Page::open(&format!("ws://{}/state", run.feed.address())).await;
+    let url = format!("ws://{}/state", run.feed.address());
+    let (mut program, _) = tokio_tungstenite::connect_async(url).await.expect("connects");
     for text in [hostile(), json!([hostile()]).to_string()] {
-        use futures::SinkExt as _;
-        let message = tokio_tungstenite::tungstenite::Message::text(text);
-        program.socket.send(message).await.expect("sent");
-        is_clean(&program.hear_op("refused").await["why"]);
+        program.send(Message::text(text)).await.expect("sent");
+        let answer = tokio::time::timeout(PATIENCE, program.next()).await.expect("in time");
+        let answer = answer.expect("an answer").expect("a message").into_text().expect("a text");
+        let answer: Value = serde_json::from_str(&answer).expect("JSON");
+        assert_eq!(answer["op"], "refused");
+        is_clean(&answer["why"]);
     }
 }
