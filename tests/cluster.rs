@@ -56,6 +56,58 @@ fn one_seed_is_one_run_over_every_transport() {
     assert_ne!(other["trajectory_digest"], runs[0]["trajectory_digest"], "another seed, another run");
 }
 
+/// A run of three cameras whose films have these lengths, in frames; returns its figures.
+fn uneven_films(folder: &Path, frames: [u64; 3], arguments: &[&str]) -> Value {
+    let rig = stage::studio_rig(3, (160, 120)).expect("a rig");
+    std::fs::write(folder.join("rig.toml"), rig.to_toml()).expect("written");
+    let mut text = "rig = \"rig.toml\"\nscene = \"topple\"\nfps = 30\nhold_s = 2.0\n".to_owned();
+    for (camera, frames) in rig.cameras().iter().zip(frames) {
+        let name = camera.name();
+        text += &format!(
+            "[[camera]]\nname = {name:?}\nsource = {{ kind = \"stage\", motion = \"strike\", frames = {frames} }}\n"
+        );
+    }
+    let (cluster, json) = (folder.join("uneven.cluster.toml"), folder.join("uneven.json"));
+    std::fs::write(&cluster, text).expect("written");
+    let output = hulltouch()
+        .args(["demo", "--headless", "--recording"])
+        .arg(&cluster)
+        .args(arguments)
+        .arg("--json")
+        .arg(&json)
+        .output()
+        .expect("runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_str(&std::fs::read_to_string(json).expect("written")).expect("JSON")
+}
+
+#[test]
+fn films_of_unequal_length_end_with_the_shortest_and_are_held_over_every_transport() {
+    let folder = tempfile::tempdir().expect("folder");
+    let run =
+        |transport| uneven_films(folder.path(), [240, 45, 240], &["--unpaced", "--transport", transport]);
+    let runs = ["inprocess", "gather", "cluster", "cluster"].map(run);
+    for run in &runs {
+        // Film of 1.5 s, held for 2 s more, at 120 steps a second.
+        assert_eq!(run["steps"], 420, "{}", run["transport"]);
+        assert_eq!(run["trajectory_digest"], runs[0]["trajectory_digest"], "{}", run["transport"]);
+        let missed = &run["missed"];
+        assert_eq!(
+            (&missed["frames_expected"], &missed["frames"], &missed["blind_steps"]),
+            (&45.into(), &0.into(), &0.into())
+        );
+    }
+}
+
+#[test]
+fn a_live_run_holds_the_last_frame_of_the_shortest_film() {
+    let folder = tempfile::tempdir().expect("folder");
+    let run = uneven_films(folder.path(), [600, 45, 600], &["--transport", "cluster"]);
+    let number = |key: &str| run["missed"][key].as_u64().expect("a number");
+    // A loaded machine misses frames; none of the two seconds that hold the last one may be without a hull.
+    assert!(run["wall_s"].as_f64().expect("seconds") > 3.0 && number("blind_steps") < 200, "{run}");
+}
+
 /// A live demo in the background.
 struct Live {
     child: Child,
@@ -244,7 +296,7 @@ fn a_node_that_is_started_again_is_taken_back_without_help() {
     let output = coordinator.wait_with_output().expect("ends");
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{said}");
-    assert!(said.contains("no hull") && said.contains("the hull is back"), "{said}");
+    assert!(said.contains("hull unavailable") && said.contains("hull available again"), "{said}");
     let figures: Value =
         serde_json::from_str(&std::fs::read_to_string(json).expect("written")).expect("JSON");
     assert!(figures["missed"]["blind_steps"].as_u64().expect("a number") > 20, "{figures}");

@@ -226,7 +226,7 @@ async fn suite(address: Listen, rig: &Rig) {
     let (credits, credited) = mpsc::channel(4);
     let frames = client.watch_frames(ReceiverStream::new(credited)).await.expect("opens");
     let mut frames = frames.into_inner();
-    credits.send(v1::FrameCredit { up_to_frame: 2 }).await.expect("sent");
+    credits.send(v1::FrameCredit { up_to_frame: 2, in_use: None }).await.expect("sent");
     for number in 0..=2 {
         let info = next_frame(&mut frames).await;
         assert_eq!((info.frame, info.cameras.len()), (number, 2), "every frame, in order, of all cameras");
@@ -246,7 +246,7 @@ async fn suite(address: Listen, rig: &Rig) {
     assert!(early.iter().all(|picture| picture.jpeg.is_empty()), "colours are kept from the first ask on");
 
     for number in 3..=12 {
-        credits.send(v1::FrameCredit { up_to_frame: number }).await.expect("sent");
+        credits.send(v1::FrameCredit { up_to_frame: number, in_use: None }).await.expect("sent");
         assert_eq!(next_frame(&mut frames).await.frame, number);
     }
     assert_eq!(probe.refused(0, &one).await, RefusalReason::Gone, "the ring has moved on");

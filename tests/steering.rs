@@ -283,6 +283,41 @@ async fn a_run_is_paused_stepped_changed_and_begun_anew_by_those_who_follow_it()
 }
 
 #[tokio::test]
+async fn steps_out_of_a_pause_see_the_frame_at_which_a_live_run_was_paused() {
+    let studio = Studio { lock_step: false, ..Studio::new(Motion::Idle, 1000.0) };
+    let (live, mut follower) = live();
+    let coordinator = studio.coordinator(studio.in_process()).with_live(live);
+    let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
+    let mut quiet = Quiet;
+    let run = coordinator.run(&mut quiet, async { drop(stopped.await) });
+    let steer = async {
+        let _watching = follower.watch();
+        seen(&mut follower, |world| world.step > 5 && world.frame.is_some()).await;
+        follower.order(Command::Pause).await.expect("paused");
+        let paused = seen(&mut follower, |world| world.paused).await;
+        // Longer than a ring of frames lasts.
+        tokio::time::sleep(Duration::from_millis(1500)).await;
+        for steps in [1, 3] {
+            let before = follower.world.borrow().clone().expect("a world").step;
+            follower.order(Command::Step(steps)).await.expect("counted");
+            let stepped =
+                seen(&mut follower, |world| world.paused && world.step == before + u64::from(steps)).await;
+            assert_eq!(stepped.frame, paused.frame, "the person stands still");
+        }
+        follower.order(Command::Resume).await.expect("resumed");
+        seen(&mut follower, |world| world.frame > paused.frame.map(|frame| frame + 30)).await;
+        drop(stop);
+    };
+    let (ran, ()) = tokio::join!(run, steer);
+    let (figures, _) = ran.expect("runs");
+    assert!(
+        figures.frames_expected < 60,
+        "film that nobody wanted is not expected: {}",
+        figures.frames_expected
+    );
+}
+
+#[tokio::test]
 async fn film_goes_by_while_a_live_run_is_paused_and_nothing_counts_as_missed() {
     let studio = Studio { lock_step: false, ..Studio::new(Motion::Idle, 1000.0) };
     let (live, mut follower) = live();

@@ -74,6 +74,10 @@ impl LocalFrames for InProcess {
         self.film.credit(up_to_frame);
     }
 
+    fn use_frame(&self, frame: u64) {
+        self.ring.hold(frame);
+    }
+
     fn watch(&self) -> watch::Receiver<u64> {
         self.ring.watch()
     }

@@ -189,7 +189,15 @@ impl NodeClient {
     /// it.
     pub fn credit(&self, up_to_frame: u64) {
         if let Some(connection) = &self.state().connection {
-            let _ = connection.credits.try_send(v1::FrameCredit { up_to_frame });
+            let _ = connection.credits.try_send(v1::FrameCredit { up_to_frame, in_use: None });
+        }
+    }
+
+    /// Has the node keep a frame, however old it gets, until another is in use. Dropped where it does not fit: the
+    /// next frame says so too.
+    pub fn use_frame(&self, frame: u64) {
+        if let Some(connection) = &self.state().connection {
+            let _ = connection.credits.try_send(v1::FrameCredit { up_to_frame: 0, in_use: Some(frame) });
         }
     }
 

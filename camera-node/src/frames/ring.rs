@@ -48,6 +48,8 @@ struct Parts {
 #[derive(Default)]
 struct Inner {
     ring: VecDeque<Arc<Frame>>,
+    /// The frame that the coordinator uses, however old.
+    held: Option<Arc<Frame>>,
     /// Frames that some cameras have delivered and others not, at most [`RING_FRAMES`].
     pending: BTreeMap<u64, Parts>,
     /// Which cameras' films have ended, and the newest frame that each has delivered.
@@ -191,6 +193,16 @@ impl FrameRing {
         self.lock().state.clone()
     }
 
+    /// Keeps a frame, however old it gets, until another is held or a run begins: a world that stands still, or
+    /// holds the last frame of film, goes on asking about it. One that is not there is not held.
+    pub fn hold(&self, number: u64) {
+        let mut inner = self.lock();
+        let in_ring = inner.ring.iter().find(|frame| frame.number == number).cloned();
+        if in_ring.is_some() {
+            inner.held = in_ring;
+        }
+    }
+
     /// The frame of that number.
     pub fn get(&self, number: u64) -> Result<Arc<Frame>, FrameError> {
         let inner = self.lock();
@@ -201,7 +213,7 @@ impl FrameRing {
         if number > newest {
             return Err(FrameError::NotYet { asked: number, newest });
         }
-        let found = inner.ring.iter().find(|frame| frame.number == number);
+        let found = inner.ring.iter().chain(&inner.held).find(|frame| frame.number == number);
         found.cloned().ok_or(FrameError::Gone { asked: number, oldest, newest })
     }
 
@@ -264,6 +276,22 @@ mod tests {
         }
         assert!(matches!(ring.get(0), Err(FrameError::Gone { asked: 0, oldest: 1, newest: 8 })));
         assert!(matches!(ring.get(9), Err(FrameError::NotYet { .. })));
+    }
+
+    #[test]
+    fn the_frame_in_use_stays_until_another_is_or_a_run_begins() {
+        let ring = FrameRing::new(1);
+        (0..4).for_each(|number| offer(&ring, 0, number));
+        ring.hold(2);
+        (4..40).for_each(|number| offer(&ring, 0, number));
+        assert_eq!(ring.get(2).map(|frame| frame.number), Ok(2));
+        assert!(matches!(ring.get(3), Err(FrameError::Gone { .. })));
+        ring.hold(3);
+        assert_eq!(ring.get(2).map(|frame| frame.number), Ok(2), "what is gone cannot take its place");
+        ring.hold(39);
+        assert!(matches!(ring.get(2), Err(FrameError::Gone { .. })));
+        ring.clear();
+        assert!(matches!(ring.get(39), Err(FrameError::Empty)));
     }
 
     #[test]

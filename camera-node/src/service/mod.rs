@@ -109,10 +109,13 @@ impl CameraNode for Service {
         request: Request<Streaming<v1::FrameCredit>>,
     ) -> Result<Response<Self::WatchFramesStream>, Status> {
         let mut credits = request.into_inner();
-        let film = Arc::clone(&self.film);
+        let (film, ring) = (Arc::clone(&self.film), Arc::clone(&self.ring));
         tokio::spawn(async move {
-            while let Some(Ok(v1::FrameCredit { up_to_frame })) = credits.next().await {
+            while let Some(Ok(v1::FrameCredit { up_to_frame, in_use })) = credits.next().await {
                 film.credit(up_to_frame);
+                if let Some(frame) = in_use {
+                    ring.hold(frame);
+                }
             }
         });
         // A reader that lags by more than the ring has lost frames anyway.

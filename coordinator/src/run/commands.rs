@@ -29,7 +29,11 @@ pub(super) enum Steering {
     #[default]
     Running,
     /// So many steps more.
-    Counting(u64),
+    Counting {
+        left: u64,
+        /// They see the frame at which the run was paused: somebody steps through a moment.
+        is_frozen: bool,
+    },
     /// None.
     Paused,
 }
@@ -39,9 +43,13 @@ impl Steering {
         self == Steering::Paused
     }
 
+    pub fn is_frozen(self) -> bool {
+        matches!(self, Steering::Counting { is_frozen: true, .. })
+    }
+
     /// A step was made.
     pub fn count(&mut self) {
-        if let Steering::Counting(left) = self {
+        if let Steering::Counting { left, .. } = self {
             *left -= 1;
             if *left == 0 {
                 *self = Steering::Paused;
@@ -177,8 +185,14 @@ impl Coordinator {
         if !(1..=MAX_STEPS).contains(&steps) {
             return Err(Refusal::Steps { found: steps });
         }
-        let left = if let Steering::Counting(left) = self.steering { left } else { 0 };
-        self.steering = Steering::Counting((left + u64::from(steps)).min(MAX_STEPS.into()));
+        let (left, is_frozen) = match self.steering {
+            Steering::Counting { left, is_frozen } => (left, is_frozen),
+            // In lock-step film has waited.
+            Steering::Paused => (0, !self.settings.lock_step),
+            Steering::Running => (0, false),
+        };
+        let left = (left + u64::from(steps)).min(MAX_STEPS.into());
+        self.steering = Steering::Counting { left, is_frozen };
         Ok(())
     }
 

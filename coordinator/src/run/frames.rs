@@ -74,6 +74,7 @@ impl Coordinator {
     /// Takes a frame into use.
     pub(super) async fn use_frame(&mut self, frame: u64) -> Result<(), RunError> {
         self.film.frame = Some(frame);
+        self.transport.use_frame(frame);
         self.figures.frames += 1;
         let reports = self.transport.roster().reports(frame).unwrap_or_default();
         let cameras = reports.iter().flat_map(|report| &report.cameras);

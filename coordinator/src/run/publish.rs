@@ -80,7 +80,9 @@ impl Coordinator {
 
     /// Hands the world as it is to whoever watches.
     pub(super) fn publish_world(&self) {
-        let Some(live) = self.publisher.live.as_ref().filter(|live| live.is_watched()) else { return };
+        // A world that stands still is published for followers that come later.
+        let is_seen = |live: &&Live| live.is_watched() || self.steering.is_paused();
+        let Some(live) = self.publisher.live.as_ref().filter(is_seen) else { return };
         let state = Arc::new(self.world_state());
         live.world.send_if_modified(|known| {
             let is_new = known.as_ref() != Some(&state);

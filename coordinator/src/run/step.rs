@@ -15,6 +15,9 @@ use crate::roster::{HullUnavailable, LastFrame};
 impl Coordinator {
     /// A step that sees what film has for it; false if film has ended and was held long enough.
     pub(super) async fn film_step(&mut self, watcher: &mut dyn Watcher) -> Result<bool, RunError> {
+        if self.steering.is_frozen() && self.film.frame.is_some() {
+            return self.frozen_step(watcher).await;
+        }
         let film_s = self.film_s();
         let wanted = frame_at(film_s, self.settings.fps);
         self.figures.frames_expected = (wanted + 1).saturating_sub(self.film.frames_passed);
@@ -44,6 +47,17 @@ impl Coordinator {
         let began = Instant::now();
         let phase = if last.is_some() { FilmPhase::Held } else { FilmPhase::Runs };
         let results = self.collide(film_s, phase).await;
+        self.make(film_s, began, results, None, watcher).await
+    }
+
+    /// A step out of a pause: it sees the frame at which the run was paused, while film goes by.
+    async fn frozen_step(&mut self, watcher: &mut dyn Watcher) -> Result<bool, RunError> {
+        let (film_s, fps) = (self.film_s(), self.settings.fps);
+        let before_s = film_s - self.world.settings().dt_s;
+        self.film.frames_passed += frame_at(film_s, fps) - frame_at(before_s, fps);
+        self.transport.drain();
+        let began = Instant::now();
+        let results = self.collide(film_s, FilmPhase::Given).await;
         self.make(film_s, began, results, None, watcher).await
     }
 

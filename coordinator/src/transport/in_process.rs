@@ -22,6 +22,10 @@ pub trait LocalFrames: Send {
     fn start(&self, pace: Pace) -> Result<(), BoxError>;
     /// Lets a lock-step run go on up to a frame.
     fn credit(&self, up_to_frame: u64);
+    /// Keeps a frame, however old it gets, until another is in use.
+    fn use_frame(&self, frame: u64) {
+        let _ = frame;
+    }
     /// Wakes whenever a frame, an end or a failure has come.
     fn watch(&self) -> watch::Receiver<u64>;
     /// The frames there are, ascending.

@@ -277,6 +277,15 @@ impl Transport {
         }
     }
 
+    /// Has everybody keep a frame, however old it gets, until another is in use.
+    pub(crate) fn use_frame(&self, frame: u64) {
+        match &self.layout {
+            Layout::Cluster(cluster) => cluster.nodes.use_frame(frame),
+            Layout::Gather(gather) => gather.nodes.use_frame(frame),
+            Layout::InProcess(cameras) => cameras.frames.use_frame(frame),
+        }
+    }
+
     /// Makes shapes known to all nodes, also to those that come back later: these and no others.
     pub(crate) async fn register_shapes(&self, shapes: Vec<Arc<Shape>>) -> Result<(), TransportError> {
         let Some(nodes) = self.nodes() else { return Ok(()) };
