@@ -5,18 +5,13 @@
 //! the commands before it and the frame it sees. A run that follows the schedule of its own recording, over the
 //! same silhouettes, has the same digest after every step.
 
-use std::pin::Pin;
-
 use hull::pass::BodyResult;
 use proto::FrameReport;
 use sim::{BodyResponse, World};
 
 use crate::figures::Figures;
 use crate::live::Command;
-use crate::transport::{Silhouettes, TransportError};
-
-/// Silhouettes on their way, in rig order; or why they did not come.
-pub type Fetching = Pin<Box<dyn Future<Output = Result<Silhouettes, TransportError>> + Send>>;
+use crate::transport::Fetching;
 
 /// A frame that comes into use.
 pub struct FrameRecord<'a> {

@@ -16,4 +16,4 @@ mod transport;
 pub use figures::{Figures, Percentiles, Progress, STAGES};
 pub use query::AskEvery;
 pub use run::{Coordinator, RunError, RunSettings, Snapshot, Watcher};
-pub use transport::{BoxError, LocalFrames, Silhouettes, Transport, TransportError};
+pub use transport::{BoxError, Fetching, LocalFrames, Silhouettes, Transport, TransportError};

@@ -7,7 +7,8 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use coordinator::BoxError;
-use coordinator::hooks::{Fetching, FrameRecord};
+use coordinator::Fetching;
+use coordinator::hooks::FrameRecord;
 use hull::Silhouette;
 use proto::convert::{SilhouetteEncoding, silhouette_data};
 use proto::{CameraReport, FrameReport};

@@ -20,7 +20,6 @@ use thiserror::Error;
 use tokio::sync::mpsc;
 use tokio::time::Instant;
 
-use crate::hooks::Fetching;
 use crate::roster::{Missing, Roster, RosterNode, joined};
 use cluster::Cluster;
 use gather::Gather;
@@ -359,3 +358,6 @@ impl Transport {
 
 /// Silhouettes of a frame, in rig order.
 pub type Silhouettes = Vec<Arc<Silhouette>>;
+
+/// Silhouettes on their way, or why they did not come.
+pub type Fetching = BoxFuture<'static, Result<Silhouettes, TransportError>>;
