@@ -81,9 +81,16 @@ const DOCUMENTS: [&str; 12] = [
     "viewer/README.md",
 ];
 
-/// Files of users, in examples of documents.
-const EXAMPLES: [&str; 5] =
-    ["studio/rig.toml", "studio/empty/left.y4m", "masks/left/000000.png", "./my.scene.toml", "calibration/"];
+/// What looks like a path of the project and is none: files of users in examples, parts of a URL.
+const EXAMPLES: [&str; 7] = [
+    "foo/mod.rs",
+    "assets/",
+    "studio/rig.toml",
+    "studio/empty/left.y4m",
+    "masks/left/000000.png",
+    "./my.scene.toml",
+    "calibration/",
+];
 
 /// The files that may hold `unsafe`: vector instructions and the choice among them, each with its reason, and two
 /// tests of such things.
@@ -310,7 +317,8 @@ fn what_documents_name_is_there() {
         let document = File { path: name.into(), text };
         let paths = document_names::missing_paths(&document, &EXAMPLES).into_iter();
         let names = document_names::missing_names(&document, &code);
-        let items = document_names::missing_items(&document, &code);
+        let items = document_names::missing_items(&document, &code).into_iter();
+        let items = items.chain(document_names::misplaced(&document));
         let map = if name == "ARCHITECTURE.md" { document_names::missing_in_map(&document) } else { vec![] };
         missing
             .extend(paths.chain(names).chain(items).chain(map).map(|missing| format!("{name}: {missing}")));

@@ -13,7 +13,7 @@ use crate::run_info::{RunInfo, Volume};
 /// What every part of the server shares.
 pub(crate) struct Shared {
     pub info: RunInfo,
-    /// .
+    /// The info's own; finding it takes a while.
     pub volume: Volume,
     pub follower: Follower,
     pub messages: MessageCache,

@@ -71,6 +71,29 @@ pub fn missing_items(document: &File, files: &[File]) -> Vec<String> {
     missing
 }
 
+/// The names that a document gives with a file, as in `name` (`path.rs`) or `name` in `path.rs`, and that the file
+/// does not hold.
+pub fn misplaced(document: &File) -> Vec<String> {
+    let parts: Vec<&str> = document.text.split('`').collect();
+    let mut misplaced = Vec::new();
+    for (at, between) in parts.iter().enumerate().skip(2).step_by(2) {
+        let (name, Some(path)) = (parts[at - 1], parts.get(at + 1).filter(|path| path.ends_with(".rs")))
+        else {
+            continue;
+        };
+        let item = name.trim_end_matches("()").rsplit("::").next().unwrap_or_default();
+        let is_name = item.chars().all(|c| c.is_ascii_alphanumeric() || c == '_') && !item.is_empty();
+        if !is_name || !["(", "in"].contains(&between.trim()) {
+            continue;
+        }
+        let text = std::fs::read_to_string(root().join(path)).unwrap_or_default();
+        if !(File { path: path.to_string(), text }).has_word(item) {
+            misplaced.push(format!("{name} in {path}"));
+        }
+    }
+    misplaced
+}
+
 fn holds(file: &File, container: &str, item: &str) -> bool {
     let of_type = container.starts_with(|c: char| c.is_ascii_uppercase());
     let is_container = if of_type {
