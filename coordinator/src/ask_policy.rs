@@ -15,7 +15,7 @@ const TRIAL_PASSES: u64 = 8;
 const TRY_AGAIN_PASSES: u64 = 240;
 /// Passes of such a trial; the first finds cold lists and is not counted.
 const AGAIN_PASSES: u64 = 5;
-/// For classes the selective way must be this much faster: it may send more. Where both are about as fast, as
+/// For classes two phases must be this much faster: it may send more. Where both are about as fast, as
 /// on one machine, chance must not decide how many bytes a run sends.
 const CLASSES_ADVANTAGE: f64 = 0.8;
 /// For edges and exits it may be so much slower: it sends and computes much less.
@@ -96,7 +96,7 @@ impl AskPolicy {
     pub fn of_distances(node_count: usize, precision: Precision) -> AskPolicy {
         let advantage = match precision {
             Precision::Exact => DISTANCES_ADVANTAGE,
-            // Whoever rounds wants fewer bytes.
+            // Rounded numbers are chosen for fewer bytes.
             Precision::Quantised => f64::INFINITY,
         };
         AskPolicy::new(node_count, advantage)
@@ -215,7 +215,7 @@ mod tests {
         assert!(run(&mut AskPolicy::of_classes(8, Precision::Exact), 400, 1.0, 2.0) < 0.1);
         let mut policy = AskPolicy::of_classes(8, Precision::Exact);
         run(&mut policy, 300, 1.0, 2.0);
-        // A trial now and then is all that tells of a change: it takes a while.
+        // Only the occasional trial notices a change: it takes a while.
         assert!(run(&mut policy, 20 * TRY_AGAIN_PASSES, 3.0, 1.0) > 0.9, "links change");
     }
 
@@ -234,7 +234,7 @@ mod tests {
     #[test]
     fn a_little_time_is_given_for_fewer_bytes() {
         let rounded = &mut AskPolicy::of_classes(8, Precision::Quantised);
-        assert_eq!(run(rounded, 400, 2.0, 1.0), 0.0, "for classes the selective way sends more");
+        assert_eq!(run(rounded, 400, 2.0, 1.0), 0.0, "for classes two phases sends more");
         let policy = |precision| AskPolicy::of_distances(8, precision);
         assert!(run(&mut policy(Precision::Exact), 400, 1.0, 1.2) > 0.9);
         assert!(run(&mut policy(Precision::Exact), 400, 1.0, 1.4) < 0.1);

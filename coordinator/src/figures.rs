@@ -5,7 +5,7 @@ use hull::pass::{BodyResult, Round};
 /// Figures kept at most: beyond, every second one is dropped, and of what comes only so many are taken.
 const MAX_KEPT: usize = 1 << 16;
 
-/// Figures in milliseconds, kept to tell percentiles; of a very long run an even selection.
+/// Figures in milliseconds, kept for percentiles; of a very long run an even selection.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Percentiles {
     values_ms: Vec<f64>,

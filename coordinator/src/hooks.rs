@@ -108,7 +108,7 @@ pub struct Scheduled {
     pub sees: Sees,
 }
 
-/// What a run follows instead of whoever steers it: pause, resume and step are still taken, other orders
+/// What a run follows instead of its followers: pause, resume and step are still taken, other orders
 /// refused.
 pub trait Schedule: Send {
     /// The next step; `None` ends the run.

@@ -26,7 +26,7 @@ pub enum Command {
     Pause,
     /// Steps go on, with the film of then.
     Resume,
-    /// So many steps, and paused again: answered at once, the world's state tells when they are made.
+    /// So many steps, and paused again: answered at once; the world's state shows when they are made.
     Step(u32),
     /// The scene from its start, with its seed.
     Reset,

@@ -49,7 +49,7 @@ impl fmt::Display for ExpectedNode {
 /// What a node reports.
 #[derive(Debug)]
 pub enum NodeEvent {
-    /// It is connected, checked, and told of shapes and pace. What it reported before no longer holds.
+    /// It is connected, checked, and has received shapes and pace. What it reported before no longer holds.
     Up,
     /// The connection broke, or could not be made.
     Down(NodeError),
@@ -80,7 +80,7 @@ impl Agreement {
         Agreement { settings, fps, terms, counters: Arc::default() }
     }
 
-    /// Replaces the shapes; nodes that come back are told these. Returns those that are new.
+    /// Replaces the shapes; nodes that come back receive these. Returns those that are new.
     pub fn replace_shapes(&self, shapes: Vec<Arc<Shape>>) -> Vec<Arc<Shape>> {
         let mut terms = self.terms();
         let is_new = |shape: &&Arc<Shape>| terms.shapes.iter().all(|old| old.digest() != shape.digest());
@@ -194,7 +194,7 @@ impl NodeClient {
     }
 
     /// Has the node keep a frame, however old it gets, until another is in use. Dropped where it does not fit: the
-    /// next frame says so too.
+    /// next frame names another.
     pub fn use_frame(&self, frame: u64) {
         if let Some(connection) = &self.state().connection {
             let _ = connection.credits.try_send(v1::FrameCredit { up_to_frame: 0, in_use: Some(frame) });
@@ -329,7 +329,7 @@ impl NodeClient {
         Ok((Connection { client, probes, credits }, Streams { replies, frames }))
     }
 
-    /// Reads both streams until one ends, and says why.
+    /// Reads both streams until one ends; returns why.
     async fn read(&self, streams: Streams) -> NodeError {
         let reading = async {
             self.report(NodeEvent::Up).await?;

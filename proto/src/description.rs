@@ -15,7 +15,7 @@ pub struct CameraDescription {
     pub calibration_digest: [u8; 32],
 }
 
-/// What a node says of itself.
+/// How a node describes itself.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NodeDescription {
     /// The program's version.

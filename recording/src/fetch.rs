@@ -6,9 +6,8 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use coordinator::BoxError;
-use coordinator::Fetching;
 use coordinator::hooks::FrameRecord;
+use coordinator::{BoxError, Fetching};
 use hull::Silhouette;
 use proto::convert::{SilhouetteEncoding, silhouette_data};
 use proto::{CameraReport, FrameReport};

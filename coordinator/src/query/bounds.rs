@@ -7,7 +7,7 @@ use hull::{HullRule, Observer, Pose, Shape};
 
 use proto::FrameReport;
 
-/// Bounds of the hull of one frame, from what every camera told of it.
+/// Bounds of the hull of one frame, from what every camera reported of it.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct HullBounds {
     hull_box: Option<WorldBox>,

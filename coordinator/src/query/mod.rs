@@ -1,7 +1,7 @@
 //! What to ask the hull for a step, and what the answers make of it: the bounds of the frame's hull, the answers
 //! of this frame that still hold, and the pass about the rest.
 //!
-//! Plain decisions: whoever waits carries the pass to the nodes between [`HullQuery::ask`] and
+//! Plain decisions: the caller waits, and carries the pass to the nodes between [`HullQuery::ask`] and
 //! [`HullQuery::answered`].
 
 mod answers;

@@ -49,7 +49,12 @@ fn at(x_m: f64) -> Pose {
 }
 
 fn query() -> HullQuery {
-    let shape = Arc::new(Shape::new(vec![[0.05, 0.0, 0.0], [-0.05, 0.0, 0.0]]).expect("a shape"));
+    query_of(0.05)
+}
+
+/// About one body of two samples, so far on either side of its centre.
+fn query_of(reach_m: f32) -> HullQuery {
+    let shape = Arc::new(Shape::new(vec![[reach_m, 0.0, 0.0], [-reach_m, 0.0, 0.0]]).expect("a shape"));
     let mut query = HullQuery::new(observers(), ProbeSettings::default(), 1, AskEvery::Frame);
     query.set_bodies([shape].into_iter(), 0.0);
     query
@@ -112,12 +117,12 @@ fn a_pose_is_asked_about_once_a_frame() {
 
 #[test]
 fn poses_of_later_steps_go_into_the_same_question() {
-    let mut query = query();
-    // Within the bounds and beside the hull: nobody is touched.
-    let ahead = [vec![at(0.309)], vec![at(0.31)]];
-    assert_eq!(step(&mut query, 0, at(0.308), &ahead), (3, 0));
-    assert_eq!(step(&mut query, 0, at(0.309), &[]), (0, 0));
-    assert_eq!(step(&mut query, 0, at(0.31), &[]), (0, 0));
+    // Around the hull: within its bounds, and no sample is inside.
+    let mut query = query_of(0.4);
+    let ahead = [vec![at(0.01)], vec![at(0.02)]];
+    assert_eq!(step(&mut query, 0, at(0.0), &ahead), (3, 0));
+    assert_eq!(step(&mut query, 0, at(0.01), &[]), (0, 0));
+    assert_eq!(step(&mut query, 0, at(0.02), &[]), (0, 0));
 }
 
 #[test]

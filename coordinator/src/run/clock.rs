@@ -14,7 +14,7 @@ pub(super) fn frame_at(film_s: f64, fps: f64) -> u64 {
 }
 
 /// How many steps of `dt_s` after the one that ends at `film_s` must see the same frame, at most `most`.
-/// Film time alone says so: a frame that comes late leaves the one before in use for longer.
+/// Film time alone decides: a frame that comes late leaves the one before in use for longer.
 pub(super) fn steps_that_share(film_s: f64, dt_s: f64, fps: f64, most: usize) -> usize {
     let frame = frame_at(film_s, fps);
     (1..=most).take_while(|&later| frame_at(film_s + later as f64 * dt_s, fps) == frame).count()

@@ -123,7 +123,7 @@ impl Coordinator {
         } else {
             self.carry_out(command).await
         };
-        // Whoever asked may have gone.
+        // The follower may have gone.
         let _ = reply.send(outcome);
         self.publish_world();
     }
@@ -235,7 +235,7 @@ impl Coordinator {
         }
     }
 
-    /// Has all cameras learn their backgrounds, or says why they cannot; it does not need the run any more.
+    /// Has all cameras learn their backgrounds, or fails with the reason; it does not need the run any more.
     fn take_background(&self, seconds: f64) -> impl Future<Output = Result<(), Refusal>> + Send + use<> {
         let fps = self.settings.fps;
         let taken = if BACKGROUND_S.contains(&seconds) {

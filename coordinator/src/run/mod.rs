@@ -129,7 +129,7 @@ pub struct Coordinator {
     recent: RecentFigures,
 }
 
-/// What a run follows instead of film and whoever steers it, if anything.
+/// What a run follows instead of film and followers, if anything.
 #[derive(Default)]
 struct Script {
     schedule: Option<Box<dyn Schedule>>,

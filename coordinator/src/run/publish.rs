@@ -78,7 +78,7 @@ impl Coordinator {
         (view.bodies, view.touches) = (responses, touches);
     }
 
-    /// Hands the world as it is to whoever watches.
+    /// Publishes the world as it is.
     pub(super) fn publish_world(&self) {
         // A world that stands still is published for followers that come later.
         let is_seen = |live: &&Live| live.is_watched() || self.steering.is_paused();

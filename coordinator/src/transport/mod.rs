@@ -1,6 +1,6 @@
 //! Three layouts behind one face: `cluster` (questions travel, nodes compute), `gather` (silhouettes travel, one
 //! machine computes: the paper's layout) and `in process` (nothing travels). They wait; what is decided from what
-//! they hear is decided by the [`Roster`] and the pass.
+//! they receive is decided by the [`Roster`] and the pass.
 
 mod cluster;
 mod gather;
@@ -28,7 +28,7 @@ use nodes::{CALL_TIMEOUT, Nodes};
 
 pub use in_process::LocalFrames;
 
-/// An error of whoever films in this process.
+/// An error of cameras in this process.
 pub type BoxError = Box<dyn std::error::Error + Send + Sync>;
 
 /// Events of one node that wait: the frames of its ring, the reply to its one open question, and its end.
@@ -109,8 +109,8 @@ enum Layout {
     InProcess(Box<InProcess>),
 }
 
-/// The first frame of film that a background is learnt from: one that no camera has filmed before word of it
-/// comes, so that all begin at the same one.
+/// The first frame of film that a background is learnt from: one that no camera has filmed before the message
+/// arrives, so that all begin at the same one.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum FirstFrame {
     /// This one.

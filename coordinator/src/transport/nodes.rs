@@ -69,7 +69,7 @@ impl Nodes {
         self.clients.iter().for_each(|client| client.use_frame(frame));
     }
 
-    /// Makes shapes known to all nodes that may lack them, and all are told, whatever one of them answers.
+    /// Makes shapes known to all nodes that may lack them, whatever one of them answers.
     pub async fn register(&self, shapes: &[Arc<Shape>]) -> Result<(), TransportError> {
         each(&self.clients, |client| async move { client.register(shapes).await }).await
     }

@@ -180,8 +180,8 @@ fn edges_to_wire(answer: &Answer, precision: Precision) -> v1::EdgesAnswer {
     let present = || edges.iter().flatten();
     let all_same = present().zip(present().skip(1)).all(|(a, b)| a.camera == b.camera);
     let mut cameras = Vec::new();
-    let told = present().take(if all_same { 1 } else { edges.len() });
-    told.for_each(|edge| cameras.extend_from_slice(&edge.camera.to_le_bytes()));
+    let sent = present().take(if all_same { 1 } else { edges.len() });
+    sent.for_each(|edge| cameras.extend_from_slice(&edge.camera.to_le_bytes()));
     let (mut pixels, mut before) = (Vec::new(), NO_PIXEL);
     // Where numbers are rounded nobody asks for the pixel.
     for Edge { pixel, .. } in present().filter(|_| precision == Precision::Exact) {
@@ -254,13 +254,13 @@ fn edges_from_wire(answer: &v1::EdgesAnswer, expected: &ExpectedAnswer) -> Resul
     } else {
         pixels_from_wire(pixels, set.len(), field("pixels"))?
     };
-    let told = unpack_at_most(exits_within, set.len(), field("exits_within"))?;
+    let codes = unpack_at_most(exits_within, set.len(), field("exits_within"))?;
     let mut exits_within = Vec::new();
-    if !told.is_empty() {
-        field("exits_within").check_length(told.len(), set.len())?;
+    if !codes.is_empty() {
+        field("exits_within").check_length(codes.len(), set.len())?;
         exits_within.resize(edges.len(), Reach::UNBOUNDED);
         let places = set.iter().map(|&index| index as usize);
-        places.zip(told).for_each(|(index, code)| exits_within[index] = Reach::from_code(code));
+        places.zip(codes).for_each(|(index, code)| exits_within[index] = Reach::from_code(code));
     }
     for (at, index) in set.into_iter().enumerate() {
         let edge = Edge {

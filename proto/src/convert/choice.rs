@@ -40,14 +40,14 @@ fn from_bits(bits: &[u8], count: usize) -> Bytes {
 /// Lengths by turns: left out, taken, left out, …; `None` if they are no shorter than the bits.
 fn runs(bits: &[u8], count: usize) -> Option<Vec<u8>> {
     let mut lengths = Vec::with_capacity(bits.len());
-    let (mut told, mut is_taking) = (0, false);
+    let (mut written, mut is_taking) = (0, false);
     for (index, &byte) in bits.iter().enumerate() {
         // Bits that differ from the one before.
         let mut changes = byte ^ (byte << 1 | u8::from(is_taking));
         while changes != 0 {
             let at = index * 8 + changes.trailing_zeros() as usize;
-            push_number(&mut lengths, at - told);
-            (told, is_taking) = (at, !is_taking);
+            push_number(&mut lengths, at - written);
+            (written, is_taking) = (at, !is_taking);
             changes &= changes - 1;
         }
         if lengths.len() >= bits.len() {
@@ -55,7 +55,7 @@ fn runs(bits: &[u8], count: usize) -> Option<Vec<u8>> {
         }
     }
     if is_taking {
-        push_number(&mut lengths, count - told);
+        push_number(&mut lengths, count - written);
     }
     (lengths.len() < bits.len()).then_some(lengths)
 }

@@ -17,7 +17,7 @@ pub enum Precision {
     Exact,
     /// Poses to a micrometre, normals to 0.0002 degrees (0.003 where ways are short), exits to two micrometres: a response
     /// differs by less than 0.1 mm, unless a ray grazes a pixel's corner. The pixels of
-    /// edges are not told.
+    /// edges are not sent.
     Quantised,
 }
 

@@ -7,7 +7,7 @@
 //!
 //! The world's own prediction is exact for as long as the hull touches nobody. Then the poses of all steps
 //! that share the frame go into one question, and the others ask nothing. Once somebody is touched, what
-//! was foreseen is wrong for whoever is pushed, and the next step must ask again anyway. So touches are
+//! was foreseen is wrong for the bodies that are pushed, and the next step must ask again anyway. So touches are
 //! expected where they were: at a new frame, if the frame before began or ended with one (somebody moves
 //! into bodies); at its later steps, if the later step before had one (bodies rest on somebody). A step
 //! that expects touches asks about present poses alone. That is a matter of cost and never of answers.
@@ -235,7 +235,7 @@ impl Answers {
         same.or_else(|| body.known.iter().find(|known| self.clears(body, known, pose)))
     }
 
-    /// Whether an answer says of another pose that the body counts as clear there.
+    /// Whether by an answer the body counts as clear at another pose.
     fn clears(&self, body: &BodyAnswers, known: &KnownAnswer, pose: &Pose) -> bool {
         let freed = match known.result.response_m {
             _ if is_clear(&known.result) => Some(known.pose),
