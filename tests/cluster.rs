@@ -64,7 +64,7 @@ fn uneven_films(folder: &Path, frames: [u64; 3], arguments: &[&str]) -> Value {
     for (camera, frames) in rig.cameras().iter().zip(frames) {
         let name = camera.name();
         text += &format!(
-            "[[camera]]\nname = {name:?}\nsource = {{ kind = \"stage\", motion = \"strike\", frames = {frames} }}\n"
+            "[[camera]]\nname = {name:?}\nsource = {{ kind = \"stage\", motion = \"sweep\", frames = {frames} }}\n"
         );
     }
     let (cluster, json) = (folder.join("uneven.cluster.toml"), folder.join("uneven.json"));
@@ -213,7 +213,7 @@ fn a_node_that_dies_leaves_a_coordinator_that_steps_on_and_says_so() {
     std::thread::sleep(Duration::from_secs(2));
     signal(nodes[0], "KILL");
     let (figures, said) = live.finish();
-    assert!(said.contains("no hull"), "{said}");
+    assert!(said.contains("hull unavailable"), "{said}");
     let number = |key: &str| figures["missed"][key].as_u64().expect("a number");
     assert!(number("blind_steps") > 0, "{figures}");
     let made = figures["steps"].as_f64().expect("a number") / 120.0;
@@ -231,7 +231,7 @@ fn a_node_that_stalls_is_missed_and_comes_back() {
     std::thread::sleep(Duration::from_millis(2500));
     signal(nodes[1], "CONT");
     let (figures, said) = live.finish();
-    assert!(said.contains("no hull"), "{said}");
+    assert!(said.contains("hull unavailable"), "{said}");
     let missed = figures["missed"]["frames"].as_u64().expect("a number");
     let used = figures["frames"].as_u64().expect("a number");
     assert!(missed > 30, "frames were missed while it stood still: {figures}");

@@ -178,7 +178,7 @@ async fn who_has_the_token_steers_and_nobody_else() {
     assert_eq!(controller.hear_op("done").await, json!({"op": "done", "id": 3, "body": 12}));
     controller.say(json!({"op": "command", "id": 4, "command": "remove", "body": 99})).await;
     let refused = controller.hear_op("refused").await;
-    assert_eq!(refused, json!({"op": "refused", "id": 4, "why": "no body has number 99"}));
+    assert_eq!(refused, json!({"op": "refused", "id": 4, "why": "there is no body 99"}));
     controller.say(json!({"op": "command", "id": 5, "command": "remove", "body": "x"})).await;
     let why = controller.hear_op("refused").await["why"].clone();
     assert_eq!(why, json!("remove.body is \"x\", expected a whole number from 0 to 4294967295"));
