@@ -124,7 +124,7 @@ impl AskPolicy {
         rate.rejects.add(rejected as f64 / points as f64);
     }
 
-    /// The rounds of a pass over `points` points took so long, asked in_two_phases or at once.
+    /// The rounds of a pass over `points` points took so long, asked in two phases or at once.
     pub fn took(&mut self, in_two_phases: bool, points: usize, ms: f64) {
         self.passes += 1;
         if points == 0 || self.is_warming_up() {

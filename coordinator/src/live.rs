@@ -232,7 +232,7 @@ pub struct CameraStatus {
     pub newest_frame: Option<u64>,
     /// From that frame's capture to now, milliseconds.
     pub age_ms: f64,
-    /// How far its captures lie from the mean of all cameras', milliseconds.
+    /// How far its captures lie from the median of all cameras', milliseconds.
     pub sync_ms: f64,
     /// Share of foreground pixels.
     pub foreground: f64,

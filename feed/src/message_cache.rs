@@ -4,6 +4,7 @@
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 use bytes::Bytes;
 use coordinator::live::WorldState;
@@ -16,9 +17,10 @@ use proto::{FramePictures, PictureKind, PictureRequest};
 
 /// Messages kept: every tier of the last frames. A page that asks for an older one has it made again.
 const MAX_RECENT: usize = 24;
-/// How often the pictures of a paused world's frame are asked for, until all cameras have answered. Nodes forget
-/// the frame within a quarter of a second.
+/// How often the pictures of a paused world's frame are asked for, until all cameras have answered.
 const FREEZE_ATTEMPTS: usize = 3;
+/// Between two of them: a node that was too slow is not asked for 2 s.
+const FREEZE_PAUSE: Duration = Duration::from_millis(2200);
 
 /// What a message shows of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,7 +42,7 @@ pub(crate) struct FrameMessage {
     pub bytes: Bytes,
 }
 
-type Cell = Arc<OnceCell<Result<FrameMessage, PicturesError>>>;
+type Cell = Arc<OnceCell<FrameMessage>>;
 type Key = (u64, Content);
 type WorldMessages = Option<(Arc<WorldState>, [Option<Bytes>; 2])>;
 
@@ -81,7 +83,8 @@ impl MessageCache {
     /// A message about a frame, made for the first page that asks and shared by the others.
     pub async fn message(&self, frame: u64, content: Content) -> Result<FrameMessage, PicturesError> {
         let cell = self.cell((frame, content));
-        cell.get_or_init(|| self.make(Some(frame), content)).await.clone()
+        // Errors are not kept: the next request tries again.
+        cell.get_or_try_init(|| self.make(Some(frame), content)).await.cloned()
     }
 
     /// A message about the newest frame there is.
@@ -153,9 +156,10 @@ impl MessageCache {
                 Ok(fetched) => self.keep(&fetched),
                 Err(_) => false,
             };
-            if is_whole {
+            if is_whole || lock(&self.kept).frozen != Some(frame) {
                 break;
             }
+            tokio::time::sleep(FREEZE_PAUSE).await;
         }
         // What was made before may lack cameras or colours.
         lock(&self.recent)

@@ -151,8 +151,8 @@ async fn guard(State(shared): State<Arc<Shared>>, request: Request, next: Next) 
     }
 }
 
-/// Keeps the pictures of the frame at which a paused world stands: its nodes drop them within a quarter of a
-/// second, and a page that joins later must not show the person of another moment.
+/// Keeps the pictures of the frame at which a paused world stands: its nodes drop its colours within a quarter of
+/// a second, and a page that joins later must not show the person of another moment.
 async fn keep_frozen_frame(shared: Arc<Shared>) {
     let mut world = shared.follower.world.clone();
     while world.changed().await.is_ok() {

@@ -11,6 +11,7 @@ use proto::convert::{
     ExpectedAnswer, ProbeAnswer, SilhouetteEncoding, StreamKnows, WrittenQuestion, answer_from_wire,
     description_from_wire, film_event_from_wire, pace_to_wire, shape_to_wire, silhouette_from_data,
 };
+use proto::text::{MAX_NAME_CHARS, clean};
 use proto::v1::camera_node_client::CameraNodeClient;
 use proto::{Address, CameraDescription, FilmEvent, NodeDescription, Pace, v1};
 use tokio::sync::mpsc;
@@ -113,7 +114,9 @@ impl Agreement {
         }
         for camera in &expected.cameras {
             let name = || camera.name.clone();
-            let described = found.cameras.iter().find(|described| described.name == camera.name);
+            // Names of a peer are cleaned, so that ours is compared cleaned too.
+            let cleaned = clean(&camera.name, MAX_NAME_CHARS);
+            let described = found.cameras.iter().find(|described| described.name == cleaned);
             let described = described.ok_or_else(|| Mismatch::NoCamera(name()))?;
             if described.calibration_digest != camera.calibration_digest {
                 return Err(Mismatch::Calibration(name()));
@@ -146,6 +149,23 @@ struct State {
     knows: StreamKnows,
     /// Questions without an answer; the oldest is forgotten first.
     open: VecDeque<(u64, ExpectedAnswer)>,
+    /// All that the node may do so far; each message says all of it.
+    credit: v1::FrameCredit,
+}
+
+impl State {
+    /// Begins anew over another connection; what the node may do stays.
+    fn connect(&mut self, connection: Connection) {
+        *self = State { connection: Some(connection), credit: self.credit, ..State::default() };
+        self.send_credit();
+    }
+
+    /// Sends the credit. One that does not fit is dropped: the next includes it.
+    fn send_credit(&self) {
+        if let Some(connection) = &self.connection {
+            let _ = connection.credits.try_send(self.credit);
+        }
+    }
 }
 
 struct Connection {
@@ -181,23 +201,27 @@ impl NodeClient {
 
     /// Begins a run at this node.
     pub async fn start(&self, pace: Pace) -> Result<(), NodeError> {
-        self.client()?.start(pace_to_wire(pace)).await?;
+        let mut client = self.client()?;
+        self.state().credit = v1::FrameCredit::default();
+        client.start(pace_to_wire(pace)).await?;
         Ok(())
     }
 
-    /// Lets a lock-step node go on up to a frame. A credit that does not fit is dropped: a later one includes
-    /// it.
+    /// Lets a lock-step node go on up to a frame.
     pub fn credit(&self, up_to_frame: u64) {
-        if let Some(connection) = &self.state().connection {
-            let _ = connection.credits.try_send(v1::FrameCredit { up_to_frame, in_use: None });
+        let mut state = self.state();
+        if state.credit.up_to_frame < up_to_frame {
+            state.credit.up_to_frame = up_to_frame;
+            state.send_credit();
         }
     }
 
-    /// Has the node keep a frame, however old it gets, until another is in use. Dropped where it does not fit: the
-    /// next frame names another.
+    /// Has the node keep a frame, however old it gets, until another is in use.
     pub fn use_frame(&self, frame: u64) {
-        if let Some(connection) = &self.state().connection {
-            let _ = connection.credits.try_send(v1::FrameCredit { up_to_frame: 0, in_use: Some(frame) });
+        let mut state = self.state();
+        if state.credit.in_use != Some(frame) {
+            state.credit.in_use = Some(frame);
+            state.send_credit();
         }
     }
 
@@ -210,10 +234,13 @@ impl NodeClient {
         written: &WrittenQuestion,
     ) -> Result<(), NodeError> {
         let mut state = self.state();
-        let State { connection, knows, open } = &mut *state;
+        let State { connection, knows, open, credit: _ } = &mut *state;
         let connection = connection.as_ref().ok_or(NodeError::NotConnected)?;
         let message = written.message(knows, id, frame);
-        connection.probes.try_send(message).map_err(|_| NodeError::NotConnected)?;
+        connection.probes.try_send(message).map_err(|error| match error {
+            mpsc::error::TrySendError::Full(_) => NodeError::Stalled,
+            mpsc::error::TrySendError::Closed(_) => NodeError::NotConnected,
+        })?;
         knows.learn(written);
         if open.len() == MAX_SENDING {
             open.pop_front();
@@ -298,7 +325,7 @@ impl NodeClient {
             let error = match begun.unwrap_or(Err(NodeError::Timeout(BEGIN_TIMEOUT))) {
                 Ok((connection, streams)) => {
                     backoff = FIRST_BACKOFF;
-                    *self.state() = State { connection: Some(connection), ..State::default() };
+                    self.state().connect(connection);
                     tracing::debug!("node {} is up", self.node);
                     let error = self.read(streams).await;
                     self.state().connection = None;

@@ -40,6 +40,20 @@ pub enum NodeError {
         /// Cameras of the node.
         expected: usize,
     },
+    /// A reply without a picture.
+    #[error("invalid reply: no picture")]
+    NoPictures,
+    /// Pictures of another frame than the one asked for.
+    #[error("invalid reply: pictures of frame {found}, expected {expected}")]
+    OtherFrame {
+        /// The frame found.
+        found: u64,
+        /// The frame asked for.
+        expected: u64,
+    },
+    /// It reads nothing that is sent: requests wait.
+    #[error("it does not read its requests")]
+    Stalled,
     /// Frames whose capture times run backwards.
     #[error(
         "invalid reply: frame {frame} was captured at {found_s} s, before frame {before} at {before_s} s"
@@ -126,9 +140,10 @@ impl From<tonic::Status> for NodeError {
     fn from(status: tonic::Status) -> NodeError {
         let message = clean(status.message(), MAX_MESSAGE_CHARS);
         match status.code() {
-            tonic::Code::Unavailable | tonic::Code::Cancelled | tonic::Code::Unknown => {
-                NodeError::Lost(message)
-            }
+            tonic::Code::Unavailable
+            | tonic::Code::Cancelled
+            | tonic::Code::Unknown
+            | tonic::Code::Internal => NodeError::Lost(message),
             _ => NodeError::Refused(message),
         }
     }

@@ -126,7 +126,7 @@ impl PictureNode {
         if !is_asked || rests {
             return None;
         }
-        let is_whole = request.kind == PictureKind::Whole;
+        let (is_whole, asked_for) = (request.kind == PictureKind::Whole, request.frame);
         let message = picture_request_to_wire(&PictureRequest { cameras, ..request.clone() });
         let (node, mut client) = (Arc::clone(self), self.client.clone());
         Some(async move {
@@ -139,7 +139,16 @@ impl PictureNode {
                 {
                     pictures.push(picture);
                 }
-                Ok(frame_pictures_from_wire(pictures, &node.node.cameras)?)
+                if pictures.is_empty() {
+                    return Err(NodeError::NoPictures);
+                }
+                let pictures = frame_pictures_from_wire(pictures, &node.node.cameras)?;
+                match asked_for {
+                    Some(expected) if expected != pictures.frame => {
+                        Err(NodeError::OtherFrame { found: pictures.frame, expected })
+                    }
+                    _ => Ok(pictures),
+                }
             };
             let fetched = tokio::time::timeout(FETCH_TIMEOUT, fetch).await.unwrap_or_else(|_| {
                 // Whole images are asked for one by one, and hold up no other.

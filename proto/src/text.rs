@@ -2,6 +2,8 @@
 
 /// The most characters that are kept of a peer's message.
 pub const MAX_MESSAGE_CHARS: usize = 300;
+/// The most characters that are kept of a name.
+pub const MAX_NAME_CHARS: usize = 200;
 
 /// One line of at most `max_chars` characters: runs of white space, line breaks and control characters become
 /// one space; marks that reorder or hide text are dropped. What is cut ends in "…".
@@ -34,7 +36,7 @@ pub fn clean(text: &str, max_chars: usize) -> String {
 /// Marks without a glyph: direction of text, joiners, fillers, tags, private use.
 fn is_hidden(character: char) -> bool {
     matches!(character,
-        '\u{ad}' | '\u{61c}' | '\u{180e}' | '\u{200b}'..='\u{200f}' | '\u{202a}'..='\u{202e}'
+        '\u{ad}' | '\u{61c}' | '\u{115f}' | '\u{1160}' | '\u{180e}' | '\u{3164}' | '\u{ffa0}' | '\u{200b}'..='\u{200f}' | '\u{202a}'..='\u{202e}'
         | '\u{2060}'..='\u{206f}' | '\u{feff}' | '\u{fff9}'..='\u{fffb}' | '\u{e000}'..='\u{f8ff}'
         | '\u{e0000}'..='\u{10ffff}')
 }

@@ -75,7 +75,7 @@ fn describe(config: &NodeConfig) -> NodeDescription {
 fn frame_status(error: FrameError) -> Status {
     match error {
         FrameError::Gone { .. } => Status::out_of_range(error.to_string()),
-        FrameError::NotYet { .. } | FrameError::Empty => Status::unavailable(error.to_string()),
+        FrameError::NotYet { .. } | FrameError::Empty => Status::failed_precondition(error.to_string()),
     }
 }
 

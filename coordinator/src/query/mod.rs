@@ -75,6 +75,11 @@ impl HullQuery {
         self.answers.begin_step(frame, poses, |shape, pose| bounds.may_meet(shape, pose));
     }
 
+    /// Whether a step may see this frame without reports: an earlier one did.
+    pub fn knows_bounds_of(&self, frame: u64) -> bool {
+        self.bounds_frame == Some(frame)
+    }
+
     /// Whether the hull must be asked about a pose of this step.
     pub fn must_ask(&self) -> bool {
         self.answers.lacks_any()

@@ -31,6 +31,12 @@ pub enum HullUnavailable {
         /// How long ago that should have been followed by another, seconds.
         age_s: f64,
     },
+    /// Nobody remembers where the hull of the frame is: a node has come back since.
+    #[error("frame {frame} was reported before a node came back")]
+    Forgotten {
+        /// The frame in use.
+        frame: u64,
+    },
     /// The recorded run had none at this step.
     #[error("there was no hull when this was recorded")]
     Recorded,

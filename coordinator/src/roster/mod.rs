@@ -1,7 +1,7 @@
 //! Who is there: the nodes of a run, what each has reported of its film, and what follows from it: which frame
 //! all of them have, whether film has ended, who is missing.
 //!
-//! Plain decisions: events go in by [`Roster::up`], [`Roster::down`] and [`Roster::film`], time is an argument.
+//! Plain decisions: events go in by [`Roster::up`], [`Roster::down`] and [`Roster::film_event`], time is an argument.
 //! The cameras of this process are one node that is always there.
 
 mod available;
@@ -96,6 +96,10 @@ impl RosterNode {
         if self.newest_frame().is_some_and(|newest| newest >= report.frame) {
             // Its film began anew: what it reported before is gone.
             self.forget_film();
+        }
+        // No frame follows an end: this is another film.
+        if self.film == FilmState::Ended {
+            self.film = FilmState::Running;
         }
         self.reports.push_back(report);
         if self.reports.len() > REMEMBERED_FRAMES {

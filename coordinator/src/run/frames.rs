@@ -57,7 +57,7 @@ impl Coordinator {
 
     /// Takes into use the very frame that a schedule names; waits for it if the hull is to be asked.
     pub(super) async fn seek(&mut self, frame: u64, asks_hull: bool) -> Result<(), RunError> {
-        self.transport.credit(frame.saturating_add(FRAMES_AHEAD));
+        self.transport.credit(frame);
         self.transport.drain();
         let began = Instant::now();
         while asks_hull {

@@ -26,7 +26,14 @@ impl Coordinator {
                 return None;
             }
         };
-        let reports = self.transport.roster().reports(frame).unwrap_or_default();
+        let reports = match self.transport.roster().reports(frame) {
+            Some(reports) => reports,
+            None if self.query.knows_bounds_of(frame) => vec![],
+            None => {
+                self.lose_hull(HullUnavailable::Forgotten { frame });
+                return None;
+            }
+        };
         self.query.begin_step(frame, &reports, self.world.moving_bodies().map(|body| body.pose));
         let passes_before = self.figures.passes;
         if self.query.must_ask()

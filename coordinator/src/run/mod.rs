@@ -225,6 +225,7 @@ impl Coordinator {
 
     /// Adds what is known at the end alone.
     fn finish(&mut self, is_stopped: bool) {
+        self.transport.drain();
         let bytes = self.transport.bytes();
         self.figures.bytes_to_nodes = bytes.to_nodes;
         self.figures.bytes_from_nodes = bytes.from_nodes;

@@ -172,10 +172,11 @@ impl Coordinator {
             (observer, node, node.and_then(|node| node.newest()))
         });
         let cameras: Vec<_> = cameras.collect();
-        // How far each capture is from where its frame's number puts it, against the mean of all.
+        // How far each capture is from where its frame's number puts it, against the median of all: one that lies moves no other.
         let shift_s = |report: &FrameReport| report.captured_unix_s - report.frame as f64 / self.settings.fps;
-        let shifts: Vec<f64> = cameras.iter().filter_map(|(_, _, report)| report.map(shift_s)).collect();
-        let mean_s = shifts.iter().sum::<f64>() / shifts.len().max(1) as f64;
+        let mut shifts: Vec<f64> = cameras.iter().filter_map(|(_, _, report)| report.map(shift_s)).collect();
+        shifts.sort_by(f64::total_cmp);
+        let median_s = shifts.get(shifts.len() / 2).copied().unwrap_or_default();
         let status = cameras.into_iter().map(|(observer, node, report)| {
             let camera = observer.camera();
             let part = report.and_then(|report| {
@@ -187,7 +188,7 @@ impl Coordinator {
                 problem: node.and_then(|node| Some(node.missing()?.to_string())),
                 newest_frame: report.map(|report| report.frame),
                 age_ms: report.map_or(0.0, |report| (now_s - report.captured_unix_s) * 1e3),
-                sync_ms: report.map_or(0.0, |report| (shift_s(report) - mean_s) * 1e3),
+                sync_ms: report.map_or(0.0, |report| (shift_s(report) - median_s) * 1e3),
                 foreground: part.map_or(0.0, |camera| camera.area as f64 / pixels),
                 silhouette_bytes: part.map_or(0, |camera| camera.silhouette_bytes),
                 segment_ms: part.map_or(0.0, |camera| camera.segment_ms),

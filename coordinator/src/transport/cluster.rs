@@ -70,6 +70,10 @@ impl Cluster {
         self.nodes.drain(roster);
         pass.ask_in_two_phases(self.distances.asks_in_two_phases());
         pass.save_bytes(self.writer.precision() == Precision::Quantised);
+        if pass.question().is_none() {
+            pass.ask_first(&self.classes.first());
+            return Ok(());
+        }
         let (mut classes, mut distances) = (RoundCost::default(), RoundCost::default());
         while let Some(question) = pass.question() {
             let (kind, round, points) = (question.kind, pass.round(), question.len());
@@ -121,10 +125,8 @@ impl Cluster {
                 Some(PassEvent::Reply(node, id, answer, compute_ms)) if id == asking.id && waiting[node] => {
                     (node, answer, compute_ms)
                 }
-                Some(PassEvent::Down(node)) if waiting[node] => {
-                    return Err(self.failed(node, NodeError::NotConnected));
-                }
-                Some(PassEvent::Reply(..) | PassEvent::Down(_)) | None => continue,
+                Some(PassEvent::Down(node, error)) if waiting[node] => return Err(self.failed(node, error)),
+                Some(PassEvent::Reply(..) | PassEvent::Down(..)) | None => continue,
             };
             let Some(answer) = self.answer_or_ask_again(node, answer, pass, asking).await? else { continue };
             waiting[node] = false;

@@ -31,8 +31,8 @@ pub use in_process::LocalFrames;
 /// An error of cameras in this process.
 pub type BoxError = Box<dyn std::error::Error + Send + Sync>;
 
-/// Events of one node that wait: the frames of its ring, the reply to its one open question, and its end.
-const MAX_EVENTS_PER_NODE: usize = 16;
+/// Events of one node that wait: a second of film at 60 frames/s, the reply to its one open question, and its end.
+const MAX_EVENTS_PER_NODE: usize = 64;
 
 /// Why nodes, or the cameras of this process, did not do what they were asked.
 #[derive(Debug, Error)]
@@ -260,6 +260,9 @@ impl Transport {
     pub async fn start(&mut self, pace: Pace) -> Result<(), TransportError> {
         self.drain();
         self.roster.begin_run();
+        if let Some(nodes) = self.nodes() {
+            nodes.begin_run();
+        }
         match &self.layout {
             Layout::Cluster(cluster) => cluster.nodes.start(pace).await,
             Layout::Gather(gather) => gather.nodes.start(pace).await,
@@ -303,15 +306,20 @@ impl Transport {
         first: FirstFrame,
         frames: u64,
     ) -> BoxFuture<'static, Result<(), TransportError>> {
-        let first = match first {
-            FirstFrame::At(frame) => frame,
-            FirstFrame::AfterNewest(later) => self.roster.newest().map_or(0, |newest| newest + 1) + later,
-        };
-        if let Layout::InProcess(cameras) = &self.layout {
-            let taken = cameras.frames.take_background(first, frames).map_err(TransportError::Local);
-            return Box::pin(futures::future::ready(taken));
+        match &self.layout {
+            Layout::Cluster(cluster) => Box::pin(cluster.nodes.take_background(first, frames)),
+            Layout::Gather(gather) => Box::pin(gather.nodes.take_background(first, frames)),
+            Layout::InProcess(cameras) => {
+                let first = match first {
+                    FirstFrame::At(frame) => frame,
+                    FirstFrame::AfterNewest(later) => {
+                        self.roster.newest().map_or(0, |newest| newest + 1) + later
+                    }
+                };
+                let taken = cameras.frames.take_background(first, frames).map_err(TransportError::Local);
+                Box::pin(futures::future::ready(taken))
+            }
         }
-        Box::pin(nodes::take_background(self.clients(), first, frames))
     }
 
     /// Answers a pass over a frame; a round may take `timeout`. `took` receives each round and its milliseconds.

@@ -1,15 +1,16 @@
 //! The nodes of a run: their clients, and the events that come from them.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use hull::{Shape, Silhouette};
 use node_client::{Agreement, NodeClient, NodeError, NodeEvent};
-use proto::Pace;
 use proto::convert::{ProbeAnswer, SilhouetteEncoding};
+use proto::{FilmEvent, Pace};
 use tokio::sync::mpsc;
 
-use super::TransportError;
+use super::{FirstFrame, TransportError};
 use crate::roster::Roster;
 
 /// A picture, or a message to the cameras, is not worth more of a step's time.
@@ -20,14 +21,16 @@ pub(super) struct Nodes {
     pub clients: Vec<Arc<NodeClient>>,
     pub agreement: Arc<Agreement>,
     events: mpsc::Receiver<(usize, NodeEvent)>,
+    /// The frame after the newest that any node reported in this run; for who no longer sees the roster.
+    next_frame: Arc<AtomicU64>,
 }
 
 /// What concerns the pass in flight.
 pub(super) enum PassEvent {
     /// A node's answer to the question of that id, and the milliseconds that it computed.
     Reply(usize, u64, ProbeAnswer, f64),
-    /// A node's connection broke.
-    Down(usize),
+    /// A node's connection broke, and why.
+    Down(usize, NodeError),
 }
 
 impl Nodes {
@@ -36,22 +39,66 @@ impl Nodes {
         agreement: Arc<Agreement>,
         events: mpsc::Receiver<(usize, NodeEvent)>,
     ) -> Nodes {
-        Nodes { clients, agreement, events }
+        Nodes { clients, agreement, events, next_frame: Arc::default() }
+    }
+
+    /// Counts the frames of a new run.
+    pub fn begin_run(&self) {
+        self.next_frame.store(0, Ordering::Relaxed);
     }
 
     /// Hands the roster all events that are there.
     pub fn drain(&mut self, roster: &mut Roster) {
         while let Ok((node, event)) = self.events.try_recv() {
-            note(roster, node, event);
+            self.note(roster, node, event);
         }
     }
 
     /// Waits for an event and hands it to the roster. What concerns a pass is returned.
     pub async fn next(&mut self, roster: &mut Roster) -> Option<PassEvent> {
         match self.events.recv().await {
-            Some((node, event)) => note(roster, node, event),
+            Some((node, event)) => self.note(roster, node, event),
             // Every client holds a sender: there are none.
             None => std::future::pending().await,
+        }
+    }
+
+    fn note(&self, roster: &mut Roster, node: usize, event: NodeEvent) -> Option<PassEvent> {
+        match event {
+            NodeEvent::Up => roster.up(node),
+            NodeEvent::Film(event) => {
+                if let FilmEvent::Frame(report) = &event {
+                    self.next_frame.fetch_max(report.frame + 1, Ordering::Relaxed);
+                }
+                roster.film_event(node, event);
+            }
+            NodeEvent::Down(error) => {
+                roster.down(node, error.to_string());
+                return Some(PassEvent::Down(node, error));
+            }
+            NodeEvent::Reply(id, answer, compute_ms) => {
+                return Some(PassEvent::Reply(node, id, answer, compute_ms));
+            }
+        }
+        None
+    }
+
+    /// Has all cameras learn their backgrounds from so many frames; if one cannot, none does. What is returned
+    /// needs the run no more.
+    pub fn take_background(
+        &self,
+        first: FirstFrame,
+        frames: u64,
+    ) -> impl Future<Output = Result<(), TransportError>> + Send + use<> {
+        let (clients, next_frame) = (self.clients.clone(), Arc::clone(&self.next_frame));
+        async move {
+            ask_for_background(&clients, 0, frames, true).await?;
+            let first = match first {
+                FirstFrame::At(frame) => frame,
+                // As of now: asking whether they can took a while.
+                FirstFrame::AfterNewest(later) => next_frame.load(Ordering::Relaxed) + later,
+            };
+            ask_for_background(&clients, first, frames, false).await
         }
     }
 
@@ -75,21 +122,6 @@ impl Nodes {
     }
 }
 
-fn note(roster: &mut Roster, node: usize, event: NodeEvent) -> Option<PassEvent> {
-    match event {
-        NodeEvent::Up => roster.up(node),
-        NodeEvent::Film(event) => roster.film_event(node, event),
-        NodeEvent::Down(error) => {
-            roster.down(node, error.to_string());
-            return Some(PassEvent::Down(node));
-        }
-        NodeEvent::Reply(id, answer, compute_ms) => {
-            return Some(PassEvent::Reply(node, id, answer, compute_ms));
-        }
-    }
-    None
-}
-
 /// Calls all nodes at once. Of several errors a refusal counts first: it will not pass by itself.
 async fn each<'a, F>(
     clients: &'a [Arc<NodeClient>],
@@ -109,21 +141,17 @@ where
     refused.into_iter().chain(others).collect()
 }
 
-/// Has all cameras learn their backgrounds from so many frames after the newest, or from a frame; if one
-/// cannot, none does.
-pub(super) async fn take_background(
-    clients: Vec<Arc<NodeClient>>,
+async fn ask_for_background(
+    clients: &[Arc<NodeClient>],
     first_frame: u64,
     frames: u64,
+    check_only: bool,
 ) -> Result<(), TransportError> {
-    for (first, check_only) in [(0, true), (first_frame, false)] {
-        each(&clients, |client| async move {
-            let taken = client.take_background(first, frames, check_only);
-            tokio::time::timeout(CALL_TIMEOUT, taken).await.unwrap_or(Err(NodeError::Timeout(CALL_TIMEOUT)))
-        })
-        .await?;
-    }
-    Ok(())
+    each(clients, |client| async move {
+        let taken = client.take_background(first_frame, frames, check_only);
+        tokio::time::timeout(CALL_TIMEOUT, taken).await.unwrap_or(Err(NodeError::Timeout(CALL_TIMEOUT)))
+    })
+    .await
 }
 
 /// Silhouettes of all nodes in rig order, and the bytes they travelled as.

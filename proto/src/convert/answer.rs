@@ -77,26 +77,27 @@ impl ExpectedAnswer {
 
     /// Refuses edges of cameras that the node has not, or beside their images. Those whose pixel was not sent
     /// pass.
-    fn check_edge(&self, edge: &Edge, field: Field) -> Result<(), ConvertError> {
+    fn check_edge(&self, edge: &Edge, field: impl Fn(&'static str) -> Field) -> Result<(), ConvertError> {
         let Edge { camera, pixel, distance_m, normal_world } = *edge;
         let size = self.cameras.iter().find(|(place, _)| *place == camera).map(|(_, size)| *size);
         let (width, height) = size.ok_or_else(|| {
-            field.value(format!("holds an edge of camera {camera}, not one of the node's own"))
+            field("cameras").value(format!("holds camera {camera}, not one of the node's own"))
         })?;
         // Under "outside" the nearest background may be the first pixel off the image.
         let is_near = |at: i32, side: u32| (-1..=i64::from(side)).contains(&i64::from(at));
         if !is_near(pixel.column, width) || !is_near(pixel.row, height) {
             let Pixel { column, row } = pixel;
-            return Err(
-                field.value(format!("holds pixel ({column}, {row}) of camera {camera}, {width} x {height}"))
-            );
+            return Err(field("pixels")
+                .value(format!("holds pixel ({column}, {row}) of camera {camera}, {width} x {height}")));
         }
         if !distance_m.is_finite() || distance_m < 0.0 {
-            return Err(field.value(format!("holds a distance of {distance_m}, expected finite metres")));
+            return Err(
+                field("distances").value(format!("holds a distance of {distance_m}, expected finite metres"))
+            );
         }
         let length = normal_world.iter().map(|n| n * n).sum::<f32>().sqrt();
         if (length - 1.0).abs() > UNIT_TOLERANCE {
-            return Err(field.value(format!("holds a normal of length {length}, expected 1")));
+            return Err(field("normals").value(format!("holds a normal of length {length}, expected 1")));
         }
         Ok(())
     }
@@ -269,7 +270,7 @@ fn edges_from_wire(answer: &v1::EdgesAnswer, expected: &ExpectedAnswer) -> Resul
             pixel: pixels[at],
             normal_world: normals[at],
         };
-        expected.check_edge(&edge, field("present"))?;
+        expected.check_edge(&edge, field)?;
         edges[index as usize] = Some(edge);
     }
     Ok(Answer { kind: QuestionKind::Edges, edges, exits_within, ..Answer::default() })
@@ -378,10 +379,14 @@ fn changes_from_wire(
         }
     };
     let changes = unpack(&bytes, bytes.len() / 12, field, change)?;
-    let lies =
-        |change: &Change| change.point as usize >= count || !change.t_m.is_finite() || change.by.abs() > 1;
-    if changes.iter().any(lies) || !changes.is_sorted_by_key(|change| change.point) {
-        return Err(field.value("holds a change that is none"));
+    let lies = |change: &Change| {
+        change.point as usize >= count
+            || !(0.0..f32::INFINITY).contains(&change.t_m)
+            || change.by.unsigned_abs() > 1
+    };
+    let follows = |a: &Change, b: &Change| (a.point, a.t_m) <= (b.point, b.t_m);
+    if changes.iter().any(lies) || !changes.is_sorted_by(follows) {
+        return Err(field.value("holds a change that cannot be"));
     }
     Ok(changes)
 }
@@ -498,25 +503,22 @@ mod tests {
         use v1::probe_reply::Answer as Wire;
         type Lie = fn(&mut Edge);
         let lies: [(Lie, &str); 5] = [
-            (
-                |edge| edge.camera = 2,
-                "EdgesAnswer.present: holds an edge of camera 2, not one of the node's own",
-            ),
+            (|edge| edge.camera = 2, "EdgesAnswer.cameras: holds camera 2, not one of the node's own"),
             (
                 |edge| edge.normal_world = [2.0, 0.0, 0.0],
-                "EdgesAnswer.present: holds a normal of length 2, expected 1",
+                "EdgesAnswer.normals: holds a normal of length 2, expected 1",
             ),
             (
                 |edge| edge.normal_world = [0.0; 3],
-                "EdgesAnswer.present: holds a normal of length 0, expected 1",
+                "EdgesAnswer.normals: holds a normal of length 0, expected 1",
             ),
             (
                 |edge| edge.distance_m = -1.0,
-                "EdgesAnswer.present: holds a distance of -1, expected finite metres",
+                "EdgesAnswer.distances: holds a distance of -1, expected finite metres",
             ),
             (
                 |edge| edge.pixel.row = 16_385,
-                "EdgesAnswer.present: holds pixel (5, 16385) of camera 3, 16384 x 16384",
+                "EdgesAnswer.pixels: holds pixel (5, 16385) of camera 3, 16384 x 16384",
             ),
         ];
         for (lie, message) in lies {
@@ -534,6 +536,19 @@ mod tests {
             1,
             "ProbeReply.answer: is of another kind than the question",
         );
+        let change = |point, t_m, by| Change { point, t_m, by };
+        for changes in [
+            vec![change(0, 0.1, i32::MIN)],
+            vec![change(0, 0.1, 2)],
+            vec![change(0, -0.1, 1)],
+            vec![change(0, f32::NAN, 1)],
+            vec![change(1, 0.1, 1)],
+            vec![change(0, 0.2, 1), change(0, 0.1, -1)],
+        ] {
+            let answer = Answer { exits_m: vec![0.5], changes, ..of(QuestionKind::Exits) };
+            let wire = answer_to_wire(9, &answer, 2, Precision::Exact, 0.5).answer.expect("an answer");
+            refused(wire, QuestionKind::Exits, 1, "ExitsAnswer.changes: holds a change that cannot be");
+        }
         let counts = v1::ClassesAnswer {
             count: 1,
             cameras: 2,

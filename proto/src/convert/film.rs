@@ -10,7 +10,7 @@ use crate::{CameraDescription, CameraReport, FilmEvent, FrameReport, MAX_MESSAGE
 /// The greatest frame number: film of a million years, and exact as a float.
 const MAX_FRAME: u64 = 1 << 53;
 /// Times lie within this, seconds: the year 2286.
-const MAX_TIME_S: f64 = 1e10;
+pub(super) const MAX_TIME_S: f64 = 1e10;
 /// No camera's segmentation takes longer, milliseconds.
 const MAX_SEGMENT_MS: f64 = 1e7;
 

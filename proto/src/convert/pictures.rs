@@ -4,12 +4,15 @@ use hull::camera::MAX_SIDE_PIXELS;
 
 use super::ConvertError;
 use super::bulk::Field;
-use super::film::described;
+use super::film::{MAX_TIME_S, described, within};
 use crate::{
     CameraDescription, CameraPicture, FramePictures, MAX_SCALE_LOG2, Picture, PictureKind, PictureRequest, v1,
 };
 use v1::fetch_pictures_request::Kind;
 
+/// The most bytes of a picture's runs, or of its colours: noise at the best quality takes less.
+const MOST_BYTES_A_PIXEL: usize = 4;
+const MOST_BYTES_BESIDE: usize = 1 << 16;
 /// Stands for the newest frame.
 const NEWEST: u64 = u64::MAX;
 
@@ -91,18 +94,30 @@ fn picture_from_wire(picture: v1::Picture, cameras: &[CameraDescription]) -> Res
     let v1::Picture { rig_index, runs, left, top, width, height, jpeg, frame, captured_unix_s, scale_log2 } =
         picture;
     let field = |name| Field("Picture", name);
-    let rig_index = described(rig_index, cameras, field("rig_index"))?.rig_index;
+    let described = described(rig_index, cameras, field("rig_index"))?;
     let sides = [left, top, width, height];
     if let Some(side) = sides.into_iter().find(|&side| side > MAX_SIDE_PIXELS) {
         return Err(field("left, top, width, height")
             .value(format!("holds {side}, expected at most {MAX_SIDE_PIXELS}")));
     }
-    if !captured_unix_s.is_finite() {
-        return Err(field("captured_unix_s").value(format!("is {captured_unix_s}, expected unix seconds")));
+    let (across, down) = described.size;
+    if left + width > across || top + height > down {
+        let found = format!("end at {} x {}", left + width, top + height);
+        return Err(
+            field("left, top, width, height").value(format!("{found}, expected within {across} x {down}"))
+        );
     }
+    let most = MOST_BYTES_A_PIXEL * across as usize * down as usize + MOST_BYTES_BESIDE;
+    for (name, length) in [("runs", runs.len()), ("jpeg", jpeg.len())] {
+        if length > most {
+            return Err(field(name).value(format!("holds {length} bytes, expected at most {most}")));
+        }
+    }
+    let captured_unix_s = within(captured_unix_s, 0.0, MAX_TIME_S, field("captured_unix_s"))?;
     let scale_log2 = number(scale_log2, 0, MAX_SCALE_LOG2, field("scale_log2"))?;
     let crop = sides.map(|side| side as u16);
-    Ok(Picture { frame, captured_unix_s, camera: CameraPicture { rig_index, runs, scale_log2, crop, jpeg } })
+    let camera = CameraPicture { rig_index: described.rig_index, runs, scale_log2, crop, jpeg };
+    Ok(Picture { frame, captured_unix_s, camera })
 }
 
 #[cfg(test)]
@@ -140,12 +155,20 @@ mod tests {
     #[test]
     fn a_picture_that_cannot_be_is_refused_by_field() {
         type Lie = fn(&mut v1::Picture);
-        let lies: [(Lie, &str); 4] = [
+        let lies: [(Lie, &str); 6] = [
             (
                 |picture| picture.rig_index = 5,
                 "Picture.rig_index: is 5, expected one of the node's cameras 4",
             ),
             (|picture| picture.width = 70_000, "Picture.left, top, width, height: holds 70000"),
+            (
+                |picture| picture.width = 57,
+                "Picture.left, top, width, height: end at 65 x 32, expected within 64 x 48",
+            ),
+            (
+                |picture| picture.jpeg = vec![0; 80_000].into(),
+                "Picture.jpeg: holds 80000 bytes, expected at most 77824",
+            ),
             (|picture| picture.captured_unix_s = f64::NAN, "Picture.captured_unix_s: is NaN"),
             (|picture| picture.scale_log2 = 4, "Picture.scale_log2: is 4, expected 0 to 3"),
         ];

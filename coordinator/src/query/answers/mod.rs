@@ -14,8 +14,8 @@
 //!
 //! An answer holds for a pose of the same bits: then a run is the same, bit for bit, as one that asks at
 //! every step. With `reuse_within_m` above zero, a body also counts as clear where each of its samples is
-//! known to have been outside no farther away than this. Known are, of an answer: the samples that were
-//! outside at the pose that was asked, and, of those that were not, that they are outside once the body
+//! known to have been outside no farther away than this. An answer makes known the samples that were
+//! outside at the pose that was asked; and, of those that were not, that they are outside once the body
 //! has moved by its response, if all of them are. Between two poses each sample moves by an affine
 //! function of its place in the body, whose length is convex, so that none moves farther than the farthest
 //! corner of the box around all samples. So no sample deeper than `reuse_within_m` in the hull is ever
