@@ -29,7 +29,7 @@ use tonic::Streaming;
 use tonic::transport::Channel;
 
 const FPS: f64 = 30.0;
-const PATIENCE: Duration = Duration::from_secs(20);
+const TIMEOUT: Duration = Duration::from_secs(20);
 
 fn rig() -> Rig {
     stage::studio_rig(2, (160, 120)).expect("a rig")
@@ -72,7 +72,7 @@ async fn in_this_process(listen: Listen) {
     let serving = tokio::spawn(node.serve(async { drop(stopped.await) }));
     suite(address, &rig).await;
     drop(stop);
-    tokio::time::timeout(PATIENCE, serving).await.expect("stops").expect("no panic").expect("served");
+    tokio::time::timeout(TIMEOUT, serving).await.expect("stops").expect("no panic").expect("served");
 }
 
 #[tokio::test]
@@ -186,7 +186,7 @@ impl Probe {
         self.next_id += 1;
         let id = request.id;
         self.requests.send(request).await.expect("sent");
-        let reply = tokio::time::timeout(PATIENCE, self.replies.next()).await.expect("in time");
+        let reply = tokio::time::timeout(TIMEOUT, self.replies.next()).await.expect("in time");
         let reply = reply.expect("a reply").expect("no error");
         assert_eq!(reply.id, id, "replies carry their question's id");
         let (kind, points, cameras) = (question.kind, question.len(), self.cameras.clone());
@@ -255,13 +255,13 @@ async fn suite(address: Listen, rig: &Rig) {
     assert_eq!(gone.expect_err("gone").code(), tonic::Code::OutOfRange);
 
     makes_pictures_of_frame_12(&mut client, rig).await;
-    survives_strangers(&address).await;
+    survives_untrusted_peers(&address).await;
     assert!(matches!(probe.ask(12, &one).await, ProbeAnswer::Answer(_)), "it goes on serving");
     tells_its_health_and_its_protocol(&address).await;
 }
 
 async fn next_frame(frames: &mut Streaming<v1::FrameInfo>) -> v1::FrameInfo {
-    let told = tokio::time::timeout(PATIENCE, frames.next()).await.expect("in time");
+    let told = tokio::time::timeout(TIMEOUT, frames.next()).await.expect("in time");
     told.expect("a frame").expect("no error")
 }
 
@@ -430,7 +430,7 @@ async fn makes_pictures_of_frame_12(client: &mut Client, rig: &Rig) {
     }
 }
 
-async fn survives_strangers(address: &Listen) {
+async fn survives_untrusted_peers(address: &Listen) {
     let address = address.clone();
     tokio::task::spawn_blocking(move || {
         let noise = b"GET / HTTP/1.1\r\n\r\n\0\0\xff\xff not a frame at all";

@@ -20,7 +20,7 @@ use tokio_tungstenite::tungstenite::Message;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest as _;
 use tokio_tungstenite::{MaybeTlsStream, WebSocketStream};
 
-const PATIENCE: Duration = Duration::from_secs(100);
+const TIMEOUT: Duration = Duration::from_secs(100);
 
 /// A demo, its socket's address, and the token that its first line tells.
 struct Demo {
@@ -59,7 +59,7 @@ impl Demo {
         let protocols = format!("hulltouch.feed.v1{offered}").parse().expect("a value");
         request.headers_mut().insert("Sec-WebSocket-Protocol", protocols);
         let (socket, _) = tokio_tungstenite::connect_async(request).await.expect("connects");
-        Page { socket, deadline: tokio::time::Instant::now() + PATIENCE }
+        Page { socket, deadline: tokio::time::Instant::now() + TIMEOUT }
     }
 }
 
@@ -135,7 +135,7 @@ fn u32_at(bytes: &[u8], at: usize) -> u32 {
     u32::from_le_bytes(bytes[at..at + 4].try_into().expect("long enough"))
 }
 
-/// Of both cameras: a silhouette, and a JPEG of the size that is told.
+/// Of both cameras: a silhouette, and a JPEG of the size that the header gives.
 fn shows_the_person(set: &[u8]) -> bool {
     assert_eq!(u16::from_le_bytes([set[6], set[7]]), 2, "both cameras");
     (0..2).all(|camera| {
@@ -249,7 +249,7 @@ fn eight_cameras_at_full_rate_fit_into_fifteen_megabits() {
     let (mut runs, mut jpegs, mut sets) = (0, 0, 0);
     for frame in 0..45 {
         film.credit(frame);
-        let deadline = std::time::Instant::now() + PATIENCE;
+        let deadline = std::time::Instant::now() + TIMEOUT;
         let found = loop {
             assert!(std::time::Instant::now() < deadline, "frame {frame} is filmed sooner or later");
             match ring.get(frame) {

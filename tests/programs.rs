@@ -15,7 +15,7 @@ use tokio_tungstenite::tungstenite::Message;
 use tonic::transport::Channel;
 use tonic::{Code, Request};
 
-const PATIENCE: Duration = Duration::from_secs(60);
+const TIMEOUT: Duration = Duration::from_secs(60);
 
 async fn client(demo: &Demo) -> WorldClient<Channel> {
     WorldClient::connect(format!("http://{}", demo.address)).await.expect("connects")
@@ -50,7 +50,7 @@ async fn state(
             }
         }
     };
-    tokio::time::timeout(PATIENCE, search).await.expect("in time")
+    tokio::time::timeout(TIMEOUT, search).await.expect("in time")
 }
 
 fn body(state: &v1::WorldState, id: u32) -> Option<&v1::BodyState> {
@@ -168,7 +168,7 @@ async fn a_program_follows_and_steers_over_json() {
             }
             panic!("it ended");
         };
-        tokio::time::timeout(PATIENCE, search).await.expect("in time")
+        tokio::time::timeout(TIMEOUT, search).await.expect("in time")
     };
     viewer.send(ask(1, json!({"command": "pause"}))).await.expect("sent");
     let refused = heard(&mut viewer, &|message| message["id"] == 1).await;
@@ -198,7 +198,7 @@ async fn a_program_follows_and_steers_over_json() {
 #[test]
 fn bundles_come_over_osc() {
     let receiver = UdpSocket::bind("127.0.0.1:0").expect("a port");
-    receiver.set_read_timeout(Some(PATIENCE)).expect("set");
+    receiver.set_read_timeout(Some(TIMEOUT)).expect("set");
     let to = receiver.local_addr().expect("bound").to_string();
     let _demo = Demo::start(&["--osc", &to]);
     let mut buffer = [0; 9000];

@@ -152,7 +152,7 @@ fn rounded_passes_respond_within_a_tenth_of_a_millimetre_and_exact_ones_equally(
     check_rounded(false, 2e-5);
 }
 
-/// As in a cluster: whoever is told what others have found answers less, on other scales.
+/// As in a cluster: nodes that are asked within what others have found answer less, on other scales.
 #[test]
 fn rounded_passes_in_two_phases_respond_within_a_tenth_of_a_millimetre() {
     check_rounded(true, 4e-5);

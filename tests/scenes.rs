@@ -28,8 +28,8 @@ fn read(json: &Path) -> Value {
     serde_json::from_slice(&std::fs::read(json).expect("figures")).expect("JSON")
 }
 
-/// What the run says of one body.
-struct Played {
+/// The figures of one body.
+struct BodyRecord {
     name: String,
     fixed: bool,
     start_m: Vector3<f64>,
@@ -41,11 +41,11 @@ struct Played {
     max_speed_m_s: f64,
 }
 
-fn bodies(run: &Value) -> Vec<Played> {
+fn bodies(run: &Value) -> Vec<BodyRecord> {
     let body = |body: &Value| {
         let number = |key: &str| body[key].as_f64().unwrap_or_else(|| panic!("{key} is {}", body[key]));
         let point = |key: &str| Vector3::from_fn(|axis, _| body[key][axis].as_f64().expect("a coordinate"));
-        Played {
+        BodyRecord {
             name: body["name"].as_str().expect("a name").to_owned(),
             fixed: body["fixed"].as_bool().expect("fixed"),
             start_m: point("start"),

@@ -132,7 +132,8 @@ fn manifest(folder: &str) -> toml::Table {
 
 /// Fails with every offence, a line each.
 #[track_caller]
-fn none(offences: Vec<String>, rule: &str) {
+fn none(offences: impl IntoIterator<Item = String>, rule: &str) {
+    let offences: Vec<String> = offences.into_iter().collect();
     assert!(offences.is_empty(), "{rule}:\n{}", offences.join("\n"));
 }
 
@@ -295,7 +296,7 @@ fn a_module_with_children_is_mod_rs_in_their_folder() {
         let has_modules = !files(&file.path.replace(".rs", ""), ".rs").is_empty();
         (folder.is_dir() && has_modules).then(|| file.path.clone())
     };
-    none(rust().iter().filter_map(beside).collect(), "foo/mod.rs, and not foo.rs beside foo/");
+    none(rust().iter().filter_map(beside), "foo/mod.rs, and not foo.rs beside foo/");
 }
 
 #[test]
@@ -305,7 +306,7 @@ fn files_of_a_crate_import_each_other_in_no_circle() {
         let circles = import_circles::circles(&files(&src, ".rs"), &src).into_iter();
         circles.map(move |circle| format!("{name}: {circle}"))
     });
-    none(circles.collect(), "these import each other");
+    none(circles, "these import each other");
 }
 
 #[test]
@@ -332,5 +333,5 @@ fn nothing_is_left_unfinished() {
     let marks = ["TODO", "FIXME", "XXX"];
     let marked = rust().into_iter().filter(|file| file.path != "tests/tidy.rs");
     let marked = marked.filter(|file| marks.iter().any(|mark| file.has_word(mark))).map(|file| file.path);
-    none(marked.collect(), "this is not finished");
+    none(marked, "this is not finished");
 }

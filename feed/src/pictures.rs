@@ -1,4 +1,4 @@
-//! Where pictures come from: silhouettes and colours of a frame, made by whoever films, and only when asked.
+//! Where pictures come from: silhouettes and colours of a frame, made where it is filmed, and only on request.
 
 use std::sync::Arc;
 

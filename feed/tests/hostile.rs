@@ -57,7 +57,7 @@ async fn what_a_program_sends_comes_back_short_and_clean() {
     let (mut program, _) = tokio_tungstenite::connect_async(url).await.expect("connects");
     for text in [hostile(), json!([hostile()]).to_string()] {
         program.send(Message::text(text)).await.expect("sent");
-        let answer = tokio::time::timeout(PATIENCE, program.next()).await.expect("in time");
+        let answer = tokio::time::timeout(TIMEOUT, program.next()).await.expect("in time");
         let answer = answer.expect("an answer").expect("a message").into_text().expect("a text");
         let answer: Value = serde_json::from_str(&answer).expect("JSON");
         assert_eq!(answer["op"], "refused");

@@ -11,7 +11,7 @@ async fn ask(run: &Run, request: &str) -> (String, Vec<u8>) {
     let mut stream = TcpStream::connect(run.feed.address()).await.expect("connects");
     stream.write_all(request.replace('\n', "\r\n").as_bytes()).await.expect("sent");
     let mut answer = Vec::new();
-    tokio::time::timeout(PATIENCE, stream.read_to_end(&mut answer)).await.expect("in time").expect("read");
+    tokio::time::timeout(TIMEOUT, stream.read_to_end(&mut answer)).await.expect("in time").expect("read");
     let end = answer.windows(4).position(|four| four == b"\r\n\r\n").expect("a head") + 4;
     (String::from_utf8_lossy(&answer[..end]).to_lowercase(), answer[end..].to_vec())
 }

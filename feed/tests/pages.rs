@@ -87,7 +87,7 @@ async fn a_page_gets_frames_and_bodies_as_it_wants_them() {
     while page.hear_frame(13).await[48 + 2] != 1 {}
     page.say(json!({"op": "want", "silhouettes": false})).await;
     run.publish(14);
-    // Told of every frame still.
+    // Frame sets still come, without cameras.
     while u16_at(&page.hear_frame(14).await, 6) != 0 {}
 }
 

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Point3};
 use thiserror::Error;
 
-/// The most samples one shape may have: bounds what a stranger can make a node keep.
+/// The most samples one shape may have: bounds the memory that an untrusted peer can pin.
 pub const MAX_SAMPLES: usize = 1 << 20;
 
 /// The content hash of a shape.

@@ -30,7 +30,7 @@ pub struct Snapshot<'a> {
 pub trait Watcher {
     /// Four times a second.
     fn progress(&mut self, progress: &Progress);
-    /// Asked after every step: is a picture of it wanted?
+    /// Whether a picture of the step is wanted; called after every step.
     fn wants_snapshot(&mut self, film_s: f64) -> bool;
     /// The picture's contents, if it was.
     fn snapshot(&mut self, snapshot: Snapshot<'_>);

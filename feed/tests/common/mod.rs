@@ -29,7 +29,7 @@ use tokio_tungstenite::{MaybeTlsStream, WebSocketStream};
 pub const FPS: f64 = 30.0;
 pub const TOKEN: &str = "let-me-steer";
 /// Longer than any test takes on a machine that does something else.
-pub const PATIENCE: Duration = Duration::from_secs(100);
+pub const TIMEOUT: Duration = Duration::from_secs(100);
 pub const CAMERAS: usize = 4;
 
 /// Bytes of a camera's JPEG by scale.
@@ -153,7 +153,7 @@ impl Run {
                     _ => Ok(Outcome::Applied),
                 };
                 record.lock().expect("whole").push(command);
-                // Whoever asked may have gone.
+                // The client may have disconnected.
                 let _ = reply.send(answer);
             }
         });
@@ -325,7 +325,7 @@ impl Page {
     }
 
     async fn open_with(url: &str, token: Option<&str>) -> Page {
-        let deadline = tokio::time::Instant::now() + PATIENCE;
+        let deadline = tokio::time::Instant::now() + TIMEOUT;
         Page { socket: connect(url, token).await.expect("connects"), shows: true, deadline }
     }
 
@@ -396,5 +396,5 @@ pub async fn until(what: &str, mut holds: impl FnMut() -> bool) {
             tokio::time::sleep(Duration::from_millis(5)).await;
         }
     };
-    tokio::time::timeout(PATIENCE, patient).await.unwrap_or_else(|_| panic!("{what}, in time"));
+    tokio::time::timeout(TIMEOUT, patient).await.unwrap_or_else(|_| panic!("{what}, in time"));
 }

@@ -52,30 +52,30 @@ pub struct PictureScene<'a> {
 pub fn render(scene: &PictureScene, camera: &Camera) -> RgbImage {
     let mut painter = Painter::new(scene, camera);
     let (width, height) = (camera.width() as usize, camera.height() as usize);
-    let mut seen = Vec::with_capacity(width * height);
+    let mut hits = Vec::with_capacity(width * height);
     for row in 0..height {
         for column in 0..width {
-            seen.push(painter.look(column as f64, row as f64));
+            hits.push(painter.look(column as f64, row as f64));
         }
     }
     let mut picture = RgbImage::new(camera.width(), camera.height());
     for (at, pixel) in picture.pixels_mut().enumerate() {
-        let colour = if is_edge(&seen, at, width) {
+        let colour = if is_edge(&hits, at, width) {
             let (column, row) = ((at % width) as f64, (at / width) as f64);
             let around = [(-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25)];
             around.iter().map(|(x, y)| painter.look(column + x, row + y).colour * 0.25).sum()
         } else {
-            seen[at].colour
+            hits[at].colour
         };
-        *pixel = Rgb(shade::bytes(&(colour * crease(&seen, at, width))));
+        *pixel = Rgb(shade::bytes(&(colour * crease(&hits, at, width))));
     }
-    painter.mark_samples(&seen, &mut picture);
+    painter.mark_samples(&hits, &mut picture);
     picture
 }
 
-/// What is seen at a point of the picture.
+/// What the ray of a pixel meets.
 #[derive(Clone, Copy)]
-struct Seen {
+struct PixelHit {
     thing: Thing,
     t_m: f64,
     colour: Colour,
@@ -119,9 +119,9 @@ impl<'a> Painter<'a> {
         }
     }
 
-    fn look(&mut self, u: f64, v: f64) -> Seen {
+    fn look(&mut self, u: f64, v: f64) -> PixelHit {
         let background = shade::background(v / f64::from(self.camera.height()));
-        let nothing = Seen { thing: Thing::Nothing, t_m: f64::INFINITY, colour: background };
+        let nothing = PixelHit { thing: Thing::Nothing, t_m: f64::INFINITY, colour: background };
         let Some(direction) = self.camera.ray_world(&Point2::new(u, v)) else { return nothing };
         let ray = Ray { start: self.camera.centre_world(), direction };
         let body = self.nearest_body(&ray);
@@ -131,10 +131,10 @@ impl<'a> Painter<'a> {
         let hull_m = hull_m.unwrap_or(f64::INFINITY);
         match (body, floor_m) {
             (Some((index, hit)), _) if body_m <= hull_m && floor_m.is_none_or(|t| body_m < t) => {
-                self.body_seen(&ray, index, hit)
+                self.body_hit(&ray, index, hit)
             }
-            (_, Some(t_m)) if t_m < hull_m => self.floor_seen(&ray, t_m, (u, v), &background),
-            _ if hull_m.is_finite() => self.hull_seen(&ray, hull_m),
+            (_, Some(t_m)) if t_m < hull_m => self.floor_hit(&ray, t_m, (u, v), &background),
+            _ if hull_m.is_finite() => self.hull_hit(&ray, hull_m),
             _ => nothing,
         }
     }
@@ -145,23 +145,23 @@ impl<'a> Painter<'a> {
             .min_by(|a, b| a.1.t_m.total_cmp(&b.1.t_m))
     }
 
-    fn body_seen(&mut self, ray: &Ray, index: usize, hit: solid_ray::SolidHit) -> Seen {
+    fn body_hit(&mut self, ray: &Ray, index: usize, hit: solid_ray::SolidHit) -> PixelHit {
         let lit = self.lit(&ray.at(hit.t_m), &hit.normal_world);
         let colour = shade::linear(self.solids[index].color);
         let colour = self.light.matte(&colour, &hit.normal_world, lit);
         // Edges are drawn a pixel and a half wide, whatever the distance.
         let edge_m = 1.5 * hit.t_m / self.camera.intrinsics()[(0, 0)];
         let darkened = 0.45 + 0.55 * (hit.edge_m / edge_m).min(1.0);
-        Seen { thing: Thing::Body(index), t_m: hit.t_m, colour: colour * darkened }
+        PixelHit { thing: Thing::Body(index), t_m: hit.t_m, colour: colour * darkened }
     }
 
-    fn hull_seen(&mut self, ray: &Ray, t_m: f64) -> Seen {
+    fn hull_hit(&mut self, ray: &Ray, t_m: f64) -> PixelHit {
         let normal = self.hull.normal(&ray.at(t_m)).unwrap_or(-ray.direction);
         let colour = self.light.matte(&shade::linear(shade::HULL_SRGB), &normal, true);
-        Seen { thing: Thing::Hull, t_m, colour }
+        PixelHit { thing: Thing::Hull, t_m, colour }
     }
 
-    fn floor_seen(&mut self, ray: &Ray, t_m: f64, (u, v): (f64, f64), background: &Colour) -> Seen {
+    fn floor_hit(&mut self, ray: &Ray, t_m: f64, (u, v): (f64, f64), background: &Colour) -> PixelHit {
         let point = ray.at(t_m);
         let lit = self.lit(&point, &self.scene.up.clone());
         let place = |point: &Point3<f64>| self.floor_axes.map(|axis| axis.dot(&point.coords));
@@ -177,7 +177,7 @@ impl<'a> Painter<'a> {
         }
         let away_m = (point - self.centre).norm();
         let colour = shade::floor(place_m, footprint_m, away_m, lit, background);
-        Seen { thing: Thing::Floor { lit }, t_m, colour }
+        PixelHit { thing: Thing::Floor { lit }, t_m, colour }
     }
 
     fn floor_m(&self, ray: &Ray) -> Option<f64> {
@@ -197,7 +197,7 @@ impl<'a> Painter<'a> {
     }
 
     /// Draws the samples as dots over the hull, unless a body hides them.
-    fn mark_samples(&self, seen: &[Seen], picture: &mut RgbImage) {
+    fn mark_samples(&self, hits: &[PixelHit], picture: &mut RgbImage) {
         let (width, height) = (self.camera.width() as i32, self.camera.height() as i32);
         let radius = (DOT * f64::from(height)).max(0.8);
         let reach = radius.ceil() as i32 + 1;
@@ -207,7 +207,7 @@ impl<'a> Painter<'a> {
             if column < 0 || row < 0 || column >= width || row >= height {
                 continue;
             }
-            let at = &seen[(row * width + column) as usize];
+            let at = &hits[(row * width + column) as usize];
             let away_m = (point - self.camera.centre_world()).norm();
             if matches!(at.thing, Thing::Body(_)) && at.t_m < away_m - SAMPLE_SLACK_M {
                 continue;
@@ -242,25 +242,25 @@ fn neighbours(at: usize, width: usize, length: usize) -> impl Iterator<Item = us
 }
 
 /// Whether another thing, or another part of the same, begins beside this pixel.
-fn is_edge(seen: &[Seen], at: usize, width: usize) -> bool {
-    let here = &seen[at];
-    neighbours(at, width, seen.len()).any(|next| {
-        let next = &seen[next];
+fn is_edge(hits: &[PixelHit], at: usize, width: usize) -> bool {
+    let here = &hits[at];
+    neighbours(at, width, hits.len()).any(|next| {
+        let next = &hits[next];
         let flat = matches!(here.thing, Thing::Floor { .. } | Thing::Nothing);
         next.thing != here.thing || (!flat && (next.t_m - here.t_m).abs() > STEP_M)
     })
 }
 
 /// Darkens the hull where another part of it stands in front: a limb before the trunk.
-fn crease(seen: &[Seen], at: usize, width: usize) -> f64 {
-    let here = &seen[at];
+fn crease(hits: &[PixelHit], at: usize, width: usize) -> f64 {
+    let here = &hits[at];
     let behind = here.thing == Thing::Hull
-        && neighbours(at, width, seen.len()).any(|next| {
-            let jump_m = here.t_m - seen[next].t_m;
+        && neighbours(at, width, hits.len()).any(|next| {
+            let jump_m = here.t_m - hits[next].t_m;
             // Where the surface is seen at a grazing angle, it falls away on the other side too.
-            let other = (2 * at).checked_sub(next).and_then(|other| seen.get(other));
+            let other = (2 * at).checked_sub(next).and_then(|other| hits.get(other));
             let slope_m = other.map_or(0.0, |other| (other.t_m - here.t_m).abs());
-            seen[next].thing == Thing::Hull && jump_m > STEP_M.max(2.0 * slope_m)
+            hits[next].thing == Thing::Hull && jump_m > STEP_M.max(2.0 * slope_m)
         });
     if behind { 0.7 } else { 1.0 }
 }

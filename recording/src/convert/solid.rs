@@ -53,9 +53,9 @@ pub(crate) fn body_spec(spec: &BodySpec) -> messages::BodySpec {
         position_m: Some(vector(pose.position_m())),
         rotation: Some(rotation(pose.rotation_xyzw())),
         velocity_m_s: Some(vector(*velocity_m_s)),
-        heft: Some(match *mass {
-            MassSpec::MassKg(kg) => body_spec::Heft::MassKg(kg),
-            MassSpec::DensityKgM3(kg_m3) => body_spec::Heft::DensityKgM3(kg_m3),
+        mass_spec: Some(match *mass {
+            MassSpec::MassKg(kg) => body_spec::MassSpec::MassKg(kg),
+            MassSpec::DensityKgM3(kg_m3) => body_spec::MassSpec::DensityKgM3(kg_m3),
         }),
         friction: *friction,
         restitution: *restitution,
@@ -68,9 +68,9 @@ pub(crate) fn body_spec(spec: &BodySpec) -> messages::BodySpec {
 pub(crate) fn body_spec_from_message(spec: messages::BodySpec) -> Result<BodySpec, ConvertError> {
     const NAME: &str = "BodySpec";
     let pose = pose_from_message(NAME, spec.position_m.as_ref(), spec.rotation.as_ref())?;
-    let (mass, density) = match spec.heft.ok_or_else(|| ConvertError::missing(NAME, "heft"))? {
-        body_spec::Heft::MassKg(kg) => (Some(kg), None),
-        body_spec::Heft::DensityKgM3(kg_m3) => (None, Some(kg_m3)),
+    let (mass, density) = match spec.mass_spec.ok_or_else(|| ConvertError::missing(NAME, "mass_spec"))? {
+        body_spec::MassSpec::MassKg(kg) => (Some(kg), None),
+        body_spec::MassSpec::DensityKgM3(kg_m3) => (None, Some(kg_m3)),
     };
     let request = BodyRequest {
         name: Some(spec.name),

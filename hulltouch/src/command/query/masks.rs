@@ -13,7 +13,7 @@ use cli::{Failure, Outcome};
 /// `folder/NAME/NUMBER.png`, zeros before the number allowed. Silhouettes of cameras that the rig does
 /// not have are refused: the rig is another one then.
 pub fn paths_of_frame(folder: &Path, rig: &Rig, frame: Option<u64>) -> Outcome<Vec<PathBuf>> {
-    refuse_strangers(folder, rig, frame.is_some())?;
+    refuse_unknown_cameras(folder, rig, frame.is_some())?;
     let path = |camera: &Camera| {
         let Some(frame) = frame else {
             let path = folder.join(format!("{}.png", camera.name()));
@@ -31,7 +31,7 @@ pub fn paths_of_frame(folder: &Path, rig: &Rig, frame: Option<u64>) -> Outcome<V
 pub fn paths_of_film(folder: &Path, rig: &Rig) -> Outcome<Vec<BTreeMap<u64, PathBuf>>> {
     let has_folders = rig.cameras().iter().any(|camera| folder.join(camera.name()).is_dir());
     if has_folders {
-        refuse_strangers(folder, rig, true)?;
+        refuse_unknown_cameras(folder, rig, true)?;
         return rig.cameras().iter().map(|camera| numbered(&folder.join(camera.name()))).collect();
     }
     let paths = paths_of_frame(folder, rig, None)?;
@@ -77,7 +77,7 @@ fn missing(path: &Path, camera: &Camera) -> Failure {
 }
 
 /// Refuses images (or folders) in `folder` whose names are not those of cameras.
-fn refuse_strangers(folder: &Path, rig: &Rig, folders: bool) -> Outcome {
+fn refuse_unknown_cameras(folder: &Path, rig: &Rig, folders: bool) -> Outcome {
     for path in entries(folder)? {
         let is_png = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
         let counts = if folders { path.is_dir() } else { is_png && path.is_file() };
