@@ -132,9 +132,9 @@ impl AskPolicy {
         }
         let a_thousand_ms = ms * 1e3 / points as f64;
         if in_two_phases {
-            self.two_phases_ms.add(a_thousand_ms)
+            self.two_phases_ms.add(a_thousand_ms);
         } else {
-            self.one_phase_ms.add(a_thousand_ms)
+            self.one_phase_ms.add(a_thousand_ms);
         }
     }
 

@@ -60,15 +60,20 @@ impl Coordinator {
         self.transport.credit(frame);
         self.transport.drain();
         let began = Instant::now();
-        while asks_hull {
+        if asks_hull {
+            self.await_recorded(frame, began).await?;
+        }
+        if self.film.frame == Some(frame) { Ok(()) } else { self.use_frame(frame).await }
+    }
+
+    async fn await_recorded(&mut self, frame: u64, began: Instant) -> Result<(), RunError> {
+        loop {
             let polled = self.transport.roster().poll_recorded(frame, began, Instant::now());
             if let Poll::Ready(waited) = polled {
-                waited?;
-                break;
+                return Ok(waited?);
             }
             self.transport.next_within(LOOK_EVERY).await;
         }
-        if self.film.frame == Some(frame) { Ok(()) } else { self.use_frame(frame).await }
     }
 
     /// Takes a frame into use.

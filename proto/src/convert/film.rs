@@ -131,11 +131,11 @@ fn camera_report_from_wire(
 }
 
 /// The one of a node's cameras that has this place in the rig.
-pub(super) fn described<'a>(
+pub(super) fn described(
     rig_index: u32,
-    cameras: &'a [CameraDescription],
+    cameras: &[CameraDescription],
     field: Field,
-) -> Result<&'a CameraDescription, ConvertError> {
+) -> Result<&CameraDescription, ConvertError> {
     let found = cameras.iter().find(|camera| u32::from(camera.rig_index) == rig_index);
     found.ok_or_else(|| {
         let places: Vec<String> = cameras.iter().map(|camera| camera.rig_index.to_string()).collect();

@@ -113,7 +113,7 @@ pub(super) fn read(file: &mut File, place: Place) -> Result<Vec<Record>, ReadPro
             LinearReadEvent::Record { data, opcode } => match parse_record(opcode, data)? {
                 McapRecord::Channel(channel) => found.push(Record::Channel(channel.id, channel.topic)),
                 McapRecord::Message { header, data } => {
-                    found.push(Record::Message(header, data.into_owned()))
+                    found.push(Record::Message(header, data.into_owned()));
                 }
                 _ => {}
             },
