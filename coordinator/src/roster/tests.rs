@@ -115,9 +115,9 @@ fn a_lock_step_step_waits_for_its_frame_for_half_a_minute() {
     film(&mut roster, 0, [0]);
     assert_eq!(wait.poll(&roster, 0, began, began), Poll::Ready(Ok(())));
     assert_eq!(wait.poll(&roster, 1, began, after(30)), Poll::Pending);
-    let late = Err(WaitError::Late { frame: 1 });
-    assert_eq!(wait.poll(&roster, 1, began, after(31)), Poll::Ready(late.clone()));
-    assert_eq!(late.expect_err("late").to_string(), "frame 1 did not come within 30 s");
+    let late = WaitError::Late { frame: 1 };
+    assert_eq!(wait.poll(&roster, 1, began, after(31)), Poll::Ready(Err(late.clone())));
+    assert_eq!(late.to_string(), "frame 1 did not come within 30 s");
     roster.film_event(0, FilmEvent::Ended);
     assert_eq!(wait.poll(&roster, 1, began, began), Poll::Ready(Ok(())), "nothing will come");
     roster.film_event(0, FilmEvent::Failed("no disk".into()));

@@ -213,7 +213,7 @@ mod tests {
             ),
             (
                 |info| {
-                    info.cameras[0].admitted = Some(v1::PixelRect { left: 0, top: 0, right: 65, bottom: 9 })
+                    info.cameras[0].admitted = Some(v1::PixelRect { left: 0, top: 0, right: 65, bottom: 9 });
                 },
                 "CameraFrame.admitted: ends at 65 x 9, expected within 64 x 48",
             ),
