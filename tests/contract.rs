@@ -419,7 +419,7 @@ async fn makes_pictures_of_frame_12(client: &mut Client, rig: &Rig) {
     assert!(lone.iter().all(|picture| !picture.runs.is_empty() && picture.jpeg.is_empty()));
     for (frame, scale_log2, expected) in [
         (0, 1, tonic::Code::OutOfRange),
-        (13, 1, tonic::Code::Unavailable),
+        (13, 1, tonic::Code::FailedPrecondition),
         (12, 9, tonic::Code::InvalidArgument),
         (12, 1000, tonic::Code::InvalidArgument),
     ] {
