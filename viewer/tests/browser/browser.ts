@@ -140,8 +140,8 @@ export class Program {
     await new Promise<void>((resolve, reject) => {
       child.stderr!.on("data", (bytes) => {
         program.log += String(bytes);
-        program.page = /^page: (\S+)/m.exec(program.log)?.[1] ?? "";
-        program.viewers = /^viewers: (\S+)/m.exec(program.log)?.[1] ?? "";
+        program.page = /^page: (\S+)\n/m.exec(program.log)?.[1] ?? "";
+        program.viewers = /^viewers: (\S+)\n/m.exec(program.log)?.[1] ?? "";
         if (program.page && program.viewers) resolve();
       });
       setTimeout(() => reject(new Error(`the program served no page in time: ${program.log}`)), TIMEOUT_MS).unref();
