@@ -168,8 +168,8 @@ impl Schedule for Again {
 }
 
 fn spawned(text: &str) -> Command {
-    let spec = BodyRequest::from_toml(text).and_then(BodyRequest::check).expect("a body");
-    Command::Spawn(Box::new(spec))
+    let request: BodyRequest = toml::from_str(text).expect("the keys of a request");
+    Command::Spawn(Box::new(request.check().expect("a body")))
 }
 
 /// A ball and a hull fall on the person, a box is dragged into him and thrown, one goes; then all over again.

@@ -57,7 +57,7 @@ pub enum InputError {
         /// What stands before its keys in the message.
         of: &'static str,
         /// The key, what was found and what was expected.
-        error: sim::RequestError,
+        error: sim::ValueError,
     },
 }
 

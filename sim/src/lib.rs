@@ -21,8 +21,8 @@ pub mod world;
 
 pub use response::{BodyResponse, HullContact, ResponseMode};
 pub use scene::{
-    BodyRequest, BodySpec, FRICTION, Floor, HullSurface, MAX_SPEED_M_S, MassSpec, RESTITUTION, RequestError,
-    Scene, SceneError, ShapeRequest, StageHint,
+    BodyRequest, BodySpec, FRICTION, Floor, HullSurface, MAX_SPEED_M_S, MassSpec, RESTITUTION, Scene,
+    SceneError, ShapeRequest, StageHint, ValueError,
 };
 pub use solid::Solid;
 pub use summary::BodySummary;

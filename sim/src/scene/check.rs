@@ -1,7 +1,7 @@
 //! From keys to a scene whose every value can be.
 
 use super::file::{BodyFile, FloorFile, PlaceFile, SceneFile, ShapeFile};
-use super::{Floor, Group, HullSurface, MAX_BODIES, MassSpec, Place, Scene, SceneError, StageHint};
+use super::{Floor, Group, HullSurface, MAX_BODIES, MassSpec, Place, Scene, StageHint, ValueError};
 use crate::solid::{ConvexHull, MAX_EXTENT_M, MIN_EXTENT_M, Solid};
 use core::fmt::Display;
 use core::ops::RangeInclusive;
@@ -15,8 +15,8 @@ const DEFAULT_DENSITY_KG_M3: f64 = 120.0;
 pub const FRICTION: RangeInclusive<f64> = 0.0..=10.0;
 /// Shares of the speed that a bounce returns.
 pub const RESTITUTION: RangeInclusive<f64> = 0.0..=1.0;
-pub(super) const DEFAULT_FRICTION: f64 = 0.6;
-pub(super) const DEFAULT_RESTITUTION: f64 = 0.1;
+const DEFAULT_FRICTION: f64 = 0.6;
+const DEFAULT_RESTITUTION: f64 = 0.1;
 /// No position, height or spacing is farther from the origin, metres: `f32` keeps a tenth of a
 /// millimetre there.
 pub(crate) const MAX_POSITION_M: f64 = 1000.0;
@@ -26,197 +26,175 @@ pub(crate) const MAX_GRAVITY_M_S2: f64 = 100.0;
 const MAX_REUSE_M: f64 = 0.1;
 
 /// Checks the file's values.
-pub(super) fn scene(name: &str, text: &str, file: SceneFile) -> Result<Scene, SceneError> {
-    let checker = Checker { scene: name };
-    let gravity_m_s2 = checker.gravity(file.gravity.unwrap_or([0.0, -9.81, 0.0]))?;
-    let floor = checker.floor(&file.floor)?;
+pub(super) fn scene(name: &str, text: &str, file: SceneFile) -> Result<Scene, ValueError> {
+    let gravity_m_s2 = gravity(file.gravity.unwrap_or([0.0, -9.81, 0.0]))?;
+    let floor = floor(&file.floor)?;
     let hull = HullSurface {
-        restitution: checker.within("hull.restitution", file.hull.restitution, RESTITUTION)?,
-        friction: checker.within("hull.friction", file.hull.friction, FRICTION)?,
-        reuse_within_m: checker.within("hull.reuse_within_m", file.hull.reuse_within_m, 0.0..=MAX_REUSE_M)?,
+        restitution: within("hull.restitution", file.hull.restitution, RESTITUTION)?,
+        friction: within("hull.friction", file.hull.friction, FRICTION)?,
+        reuse_within_m: within("hull.reuse_within_m", file.hull.reuse_within_m, 0.0..=MAX_REUSE_M)?,
     };
-    let groups = file.bodies.into_iter().map(|body| checker.group(body)).collect::<Result<Vec<_>, _>>()?;
-    checker.names(&groups)?;
+    let groups = file.bodies.into_iter().map(group).collect::<Result<Vec<_>, _>>()?;
+    names(&groups)?;
     let stage = file.stage.map(|stage| StageHint { motion: stage.motion, props: stage.props });
     Ok(Scene { name: name.to_owned(), text: text.into(), gravity_m_s2, floor, hull, stage, groups })
 }
 
-/// Makes errors that name the scene and the key.
-pub(super) struct Checker<'a> {
-    pub(super) scene: &'a str,
+/// Gravity in m/s².
+pub(super) fn gravity(gravity_m_s2: [f64; 3]) -> Result<[f64; 3], ValueError> {
+    all_within("gravity", &gravity_m_s2, -MAX_GRAVITY_M_S2..=MAX_GRAVITY_M_S2)?;
+    Ok(gravity_m_s2)
 }
 
-impl Checker<'_> {
-    /// Gravity in m/s².
-    pub(super) fn gravity(&self, gravity_m_s2: [f64; 3]) -> Result<[f64; 3], SceneError> {
-        for component in gravity_m_s2 {
-            self.within("gravity", component, -MAX_GRAVITY_M_S2..=MAX_GRAVITY_M_S2)?;
-        }
-        Ok(gravity_m_s2)
-    }
+fn floor(file: &FloorFile) -> Result<Option<Floor>, ValueError> {
+    let floor = Floor {
+        height_m: within("floor.height", file.height, -MAX_POSITION_M..=MAX_POSITION_M)?,
+        friction: within("floor.friction", file.friction, FRICTION)?,
+        restitution: within("floor.restitution", file.restitution, RESTITUTION)?,
+    };
+    Ok(file.enabled.then_some(floor))
+}
 
-    fn floor(&self, file: &FloorFile) -> Result<Option<Floor>, SceneError> {
-        let floor = Floor {
-            height_m: self.within("floor.height", file.height, -MAX_POSITION_M..=MAX_POSITION_M)?,
-            friction: self.within("floor.friction", file.friction, FRICTION)?,
-            restitution: self.within("floor.restitution", file.restitution, RESTITUTION)?,
-        };
-        Ok(file.enabled.then_some(floor))
+fn group(file: BodyFile) -> Result<Group, ValueError> {
+    if file.name.is_empty() || file.name.chars().any(char::is_control) {
+        return Err(wrong("bodies.name", format_args!("{:?}", file.name), "a printable name"));
     }
-
-    fn group(&self, file: BodyFile) -> Result<Group, SceneError> {
-        if file.name.is_empty() || file.name.chars().any(char::is_control) {
-            return Err(self.wrong("bodies.name", format_args!("{:?}", file.name), "a printable name"));
-        }
-        let key = |key: &str| key_of(&file.name, key);
-        let count = file.count.unwrap_or(1);
-        if !(1..=MAX_BODIES).contains(&count) {
-            return Err(self.wrong(key("count"), count, format!("1 to {MAX_BODIES}")));
-        }
-        if let (PlaceFile::At(_), 2..) = (&file.place, count) {
-            return Err(self.wrong(key("count"), count, "1 with place.at, or place.stack, .pile or .rain"));
-        }
-        for component in file.rotation_deg.into_iter().flatten() {
-            self.within(&key("rotation_deg"), component, -360.0..=360.0)?;
-        }
-        for component in file.color.into_iter().flatten() {
-            self.within(&key("color"), component, 0.0..=1.0)?;
-        }
-        Ok(Group {
-            solid: self.solid(&file.name, file.shape)?,
-            place: self.place(&file.name, &file.place)?,
-            mass: self.mass(&file.name, file.mass, file.density)?,
-            friction: self.within(&key("friction"), file.friction.unwrap_or(DEFAULT_FRICTION), FRICTION)?,
-            restitution: self.within(
-                &key("restitution"),
-                file.restitution.unwrap_or(DEFAULT_RESTITUTION),
-                RESTITUTION,
-            )?,
-            count,
-            rotation_deg: file.rotation_deg,
-            fixed: file.fixed,
-            color: file.color.map(|color| color.map(|c| c as f32)),
-            name: file.name,
-        })
+    let key = |key: &str| key_of(&file.name, key);
+    let count = file.count.unwrap_or(1);
+    if !(1..=MAX_BODIES).contains(&count) {
+        return Err(wrong(key("count"), count, format!("1 to {MAX_BODIES}")));
     }
-
-    pub(super) fn solid(&self, body: &str, file: ShapeFile) -> Result<Solid, SceneError> {
-        let extent = |key: &str, value: f64, least_m: f64| {
-            self.within(&key_of(body, format_args!("shape.{key}")), value, least_m..=MAX_EXTENT_M)
-        };
-        // A radius is half an extent.
-        let radius = |key: &str, value: f64| extent(key, value, 0.5 * MIN_EXTENT_M);
-        Ok(match file {
-            ShapeFile::Box { size } => {
-                for edge in size {
-                    extent("box.size", edge, MIN_EXTENT_M)?;
-                }
-                Solid::Box { size_m: size }
-            }
-            ShapeFile::Ball { radius: r } => Solid::Ball { radius_m: radius("ball.radius", r)? },
-            ShapeFile::Capsule { radius: r, length } => Solid::Capsule {
-                radius_m: radius("capsule.radius", r)?,
-                length_m: extent("capsule.length", length, MIN_EXTENT_M)?,
-            },
-            ShapeFile::Cylinder { radius: r, height } => Solid::Cylinder {
-                radius_m: radius("cylinder.radius", r)?,
-                height_m: extent("cylinder.height", height, MIN_EXTENT_M)?,
-            },
-            ShapeFile::Cone { radius: r, height } => Solid::Cone {
-                radius_m: radius("cone.radius", r)?,
-                height_m: extent("cone.height", height, MIN_EXTENT_M)?,
-            },
-            ShapeFile::Hull { points } => {
-                Solid::Hull(Arc::new(ConvexHull::new(&points).map_err(|problem| SceneError::Hull {
-                    scene: self.scene.to_owned(),
-                    body: shortened(body, MAX_QUOTED_CHARS),
-                    problem,
-                })?))
-            }
-        })
+    if let (PlaceFile::At(_), 2..) = (&file.place, count) {
+        return Err(wrong(key("count"), count, "1 with place.at, or place.stack, .pile or .rain"));
     }
+    all_within(&key("rotation_deg"), &file.rotation_deg.unwrap_or_default(), -360.0..=360.0)?;
+    all_within(&key("color"), &file.color.unwrap_or_default(), 0.0..=1.0)?;
+    Ok(Group {
+        solid: solid(&file.name, file.shape)?,
+        place: place(&file.name, &file.place)?,
+        mass: mass(&file.name, file.mass, file.density)?,
+        friction: friction(&file.name, file.friction)?,
+        restitution: restitution(&file.name, file.restitution)?,
+        count,
+        rotation_deg: file.rotation_deg,
+        fixed: file.fixed,
+        color: file.color.map(|color| color.map(|c| c as f32)),
+        name: file.name,
+    })
+}
 
-    fn place(&self, body: &str, file: &PlaceFile) -> Result<Place, SceneError> {
-        let number = |key: &str, value: f64, low: f64| {
-            self.within(&key_of(body, format_args!("place.{key}")), value, low..=MAX_POSITION_M)
-        };
-        let point = |key: &str, point_m: [f64; 3]| {
-            for component in point_m {
-                number(key, component, -MAX_POSITION_M)?;
-            }
-            Ok(point_m)
-        };
-        Ok(match *file {
-            PlaceFile::At(origin) => Place::At { origin_m: point("at", origin)? },
-            PlaceFile::Stack { foot, gap } => {
-                Place::Stack { foot_m: point("stack.foot", foot)?, gap_m: number("stack.gap", gap, 0.0)? }
-            }
-            PlaceFile::Pile { foot, radius } => Place::Column {
-                foot_m: point("pile.foot", foot)?,
-                radius_m: number("pile.radius", radius, 0.0)?,
-                spacing_m: 0.0,
-            },
-            PlaceFile::Rain { foot, radius, spacing } => Place::Column {
-                foot_m: point("rain.foot", foot)?,
-                radius_m: number("rain.radius", radius, 0.0)?,
-                spacing_m: number("rain.spacing", spacing, 0.0)?,
-            },
-        })
+pub(super) fn solid(body: &str, file: ShapeFile) -> Result<Solid, ValueError> {
+    let extent = |key: &str, value: f64, least_m: f64| {
+        within(&key_of(body, format_args!("shape.{key}")), value, least_m..=MAX_EXTENT_M)
+    };
+    // A radius is half an extent.
+    let radius = |key: &str, value: f64| extent(key, value, 0.5 * MIN_EXTENT_M);
+    Ok(match file {
+        ShapeFile::Box { size } => {
+            all_within(&key_of(body, "shape.box.size"), &size, MIN_EXTENT_M..=MAX_EXTENT_M)?;
+            Solid::Box { size_m: size }
+        }
+        ShapeFile::Ball { radius: r } => Solid::Ball { radius_m: radius("ball.radius", r)? },
+        ShapeFile::Capsule { radius: r, length } => Solid::Capsule {
+            radius_m: radius("capsule.radius", r)?,
+            length_m: extent("capsule.length", length, MIN_EXTENT_M)?,
+        },
+        ShapeFile::Cylinder { radius: r, height } => Solid::Cylinder {
+            radius_m: radius("cylinder.radius", r)?,
+            height_m: extent("cylinder.height", height, MIN_EXTENT_M)?,
+        },
+        ShapeFile::Cone { radius: r, height } => Solid::Cone {
+            radius_m: radius("cone.radius", r)?,
+            height_m: extent("cone.height", height, MIN_EXTENT_M)?,
+        },
+        ShapeFile::Hull { points } => {
+            let key = || key_of(body, "shape.hull.points");
+            let hull = ConvexHull::new(&points);
+            Solid::Hull(Arc::new(hull.map_err(|problem| ValueError::Hull { key: key(), problem })?))
+        }
+    })
+}
+
+fn place(body: &str, file: &PlaceFile) -> Result<Place, ValueError> {
+    let number = |key: &str, value: f64, low: f64| {
+        within(&key_of(body, format_args!("place.{key}")), value, low..=MAX_POSITION_M)
+    };
+    let point = |key: &str, point_m: [f64; 3]| {
+        point_m.iter().try_for_each(|&number_m| number(key, number_m, -MAX_POSITION_M).map(drop))?;
+        Ok(point_m)
+    };
+    Ok(match *file {
+        PlaceFile::At(origin) => Place::At { origin_m: point("at", origin)? },
+        PlaceFile::Stack { foot, gap } => {
+            Place::Stack { foot_m: point("stack.foot", foot)?, gap_m: number("stack.gap", gap, 0.0)? }
+        }
+        PlaceFile::Pile { foot, radius } => Place::Column {
+            foot_m: point("pile.foot", foot)?,
+            radius_m: number("pile.radius", radius, 0.0)?,
+            spacing_m: 0.0,
+        },
+        PlaceFile::Rain { foot, radius, spacing } => Place::Column {
+            foot_m: point("rain.foot", foot)?,
+            radius_m: number("rain.radius", radius, 0.0)?,
+            spacing_m: number("rain.spacing", spacing, 0.0)?,
+        },
+    })
+}
+
+pub(super) fn mass(body: &str, mass: Option<f64>, density: Option<f64>) -> Result<MassSpec, ValueError> {
+    let key = |key: &str| key_of(body, key);
+    match (mass, density) {
+        (Some(mass), None) => Ok(MassSpec::MassKg(within(&key("mass"), mass, 1e-3..=1e4)?)),
+        (None, density) => {
+            let density = density.unwrap_or(DEFAULT_DENSITY_KG_M3);
+            Ok(MassSpec::DensityKgM3(within(&key("density"), density, 1.0..=3e4)?))
+        }
+        (Some(_), Some(_)) => Err(wrong(key("mass"), "mass and density", "one of the two")),
     }
+}
 
-    pub(super) fn mass(
-        &self,
-        body: &str,
-        mass: Option<f64>,
-        density: Option<f64>,
-    ) -> Result<MassSpec, SceneError> {
-        let key = |key: &str| key_of(body, key);
-        match (mass, density) {
-            (Some(mass), None) => Ok(MassSpec::MassKg(self.within(&key("mass"), mass, 1e-3..=1e4)?)),
-            (None, density) => {
-                let density = density.unwrap_or(DEFAULT_DENSITY_KG_M3);
-                Ok(MassSpec::DensityKgM3(self.within(&key("density"), density, 1.0..=3e4)?))
-            }
-            (Some(_), Some(_)) => Err(self.wrong(key("mass"), "mass and density", "one of the two")),
+/// All bodies together: not too many, and no name twice.
+fn names(groups: &[Group]) -> Result<(), ValueError> {
+    let total: usize = groups.iter().map(|group| group.count).sum();
+    if total > MAX_BODIES {
+        return Err(wrong("bodies", format!("{total} bodies"), format!("at most {MAX_BODIES}")));
+    }
+    let mut seen = BTreeSet::new();
+    for name in groups.iter().flat_map(Group::names) {
+        if let Some(twice) = seen.replace(name) {
+            return Err(wrong("bodies.name", format!("`{twice}` twice"), "every name once"));
         }
     }
+    Ok(())
+}
 
-    /// All bodies together: not too many, and no name twice.
-    fn names(&self, groups: &[Group]) -> Result<(), SceneError> {
-        let total: usize = groups.iter().map(|group| group.count).sum();
-        if total > MAX_BODIES {
-            return Err(self.wrong("bodies", format!("{total} bodies"), format!("at most {MAX_BODIES}")));
-        }
-        let mut seen = BTreeSet::new();
-        for name in groups.iter().flat_map(Group::names) {
-            if let Some(twice) = seen.replace(name) {
-                return Err(self.wrong("bodies.name", format!("`{twice}` twice"), "every name once"));
-            }
-        }
-        Ok(())
+pub(super) fn friction(body: &str, given: Option<f64>) -> Result<f64, ValueError> {
+    within(&key_of(body, "friction"), given.unwrap_or(DEFAULT_FRICTION), FRICTION)
+}
+
+pub(super) fn restitution(body: &str, given: Option<f64>) -> Result<f64, ValueError> {
+    within(&key_of(body, "restitution"), given.unwrap_or(DEFAULT_RESTITUTION), RESTITUTION)
+}
+
+/// Checks every one of some numbers.
+pub(crate) fn all_within(key: &str, found: &[f64], allowed: RangeInclusive<f64>) -> Result<(), ValueError> {
+    found.iter().try_for_each(|&number| within(key, number, allowed.clone()).map(drop))
+}
+
+fn within(key: &str, found: f64, allowed: RangeInclusive<f64>) -> Result<f64, ValueError> {
+    if allowed.contains(&found) {
+        Ok(found)
+    } else {
+        let (low, high) = allowed.into_inner();
+        Err(wrong(key, found, format!("a number from {low} to {high}")))
     }
+}
 
-    pub(super) fn within(
-        &self,
-        key: &str,
-        found: f64,
-        allowed: RangeInclusive<f64>,
-    ) -> Result<f64, SceneError> {
-        if allowed.contains(&found) {
-            Ok(found)
-        } else {
-            let (low, high) = allowed.into_inner();
-            Err(self.wrong(key, found, format!("a number from {low} to {high}")))
-        }
-    }
-
-    pub(super) fn wrong(&self, key: impl Display, found: impl Display, expected: impl Display) -> SceneError {
-        SceneError::Value {
-            scene: self.scene.to_owned(),
-            key: key.to_string(),
-            found: shortened(&found.to_string(), MAX_QUOTED_CHARS),
-            expected: expected.to_string(),
-        }
+pub(crate) fn wrong(key: impl Display, found: impl Display, expected: impl Display) -> ValueError {
+    ValueError::Value {
+        key: key.to_string(),
+        found: shortened(&found.to_string(), MAX_QUOTED_CHARS),
+        expected: expected.to_string(),
     }
 }
 

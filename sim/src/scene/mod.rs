@@ -35,9 +35,9 @@ mod file;
 mod request;
 
 pub use check::{FRICTION, RESTITUTION};
-pub(crate) use check::{MAX_GRAVITY_M_S2, MAX_POSITION_M};
-pub(crate) use request::speed;
-pub use request::{BodyRequest, MAX_SPEED_M_S, RequestError, ShapeRequest};
+pub(crate) use check::{MAX_GRAVITY_M_S2, MAX_POSITION_M, all_within, wrong};
+pub(crate) use request::check_speed;
+pub use request::{BodyRequest, MAX_SPEED_M_S, ShapeRequest};
 
 use crate::solid::{HullError, Solid};
 use hull::Pose;
@@ -80,10 +80,21 @@ pub enum SceneError {
         problem: String,
     },
     /// A value that cannot be.
-    #[error("scene {scene}, {key}: {found}, expected {expected}")]
+    #[error("scene {scene}, {problem}")]
     Value {
         /// The scene's name.
         scene: String,
+        /// Which value.
+        problem: ValueError,
+    },
+}
+
+/// A value of a scene, a body or a command that cannot be.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum ValueError {
+    /// A number or a name.
+    #[error("{key}: {found}, expected {expected}")]
+    Value {
         /// Which key of which table.
         key: String,
         /// Its value.
@@ -92,12 +103,10 @@ pub enum SceneError {
         expected: String,
     },
     /// Points that have no convex hull.
-    #[error("scene {scene}, body `{body}`, shape.hull.points: {problem}")]
+    #[error("{key}: {problem}")]
     Hull {
-        /// The scene's name.
-        scene: String,
-        /// Whose points.
-        body: String,
+        /// Where they stand.
+        key: String,
         /// What was found and expected.
         problem: HullError,
     },
@@ -226,13 +235,16 @@ impl Scene {
 
     /// The scene of a TOML text; `name` stands in error messages.
     pub fn from_toml(name: &str, text: &str) -> Result<Scene, SceneError> {
-        check::scene(name, text, file::parse(name, text)?)
+        let file = file::parse(name, text)?;
+        check::scene(name, text, file).map_err(|problem| SceneError::Value { scene: name.into(), problem })
     }
 
     /// The same scene under another gravity, m/s², for rigs whose world has another up. Positions stay.
-    pub fn with_gravity(mut self, gravity_m_s2: [f64; 3]) -> Result<Scene, SceneError> {
-        self.gravity_m_s2 = check::Checker { scene: &self.name }.gravity(gravity_m_s2)?;
-        Ok(self)
+    pub fn with_gravity(self, gravity_m_s2: [f64; 3]) -> Result<Scene, SceneError> {
+        match check::gravity(gravity_m_s2) {
+            Ok(gravity_m_s2) => Ok(Scene { gravity_m_s2, ..self }),
+            Err(problem) => Err(SceneError::Value { scene: self.name, problem }),
+        }
     }
 
     /// The name it was read under.

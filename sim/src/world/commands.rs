@@ -3,9 +3,11 @@
 
 use super::{Body, World, WorldError};
 use crate::samples;
-use crate::scene::{BodySpec, MAX_BODIES, MAX_GRAVITY_M_S2, MAX_POSITION_M, MAX_SPEED_M_S, Scene, speed};
+use crate::scene::{
+    BodySpec, MAX_BODIES, MAX_GRAVITY_M_S2, MAX_POSITION_M, MAX_SPEED_M_S, Scene, ValueError, all_within,
+    check_speed, wrong,
+};
 use hull::Shape;
-use hull::text::{MAX_QUOTED_CHARS, shortened};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -34,15 +36,8 @@ pub enum CommandError {
     #[error("body `{0}` is fixed and never moves")]
     Fixed(String),
     /// A value that cannot be.
-    #[error("{key}: {found}, expected {expected}")]
-    Value {
-        /// Which.
-        key: &'static str,
-        /// Its value.
-        found: String,
-        /// What would be right.
-        expected: String,
-    },
+    #[error(transparent)]
+    Value(#[from] ValueError),
     /// Bodies or samples beyond the bound.
     #[error("{found} {what}, expected at most {most}")]
     TooMany {
@@ -97,9 +92,9 @@ impl World {
             let mut names = (self.next_id..).map(|number| format!("{}_{number}", spec.solid.kind()));
             spec.name = names.find(|name| !is_taken(name)).unwrap_or_default();
         } else if is_taken(&spec.name) {
-            return Err(wrong("name", format_args!("`{}`", spec.name), "one that no body has"));
+            return Err(wrong("name", format_args!("`{}`", spec.name), "one that no body has").into());
         }
-        within("position", spec.pose.position_m(), MAX_POSITION_M)?;
+        all_within("position", &spec.pose.position_m(), -MAX_POSITION_M..=MAX_POSITION_M)?;
         check_speed(spec.velocity_m_s)?;
         let shape = self.shape_of(&spec)?;
         let samples: usize = self.moving_bodies().map(|body| body.shape.samples_body().len()).sum();
@@ -157,7 +152,7 @@ impl World {
         let found_n_s = Vector3::from(impulse_n_s).norm();
         if found_n_s.is_nan() || found_n_s > most_n_s {
             let expected = format!("at most {most_n_s:.3} N s for a body of this mass");
-            return Err(wrong("impulse", format_args!("{found_n_s} N s"), &expected));
+            return Err(wrong("impulse", format_args!("{found_n_s} N s"), expected).into());
         }
         if let Some(at_m) = at_m {
             let body = &self.bodies[index];
@@ -178,7 +173,7 @@ impl World {
     ) -> Result<(), CommandError> {
         let index = self.moving_index(id)?;
         near("grip", Vector3::from(grip_body_m), &self.bodies[index])?;
-        within("target", target_m, MAX_POSITION_M)?;
+        all_within("target", &target_m, -MAX_POSITION_M..=MAX_POSITION_M)?;
         self.solver.hold(index, grip_body_m, target_m);
         Ok(())
     }
@@ -203,7 +198,7 @@ impl World {
         settings.hull_friction = set.hull_friction.unwrap_or(settings.hull_friction);
         settings.check()?;
         if let Some(gravity_m_s2) = set.gravity_m_s2 {
-            within("gravity", gravity_m_s2, MAX_GRAVITY_M_S2)?;
+            all_within("gravity", &gravity_m_s2, -MAX_GRAVITY_M_S2..=MAX_GRAVITY_M_S2)?;
             self.gravity_m_s2 = gravity_m_s2;
             self.solver.set_gravity(gravity_m_s2);
         }
@@ -266,7 +261,7 @@ impl World {
     }
 
     /// The samples of a solid; bodies of equal ones share them.
-    fn shape_of(&self, spec: &BodySpec) -> Result<Arc<Shape>, CommandError> {
+    pub(super) fn shape_of(&self, spec: &BodySpec) -> Result<Arc<Shape>, WorldError> {
         if let Some(body) = self.bodies.iter().find(|body| body.solid == spec.solid) {
             return Ok(Arc::clone(&body.shape));
         }
@@ -276,32 +271,12 @@ impl World {
     }
 }
 
-fn wrong(key: &'static str, found: impl core::fmt::Display, expected: &str) -> CommandError {
-    let found = shortened(&found.to_string(), MAX_QUOTED_CHARS);
-    CommandError::Value { key, found, expected: expected.to_owned() }
-}
-
-/// Each component within ±most.
-fn within(key: &'static str, vector: [f64; 3], most: f64) -> Result<(), CommandError> {
-    match vector.iter().find(|component| !(-most..=most).contains(*component)) {
-        Some(found) => Err(wrong(key, found, &format!("a number from -{most} to {most}"))),
-        None => Ok(()),
-    }
-}
-
-fn check_speed(velocity_m_s: [f64; 3]) -> Result<(), CommandError> {
-    let expected = || format!("at most {MAX_SPEED_M_S} m/s");
-    speed(velocity_m_s)
-        .map(drop)
-        .ok_or_else(|| wrong("velocity", format_args!("{velocity_m_s:?}"), &expected()))
-}
-
 /// Whether a point (from the body's origin) is one of the body, or nearly.
-fn near(key: &'static str, from_origin_m: Vector3<f64>, body: &Body) -> Result<(), CommandError> {
+fn near(key: &str, from_origin_m: Vector3<f64>, body: &Body) -> Result<(), ValueError> {
     let (found_m, most_m) = (from_origin_m.norm(), body.solid.radius_m() + BESIDE_M);
     if found_m <= most_m {
         return Ok(());
     }
     let expected = format!("at most {most_m:.2} m for body `{}`", body.name);
-    Err(wrong(key, format_args!("{found_m:.2} m from the body's origin"), &expected))
+    Err(wrong(key, format_args!("{found_m:.2} m from the body's origin"), expected))
 }

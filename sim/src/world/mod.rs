@@ -15,7 +15,6 @@ pub use commands::{BodyId, CommandError, MAX_SAMPLES, Parameters, PreparedBody};
 pub use settings::{WorldError, WorldSettings};
 pub use step::{Fault, FaultKind, StepReport};
 
-use crate::samples;
 use crate::scene::{BodySpec, Scene};
 use crate::solid::Solid;
 use crate::solver::Solver;
@@ -79,7 +78,6 @@ impl World {
         let specs = scene.bodies(settings.seed);
         let solver = Solver::new(scene, &specs, settings.dt_s)
             .map_err(|index| WorldError::Solid { body: specs[index].name.clone() })?;
-        let shapes = shapes(&specs, settings.covering_radius_m)?;
         let mut world = World {
             scene: scene.clone(),
             start: settings,
@@ -96,7 +94,10 @@ impl World {
             trajectory: Trajectory::default(),
             steps: 0,
         };
-        specs.into_iter().zip(shapes).for_each(|(spec, shape)| world.take_in(spec, shape));
+        for spec in specs {
+            let shape = world.shape_of(&spec)?;
+            world.take_in(spec, shape);
+        }
         world.trajectory.add(world.bodies.iter().map(|body| &body.pose));
         Ok(world)
     }
@@ -178,25 +179,4 @@ impl World {
     pub fn next_time_s(&self) -> f64 {
         (self.steps + 1) as f64 * self.settings.dt_s
     }
-}
-
-/// One shape per body; bodies of equal solids get the same one.
-fn shapes(specs: &[BodySpec], covering_radius_m: f64) -> Result<Vec<Arc<Shape>>, WorldError> {
-    let mut known: Vec<(&Solid, Arc<Shape>)> = vec![];
-    let mut shapes = vec![];
-    for spec in specs {
-        let shared = known.iter().find(|(solid, _)| **solid == spec.solid).map(|(_, shape)| shape.clone());
-        let shape = match shared {
-            Some(shape) => shape,
-            None => {
-                let shape = samples::shape(&spec.solid, covering_radius_m)
-                    .map_err(|source| WorldError::Samples { body: spec.name.clone(), source })?;
-                let shape = Arc::new(shape);
-                known.push((&spec.solid, shape.clone()));
-                shape
-            }
-        };
-        shapes.push(shape);
-    }
-    Ok(shapes)
 }

@@ -5,7 +5,8 @@ use crate::scene::BodyRequest;
 use crate::world::{CommandError, Parameters};
 
 fn request(text: &str) -> BodySpec {
-    BodyRequest::from_toml(text).and_then(BodyRequest::check).expect("a body")
+    let request: BodyRequest = toml::from_str(text).expect("the keys of a request");
+    request.check().expect("a body")
 }
 
 fn spawn(world: &mut World, text: &str) -> u32 {
