@@ -9,10 +9,6 @@ use nalgebra::Vector3;
 pub struct BodySummary {
     /// The body's name.
     pub name: String,
-    /// When it came, seconds: 0 for the scene's own.
-    pub from_s: f64,
-    /// When it was taken away, seconds.
-    pub removed_s: Option<f64>,
     /// Where it was when it came.
     pub start: Pose,
     /// Where it is now.
@@ -33,11 +29,9 @@ pub struct BodySummary {
 
 impl BodySummary {
     /// The summary of a body that has just been put down.
-    pub(crate) fn new(name: &str, start: Pose, from_s: f64) -> BodySummary {
+    pub(crate) fn new(name: &str, start: Pose) -> BodySummary {
         BodySummary {
             name: name.to_owned(),
-            from_s,
-            removed_s: None,
             start,
             end: start,
             moved_m: 0.0,
@@ -76,7 +70,7 @@ mod tests {
         let lying = rotation::about(Vector3::x(), 90f64.to_radians());
         let yawed = rotation::about(Vector3::y(), 1.0) * lying;
         let tilted = rotation::about(Vector3::x(), 30f64.to_radians()) * lying;
-        let mut summary = BodySummary::new("b", pose([0.0; 3], lying), 0.0);
+        let mut summary = BodySummary::new("b", pose([0.0; 3], lying));
         summary.add(pose([0.0; 3], yawed), 0.0, Vector3::y());
         assert!(summary.max_tilt_deg < 1e-9, "{}", summary.max_tilt_deg);
         summary.add(pose([0.0; 3], tilted), 0.0, Vector3::y());
@@ -87,7 +81,7 @@ mod tests {
     #[test]
     fn what_moves_before_a_touch_is_told_from_what_moves_after() {
         let still = nalgebra::UnitQuaternion::identity();
-        let mut summary = BodySummary::new("b", pose([0.0; 3], still), 0.0);
+        let mut summary = BodySummary::new("b", pose([0.0; 3], still));
         summary.add(pose([0.0, 0.01, 0.0], still), 2.0, Vector3::y());
         summary.first_touch_s = Some(0.5);
         summary.add(pose([0.0, 0.5, 0.0], still), 1.0, Vector3::y());

@@ -21,8 +21,6 @@ pub type BodyId = u32;
 pub const MAX_SAMPLES: usize = 500_000;
 /// Samples of all different shapes at most, those of fixed bodies too: some 50 MB.
 const MAX_KEPT_SAMPLES: usize = 4_000_000;
-/// Summaries kept of bodies that are gone.
-const MAX_REMOVED: usize = 1000;
 /// A grip or a push may lie this far off the body's bounding ball, metres: pages point at where it was.
 const BESIDE_M: f64 = 0.5;
 
@@ -129,12 +127,7 @@ impl World {
         let index = self.index_of(id)?;
         self.solver.remove(index);
         self.bodies.remove(index);
-        let mut summary = self.summaries.remove(index);
-        summary.removed_s = Some(self.time_s());
-        if self.removed.len() == MAX_REMOVED {
-            self.removed.pop_front();
-        }
-        self.removed.push_back(summary);
+        self.summaries.remove(index);
         self.moving = (0..self.bodies.len()).filter(|&index| !self.bodies[index].fixed).collect();
         self.trajectory.remove_body(id);
         Ok(())

@@ -22,7 +22,6 @@ use crate::summary::BodySummary;
 use crate::trajectory::{Trajectory, TrajectoryDigest};
 use hull::{Pose, Shape};
 use nalgebra::Vector3;
-use std::collections::VecDeque;
 use std::sync::Arc;
 
 /// One body as it is now, with what a renderer needs.
@@ -61,8 +60,6 @@ pub struct World {
     solver: Solver,
     bodies: Vec<Body>,
     summaries: Vec<BodySummary>,
-    /// Of bodies that were taken away, the latest.
-    removed: VecDeque<BodySummary>,
     next_id: BodyId,
     /// Indices of the bodies that are not fixed.
     moving: Vec<usize>,
@@ -88,7 +85,6 @@ impl World {
             solver,
             bodies: vec![],
             summaries: vec![],
-            removed: VecDeque::new(),
             next_id: 0,
             moving: vec![],
             trajectory: Trajectory::default(),
@@ -107,7 +103,7 @@ impl World {
         let index = self.bodies.len();
         // The pose as the solver has it, so that what is asked and what is stepped are the same.
         let pose = self.solver.state(index).pose().unwrap_or(spec.pose);
-        self.summaries.push(BodySummary::new(&spec.name, pose, self.time_s()));
+        self.summaries.push(BodySummary::new(&spec.name, pose));
         if !spec.fixed {
             self.moving.push(index);
         }
@@ -143,11 +139,6 @@ impl World {
     /// What every body did so far, in the order of [`World::bodies`].
     pub fn summaries(&self) -> &[BodySummary] {
         &self.summaries
-    }
-
-    /// What bodies did that were taken away, the last thousand of them in the order in which they went.
-    pub fn removed(&self) -> impl ExactSizeIterator<Item = &BodySummary> {
-        self.removed.iter()
     }
 
     /// The hash over every pose so far.

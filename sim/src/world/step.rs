@@ -9,12 +9,6 @@ use nalgebra::Vector3;
 pub struct StepReport {
     /// Bodies with a response or a sample inside the hull.
     pub touched: usize,
-    /// Samples inside the hull, of all bodies.
-    pub inside_samples: usize,
-    /// Bodies that were translated.
-    pub translated: usize,
-    /// Bodies whose velocity was mirrored.
-    pub mirrored: usize,
     /// Numbers that were none. What they would have done has not been done.
     pub faults: Vec<Fault>,
 }
@@ -64,14 +58,13 @@ impl World {
     fn touch(&mut self, index: usize, response: &BodyResponse, report: &mut StepReport) {
         let time_s = self.next_time_s();
         report.touched += 1;
-        report.inside_samples += response.inside_samples;
         if !self.answers_hull {
             return;
         }
         self.solver.wake(index);
         if let Some(response_m) = response.response_m {
             let ResponseMode::Paper = self.settings.response;
-            if !self.answer_as_paper(index, response_m, report) {
+            if !self.answer_as_paper(index, response_m) {
                 let body = self.bodies[index].name.clone();
                 report.faults.push(Fault { body, kind: FaultKind::Response });
                 if response.inside_samples == 0 {
@@ -85,7 +78,7 @@ impl World {
 
     /// Translates a body and mirrors its velocity; does nothing and says `false` if the response is not
     /// finite, or leads where the solver has no numbers.
-    fn answer_as_paper(&mut self, index: usize, response_m: [f64; 3], report: &mut StepReport) -> bool {
+    fn answer_as_paper(&mut self, index: usize, response_m: [f64; 3]) -> bool {
         let state = self.solver.state(index);
         let position_m: [f32; 3] =
             core::array::from_fn(|axis| (f64::from(state.position_m[axis]) + response_m[axis]) as f32);
@@ -95,13 +88,11 @@ impl World {
         }
         self.solver.set_position(index, position_m);
         self.summaries[index].hull_moved_m += length_m;
-        report.translated += 1;
         let velocity_m_s = state.velocity_m_s.map(f64::from);
         if let Some(mirrored) =
             mirrored(velocity_m_s, response_m, self.settings.mirror_restitution, self.settings.hull_friction)
         {
             self.solver.set_velocity(index, mirrored);
-            report.mirrored += 1;
         }
         true
     }
