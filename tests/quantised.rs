@@ -14,7 +14,7 @@ use proto::convert::{
     answer_to_wire, shape_key,
 };
 use sim::Solid;
-use stage::{CameraStage, Stage, StageSettings, studio_rig};
+use stage::{CameraStage, StageSettings, studio_rig};
 
 /// Random numbers (splitmix64), the same everywhere.
 struct Random(u64);
@@ -55,7 +55,7 @@ fn scene(rig: &Rig, time_s: f64) -> Scene {
         View::new(Arc::new(observer), &silhouette)
     });
     let views: Vec<View> = views.collect();
-    let (low, high) = Stage::new(&settings).bounds_world(time_s).expect("a person");
+    let (low, high) = settings.bounds_world(time_s).expect("a person");
     Scene {
         together: ViewSet::new(views.clone()),
         apart: views.into_iter().map(|view| ViewSet::new(vec![view])).collect(),

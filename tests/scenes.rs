@@ -5,7 +5,7 @@ use std::process::Command;
 
 use nalgebra::Vector3;
 use serde_json::Value;
-use stage::{Actor, Joint, Motion};
+use stage::{Joint, Motion};
 
 const GRAVITY_M_S2: f64 = 9.81;
 
@@ -79,9 +79,8 @@ fn check_sound(scene: &str, run: &Value) {
 
 /// How near the arms' bones are to a place, metres, in the frame in use at a film time.
 fn arms_away_m(place: &Vector3<f64>, film_s: f64) -> f64 {
-    let actor = Actor::new(Motion::Sweep);
     let frame_s = (film_s * 30.0 + 1e-6).floor() / 30.0;
-    let at = |joint| actor.joint_world(joint, frame_s).coords;
+    let at = |joint| Motion::Sweep.joint_world(joint, frame_s).coords;
     let left = [Joint::LeftShoulder, Joint::LeftElbow, Joint::LeftWrist, Joint::LeftHand];
     let right = [Joint::RightShoulder, Joint::RightElbow, Joint::RightWrist, Joint::RightHand];
     let bones = left.windows(2).chain(right.windows(2));

@@ -8,7 +8,7 @@ use crate::rect::{Rect, rect_of_quad};
 use crate::room;
 use crate::shadow::{LAMP_M, MapPlace, SHADOW_FACTOR, ShadowMap};
 use crate::solid::Solid;
-use crate::studio::{Stage, StageSettings};
+use crate::studio::StageSettings;
 use crate::trace::View;
 
 /// No solid on this pixel.
@@ -17,7 +17,7 @@ const NOTHING: u8 = u8::MAX;
 /// One camera's view of the stage. The bytes it renders depend on settings, camera, index and frame
 /// alone: not on what was rendered before, nor on the machine.
 pub struct CameraStage {
-    stage: Stage,
+    settings: StageSettings,
     camera: Camera,
     camera_index: usize,
     rays: Vec<[f32; 2]>,
@@ -36,7 +36,7 @@ impl CameraStage {
         let rays = room::rays(camera);
         let (room_rgb, floor) = room::picture(camera, &rays);
         CameraStage {
-            stage: Stage::new(settings),
+            settings: settings.clone(),
             camera: camera.clone(),
             camera_index,
             room_rgb,
@@ -65,7 +65,7 @@ impl CameraStage {
     /// If `rgb` is not of [`Self::frame_bytes`].
     pub fn render(&mut self, frame: u64, rgb: &mut [u8]) {
         rgb.copy_from_slice(&self.room_rgb);
-        let solids = self.stage.solids(self.stage.settings().time_s(frame));
+        let solids = self.settings.solids(self.settings.time_s(frame));
         self.darken(&solids, rgb);
         let views = self.trace(&solids);
         self.shade(&views, rgb);
@@ -84,7 +84,7 @@ impl CameraStage {
     /// The true silhouette at a time of the film, seconds: 255 where a pixel's viewing ray meets person or
     /// props, else 0, row by row. The very test that [`Self::render`] draws by.
     pub fn mask(&mut self, time_s: f64) -> Vec<u8> {
-        let solids = self.stage.solids(time_s);
+        let solids = self.settings.solids(time_s);
         self.trace(&solids);
         self.parts.iter().map(|&part| if part == NOTHING { 0 } else { 255 }).collect()
     }
@@ -153,7 +153,7 @@ impl CameraStage {
     }
 
     fn add_noise(&self, frame: u64, clip: u64, rgb: &mut [u8]) {
-        let noise = Noise::new(self.stage.settings().seed, self.camera_index, frame, clip);
+        let noise = Noise::new(self.settings.seed, self.camera_index, frame, clip);
         for (row, bytes) in rgb.chunks_mut(3 * self.camera.width() as usize).enumerate() {
             noise.add(row, bytes);
         }

@@ -4,7 +4,7 @@
 //! its left is at +X. Frames depend on (settings, camera, index, frame number) to the byte, on every
 //! machine: sines come from `libm`, and nothing runs in parallel.
 //!
-//! - [`StageSettings`] and [`Stage`]: actor and motion; [`Actor`] and [`Prop`]: where things are at a time.
+//! - [`StageSettings`]: who and what is there; [`Motion`]: where the person's joints are at a time.
 //! - [`CameraStage`]: the film of one camera, and its true silhouettes. [`studio_rig`]: the cameras.
 //! - [`Truth`]: signed distance to everything real.
 
@@ -30,12 +30,9 @@ mod trace;
 mod tests;
 
 pub use camera_stage::CameraStage;
-pub use motion::{
-    LIFT_GRIP_S, LIFT_RISE_S, LIFT_SINK_S, LIFT_TILT_RAD, LIFT_TILT_S, Motion, NEUTRAL_S, SWEEP_POINT_M,
-    SWEEP_S, UnknownMotion,
-};
+pub use motion::{LIFT_RISE_S, LIFT_TILT_S, Motion, NEUTRAL_S, UnknownMotion};
 pub use noise::NOISE_SIGMA;
 pub use props::{Prop, UnknownProp};
 pub use rig::{AIM_M, FIELD_OF_VIEW_RAD, RIG_RADIUS_M, studio_rig};
 pub use skeleton::Joint;
-pub use studio::{Actor, Stage, StageSettings, Truth};
+pub use studio::{StageSettings, Truth};

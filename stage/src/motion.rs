@@ -5,28 +5,16 @@ use std::str::FromStr;
 
 use thiserror::Error;
 
-use crate::motions::lift::{GRIP_S, RISE_S, SINK_S, TILT_RAD, TILT_S};
-use crate::motions::strike::{SWEEP_FROM_S, SWEEP_TO_S};
+use crate::motions::lift::{RISE_S, TILT_S};
 
 /// Seconds of film for which every motion first holds the neutral pose (arms at the sides).
 pub const NEUTRAL_S: f64 = 1.0;
 
-/// The arms of the first sweep set out at the first of these film times, seconds, and are through at the second.
-pub const SWEEP_S: (f64, f64) = (NEUTRAL_S + SWEEP_FROM_S, NEUTRAL_S + SWEEP_TO_S);
-/// Where the knuckles of the sweeping right hand are in the middle of [`SWEEP_S`], world, metres; they pass
-/// there at 0.5 m/s, to the person's right. The fingers hang 8 cm further down, and the left hand is at +x.
-pub const SWEEP_POINT_M: [f64; 3] = [-0.32, 0.744, 0.456];
-/// The hands are on the box of the first lift from this film time on, seconds.
-pub const LIFT_GRIP_S: f64 = NEUTRAL_S + GRIP_S;
 /// The box of the first lift rises between these film times, seconds, by [`crate::props::BOX_RISE_M`].
 pub const LIFT_RISE_S: (f64, f64) = (NEUTRAL_S + RISE_S.0, NEUTRAL_S + RISE_S.1);
-/// It tilts by [`LIFT_TILT_RAD`] between the first two of these film times, and back between the last two.
+/// It tilts between the first two of these film times, and back between the last two.
 pub const LIFT_TILT_S: [f64; 4] =
     [NEUTRAL_S + TILT_S[0], NEUTRAL_S + TILT_S[1], NEUTRAL_S + TILT_S[2], NEUTRAL_S + TILT_S[3]];
-/// How far it tilts about +Z, its right side (−X) down, radians.
-pub const LIFT_TILT_RAD: f64 = TILT_RAD;
-/// It sinks back to the table between these film times, seconds; then the hands let go.
-pub const LIFT_SINK_S: (f64, f64) = (NEUTRAL_S + SINK_S.0, NEUTRAL_S + SINK_S.1);
 
 /// A looped motion of the person. Each holds the neutral pose for [`NEUTRAL_S`] first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]

@@ -1,9 +1,7 @@
 //! Real things in the studio that cameras see as foreground: a table, and the box that is lifted.
 
-use std::fmt;
 use std::str::FromStr;
 
-use hull::body::{BodyError, Pose};
 use nalgebra::{Matrix3, Vector3};
 use thiserror::Error;
 
@@ -44,19 +42,6 @@ impl Prop {
         }
     }
 
-    /// The pose of the prop at a time of the film, seconds: the middle of the table's foot, or of the box. `moving`
-    /// is false in a studio without the person.
-    pub fn pose(self, motion: Motion, moving: bool, time_s: f64) -> Result<Pose, BodyError> {
-        match self {
-            Prop::Table => Pose::new(TABLE_PLACE_M, [0.0, 0.0, 0.0, 1.0]),
-            Prop::LiftedBox => {
-                let state = box_state(motion, moving, time_s);
-                let (s, c) = libm::sincos(0.5 * state.tilt_rad);
-                Pose::new(state.centre_world_m(), [0.0, 0.0, s, c])
-            }
-        }
-    }
-
     /// The solids of the prop at that time, in the world.
     pub(crate) fn solids(self, motion: Motion, moving: bool, time_s: f64, solids: &mut Vec<Solid>) {
         match self {
@@ -71,12 +56,6 @@ impl Prop {
     }
 }
 
-impl fmt::Display for Prop {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.pad(self.name())
-    }
-}
-
 impl FromStr for Prop {
     type Err = UnknownProp;
 
@@ -88,8 +67,8 @@ impl FromStr for Prop {
     }
 }
 
-/// Where the lifted box is at a time of the film, seconds.
-fn box_state(motion: Motion, moving: bool, time_s: f64) -> BoxState {
+/// Where the lifted box is at a time of the film, seconds. `moving` is false in a studio without the person.
+pub(crate) fn box_state(motion: Motion, moving: bool, time_s: f64) -> BoxState {
     if motion == Motion::Lift && moving {
         lift::box_state(motion.since_s(time_s) % lift::LIFT_PERIOD_S)
     } else {

@@ -62,9 +62,8 @@ fn normalised_bounds(solid: &Solid, camera: &Camera) -> Bounds {
     let (mut nearest_m, mut farthest_m) = (f64::INFINITY, f64::NEG_INFINITY);
     match solid.form {
         Form::Cuboid { half_m } => {
-            for corner in 0..8 {
-                let sign = |bit: u32| if corner >> bit & 1 == 0 { -1.0 } else { 1.0 };
-                let place = centre + scaled * half_m.component_mul(&Vector3::new(sign(0), sign(1), sign(2)));
+            for corner in Solid::corners(&half_m) {
+                let place = centre + scaled * corner;
                 (nearest_m, farthest_m) = (nearest_m.min(place.z), farthest_m.max(place.z));
                 let seen = place.xy() / place.z;
                 join(seen, seen);

@@ -124,13 +124,7 @@ impl ShadowMap {
 
     fn draw_cuboid(&mut self, solid: &Solid) {
         let Form::Cuboid { half_m } = solid.form else { return };
-        let corners: Vec<Vector2<f64>> = (0..8)
-            .map(|corner| {
-                let sign = |bit: u32| if corner >> bit & 1 == 0 { -1.0 } else { 1.0 };
-                let local = half_m.component_mul(&Vector3::new(sign(0), sign(1), sign(2)));
-                cast(&solid.world(&local)).0
-            })
-            .collect();
+        let corners = Solid::corners(&half_m).map(|corner| cast(&solid.world(&corner)).0);
         let soft_m = cast(&solid.origin).2;
         let lines = outline(&corners);
         let reach = Vector2::repeat(soft_m);

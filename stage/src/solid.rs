@@ -57,14 +57,10 @@ impl Solid {
         let left = across(&up, &side);
         // A ball inside the other would make no cone.
         let end_m = radii_m.1.max(radii_m.0 - 0.95 * length_m).min(radii_m.0 + 0.95 * length_m);
-        Solid {
-            form: Form::RoundCone { length_m, start_m: radii_m.0, end_m },
-            origin: start,
-            frame: Matrix3::from_columns(&[left, up, left.cross(&up)]),
-            squash: Vector3::new(1.0, 1.0, flat),
-            material,
-            casts_shadow: true,
-        }
+        let form = Form::RoundCone { length_m, start_m: radii_m.0, end_m };
+        let frame = Matrix3::from_columns(&[left, up, left.cross(&up)]);
+        let squash = Vector3::new(1.0, 1.0, flat);
+        Solid { form, origin: start, frame, squash, material, casts_shadow: true }
     }
 
     /// An ellipsoid with half axes `half_m` along the columns of `frame`.
@@ -74,14 +70,9 @@ impl Solid {
         half_m: Vector3<f64>,
         material: Material,
     ) -> Solid {
-        Solid {
-            form: Form::RoundCone { length_m: 0.0, start_m: half_m.y, end_m: half_m.y },
-            origin: centre,
-            frame,
-            squash: Vector3::new(half_m.x / half_m.y, 1.0, half_m.z / half_m.y),
-            material,
-            casts_shadow: true,
-        }
+        let form = Form::RoundCone { length_m: 0.0, start_m: half_m.y, end_m: half_m.y };
+        let squash = Vector3::new(half_m.x / half_m.y, 1.0, half_m.z / half_m.y);
+        Solid { form, origin: centre, frame, squash, material, casts_shadow: true }
     }
 
     /// A box with the half sides `half_m` along the columns of `frame`.
@@ -91,19 +82,20 @@ impl Solid {
         half_m: Vector3<f64>,
         material: Material,
     ) -> Solid {
-        Solid {
-            form: Form::Cuboid { half_m },
-            origin: centre,
-            frame,
-            squash: Vector3::repeat(1.0),
-            material,
-            casts_shadow: true,
-        }
+        let (form, squash) = (Form::Cuboid { half_m }, Vector3::repeat(1.0));
+        Solid { form, origin: centre, frame, squash, material, casts_shadow: true }
     }
 
     /// The same without a shadow, for what is small.
     pub fn without_shadow(self) -> Solid {
         Solid { casts_shadow: false, ..self }
+    }
+
+    /// The corners of a box around its middle.
+    pub fn corners(half_m: &Vector3<f64>) -> [Vector3<f64>; 8] {
+        std::array::from_fn(|corner| {
+            half_m.map_with_location(|axis, _, half| if corner >> axis & 1 == 0 { -half } else { half })
+        })
     }
 
     /// Local coordinates of a direction of the world.

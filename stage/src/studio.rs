@@ -1,13 +1,10 @@
 //! What is in the studio, and when.
 
-use hull::body::{BodyError, Pose};
 use nalgebra::{Point3, Vector3};
 
 use crate::figure;
 use crate::motion::Motion;
-use crate::motions;
 use crate::props::Prop;
-use crate::skeleton::{Joint, Skeleton};
 use crate::solid::Solid;
 
 /// All that a film of the stage depends on, beside the camera and its index.
@@ -37,64 +34,14 @@ impl StageSettings {
     pub fn time_s(&self, frame: u64) -> f64 {
         frame as f64 / self.fps
     }
-}
-
-/// The person: where each joint is at a time.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Actor {
-    motion: Motion,
-}
-
-impl Actor {
-    /// The person doing `motion`.
-    pub fn new(motion: Motion) -> Actor {
-        Actor { motion }
-    }
-
-    /// A joint's place in the world, metres, at a time of the film, seconds.
-    pub fn joint_world(&self, joint: Joint, time_s: f64) -> Point3<f64> {
-        self.skeleton(time_s).joint(joint)
-    }
-
-    pub(crate) fn skeleton(self, time_s: f64) -> Skeleton {
-        Skeleton::from_targets(&motions::targets(self.motion, time_s))
-    }
-}
-
-/// The moving contents of the studio.
-#[derive(Clone, Debug)]
-pub struct Stage {
-    settings: StageSettings,
-}
-
-impl Stage {
-    /// The studio of these settings.
-    pub fn new(settings: &StageSettings) -> Stage {
-        Stage { settings: settings.clone() }
-    }
-
-    /// The settings.
-    pub fn settings(&self) -> &StageSettings {
-        &self.settings
-    }
-
-    /// The person, if there is one.
-    pub fn actor(&self) -> Option<Actor> {
-        self.settings.person.then(|| Actor::new(self.settings.motion))
-    }
-
-    /// Where a prop is at a time, seconds; see [`Prop::pose`].
-    pub fn prop_pose(&self, prop: Prop, time_s: f64) -> Result<Pose, BodyError> {
-        prop.pose(self.settings.motion, self.settings.person, time_s)
-    }
 
     pub(crate) fn solids(&self, time_s: f64) -> Vec<Solid> {
         let mut solids = Vec::with_capacity(80);
-        if let Some(actor) = self.actor() {
-            figure::solids(&actor.skeleton(time_s), &mut solids);
+        if self.person {
+            figure::solids(&self.motion.skeleton(time_s), &mut solids);
         }
-        for prop in &self.settings.props {
-            prop.solids(self.settings.motion, self.settings.person, time_s, &mut solids);
+        for prop in &self.props {
+            prop.solids(self.motion, self.person, time_s, &mut solids);
         }
         solids
     }
@@ -116,7 +63,7 @@ pub struct Truth {
 
 impl Truth {
     /// What is where at a time, seconds.
-    pub fn new(stage: &Stage, time_s: f64) -> Truth {
+    pub fn new(stage: &StageSettings, time_s: f64) -> Truth {
         let ball = |solid: Solid| {
             let (low, high) = solid.bounds_world();
             ((low + high) * 0.5, (high - low).norm() * 0.5, solid)

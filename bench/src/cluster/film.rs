@@ -10,7 +10,7 @@ use hull::cull::WorldBox;
 use hull::{Camera, Observer, ProbeSettings, Rig, Silhouette, View, ViewSet};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder as _};
-use stage::{CameraStage, Stage, StageSettings, studio_rig};
+use stage::{CameraStage, StageSettings, studio_rig};
 use tempfile::TempDir;
 
 use crate::random::Random;
@@ -63,8 +63,7 @@ impl Film {
         let frames = 0..plan.frames as usize;
         let silhouettes = frames.map(|frame| of_cameras.iter().map(|film| film[frame].clone()).collect());
         let silhouettes = silhouettes.collect();
-        let (low, high) =
-            Stage::new(&settings).bounds_world(START_S).ok_or_else(|| Failure::run("nobody is there"))?;
+        let (low, high) = settings.bounds_world(START_S).ok_or_else(|| Failure::run("nobody is there"))?;
         let file = ClusterFile::open(&write_cluster(folder.path(), &rig, plan.nodes)?)?;
         let person_world = WorldBox { min: low.into(), max: high.into() };
         Ok(Film { plan, file, person_world, silhouettes, folder })

@@ -11,7 +11,7 @@ use hull::question::{Answer, Points};
 use hull::silhouette::PixelRect;
 use hull::view_set::Scratch;
 use hull::{Camera, Observer, ProbeSettings, Rig, Silhouette, View, ViewSet};
-use stage::{CameraStage, Stage, StageSettings, studio_rig};
+use stage::{CameraStage, StageSettings, studio_rig};
 
 use crate::random::Random;
 use cli::{Failure, Outcome, Progress};
@@ -69,7 +69,7 @@ impl Studio {
             rects.push(silhouette.bounds());
             dense.push(DenseView { camera, mask, ignored: None });
         }
-        let bounds = Stage::new(&stage).bounds_world(TIME_S);
+        let bounds = stage.bounds_world(TIME_S);
         let (low, high) = bounds.ok_or_else(|| Failure::run("the stage is empty"))?;
         let size_m = (high - low).into();
         Ok(Studio { views: ViewSet::new(views), dense, rects, settings, low_m: low.into(), size_m })

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use hull::{Class, HullRule, NormalWindow, Observer, OutOfView, ProbeSettings, Rig};
 use nalgebra::Matrix3;
 use sim::{Scene, World, WorldSettings};
-use stage::{Actor, CameraStage, Joint, Motion, StageSettings, studio_rig};
+use stage::{CameraStage, Joint, Motion, StageSettings, studio_rig};
 
 use super::mask::{mask, overlap};
 use super::*;
@@ -129,8 +129,7 @@ fn head_limbs_and_bodies_are_in_the_picture_in_their_colours() {
         assert!((other.centre_world() - camera.centre_world()).norm() > 0.3, "{}", other.name());
     }
     let picture = render(&scene, &camera);
-    let actor = Actor::new(Motion::Wave);
-    let joint = |joint| actor.joint_world(joint, TIME_S);
+    let joint = |joint| Motion::Wave.joint_world(joint, TIME_S);
     for name in [
         Joint::Head,
         Joint::RightHand,
@@ -155,7 +154,7 @@ fn head_limbs_and_bodies_are_in_the_picture_in_their_colours() {
 fn samples_inside_the_hull_are_marked_through_it() {
     let (rig, views) = (rig(), views(OutOfView::Outside));
     let world = world([0.0, -9.81, 0.0]);
-    let inside = [Actor::new(Motion::Wave).joint_world(Joint::Waist, TIME_S)];
+    let inside = [Motion::Wave.joint_world(Joint::Waist, TIME_S)];
     assert!(views.iter().all(|view| view.classify(&inside[0]) == Class::Inside));
     let scene = scene(&views, &world, &inside);
     let camera = camera(&scene, &rig);

@@ -5,21 +5,28 @@ pub(crate) mod lift;
 pub(crate) mod strike;
 pub(crate) mod walk;
 
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 
 use crate::motion::Motion;
-use crate::skeleton::{ArmTarget, Targets};
+use crate::skeleton::{ArmTarget, Joint, Skeleton};
 
-/// The targets of a motion at a time of the film, seconds; neutral before [`crate::NEUTRAL_S`].
-pub(crate) fn targets(motion: Motion, time_s: f64) -> Targets {
-    let since_s = motion.since_s(time_s);
-    match motion {
-        Motion::Idle => calm::idle(since_s),
-        Motion::Wave => calm::wave(since_s),
-        Motion::Walk => walk::walk(since_s),
-        Motion::Punch => strike::punch(since_s),
-        Motion::Sweep => strike::sweep(since_s % strike::SWEEP_PERIOD_S),
-        Motion::Lift => lift::lift(since_s % lift::LIFT_PERIOD_S),
+impl Motion {
+    /// Where a joint of the person is at a time of the film, seconds: world, metres.
+    pub fn joint_world(self, joint: Joint, time_s: f64) -> Point3<f64> {
+        self.skeleton(time_s).joint(joint)
+    }
+
+    /// The person at a time of the film, seconds; neutral before [`crate::NEUTRAL_S`].
+    pub(crate) fn skeleton(self, time_s: f64) -> Skeleton {
+        let since_s = self.since_s(time_s);
+        Skeleton::from_targets(&match self {
+            Motion::Idle => calm::idle(since_s),
+            Motion::Wave => calm::wave(since_s),
+            Motion::Walk => walk::walk(since_s),
+            Motion::Punch => strike::punch(since_s),
+            Motion::Sweep => strike::sweep(since_s % strike::SWEEP_PERIOD_S),
+            Motion::Lift => lift::lift(since_s % lift::LIFT_PERIOD_S),
+        })
     }
 }
 
