@@ -1,7 +1,5 @@
 //! The channels of a recording.
 
-use std::borrow::Cow;
-
 /// Messages of every channel belong to this package.
 const PACKAGE: &str = "hulltouch.recording.v1";
 
@@ -38,23 +36,23 @@ impl Channel {
     }
 
     /// Its topic; `names` are the cameras'.
-    pub fn topic(self, names: &[String]) -> Cow<'static, str> {
-        Cow::Borrowed(match self {
-            Channel::Header => "/header",
-            Channel::Silhouette(camera) => return format!("/camera/{}/silhouette", names[camera]).into(),
-            Channel::Colour(camera) => return format!("/camera/{}/colour", names[camera]).into(),
-            Channel::Step => "/step",
-            Channel::Scene => "/scene",
-            Channel::Bodies => "/bodies",
-            Channel::Touches => "/touches",
-            Channel::Figures => "/figures",
-            Channel::End => "/end",
-        })
+    pub fn topic(self, names: &[String]) -> String {
+        let name = self.message().to_ascii_lowercase();
+        match self {
+            Channel::Silhouette(camera) | Channel::Colour(camera) => {
+                format!("/camera/{}/{name}", names[camera])
+            }
+            _ => format!("/{name}"),
+        }
     }
 
     /// The full name of its messages.
     pub fn schema(self) -> String {
-        let message = match self {
+        format!("{PACKAGE}.{}", self.message())
+    }
+
+    fn message(self) -> &'static str {
+        match self {
             Channel::Header => "Header",
             Channel::Silhouette(_) => "Silhouette",
             Channel::Colour(_) => "Colour",
@@ -64,7 +62,6 @@ impl Channel {
             Channel::Touches => "Touches",
             Channel::Figures => "Figures",
             Channel::End => "End",
-        };
-        format!("{PACKAGE}.{message}")
+        }
     }
 }

@@ -48,7 +48,7 @@ pub fn run(arguments: &ReplayArguments) -> Outcome {
     let steps = recording.steps().map_err(Failure::input)?;
     let frames = recording.frames().map_err(Failure::input)?;
     let pictures = RecordingPictures::new(recording.pictures().map_err(Failure::input)?);
-    let check = StepCheck::of(&steps);
+    let check = steps.check();
     let setup = setup(&recording, arguments)?;
     setup.prepare_outputs()?;
     let header = recording.header();

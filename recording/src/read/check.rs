@@ -1,12 +1,13 @@
 //! Compares a replay with what was recorded, step by step.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use coordinator::hooks::{EndRecord, FrameRecord, Recorder, StepRecord};
 use thiserror::Error;
 
-use super::RecordedSteps;
-use super::schedule::Comparison;
+/// Steps that wait to be compared: more than a coordinator ever takes ahead.
+const MAX_EXPECTED: usize = 64;
 
 /// The first step at which a replay is another run.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -22,23 +23,45 @@ pub struct Difference {
     pub recorded: String,
 }
 
-/// Compares steps: hand [`StepCheck::recorder`] to the coordinator that follows the schedule.
-#[derive(Clone, Debug)]
-pub struct StepCheck {
-    comparison: Arc<Comparison>,
-    state: Arc<Mutex<State>>,
-}
+/// Compares the steps that come out of a schedule: hand [`StepCheck::recorder`] to the coordinator that follows it.
+#[derive(Clone, Debug, Default)]
+pub struct StepCheck(Arc<Mutex<State>>);
 
 #[derive(Debug, Default)]
 struct State {
+    expected: VecDeque<Expected>,
     steps: u64,
+    given: u64,
     difference: Option<Difference>,
+    problem: Option<String>,
+}
+
+/// The recorded outcome of a step.
+#[derive(Debug)]
+pub(super) struct Expected {
+    pub step: u64,
+    pub film_s: f64,
+    pub digest: String,
 }
 
 impl StepCheck {
-    /// A check of the steps that come out of a schedule.
-    pub fn of(steps: &RecordedSteps) -> StepCheck {
-        StepCheck { comparison: steps.comparison(), state: Arc::default() }
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What a step that was handed out must come to, and whether it was given its answers.
+    pub(super) fn expect(&self, expected: Expected, is_given: bool) {
+        let mut state = self.state();
+        state.given += u64::from(is_given);
+        if state.expected.len() == MAX_EXPECTED {
+            state.expected.pop_front();
+        }
+        state.expected.push_back(expected);
+    }
+
+    /// The file could not be read any farther.
+    pub(super) fn fail(&self, problem: String) {
+        self.state().problem = Some(problem);
     }
 
     /// The recorder that compares the replay.
@@ -48,22 +71,22 @@ impl StepCheck {
 
     /// How many steps were made again.
     pub fn steps(&self) -> u64 {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner).steps
+        self.state().steps
     }
 
     /// How many of them took the recorded answers instead of asking.
     pub fn given(&self) -> u64 {
-        self.comparison.given()
+        self.state().given
     }
 
     /// The first step that differs, if one does.
     pub fn difference(&self) -> Option<Difference> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner).difference.clone()
+        self.state().difference.clone()
     }
 
     /// Why the file could not be read to its end, if so.
     pub fn problem(&self) -> Option<String> {
-        self.comparison.problem()
+        self.state().problem.clone()
     }
 }
 
@@ -71,8 +94,8 @@ impl Recorder for StepCheck {
     fn frame(&mut self, _record: FrameRecord<'_>) {}
 
     fn step(&mut self, record: &StepRecord<'_>) {
-        let Some(expected) = self.comparison.take() else { return };
-        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut state = self.state();
+        let Some(expected) = state.expected.pop_front() else { return };
         state.steps += 1;
         if state.difference.is_some() {
             return;

@@ -43,7 +43,7 @@ pub struct Recording {
 }
 
 /// Where things are in the file. A few bytes a frame and camera: an hour of eight cameras takes 10 MB.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Index {
     path: PathBuf,
     channels: HashMap<u16, Channel>,
@@ -62,7 +62,8 @@ impl Recording {
         let refused = |problem| ReadError { path: path.to_owned(), problem };
         let file = File::open(path).map_err(|error| refused(error.into()))?;
         let mut chunks = Chunks::begin(file).map_err(refused)?;
-        let mut scan = Scan::default();
+        let index = Index { path: path.to_owned(), ..Index::default() };
+        let mut scan = Scan { index, ..Scan::default() };
         while let Some((place, found)) = chunks.next() {
             scan.add(place, found).map_err(refused)?;
         }
@@ -72,25 +73,10 @@ impl Recording {
             (_, None) => return Err(refused(ReadProblem::NoStep(problem.map(Box::new)))),
             (Some(header), Some(last)) => (header, last),
         };
+        let Scan { mut index, steps, is_complete, .. } = scan;
         let cameras = header.rig.cameras().len();
-        let mut frames = scan.frames;
-        frames.retain(|_, chunks| chunks.len() == cameras && !chunks.contains(&NO_CHUNK));
-        let index = Index {
-            path: path.to_owned(),
-            channels: scan.channels,
-            chunks: scan.chunks,
-            with_steps: scan.with_steps,
-            frames,
-            colours: scan.colours,
-        };
-        Ok(Recording {
-            header,
-            index: Arc::new(index),
-            steps: scan.steps,
-            last,
-            is_complete: scan.is_complete,
-            problem,
-        })
+        index.frames.retain(|_, chunks| chunks.len() == cameras && !chunks.contains(&NO_CHUNK));
+        Ok(Recording { header, index: Arc::new(index), steps, last, is_complete, problem })
     }
 
     /// All that the run needs besides its film.
@@ -101,11 +87,6 @@ impl Recording {
     /// How many steps there are.
     pub fn step_count(&self) -> u64 {
         self.steps
-    }
-
-    /// How many frames there are.
-    pub fn frame_count(&self) -> usize {
-        self.index.frames.len()
     }
 
     /// Film time at the end of the last step, seconds.
@@ -156,11 +137,7 @@ const NO_CHUNK: u32 = u32::MAX;
 #[derive(Default)]
 struct Scan {
     header: Option<RunHeader>,
-    channels: HashMap<u16, Channel>,
-    chunks: Vec<Place>,
-    with_steps: Vec<u32>,
-    frames: BTreeMap<u64, Vec<u32>>,
-    colours: BTreeMap<u64, Vec<u32>>,
+    index: Index,
     steps: u64,
     last: Option<messages::Step>,
     is_complete: bool,
@@ -170,8 +147,8 @@ struct Scan {
 
 impl Scan {
     fn add(&mut self, place: Place, found: Vec<Record>) -> Result<(), ReadProblem> {
-        let chunk = self.chunks.len() as u32;
-        self.chunks.push(place);
+        let chunk = self.index.chunks.len() as u32;
+        self.index.chunks.push(place);
         for found in found {
             match found {
                 Record::Channel(id, topic) => {
@@ -180,7 +157,7 @@ impl Scan {
                 }
                 Record::Message(header, data) => {
                     let topic = self.topics.get(&header.channel_id).map(String::as_str);
-                    match self.channels.get(&header.channel_id) {
+                    match self.index.channels.get(&header.channel_id) {
                         Some(&channel) => self.message(chunk, channel, &data)?,
                         None if topic == Some("/header") => {
                             let message = decode::<messages::Header>("Header", &data)?;
@@ -202,7 +179,7 @@ impl Scan {
         for channel in Channel::all(names.len()) {
             let topic = channel.topic(&names);
             let ids = self.topics.iter().filter(|(_, found)| **found == topic).map(|(&id, _)| id);
-            self.channels.extend(ids.map(|id| (id, channel)));
+            self.index.channels.extend(ids.map(|id| (id, channel)));
         }
     }
 
@@ -221,17 +198,17 @@ impl Scan {
                 }
                 self.steps += 1;
                 self.last = Some(step);
-                if self.with_steps.last() != Some(&chunk) {
-                    self.with_steps.push(chunk);
+                if self.index.with_steps.last() != Some(&chunk) {
+                    self.index.with_steps.push(chunk);
                 }
             }
             Channel::Silhouette(camera) => {
                 let frame = decode::<messages::Silhouette>("Silhouette", data)?.frame;
-                note(&mut self.frames, frame, camera, chunk);
+                note(&mut self.index.frames, frame, camera, chunk);
             }
             Channel::Colour(camera) => {
                 let frame = decode::<messages::Colour>("Colour", data)?.frame;
-                note(&mut self.colours, frame, camera, chunk);
+                note(&mut self.index.colours, frame, camera, chunk);
             }
             Channel::End => self.is_complete = true,
             _ => {}

@@ -2,19 +2,17 @@
 
 use std::collections::VecDeque;
 use std::fs::File;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use coordinator::hooks::{Schedule, Scheduled, Sees};
 use proto::convert::Precision;
 use sim::BodyResponse;
 
+use super::check::{Expected, StepCheck};
 use super::{Index, ReadError, decode};
 use crate::channels::Channel;
 use crate::convert::{RunHeader, command_from_message, finite};
 use crate::messages::{Response, Step};
-
-/// Steps that wait to be compared: more than a coordinator ever takes ahead.
-const MAX_EXPECTED: usize = 64;
 
 /// The steps of a recording, read chunk by chunk.
 #[derive(Debug)]
@@ -24,41 +22,20 @@ pub struct RecordedSteps {
     next_chunk: usize,
     steps: VecDeque<Step>,
     is_rounded: bool,
-    comparison: Arc<Comparison>,
-}
-
-/// What the steps that were handed out must come to, shared with the check.
-#[derive(Debug, Default)]
-pub(super) struct Comparison {
-    inner: Mutex<Inner>,
-}
-
-#[derive(Debug, Default)]
-struct Inner {
-    expected: VecDeque<Expected>,
-    given: u64,
-    problem: Option<String>,
-}
-
-/// The recorded outcome of a step.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Expected {
-    pub generation: u32,
-    pub step: u64,
-    pub film_s: f64,
-    pub digest: String,
+    check: StepCheck,
 }
 
 impl RecordedSteps {
     pub(super) fn begin(header: &RunHeader, index: Arc<Index>) -> Result<RecordedSteps, ReadError> {
         let file = index.open()?;
         let is_rounded = header.precision == Precision::Quantised;
-        let (steps, comparison) = (VecDeque::new(), Arc::default());
-        Ok(RecordedSteps { index, file, next_chunk: 0, steps, is_rounded, comparison })
+        let (steps, check) = (VecDeque::new(), StepCheck::default());
+        Ok(RecordedSteps { index, file, next_chunk: 0, steps, is_rounded, check })
     }
 
-    pub(super) fn comparison(&self) -> Arc<Comparison> {
-        Arc::clone(&self.comparison)
+    /// The check of what comes out.
+    pub fn check(&self) -> StepCheck {
+        self.check.clone()
     }
 
     fn next_step(&mut self) -> Result<Option<Step>, ReadError> {
@@ -86,59 +63,19 @@ impl RecordedSteps {
         } else {
             Sees::Recorded { film_s, frame }
         };
+        let expected = Expected { step: step.step, film_s, digest: step.digest };
+        self.check.expect(expected, matches!(sees, Sees::Given { .. }));
         Ok(Scheduled { commands, sees })
     }
 }
 
 impl Schedule for RecordedSteps {
     fn next(&mut self) -> Option<Scheduled> {
-        let found = self.next_step().and_then(|step| {
-            let Some(step) = step else { return Ok(None) };
-            let Step { generation, step: number, film_s, .. } = step;
-            let expected = Expected { generation, step: number, film_s, digest: step.digest.clone() };
-            Ok(Some((expected, self.scheduled(step)?)))
-        });
-        match found {
-            Ok(Some((expected, scheduled))) => {
-                self.comparison.expect(expected, matches!(scheduled.sees, Sees::Given { .. }));
-                Some(scheduled)
-            }
-            Ok(None) => None,
-            Err(error) => {
-                self.comparison.fail(error.to_string());
-                None
-            }
-        }
-    }
-}
-
-impl Comparison {
-    fn expect(&self, expected: Expected, is_given: bool) {
-        let mut inner = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
-        inner.given += u64::from(is_given);
-        if inner.expected.len() == MAX_EXPECTED {
-            inner.expected.pop_front();
-        }
-        inner.expected.push_back(expected);
-    }
-
-    fn fail(&self, problem: String) {
-        self.inner.lock().unwrap_or_else(PoisonError::into_inner).problem = Some(problem);
-    }
-
-    /// The recorded outcome of the step that was just made.
-    pub fn take(&self) -> Option<Expected> {
-        self.inner.lock().unwrap_or_else(PoisonError::into_inner).expected.pop_front()
-    }
-
-    /// How many steps were given their answers.
-    pub fn given(&self) -> u64 {
-        self.inner.lock().unwrap_or_else(PoisonError::into_inner).given
-    }
-
-    /// Why reading ended early, if it did.
-    pub fn problem(&self) -> Option<String> {
-        self.inner.lock().unwrap_or_else(PoisonError::into_inner).problem.clone()
+        let found = self.next_step().and_then(|step| step.map(|step| self.scheduled(step)).transpose());
+        found.unwrap_or_else(|error| {
+            self.check.fail(error.to_string());
+            None
+        })
     }
 }
 

@@ -136,7 +136,7 @@ fn made_again(recording: &Recording) -> (StepCheck, Vec<String>) {
     let header = recording.header();
     let mut world = World::new(&header.scene, header.world).expect("a world");
     let mut steps = recording.steps().expect("readable");
-    let check = StepCheck::of(&steps);
+    let check = steps.check();
     let mut recorder = check.recorder();
     let mut digests = vec![];
     while let Some(scheduled) = steps.next() {
@@ -172,7 +172,7 @@ fn what_is_read_is_what_was_recorded() {
     let (path, digests) = recorded(&folder, Precision::Exact, 200);
     let recording = Recording::open(&path).expect("a recording");
     assert_eq!(*recording.header(), header(Precision::Exact));
-    assert_eq!((recording.step_count(), recording.frame_count(), recording.cut_off()), (200, 49, None));
+    assert_eq!((recording.step_count(), recording.index.frames.len(), recording.cut_off()), (200, 49, None));
     assert_eq!(recording.digest(), digests[199]);
     let frames = recording.frames().expect("readable");
     frames.credit(3);

@@ -1,6 +1,6 @@
 //! Silhouettes and colours chunk by chunk, as they are in the file.
 
-use std::collections::VecDeque;
+use std::collections::{HashMap, VecDeque};
 use std::fs::File;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -39,11 +39,11 @@ pub(super) struct Unpacker {
     kept: VecDeque<(u32, Unpacked)>,
 }
 
-/// The silhouettes and colours of a chunk.
+/// The silhouettes and colours of a chunk, by camera and frame.
 #[derive(Debug, Default)]
 struct Unpacked {
-    silhouettes: Vec<(usize, messages::Silhouette)>,
-    colours: Vec<(usize, messages::Colour)>,
+    silhouettes: HashMap<(usize, u64), messages::Silhouette>,
+    colours: HashMap<(usize, u64), messages::Colour>,
 }
 
 impl RecordedPictures {
@@ -84,16 +84,13 @@ impl Unpacker {
         frame: u64,
     ) -> Result<&messages::Silhouette, ReadError> {
         let place = self.place(chunk)?;
-        let found = self.kept[place].1.silhouettes.iter();
-        let found = found.filter(|(of, _)| *of == camera).map(|(_, found)| found);
-        found.into_iter().find(|found| found.frame == frame).ok_or_else(|| self.index.lacks(frame, camera))
+        let found = self.kept[place].1.silhouettes.get(&(camera, frame));
+        found.ok_or_else(|| self.index.lacks(frame, camera))
     }
 
     fn colour(&mut self, chunk: u32, camera: usize, frame: u64) -> Result<ColourCrop, ReadError> {
         let place = self.place(chunk)?;
-        let found = self.kept[place].1.colours.iter();
-        let found = found.filter(|(of, _)| *of == camera).map(|(_, found)| found);
-        let found = found.into_iter().find(|found| found.frame == frame);
+        let found = self.kept[place].1.colours.get(&(camera, frame));
         let found = found.ok_or_else(|| self.index.lacks(frame, camera))?;
         Ok(ColourCrop {
             camera: camera as u16,
@@ -113,10 +110,12 @@ impl Unpacker {
             let refused = |problem| self.index.refused(problem);
             match channel {
                 Channel::Silhouette(camera) => {
-                    unpacked.silhouettes.push((camera, decode("Silhouette", &data).map_err(refused)?));
+                    let found: messages::Silhouette = decode("Silhouette", &data).map_err(refused)?;
+                    unpacked.silhouettes.insert((camera, found.frame), found);
                 }
                 Channel::Colour(camera) if self.with_colours => {
-                    unpacked.colours.push((camera, decode("Colour", &data).map_err(refused)?));
+                    let found: messages::Colour = decode("Colour", &data).map_err(refused)?;
+                    unpacked.colours.insert((camera, found.frame), found);
                 }
                 _ => {}
             }
