@@ -50,9 +50,8 @@ mod tests {
             pixel: Pixel { column: 0, row: 0 },
             normal_world: [0.0; 3],
         };
-        assert_eq!(edge(0.2, 0).nearer(edge(0.1, 7)), edge(0.1, 7));
-        assert_eq!(edge(0.1, 7).nearer(edge(0.1, 3)), edge(0.1, 3));
-        assert_eq!(edge(0.1, 3).nearer(edge(0.1, 7)), edge(0.1, 3));
+        assert!(edge(0.1, 7).is_nearer(&edge(0.2, 0)) && !edge(0.2, 0).is_nearer(&edge(0.1, 7)));
+        assert!(edge(0.1, 3).is_nearer(&edge(0.1, 7)) && !edge(0.1, 7).is_nearer(&edge(0.1, 3)));
     }
 
     #[test]

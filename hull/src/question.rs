@@ -224,12 +224,7 @@ pub struct Edge {
 }
 
 impl Edge {
-    /// The nearer of two; ties go to the lower camera.
-    pub fn nearer(self, other: Edge) -> Edge {
-        if other.is_nearer(&self) { other } else { self }
-    }
-
-    /// True if it is the nearer of two.
+    /// True if it is the nearer of two; ties go to the lower camera.
     pub fn is_nearer(&self, other: &Edge) -> bool {
         self.distance_m.total_cmp(&other.distance_m).then(self.camera.cmp(&other.camera)).is_lt()
     }

@@ -74,11 +74,6 @@ pub struct PreparedFrames<'a> {
     scale_px: f64,
 }
 
-/// Checks a rig against silhouettes, one list per frame in rig order.
-pub fn check(rig: &Rig, frames: &[Vec<Silhouette>]) -> Result<CheckReport, CheckError> {
-    PreparedFrames::new(frames)?.check(rig)
-}
-
 impl<'a> PreparedFrames<'a> {
     /// Distance fields and outlines of all silhouettes (the slow part that no rig changes).
     pub fn new(frames: &'a [Vec<Silhouette>]) -> Result<PreparedFrames<'a>, CheckError> {
@@ -144,11 +139,11 @@ impl<'a> PreparedFrames<'a> {
 
     /// Counts and sizes agree, and every camera has some foreground.
     fn fits(&self, cameras: &[Camera]) -> Result<(), CheckError> {
+        let (found, expected) = (self.frames[0].len(), cameras.len());
+        if found != expected {
+            return Err(CheckError::Count { frame: 0, found, expected });
+        }
         for (frame, silhouettes) in self.frames.iter().enumerate() {
-            if silhouettes.len() != cameras.len() {
-                let (found, expected) = (silhouettes.len(), cameras.len());
-                return Err(CheckError::Count { frame, found, expected });
-            }
             for (silhouette, camera) in silhouettes.iter().zip(cameras) {
                 if (silhouette.width(), silhouette.height()) != (camera.width(), camera.height()) {
                     return Err(CheckError::Size {

@@ -50,7 +50,7 @@ pub(super) struct Refined {
 }
 
 /// Normal equations of one frame.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 struct System {
     cost: f64,
     normal: Matrix6<f64>,
@@ -58,12 +58,6 @@ struct System {
 }
 
 impl System {
-    const ZERO: System = System {
-        cost: 0.0,
-        normal: Matrix6::from_array_storage(nalgebra::ArrayStorage([[0.0; 6]; 6])),
-        slope: Vector6::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-    };
-
     fn add(self, other: &System) -> System {
         System {
             cost: self.cost + other.cost,
@@ -127,7 +121,7 @@ impl Gaps<'_> {
             .unwrap_or_default();
         let frames: Vec<usize> = (0..self.outlines.len()).collect();
         let parts = super::in_parallel(&frames, |&frame| self.frame_system(frame, cameras, moved, &nudged));
-        parts.iter().fold(System::ZERO, System::add)
+        parts.iter().fold(System::default(), System::add)
     }
 
     fn nudged(&self, camera: &Camera, moved: usize, k: usize) -> Option<Camera> {
@@ -143,7 +137,7 @@ impl Gaps<'_> {
         moved: Option<usize>,
         nudged: &[Camera],
     ) -> System {
-        let mut system = System::ZERO;
+        let mut system = System::default();
         for index in 0..cameras.len() {
             let Some(others) = self.prepared.others(frame, index, cameras) else { continue };
             for outline in self.outlines[frame].iter().filter(|outline| outline.camera == index) {

@@ -2,6 +2,10 @@ use super::*;
 use hull::rotation::matrix_from_rodrigues;
 use nalgebra::{Matrix3, Point3, Vector3};
 
+fn check(rig: &Rig, frames: &[Vec<Silhouette>]) -> Result<CheckReport, CheckError> {
+    PreparedFrames::new(frames)?.check(rig)
+}
+
 /// Four cameras of 200 x 160 pixels on an uneven ring around the origin, 3 m away, that look at it.
 fn rig() -> Rig {
     let cameras = [(0.0, 0.2), (1.2, -0.1), (2.7, 0.3), (4.4, 0.1)].into_iter().enumerate();

@@ -20,6 +20,7 @@ use std::str::FromStr;
 
 use hull::text::{MAX_MESSAGE_CHARS, MAX_QUOTED_CHARS, shortened};
 use hull::{Camera, CameraError, Rig, RigError};
+use nalgebra::Matrix3;
 use thiserror::Error;
 
 use crate::file::ReadError;
@@ -216,8 +217,7 @@ pub fn from_aniposelib(file: &TextFile, options: &ImportOptions) -> Result<Impor
         .cameras()
         .iter()
         .map(|camera| {
-            let mut k = *camera.intrinsics();
-            (k[(0, 2)], k[(1, 2)]) = (k[(0, 2)] - shift, k[(1, 2)] - shift);
+            let k = from_origin(*camera.intrinsics(), shift);
             let size = (camera.width(), camera.height());
             let lens = camera.lens().coefficients();
             Camera::new(camera.name(), size, k, lens, *camera.rotation_rad(), *camera.translation_m())
@@ -251,6 +251,12 @@ fn size_of(
             "a width and a height in pixels: give the size",
         )),
     }
+}
+
+/// A camera matrix whose top left pixel is (0, 0), of one that calls it (origin, origin).
+fn from_origin(mut k: Matrix3<f64>, origin: f64) -> Matrix3<f64> {
+    (k[(0, 2)], k[(1, 2)]) = (k[(0, 2)] - origin, k[(1, 2)] - origin);
+    k
 }
 
 /// Numbers between blanks and commas; the error is the first word that is none.

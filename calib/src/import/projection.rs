@@ -6,7 +6,7 @@ use hull::rotation::rotation_defect;
 use nalgebra::{Matrix3, Matrix3x4, Vector3};
 
 use super::natural_order::natural_key;
-use super::{ImportError, ImportOptions, Imported, TextFile, axes, numbers, size_of, stem};
+use super::{ImportError, ImportOptions, Imported, TextFile, axes, from_origin, numbers, size_of, stem};
 
 /// A rotation farther than this from `R Rᵀ = 1` is none; nearer ones were printed with few digits.
 const ROUNDED: f64 = 1e-3;
@@ -39,12 +39,11 @@ pub fn from_matrices(files: &[TextFile], options: &ImportOptions) -> Result<Impo
     for file in &files {
         let p = matrix_from(file)?;
         let sign = if p.fixed_columns::<3>(0).determinant() < 0.0 { -1.0 } else { 1.0 };
-        let mut parts = taken_apart(&file.path, &(p * sign))?;
-        let origin = options.pixel_origin.unwrap_or(0.0);
-        (parts.k[(0, 2)], parts.k[(1, 2)]) = (parts.k[(0, 2)] - origin, parts.k[(1, 2)] - origin);
+        let parts = taken_apart(&file.path, &(p * sign))?;
+        let k = from_origin(parts.k, options.pixel_origin.unwrap_or(0.0));
         let size = size_of(&file.path, None, options, &mut warnings)?;
         let placement = Placement { file: &file.path, key: "P", name: stem(&file.path), size };
-        cameras.push(placed(&placement, parts.k, [0.0; 5], &parts.r, parts.t, &mut warnings)?);
+        cameras.push(placed(&placement, k, [0.0; 5], &parts.r, parts.t, &mut warnings)?);
     }
     let place = files.first().map_or("", |file| file.path.as_str());
     axes::finished(place, cameras, 1.0, options, warnings)

@@ -69,13 +69,7 @@ impl BitMap {
         }
         let (first, last) = (start / 32, (end - 1) / 32);
         for strip in first..=last {
-            let mut mask = u32::MAX;
-            if strip == first {
-                mask &= u32::MAX << (start % 32);
-            }
-            if strip == last {
-                mask &= u32::MAX >> (31 - (end - 1) % 32);
-            }
+            let mask = bits_within(strip, start, end - 1);
             let bits = &mut self.words[strip * self.rows + row];
             if value { *bits |= mask } else { *bits &= !mask }
         }
@@ -104,13 +98,7 @@ impl BitMap {
         }
         let (first, last) = (left as usize / 32, right as usize / 32);
         (first..=last).all(|strip| {
-            let mut mask = u32::MAX;
-            if strip == first {
-                mask &= u32::MAX << (left % 32);
-            }
-            if strip == last {
-                mask &= u32::MAX >> (31 - right % 32);
-            }
+            let mask = bits_within(strip, left as usize, right as usize);
             let words = &self.strip(strip)[top as usize..=bottom as usize];
             words.iter().fold(u32::MAX, |all, &word| all & word) & mask == mask
         })
@@ -174,6 +162,19 @@ impl BitMap {
     pub fn heap_bytes(&self) -> usize {
         self.words.capacity() * 4
     }
+}
+
+/// The bits of a strip that are in a row's columns from the first to the last.
+#[inline(always)]
+pub(super) fn bits_within(strip: usize, first: usize, last: usize) -> u32 {
+    let mut bits = u32::MAX;
+    if strip == first / 32 {
+        bits &= u32::MAX << (first % 32);
+    }
+    if strip == last / 32 {
+        bits &= u32::MAX >> (31 - last % 32);
+    }
+    bits
 }
 
 #[cfg(test)]

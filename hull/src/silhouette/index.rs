@@ -1,6 +1,6 @@
 //! A silhouette made ready for searching, once per frame.
 
-use super::{BitMap, Depth, PixelRect, Silhouette};
+use super::{BitMap, Depth, Silhouette};
 
 /// A bit map and how deep its pixels lie.
 #[derive(Clone, Debug)]
@@ -18,9 +18,7 @@ impl Index {
 
     /// The index of a silhouette's foreground, with at least `pad` pixels of background around it.
     pub fn foreground(silhouette: &Silhouette, pad: u32) -> Index {
-        let nothing = PixelRect { left: 0, top: 0, right: 1, bottom: 1 };
-        let mut map = BitMap::filled(silhouette.bounds().unwrap_or(nothing), pad, false, false);
-        map.add(silhouette);
+        let map = BitMap::foreground(silhouette, pad);
         Index::new(map, silhouette.width().max(silhouette.height()))
     }
 

@@ -1,6 +1,7 @@
 //! A silhouette in a few thousand cells, small enough for the registers of a processor: most points can be
 //! told inside or outside by it.
 
+use super::bitmap::bits_within;
 use super::{BitMap, PixelRect};
 
 /// Cells across: the bits of a word.
@@ -128,16 +129,9 @@ struct Span {
 impl Span {
     /// Whether a bit among these is one in the first words, and whether all are in the second.
     fn any_and_all(&self, any: &[u32], all: &[u32]) -> (bool, bool) {
-        let (first, last) = (self.first / 32, self.last / 32);
         let (mut some, mut missing) = (0, 0);
-        for strip in first..=last {
-            let mut mask = u32::MAX;
-            if strip == first {
-                mask &= u32::MAX << (self.first % 32);
-            }
-            if strip == last {
-                mask &= u32::MAX >> (31 - self.last % 32);
-            }
+        for strip in self.first / 32..=self.last / 32 {
+            let mask = bits_within(strip, self.first, self.last);
             some |= any[strip] & mask;
             missing |= !all[strip] & mask;
         }

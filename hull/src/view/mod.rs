@@ -92,14 +92,6 @@ impl Observer {
         self.bounds.stretch
     }
 
-    /// The image of a straight line is never farther from its chord than an eighth of this, times the
-    /// squared length of the line in normalised coordinates: a bound on the second derivative of the
-    /// image, pixels.
-    #[inline]
-    pub fn bend_pixels(&self) -> f64 {
-        self.bounds.bend
-    }
-
     /// All that is known of how the image stretches and bends.
     #[inline]
     pub(crate) fn bounds(&self) -> &Bounds {
@@ -130,7 +122,6 @@ pub struct View {
     /// Zero where a pixel is a candidate for the background edge; `None` if that is the foreground.
     candidates: Option<Index>,
     frustum: Option<Frustum>,
-    has_foreground: bool,
 }
 
 impl View {
@@ -146,7 +137,7 @@ impl View {
         });
         let admitted = observer.admitted(silhouette.bounds());
         let frustum = admitted.map(|rect| Frustum::of(&observer.camera, rect));
-        View { observer, foreground, sieve, candidates, frustum, has_foreground: silhouette.area() > 0 }
+        View { observer, foreground, sieve, candidates, frustum }
     }
 
     /// The fixed side of this camera.
@@ -190,21 +181,10 @@ impl View {
         self.frustum.as_ref()
     }
 
-    /// True if anything is foreground.
-    pub fn has_foreground(&self) -> bool {
-        self.has_foreground
-    }
-
     /// True if the foreground alone says what is inside and what an edge is.
     #[inline(always)]
     pub(crate) fn is_plain(&self) -> bool {
         self.candidates.is_none()
-    }
-
-    /// What this camera says of a point that projects to a pixel, which may be off the image.
-    #[inline(always)]
-    pub(crate) fn class_of(&self, column: i32, row: i32) -> Class {
-        self.class_at(Some(Pixel { column, row }))
     }
 
     /// What this camera says of a point that projects to `pixel` (`None`: unseen).

@@ -138,7 +138,7 @@ impl Rays {
         }
         let (column, row) = (&mut ends.0[..count], &mut ends.1[..count]);
         view.coefficients().pixels(&moved.x[..count], &moved.y[..count], &moved.z[..count], column, row);
-        let bend_pixels = view.observer().bend_pixels() as f32;
+        let bend_pixels = view.observer().bounds().bend as f32;
         for (place, at) in self.selection.iter().enumerate() {
             let end = Pixel { column: self.ends.0[place], row: self.ends.1[place] };
             if projection.is_clear_to(view, at, end, self.end_m[at], bend_pixels) {

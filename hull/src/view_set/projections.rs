@@ -1,5 +1,6 @@
 //! Where a group's cameras see a chunk of points: computed for all at once, before each is searched by itself.
 
+use crate::camera::Pixel;
 use crate::coordinates::Coordinates;
 use crate::silhouette::Index;
 use crate::vector::VectorPath;
@@ -168,7 +169,7 @@ impl Projection {
             let inside = if clear_pixels > 0.0 && view.is_plain() {
                 true
             } else {
-                view.class_of(self.column[at], self.row[at]) == Class::Inside
+                view.class_at(Some(Pixel { column: self.column[at], row: self.row[at] })) == Class::Inside
             };
             self.clear_pixels[at] = if inside { (clear_pixels - slack_pixels).max(0.0) } else { f32::NAN };
         }

@@ -9,7 +9,9 @@ use nalgebra::{Matrix3, Vector3};
 use super::entry::Entry;
 use super::natural_order::natural_key;
 use super::projection::{Placement, placed};
-use super::{ImportError, ImportOptions, Imported, TextFile, axes, numbers, size_of, stem, xml, yaml};
+use super::{
+    ImportError, ImportOptions, Imported, TextFile, axes, from_origin, numbers, size_of, stem, xml, yaml,
+};
 
 /// The known names of each thing, in lower case without `_`.
 const MATRIX: &[&str] = &["cameramatrix", "k", "m", "m1", "k1", "mtx", "intrinsicmatrix", "intrinsics"];
@@ -144,12 +146,10 @@ fn camera(
     warnings: &mut Vec<String>,
 ) -> Result<Camera, ImportError> {
     let (_, k) = numbers_of(path, entries, MATRIX, MATRIX_NAMES, &[9], "3 x 3 numbers")?;
-    let mut k = Matrix3::from_row_slice(k);
+    let k = from_origin(Matrix3::from_row_slice(k), options.pixel_origin.unwrap_or(0.0));
     let (_, t) = numbers_of(path, entries, TRANSLATION, "tvec (TranslationValues, T)", &[3], "3 numbers")?;
     let (key, r) =
         numbers_of(path, entries, ROTATION, "rvec (RotationValues, R)", &[3, 9], "3 numbers or 3 x 3")?;
-    let origin = options.pixel_origin.unwrap_or(0.0);
-    (k[(0, 2)], k[(1, 2)]) = (k[(0, 2)] - origin, k[(1, 2)] - origin);
     let distortion = distortion(path, entries, warnings)?;
     let size = size_of(path, said_size(path, entries)?, options, warnings)?;
     let translation = Vector3::from_row_slice(t);

@@ -10,7 +10,7 @@ use nalgebra::{Matrix3, Matrix3x4, Vector3};
 
 use super::projection::{Parts, Placement, matrix_from, placed, taken_apart};
 use super::refit::Chain;
-use super::{ImportError, ImportOptions, Imported, TextFile, axes, numbers, size_of};
+use super::{ImportError, ImportOptions, Imported, TextFile, axes, from_origin, numbers, size_of};
 
 /// MATLAB's point finder counts pixels from 1.
 const MATLAB_ORIGIN: f64 = 1.0;
@@ -151,11 +151,7 @@ impl Folder<'_> {
         warnings: &mut Vec<String>,
     ) -> Result<Camera, ImportError> {
         let origin = options.pixel_origin.unwrap_or(MATLAB_ORIGIN);
-        let moved = |mut k: Matrix3<f64>| {
-            (k[(0, 2)], k[(1, 2)]) = (k[(0, 2)] - origin, k[(1, 2)] - origin);
-            k
-        };
-        parts.k = moved(parts.k);
+        parts.k = from_origin(parts.k, origin);
         let radial = self.files.iter().find(|file| number_before(&file.path, ".rad") == Some(number));
         let Some(radial) = radial else {
             return placed(placement, parts.k, [0.0; 5], &parts.r, parts.t, warnings);
@@ -168,7 +164,12 @@ impl Folder<'_> {
                 radial.path, placement.name
             ));
         }
-        let chain = Chain { k_projection: parts.k, k_lens: moved(k_lens), distortion, size: placement.size };
+        let chain = Chain {
+            k_projection: parts.k,
+            k_lens: from_origin(k_lens, origin),
+            distortion,
+            size: placement.size,
+        };
         let refit = chain.refit();
         if refit.error_px > TOLD_PX {
             warnings.push(format!(

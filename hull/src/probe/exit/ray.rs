@@ -40,7 +40,7 @@ impl<'a> Ray<'a> {
     #[inline(always)]
     pub fn is_clear_between(&self, a: &RayPoint, b: &RayPoint) -> bool {
         let across = b.camera.xy() / b.camera.z - a.camera.xy() / a.camera.z;
-        let bow = 0.1251 * self.view.observer().bend_pixels() * across.norm_squared() + 1e-9;
+        let bow = 0.1251 * self.view.observer().bounds().bend * across.norm_squared() + 1e-9;
         let (low, high) = (a.image.inf(&b.image), a.image.sup(&b.image));
         let low = Pixel::holding(low.x - bow, low.y - bow);
         let high = Pixel::holding(high.x + bow, high.y + bow);
