@@ -27,17 +27,14 @@ pub(crate) struct Metric {
 
 impl Metric {
     pub(crate) fn of(layout: Layout) -> Metric {
-        let mono = matches!(layout, Layout::Planar(Sampling::Mono, _));
-        match layout.range() {
+        let metric = match layout.range() {
             None => Metric { weights: [1; 3], unit: 1, cosine_bits: 20, offsets: [0; 3], grey: [0; 2] },
-            Some(Range::Full) if mono => {
-                Metric { weights: [48, 0, 0], ..Metric::yuv([48, 41, 37], 0, [61, 29]) }
-            }
             Some(Range::Full) => Metric::yuv([48, 41, 37], 0, [61, 29]),
-            Some(Range::Limited) if mono => {
-                Metric { weights: [65, 0, 0], ..Metric::yuv([65, 53, 48], 16, [60, 29]) }
-            }
             Some(Range::Limited) => Metric::yuv([65, 53, 48], 16, [60, 29]),
+        };
+        match layout {
+            Layout::Planar(Sampling::Mono, _) => Metric { weights: [metric.weights[0], 0, 0], ..metric },
+            _ => metric,
         }
     }
 

@@ -59,11 +59,9 @@ pub enum SegmentError {
 pub struct Segmented {
     /// The foreground after clean-up.
     pub silhouette: Silhouette,
-    /// Share of the image that the silhouette covers, 0 to 1.
-    pub foreground_share: f64,
-    /// Share of the image that the test called foreground before clean-up; far more than
-    /// `foreground_share`, or more than about a half, means that the background is broken (the
-    /// camera was moved, the light changed).
+    /// Share of the image that the test called foreground before clean-up; far more than the silhouette
+    /// covers, or more than about a half, means that the background is broken (the camera was moved, the
+    /// light changed).
     pub raw_share: f64,
     /// How much brighter than the model the frame was and was corrected for: red, green, blue.
     pub gains: [f64; 3],
@@ -163,13 +161,8 @@ impl Segmenter {
         let (area, raw_px) = self.bits.extent(self.path);
         let area = self.clean(&area, raw_px);
         let silhouette = self.silhouette(&area)?;
-        let pixels = self.format.pixels() as f64;
-        Ok(Segmented {
-            foreground_share: silhouette.area() as f64 / pixels,
-            raw_share: raw_px as f64 / pixels,
-            gains: correction.gains(),
-            silhouette,
-        })
+        let raw_share = raw_px as f64 / self.format.pixels() as f64;
+        Ok(Segmented { silhouette, raw_share, gains: correction.gains() })
     }
 
     /// Bytes to bits.

@@ -1,18 +1,10 @@
 //! A hash over every pose of a run.
 
-use core::fmt;
 use hull::Pose;
 
 /// A hash over every body's pose at the start and after every step, and over bodies that come and go: equal
-/// digests, equal runs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct TrajectoryDigest(pub [u8; 32]);
-
-impl fmt::Display for TrajectoryDigest {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
-    }
-}
+/// digests, equal runs. Displayed in hexadecimal.
+pub type TrajectoryDigest = blake3::Hash;
 
 /// The digest as it grows.
 #[derive(Clone, Default)]
@@ -45,7 +37,7 @@ impl Trajectory {
 
     /// The digest so far.
     pub(crate) fn digest(&self) -> TrajectoryDigest {
-        TrajectoryDigest(*self.0.finalize().as_bytes())
+        self.0.finalize()
     }
 }
 

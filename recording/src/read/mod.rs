@@ -89,11 +89,6 @@ impl Recording {
         self.steps
     }
 
-    /// Film time at the end of the last step, seconds.
-    pub fn film_s(&self) -> f64 {
-        self.last.film_s
-    }
-
     /// The digest of the last world's trajectory, as programs print it.
     pub fn digest(&self) -> &str {
         &self.last.digest

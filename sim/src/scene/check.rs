@@ -1,7 +1,7 @@
 //! From keys to a scene whose every value can be.
 
 use super::file::{BodyFile, FloorFile, PlaceFile, SceneFile, ShapeFile};
-use super::{Floor, Group, HullSurface, MAX_BODIES, MassSpec, Place, Scene, StageHint, ValueError};
+use super::{Floor, Group, MAX_BODIES, MassSpec, Place, Scene, ValueError};
 use crate::solid::{ConvexHull, MAX_EXTENT_M, MIN_EXTENT_M, Solid};
 use core::fmt::Display;
 use core::ops::RangeInclusive;
@@ -29,14 +29,12 @@ const MAX_REUSE_M: f64 = 0.1;
 pub(super) fn scene(name: &str, text: &str, file: SceneFile) -> Result<Scene, ValueError> {
     let gravity_m_s2 = gravity(file.gravity.unwrap_or([0.0, -9.81, 0.0]))?;
     let floor = floor(&file.floor)?;
-    let hull = HullSurface {
-        restitution: within("hull.restitution", file.hull.restitution, RESTITUTION)?,
-        friction: within("hull.friction", file.hull.friction, FRICTION)?,
-        reuse_within_m: within("hull.reuse_within_m", file.hull.reuse_within_m, 0.0..=MAX_REUSE_M)?,
-    };
+    within("hull.restitution", file.hull.restitution, RESTITUTION)?;
+    within("hull.friction", file.hull.friction, FRICTION)?;
+    within("hull.reuse_within_m", file.hull.reuse_within_m, 0.0..=MAX_REUSE_M)?;
     let groups = file.bodies.into_iter().map(group).collect::<Result<Vec<_>, _>>()?;
     names(&groups)?;
-    let stage = file.stage.map(|stage| StageHint { motion: stage.motion, props: stage.props });
+    let SceneFile { hull, stage, .. } = file;
     Ok(Scene { name: name.to_owned(), text: text.into(), gravity_m_s2, floor, hull, stage, groups })
 }
 

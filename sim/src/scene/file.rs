@@ -1,6 +1,6 @@
 //! The scene file's keys as serde reads them; `check` gives them meaning.
 
-use super::SceneError;
+use super::{HullSurface, SceneError, StageHint};
 use hull::text::{MAX_MESSAGE_CHARS, MAX_QUOTED_CHARS, shortened};
 use serde::Deserialize;
 
@@ -11,8 +11,8 @@ pub(super) struct SceneFile {
     #[serde(default)]
     pub floor: FloorFile,
     #[serde(default)]
-    pub hull: HullFile,
-    pub stage: Option<StageFile>,
+    pub hull: HullSurface,
+    pub stage: Option<StageHint>,
     #[serde(default)]
     pub bodies: Vec<BodyFile>,
 }
@@ -32,27 +32,10 @@ impl Default for FloorFile {
     }
 }
 
-/// How the hull's surface takes a body that runs into it.
-#[derive(Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub(super) struct HullFile {
-    pub restitution: f64,
-    pub friction: f64,
-    pub reuse_within_m: f64,
-}
-
-impl Default for HullFile {
-    fn default() -> HullFile {
-        HullFile { restitution: 0.3, friction: 0.5, reuse_within_m: 0.0 }
+impl Default for HullSurface {
+    fn default() -> HullSurface {
+        HullSurface { restitution: 0.3, friction: 0.5, reuse_within_m: 0.0 }
     }
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct StageFile {
-    pub motion: String,
-    #[serde(default)]
-    pub props: Vec<String>,
 }
 
 #[derive(Deserialize)]

@@ -43,6 +43,7 @@ use crate::solid::{HullError, Solid};
 use hull::Pose;
 use hull::text::{MAX_QUOTED_CHARS, shortened};
 use nalgebra::Vector3;
+use serde::Deserialize;
 use std::sync::Arc;
 use thiserror::Error;
 
@@ -124,7 +125,8 @@ pub struct Floor {
 }
 
 /// How the hull's surface takes a body that runs into it.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct HullSurface {
     /// The share of the speed into the hull that is mirrored: 1 is the paper's flip, 0 stops the body.
     pub restitution: f64,
@@ -137,11 +139,13 @@ pub struct HullSurface {
 }
 
 /// What the scene asks of a synthetic studio; this crate only carries it.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct StageHint {
     /// What the actor does.
     pub motion: String,
     /// Real things in the room.
+    #[serde(default)]
     pub props: Vec<String>,
 }
 
