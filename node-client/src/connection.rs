@@ -12,7 +12,7 @@ use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpStream, UnixStream};
 use tonic::transport::{Channel, Endpoint, Uri};
 
-use crate::counting::{ByteCounters, CountingStream};
+use crate::counting::{ByteCounters, counted};
 use crate::error::NodeError;
 
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(2);
@@ -52,26 +52,26 @@ fn endpoint() -> Endpoint {
 trait Socket: AsyncRead + AsyncWrite + Send + Unpin {}
 impl<S: AsyncRead + AsyncWrite + Send + Unpin> Socket for S {}
 
-type CountedSocket = TokioIo<CountingStream<Box<dyn Socket>>>;
-
 fn connector(
     address: &Address,
     counters: &Arc<ByteCounters>,
-) -> impl tower::Service<Uri, Response = CountedSocket, Error = io::Error, Future: Send> + Send + 'static + use<>
-{
+) -> impl tower::Service<Uri, Response = TokioIo<Box<dyn Socket>>, Error = io::Error, Future: Send>
++ Send
++ 'static
++ use<> {
     let (address, counters) = (address.clone(), Arc::clone(counters));
     tower::service_fn(move |_: Uri| {
         let (address, counters) = (address.clone(), Arc::clone(&counters));
         async move {
-            let inner: Box<dyn Socket> = match address {
+            let socket: Box<dyn Socket> = match address {
                 Address::Tcp(host_port) => {
                     let socket = TcpStream::connect(host_port).await?;
                     socket.set_nodelay(true)?;
-                    Box::new(socket)
+                    Box::new(counted(socket, counters))
                 }
-                Address::Unix(path) => Box::new(UnixStream::connect(path).await?),
+                Address::Unix(path) => Box::new(counted(UnixStream::connect(path).await?, counters)),
             };
-            Ok(TokioIo::new(CountingStream { inner, counters }))
+            Ok(TokioIo::new(socket))
         }
     })
 }

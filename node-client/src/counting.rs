@@ -1,12 +1,10 @@
 //! Bytes counted where they cross the socket, protocol overhead and all.
 
-use std::io::{IoSlice, Result};
-use std::pin::Pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::task::{Context, Poll};
 
-use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::io::{AsyncRead, AsyncWrite};
+use tokio_util::io::{InspectReader, InspectWriter};
 
 /// Bytes since the beginning.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -48,60 +46,14 @@ impl ByteCounters {
     }
 }
 
-/// A socket that counts.
-pub(crate) struct CountingStream<S> {
-    pub inner: S,
-    pub counters: Arc<ByteCounters>,
-}
-
-impl<S: AsyncRead + Unpin> AsyncRead for CountingStream<S> {
-    fn poll_read(
-        mut self: Pin<&mut Self>,
-        context: &mut Context<'_>,
-        buffer: &mut ReadBuf<'_>,
-    ) -> Poll<Result<()>> {
-        let before = buffer.filled().len();
-        let polled = Pin::new(&mut self.inner).poll_read(context, buffer);
-        let read = buffer.filled().len() - before;
-        self.counters.from_nodes.fetch_add(read as u64, Ordering::Relaxed);
-        polled
-    }
-}
-
-impl<S> CountingStream<S> {
-    fn written(&self, polled: &Poll<Result<usize>>) {
-        if let Poll::Ready(Ok(written)) = polled {
-            self.counters.to_nodes.fetch_add(*written as u64, Ordering::Relaxed);
-        }
-    }
-}
-
-impl<S: AsyncWrite + Unpin> AsyncWrite for CountingStream<S> {
-    fn poll_write(mut self: Pin<&mut Self>, context: &mut Context<'_>, bytes: &[u8]) -> Poll<Result<usize>> {
-        let polled = Pin::new(&mut self.inner).poll_write(context, bytes);
-        self.written(&polled);
-        polled
-    }
-
-    fn poll_write_vectored(
-        mut self: Pin<&mut Self>,
-        context: &mut Context<'_>,
-        slices: &[IoSlice<'_>],
-    ) -> Poll<Result<usize>> {
-        let polled = Pin::new(&mut self.inner).poll_write_vectored(context, slices);
-        self.written(&polled);
-        polled
-    }
-
-    fn is_write_vectored(&self) -> bool {
-        self.inner.is_write_vectored()
-    }
-
-    fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Result<()>> {
-        Pin::new(&mut self.inner).poll_flush(context)
-    }
-
-    fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Result<()>> {
-        Pin::new(&mut self.inner).poll_shutdown(context)
-    }
+/// A socket with every byte counted that crosses it.
+pub(crate) fn counted(
+    socket: impl AsyncRead + AsyncWrite + Send + Unpin,
+    counters: Arc<ByteCounters>,
+) -> impl AsyncRead + AsyncWrite + Send + Unpin {
+    let (outgoing, incoming) = (Arc::clone(&counters), counters);
+    let add =
+        |counter: &AtomicU64, bytes: &[u8]| _ = counter.fetch_add(bytes.len() as u64, Ordering::Relaxed);
+    let socket = InspectWriter::new(socket, move |bytes: &[u8]| add(&outgoing.to_nodes, bytes));
+    InspectReader::new(socket, move |bytes: &[u8]| add(&incoming.from_nodes, bytes))
 }

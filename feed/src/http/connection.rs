@@ -2,15 +2,13 @@
 
 use std::io;
 use std::net::SocketAddr;
-use std::pin::Pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::task::{Context, Poll};
 
 use axum::extract::connect_info::Connected;
 use axum::serve::{IncomingStream, Listener};
-use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::{TcpListener, TcpStream};
+use tokio_util::io::InspectWriter;
 
 /// Bytes that the kernel buffers for a slow peer: more would be old when it arrives.
 /// A page in the same building takes hundreds of megabits a second through so much.
@@ -19,11 +17,8 @@ const SEND_BUFFER_BYTES: usize = 128 << 10;
 /// Accepts connections.
 pub(crate) struct CountingListener(pub TcpListener);
 
-/// One connection.
-pub(crate) struct CountingStream {
-    stream: TcpStream,
-    bytes_sent: BytesSent,
-}
+/// One connection; what the kernel has taken is counted.
+type CountingStream = InspectWriter<TcpStream, Box<dyn FnMut(&[u8]) + Send>>;
 
 /// Bytes that the kernel has taken for a peer.
 #[derive(Clone, Debug, Default)]
@@ -38,74 +33,27 @@ impl BytesSent {
 
 impl Listener for CountingListener {
     type Io = CountingStream;
-    type Addr = SocketAddr;
+    /// The peer's address, and the count of its connection.
+    type Addr = (SocketAddr, BytesSent);
 
-    async fn accept(&mut self) -> (CountingStream, SocketAddr) {
+    async fn accept(&mut self) -> (CountingStream, (SocketAddr, BytesSent)) {
         let (stream, address) = Listener::accept(&mut self.0).await;
         // A socket that takes neither setting still works, only later.
         let _ = stream.set_nodelay(true);
         let _ = socket2::SockRef::from(&stream).set_send_buffer_size(SEND_BUFFER_BYTES);
-        (CountingStream { stream, bytes_sent: BytesSent::default() }, address)
+        let bytes_sent = BytesSent::default();
+        let counter = Arc::clone(&bytes_sent.0);
+        let count = move |bytes: &[u8]| _ = counter.fetch_add(bytes.len() as u64, Ordering::Relaxed);
+        (InspectWriter::new(stream, Box::new(count)), (address, bytes_sent))
     }
 
-    fn local_addr(&self) -> io::Result<SocketAddr> {
-        self.0.local_addr()
+    fn local_addr(&self) -> io::Result<(SocketAddr, BytesSent)> {
+        self.0.local_addr().map(|address| (address, BytesSent::default()))
     }
 }
 
 impl Connected<IncomingStream<'_, CountingListener>> for BytesSent {
     fn connect_info(stream: IncomingStream<'_, CountingListener>) -> BytesSent {
-        stream.io().bytes_sent.clone()
-    }
-}
-
-impl AsyncRead for CountingStream {
-    fn poll_read(
-        mut self: Pin<&mut Self>,
-        context: &mut Context<'_>,
-        into: &mut ReadBuf<'_>,
-    ) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.stream).poll_read(context, into)
-    }
-}
-
-impl CountingStream {
-    fn count(&self, written: Poll<io::Result<usize>>) -> Poll<io::Result<usize>> {
-        if let Poll::Ready(Ok(bytes)) = &written {
-            self.bytes_sent.0.fetch_add(*bytes as u64, Ordering::Relaxed);
-        }
-        written
-    }
-}
-
-impl AsyncWrite for CountingStream {
-    fn poll_write(
-        mut self: Pin<&mut Self>,
-        context: &mut Context<'_>,
-        bytes: &[u8],
-    ) -> Poll<io::Result<usize>> {
-        let written = Pin::new(&mut self.stream).poll_write(context, bytes);
-        self.count(written)
-    }
-
-    fn poll_write_vectored(
-        mut self: Pin<&mut Self>,
-        context: &mut Context<'_>,
-        parts: &[io::IoSlice<'_>],
-    ) -> Poll<io::Result<usize>> {
-        let written = Pin::new(&mut self.stream).poll_write_vectored(context, parts);
-        self.count(written)
-    }
-
-    fn is_write_vectored(&self) -> bool {
-        self.stream.is_write_vectored()
-    }
-
-    fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.stream).poll_flush(context)
-    }
-
-    fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.stream).poll_shutdown(context)
+        stream.remote_addr().1.clone()
     }
 }
