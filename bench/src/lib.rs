@@ -5,6 +5,7 @@ mod cluster;
 mod feed;
 mod loads;
 mod outputs;
+mod passes;
 mod peers;
 mod plot;
 mod query;

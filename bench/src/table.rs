@@ -59,3 +59,55 @@ pub fn write_json(figures: &impl Serialize, path: Option<&Path>) -> Outcome {
     text.push(b'\n');
     write_whole(path, &text)
 }
+
+/// A table for people.
+pub struct Columns<Row: 'static> {
+    /// What stands between two columns.
+    pub gap: &'static str,
+    /// From left to right.
+    pub columns: &'static [Column<Row>],
+}
+
+/// A column: its title, how wide it is, and what it says of a row.
+pub struct Column<Row> {
+    title: &'static str,
+    width: usize,
+    is_left: bool,
+    cell: fn(&Row) -> String,
+}
+
+/// A column of numbers, against its right side.
+pub const fn number<Row>(title: &'static str, width: usize, cell: fn(&Row) -> String) -> Column<Row> {
+    Column { title, width, is_left: false, cell }
+}
+
+/// A column of words, against its left side.
+pub const fn words<Row>(title: &'static str, width: usize, cell: fn(&Row) -> String) -> Column<Row> {
+    Column { title, width, is_left: true, cell }
+}
+
+impl<Row> Columns<Row> {
+    /// The head of the table.
+    pub fn print_titles(&self) {
+        self.print_line(|column| column.title.to_owned());
+    }
+
+    /// A row of the table.
+    pub fn print(&self, row: &Row) {
+        self.print_line(|column| (column.cell)(row));
+    }
+
+    #[allow(clippy::print_stdout, reason = "the table is the command's output")]
+    fn print_line(&self, text: impl Fn(&Column<Row>) -> String) {
+        let cell = |column: &Column<Row>| match (text(column), column.width) {
+            (text, width) if column.is_left => format!("{text:<width$}"),
+            (text, width) => format!("{text:>width$}"),
+        };
+        println!("{}", self.columns.iter().map(cell).collect::<Vec<_>>().join(self.gap));
+    }
+}
+
+/// A number with so many digits behind the point, or a dash.
+pub fn or_dash(value: Option<f64>, digits: usize) -> String {
+    value.map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}"))
+}

@@ -1,5 +1,8 @@
 //! One film over all layouts: bytes at real sockets, and the processor time beside.
 
+use std::slice;
+
+use hull::cull::WorldBox;
 use proto::convert::SilhouetteEncoding;
 
 use super::hosted::HostedNodes;
@@ -7,7 +10,8 @@ use super::layout::{Cost, Layout};
 use crate::cluster::bodies::Bodies;
 use crate::cluster::connection::{AnswerPlace, ClusterClient, FrameCosts, PassCosts, PointForm};
 use crate::cluster::film::{Film, FilmPlan};
-use crate::cluster::probing::{Local, Passes};
+use crate::passes::Passes;
+use crate::usage::thread_cpu_s;
 use cli::{Failure, Outcome, PrecisionName};
 
 /// Passes that the computation of gathering layouts is the mean of.
@@ -65,13 +69,15 @@ pub fn measured(
     let hosted = HostedNodes::start(&film)?;
     let mut nodes = ClusterClient::to(&film, hosted.nodes().to_vec(), &bodies, AnswerPlace::Nodes)?;
     let mut at = Vec::new();
-    let (mut local, mut here) = (Local::default(), Passes::new(film.settings(), 1));
+    let mut here = Passes::new(film.settings(), 1);
     for &count in counts {
         let bodies = bodies.first(count);
         let mut costs = Vec::new();
         let mut local_ms = 0.0;
         for pass in 0..LOCAL_PASSES {
-            local_ms += here.locally(&views, &bodies.at_pass(pass), &mut local)? / LOCAL_PASSES as f64;
+            let (points, began_s) = (bodies.at_pass(pass), thread_cpu_s());
+            here.ask(&points, slice::from_ref(&views), &WorldBox::EVERYWHERE)?;
+            local_ms += (thread_cpu_s() - began_s) * 1e3 / LOCAL_PASSES as f64;
         }
         costs.extend(gathered.iter().map(|(layout, frame)| gathered_cost(*layout, &nodes, frame, local_ms)));
         let mut inside_share = 0.0;

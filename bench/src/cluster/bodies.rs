@@ -5,12 +5,11 @@ use std::sync::Arc;
 
 use hull::body::Pose;
 use hull::cull::WorldBox;
-use hull::question::Points;
+use hull::question::{Answer, Batch, Points, Question, QuestionKind};
 use hull::view_set::Scratch;
 use hull::{Shape, ViewSet};
 use sim::Solid;
 
-use super::probing::{inside_count, to_world};
 use crate::random::Random;
 use cli::{Failure, Outcome};
 
@@ -175,6 +174,22 @@ fn strayed(pose: &Pose, random: &mut Random) -> Pose {
     let length = turned.iter().map(|value| value * value).sum::<f64>().sqrt();
     // Next to a unit quaternion there is another.
     Pose::new(position_m, turned.map(|value| value / length)).unwrap_or(*pose)
+}
+
+/// How many of the points all cameras of a group see as foreground.
+fn inside_count(views: &ViewSet, points: Points, scratch: &mut Scratch) -> usize {
+    let question =
+        Question { kind: QuestionKind::Classes, batches: vec![Batch::all(points)], ..Question::default() };
+    let mut answer = Answer::default();
+    views.answer(&question, scratch, &mut answer);
+    answer.standings.iter().filter(|standing| standing.inside_count().is_some()).count()
+}
+
+/// The same points, as points of the world that nobody has registered.
+fn to_world(points: Points) -> Points {
+    let Points::Body { shape, pose } = points else { return points };
+    let world_from_body = pose.world_from_body();
+    Points::World(shape.samples_body().iter().map(|&sample| world_from_body(sample).into()).collect())
 }
 
 #[cfg(test)]

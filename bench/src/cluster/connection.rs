@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use coordinator::{Percentiles, Transport};
+use hull::cull::WorldBox;
 use hull::pass::Round;
 use hull::question::Points;
 use node_client::{ByteCounts, ExpectedNode};
@@ -13,7 +14,7 @@ use tokio::runtime::Runtime;
 
 use super::bodies::Bodies;
 use super::film::{FPS, Film};
-use super::probing::Passes;
+use crate::passes::Passes;
 use crate::usage::{this_process_cpu_s, thread_cpu_s};
 use cli::{Failure, Outcome};
 
@@ -180,7 +181,8 @@ impl ClusterClient {
         let mut stages_ms: BTreeMap<Round, f64> = BTreeMap::new();
         runtime.block_on(async {
             let began = Instant::now();
-            passes.begin(bodies);
+            // Every body touches the person: none would be culled by a box around the hull.
+            passes.begin(bodies, &WorldBox::EVERYWHERE);
             let trips = &mut costs.trips;
             // A round may take several trips: some nodes are asked about what others leave.
             let mut took = |round, ms| {
@@ -191,7 +193,7 @@ impl ClusterClient {
                 .run_pass(&mut passes.pass, frame, ROUND_TIMEOUT, &mut took)
                 .await
                 .map_err(Failure::run)?;
-            let inside = passes.end();
+            let inside = passes.inside_count();
             costs.pass_ms.add(began.elapsed().as_secs_f64() * 1e3);
             for (round, ms) in stages_ms {
                 costs.stages.entry(round).or_default().add(ms);

@@ -7,7 +7,6 @@ pub mod film;
 mod measure;
 mod model;
 pub mod names;
-pub mod probing;
 mod rows;
 
 use clap::Args;
@@ -17,7 +16,7 @@ use self::bodies::SAMPLES;
 use self::measure::{Scene, Setting, measured};
 use self::model::model_of;
 use self::names::SocketName;
-use self::rows::{Row, print_header, print_row, print_stages};
+use self::rows::{Row, TABLE, print_stages};
 use super::outputs::Outputs;
 use super::scale::report::{ScaleReport, report};
 use super::table::{Machine, Table};
@@ -94,14 +93,14 @@ pub fn run(arguments: &ClusterBenchArguments) -> Outcome {
     let machine = Machine::here();
     println!("{}; nodes and coordinator share its cores", machine.line());
     println!("bodies of {SAMPLES} samples, {} passes each, milliseconds", arguments.passes);
-    print_header();
+    TABLE.print_titles();
     let mut rows = Vec::new();
     let mut scene: Option<Scene> = None;
     for setting in settings(arguments) {
         let scene = Scene::prepared(&mut scene, &setting)?;
         for &sockets in &arguments.sockets {
             let measured = measured(scene, &setting, sockets, arguments.passes)?;
-            measured.iter().for_each(print_row);
+            measured.iter().for_each(|row| TABLE.print(row));
             rows.extend(measured);
         }
     }

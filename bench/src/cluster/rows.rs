@@ -6,6 +6,8 @@ use coordinator::Percentiles;
 use hull::pass::Round;
 use serde::Serialize;
 
+use crate::table::{Columns, number, or_dash};
+
 /// What was measured of one setting.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
@@ -128,54 +130,27 @@ pub fn series(rows: &[Row], varied: Varied) -> Vec<&Row> {
     most
 }
 
-/// The head of the table.
-#[allow(clippy::print_stdout, reason = "the table is the command's output")]
-pub fn print_header() {
-    println!(
-        "{:>5} {:>7} {:>6} {:>9} {:>9} {:>7} {:>8} {:>8} {:>8} {:>8} {:>7} {:>5} {:>8} {:>9} {:>8}",
-        "nodes",
-        "cameras",
-        "bodies",
-        "size",
-        "precision",
-        "sockets",
-        "p50",
-        "p99",
-        "max",
-        "KB/node",
-        "inside",
-        "trips",
-        "node cpu",
-        "coord.cpu",
-        "node MB"
-    );
-}
-
-/// A row of the table.
-#[allow(clippy::print_stdout, reason = "the table is the command's output")]
-pub fn print_row(row: &Row) {
-    let or_dash = |value: Option<f64>, digits: usize| {
-        value.map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}"))
-    };
-    println!(
-        "{:>5} {:>7} {:>6} {:>9} {:>9} {:>7} {:>8.2} {:>8.2} {:>8.2} {:>8.2} {:>6.2}% {:>5.1} {:>8} {:>9.3} {:>8}",
-        row.nodes,
-        row.cameras,
-        row.bodies,
-        format!("{}x{}", row.width, row.height),
-        row.precision,
-        row.sockets,
-        row.p50_ms,
-        row.p99_ms,
-        row.max_ms,
-        row.bytes_per_node_pass * 1e-3,
-        100.0 * row.inside_share,
-        row.trips_per_pass,
-        or_dash(row.node_cpu_ms, 3),
-        row.coordinator_cpu_ms,
-        or_dash(row.node_rss_mb, 0),
-    );
-}
+/// The table, without the rounds.
+pub const TABLE: Columns<Row> = Columns {
+    gap: " ",
+    columns: &[
+        number("nodes", 5, |row| row.nodes.to_string()),
+        number("cameras", 7, |row| row.cameras.to_string()),
+        number("bodies", 6, |row| row.bodies.to_string()),
+        number("size", 9, |row| format!("{}x{}", row.width, row.height)),
+        number("precision", 9, |row| row.precision.to_owned()),
+        number("sockets", 7, |row| row.sockets.to_owned()),
+        number("p50", 8, |row| format!("{:.2}", row.p50_ms)),
+        number("p99", 8, |row| format!("{:.2}", row.p99_ms)),
+        number("max", 8, |row| format!("{:.2}", row.max_ms)),
+        number("KB/node", 8, |row| format!("{:.2}", row.bytes_per_node_pass * 1e-3)),
+        number("inside", 7, |row| format!("{:.2}%", 100.0 * row.inside_share)),
+        number("trips", 5, |row| format!("{:.1}", row.trips_per_pass)),
+        number("node cpu", 8, |row| or_dash(row.node_cpu_ms, 3)),
+        number("coord.cpu", 9, |row| format!("{:.3}", row.coordinator_cpu_ms)),
+        number("node MB", 8, |row| or_dash(row.node_rss_mb, 0)),
+    ],
+};
 
 /// The pass by rounds.
 #[allow(clippy::print_stdout, reason = "the table is the command's output")]

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use self::rows::{Row, print_header, print_row};
+use self::rows::{Row, TABLE};
 use self::run::{Setting, measured};
 use super::outputs::Outputs;
 use super::table::{Machine, Table};
@@ -68,11 +68,11 @@ pub fn run(arguments: &FeedBenchArguments) -> Outcome {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::run)?;
     let machine = Machine::here();
     println!("{}; cameras, coordinator and page share its cores", machine.line());
-    print_header();
+    TABLE.print_titles();
     let mut rows: Vec<Row> = Vec::new();
     for setting in settings(arguments) {
         let row = runtime.block_on(measured(&setting))?;
-        print_row(&row);
+        TABLE.print(&row);
         rows.push(row);
     }
     let table = Table { bench: "feed", machine, rows };

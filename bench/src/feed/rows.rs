@@ -2,6 +2,8 @@
 
 use serde::Serialize;
 
+use crate::table::{Columns, number, or_dash, words};
+
 /// What was measured of one source over one link.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
@@ -38,43 +40,23 @@ pub struct Row {
     pub step_p50_alone_ms: Option<f64>,
 }
 
-/// The head of the table.
-#[allow(clippy::print_stdout, reason = "the table is the command's output")]
-pub fn print_header() {
-    println!(
-        "{:<20} {:>7} {:>8} {:>7} {:>7} {:>8} {:>11} {:>25} {:>8} {:>17}",
-        "source",
-        "cameras",
-        "link",
-        "Mbit/s",
-        "sets/s",
-        "KB/set",
-        "at film fps",
-        "delay p50 / p99 / max, ms",
-        "colours",
-        "step p50 / alone",
-    );
-}
-
-/// A row of the table.
-#[allow(clippy::print_stdout, reason = "the table is the command's output")]
-pub fn print_row(row: &Row) {
-    let or_dash = |value: Option<f64>, digits: usize| {
-        value.map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}"))
-    };
-    let delays = [row.delay_p50_ms, row.delay_p99_ms, row.delay_max_ms].map(|delay| or_dash(delay, 0));
-    let steps = [row.step_p50_ms, row.step_p50_alone_ms].map(|step| or_dash(step, 2));
-    println!(
-        "{:<20} {:>7} {:>8} {:>7.2} {:>7.1} {:>8.1} {:>11} {:>25} {:>8} {:>17}",
-        row.source,
-        row.cameras,
-        or_dash(row.link_mbit_per_s, 1),
-        row.mbit_per_s,
-        row.sets_per_s,
-        1e-3 * row.bytes_per_set,
-        format!("{:.1} @ {:.0}", row.mbit_per_s_at_fps, row.fps),
-        delays.join(" / "),
-        row.tier,
-        steps.join(" / "),
-    );
-}
+/// The table.
+pub const TABLE: Columns<Row> = Columns {
+    gap: " ",
+    columns: &[
+        words("source", 20, |row| row.source.clone()),
+        number("cameras", 7, |row| row.cameras.to_string()),
+        number("link", 8, |row| or_dash(row.link_mbit_per_s, 1)),
+        number("Mbit/s", 7, |row| format!("{:.2}", row.mbit_per_s)),
+        number("sets/s", 7, |row| format!("{:.1}", row.sets_per_s)),
+        number("KB/set", 8, |row| format!("{:.1}", 1e-3 * row.bytes_per_set)),
+        number("at film fps", 11, |row| format!("{:.1} @ {:.0}", row.mbit_per_s_at_fps, row.fps)),
+        number("delay p50 / p99 / max, ms", 25, |row| {
+            [row.delay_p50_ms, row.delay_p99_ms, row.delay_max_ms].map(|delay| or_dash(delay, 0)).join(" / ")
+        }),
+        number("colours", 8, |row| row.tier.clone()),
+        number("step p50 / alone", 17, |row| {
+            [row.step_p50_ms, row.step_p50_alone_ms].map(|step| or_dash(step, 2)).join(" / ")
+        }),
+    ],
+};

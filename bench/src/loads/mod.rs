@@ -2,17 +2,17 @@
 
 pub mod paper_mix;
 
+use std::slice;
 use std::sync::Arc;
 
 use hull::cull::{WorldBox, hull_box};
 use hull::oracle::DenseView;
-use hull::pass::{BodyResult, Pass, Reaches};
-use hull::question::{Answer, Points};
+use hull::question::Points;
 use hull::silhouette::PixelRect;
-use hull::view_set::Scratch;
 use hull::{Camera, Observer, ProbeSettings, Rig, Silhouette, View, ViewSet};
 use stage::{CameraStage, StageSettings, studio_rig};
 
+use crate::passes::Passes;
 use crate::random::Random;
 use cli::{Failure, Outcome, Progress};
 
@@ -104,11 +104,12 @@ impl Studio {
     /// Random points inside the hull, 1 to 3 cm from an edge's ray if `near_surface`.
     pub fn inside(&self, random: &mut Random, count: usize, near_surface: bool) -> Outcome<Vec<[f64; 3]>> {
         let mut found = Vec::new();
-        let mut asked = PassRunner::new(self.settings, 1);
+        let mut asked = Passes::new(self.settings, 1);
         for _ in 0..MAX_THROWS {
             let points: Arc<[[f64; 3]]> = self.in_box(random, THROW, 0.0).into();
-            asked.ask(&[Points::World(Arc::clone(&points))], &[&self.views], &WorldBox::EVERYWHERE)?;
-            for touch in &asked.results()[0].touches {
+            let bodies = [Points::World(Arc::clone(&points))];
+            asked.ask(&bodies, slice::from_ref(&self.views), &WorldBox::EVERYWHERE)?;
+            for touch in &asked.pass.results()[0].touches {
                 let fits =
                     touch.edge.is_some_and(|edge| !near_surface || CONTACT_M.contains(&edge.distance_m));
                 if fits && found.len() < count {
@@ -169,42 +170,4 @@ fn cameras(plan: StudioPlan) -> Outcome<Vec<Camera>> {
             .map_err(Failure::run)
     };
     rig.cameras().iter().map(bend).collect()
-}
-
-/// A pass that is asked again and again, with its buffers and what it learned of the bodies.
-pub struct PassRunner {
-    pass: Pass,
-    scratch: Scratch,
-    answer: Answer,
-    reaches: Vec<Reaches>,
-}
-
-impl PassRunner {
-    /// To be asked of so many groups.
-    pub fn new(settings: ProbeSettings, group_count: usize) -> PassRunner {
-        let mut pass = Pass::new(Vec::new(), Some(&WorldBox::EVERYWHERE), settings, group_count);
-        pass.ask_in_two_phases(true);
-        PassRunner { pass, scratch: Scratch::default(), answer: Answer::default(), reaches: Vec::new() }
-    }
-
-    /// A full pass over bodies, asked of the groups on this thread one after the other. Bodies that were
-    /// asked before are searched at first as far as their edges were then.
-    pub fn ask(&mut self, bodies: &[Points], groups: &[&ViewSet], hull_box: &WorldBox) -> Outcome {
-        self.reaches.resize_with(bodies.len(), Reaches::default);
-        self.reaches.iter_mut().zip(self.pass.results()).for_each(|(reaches, result)| reaches.note(result));
-        let asked = bodies.iter().cloned().zip(&self.reaches);
-        self.pass.restart(asked, Some(hull_box));
-        while let Some(question) = self.pass.question() {
-            let next = (0..groups.len()).find(|&group| self.pass.asks(group));
-            let group = next.ok_or_else(|| Failure::run("a pass asks nobody"))?;
-            groups[group].answer(question, &mut self.scratch, &mut self.answer);
-            self.pass.answer(group, &self.answer).map_err(Failure::run)?;
-        }
-        Ok(())
-    }
-
-    /// What the last pass found for each body.
-    pub fn results(&self) -> &[BodyResult] {
-        self.pass.results()
-    }
 }

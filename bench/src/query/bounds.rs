@@ -109,7 +109,8 @@ impl<'a> Bounds<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::loads::{PassRunner, StudioPlan};
+    use crate::loads::StudioPlan;
+    use crate::passes::Passes;
     use crate::random::Random;
 
     #[test]
@@ -119,10 +120,10 @@ mod tests {
         let saved = Bounds::new(&studio).saved("heap", &heap);
         let parts = [saved.body_box, saved.frustum_box, saved.frustum_planes, saved.silhouette, saved.inside];
         assert!((parts.iter().sum::<f64>() - 1.0).abs() < 1e-9 && parts.iter().all(|&part| part >= 0.0));
-        let mut asked = PassRunner::new(studio.settings, 1);
+        let mut asked = Passes::new(studio.settings, 1);
         let hull_box = studio.hull_box().expect("a person");
-        asked.ask(&heap, &[&studio.views], &hull_box).expect("answers");
-        let inside: usize = asked.results().iter().map(|body| body.touches.len()).sum();
+        asked.ask(&heap, std::slice::from_ref(&studio.views), &hull_box).expect("answers");
+        let inside = asked.inside_count();
         assert_eq!((saved.inside * saved.samples as f64).round() as usize, inside);
         assert!(saved.body_box > 0.0 && inside > 0, "{saved:?}");
     }

@@ -14,7 +14,8 @@ use nalgebra::{Point3, Vector3};
 
 use super::lanes::Lane;
 use super::opponent::Opponent;
-use crate::loads::{PassRunner, Studio};
+use crate::loads::Studio;
+use crate::passes::Passes;
 
 /// Ours, on the best vectors of this machine, every camera in one group.
 pub const HULLTOUCH: &str = "hulltouch";
@@ -107,11 +108,10 @@ pub fn pass_lanes<'a>(
     opponent: Option<(&'a RefCell<Opponent>, &'static str)>,
 ) -> Vec<Lane<'a>> {
     let pass = |(engine, groups): &'a (&'static str, Vec<ViewSet>)| {
-        let groups: Vec<&ViewSet> = groups.iter().collect();
-        let mut asked = PassRunner::new(studio.settings, groups.len());
+        let mut asked = Passes::new(studio.settings, groups.len());
         Lane::of_work(engine, counted, move || {
-            asked.ask(black_box(bodies), &groups, &sets.hull_box)?;
-            black_box(asked.results());
+            asked.ask(black_box(bodies), groups, &sets.hull_box)?;
+            black_box(asked.pass.results());
             Ok(())
         })
     };

@@ -14,14 +14,16 @@ use hull::question::Points;
 use nalgebra::Point3;
 use serde::Serialize;
 use std::cell::RefCell;
+use std::slice;
 
 use self::bounds::{BoundSavings, Bounds};
 use self::engines::{Sets, inside_lanes, pass_lanes, world_points};
 use self::lanes::{Lane, medians};
 use self::opponent::{Agreement, Opponent};
 use self::rounds::{RoundCosts, round_costs};
-use super::loads::{BODY_POINTS, PassRunner, Studio, StudioPlan, paper_mix};
+use super::loads::{BODY_POINTS, Studio, StudioPlan, paper_mix};
 use super::outputs::Outputs;
+use super::passes::Passes;
 use super::random::Random;
 use super::table::Machine;
 use cli::{Failure, Outcome, Progress, parse_size};
@@ -210,13 +212,13 @@ impl Report {
             standings.iter().map(|standing| standing.inside_count().is_some()).collect()
         };
         self.agreement.push(opponent.check_inside(studio, &size, &loads.in_box, &inside)?);
-        let mut asked = PassRunner::new(studio.settings, 1);
+        let mut asked = Passes::new(studio.settings, 1);
         for (load, bodies) in loads.passes() {
             let points: Coordinates = bodies.iter().flat_map(world_points).collect();
             debug_assert!(points.len().div_ceil(BODY_POINTS) == bodies.len());
             opponent.hand_over(load, &points)?;
-            asked.ask(bodies, &[&studio.views], &WorldBox::EVERYWHERE)?;
-            self.agreement.push(opponent.check_responses(studio, &size, load, asked.results())?);
+            asked.ask(bodies, slice::from_ref(&studio.views), &WorldBox::EVERYWHERE)?;
+            self.agreement.push(opponent.check_responses(studio, &size, load, asked.pass.results())?);
         }
         Ok(())
     }

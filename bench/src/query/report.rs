@@ -2,10 +2,41 @@
 
 use std::path::Path;
 
+use super::bounds::BoundSavings;
 use super::engines::{HULLTOUCH, UNPRUNED};
+use super::rounds::RoundCosts;
 use super::{Report, Row};
 use crate::plot::{Axis, BarChart, LineChart, Series};
+use crate::table::{Columns, number, words};
 use cli::Outcome;
+
+const BOUNDS: Columns<BoundSavings> = Columns {
+    gap: "  ",
+    columns: &[
+        words("load", 14, |saved| saved.load.clone()),
+        number("samples", 8, |saved| saved.samples.to_string()),
+        number("body box", 8, |saved| format!("{:.1}", 100.0 * saved.body_box)),
+        number("frustum box", 11, |saved| format!("{:.1}", 100.0 * saved.frustum_box)),
+        number("frustum planes", 14, |saved| format!("{:.1}", 100.0 * saved.frustum_planes)),
+        number("silhouette", 10, |saved| format!("{:.1}", 100.0 * saved.silhouette)),
+        number("inside", 6, |saved| format!("{:.1}", 100.0 * saved.inside)),
+    ],
+};
+
+const ROUNDS: Columns<RoundCosts> = Columns {
+    gap: "  ",
+    columns: &[
+        number("size", 10, |row| row.size.clone()),
+        words("load", 14, |row| row.load.clone()),
+        words("engine", 18, |row| row.engine.to_owned()),
+        number("classes", 8, |row| format!("{:.1}", row.classes_ns)),
+        number("edges", 8, |row| format!("{:.1}", row.edges_ns)),
+        number("exits", 8, |row| format!("{:.1}", row.exits_ns)),
+        number("mean", 8, |row| format!("{:.1}", row.body_exits_ns)),
+        number("check", 8, |row| format!("{:.1}", row.check_ns)),
+        number("pass", 8, |row| format!("{:.1}", row.pass_ns)),
+    ],
+};
 
 #[allow(clippy::print_stdout, reason = "the table is the command's output")]
 impl Report {
@@ -31,19 +62,8 @@ impl Report {
         self.print_flatness();
         self.print_rounds();
         println!("\nshare of samples that each stage rejects, % (the paper's set-up)");
-        println!(
-            "{:14}  {:>8}  {:>8}  {:>11}  {:>14}  {:>10}  {:>6}",
-            "load", "samples", "body box", "frustum box", "frustum planes", "silhouette", "inside"
-        );
-        for saved in &self.bounds {
-            let [body_box, frustum_box, frustum_planes, silhouette, inside] =
-                saved.shares().map(|share| 100.0 * share);
-            println!(
-                "{:14}  {:8}  {body_box:8.1}  {frustum_box:11.1}  {frustum_planes:14.1}  {silhouette:10.1}  \
-                 {inside:6.1}",
-                saved.load, saved.samples
-            );
-        }
+        BOUNDS.print_titles();
+        self.bounds.iter().for_each(|saved| BOUNDS.print(saved));
         for said in &self.agreement {
             println!(
                 "{:>10}  {:14}  OpenCV agrees on {:.2} % of {} points; {} on a pixel's edge or with another edge as near",
@@ -58,24 +78,8 @@ impl Report {
 
     fn print_rounds(&self) {
         println!("\nnanoseconds of a point by round, over all groups of cameras");
-        println!(
-            "{:>10}  {:14}  {:18}  {:>8}  {:>8}  {:>8}  {:>8}  {:>8}  {:>8}",
-            "size", "load", "engine", "classes", "edges", "exits", "mean", "check", "pass"
-        );
-        for row in &self.rounds {
-            println!(
-                "{:>10}  {:14}  {:18}  {:8.1}  {:8.1}  {:8.1}  {:8.1}  {:8.1}  {:8.1}",
-                row.size,
-                row.load,
-                row.engine,
-                row.classes_ns,
-                row.edges_ns,
-                row.exits_ns,
-                row.body_exits_ns,
-                row.check_ns,
-                row.pass_ns
-            );
-        }
+        ROUNDS.print_titles();
+        self.rounds.iter().for_each(|row| ROUNDS.print(row));
         // The rounds are measured in pairs.
         for pair in self.rounds.chunks_exact(2) {
             println!(

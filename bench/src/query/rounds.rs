@@ -1,16 +1,18 @@
 //! Where a pass spends its time: nanoseconds of each round, by all cameras together and by cameras alone.
 
+use std::collections::BTreeMap;
+
 use hull::ViewSet;
 use hull::cull::WorldBox;
-use hull::pass::{Pass, Reaches, Round};
-use hull::question::{Answer, Points};
-use hull::view_set::Scratch;
+use hull::pass::Round;
+use hull::question::Points;
 use serde::Serialize;
 
 use super::lanes::REPETITION_S;
 use crate::loads::Studio;
+use crate::passes::Passes;
 use crate::usage::thread_cpu_s;
-use cli::{Failure, Outcome};
+use cli::Outcome;
 
 /// Nanoseconds of one core a point of the load, over all groups of cameras.
 #[derive(Clone, Debug, Default, Serialize)]
@@ -50,77 +52,35 @@ pub fn round_costs(
     (engine, groups): (&'static str, &[ViewSet]),
     bodies: &[Points],
 ) -> Outcome<RoundCosts> {
-    let mut clock = Clock::new(studio, groups);
-    clock.pass(groups, bodies)?;
-    clock.seconds = [0.0; 6];
-    let (began_s, mut passes) = (thread_cpu_s(), 0usize);
+    let mut asked = Passes::new(studio.settings, groups.len());
+    let mut pass = |seconds: &mut BTreeMap<Round, f64>| {
+        let mut before_s = thread_cpu_s();
+        let mut lap = |round| {
+            let now_s = thread_cpu_s();
+            *seconds.entry(round).or_default() += now_s - before_s;
+            before_s = now_s;
+        };
+        asked.begin(bodies, &WorldBox::EVERYWHERE);
+        lap(Round::Done);
+        asked.answer(groups, lap)
+    };
+    pass(&mut BTreeMap::new())?;
+    let (began_s, mut passes, mut seconds) = (thread_cpu_s(), 0usize, BTreeMap::new());
     while thread_cpu_s() - began_s < 2.0 * REPETITION_S {
-        clock.pass(groups, bodies)?;
+        pass(&mut seconds)?;
         passes += 1;
     }
     let points = passes * bodies.iter().map(Points::len).sum::<usize>();
-    let [classes_ns, edges_ns, exits_ns, body_exits_ns, check_ns, pass_ns] =
-        clock.seconds.map(|seconds| 1e9 * seconds / points.max(1) as f64);
-    let (size, load) = (size.to_owned(), load.to_owned());
-    Ok(RoundCosts { size, load, engine, classes_ns, edges_ns, exits_ns, body_exits_ns, check_ns, pass_ns })
-}
-
-/// A pass that is timed between its questions.
-struct Clock {
-    pass: Pass,
-    scratch: Scratch,
-    answer: Answer,
-    reaches: Vec<Reaches>,
-    /// Of each round, and last of what is between them.
-    seconds: [f64; 6],
-    before_s: f64,
-}
-
-impl Clock {
-    fn new(studio: &Studio, groups: &[ViewSet]) -> Clock {
-        let mut pass = Pass::new(Vec::new(), Some(&WorldBox::EVERYWHERE), studio.settings, groups.len());
-        pass.ask_in_two_phases(true);
-        Clock {
-            pass,
-            scratch: Scratch::default(),
-            answer: Answer::default(),
-            reaches: Vec::new(),
-            seconds: [0.0; 6],
-            before_s: 0.0,
-        }
-    }
-
-    fn pass(&mut self, groups: &[ViewSet], bodies: &[Points]) -> Outcome {
-        self.reaches.resize_with(bodies.len(), Reaches::default);
-        self.reaches.iter_mut().zip(self.pass.results()).for_each(|(reaches, result)| reaches.note(result));
-        self.before_s = thread_cpu_s();
-        let asked = bodies.iter().cloned().zip(&self.reaches);
-        self.pass.restart(asked, Some(&WorldBox::EVERYWHERE));
-        self.lap(Round::Done);
-        while let Some(question) = self.pass.question() {
-            let next = (0..groups.len()).find(|&group| self.pass.asks(group));
-            let group = next.ok_or_else(|| Failure::run("a pass asks nobody"))?;
-            let round = self.pass.round();
-            groups[group].answer(question, &mut self.scratch, &mut self.answer);
-            self.lap(round);
-            self.pass.answer(group, &self.answer).map_err(Failure::run)?;
-            self.lap(Round::Done);
-        }
-        Ok(())
-    }
-
-    /// Counts the time since the last lap for a round.
-    fn lap(&mut self, round: Round) {
-        let now_s = thread_cpu_s();
-        let place = match round {
-            Round::Classes => 0,
-            Round::Edges => 1,
-            Round::Exits => 2,
-            Round::BodyExits => 3,
-            Round::Check => 4,
-            Round::Done => 5,
-        };
-        self.seconds[place] += now_s - self.before_s;
-        self.before_s = now_s;
-    }
+    let ns = |round| 1e9 * seconds.get(&round).copied().unwrap_or_default() / points.max(1) as f64;
+    Ok(RoundCosts {
+        size: size.to_owned(),
+        load: load.to_owned(),
+        engine,
+        classes_ns: ns(Round::Classes),
+        edges_ns: ns(Round::Edges),
+        exits_ns: ns(Round::Exits),
+        body_exits_ns: ns(Round::BodyExits),
+        check_ns: ns(Round::Check),
+        pass_ns: ns(Round::Done),
+    })
 }

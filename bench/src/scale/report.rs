@@ -2,6 +2,8 @@
 
 use serde::Serialize;
 
+use crate::table::{Columns, number, words};
+
 use super::{Network, Part, PassMeasurement, Prediction, Room, breaking_point, predict};
 
 /// Rates of links, bits per second: 100 Mbit/s, 1 and 10 Gbit/s.
@@ -114,32 +116,35 @@ pub fn link_name(bits_per_s: f64) -> String {
     }
 }
 
+const TABLE: Columns<ScaleRow> = Columns {
+    gap: " ",
+    columns: &[
+        number("link", 10, |row| link_name(row.link_bits_per_s)),
+        number("rigs", 5, |row| row.rigs.to_string()),
+        number("cameras", 8, |row| row.cameras.to_string()),
+        number("pass ms", 9, |row| format!("{:.2}", row.pass_ms)),
+        number("used: incoming", 15, |row| percent(row.incoming_used)),
+        number("outgoing", 8, |row| percent(row.outgoing_used)),
+        number("coordinator", 11, |row| percent(row.coordinator_used)),
+        number("node", 5, |row| percent(row.node_used)),
+        number("step", 6, |row| percent(row.step_used)),
+        words(" limit", 0, |row| {
+            format!(" {}{}", row.limit, if row.breaks { ": cannot keep up" } else { "" })
+        }),
+    ],
+};
+
+fn percent(used: f64) -> String {
+    format!("{:.0} %", 100.0 * used)
+}
+
 impl ScaleReport {
     /// The report for people.
     #[allow(clippy::print_stdout, reason = "the table is the command's output")]
     pub fn print(&self) {
         println!("\nScale: {}", self.note);
-        println!(
-            "{:>10} {:>5} {:>8} {:>9}  used: {:>8} {:>8} {:>11} {:>5} {:>6}  limit",
-            "link", "rigs", "cameras", "pass ms", "incoming", "outgoing", "coordinator", "node", "step"
-        );
-        let percent = |used: f64| format!("{:.0} %", 100.0 * used);
-        for row in &self.rows {
-            println!(
-                "{:>10} {:>5} {:>8} {:>9.2}        {:>8} {:>8} {:>11} {:>5} {:>6}  {}{}",
-                link_name(row.link_bits_per_s),
-                row.rigs,
-                row.cameras,
-                row.pass_ms,
-                percent(row.incoming_used),
-                percent(row.outgoing_used),
-                percent(row.coordinator_used),
-                percent(row.node_used),
-                percent(row.step_used),
-                row.limit,
-                if row.breaks { ": cannot keep up" } else { "" }
-            );
-        }
+        TABLE.print_titles();
+        self.rows.iter().for_each(|row| TABLE.print(row));
         self.breaking.iter().for_each(|line| println!("  {line}"));
     }
 }
