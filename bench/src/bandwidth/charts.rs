@@ -8,6 +8,7 @@ use super::verdict::{BASE_SIZE, base_bodies, plan_name};
 use super::{BASE_CAMERAS, CAMERAS_SIZE};
 use crate::cluster::film::FilmPlan;
 use crate::plot::{Axis, LineChart, Series};
+use crate::table::distinct;
 use cli::Outcome;
 
 /// A chart over the films.
@@ -62,12 +63,8 @@ fn over() -> [Over; 3] {
 }
 
 fn chart(title: String, x: Axis, points: &[(f64, &AtBodies)]) -> LineChart {
-    let mut names: Vec<(Layout, &'static str)> = Vec::new();
-    for cost in points.iter().flat_map(|(_, at)| &at.costs) {
-        if !names.contains(&(cost.layout, cost.precision)) {
-            names.push((cost.layout, cost.precision));
-        }
-    }
+    let costs = points.iter().flat_map(|(_, at)| &at.costs);
+    let names = distinct(costs.map(|cost| (cost.layout, cost.precision)));
     let curve = |&(layout, precision): &(Layout, &'static str)| {
         let value = |&(x, at): &(f64, &AtBodies)| {
             let cost = at.costs.iter().find(|cost| (cost.layout, cost.precision) == (layout, precision))?;

@@ -5,6 +5,7 @@ mod scale;
 use std::path::Path;
 
 use plotters::coord::Shift;
+use plotters::coord::cartesian::Cartesian2d;
 use plotters::prelude::*;
 
 use cli::{Failure, Outcome, write_whole};
@@ -101,12 +102,15 @@ impl LineChart {
         let points = || self.series.iter().flat_map(|series| &series.values);
         let x = Scale::around(&self.x, points().map(|point| point.0));
         let y = Scale::around(&self.y, points().map(|point| point.1));
-        let curves = self.series.iter().map(|series| {
+        let frame = Frame { title: &self.title, x_label: Some(&self.x.label), y_label: &self.y.label };
+        let text = frame.draw((x.clone(), y.clone()), &self.series, |chart, series, colour| {
             let shown = series.values.iter().filter(|point| x.shows(point.0) && y.shows(point.1));
-            shown.copied().collect()
-        });
-        let mut text = String::new();
-        draw_lines(&mut text, self, (x.clone(), y.clone()), curves.collect())?;
+            let line = LineSeries::new(shown.clone().copied(), colour.stroke_width(2));
+            chart.draw_series(line).map_err(failed)?;
+            let dots = shown.map(|&point| Circle::new(point, 3, colour.filled()));
+            chart.draw_series(dots).map_err(failed)?;
+            Ok(())
+        })?;
         write_whole(&folder.join(format!("{name}.svg")), text.as_bytes())
     }
 }
@@ -116,8 +120,17 @@ impl BarChart {
     pub fn write(&self, folder: &Path, name: &str) -> Outcome {
         let values = self.series.iter().flat_map(|series| series.values.iter().copied().flatten());
         let y = Scale::around(&self.y, values);
-        let mut text = String::new();
-        draw_bars(&mut text, self, &y)?;
+        let frame = Frame { title: &self.title, x_label: None, y_label: &self.y.label };
+        let mut places = 0..self.series.len();
+        let scales = (Scale::of_names(&self.groups), y.clone());
+        let text = frame.draw(scales, &self.series, |chart, _, colour| {
+            let shown = self.bars(places.next().unwrap_or_default()).filter(|bar| y.shows(bar.2));
+            let bars = shown.map(|(left, right, value)| {
+                Rectangle::new([(left, y.floor()), (right, value)], colour.filled())
+            });
+            chart.draw_series(bars).map_err(failed)?;
+            Ok(())
+        })?;
         write_whole(&folder.join(format!("{name}.svg")), text.as_bytes())
     }
 
@@ -132,59 +145,50 @@ impl BarChart {
     }
 }
 
-fn draw_lines(
-    text: &mut String,
-    chart: &LineChart,
-    (x, y): (Scale, Scale),
-    curves: Vec<Vec<(f64, f64)>>,
-) -> Outcome {
-    let area = SVGBackend::with_string(text, SIZE).into_drawing_area();
-    area.fill(&WHITE).map_err(failed)?;
-    let mut context = ChartBuilder::on(&area)
-        .caption(&chart.title, TITLE_FONT)
-        .margin(12)
-        .margin_right(LEGEND_WIDTH)
-        .x_label_area_size(52)
-        .y_label_area_size(84)
-        .build_cartesian_2d(x, y)
-        .map_err(failed)?;
-    let mut mesh = context.configure_mesh();
-    mesh.x_desc(&chart.x.label).y_desc(&chart.y.label).light_line_style(WHITE);
-    mesh.axis_desc_style(AXIS_FONT).label_style(MARK_FONT).draw().map_err(failed)?;
-    for (index, points) in curves.into_iter().enumerate() {
-        let colour = COLOURS[index % COLOURS.len()];
-        let line = LineSeries::new(points.clone(), colour.stroke_width(2));
-        context.draw_series(line).map_err(failed)?;
-        let dots = points.into_iter().map(|point| Circle::new(point, 3, colour.filled()));
-        context.draw_series(dots).map_err(failed)?;
-    }
-    legend(&area, chart.series.iter().map(|series| series.name.as_str()))?;
-    area.present().map_err(failed)
+type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Scale, Scale>>;
+
+/// What all charts have around them.
+struct Frame<'a> {
+    title: &'a str,
+    /// `None` where the marks say it all.
+    x_label: Option<&'a str>,
+    y_label: &'a str,
 }
 
-fn draw_bars(text: &mut String, chart: &BarChart, y: &Scale) -> Outcome {
-    let area = SVGBackend::with_string(text, SIZE).into_drawing_area();
-    area.fill(&WHITE).map_err(failed)?;
-    let mut context = ChartBuilder::on(&area)
-        .caption(&chart.title, TITLE_FONT)
-        .margin(12)
-        .margin_right(LEGEND_WIDTH)
-        .x_label_area_size(52)
-        .y_label_area_size(84)
-        .build_cartesian_2d(Scale::of_names(&chart.groups), y.clone())
-        .map_err(failed)?;
-    let mut mesh = context.configure_mesh();
-    mesh.disable_x_mesh().y_desc(&chart.y.label).light_line_style(WHITE);
-    mesh.axis_desc_style(AXIS_FONT).label_style(MARK_FONT).draw().map_err(failed)?;
-    for index in 0..chart.series.len() {
-        let colour = COLOURS[index % COLOURS.len()];
-        let shown = chart.bars(index).filter(|bar| y.shows(bar.2));
-        let bars = shown
-            .map(|(left, right, value)| Rectangle::new([(left, y.floor()), (right, value)], colour.filled()));
-        context.draw_series(bars).map_err(failed)?;
+impl Frame<'_> {
+    /// The chart as SVG; `draw` draws a series in its colour.
+    fn draw<Value>(
+        &self,
+        (x, y): (Scale, Scale),
+        series: &[Series<Value>],
+        mut draw: impl FnMut(&mut Chart, &Series<Value>, RGBColor) -> Outcome,
+    ) -> Outcome<String> {
+        let mut text = String::new();
+        let area = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
+        area.fill(&WHITE).map_err(failed)?;
+        let mut chart = ChartBuilder::on(&area)
+            .caption(self.title, TITLE_FONT)
+            .margin(12)
+            .margin_right(LEGEND_WIDTH)
+            .x_label_area_size(52)
+            .y_label_area_size(84)
+            .build_cartesian_2d(x, y)
+            .map_err(failed)?;
+        let mut mesh = chart.configure_mesh();
+        match self.x_label {
+            Some(label) => mesh.x_desc(label),
+            None => mesh.disable_x_mesh(),
+        };
+        mesh.y_desc(self.y_label).light_line_style(WHITE);
+        mesh.axis_desc_style(AXIS_FONT).label_style(MARK_FONT).draw().map_err(failed)?;
+        for (series, colour) in series.iter().zip(COLOURS.into_iter().cycle()) {
+            draw(&mut chart, series, colour)?;
+        }
+        legend(&area, series.iter().map(|series| series.name.as_str()))?;
+        area.present().map_err(failed)?;
+        drop((chart, area));
+        Ok(text)
     }
-    legend(&area, chart.series.iter().map(|series| series.name.as_str()))?;
-    area.present().map_err(failed)
 }
 
 /// The names of the series and their colours, to the right of the chart.

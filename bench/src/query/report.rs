@@ -7,7 +7,7 @@ use super::engines::{HULLTOUCH, UNPRUNED};
 use super::rounds::RoundCosts;
 use super::{Report, Row};
 use crate::plot::{Axis, BarChart, LineChart, Series};
-use crate::table::{Columns, number, words};
+use crate::table::{Columns, distinct, number, words};
 use cli::Outcome;
 
 const BOUNDS: Columns<BoundSavings> = Columns {
@@ -93,9 +93,8 @@ impl Report {
 
     /// What the targets speak of: the last size beside the first, lenses, and cameras alone.
     fn print_flatness(&self) {
-        let (Some(first), Some(last)) = (self.sizes().first().cloned(), self.sizes().last().cloned()) else {
-            return;
-        };
+        let sizes = self.sizes();
+        let (Some(first), Some(last)) = (sizes.first(), sizes.last()) else { return };
         println!();
         for load in ["inside", "contacts", "anywhere"] {
             let rate = |size: &str, load: &str, engine: &str| self.rate(size, load, engine);
@@ -105,9 +104,9 @@ impl Report {
             println!(
                 "{load:9} {last} at {} of {first}'s rate; at {first} distorted lenses at {}, cameras alone at \
                  {} of the rate of all together",
-                ratio(rate(&last, load, HULLTOUCH), rate(&first, load, HULLTOUCH)),
-                ratio(rate(&first, &format!("{load}_bent"), HULLTOUCH), rate(&first, load, HULLTOUCH)),
-                ratio(rate(&first, load, UNPRUNED), rate(&first, load, HULLTOUCH)),
+                ratio(rate(last, load, HULLTOUCH), rate(first, load, HULLTOUCH)),
+                ratio(rate(first, &format!("{load}_bent"), HULLTOUCH), rate(first, load, HULLTOUCH)),
+                ratio(rate(first, load, UNPRUNED), rate(first, load, HULLTOUCH)),
             );
         }
     }
@@ -118,24 +117,12 @@ impl Report {
     }
 
     /// The sizes of the eight cameras, in the order measured.
-    fn sizes(&self) -> Vec<String> {
-        let mut sizes: Vec<String> = Vec::new();
-        for row in self.rows.iter().filter(|row| row.load == "inside") {
-            if !sizes.contains(&row.size) {
-                sizes.push(row.size.clone());
-            }
-        }
-        sizes
+    fn sizes(&self) -> Vec<&str> {
+        distinct(self.rows.iter().filter(|row| row.load == "inside").map(|row| &row.size[..]))
     }
 
     fn engines(&self, load: &str) -> Vec<&'static str> {
-        let mut engines = Vec::new();
-        for row in self.rows.iter().filter(|row| row.load == load) {
-            if !engines.contains(&row.engine) {
-                engines.push(row.engine);
-            }
-        }
-        engines
+        distinct(self.rows.iter().filter(|row| row.load == load).map(|row| row.engine))
     }
 
     /// Charts: rate over pixels by load, the loads of the first size, and what bounds save.

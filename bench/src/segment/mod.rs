@@ -13,7 +13,7 @@ use self::engines::{Opponent, Ours};
 use self::scene::{LAYOUTS, Scene};
 use super::outputs::Outputs;
 use super::plot::{Axis, BarChart, Series};
-use super::table::Machine;
+use super::table::{Machine, distinct};
 use cli::{Failure, Outcome, Progress, parse_size};
 
 /// A figure is the median over the frames of so many turns, in which every engine segments the whole film,
@@ -200,16 +200,8 @@ impl Report {
 
     /// Rates and quality, a group of bars for each set and size.
     fn draw(&self, folder: &Path) -> Outcome {
-        let mut groups: Vec<(&str, &str)> = Vec::new();
-        let mut engines: Vec<&str> = Vec::new();
-        for row in &self.rows {
-            if !groups.contains(&(row.set, &row.size)) {
-                groups.push((row.set, &row.size));
-            }
-            if !engines.contains(&row.engine) {
-                engines.push(row.engine);
-            }
-        }
+        let groups = distinct(self.rows.iter().map(|row| (row.set, &row.size[..])));
+        let engines = distinct(self.rows.iter().map(|row| row.engine));
         let chart = |title: &str, y: Axis, value: &dyn Fn(&Row) -> f64| {
             let bar = |engine: &str, group: &(&str, &str)| {
                 let found =
