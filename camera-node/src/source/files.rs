@@ -67,11 +67,7 @@ impl Source for FileFrames {
         };
         load(path, self.kind, &self.fit, image)?;
         self.cursor += skipped + 1;
-        Ok(Some(SourceFrame {
-            number: *number,
-            capture_time_s: *number as f64 / self.fps,
-            skipped: skipped as u64,
-        }))
+        Ok(Some(SourceFrame::of_film(*number, self.fps)))
     }
 }
 
@@ -209,7 +205,7 @@ mod tests {
         assert_eq!(numbers(&mut open(&pattern, COLOUR, 0, 1).expect("opens")), [3, 7, 8]);
         let mut source = open(folder.path(), COLOUR, 0, 1).expect("opens");
         let taken = source.next(8, &mut Image::default()).expect("read").expect("a frame");
-        assert_eq!(taken, SourceFrame { number: 8, capture_time_s: 8.0 / 30.0, skipped: 2 });
+        assert_eq!(taken, SourceFrame { number: 8, capture_time_s: 8.0 / 30.0 });
         let error = open(folder.path(), COLOUR, 12, 1).err().expect("refused").to_string();
         assert!(
             error.ends_with("numbers 3 to 11, none of them start_frame 12 plus a multiple of frame_step 1"),

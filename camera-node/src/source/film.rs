@@ -113,31 +113,15 @@ impl FileFilm {
 
 impl Source for FileFilm {
     fn next(&mut self, at_least: u64, image: &mut Image) -> Result<Option<SourceFrame>, SourceError> {
-        let mut skipped = 0;
-        loop {
-            let read = self.reader.read(&mut image.data);
-            match read {
-                Ok(true) => {}
-                Ok(false) => return Ok(None),
-                Err(error) => {
-                    return Err(SourceError::file(&self.path, error));
-                }
-            }
+        while self.reader.read(&mut image.data).map_err(|error| SourceError::file(&self.path, error))? {
             let number = self.numbering.number(self.index);
             self.index += 1;
-            match number {
-                None => {}
-                Some(number) if number < at_least => skipped += 1,
-                Some(number) => {
-                    label(self.format, image);
-                    return Ok(Some(SourceFrame {
-                        number,
-                        capture_time_s: number as f64 / self.fps,
-                        skipped,
-                    }));
-                }
+            if let Some(number) = number.filter(|&number| number >= at_least) {
+                label(self.format, image);
+                return Ok(Some(SourceFrame::of_film(number, self.fps)));
             }
         }
+        Ok(None)
     }
 }
 
@@ -173,10 +157,10 @@ mod tests {
         let mut source = film(&folder, 3, 2, 30.0).expect("opens");
         let mut image = Image::default();
         let taken = source.next(0, &mut image).expect("read").expect("a frame");
-        assert_eq!(taken, SourceFrame { number: 0, capture_time_s: 0.0, skipped: 0 });
+        assert_eq!(taken, SourceFrame { number: 0, capture_time_s: 0.0 });
         assert_eq!(image, Image { width: 2, height: 1, kind: ImageKind::Colour(MONO), data: vec![3, 100] });
         let taken = source.next(2, &mut image).expect("read").expect("a frame");
-        assert_eq!(taken, SourceFrame { number: 2, capture_time_s: 2.0 / 30.0, skipped: 1 });
+        assert_eq!(taken, SourceFrame { number: 2, capture_time_s: 2.0 / 30.0 });
         assert_eq!(image.data[0], 7);
         assert_eq!(numbers(&mut source), [3]);
     }

@@ -1,8 +1,9 @@
 //! A bounded queue of frames from the thread that reads them to the thread that uses them.
 
 use std::collections::VecDeque;
+use std::sync::mpsc::RecvTimeoutError;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// What a full mailbox does with one more message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -11,17 +12,6 @@ pub enum WhenFull {
     Wait,
     /// The oldest message goes: a live camera does not wait, and old frames are of no use.
     DropOldest,
-}
-
-/// What a reader finds.
-#[derive(Debug, PartialEq, Eq)]
-pub enum Received<T> {
-    /// The oldest message.
-    Message(T),
-    /// The writer closed, and every message was received.
-    Closed,
-    /// Nothing came in time.
-    TimedOut,
 }
 
 /// A queue between two threads, closed from either side.
@@ -36,14 +26,13 @@ pub struct Mailbox<T> {
 #[derive(Debug)]
 struct State<T> {
     messages: VecDeque<T>,
-    dropped: u64,
     closed: bool,
 }
 
 impl<T> Mailbox<T> {
     /// An empty mailbox for up to `capacity` messages, at least one.
     pub fn new(capacity: usize, when_full: WhenFull) -> Mailbox<T> {
-        let state = State { messages: VecDeque::new(), dropped: 0, closed: false };
+        let state = State { messages: VecDeque::new(), closed: false };
         Mailbox { state: Mutex::new(state), changed: Condvar::new(), capacity: capacity.max(1), when_full }
     }
 
@@ -63,36 +52,22 @@ impl<T> Mailbox<T> {
         }
         if state.messages.len() >= self.capacity {
             state.messages.pop_front();
-            state.dropped += 1;
         }
         state.messages.push_back(message);
         self.changed.notify_all();
         Ok(())
     }
 
-    /// Takes the oldest message, waiting up to `limit` for one.
-    pub fn receive(&self, limit: Duration) -> Received<T> {
-        let deadline = Instant::now() + limit;
-        let mut state = self.lock();
-        loop {
-            if let Some(message) = state.messages.pop_front() {
-                self.changed.notify_all();
-                return Received::Message(message);
-            }
-            if state.closed {
-                return Received::Closed;
-            }
-            let left = deadline.saturating_duration_since(Instant::now());
-            if left.is_zero() {
-                return Received::TimedOut;
-            }
-            state = self.changed.wait_timeout(state, left).unwrap_or_else(PoisonError::into_inner).0;
-        }
-    }
-
-    /// How many messages were dropped since this was last asked.
-    pub fn take_dropped(&self) -> u64 {
-        std::mem::take(&mut self.lock().dropped)
+    /// Takes the oldest message, waiting up to `limit` for one: none comes once the writer has closed and
+    /// every message was received.
+    pub fn receive(&self, limit: Duration) -> Result<T, RecvTimeoutError> {
+        let must_wait = |state: &mut State<T>| state.messages.is_empty() && !state.closed;
+        let waited = self.changed.wait_timeout_while(self.lock(), limit, must_wait);
+        let (mut state, _) = waited.unwrap_or_else(PoisonError::into_inner);
+        let none = if state.closed { RecvTimeoutError::Disconnected } else { RecvTimeoutError::Timeout };
+        let message = state.messages.pop_front().ok_or(none)?;
+        self.changed.notify_all();
+        Ok(message)
     }
 
     /// No more messages: the writer is done, or nobody reads. Messages inside can still be taken.
@@ -118,20 +93,18 @@ mod tests {
                 mailbox.close();
             });
             for message in 0..100 {
-                assert_eq!(mailbox.receive(LONG), Received::Message(message));
+                assert_eq!(mailbox.receive(LONG), Ok(message));
             }
-            assert_eq!(mailbox.receive(LONG), Received::Closed);
+            assert_eq!(mailbox.receive(LONG), Err(RecvTimeoutError::Disconnected));
         });
-        assert_eq!(mailbox.take_dropped(), 0);
     }
 
     #[test]
-    fn a_live_mailbox_keeps_the_newest_and_counts_the_rest() {
+    fn a_live_mailbox_keeps_the_newest() {
         let mailbox = Mailbox::new(1, WhenFull::DropOldest);
         (0..5).for_each(|message| mailbox.send(message).expect("open"));
-        assert_eq!(mailbox.receive(SOON), Received::Message(4));
-        assert_eq!(mailbox.take_dropped(), 4);
-        assert_eq!(mailbox.receive(SOON), Received::TimedOut);
+        assert_eq!(mailbox.receive(SOON), Ok(4));
+        assert_eq!(mailbox.receive(SOON), Err(RecvTimeoutError::Timeout));
     }
 
     #[test]

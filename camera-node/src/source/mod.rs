@@ -88,9 +88,13 @@ pub struct SourceFrame {
     pub number: u64,
     /// When it was captured, seconds of film time on the common epoch.
     pub capture_time_s: f64,
-    /// Frames that the source had and passed over since the one before: older than asked for, or
-    /// come faster than they were taken.
-    pub skipped: u64,
+}
+
+impl SourceFrame {
+    /// A frame of a film that was captured when its number says.
+    fn of_film(number: u64, fps: f64) -> SourceFrame {
+        SourceFrame { number, capture_time_s: number as f64 / fps }
+    }
 }
 
 /// A camera's film.

@@ -56,9 +56,8 @@ impl Source for StageSource {
         } else {
             self.stage.render(number, &mut image.data);
         }
-        let skipped = number - self.next;
         self.next = number.saturating_add(1);
-        Ok(Some(SourceFrame { number, capture_time_s: number as f64 / self.fps, skipped }))
+        Ok(Some(SourceFrame::of_film(number, self.fps)))
     }
 }
 
@@ -83,7 +82,7 @@ mod tests {
     #[test]
     fn a_frame_is_the_same_whatever_was_asked_before() {
         let (taken, late) = frame(&mut *open("motion = \"punch\""), 3);
-        assert_eq!(taken, SourceFrame { number: 3, capture_time_s: 0.1, skipped: 3 });
+        assert_eq!(taken, SourceFrame { number: 3, capture_time_s: 0.1 });
         let mut source = open("motion = \"punch\"");
         let films: Vec<_> = (0..4).map(|_| frame(&mut *source, 0)).collect();
         assert_eq!(films[3].0.number, 3);
