@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use clap::Args;
 
-use crate::run::options::{PageArguments, RecordOptions};
+use crate::run::options::{OutletArguments, RecordOptions};
 use crate::run::run_deployed;
 use crate::run::setup::{AskName, ResponseName, Setup, TransportName, checked_seconds, world_settings};
 use cli::{Failure, Outcome};
@@ -36,17 +36,8 @@ pub struct CoordinatorArguments {
     /// How long to wait for nodes at the beginning, seconds.
     #[arg(long, value_name = "S", default_value_t = 60.0)]
     patience: f64,
-    /// Show nothing while it runs, and serve no page unless --listen says where.
-    #[arg(long)]
-    headless: bool,
     #[command(flatten)]
-    page: PageArguments,
-    /// Write the run's figures.
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
-    /// Write pictures from a viewpoint between the cameras, one a second of film.
-    #[arg(long, value_name = "DIR")]
-    snapshot: Option<PathBuf>,
+    outlets: OutletArguments,
     #[command(flatten)]
     record: RecordOptions,
 }
@@ -70,10 +61,7 @@ pub fn run(arguments: &CoordinatorArguments) -> Outcome {
         lock_step: arguments.unpaced,
         empty: false,
         seconds: checked_seconds(arguments.seconds)?,
-        live_line: !arguments.headless,
-        outlets: arguments.page.checked(arguments.headless)?,
-        json: arguments.json.clone(),
-        snapshots: arguments.snapshot.clone(),
+        outlets: arguments.outlets.checked()?,
         record: arguments.record.checked()?,
     };
     run_deployed(&setup, connect_timeout)

@@ -7,7 +7,7 @@ use hull::Rig;
 use sim::Scene;
 use stage::{Motion, Prop, studio_rig};
 
-use crate::run::options::{PageArguments, RecordOptions};
+use crate::run::options::{OutletArguments, RecordOptions};
 use crate::run::run_locally;
 use crate::run::setup::{AskName, ResponseName, Setup, TransportName, checked_seconds, world_settings};
 use cli::{Failure, Outcome, PrecisionName, parse_size};
@@ -30,11 +30,8 @@ pub struct DemoArguments {
     /// End after so many seconds of film [default: on Ctrl-C, or when a recording ends].
     #[arg(long, value_name = "S")]
     seconds: Option<f64>,
-    /// Show nothing while it runs, and serve no page unless --listen says where.
-    #[arg(long)]
-    headless: bool,
     #[command(flatten)]
-    page: PageArguments,
+    outlets: OutletArguments,
     /// Use every frame, as fast as frames can be made: two runs of one seed are the same run.
     #[arg(long)]
     unpaced: bool,
@@ -56,12 +53,6 @@ pub struct DemoArguments {
     /// The same scene without the person.
     #[arg(long)]
     empty: bool,
-    /// Write the run's figures.
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
-    /// Write pictures from a viewpoint between the cameras, one a second of film.
-    #[arg(long, value_name = "DIR")]
-    snapshot: Option<PathBuf>,
     #[command(flatten)]
     record: RecordOptions,
 }
@@ -90,7 +81,7 @@ pub struct StudioArguments {
 pub fn run(arguments: DemoArguments) -> Outcome {
     let response = arguments.response.mode()?;
     let seconds = checked_seconds(arguments.seconds)?;
-    let outlets = arguments.page.checked(arguments.headless)?;
+    let outlets = arguments.outlets.checked()?;
     let record = arguments.record.checked()?;
     if cfg!(debug_assertions) {
         tracing::warn!("this is a debug build and slow: build with --release, or run `cargo demo`");
@@ -116,10 +107,7 @@ pub fn run(arguments: DemoArguments) -> Outcome {
         lock_step: arguments.unpaced,
         empty: arguments.empty,
         seconds,
-        live_line: !arguments.headless,
         outlets,
-        json: arguments.json,
-        snapshots: arguments.snapshot,
         record,
     };
     run_locally(&setup)

@@ -67,10 +67,7 @@ pub fn run(arguments: RecordArguments) -> Outcome {
         lock_step: arguments.unpaced,
         empty: false,
         seconds: checked_seconds(arguments.seconds)?,
-        live_line: true,
-        outlets: Outlets::default(),
-        json: arguments.json,
-        snapshots: None,
+        outlets: Outlets { live_line: true, json: arguments.json, ..Outlets::default() },
         record: Some(record),
     };
     if is_deployed { run_deployed(&setup, CONNECT_TIMEOUT) } else { run_locally(&setup) }

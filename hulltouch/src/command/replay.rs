@@ -9,7 +9,7 @@ use coordinator::Transport;
 use recording::{Recording, StepCheck};
 use serde_json::{Value, json};
 
-use crate::run::options::PageArguments;
+use crate::run::options::OutletArguments;
 use crate::run::outlets::PageSource;
 use crate::run::play::{RunPlan, play};
 use crate::run::recorded_pictures::RecordingPictures;
@@ -26,17 +26,8 @@ pub struct ReplayArguments {
     /// As fast as it goes, instead of in real time.
     #[arg(long)]
     unpaced: bool,
-    /// Show nothing while it runs, and serve no page unless --listen says where.
-    #[arg(long)]
-    headless: bool,
     #[command(flatten)]
-    page: PageArguments,
-    /// Write the run's figures.
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
-    /// Write pictures from a viewpoint between the cameras, one a second of film.
-    #[arg(long, value_name = "DIR")]
-    snapshot: Option<PathBuf>,
+    outlets: OutletArguments,
 }
 
 /// Replays to the end, or Ctrl-C.
@@ -130,10 +121,7 @@ fn setup(recording: &Recording, arguments: &ReplayArguments) -> Outcome<Setup> {
         lock_step: arguments.unpaced,
         empty: false,
         seconds: None,
-        live_line: !arguments.headless,
-        outlets: arguments.page.checked(arguments.headless)?,
-        json: arguments.json.clone(),
-        snapshots: arguments.snapshot.clone(),
+        outlets: arguments.outlets.checked()?,
         record: None,
     })
 }

@@ -23,14 +23,14 @@ const PICTURE_EVERY_S: f64 = 1.0;
 impl Console {
     /// A console of a run.
     pub fn new(setup: &Setup, observers: &[Arc<Observer>]) -> Console {
-        let line = if setup.live_line { ProgressBar::new_spinner() } else { ProgressBar::hidden() };
+        let line = if setup.outlets.live_line { ProgressBar::new_spinner() } else { ProgressBar::hidden() };
         if let Ok(style) = ProgressStyle::with_template("{msg}") {
             line.set_style(style);
         }
         let floor_m = setup.scene.floor().map(|floor| floor.height_m);
         let begin =
             |folder: &PathBuf| Album::begin(folder, setup.file.rig.clone(), observers.to_vec(), floor_m);
-        Console { line, album: setup.snapshots.as_ref().map(begin), next_picture_s: 0.5 }
+        Console { line, album: setup.outlets.snapshots.as_ref().map(begin), next_picture_s: 0.5 }
     }
 
     /// Removes the line; returns the pictures, which may still be drawn.

@@ -11,9 +11,12 @@ use recording::{Overwrites, WriteError};
 /// The default address of the page.
 const LISTEN: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOST), 8470);
 
-/// Who may look, and who may steer.
+/// What is shown and written of a run, who may look, and who may steer.
 #[derive(Clone, Debug, Default, Args)]
-pub struct PageArguments {
+pub struct OutletArguments {
+    /// Show nothing while it runs, and serve no page unless --listen says where.
+    #[arg(long)]
+    headless: bool,
     /// Serve the page at this address [default: 127.0.0.1:8470, or a free port if that is taken].
     #[arg(long, value_name = "ADDR")]
     listen: Option<SocketAddr>,
@@ -26,25 +29,43 @@ pub struct PageArguments {
     /// Send the world as Open Sound Control to this address, over UDP.
     #[arg(long, value_name = "HOST:PORT")]
     osc: Option<String>,
+    /// Write the run's figures.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Write pictures from a viewpoint between the cameras, one a second of film.
+    #[arg(long, value_name = "DIR")]
+    snapshot: Option<PathBuf>,
 }
 
-/// Where a run can be seen and steered; by default nowhere.
+/// Where a run can be seen and steered, and what is written of it; by default nothing.
 #[derive(Clone, Debug, Default)]
 pub struct Outlets {
+    /// A live line of figures on a terminal.
+    pub live_line: bool,
     /// The page, and what programs use.
     pub page: Option<FeedSettings>,
     /// Who gets OSC.
     pub osc: Option<SocketAddr>,
+    /// Where figures go.
+    pub json: Option<PathBuf>,
+    /// Where pictures go.
+    pub snapshots: Option<PathBuf>,
 }
 
-impl PageArguments {
+impl OutletArguments {
     /// What is served where, and for whom. A headless run serves its page only with --listen.
-    pub fn checked(&self, headless: bool) -> Outcome<Outlets> {
-        Ok(Outlets { page: self.page(headless)?, osc: self.osc.as_deref().map(osc_address).transpose()? })
+    pub fn checked(&self) -> Outcome<Outlets> {
+        Ok(Outlets {
+            live_line: !self.headless,
+            page: self.page()?,
+            osc: self.osc.as_deref().map(osc_address).transpose()?,
+            json: self.json.clone(),
+            snapshots: self.snapshot.clone(),
+        })
     }
 
-    fn page(&self, headless: bool) -> Outcome<Option<FeedSettings>> {
-        if headless && self.listen.is_none() {
+    fn page(&self) -> Outcome<Option<FeedSettings>> {
+        if self.headless && self.listen.is_none() {
             return Ok(None);
         }
         let token = match &self.token {

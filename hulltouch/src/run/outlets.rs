@@ -51,7 +51,7 @@ impl PageSource {
 /// Serves a run where its outlets say. What is returned beside the server belongs to the run; without a source
 /// there is no page.
 pub fn serve(setup: &Setup, source: Option<PageSource>) -> Outcome<Option<(Served, Live)>> {
-    let Outlets { page, osc } = &setup.outlets;
+    let Outlets { page, osc, .. } = &setup.outlets;
     let page = page.as_ref().zip(source);
     if page.is_none() && osc.is_none() {
         return Ok(None);

@@ -156,7 +156,7 @@ impl Ended {
 impl RunOutcome {
     /// Prints the summary, and writes the figures where the set-up wants them.
     pub fn report(&self, setup: &Setup) -> Outcome {
-        if let Some(path) = &setup.json {
+        if let Some(path) = &setup.outlets.json {
             let text = serde_json::to_string_pretty(&self.json).map_err(Failure::run)?;
             write_whole(path, text.as_bytes())?;
         }

@@ -1,7 +1,5 @@
 //! What a run is made from, checked before anything starts.
 
-use std::path::PathBuf;
-
 use clap::ValueEnum;
 use cli::{Failure, Outcome, check_writable};
 use cluster::ClusterFile;
@@ -90,14 +88,8 @@ pub struct Setup {
     pub empty: bool,
     /// The run ends after so much film.
     pub seconds: Option<f64>,
-    /// A live line of figures on a terminal.
-    pub live_line: bool,
-    /// Where it can be seen and steered.
+    /// Where it can be seen and steered, and what is written of it.
     pub outlets: Outlets,
-    /// Where figures go.
-    pub json: Option<PathBuf>,
-    /// Where pictures go.
-    pub snapshots: Option<PathBuf>,
     /// Where the run is recorded.
     pub record: Option<RecordTo>,
 }
@@ -105,10 +97,10 @@ pub struct Setup {
 impl Setup {
     /// Checks now what would fail at the end, and makes the folder of pictures.
     pub fn prepare_outputs(&self) -> Outcome {
-        if let Some(json) = &self.json {
+        if let Some(json) = &self.outlets.json {
             check_writable("--json", json)?;
         }
-        if let Some(folder) = &self.snapshots {
+        if let Some(folder) = &self.outlets.snapshots {
             std::fs::create_dir_all(folder)
                 .map_err(|error| Failure::input(format_args!("--snapshot {}: {error}", folder.display())))?;
         }
