@@ -5,6 +5,7 @@ use std::io::{self, BufRead, BufReader, Write};
 use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
+use clap::Args;
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -28,10 +29,27 @@ pub struct Peer {
     greeting: Value,
 }
 
+/// Who runs the programs.
+#[derive(Debug, Args)]
+pub struct Python {
+    /// A Python interpreter with OpenCV and NumPy.
+    #[arg(long, value_name = "PATH", default_value = "python3")]
+    python: String,
+}
+
+impl Python {
+    /// Starts a program, or says why its rows are left out.
+    #[allow(clippy::print_stdout, reason = "the table is the command's output")]
+    pub fn start(&self, script: &str) -> Option<Peer> {
+        let started = Peer::start(&self.python, script);
+        started.inspect_err(|problem| println!("no rows of OpenCV: {problem}")).ok()
+    }
+}
+
 impl Peer {
     /// Starts `script` (its text) under an interpreter. The program's first line must be its greeting, an
     /// object with `ready`.
-    pub fn start(python: &str, script: &str) -> Outcome<Peer> {
+    fn start(python: &str, script: &str) -> Outcome<Peer> {
         let folder = tempfile::tempdir().map_err(Failure::run)?;
         let path = folder.path().join("peer.py");
         std::fs::write(&path, script).map_err(|error| Failure::unwritable(&path, error))?;

@@ -19,11 +19,12 @@ use std::slice;
 use self::bounds::{BoundSavings, Bounds};
 use self::engines::{Sets, inside_lanes, pass_lanes, world_points};
 use self::lanes::{Lane, medians};
-use self::opponent::{Agreement, Opponent};
+use self::opponent::{Agreement, Opponent, SCRIPT};
 use self::rounds::{RoundCosts, round_costs};
 use super::loads::{BODY_POINTS, Studio, StudioPlan, paper_mix};
 use super::outputs::Outputs;
 use super::passes::Passes;
+use super::peers::Python;
 use super::random::Random;
 use super::table::Machine;
 use cli::{Failure, Outcome, Progress, parse_size};
@@ -57,9 +58,8 @@ pub struct QueryBenchArguments {
     /// Image sizes of the eight cameras.
     #[arg(long, value_name = "WxH,…", default_value = "640x480,1920x1080,3840x2160,7680x4320", value_delimiter = ',', value_parser = parse_size)]
     size: Vec<(u32, u32)>,
-    /// A Python interpreter with OpenCV and NumPy.
-    #[arg(long, value_name = "PATH", default_value = "python3")]
-    python: String,
+    #[command(flatten)]
+    python: Python,
     #[command(flatten)]
     outputs: Outputs,
 }
@@ -93,17 +93,13 @@ struct Report {
 #[allow(clippy::print_stdout, reason = "the table is the command's output")]
 pub fn run(arguments: &QueryBenchArguments) -> Outcome {
     arguments.outputs.prepare()?;
-    let opponent = match Opponent::start(&arguments.python) {
-        Ok(opponent) => Some(RefCell::new(opponent)),
-        Err(problem) => {
-            println!("no rows of OpenCV: {problem}");
-            None
-        }
-    };
+    let opponent = arguments.python.start(SCRIPT).map(|peer| RefCell::new(Opponent { peer }));
     let mut report = Report {
         bench: "query",
         machine: Machine::here(),
-        opencv: opponent.as_ref().map_or_else(Default::default, |peer| peer.borrow().versions().clone()),
+        opencv: opponent
+            .as_ref()
+            .map_or_else(Default::default, |opponent| opponent.borrow().peer.greeting().clone()),
         rows: Vec::new(),
         agreement: Vec::new(),
         bounds: Vec::new(),

@@ -18,7 +18,7 @@ use crate::peers::Peer;
 use cli::{Failure, Outcome};
 
 /// The program.
-const SCRIPT: &str = include_str!("../../peers/query.py");
+pub const SCRIPT: &str = include_str!("../../peers/query.py");
 /// A point that projects this near to a pixel's edge may be rounded either way, pixels.
 const TIE_PIXELS: f64 = 0.01;
 /// Responses agree within a pixel's width at this distance from the cameras, metres,
@@ -51,20 +51,11 @@ pub struct Agreement {
 
 /// OpenCV and NumPy in a process of their own.
 pub struct Opponent {
-    peer: Peer,
+    /// The process; its greeting names its versions.
+    pub peer: Peer,
 }
 
 impl Opponent {
-    /// Starts it; the failure says why it cannot take part.
-    pub fn start(python: &str) -> Outcome<Opponent> {
-        Peer::start(python, SCRIPT).map(|peer| Opponent { peer })
-    }
-
-    /// Its versions.
-    pub fn versions(&self) -> &Value {
-        self.peer.greeting()
-    }
-
     /// Hands over the cameras and masks of a studio; points of another are forgotten.
     pub fn show(&mut self, studio: &Studio) -> Outcome {
         let camera = |(index, view): (usize, &DenseView)| {

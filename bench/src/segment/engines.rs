@@ -14,7 +14,7 @@ use crate::usage::thread_cpu_s;
 use cli::{Failure, Outcome};
 
 /// The program.
-const SCRIPT: &str = include_str!("../../peers/segment.py");
+pub const SCRIPT: &str = include_str!("../../peers/segment.py");
 /// Its engines.
 const PEERS: [&str; 3] = ["mog2", MOG2_I420, "difference"];
 /// The one that takes I420; only of even sides.
@@ -65,20 +65,11 @@ impl<'a> Ours<'a> {
 
 /// OpenCV, with one scene at a time.
 pub struct Opponent {
-    peer: Peer,
+    /// The process; its greeting names its versions.
+    pub peer: Peer,
 }
 
 impl Opponent {
-    /// Starts it; the failure says why it cannot take part.
-    pub fn start(python: &str) -> Outcome<Opponent> {
-        Peer::start(python, SCRIPT).map(|peer| Opponent { peer })
-    }
-
-    /// Its versions.
-    pub fn versions(&self) -> &Value {
-        self.peer.greeting()
-    }
-
     /// Its engines that can do with frames of that size.
     pub fn engines((width, height): (u32, u32)) -> Vec<&'static str> {
         let even = width.is_multiple_of(2) && height.is_multiple_of(2);

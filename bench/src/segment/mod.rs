@@ -9,9 +9,10 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
 
-use self::engines::{Opponent, Ours};
+use self::engines::{Opponent, Ours, SCRIPT};
 use self::scene::{LAYOUTS, Scene};
 use super::outputs::Outputs;
+use super::peers::Python;
 use super::plot::{Axis, BarChart, Series};
 use super::table::{Machine, distinct};
 use cli::{Failure, Outcome, Progress, parse_size};
@@ -39,9 +40,8 @@ pub struct SegmentBenchArguments {
     /// Image sizes of the studio's camera.
     #[arg(long, value_name = "WxH,…", default_value = "1920x1080,3840x2160", value_delimiter = ',', value_parser = parse_size)]
     size: Vec<(u32, u32)>,
-    /// A Python interpreter with OpenCV and NumPy.
-    #[arg(long, value_name = "PATH", default_value = "python3")]
-    python: String,
+    #[command(flatten)]
+    python: Python,
     #[command(flatten)]
     outputs: Outputs,
 }
@@ -73,14 +73,8 @@ struct Report {
 #[allow(clippy::print_stdout, reason = "the table is the command's output")]
 pub fn run(arguments: &SegmentBenchArguments) -> Outcome {
     arguments.outputs.prepare()?;
-    let mut opponent = match Opponent::start(&arguments.python) {
-        Ok(opponent) => Some(opponent),
-        Err(problem) => {
-            println!("no rows of OpenCV: {problem}");
-            None
-        }
-    };
-    let opencv = opponent.as_ref().map_or(Value::Null, |peer| peer.versions().clone());
+    let mut opponent = arguments.python.start(SCRIPT).map(|peer| Opponent { peer });
+    let opencv = opponent.as_ref().map_or(Value::Null, |opponent| opponent.peer.greeting().clone());
     let mut report = Report { bench: "segment", machine: Machine::here(), opencv, rows: Vec::new() };
     println!("{}; one core", report.machine.line());
     println!(
