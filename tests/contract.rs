@@ -16,8 +16,8 @@ use hull::question::{Answer, Batch, NO_EXIT_M, Points, Question, QuestionKind};
 use hull::view_set::Scratch;
 use hull::{Pose, ProbeSettings, Rig, Shape, Silhouette, View, ViewSet};
 use proto::convert::{
-    ExpectedAnswer, ProbeAnswer, RefusalReason, SilhouetteEncoding, answer_from_wire, pixel_rect_from_wire,
-    question_to_wire, shape_to_wire, silhouette_from_data,
+    ExpectedAnswer, ProbeAnswer, QuestionWriter, RefusalReason, SilhouetteEncoding, StreamKnows,
+    answer_from_wire, pixel_rect_from_wire, shape_to_wire, silhouette_from_data,
 };
 use proto::v1;
 use proto::v1::camera_node_client::CameraNodeClient;
@@ -194,7 +194,7 @@ impl Probe {
     }
 
     async fn ask(&mut self, frame: u64, question: &Question) -> ProbeAnswer {
-        self.send(question_to_wire(0, frame, question), question).await
+        self.send(question_to_wire(frame, question), question).await
     }
 
     async fn refused(&mut self, frame: u64, question: &Question) -> RefusalReason {
@@ -363,6 +363,11 @@ async fn refuses_absurd_numbers(client: &mut Client) {
     assert_eq!(refused.code(), tonic::Code::InvalidArgument);
 }
 
+/// A question about a frame for a stream that knows nothing.
+fn question_to_wire(frame: u64, question: &Question) -> v1::ProbeRequest {
+    QuestionWriter::default().write(question).message(&StreamKnows::default(), 0, frame)
+}
+
 async fn refuses_what_makes_no_question(client: &mut Client, probe: &mut Probe) {
     use RefusalReason::{Malformed, TooManyPoints, UnknownList};
     let nan = world_points(vec![[0.0, f64::NAN, 0.0]]);
@@ -371,7 +376,7 @@ async fn refuses_what_makes_no_question(client: &mut Client, probe: &mut Probe) 
     assert_eq!(probe.refused(1, &many).await, TooManyPoints);
     let nothing = v1::ProbeRequest { frame: 1, ..v1::ProbeRequest::default() };
     assert!(matches!(probe.raw(nothing).await, ProbeAnswer::Refused(UnknownList, _)));
-    let mut odd = question_to_wire(0, 1, &world_points(vec![[0.0; 3]]));
+    let mut odd = question_to_wire(1, &world_points(vec![[0.0; 3]]));
     odd.bodies.as_mut().expect("told").world[0] = vec![0; 25].into();
     assert!(matches!(probe.raw(odd).await, ProbeAnswer::Refused(Malformed, _)));
     let empty = world_points(vec![]);

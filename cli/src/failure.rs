@@ -77,8 +77,7 @@ impl From<LocalClusterError> for Failure {
             LocalClusterError::Input { .. } => Failure::input(error),
             LocalClusterError::Folder(_)
             | LocalClusterError::Start { .. }
-            | LocalClusterError::Failed { .. }
-            | LocalClusterError::Address { .. } => Failure::run(error),
+            | LocalClusterError::Failed { .. } => Failure::run(error),
         }
     }
 }

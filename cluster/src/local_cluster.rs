@@ -64,14 +64,6 @@ pub enum LocalClusterError {
         /// Its own message.
         problem: String,
     },
-    /// A node announced no address.
-    #[error("node of {cameras}: {source}")]
-    Address {
-        /// Names of its cameras.
-        cameras: String,
-        /// What it announced.
-        source: AddressError,
-    },
 }
 
 /// Node processes of this program. They end with it, however it ends: their standard input is a pipe
@@ -191,7 +183,9 @@ impl NodeProcess {
         if let Ok(line) = self.stdout_lines.recv_timeout(left)
             && let Some(address) = line.strip_prefix("listening on ")
         {
-            return address.parse().map_err(|source| LocalClusterError::Address { cameras, source });
+            let refused =
+                |error: AddressError| LocalClusterError::Failed { cameras, problem: error.to_string() };
+            return address.parse().map_err(refused);
         }
         let status = self.child.wait_timeout(SHUTDOWN_GRACE).ok().flatten();
         // Its last line is on its way through a thread.

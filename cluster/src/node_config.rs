@@ -88,14 +88,6 @@ fn ignored(entry: &CameraEntry, camera: &Camera) -> Result<Option<Silhouette>, N
 
 /// What a coordinator must find at an address: the cameras at `indices` of the rig.
 pub fn expected_node(rig: &Rig, address: Address, indices: &[usize]) -> ExpectedNode {
-    let camera = |&index: &usize| {
-        let camera = &rig.cameras()[index];
-        CameraDescription {
-            name: camera.name().to_owned(),
-            rig_index: index as u16,
-            size: (camera.width(), camera.height()),
-            calibration_digest: camera.digest(),
-        }
-    };
+    let camera = |&index: &usize| CameraDescription::new(&rig.cameras()[index], index as u16);
     ExpectedNode { address, cameras: indices.iter().map(camera).collect() }
 }

@@ -1,6 +1,6 @@
 //! Who a node is: its cameras and how it decides.
 
-use hull::ProbeSettings;
+use hull::{Camera, ProbeSettings};
 
 /// A camera of a node.
 #[derive(Clone, Debug, PartialEq)]
@@ -13,6 +13,18 @@ pub struct CameraDescription {
     pub size: (u32, u32),
     /// The digest of all numbers of its calibration that change an answer.
     pub calibration_digest: [u8; 32],
+}
+
+impl CameraDescription {
+    /// A camera at its place in the rig.
+    pub fn new(camera: &Camera, rig_index: u16) -> CameraDescription {
+        CameraDescription {
+            name: camera.name().to_owned(),
+            rig_index,
+            size: (camera.width(), camera.height()),
+            calibration_digest: camera.digest(),
+        }
+    }
 }
 
 /// How a node describes itself.

@@ -58,12 +58,7 @@ impl Service {
 }
 
 fn describe(config: &NodeConfig) -> NodeDescription {
-    let describe = |camera: &NodeCamera| CameraDescription {
-        name: camera.camera.name().into(),
-        rig_index: camera.rig_index,
-        size: (camera.camera.width(), camera.camera.height()),
-        calibration_digest: camera.camera.digest(),
-    };
+    let describe = |camera: &NodeCamera| CameraDescription::new(&camera.camera, camera.rig_index);
     NodeDescription {
         version: env!("CARGO_PKG_VERSION").into(),
         cameras: config.cameras.iter().map(describe).collect(),

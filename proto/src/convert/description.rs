@@ -1,7 +1,7 @@
 //! A node's description of itself: message and back.
 
 use super::ConvertError;
-use super::bulk::Field;
+use super::bulk::{Field, unpack};
 use super::film::within;
 use super::from_wire::settings_from_wire;
 use super::to_wire::settings_to_wire;
@@ -53,18 +53,13 @@ fn camera_from_wire(camera: v1::CameraDescription) -> Result<CameraDescription, 
     let v1::CameraDescription { name, rig_index, width, height, calibration_digest } = camera;
     let field = |name| Field("CameraDescription", name);
     let place = u16::try_from(rig_index);
-    let digest = <[u8; 32]>::try_from(&calibration_digest[..]);
+    let digest = unpack(&calibration_digest, 1, field("calibration_digest"), |digest: [u8; 32]| digest)?[0];
     Ok(CameraDescription {
         name: clean(&name, MAX_NAME_CHARS),
         rig_index: place
             .map_err(|_| field("rig_index").value(format!("is {rig_index}, expected 16 bits")))?,
         size: (width, height),
-        calibration_digest: digest.map_err(|_| ConvertError::Length {
-            message: "CameraDescription",
-            field: "calibration_digest",
-            found: calibration_digest.len(),
-            expected: 32,
-        })?,
+        calibration_digest: digest,
     })
 }
 

@@ -24,9 +24,7 @@ pub use pictures::{
 pub use question::{QuestionReader, QuestionWriter, StreamKnows, WrittenQuestion};
 pub use rounded::Precision;
 pub use silhouette::{SilhouetteEncoding, silhouette_data, silhouette_from_data};
-pub use to_wire::{
-    pixel_rect_to_wire, question_to_wire, refusal, settings_to_wire, shape_key, shape_to_wire,
-};
+pub use to_wire::{pixel_rect_to_wire, refusal, settings_to_wire, shape_key, shape_to_wire};
 
 use thiserror::Error;
 

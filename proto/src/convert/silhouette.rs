@@ -7,6 +7,7 @@ use hull::silhouette::{Run, SilhouetteBuilder};
 
 use super::ConvertError;
 use super::bulk::Field;
+use super::choice::{push_number, take_number};
 use crate::v1;
 
 /// How silhouettes travel.
@@ -85,12 +86,12 @@ fn runs(silhouette: &Silhouette) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(silhouette.run_count() * 3 + silhouette.height() as usize);
     for row in 0..silhouette.height() {
         let runs = silhouette.row(row);
-        push_number(&mut bytes, runs.len() as u32);
+        push_number(&mut bytes, runs.len());
         let mut after = 0;
         for (index, run) in runs.iter().enumerate() {
-            push_number(&mut bytes, u32::from(run.start) - after - u32::from(index > 0));
-            push_number(&mut bytes, u32::from(run.end - run.start) - 1);
-            after = u32::from(run.end);
+            push_number(&mut bytes, usize::from(run.start) - after - usize::from(index > 0));
+            push_number(&mut bytes, usize::from(run.end - run.start) - 1);
+            after = usize::from(run.end);
         }
     }
     bytes
@@ -138,20 +139,21 @@ fn from_rows(size: (u32, u32), pixel: impl Fn(usize) -> u8) -> Result<Silhouette
 
 fn from_runs(data: &[u8], size: (u32, u32)) -> Result<Silhouette, ConvertError> {
     let mut builder = builder(size)?;
+    let width = size.0 as usize;
     let mut rest = data;
     let mut runs = Vec::new();
     for row in 0..size.1 {
         runs.clear();
-        let count = take_number(&mut rest)?;
-        if count > size.0 / 2 + 1 {
-            return Err(FIELD.value(format!("row {row} holds {count} runs of {} pixels", size.0)));
+        let count = take_number(&mut rest, FIELD)?;
+        if count > width / 2 + 1 {
+            return Err(FIELD.value(format!("row {row} holds {count} runs of {width} pixels")));
         }
-        let mut after = 0u32;
+        let mut after = 0;
         for index in 0..count {
-            let start = after + take_number(&mut rest)? + u32::from(index > 0);
-            let end = start + take_number(&mut rest)? + 1;
-            if end > size.0 {
-                return Err(FIELD.value(format!("row {row} ends at {end} of {} pixels", size.0)));
+            let start = after + take_number(&mut rest, FIELD)? + usize::from(index > 0);
+            let end = start + take_number(&mut rest, FIELD)? + 1;
+            if end > width {
+                return Err(FIELD.value(format!("row {row} ends at {end} of {width} pixels")));
             }
             runs.push(Run { start: start as u16, end: end as u16 });
             after = end;
@@ -160,28 +162,6 @@ fn from_runs(data: &[u8], size: (u32, u32)) -> Result<Silhouette, ConvertError> 
     }
     FIELD.check_length(data.len(), data.len() - rest.len())?;
     builder.finish().map_err(|error| FIELD.value(error.to_string()))
-}
-
-fn push_number(bytes: &mut Vec<u8>, mut number: u32) {
-    while number >= 0x80 {
-        bytes.push(number as u8 | 0x80);
-        number >>= 7;
-    }
-    bytes.push(number as u8);
-}
-
-/// A number of at most three bytes: no column has more.
-fn take_number(rest: &mut &[u8]) -> Result<u32, ConvertError> {
-    let mut number = 0;
-    for shift in [0, 7, 14] {
-        let (&byte, left) = rest.split_first().ok_or_else(|| FIELD.value("ends within a row"))?;
-        *rest = left;
-        number |= u32::from(byte & 0x7f) << shift;
-        if byte < 0x80 {
-            return Ok(number);
-        }
-    }
-    Err(FIELD.value("holds a number larger than any column"))
 }
 
 #[cfg(test)]

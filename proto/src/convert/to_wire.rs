@@ -2,12 +2,11 @@
 
 use hull::Shape;
 use hull::body::ShapeDigest;
-use hull::question::Question;
 use hull::silhouette::PixelRect;
 use hull::{NormalWindow, OutOfView, ProbeSettings};
 
 use super::bulk::pack_f32;
-use super::{ConvertError, QuestionWriter, RefusalReason, StreamKnows};
+use super::{ConvertError, RefusalReason};
 use crate::v1;
 
 /// What a question names a registered shape by: the first eight bytes of its digest.
@@ -41,11 +40,6 @@ pub fn settings_to_wire(settings: &ProbeSettings) -> v1::ProbeSettings {
         },
         max_depth_m: settings.max_depth_m(),
     }
-}
-
-/// A question about a frame for a stream that knows nothing.
-pub fn question_to_wire(id: u64, frame: u64, question: &Question) -> v1::ProbeRequest {
-    QuestionWriter::default().write(question).message(&StreamKnows::default(), id, frame)
 }
 
 /// A question that is not answered, and why.

@@ -6,9 +6,14 @@ use hull::reach::Reach;
 use hull::{Pose, Shape};
 use proptest::prelude::*;
 
-use super::super::{ConvertError, Precision, question_to_wire, shape_key};
+use super::super::{ConvertError, Precision, shape_key};
 use super::{QuestionReader, QuestionWriter, StreamKnows};
 use crate::v1;
+
+/// A question about a frame for a stream that knows nothing.
+fn question_to_wire(id: u64, frame: u64, question: &Question) -> v1::ProbeRequest {
+    QuestionWriter::default().write(question).message(&StreamKnows::default(), id, frame)
+}
 
 fn shape() -> Arc<Shape> {
     let samples = (0..40).map(|at| [at as f32 * 0.01, 0.5, -0.25]).collect();
