@@ -1,6 +1,7 @@
 //! What a run measured.
 
 use hull::pass::{BodyResult, Round};
+use serde::Serialize;
 
 /// Figures kept at most: beyond, every second one is dropped, and of what comes only so many are taken.
 const MAX_KEPT: usize = 1 << 16;
@@ -155,7 +156,7 @@ pub(crate) fn stage_of(round: Round) -> &'static str {
 }
 
 /// How a run stands, for a live line.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Progress {
     /// Film time, seconds.
     pub film_s: f64,
@@ -176,6 +177,7 @@ pub struct Progress {
     /// Bytes at the sockets a second since the last report.
     pub bytes_per_s: f64,
     /// Why there is no hull now, if so.
+    #[serde(skip)]
     pub hull_unavailable: Option<String>,
 }
 

@@ -9,6 +9,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use hull::Pose;
 use proto::BACKGROUND_S;
+use serde::Serialize;
 pub use sim::{BodyId, Parameters};
 use sim::{BodySpec, Scene, Solid};
 use thiserror::Error;
@@ -221,8 +222,8 @@ pub struct SceneState {
     pub floor_m: Option<f64>,
 }
 
-/// How a camera does.
-#[derive(Clone, Debug, PartialEq)]
+/// How a camera does. Its fields are keys of the page's status.
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CameraStatus {
     /// Its name.
     pub name: String,
@@ -242,8 +243,8 @@ pub struct CameraStatus {
     pub segment_ms: f64,
 }
 
-/// How a run does: published four times a second.
-#[derive(Clone, Debug, PartialEq)]
+/// How a run does: published four times a second. Its fields are keys of the page's status.
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RunStatus {
     /// As on the console.
     pub progress: crate::Progress,

@@ -2,9 +2,10 @@
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
-use coordinator::live::{BodyLook, CameraStatus, Outcome, RunStatus, SceneState};
+use coordinator::live::{BodyLook, Outcome, RunStatus, SceneState};
 use proto::convert::{SilhouetteEncoding, silhouette_data};
 use proto::text::{MAX_MESSAGE_CHARS, clean};
+use serde::Serialize;
 use serde_json::{Value, json};
 use sim::{Scene, Solid};
 
@@ -119,7 +120,7 @@ pub fn shape(solid: &Solid) -> Value {
 }
 
 /// The figures of a page's own connection.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct FeedStatus {
     /// Bytes sent to this page a second, over the last quarter.
     pub bytes_per_s: f64,
@@ -135,55 +136,12 @@ pub struct FeedStatus {
 
 /// The figures of the run and of the page's own connection.
 pub fn status(status: Option<&RunStatus>, is_paused: bool, feed: &FeedStatus) -> String {
-    let mut object = json!({
-        "op": "status",
-        "paused": is_paused,
-        "blind": null,
-        "feed": {
-            "bytes_per_s": feed.bytes_per_s,
-            "sent": feed.sent,
-            "dropped": feed.dropped,
-            "tier": feed.tier,
-            "pages": feed.pages,
-        },
-    });
-    if let (Some(status), Value::Object(object)) = (status, &mut object) {
-        let progress = &status.progress;
-        object.insert("blind".into(), json!(progress.hull_unavailable));
-        object.insert(
-            "progress".into(),
-            json!({
-                "film_s": progress.film_s,
-                "frame": progress.frame,
-                "steps_per_s": progress.steps_per_s,
-                "passes_per_s": progress.passes_per_s,
-                "p50_ms": progress.p50_ms,
-                "p99_ms": progress.p99_ms,
-                "samples": progress.samples,
-                "contacts": progress.contacts,
-                "bytes_per_s": progress.bytes_per_s,
-            }),
-        );
-        object.insert("cameras".into(), status.cameras.iter().map(camera_status).collect());
-        object.insert("frames_missed".into(), status.frames_missed.into());
-        object.insert("frames_expected".into(), status.frames_expected.into());
-        object.insert("late_steps".into(), status.late_steps.into());
-        object.insert("blind_steps".into(), status.blind_steps.into());
-    }
+    let mut object = status.map_or_else(|| json!({}), |status| json!(status));
+    object["op"] = "status".into();
+    object["paused"] = is_paused.into();
+    object["blind"] = json!(status.and_then(|status| status.progress.hull_unavailable.as_ref()));
+    object["feed"] = json!(feed);
     object.to_string()
-}
-
-fn camera_status(camera: &CameraStatus) -> Value {
-    json!({
-        "name": camera.name,
-        "problem": camera.problem,
-        "newest_frame": camera.newest_frame,
-        "age_ms": camera.age_ms,
-        "sync_ms": camera.sync_ms,
-        "foreground": camera.foreground,
-        "silhouette_bytes": camera.silhouette_bytes,
-        "segment_ms": camera.segment_ms,
-    })
 }
 
 /// The answer to a command that was applied.

@@ -71,19 +71,8 @@ pub struct OriginError {
 
 /// Why the system gave no random bytes.
 #[derive(Debug, Error)]
-pub enum RandomError {
-    /// It gave fewer than asked for.
-    #[error("the system gave {found} random bytes, expected {expected}")]
-    Few {
-        /// So many.
-        found: usize,
-        /// Instead of so many.
-        expected: usize,
-    },
-    /// It refused.
-    #[error("the system gives no random bytes: {0}")]
-    System(std::io::Error),
-}
+#[error("the system gives no random bytes: {0}")]
+pub struct RandomError(getrandom::Error);
 
 /// Where pages come from: `https://host` or `https://host:port`, or with `http`.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -113,12 +102,8 @@ impl Origin {
 /// 128 bits from the system, as hexadecimal digits.
 pub(crate) fn random_hex() -> Result<String, RandomError> {
     let mut bytes = [0u8; 16];
-    let got = rustix::rand::getrandom(&mut bytes, rustix::rand::GetRandomFlags::empty());
-    match got {
-        Ok(length) if length == bytes.len() => Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect()),
-        Ok(found) => Err(RandomError::Few { found, expected: bytes.len() }),
-        Err(error) => Err(RandomError::System(error.into())),
-    }
+    getrandom::fill(&mut bytes).map_err(RandomError)?;
+    Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
 /// Decides which requests are answered, and who may steer.
