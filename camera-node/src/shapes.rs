@@ -59,11 +59,17 @@ impl Shapes {
         for (key, shape) in distinct {
             kept.by_key.entry(key).or_insert_with(|| (Arc::new(shape), now)).1 = now;
         }
-        while kept.by_key.values().map(|(shape, _)| samples(shape)).sum::<usize>() > MAX_KEPT_SAMPLES {
-            // Equal ages are this call's, which fit: an older one goes first.
-            let oldest = kept.by_key.iter().min_by_key(|(key, (_, asked))| (*asked, **key));
-            let Some(key) = oldest.map(|(key, _)| *key) else { break };
+        // Equal ages are this call's, which fit: an older one goes first.
+        let age = |(&key, (shape, used)): (&u64, &(Arc<Shape>, u64))| (*used, key, samples(shape));
+        let mut by_age: Vec<(u64, u64, usize)> = kept.by_key.iter().map(age).collect();
+        by_age.sort_unstable();
+        let mut total: usize = by_age.iter().map(|(_, _, samples)| samples).sum();
+        for (_, key, samples) in by_age {
+            if total <= MAX_KEPT_SAMPLES {
+                break;
+            }
             kept.by_key.remove(&key);
+            total -= samples;
         }
         Ok(())
     }
