@@ -2,6 +2,7 @@
 
 mod bandwidth;
 mod cluster;
+mod crews;
 mod feed;
 mod loads;
 mod outputs;

@@ -1,13 +1,15 @@
-//! Where a bench's figures and charts go.
+//! Where a bench's figures and charts go, and numbers of the command line.
 
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use clap::Args;
 use serde::Serialize;
 
 use super::plot;
 use super::table::write_json;
-use cli::{Outcome, check_writable};
+use cli::{ArgumentError, Outcome, check_writable};
 
 /// The options that all benches share.
 #[derive(Debug, Args)]
@@ -18,6 +20,16 @@ pub struct Outputs {
     /// Draw charts into a folder.
     #[arg(long, value_name = "DIR")]
     plot: Option<PathBuf>,
+}
+
+/// A number on the command line, from `least` to `most`.
+pub fn within<T: Copy + Display + FromStr + PartialOrd>(
+    text: &str,
+    least: T,
+    most: T,
+) -> Result<T, ArgumentError> {
+    let found = text.parse().ok().filter(|number| (&least..=&most).contains(&number));
+    found.ok_or_else(|| ArgumentError::new(text, format!("{least} to {most}")))
 }
 
 impl Outputs {

@@ -145,7 +145,7 @@ impl Figures {
 }
 
 /// The stage that a round is.
-pub(crate) fn stage_of(round: Round) -> &'static str {
+pub fn stage_of(round: Round) -> &'static str {
     match round {
         Round::Classes => "classes",
         Round::Edges => "edges",

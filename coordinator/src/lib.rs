@@ -13,7 +13,7 @@ pub mod roster;
 mod run;
 mod transport;
 
-pub use figures::{Figures, Percentiles, Progress, STAGES};
+pub use figures::{Figures, Percentiles, Progress, STAGES, stage_of};
 pub use query::AskEvery;
 pub use run::{Coordinator, RunError, RunSettings, Snapshot, Watcher};
 pub use transport::{BoxError, Fetching, LocalFrames, Silhouettes, Transport, TransportError};

@@ -10,6 +10,8 @@ pub(crate) enum Tier {
 }
 
 impl Tier {
+    const ALL: [Tier; 4] = [Tier::Full, Tier::Half, Tier::Quarter, Tier::Off];
+
     /// Its name in messages.
     pub fn name(self) -> &'static str {
         match self {
@@ -21,7 +23,7 @@ impl Tier {
     }
 
     pub fn from_name(name: &str) -> Option<Tier> {
-        [Tier::Full, Tier::Half, Tier::Quarter, Tier::Off].into_iter().find(|tier| tier.name() == name)
+        Tier::ALL.into_iter().find(|tier| tier.name() == name)
     }
 
     /// Both sides of a picture are divided by 2 to the power of this.
@@ -33,21 +35,13 @@ impl Tier {
         }
     }
 
-    /// The next smaller one.
+    /// The next smaller one, if there is one.
     pub fn less(self) -> Tier {
-        match self {
-            Tier::Full => Tier::Half,
-            Tier::Half => Tier::Quarter,
-            Tier::Quarter | Tier::Off => Tier::Off,
-        }
+        Tier::ALL.into_iter().find(|&tier| tier > self).unwrap_or(self)
     }
 
-    /// The next larger one.
+    /// The next larger one, if there is one.
     pub fn more(self) -> Tier {
-        match self {
-            Tier::Off => Tier::Quarter,
-            Tier::Quarter => Tier::Half,
-            Tier::Half | Tier::Full => Tier::Full,
-        }
+        Tier::ALL.into_iter().rfind(|&tier| tier < self).unwrap_or(self)
     }
 }

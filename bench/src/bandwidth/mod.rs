@@ -15,7 +15,7 @@ use self::rows::{Row, print_header, print_rows};
 use self::verdict::CrossingRow;
 use super::cluster::film::{FPS, FilmPlan};
 use super::cluster::{parse_bodies, parse_nodes};
-use super::outputs::Outputs;
+use super::outputs::{Outputs, within};
 use super::table::{Machine, Table};
 use cli::{ArgumentError, Outcome, Progress, parse_size};
 
@@ -71,8 +71,7 @@ struct Report {
 }
 
 fn parse_noise(text: &str) -> Result<f64, ArgumentError> {
-    let share = text.parse().ok().filter(|share| (0.0..=0.5).contains(share));
-    share.ok_or_else(|| ArgumentError::new(text, "0 to 0.5"))
+    within(text, 0.0, 0.5)
 }
 
 /// Runs it.

@@ -4,7 +4,7 @@
 use std::fs::{self, File};
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use hull::cull::WorldBox;
 use hull::{Camera, Observer, ProbeSettings, Rig, Silhouette, View, ViewSet};
@@ -13,17 +13,15 @@ use image::{ExtendedColorType, ImageEncoder as _};
 use stage::{CameraStage, StageSettings, studio_rig};
 use tempfile::TempDir;
 
+use crate::crews::all_see;
 use crate::random::Random;
-use cli::{Failure, Outcome, Progress};
+use cli::{Failure, Outcome};
 use cluster::ClusterFile;
 
 /// Frames of the film a second.
 pub const FPS: f64 = 30.0;
 /// The instant of the stage's film that is frame 0, seconds: an arm waves.
 const START_S: f64 = 2.0;
-
-/// Cameras filmed at once at most: one of 7680x4320 takes 800 MB while it looks.
-const MOST_CREWS: usize = 4;
 
 /// What is filmed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,7 +57,8 @@ impl Film {
             .map_err(|error| Failure::input(format_args!("--size: {error}")))?;
         let folder = tempfile::tempdir().map_err(Failure::run)?;
         let settings = StageSettings { fps: FPS, ..StageSettings::default() };
-        let of_cameras = filmed(&plan, &rig, &settings, folder.path())?;
+        let look = |index| filmed_by(&plan, &rig, &settings, folder.path(), index);
+        let of_cameras = all_see("filming the studio", plan.cameras, look)?;
         let frames = 0..plan.frames as usize;
         let silhouettes = frames.map(|frame| of_cameras.iter().map(|film| film[frame].clone()).collect());
         let silhouettes = silhouettes.collect();
@@ -101,32 +100,7 @@ impl Film {
     }
 }
 
-/// Every camera's silhouettes, written to files too; several cameras are filmed at once.
-fn filmed(
-    plan: &FilmPlan,
-    rig: &Rig,
-    settings: &StageSettings,
-    folder: &Path,
-) -> Outcome<Vec<Vec<Silhouette>>> {
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let progress = Mutex::new(Progress::new("filming the studio", plan.cameras as u64));
-    let mut films: Vec<Outcome<Vec<Silhouette>>> = vec![Ok(Vec::new()); plan.cameras];
-    // Each crew takes neighbours; what a camera sees does not depend on who else looks.
-    let share = plan.cameras.div_ceil(cores.min(MOST_CREWS));
-    std::thread::scope(|scope| {
-        for (crew, films) in films.chunks_mut(share).enumerate() {
-            let progress = &progress;
-            scope.spawn(move || {
-                for (at, film) in films.iter_mut().enumerate() {
-                    *film = filmed_by(plan, rig, settings, folder, crew * share + at);
-                    progress.lock().unwrap_or_else(PoisonError::into_inner).step();
-                }
-            });
-        }
-    });
-    films.into_iter().collect()
-}
-
+/// A camera's silhouettes, written to files too.
 fn filmed_by(
     plan: &FilmPlan,
     rig: &Rig,

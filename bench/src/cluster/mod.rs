@@ -17,7 +17,7 @@ use self::measure::{Scene, Setting, measured};
 use self::model::model_of;
 use self::names::SocketName;
 use self::rows::{Row, TABLE, print_stages};
-use super::outputs::Outputs;
+use super::outputs::{Outputs, within};
 use super::scale::report::{ScaleReport, report};
 use super::table::{Machine, Table};
 use cli::{ArgumentError, Outcome, PrecisionName, parse_size};
@@ -73,17 +73,12 @@ struct Report {
 
 /// A whole number from 1 to 64.
 pub fn parse_nodes(text: &str) -> Result<usize, ArgumentError> {
-    within(text, 64)
+    within(text, 1, 64)
 }
 
 /// A whole number from 1 to 1000.
 pub fn parse_bodies(text: &str) -> Result<usize, ArgumentError> {
-    within(text, 1000)
-}
-
-fn within(text: &str, most: usize) -> Result<usize, ArgumentError> {
-    let wrong = || ArgumentError::new(text, format!("1 to {most}"));
-    text.parse().ok().filter(|count| (1..=most).contains(count)).ok_or_else(wrong)
+    within(text, 1, 1000)
 }
 
 /// Runs it.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use coordinator::Percentiles;
+use coordinator::{Percentiles, stage_of};
 use hull::pass::Round;
 use serde::Serialize;
 
@@ -73,23 +73,12 @@ pub struct Stage {
 /// The rounds with their figures.
 pub fn stages(rounds: &BTreeMap<Round, Percentiles>) -> Vec<Stage> {
     let stage = |(round, ms): (&Round, &Percentiles)| Stage {
-        name: snake_case(&format!("{round:?}")),
+        name: stage_of(*round).to_owned(),
         p50_ms: ms.p50().unwrap_or_default(),
         p99_ms: ms.p99().unwrap_or_default(),
         max_ms: ms.max().unwrap_or_default(),
     };
     rounds.iter().map(stage).collect()
-}
-
-fn snake_case(name: &str) -> String {
-    let mut snake = String::new();
-    for letter in name.chars() {
-        if letter.is_uppercase() && !snake.is_empty() {
-            snake.push('_');
-        }
-        snake.extend(letter.to_lowercase());
-    }
-    snake
 }
 
 /// What a chart goes over.

@@ -12,7 +12,7 @@ use clap::Args;
 
 use self::rows::{Row, TABLE};
 use self::run::{Setting, measured};
-use super::outputs::Outputs;
+use super::outputs::{Outputs, within};
 use super::table::{Machine, Table};
 use cli::{ArgumentError, Failure, Outcome, parse_size};
 
@@ -49,16 +49,11 @@ pub struct FeedBenchArguments {
 }
 
 fn parse_link(text: &str) -> Result<f64, ArgumentError> {
-    number_within(text, 0.0, 100_000.0)
+    within(text, 0.0, 100_000.0)
 }
 
 fn parse_seconds(text: &str) -> Result<f64, ArgumentError> {
-    number_within(text, 1.0, 3600.0)
-}
-
-fn number_within(text: &str, least: f64, most: f64) -> Result<f64, ArgumentError> {
-    let wrong = || ArgumentError::new(text, format!("{least} to {most}"));
-    text.parse().ok().filter(|number| (least..=most).contains(number)).ok_or_else(wrong)
+    within(text, 1.0, 3600.0)
 }
 
 /// Runs it.

@@ -12,9 +12,10 @@ use hull::silhouette::PixelRect;
 use hull::{Camera, Observer, ProbeSettings, Rig, Silhouette, View, ViewSet};
 use stage::{CameraStage, StageSettings, studio_rig};
 
+use crate::crews::all_see;
 use crate::passes::Passes;
 use crate::random::Random;
-use cli::{Failure, Outcome, Progress};
+use cli::{Failure, Outcome};
 
 /// The instant of the film that is looked at, seconds: an arm is up.
 const TIME_S: f64 = 0.5;
@@ -60,7 +61,9 @@ impl Studio {
         let cameras = cameras(plan)?;
         let stage = StageSettings::default();
         let settings = ProbeSettings::default();
-        let masks = masks(&stage, &cameras)?;
+        // What each camera sees of the person: 255 is foreground.
+        let look = |index: usize| Ok(CameraStage::new(&stage, &cameras[index], index).mask(TIME_S));
+        let masks = all_see("looking at the studio", cameras.len(), look)?;
         let (mut views, mut dense, mut rects) = (Vec::new(), Vec::new(), Vec::new());
         for (index, (camera, mask)) in cameras.into_iter().zip(masks).enumerate() {
             let silhouette = Silhouette::from_mask(plan.size.0, plan.size.1, &mask).map_err(Failure::run)?;
@@ -136,26 +139,6 @@ impl Studio {
         let bit = |place: u32| (cells[place as usize % 3] >> (place / 3) & 1) << place;
         (0..30).map(bit).sum()
     }
-}
-
-/// What each camera sees of the person: 255 is foreground. Looking at a large room takes a while, so that
-/// the cores share it.
-fn masks(stage: &StageSettings, cameras: &[Camera]) -> Outcome<Vec<Vec<u8>>> {
-    let mut progress = Progress::new("looking at the studio", cameras.len() as u64);
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let mut masks = Vec::new();
-    for (turn, cameras) in cameras.chunks(cores).enumerate() {
-        let look = |(place, camera)| CameraStage::new(stage, camera, turn * cores + place).mask(TIME_S);
-        let looked = std::thread::scope(|scope| {
-            let looks = cameras.iter().enumerate().map(|seen| scope.spawn(move || look(seen)));
-            let looks: Vec<_> = looks.collect();
-            looks.into_iter().map(std::thread::ScopedJoinHandle::join).collect::<Result<Vec<_>, _>>()
-        });
-        let looked = looked.map_err(|_| Failure::run("the studio could not be rendered"))?;
-        cameras.iter().for_each(|_| progress.step());
-        masks.extend(looked);
-    }
-    Ok(masks)
 }
 
 fn cameras(plan: StudioPlan) -> Outcome<Vec<Camera>> {

@@ -116,9 +116,24 @@ pub fn world_settings(scene: &Scene, seed: u64, response: ResponseMode) -> World
 /// Seconds of film that are possible.
 pub fn checked_seconds(seconds: Option<f64>) -> Outcome<Option<f64>> {
     match seconds {
-        Some(seconds) if !(seconds > 0.0 && seconds <= 1e6) => {
-            Err(Failure::input(format_args!("--seconds is {seconds}, expected more than 0")))
-        }
+        Some(seconds) if !(seconds > 0.0 && seconds <= 1e6) => Err(Failure::input(format_args!(
+            "--seconds is {seconds}, expected more than 0 and at most 1000000"
+        ))),
         seconds => Ok(seconds),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn seconds_out_of_bounds_are_refused_with_both_bounds() {
+        assert_eq!(checked_seconds(None), Ok(None));
+        assert_eq!(checked_seconds(Some(1e6)), Ok(Some(1e6)));
+        for seconds in [0.0, 1e7, f64::NAN] {
+            let refused = checked_seconds(Some(seconds)).expect_err("refused").to_string();
+            assert!(refused.ends_with("expected more than 0 and at most 1000000"), "{refused}");
+        }
     }
 }
