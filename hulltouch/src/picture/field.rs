@@ -212,18 +212,13 @@ impl<'a> Field<'a> {
         let half = 2 * self.view.observer().window_pixels() as i32 + 1;
         let stride = (half / 4).max(1);
         let (mut slope, mut sum, mut weight) = (Vector2::zeros(), 0.0, 0.0);
-        let mut dy = -half;
-        while dy <= half {
-            let mut dx = -half;
-            while dx <= half {
-                let near = Pixel { column: pixel.column + dx, row: pixel.row + dy };
-                let value = f64::from(self.at(near).0) / f64::from(STRAIGHT);
-                slope += Vector2::new(f64::from(dx), f64::from(dy)) * value;
-                sum += value;
-                weight += 1.0;
-                dx += stride;
-            }
-            dy += stride;
+        let places = || (-half..=half).step_by(stride as usize);
+        for (dy, dx) in places().flat_map(|dy| places().map(move |dx| (dy, dx))) {
+            let near = Pixel { column: pixel.column.saturating_add(dx), row: pixel.row.saturating_add(dy) };
+            let value = f64::from(self.at(near).0) / f64::from(STRAIGHT);
+            slope += Vector2::new(f64::from(dx), f64::from(dy)) * value;
+            sum += value;
+            weight += 1.0;
         }
         let steps = f64::from(half / stride);
         let spread = f64::from(stride * stride) * weight * steps * (steps + 1.0) / 3.0;
