@@ -259,7 +259,7 @@ impl Camera {
     }
 
     /// The pixel that a world point falls on, if it is on the image.
-    #[inline]
+    #[inline(always)]
     pub fn pixel(&self, point_world: &Point3<f64>) -> Option<Pixel> {
         let image = self.project(point_world)?;
         let pixel = Pixel::holding(image.x, image.y);

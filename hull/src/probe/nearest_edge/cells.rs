@@ -60,6 +60,7 @@ impl Default for CellRows {
 }
 
 impl CellRow {
+    #[inline]
     fn least_squared(&self) -> i32 {
         let gap = self.gap_left.min(self.gap_right);
         self.rows_squared + gap * gap
@@ -68,6 +69,7 @@ impl CellRow {
 
 impl CellRows {
     /// The rows that count, the one with the least bound first.
+    #[inline]
     fn nearest_first(&mut self) -> impl Iterator<Item = &CellRow> {
         let limit = self.limit;
         let rows = &mut self.rows[..self.count];
