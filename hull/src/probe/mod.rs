@@ -2,6 +2,7 @@
 
 pub mod classify;
 pub mod coefficients;
+pub mod edge_line;
 pub mod edge_normal;
 pub mod edge_ray;
 pub mod exit;

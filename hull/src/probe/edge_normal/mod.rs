@@ -58,23 +58,25 @@ fn window_columns(
     })
 }
 
-/// Columns and rows of zeros, from the centre.
+/// Columns and rows of zeros from the centre, summed, and how many there are.
 #[derive(Default)]
-struct Sum {
-    across: i32,
-    down: i32,
+pub(super) struct Sum {
+    pub across: i32,
+    pub down: i32,
+    pub count: i32,
 }
 
 impl Sum {
     /// Adds the zeros under the mask in words of consecutive rows; bit 0 is `across` from the centre, the
     /// first row `down`.
     #[inline(always)]
-    fn add(&mut self, words: &[u32], mask: u32, across: i32, down: i32) {
+    pub fn add(&mut self, words: &[u32], mask: u32, across: i32, down: i32) {
         for (row, &word) in (down..).zip(words) {
             let zeros = !word & mask;
             let count = zeros.count_ones() as i32;
             self.across += across * count + places(zeros);
             self.down += row * count;
+            self.count += count;
         }
     }
 

@@ -1,0 +1,255 @@
+//! The silhouette's edge near an edge pixel as a straight line, from the background within a disc.
+//!
+//! Its direction is that of the mean vector to the background, its place follows from the background's share
+//! of the disc. A square, as spec §3.2 has it for the paper's response, turns an edge that is tilted by a small
+//! angle to two thirds of it; a disc prefers no direction. A disc that reached across a thin limb, or across a
+//! gap between two, would take the other side for this one: so it is made smaller there.
+
+use nalgebra::{Point2, Vector2};
+
+use super::edge_normal::Sum;
+use crate::camera::Pixel;
+use crate::silhouette::{BitMap, STRIP};
+
+/// The radius of the disc that first tells which way to look for another edge, pixels.
+const FIRST_RADIUS: usize = 2;
+/// Steps of Newton's method that find an offset to a billionth of the radius.
+const OFFSET_STEPS: usize = 3;
+
+/// A straight edge of a silhouette.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EdgeLine {
+    /// Its point nearest to the edge pixel, image coordinates.
+    pub image: Point2<f64>,
+    /// Its unit normal, towards the background.
+    pub normal: Vector2<f64>,
+}
+
+/// The discs of every radius from one pixel up to the half side of a window.
+#[derive(Clone, Debug)]
+pub struct Discs(Vec<Disc>);
+
+/// The pixels no farther from a pixel than k + 1/2: those with a squared distance of at most k² + k.
+#[derive(Clone, Debug)]
+struct Disc {
+    /// By distance from the middle row, how many pixels a row has on either side of the middle.
+    half_widths: Vec<i32>,
+    /// How many pixels it has.
+    count: i32,
+}
+
+impl Discs {
+    /// Discs of radii from one to `most`, which is at least one.
+    pub fn up_to(most: u32) -> Discs {
+        Discs((1..=most.max(1) as i32).map(Disc::of_radius).collect())
+    }
+
+    fn most(&self) -> usize {
+        self.0.len()
+    }
+
+    fn of(&self, radius: usize) -> &Disc {
+        &self.0[radius.clamp(1, self.most()) - 1]
+    }
+}
+
+impl Disc {
+    fn of_radius(radius: i32) -> Disc {
+        let squared = radius * radius + radius;
+        let half_widths: Vec<i32> = (0..=radius).map(|row| (squared - row * row).isqrt()).collect();
+        let twice: i32 = half_widths[1..].iter().map(|half| 2 * half + 1).sum();
+        Disc { count: 2 * twice + 2 * half_widths[0] + 1, half_widths }
+    }
+
+    /// The zeros of the map within the disc.
+    #[inline(always)]
+    fn background(&self, candidates: &BitMap, centre: Pixel) -> Sum {
+        let radius = self.half_widths.len() as i32 - 1;
+        let beyond = if candidates.beyond() { u32::MAX } else { 0 };
+        let mut sum = Sum::default();
+        for down in -radius..=radius {
+            let half = self.half_widths[down.unsigned_abs() as usize];
+            let (left, right) = (centre.column - half, centre.column + half);
+            let row = (centre.row + down).wrapping_sub(candidates.top()) as usize;
+            for strip in left.div_euclid(STRIP)..=right.div_euclid(STRIP) {
+                let base = strip * STRIP;
+                let (from, to) = ((left - base).max(0), (right - base).min(STRIP - 1));
+                let mask = (u32::MAX << from) & (u32::MAX >> (STRIP - 1 - to));
+                let in_map = strip.wrapping_sub(candidates.left() / STRIP) as usize;
+                let has_word = in_map < candidates.strips() && row < candidates.rows();
+                let word = if has_word { candidates.strip(in_map)[row] } else { beyond };
+                sum.add(&[word], mask, base - centre.column, down);
+            }
+        }
+        sum
+    }
+}
+
+/// The edge near `edge`, a background pixel that is the nearest to the pixel `start` of the foreground. The
+/// candidates are zero at background; `discs` say how much of the edge is averaged where there is room.
+#[inline(always)]
+pub fn edge_line(candidates: &BitMap, edge: Pixel, start: Pixel, discs: &Discs) -> EdgeLine {
+    let line = |radius: usize| {
+        let disc = discs.of(radius);
+        let sum = disc.background(candidates, edge);
+        let (across, down) = (f64::from(sum.across), f64::from(sum.down));
+        let normal = if sum.across == 0 && sum.down == 0 {
+            Vector2::new(f64::from(edge.column - start.column), f64::from(edge.row - start.row))
+        } else {
+            Vector2::new(across, down)
+        };
+        let normal = normal / (normal.x * normal.x + normal.y * normal.y).sqrt();
+        EdgeLine { image: edge.centre() + normal * offset(sum.count, disc.count), normal }
+    };
+    let first = line(FIRST_RADIUS);
+    let most = discs.most();
+    let radius = room_within_limb(candidates, edge, first.normal, most);
+    if radius == FIRST_RADIUS.min(most) { first } else { line(radius) }
+}
+
+/// The greatest radius up to `most` of a disc around an edge pixel that does not reach across the foreground to
+/// background on its other side. One pixel of background within the foreground is noise, not another side.
+#[inline(always)]
+fn room_within_limb(candidates: &BitMap, edge: Pixel, normal: Vector2<f64>, most: usize) -> usize {
+    let is_foreground = |step: usize| {
+        let place = edge.centre() - normal * step as f64;
+        candidates.get(Pixel::holding(place.x, place.y))
+    };
+    let Some(entry) = (1..=FIRST_RADIUS).find(|&step| is_foreground(step)) else { return most };
+    // A step may end three quarters of a pixel beyond the other edge, and a disc reaches half a pixel beyond its radius.
+    let is_across = |&step: &usize| !is_foreground(step) && !is_foreground(step + 1);
+    let across = (entry + 1..=most + 1).find(is_across);
+    across.map_or(most, |step| (step - 2).clamp(1, most))
+}
+
+/// How far from the middle of a disc a straight edge is, towards the background, that leaves so many of its pixels to
+/// the background: a chord of a circle of the same area, pixels.
+#[inline(always)]
+fn offset(background: i32, pixels: i32) -> f64 {
+    let (background, pixels) = (f64::from(background), f64::from(pixels));
+    // Half the angle of the chord of the smaller part solves a - sin a cos a = area, which is 2/3 a³ where it is small.
+    let is_small = 2.0 * background <= pixels;
+    let share = if is_small { background } else { pixels - background } / pixels;
+    let area = std::f64::consts::PI * share;
+    let mut angle = libm::cbrt(1.5 * area);
+    let (mut sine, mut cosine) = libm::sincos(angle);
+    for _ in 0..OFFSET_STEPS {
+        angle -= (angle - sine * cosine - area) / (2.0 * sine * sine);
+        (sine, cosine) = libm::sincos(angle);
+    }
+    let radius = (pixels / std::f64::consts::PI).sqrt();
+    if is_small { radius * cosine } else { -radius * cosine }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::silhouette::Silhouette;
+    use crate::silhouette::tests::random_mask;
+    use proptest::prelude::*;
+
+    const SIDE: i32 = 96;
+
+    /// A map of the pixels that a function says are foreground.
+    fn map_of(is_foreground: impl Fn(f64, f64) -> bool) -> BitMap {
+        let pixels = (0..SIDE * SIDE).map(|at| is_foreground(f64::from(at % SIDE), f64::from(at / SIDE)));
+        let mask: Vec<u8> = pixels.map(|one| if one { 255 } else { 0 }).collect();
+        BitMap::foreground(&Silhouette::from_mask(SIDE as u32, SIDE as u32, &mask).expect("size"), 3)
+    }
+
+    /// Of straight edges through all angles at many places, the angles between normals and truth, degrees, and how far
+    /// the lines are off, pixels; ascending.
+    fn errors(k: u32) -> [Vec<f64>; 2] {
+        let discs = Discs::up_to(k);
+        let (mut angles_deg, mut offsets) = (Vec::new(), Vec::new());
+        for turn in 0..360 {
+            let (sine, cosine) = libm::sincos(f64::from(turn) * 1.003_f64.to_radians());
+            let shift = f64::from(turn % 17) / 17.0;
+            let away = |x: f64, y: f64| (x - 48.0) * cosine + (y - 48.0) * sine - shift;
+            let map = map_of(|x, y| away(x, y) < 0.0);
+            let background = (0..SIDE * SIDE).map(|at| Pixel { column: at % SIDE, row: at / SIDE });
+            // The pixel of the background nearest to one well within the foreground.
+            let start = Pixel::holding(48.0 - 20.0 * cosine, 48.0 - 20.0 * sine);
+            let squared =
+                |pixel: &Pixel| (pixel.column - start.column).pow(2) + (pixel.row - start.row).pow(2);
+            let edge = background.filter(|&pixel| !map.get(pixel)).min_by_key(squared).expect("an edge");
+            let line = edge_line(&map, edge, start, &discs);
+            let along = line.normal.x * cosine + line.normal.y * sine;
+            angles_deg.push(libm::acos(along.min(1.0)).to_degrees());
+            offsets.push(away(line.image.x, line.image.y).abs());
+        }
+        [angles_deg, offsets].map(|mut found| {
+            found.sort_by(f64::total_cmp);
+            found
+        })
+    }
+
+    #[test]
+    fn straight_edges_are_found_at_every_angle() {
+        for (k, median_deg, p95_deg, p95_pixels) in [(2, 4.0, 11.5, 0.35), (12, 0.5, 1.4, 0.15)] {
+            let [angles_deg, offsets] = errors(k);
+            assert!(
+                angles_deg[180] < median_deg && angles_deg[342] < p95_deg,
+                "{k}: {} {}",
+                angles_deg[180],
+                angles_deg[342]
+            );
+            assert!(offsets[342] < p95_pixels, "{k}: {}", offsets[342]);
+        }
+    }
+
+    #[test]
+    fn a_disc_does_not_reach_across_a_limb() {
+        let discs = Discs::up_to(12);
+        // A bar of seven rows.
+        let map = map_of(|_, y| (40.0..47.0).contains(&y));
+        let (above, below) = (Pixel { column: 48, row: 39 }, Pixel { column: 48, row: 47 });
+        for (edge, up) in [(above, -1.0), (below, 1.0)] {
+            let line = edge_line(&map, edge, Pixel { column: 48, row: 43 }, &discs);
+            assert!((line.normal - Vector2::new(0.0, up)).norm() < 1e-12, "{line:?}");
+            let expected = f64::from(edge.row) - 0.5 * up;
+            assert!((line.image.y - expected).abs() < 0.2, "{line:?}, expected {expected}");
+        }
+        // A pixel of noise within the foreground is no other side.
+        let noisy = map_of(|x, y| y < 48.0 && (x, y) != (48.0, 44.0));
+        let edge = Pixel { column: 48, row: 48 };
+        assert_eq!(room_within_limb(&noisy, edge, Vector2::new(0.0, 1.0), 12), 12);
+    }
+
+    #[test]
+    fn an_offset_leaves_its_share_of_a_disc() {
+        for pixels in [9, 21, 489] {
+            for background in 1..pixels {
+                let x = offset(background, pixels) / (f64::from(pixels) / std::f64::consts::PI).sqrt();
+                let share = (libm::acos(x) - x * (1.0 - x * x).sqrt()) / std::f64::consts::PI;
+                let expected = f64::from(background) / f64::from(pixels);
+                assert!((share - expected).abs() < 1e-9, "{background} of {pixels}: {share}");
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn sums_over_words_are_sums_over_pixels(
+            width in 1u32..200, height in 1u32..60, seed in any::<u64>(), column in -3i32..203, row in -3i32..63,
+            radius in 1i32..40,
+        ) {
+            let silhouette = Silhouette::from_mask(width, height, &random_mask(width, height, seed)).expect("size");
+            let map = BitMap::foreground(&silhouette, 1);
+            let (mut count, mut across, mut down, mut zeros) = (0, 0, 0, 0);
+            for dy in -radius..=radius {
+                for dx in -radius..=radius {
+                    let is_in_disc = dx * dx + dy * dy <= radius * radius + radius;
+                    count += i32::from(is_in_disc);
+                    if is_in_disc && !map.get(Pixel { column: column + dx, row: row + dy }) {
+                        (across, down, zeros) = (across + dx, down + dy, zeros + 1);
+                    }
+                }
+            }
+            let disc = Disc::of_radius(radius);
+            prop_assert_eq!(disc.count, count);
+            let sum = disc.background(&map, Pixel { column, row });
+            prop_assert_eq!((sum.across, sum.down, sum.count), (across, down, zeros));
+        }
+    }
+}
