@@ -59,7 +59,7 @@ impl Cores {
 pub fn work_ns(question: &Question, cameras: usize) -> usize {
     let point_ns = match question.kind {
         QuestionKind::Classes => 6,
-        QuestionKind::Edges => 250,
+        QuestionKind::Edges | QuestionKind::Planes => 250,
         QuestionKind::Exits | QuestionKind::SharedExits => 120,
     };
     question.len().saturating_mul(point_ns * cameras)

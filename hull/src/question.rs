@@ -90,6 +90,9 @@ pub enum QuestionKind {
     Classes,
     /// The nearest edge of the cameras that say inside, and its normal?
     Edges,
+    /// The same, with the normal of the plane through the camera's centre and the straightened edge: the hull's
+    /// surface there.
+    Planes,
     /// Where does the ray along the point's own direction leave?
     Exits,
     /// Where does the ray along its batch's direction leave?
@@ -97,9 +100,13 @@ pub enum QuestionKind {
 }
 
 impl QuestionKind {
-    /// True if an answer of this kind can be to a question of the other: exits are answered alike.
+    /// True if an answer of this kind can be to a question of the other: exits are answered alike, and edges.
     pub fn answers(self, question: QuestionKind) -> bool {
-        let plain = |kind| if kind == QuestionKind::SharedExits { QuestionKind::Exits } else { kind };
+        let plain = |kind| match kind {
+            QuestionKind::SharedExits => QuestionKind::Exits,
+            QuestionKind::Planes => QuestionKind::Edges,
+            kind => kind,
+        };
         plain(self) == plain(question)
     }
 }
@@ -219,7 +226,7 @@ pub struct Edge {
     pub camera: u16,
     /// The edge pixel.
     pub pixel: Pixel,
-    /// The visual hull's outward unit normal there, in the world.
+    /// The visual hull's outward unit normal there, in the world: of a plane through the camera's centre.
     pub normal_world: [f32; 3],
 }
 
@@ -251,7 +258,7 @@ pub struct Answer {
     pub kind: QuestionKind,
     /// To [`QuestionKind::Classes`].
     pub standings: Vec<Standing>,
-    /// To [`QuestionKind::Edges`]; `None` where no camera says inside or none has an edge within reach.
+    /// To [`QuestionKind::Edges`] and [`QuestionKind::Planes`]; `None` where no camera says inside or none has an edge within reach.
     pub edges: Vec<Option<Edge>>,
     /// To [`QuestionKind::Edges`] asked within reaches, of cameras that are never silent: the reach within which the edge's own
     /// camera leaves the silhouette along the edge's normal, so that no camera need search for an exit beyond.
@@ -277,7 +284,7 @@ impl Answer {
     pub fn len(&self) -> usize {
         match self.kind {
             QuestionKind::Classes => self.standings.len(),
-            QuestionKind::Edges => self.edges.len(),
+            QuestionKind::Edges | QuestionKind::Planes => self.edges.len(),
             QuestionKind::Exits | QuestionKind::SharedExits => self.exits_m.len(),
         }
     }

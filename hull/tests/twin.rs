@@ -33,6 +33,10 @@ fn run(sets: &[ViewSet], settings: ProbeSettings, points: &[[f64; 3]], first: &[
         [(Points::World(points.into()), &Reaches::default())].into_iter(),
         Some(&WorldBox::EVERYWHERE),
     );
+    finish(pass, sets)
+}
+
+fn finish(mut pass: Pass, sets: &[ViewSet]) -> BodyResult {
     let (mut scratch, mut answer) = (Scratch::default(), Answer::default());
     while let Some(question) = pass.question().cloned() {
         let asks: Vec<bool> = (0..sets.len()).map(|group| pass.asks(group)).collect();
@@ -100,6 +104,63 @@ fn exit_holds(
         }
         (None, Some(_)) => false,
     }
+}
+
+/// Checks the planes of a random rig and returns how many there are.
+fn check_planes(seed: u64, settings: ProbeSettings, with_ignored: bool) -> usize {
+    let (dense, views) = random_rig(seed, settings, with_ignored);
+    let mut dice = Dice(seed ^ 0xabcdef);
+    let points: Vec<[f64; 3]> = (0..150).map(|_| std::array::from_fn(|_| dice.between(-0.9, 0.9))).collect();
+    let batches = vec![Batch::all(Points::World(points.clone().into()))];
+    let ask = |kind: QuestionKind, path: VectorPath| {
+        let mut answer = Answer::default();
+        let question = Question { kind, batches: batches.clone(), ..Question::default() };
+        ViewSet::new(views.clone()).with_path(path).answer(&question, &mut Scratch::default(), &mut answer);
+        answer.edges
+    };
+    let planes = ask(QuestionKind::Planes, VectorPath::Portable);
+    for path in VectorPath::ALL.into_iter().filter(|path| path.is_available()) {
+        assert_eq!(ask(QuestionKind::Planes, path), planes, "{path:?}, seed {seed}");
+    }
+    let alone: Vec<ViewSet> = views.iter().map(|view| ViewSet::new(vec![view.clone()])).collect();
+    let together = [ViewSet::new(views.clone())];
+    for (sets, two_phases) in [(&together[..], false), (&alone, false), (&alone, true)] {
+        let mut pass = Pass::new(
+            vec![Points::World(points.clone().into())],
+            Some(&WorldBox::EVERYWHERE),
+            settings,
+            sets.len(),
+        );
+        pass.only_planes(true);
+        pass.ask_in_two_phases(two_phases);
+        let found = finish(pass, sets);
+        assert!(found.touches.iter().all(|touch| touch.edge == planes[touch.sample as usize]), "seed {seed}");
+        assert!(found.touches.iter().all(|touch| touch.exit_m.is_none()), "nobody asked for exits");
+    }
+    let edges = ask(QuestionKind::Edges, VectorPath::Portable);
+    for ((point, plane), edge) in points.iter().zip(&planes).zip(edges) {
+        let (Some(plane), Some(edge)) = (plane, edge) else {
+            assert_eq!(plane.is_some(), edge.is_some(), "seed {seed}");
+            continue;
+        };
+        assert_eq!((plane.camera, plane.pixel, plane.distance_m), (edge.camera, edge.pixel, edge.distance_m));
+        let view = &dense[usize::from(plane.camera)];
+        let twin = brute::plane_normal(view, &settings, &Point3::from(*point), plane.pixel).expect("a plane");
+        let normal = Vector3::from(plane.normal_world.map(f64::from));
+        assert!((normal - twin).norm() < 1e-6, "seed {seed}: {normal} instead of {twin}");
+    }
+    planes.iter().flatten().count()
+}
+
+#[test]
+fn planes_equal_the_twin() {
+    let wide = HullRule { out_of_view: OutOfView::Outside, min_views: 2 };
+    let wide = ProbeSettings::new(wide, NormalWindow::Pixels(7), 1.0).expect("in range");
+    let each =
+        [(settings(OutOfView::Outside, 2), false), (settings(OutOfView::Abstain, 1), true), (wide, true)];
+    let seeds = (1..=12).flat_map(|seed| each.map(|(settings, ignored)| (seed, settings, ignored)));
+    let found: usize = seeds.map(|(seed, settings, ignored)| check_planes(seed, settings, ignored)).sum();
+    assert!(found > 1000, "only {found} planes: the rigs test nothing");
 }
 
 fn check_many(settings: ProbeSettings, with_ignored: bool) {

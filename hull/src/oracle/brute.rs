@@ -1,6 +1,6 @@
 //! The exact twin of spec §3: every search exhaustive, every ray marched densely.
 
-use nalgebra::{Point3, Vector2, Vector3};
+use nalgebra::{Point2, Point3, Vector2, Vector3};
 
 use super::DenseView;
 use crate::camera::Pixel;
@@ -69,6 +69,64 @@ pub fn point(
     }
     let exit_m = best.as_ref().and_then(|edge| exit(views, settings, a, &edge.normal_world, march_m));
     Some(BrutePoint { edge: best, exit_m })
+}
+
+/// The outward normal of the hull's surface as a plane near a camera's edge; `None` where the lens sees nothing.
+pub fn plane_normal(
+    view: &DenseView,
+    settings: &ProbeSettings,
+    a: &Point3<f64>,
+    edge: Pixel,
+) -> Option<Vector3<f64>> {
+    let start = view.camera.pixel(a)?;
+    let most = settings.normal_window().half_side_pixels(view.camera.width(), view.camera.height()) as i32;
+    let (_, normal) = disc_line(view, settings, start, edge, 2.min(most));
+    let is_foreground = |step: i32| {
+        let place = edge.centre() - normal * f64::from(step);
+        !is_candidate(view, settings, Pixel::holding(place.x, place.y))
+    };
+    let mut radius = most;
+    if let Some(entry) = [1, 2].into_iter().find(|&step| is_foreground(step)) {
+        for step in (entry + 1..=most + 1).rev() {
+            if !is_foreground(step) && !is_foreground(step + 1) {
+                radius = (step - 2).max(1);
+            }
+        }
+    }
+    let (image, normal) = disc_line(view, settings, start, edge, radius);
+    view.camera.hull_normal_world(&view.camera.normalised(&image)?, &normal)
+}
+
+/// The straight edge that leaves a disc's background on its other side.
+fn disc_line(
+    view: &DenseView,
+    settings: &ProbeSettings,
+    start: Pixel,
+    edge: Pixel,
+    radius: i32,
+) -> (Point2<f64>, Vector2<f64>) {
+    let (mut sum, mut background, mut all) = (Vector2::zeros(), 0.0, 0.0);
+    for dy in -radius..=radius {
+        for dx in -radius..=radius {
+            if dx * dx + dy * dy > radius * radius + radius {
+                continue;
+            }
+            all += 1.0;
+            if is_candidate(view, settings, Pixel { column: edge.column + dx, row: edge.row + dy }) {
+                sum += Vector2::new(f64::from(dx), f64::from(dy));
+                background += 1.0;
+            }
+        }
+    }
+    let m = if sum == Vector2::zeros() { edge.centre() - start.centre() } else { sum };
+    let (mut low, mut high) = (-1.0, 1.0);
+    for _ in 0..60 {
+        let x: f64 = 0.5 * (low + high);
+        let share = (libm::acos(x) - x * (1.0 - x * x).sqrt()) / std::f64::consts::PI;
+        if share > background / all { low = x } else { high = x }
+    }
+    let normal = m.normalize();
+    (edge.centre() + normal * (low * (all / std::f64::consts::PI).sqrt()), normal)
 }
 
 /// True if the pixel counts as background for edges and normals.

@@ -31,7 +31,7 @@ pub use reaches::{FIRST_REACH, Reaches};
 pub enum Round {
     /// Which samples are inside.
     Classes,
-    /// The nearest edge and its normal of those inside.
+    /// The nearest edge and its normal, or plane, of those inside.
     Edges,
     /// The exit of those inside along their normals.
     Exits,
@@ -141,6 +141,8 @@ pub struct Pass {
     groups: Vec<Group>,
     /// The groups of the first phase are asked; the others follow.
     is_first_phase: bool,
+    /// Planes are asked for instead of edges, and no exits.
+    only_planes: bool,
     /// Few exits are asked for, each not far, at the price of rounds.
     saves_bytes: bool,
     changes_sorted: bool,
@@ -198,6 +200,7 @@ impl Pass {
             exits_within: Vec::new(),
             groups: vec![Group::default(); group_count],
             is_first_phase: false,
+            only_planes: false,
             saves_bytes: false,
             changes_sorted: true,
         };
@@ -282,6 +285,12 @@ impl Pass {
         }
     }
 
+    /// From the next pass on, asks for planes instead of edges, and for no exits: touches have the hull's surface near
+    /// them, bodies no response.
+    pub fn only_planes(&mut self, only_planes: bool) {
+        self.only_planes = only_planes;
+    }
+
     /// Whether bytes are dearer than rounds: then several groups are asked for fewer exits, each within less, and more
     /// often once more.
     pub fn save_bytes(&mut self, saves_bytes: bool) {
@@ -349,7 +358,7 @@ impl Pass {
         self.changes_sorted = true;
         match self.question.kind {
             QuestionKind::Classes => merged.standings.resize(count, Standing::inside(0)),
-            QuestionKind::Edges => {
+            QuestionKind::Edges | QuestionKind::Planes => {
                 merged.edges.resize(count, None);
                 // One group alone finds exits at once.
                 let told = if self.groups.len() == 1 { 0 } else { count };

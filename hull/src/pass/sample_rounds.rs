@@ -62,7 +62,7 @@ impl Pass {
     /// Asks for edges of the touches that fit.
     pub(super) fn ask_edges(&mut self, fits: impl Fn(&Touch) -> bool) {
         let alone = self.groups.len() == 1;
-        self.question.restart(QuestionKind::Edges);
+        self.question.restart(if self.only_planes { QuestionKind::Planes } else { QuestionKind::Edges });
         let again = self.round == Round::Edges;
         self.pick_touches([0.0; 3], |_, _, touch| fits(touch));
         let Pass { question, targets, bodies, results, count, .. } = self;
@@ -93,6 +93,10 @@ impl Pass {
         }
         if is_open {
             return self.ask_edges(|touch| touch.edge.is_none());
+        }
+        if self.only_planes {
+            self.round = Round::Done;
+            return;
         }
         self.ask_exits(|_| true);
     }

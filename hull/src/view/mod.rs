@@ -5,9 +5,12 @@ pub(crate) mod sieve;
 
 use std::sync::Arc;
 
+use nalgebra::Vector3;
+
 use crate::camera::{Camera, Pixel};
 use crate::cull::Frustum;
 use crate::probe::coefficients::CameraCoefficients;
+use crate::probe::edge_line::{Discs, edge_line};
 use crate::rule::{OutOfView, ProbeSettings};
 use crate::silhouette::{BitMap, Index, PixelRect, Silhouette};
 pub(crate) use bounds::Bounds;
@@ -37,6 +40,7 @@ pub struct Observer {
     /// ray, and under `abstain` off the image. `None` if there are none.
     blocked: Option<BitMap>,
     window_pixels: u32,
+    discs: Discs,
     bounds: Bounds,
 }
 
@@ -61,6 +65,7 @@ impl Observer {
             ignored_bounds: ignored.and_then(Silhouette::bounds),
             blocked,
             window_pixels,
+            discs: Discs::up_to(window_pixels),
             bounds,
             camera,
         }
@@ -174,6 +179,15 @@ impl View {
     #[inline]
     pub fn edge_candidates(&self) -> &Index {
         self.candidates.as_ref().unwrap_or(&self.foreground)
+    }
+
+    /// The hull's surface near an edge pixel as a plane through the camera's centre: its outward unit normal in the
+    /// world. The edge pixel must be the candidate nearest to `start`. `None` where the lens sees nothing.
+    #[inline(always)]
+    pub(crate) fn plane_normal(&self, edge: Pixel, start: Pixel) -> Option<Vector3<f64>> {
+        let line = edge_line(self.edge_candidates().map(), edge, start, &self.observer.discs);
+        let seen = self.observer.camera.normalised(&line.image)?;
+        self.observer.camera.hull_normal_world(&seen, &line.normal)
     }
 
     /// The bounding frustum of what this camera does not reject; `None` if it rejects all it sees.

@@ -13,7 +13,7 @@ use crate::coordinates::Coordinates;
 use crate::probe::edge_normal::sum_of_background;
 use crate::probe::edge_ray::{LANES, Lanes, distances, hull_normals, normalised};
 use crate::probe::nearest_edge::nearest_edge;
-use crate::question::{Answer, Edge};
+use crate::question::{Answer, Edge, QuestionKind};
 use crate::reach::Reach;
 use crate::vector::VectorPath;
 use crate::view::View;
@@ -71,7 +71,8 @@ impl ViewSet {
         answer: &mut Answer,
     ) {
         // A bounded search is followed by one for exits.
-        let with_exits = self.always_judge && !batch.question.within.is_empty();
+        let is_of_planes = batch.question.kind == QuestionKind::Planes;
+        let with_exits = self.always_judge && !is_of_planes && !batch.question.within.is_empty();
         for from in (0..points.len()).step_by(CHUNK) {
             let count = (points.len() - from).min(CHUNK);
             let Scratch { projections, nearest, .. } = scratch;
@@ -93,7 +94,11 @@ impl ViewSet {
             }
             for (index, view) in self.views.iter().enumerate() {
                 nearest.selection.select(count, |at| nearest.view[at] == index as u32);
-                nearest.find_normals(view, projections.of(index), self.path);
+                if is_of_planes {
+                    nearest.find_planes(view, projections.of(index));
+                } else {
+                    nearest.find_normals(view, projections.of(index), self.path);
+                }
                 if with_exits {
                     nearest.find_exits(view, points, from);
                 }
@@ -168,6 +173,17 @@ impl Nearest {
             for lane in 0..count {
                 self.normal_world[usize::from(places[lane])] = normals[lane];
             }
+        }
+    }
+
+    /// Finds the planes of the picked points' edges, which are this view's.
+    #[inline(always)]
+    fn find_planes(&mut self, view: &View, projection: &Projection) {
+        for at in self.selection.iter() {
+            let edge = Pixel { column: self.column[at], row: self.row[at] };
+            let start = Pixel { column: projection.column[at], row: projection.row[at] };
+            let normal = view.plane_normal(edge, start);
+            self.normal_world[at] = normal.map_or([f32::NAN; 3], |n| [n.x, n.y, n.z].map(|n| n as f32));
         }
     }
 

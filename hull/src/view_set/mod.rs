@@ -126,7 +126,9 @@ impl ViewSet {
                 QuestionKind::Classes => {
                     self.append_standings(&points, &mut scratch.block, &mut answer.standings);
                 }
-                QuestionKind::Edges => self.edges(&batch_question, &points, scratch, answer),
+                QuestionKind::Edges | QuestionKind::Planes => {
+                    self.edges(&batch_question, &points, scratch, answer)
+                }
                 QuestionKind::Exits | QuestionKind::SharedExits => {
                     self.exits(&batch_question, &points, scratch, answer);
                 }

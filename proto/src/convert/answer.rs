@@ -49,7 +49,7 @@ pub fn answer_to_wire(
     use v1::probe_reply::Answer as Wire;
     let answer = match answer.kind {
         QuestionKind::Classes => Wire::Classes(classes_to_wire(&answer.standings, camera_count)),
-        QuestionKind::Edges => Wire::Edges(edges_to_wire(answer, precision)),
+        QuestionKind::Edges | QuestionKind::Planes => Wire::Edges(edges_to_wire(answer, precision)),
         QuestionKind::Exits | QuestionKind::SharedExits => Wire::Exits(exits_to_wire(answer, precision)),
     };
     v1::ProbeReply { id, answer: Some(answer), compute_ms: compute_ms as f32 }

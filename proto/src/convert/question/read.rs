@@ -230,11 +230,11 @@ fn add_directions(
 ) -> Result<(), ConvertError> {
     let field = field("directions");
     let expected = match question.kind {
-        QuestionKind::Classes | QuestionKind::Edges => 0,
+        QuestionKind::Classes | QuestionKind::Edges | QuestionKind::Planes => 0,
         QuestionKind::Exits => count,
         QuestionKind::SharedExits => question.batches.len(),
     };
-    if rounded && question.kind != QuestionKind::Classes && question.kind != QuestionKind::Edges {
+    if rounded && matches!(question.kind, QuestionKind::Exits | QuestionKind::SharedExits) {
         question.directions = from_octahedral(bytes, expected, field)?;
         return Ok(());
     }
@@ -253,6 +253,7 @@ impl From<v1::probe_request::Kind> for QuestionKind {
             v1::probe_request::Kind::Classes => QuestionKind::Classes,
             v1::probe_request::Kind::Edges => QuestionKind::Edges,
             v1::probe_request::Kind::Exits => QuestionKind::Exits,
+            v1::probe_request::Kind::Planes => QuestionKind::Planes,
             v1::probe_request::Kind::BodyExits => QuestionKind::SharedExits,
         }
     }

@@ -70,6 +70,7 @@ fn questions_survive_the_wire() {
     let (one, two) = (body(0.1), body(0.2));
     let world = Points::World([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]].into());
     let picked = some(QuestionKind::Edges, &[(&one, &[0, 3, 39]), (&world, &[1])]);
+    let planes = Question { kind: QuestionKind::Planes, ..picked.clone() };
     let near = Question { within: vec![Reach::covering(0.02); 4], ..picked.clone() };
     let directions = vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [0.6, 0.8, 0.0]];
     let each = Question { kind: QuestionKind::Exits, directions, ..near.clone() };
@@ -80,7 +81,7 @@ fn questions_survive_the_wire() {
     moved.batches[0].offset_m = [0.0, 0.25, -1e-9];
     let mut stream = Stream::default();
     let bodies = all(&[one, two, world]);
-    for question in [&bodies, &picked, &near, &each, &shared, &moved, &bodies, &bodies, &all(&[])] {
+    for question in [&bodies, &picked, &planes, &near, &each, &shared, &moved, &bodies, &bodies, &all(&[])] {
         assert_eq!(stream.pass(question), *question);
         // Nor does it take a stream that knows nothing.
         let mut read = Question::default();

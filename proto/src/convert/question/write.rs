@@ -169,7 +169,7 @@ impl QuestionWriter {
                 pack_f64(offsets())
             },
             directions: match kind {
-                QuestionKind::Classes | QuestionKind::Edges => Bytes::new(),
+                QuestionKind::Classes | QuestionKind::Edges | QuestionKind::Planes => Bytes::new(),
                 QuestionKind::SharedExits if rounded => octahedral(shared(), UnitBits::Twenty),
                 QuestionKind::SharedExits => pack_f32(shared().flatten()),
                 QuestionKind::Exits if rounded => octahedral_again(directions.iter().copied()),
@@ -280,6 +280,7 @@ fn kind_to_wire(kind: QuestionKind) -> v1::probe_request::Kind {
     match kind {
         QuestionKind::Classes => v1::probe_request::Kind::Classes,
         QuestionKind::Edges => v1::probe_request::Kind::Edges,
+        QuestionKind::Planes => v1::probe_request::Kind::Planes,
         QuestionKind::Exits => v1::probe_request::Kind::Exits,
         QuestionKind::SharedExits => v1::probe_request::Kind::BodyExits,
     }
