@@ -56,6 +56,28 @@ fn one_seed_is_one_run_over_every_transport() {
     assert_ne!(other["trajectory_digest"], runs[0]["trajectory_digest"], "another seed, another run");
 }
 
+#[test]
+fn bodies_under_contacts_are_one_run_over_every_transport_and_when_it_is_made_again() {
+    let folder = tempfile::tempdir().expect("folder");
+    let run = |transport, more: &[&str]| {
+        let contacts = [&["--response", "contacts", "--scene", "lift"], more].concat();
+        lock_step_with(folder.path(), transport, "1", &contacts)
+    };
+    let runs = ["inprocess", "gather", "cluster"].map(|transport| run(transport, &[]));
+    for run in &runs {
+        assert_eq!(run["trajectory_digest"], runs[0]["trajectory_digest"], "{}", run["transport"]);
+        assert_eq!(run["response"], "contacts");
+    }
+    let middle = &runs[0]["bodies"][1];
+    assert!(middle["end"][1].as_f64().expect("a height") > 1.5, "{middle} rides on the lid that is lifted");
+    // Rounded answers cannot be asked for again: their contacts are in the file.
+    let file = folder.path().join("run.mcap");
+    let file = file.to_str().expect("text");
+    run("cluster", &["--precision", "quantised", "--record", file]);
+    let replay = hulltouch().args(["replay", file, "--unpaced", "--headless"]).output().expect("runs");
+    assert!(replay.status.success(), "{}", String::from_utf8_lossy(&replay.stdout));
+}
+
 /// A run of three cameras whose films have these lengths, in frames; returns its figures.
 fn uneven_films(folder: &Path, frames: [u64; 3], arguments: &[&str]) -> Value {
     let rig = stage::studio_rig(3, (160, 120)).expect("a rig");

@@ -97,6 +97,8 @@ pub struct Figures {
     pub step_ms: Percentiles,
     /// Capture of the film to the response it caused.
     pub response_age_ms: Percentiles,
+    /// How deep the deepest sample of a touching body is in the hull before a step, along its normal.
+    pub depth_mm: Percentiles,
     /// Each of [`STAGES`].
     pub stage_ms: [Percentiles; STAGES.len()],
     /// Bytes written to nodes.
@@ -121,8 +123,12 @@ impl Figures {
     /// Takes in what a step uses of the hull's answers.
     pub(crate) fn add_results(&mut self, results: &[BodyResult]) {
         for result in results {
-            self.inside_samples += result.touches.len() as u64;
-            self.contacts += u64::from(!result.touches.is_empty());
+            let inside = || result.touches.iter().filter(|touch| touch.is_inside());
+            self.inside_samples += inside().count() as u64;
+            self.contacts += u64::from(inside().next().is_some());
+            if let Some(depth_m) = inside().filter_map(|touch| touch.exit_m).reduce(f32::max) {
+                self.depth_mm.add(f64::from(depth_m) * 1e3);
+            }
             self.left_samples += result.left_inside as u64;
         }
     }

@@ -11,6 +11,7 @@
 
 pub mod body;
 pub mod camera;
+pub mod contact;
 pub mod coordinates;
 pub mod cull;
 pub mod lens;

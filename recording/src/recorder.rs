@@ -4,9 +4,10 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use coordinator::hooks::{EndRecord, FrameRecord, Recorder, StepRecord};
+use sim::ResponseMode;
 
 use crate::channels::Channel;
-use crate::convert::{self, RunHeader, command_to_message, vector};
+use crate::convert::{self, RunHeader, command_to_message, contacts_to_bytes, vector};
 use crate::fetch::{ColourSource, Fetcher, Fetches};
 use crate::messages::{End, Figures, Response, Step};
 use crate::times::Times;
@@ -163,9 +164,11 @@ impl Drop for RecordingFile {
 }
 
 fn step_message(record: &StepRecord<'_>) -> Step {
+    let by_contacts = record.world.settings().response == ResponseMode::Contacts;
     let response = |response: &sim::BodyResponse| Response {
         response_m: response.response_m.map(vector),
         inside_samples: response.inside_samples as u32,
+        contacts: contacts_to_bytes(if by_contacts { &response.contacts } else { &[] }),
     };
     Step {
         generation: record.generation,

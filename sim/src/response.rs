@@ -26,6 +26,8 @@ pub enum ResponseMode {
     /// The paper's: translate, and mirror the velocity.
     #[default]
     Paper,
+    /// Contacts with planes of the hull's surface, in the solver: bodies turn, tip and lie still.
+    Contacts,
 }
 
 impl ResponseMode {
@@ -33,11 +35,12 @@ impl ResponseMode {
     pub fn name(self) -> &'static str {
         match self {
             ResponseMode::Paper => "paper",
+            ResponseMode::Contacts => "contacts",
         }
     }
 }
 
-/// A sample of a body inside the hull, and its own nearest way out.
+/// A sample of a body in the hull or near its surface, and its own nearest way out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HullContact {
     /// Its index among the samples of the body's shape.
@@ -46,8 +49,10 @@ pub struct HullContact {
     pub point_body_m: [f32; 3],
     /// The hull's outward unit normal at the nearest edge, world.
     pub normal_world: [f32; 3],
-    /// How far the surface is along the normal, metres.
+    /// How far the surface is along the normal, metres; negative where the sample is outside.
     pub depth_m: f32,
+    /// How fast the surface moves out along its normal, m/s; `None` where nothing tells.
+    pub speed_m_s: Option<f32>,
 }
 
 /// What a pass found for one moving body.
@@ -58,8 +63,8 @@ pub struct BodyResponse {
     pub response_m: Option<[f64; 3]>,
     /// How many of its samples are inside the hull.
     pub inside_samples: usize,
-    /// Those of them that have a way out, in the order of the samples. Recordings do not hold them: empty in
-    /// a response read from one.
+    /// Those of them that have a way out, and with [`ResponseMode::Contacts`] those above the surface, in the order of the
+    /// samples. Recordings hold them with that mode alone.
     pub contacts: Vec<HullContact>,
 }
 
@@ -72,7 +77,7 @@ impl BodyResponse {
     /// kept.
     pub fn set(&mut self, result: &BodyResult, shape: &Shape) {
         self.response_m = result.response_m.ok();
-        self.inside_samples = result.touches.len();
+        self.inside_samples = result.touches.iter().filter(|touch| touch.is_inside()).count();
         self.contacts.clear();
         self.contacts.extend(result.touches.iter().filter_map(|touch| {
             Some(HullContact {
@@ -80,6 +85,7 @@ impl BodyResponse {
                 point_body_m: shape.samples_body()[touch.sample as usize],
                 normal_world: touch.edge?.normal_world,
                 depth_m: touch.exit_m?,
+                speed_m_s: touch.speed_m_s,
             })
         }));
     }
@@ -122,7 +128,7 @@ mod tests {
             pixel: Pixel { column: 3, row: 4 },
             normal_world: [0.0, 1.0, 0.0],
         };
-        let touch = |sample, edge, exit_m| Touch { sample, inside_count: 3, edge, exit_m };
+        let touch = |sample, edge, exit_m| Touch { sample, inside_count: 3, edge, exit_m, speed_m_s: None };
         let touches =
             vec![touch(0, None, None), touch(1, Some(edge), None), touch(2, Some(edge), Some(0.05))];
         let result = BodyResult { touches, response_m: Ok([0.0, 0.05, 0.0]), left_inside: 0 };
@@ -131,7 +137,8 @@ mod tests {
             response.set(&result, &shape);
             assert_eq!((response.response_m, response.inside_samples), (Some([0.0, 0.05, 0.0]), 3));
             let (point_body_m, normal_world) = ([0.0, 0.2, 0.0], [0.0, 1.0, 0.0]);
-            let expected = HullContact { sample: 2, point_body_m, normal_world, depth_m: 0.05 };
+            let expected =
+                HullContact { sample: 2, point_body_m, normal_world, depth_m: 0.05, speed_m_s: None };
             assert_eq!(response.contacts, [expected]);
         }
         response.set(&BodyResult::default(), &shape);

@@ -6,6 +6,7 @@
 
 mod answers;
 mod bounds;
+mod surfaces;
 
 use std::sync::Arc;
 
@@ -19,6 +20,7 @@ use bounds::HullBounds;
 
 pub(crate) use answers::MAX_STEPS_AHEAD;
 pub use answers::{AskEvery, StepAnswers};
+pub use surfaces::{FrameAge, Surfaces};
 
 /// The hull's answers about the moving bodies of a world, step by step.
 pub struct HullQuery {
@@ -56,6 +58,11 @@ impl HullQuery {
     /// The whole rig's observers, in rig order.
     pub fn observers(&self) -> &[Arc<Observer>] {
         &self.observers
+    }
+
+    /// Asks for planes of the hull's surface from the next pass on, and for no exits.
+    pub fn ask_planes(&mut self) {
+        self.pass.only_planes(true);
     }
 
     /// Other bodies: no answer holds any more. Within one frame a body counts as clear where each of its samples

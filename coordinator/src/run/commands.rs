@@ -153,7 +153,7 @@ impl Coordinator {
             }
             Command::Spawn(ref spec) => {
                 let prepared = self.world.prepare((**spec).clone())?;
-                let asked_about = (!spec.fixed).then(|| Arc::clone(prepared.shape()));
+                let asked_about = (!spec.fixed).then(|| Arc::clone(prepared.probes()));
                 self.register(self.shapes().chain(asked_about).collect()).await?;
                 let id = self.world.spawn(prepared)?;
                 self.bodies_changed();
@@ -199,7 +199,7 @@ impl Coordinator {
     /// Puts a new world in the place of the old; film goes on from where it is.
     async fn begin_world(&mut self, world: Result<World, sim::WorldError>) -> Result<(), Refusal> {
         let world = world?;
-        let shapes = world.moving_bodies().map(|body| Arc::clone(&body.shape)).collect();
+        let shapes = world.moving_bodies().map(|body| Arc::clone(&body.probes)).collect();
         self.register(shapes).await?;
         self.clock.passed_s += self.world.time_s();
         self.settings.reuse_within_m = world.scene().hull().reuse_within_m;
@@ -214,13 +214,14 @@ impl Coordinator {
     pub(super) fn bodies_changed(&mut self) {
         let shapes: Vec<Arc<Shape>> = self.shapes().collect();
         self.figures.samples = shapes.iter().map(|shape| shape.samples_body().len()).sum();
+        self.surfaces.set_bodies(shapes.len());
         self.query.set_bodies(shapes.into_iter(), self.settings.reuse_within_m);
         self.publish_scene();
     }
 
-    /// The moving bodies' shapes, in their order.
+    /// What the hull is asked about the moving bodies, in their order.
     fn shapes(&self) -> impl Iterator<Item = Arc<Shape>> {
-        self.world.moving_bodies().map(|body| Arc::clone(&body.shape))
+        self.world.moving_bodies().map(|body| Arc::clone(&body.probes))
     }
 
     /// Makes shapes known to all nodes before they are asked about.

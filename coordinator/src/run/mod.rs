@@ -21,13 +21,13 @@ use std::time::{Duration, Instant};
 
 use ::hull::{Observer, ProbeSettings};
 use proto::{FilmState, Pace, unix_now_s};
-use sim::World;
+use sim::{ResponseMode, World};
 use thiserror::Error;
 
 use crate::figures::Figures;
 use crate::hooks::{EndRecord, Recorder, Schedule, Scheduled, Sees};
 use crate::live::{Command, Live, Refusal};
-use crate::query::{AskEvery, HullQuery};
+use crate::query::{AskEvery, HullQuery, Surfaces};
 use crate::roster::WaitError;
 use crate::transport::{Transport, TransportError};
 use clock::Clock;
@@ -119,6 +119,8 @@ pub struct Coordinator {
     world: World,
     settings: RunSettings,
     query: HullQuery,
+    /// Under contacts: the hull's surface near each moving body.
+    surfaces: Surfaces,
     film: FilmInUse,
     clock: Clock,
     figures: Figures,
@@ -155,13 +157,17 @@ impl Coordinator {
         let RunSettings { probes, fps, latency_s, lock_step, ask_every, .. } = settings;
         let pace = Pace { epoch_unix_s: unix_now_s(), lock_step };
         let max_lag_s = (FRAMES_KEPT / fps - latency_s).clamp(0.02, MAX_LAG_S);
-        let query = HullQuery::new(observers, probes, transport.group_count(), ask_every);
+        let mut query = HullQuery::new(observers, probes, transport.group_count(), ask_every);
+        if world.settings().response == ResponseMode::Contacts {
+            query.ask_planes();
+        }
         let mut coordinator = Coordinator {
             transport,
             world,
             clock: Clock::new(pace, latency_s, max_lag_s),
             settings,
             query,
+            surfaces: Surfaces::at(fps),
             film: FilmInUse::default(),
             figures: Figures::default(),
             steering: Steering::default(),

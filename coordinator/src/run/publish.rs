@@ -71,7 +71,7 @@ impl Coordinator {
             let point = move |touch: &Touch| {
                 (body.id, touch_point(world_from_body(samples_body[touch.sample as usize]), touch))
             };
-            result.touches.iter().map(point)
+            result.touches.iter().filter(|touch| touch.is_inside()).map(point)
         });
         let touches = points.collect();
         let view = &mut self.publisher.view;

@@ -54,7 +54,9 @@ impl RecentFigures {
 impl Coordinator {
     /// How old the film was that caused this step's responses, if there were any.
     pub(super) fn note_age(&mut self, results: Option<&[BodyResult]>) {
-        let responded = results.is_some_and(|results| results.iter().any(|result| result.response_m.is_ok()));
+        let responded = results.is_some_and(|results| {
+            results.iter().any(|result| result.response_m.is_ok() || !result.touches.is_empty())
+        });
         let Some(frame) = self.film.frame.filter(|_| responded) else { return };
         let reports = self.transport.roster().reports(frame);
         if let Some(report) = reports.as_ref().and_then(|reports| reports.first()) {
@@ -123,7 +125,7 @@ fn inside_points(world: &World, results: &[BodyResult]) -> Vec<[f64; 3]> {
         .flat_map(|(body, result)| {
             let world_from_body = body.pose.world_from_body();
             let samples = body.shape.samples_body();
-            let points = result.touches.iter();
+            let points = result.touches.iter().filter(|touch| touch.is_inside());
             points
                 .map(|touch| world_from_body(samples[touch.sample as usize]).into())
                 .collect::<Vec<[f64; 3]>>()

@@ -52,11 +52,19 @@ pub struct Touch {
     pub inside_count: u32,
     /// The nearest edge; `None` if no camera has one (all its candidates are ignored).
     pub edge: Option<Edge>,
-    /// The distance to the exit along the edge's normal, metres.
+    /// The distance to the exit along the edge's normal, metres; negative of a [contact](crate::contact) that is still
+    /// outside.
     pub exit_m: Option<f32>,
+    /// Of a contact: how fast the surface moves out along its normal, m/s, where the frame before tells.
+    pub speed_m_s: Option<f32>,
 }
 
 impl Touch {
+    /// Whether the sample is inside the hull: a contact may be above its surface.
+    pub fn is_inside(&self) -> bool {
+        self.exit_m.is_none_or(|exit_m| exit_m >= 0.0)
+    }
+
     /// The sample's response `w`, metres, world; `None` without an exit.
     pub fn response_m(&self) -> Option<[f64; 3]> {
         let (edge, exit_m) = (self.edge?, self.exit_m?);
@@ -460,7 +468,7 @@ impl Question {
 
 impl Touch {
     fn new(sample: u32, inside_count: usize) -> Touch {
-        Touch { sample, inside_count: inside_count as u32, edge: None, exit_m: None }
+        Touch { sample, inside_count: inside_count as u32, edge: None, exit_m: None, speed_m_s: None }
     }
 }
 

@@ -127,7 +127,7 @@ impl ViewSet {
                     self.append_standings(&points, &mut scratch.block, &mut answer.standings);
                 }
                 QuestionKind::Edges | QuestionKind::Planes => {
-                    self.edges(&batch_question, &points, scratch, answer)
+                    self.edges(&batch_question, &points, scratch, answer);
                 }
                 QuestionKind::Exits | QuestionKind::SharedExits => {
                     self.exits(&batch_question, &points, scratch, answer);

@@ -44,7 +44,7 @@ pub struct CoordinatorArguments {
 
 /// Runs until film or time ends.
 pub fn run(arguments: &CoordinatorArguments) -> Outcome {
-    let response = arguments.response.mode()?;
+    let response = arguments.response.mode();
     if arguments.transport == TransportName::Inprocess {
         return Err(Failure::input("--transport inprocess has no nodes, expected cluster or gather"));
     }

@@ -79,7 +79,7 @@ pub struct StudioArguments {
 
 /// Runs until film or time ends, or Ctrl-C.
 pub fn run(arguments: &DemoArguments) -> Outcome {
-    let response = arguments.response.mode()?;
+    let response = arguments.response.mode();
     let seconds = checked_seconds(arguments.seconds)?;
     let outlets = arguments.outlets.checked()?;
     let record = arguments.record.checked()?;

@@ -195,10 +195,13 @@ mod tests {
     use std::sync::Arc;
 
     fn body(solid: Solid) -> Body {
+        let shape = Arc::new(Shape::new(vec![[0.0; 3]]).expect("a sample"));
         Body {
             id: 0,
             name: "body".to_owned(),
-            shape: Arc::new(Shape::new(vec![[0.0; 3]]).expect("a sample")),
+            probes: Arc::clone(&shape),
+            faces: None,
+            shape,
             solid,
             color: [1.0; 3],
             fixed: true,

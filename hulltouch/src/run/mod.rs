@@ -104,7 +104,7 @@ fn connect(
     gather: Option<Vec<Arc<Observer>>>,
 ) -> Transport {
     let mut shapes: Vec<Arc<hull::Shape>> =
-        world.moving_bodies().map(|body| Arc::clone(&body.shape)).collect();
+        world.moving_bodies().map(|body| Arc::clone(&body.probes)).collect();
     shapes.sort_by_key(|shape| shape.digest());
     shapes.dedup_by_key(|shape| shape.digest());
     Transport::connect(nodes, gather, setup.file.probes, setup.file.fps, shapes)

@@ -53,6 +53,7 @@ pub fn json(setup: &Setup, figures: &Figures, world: &World, overlaps: &[Overlap
         },
         "step_ms": percentiles(&figures.step_ms),
         "response_age_ms": percentiles(&figures.response_age_ms),
+        "depth_mm": percentiles(&figures.depth_mm),
         "stage_ms": stage_ms,
         "steps_per_s": figures.steps as f64 / figures.wall_s.max(1e-9),
         "bytes": bytes(figures),

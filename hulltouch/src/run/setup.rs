@@ -35,18 +35,16 @@ impl TransportName {
 pub enum ResponseName {
     /// The paper's: translate, and mirror the velocity.
     Paper,
-    /// Contacts for the physics solver.
+    /// Contacts with planes of the hull's surface, in the physics solver.
     Contacts,
 }
 
 impl ResponseName {
-    /// As the world has it; what this version lacks is refused.
-    pub fn mode(self) -> Outcome<ResponseMode> {
+    /// As the world has it.
+    pub fn mode(self) -> ResponseMode {
         match self {
-            ResponseName::Paper => Ok(ResponseMode::Paper),
-            ResponseName::Contacts => {
-                Err(Failure::input("--response contacts is not in this version, expected paper"))
-            }
+            ResponseName::Paper => ResponseMode::Paper,
+            ResponseName::Contacts => ResponseMode::Contacts,
         }
     }
 }

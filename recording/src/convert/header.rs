@@ -154,8 +154,10 @@ fn probes(header: &Header) -> Result<ProbeSettings, ConvertError> {
 fn world(header: &Header) -> Result<WorldSettings, ConvertError> {
     let response = match &header.response[..] {
         "paper" => ResponseMode::Paper,
+        "contacts" => ResponseMode::Contacts,
         other => {
-            return Err(ConvertError::new(NAME, format_args!("response is {other:?}, expected paper")));
+            let problem = format_args!("response is {other:?}, expected paper or contacts");
+            return Err(ConvertError::new(NAME, problem));
         }
     };
     Ok(WorldSettings {

@@ -56,7 +56,7 @@ pub(crate) fn touches(record: &StepRecord<'_>) -> Option<Touches> {
     for (body, result) in record.world.moving_bodies().zip(record.results.unwrap_or_default()) {
         let world_from_body = body.pose.world_from_body();
         let samples = body.shape.samples_body();
-        found.extend(result.touches.iter().map(|touch| {
+        found.extend(result.touches.iter().filter(|touch| touch.is_inside()).map(|touch| {
             let point: Point3<f64> = world_from_body(samples[touch.sample as usize]);
             Touch {
                 body: body.id,

@@ -11,7 +11,7 @@ use sim::BodyResponse;
 use super::check::{Expected, StepCheck};
 use super::{Index, ReadError, decode};
 use crate::channels::Channel;
-use crate::convert::{RunHeader, command_from_message, finite};
+use crate::convert::{RunHeader, command_from_message, contacts_from_bytes, finite};
 use crate::messages::{Response, Step};
 
 /// The steps of a recording, read chunk by chunk.
@@ -83,6 +83,6 @@ fn response(response: &Response) -> Result<BodyResponse, crate::ConvertError> {
     Ok(BodyResponse {
         response_m: response.response_m.as_ref().map(|found| finite("Response", found)).transpose()?,
         inside_samples: response.inside_samples as usize,
-        ..BodyResponse::UNTOUCHED
+        contacts: contacts_from_bytes(&response.contacts)?,
     })
 }

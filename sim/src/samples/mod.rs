@@ -6,6 +6,7 @@
 
 mod faces;
 mod morton;
+pub mod normals;
 mod revolved;
 
 use crate::solid::Solid;

@@ -1,16 +1,20 @@
 //! The rigid-body solver. No other file knows rapier's worlds, and none of its types leave the crate.
 
 mod hold;
+mod patches;
 
 use crate::scene::{BodySpec, MassSpec, Scene};
 use crate::solid::Solid;
 use hull::Pose;
 use rapier3d::prelude::{
-    ColliderBuilder, CollisionPipeline, PhysicsPipeline, PhysicsWorld, RigidBodyBuilder, RigidBodyHandle,
-    Rotation, SharedShape, Vector,
+    Collider, ColliderBuilder, CollisionPipeline, PhysicsPipeline, PhysicsWorld, RigidBodyBuilder,
+    RigidBodyHandle, Rotation, SharedShape, Vector,
 };
 
 use hold::Hold;
+use patches::{BodyPatches, Dispatcher, OwnBody, groups_of_bodies};
+
+pub(crate) use patches::Surface;
 
 /// Deep overlaps (a response may push a body centimetres into a neighbour) are pushed apart no faster
 /// than this, m/s. A resting body that is overlapped is never thrown: it glides out at this speed.
@@ -26,6 +30,10 @@ pub(crate) struct Solver {
     physics: PhysicsWorld,
     handles: Vec<RigidBodyHandle>,
     holds: Vec<Hold>,
+    /// Of each body.
+    patches: Vec<BodyPatches>,
+    /// Bodies so far: each has a mark of its own, which its patches carry too.
+    marks: u128,
 }
 
 /// A body's state as the solver has it.
@@ -57,6 +65,7 @@ impl Solver {
         parameters.normalized_max_corrective_velocity = MAX_CORRECTIVE_SPEED_M_S;
         // Contacts that are kept while bodies move less than 5 cm would be wrong after a response.
         parameters.contact_recycling = false;
+        physics.narrow_phase.set_query_dispatcher(Dispatcher);
         if let Some(floor) = scene.floor() {
             let up = vector(scene.up());
             let ground = ColliderBuilder::new(SharedShape::halfspace(up))
@@ -65,7 +74,7 @@ impl Solver {
                 .restitution(floor.restitution as f32);
             physics.insert_collider(ground, None);
         }
-        let mut solver = Solver { physics, handles: vec![], holds: vec![] };
+        let mut solver = Solver { physics, handles: vec![], holds: vec![], patches: vec![], marks: 0 };
         for (index, spec) in specs.iter().enumerate() {
             solver.add(spec).ok_or(index)?;
         }
@@ -74,14 +83,17 @@ impl Solver {
 
     /// Puts another body last; `None` if rapier does not take its geometry.
     pub(crate) fn add(&mut self, spec: &BodySpec) -> Option<()> {
-        let collider = collider(spec)?;
+        self.marks += 1;
+        let collider = collider(spec)?.collision_groups(groups_of_bodies()).user_data(self.marks);
         self.handles.push(self.physics.insert(body(spec), collider).0);
+        self.patches.push(BodyPatches::default());
         Some(())
     }
 
     /// Takes a body away; those after it move up. Bodies that rested on it wake.
     pub(crate) fn remove(&mut self, index: usize) {
         self.let_go(index);
+        self.remove_patches(index);
         self.physics.remove_body(self.handles.remove(index));
     }
 
@@ -112,7 +124,7 @@ impl Solver {
     /// that the caller decides.
     pub(crate) fn step(&mut self) {
         self.pull();
-        self.physics.step();
+        self.physics.step_with_events(&OwnBody, &());
         let switched_off: Vec<_> = self.physics.quarantine().bodies().to_vec();
         for handle in switched_off {
             self.physics.bodies[handle].set_enabled(true);
@@ -160,7 +172,13 @@ impl Solver {
             soft_bodies: from.soft_bodies.clone(),
             ccd_solver: from.ccd_solver.clone(),
         };
-        Solver { physics, handles: self.handles.clone(), holds: self.holds.clone() }
+        Solver {
+            physics,
+            handles: self.handles.clone(),
+            holds: self.holds.clone(),
+            patches: self.patches.clone(),
+            marks: self.marks,
+        }
     }
 
     /// Puts a body elsewhere, metres: the pose changes, no velocity does.
@@ -171,6 +189,11 @@ impl Solver {
     /// Gives a body another velocity, m/s; its spin stays.
     pub(crate) fn set_velocity(&mut self, index: usize, velocity_m_s: [f64; 3]) {
         self.physics.bodies[self.handles[index]].set_linvel(vector(velocity_m_s), true);
+    }
+
+    /// A body's own collider.
+    fn collider_of(&self, index: usize) -> &Collider {
+        &self.physics.colliders[self.physics.bodies[self.handles[index]].colliders()[0]]
     }
 
     /// Wakes a body that sleeps.
@@ -233,6 +256,14 @@ fn vector(components: [f64; 3]) -> Vector {
 
 #[cfg(test)]
 impl Solver {
+    /// A body's kinetic and potential energy as the height of its weight, metres.
+    pub(crate) fn energy_m(&self, index: usize) -> f64 {
+        let body = &self.physics.bodies[self.handles[index]];
+        let weight_n = f64::from(body.mass() * self.physics.gravity.length());
+        let height_m = f64::from(-body.center_of_mass().dot(self.physics.gravity.normalize()));
+        f64::from(body.kinetic_energy()) / weight_n + height_m
+    }
+
     /// Gives a body a velocity that is no number, as a defect in the solver would.
     pub(crate) fn poison(&mut self, index: usize) {
         let velocity = Vector::new(f32::NAN, 0.0, 0.0);

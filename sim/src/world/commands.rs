@@ -2,12 +2,14 @@
 //! same steps give the same world, bit for bit.
 
 use super::{Body, World, WorldError};
-use crate::samples;
+use crate::response::ResponseMode;
+use crate::samples::{self, normals::SampleNormals};
 use crate::scene::{
     BodySpec, MAX_BODIES, MAX_GRAVITY_M_S2, MAX_POSITION_M, MAX_SPEED_M_S, Scene, ValueError, all_within,
     check_speed, wrong,
 };
 use hull::Shape;
+use hull::contact::FEELER_M;
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -55,7 +57,15 @@ pub enum CommandError {
 #[derive(Clone, Debug)]
 pub struct PreparedBody {
     spec: BodySpec,
-    shape: Arc<Shape>,
+    samples: BodySamples,
+}
+
+/// A body's samples, and what the hull is asked about.
+#[derive(Clone, Debug)]
+pub(super) struct BodySamples {
+    pub shape: Arc<Shape>,
+    pub probes: Arc<Shape>,
+    pub faces: Option<Arc<SampleNormals>>,
 }
 
 /// What may be changed while a world runs; `None` leaves it as it is.
@@ -72,9 +82,9 @@ pub struct Parameters {
 }
 
 impl PreparedBody {
-    /// Its samples, to be registered with the nodes before it is asked about.
-    pub fn shape(&self) -> &Arc<Shape> {
-        &self.shape
+    /// What is to be registered with the nodes before it is asked about.
+    pub fn probes(&self) -> &Arc<Shape> {
+        &self.samples.probes
     }
 }
 
@@ -94,28 +104,28 @@ impl World {
         }
         all_within("position", &spec.pose.position_m(), -MAX_POSITION_M..=MAX_POSITION_M)?;
         check_speed(spec.velocity_m_s)?;
-        let shape = self.shape_of(&spec)?;
-        let samples: usize = self.moving_bodies().map(|body| body.shape.samples_body().len()).sum();
-        let found = samples + shape.samples_body().len();
+        let samples = self.samples_of(&spec)?;
+        let all: usize = self.moving_bodies().map(|body| body.probes.samples_body().len()).sum();
+        let found = all + samples.probes.samples_body().len();
         if !spec.fixed && found > MAX_SAMPLES {
             return Err(CommandError::TooMany { what: "samples of all bodies", found, most: MAX_SAMPLES });
         }
-        let found = self.kept_samples(&shape);
+        let found = self.kept_samples(&samples.probes);
         if found > MAX_KEPT_SAMPLES {
             let what = "samples of all different shapes";
             return Err(CommandError::TooMany { what, found, most: MAX_KEPT_SAMPLES });
         }
-        Ok(PreparedBody { spec, shape })
+        Ok(PreparedBody { spec, samples })
     }
 
     /// Puts a body into the world.
     pub fn spawn(&mut self, prepared: PreparedBody) -> Result<BodyId, CommandError> {
-        let PreparedBody { spec, shape } = prepared;
+        let PreparedBody { spec, samples } = prepared;
         if self.solver.add(&spec).is_none() {
             return Err(WorldError::Solid { body: spec.name }.into());
         }
         let id = self.next_id;
-        self.take_in(spec, shape);
+        self.take_in(spec, samples);
         if let Some(body) = self.bodies.last() {
             self.trajectory.add_body(id, &body.pose);
         }
@@ -247,20 +257,27 @@ impl World {
 
     /// Samples of all different shapes, this one among them.
     fn kept_samples(&self, shape: &Arc<Shape>) -> usize {
-        let shapes = self.bodies.iter().map(|body| &body.shape).chain([shape]);
+        let shapes = self.bodies.iter().map(|body| &body.probes).chain([shape]);
         let kept: BTreeMap<*const Shape, usize> =
             shapes.map(|shape| (Arc::as_ptr(shape), shape.samples_body().len())).collect();
         kept.values().sum()
     }
 
     /// The samples of a solid; bodies of equal ones share them.
-    pub(super) fn shape_of(&self, spec: &BodySpec) -> Result<Arc<Shape>, WorldError> {
+    pub(super) fn samples_of(&self, spec: &BodySpec) -> Result<BodySamples, WorldError> {
         if let Some(body) = self.bodies.iter().find(|body| body.solid == spec.solid) {
-            return Ok(Arc::clone(&body.shape));
+            let Body { shape, probes, faces, .. } = body.clone();
+            return Ok(BodySamples { shape, probes, faces });
         }
-        let shape = samples::shape(&spec.solid, self.settings.covering_radius_m)
-            .map_err(|source| WorldError::Samples { body: spec.name.clone(), source })?;
-        Ok(Arc::new(shape))
+        let refused = |source| WorldError::Samples { body: spec.name.clone(), source };
+        let shape = samples::shape(&spec.solid, self.settings.covering_radius_m).map_err(refused)?;
+        let shape = Arc::new(shape);
+        if self.settings.response == ResponseMode::Paper {
+            return Ok(BodySamples { probes: Arc::clone(&shape), shape, faces: None });
+        }
+        let faces = SampleNormals::of(&spec.solid, &shape);
+        let probes = faces.with_feelers(&shape, FEELER_M).map_err(refused)?;
+        Ok(BodySamples { shape, probes: Arc::new(probes), faces: Some(Arc::new(faces)) })
     }
 }
 

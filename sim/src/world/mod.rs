@@ -15,11 +15,13 @@ pub use commands::{BodyId, CommandError, MAX_SAMPLES, Parameters, PreparedBody};
 pub use settings::{WorldError, WorldSettings};
 pub use step::{Fault, FaultKind, StepReport};
 
+use crate::samples::normals::SampleNormals;
 use crate::scene::{BodySpec, Scene};
 use crate::solid::Solid;
 use crate::solver::Solver;
 use crate::summary::BodySummary;
 use crate::trajectory::{Trajectory, TrajectoryDigest};
+use commands::BodySamples;
 use hull::{Pose, Shape};
 use nalgebra::Vector3;
 use std::sync::Arc;
@@ -33,6 +35,10 @@ pub struct Body {
     pub name: String,
     /// Its samples; bodies of the same solid share one shape.
     pub shape: Arc<Shape>,
+    /// What the hull is asked about: the samples, and under [`ResponseMode::Contacts`](crate::ResponseMode::Contacts) after them a feeler of each.
+    pub probes: Arc<Shape>,
+    /// Which way its surface faces at the samples; `None` where nobody asks.
+    pub faces: Option<Arc<SampleNormals>>,
     /// Its geometry, body frame.
     pub solid: Solid,
     /// sRGB, 0 to 1.
@@ -91,15 +97,16 @@ impl World {
             steps: 0,
         };
         for spec in specs {
-            let shape = world.shape_of(&spec)?;
-            world.take_in(spec, shape);
+            let samples = world.samples_of(&spec)?;
+            world.take_in(spec, samples);
         }
         world.trajectory.add(world.bodies.iter().map(|body| &body.pose));
         Ok(world)
     }
 
     /// Takes in the body that the solver has next.
-    fn take_in(&mut self, spec: BodySpec, shape: Arc<Shape>) {
+    fn take_in(&mut self, spec: BodySpec, samples: BodySamples) {
+        let BodySamples { shape, probes, faces } = samples;
         let index = self.bodies.len();
         // The pose as the solver has it, so that what is asked and what is stepped are the same.
         let pose = self.solver.state(index).pose().unwrap_or(spec.pose);
@@ -111,6 +118,8 @@ impl World {
             id: self.next_id,
             name: spec.name,
             shape,
+            probes,
+            faces,
             solid: spec.solid,
             color: spec.color,
             fixed: spec.fixed,

@@ -1,7 +1,8 @@
 //! One step: the hull's answers, then the solver.
 
-use super::{World, WorldError};
-use crate::response::{BodyResponse, ResponseMode, mirrored};
+use super::{World, WorldError, WorldSettings};
+use crate::response::{BodyResponse, HullContact, ResponseMode, mirrored};
+use crate::solver::Surface;
 use nalgebra::Vector3;
 
 /// What happened in one step.
@@ -41,8 +42,11 @@ impl World {
         }
         let mut report = StepReport::default();
         for (slot, response) in responses.iter().enumerate() {
-            if response.touches() {
-                self.touch(self.moving[slot], response, &mut report);
+            let index = self.moving[slot];
+            match self.settings.response {
+                ResponseMode::Paper if response.touches() => self.touch(index, response, &mut report),
+                ResponseMode::Paper => {}
+                ResponseMode::Contacts => self.set_contacts(index, response, &mut report),
             }
         }
         self.solver.step();
@@ -62,18 +66,41 @@ impl World {
             return;
         }
         self.solver.wake(index);
-        if let Some(response_m) = response.response_m {
-            let ResponseMode::Paper = self.settings.response;
-            if !self.answer_as_paper(index, response_m) {
-                let body = self.bodies[index].name.clone();
-                report.faults.push(Fault { body, kind: FaultKind::Response });
-                if response.inside_samples == 0 {
-                    report.touched -= 1;
-                    return;
-                }
+        if let Some(response_m) = response.response_m
+            && !self.answer_as_paper(index, response_m)
+        {
+            let body = self.bodies[index].name.clone();
+            report.faults.push(Fault { body, kind: FaultKind::Response });
+            if response.inside_samples == 0 {
+                report.touched -= 1;
+                return;
             }
         }
         self.summaries[index].first_touch_s.get_or_insert(time_s);
+    }
+
+    /// Puts the hull's surface where a body's contacts say; contacts that are not finite are ignored. Bodies that do not
+    /// answer meet no hull.
+    fn set_contacts(&mut self, index: usize, response: &BodyResponse, report: &mut StepReport) {
+        let is_finite = |contact: &HullContact| {
+            let HullContact { sample: _, point_body_m, normal_world, depth_m, speed_m_s } = contact;
+            let numbers = point_body_m.iter().chain(normal_world).chain([depth_m]).chain(speed_m_s);
+            numbers.into_iter().all(|number| number.is_finite())
+        };
+        if !response.contacts.iter().all(is_finite) {
+            report.faults.push(Fault { body: self.bodies[index].name.clone(), kind: FaultKind::Response });
+            return;
+        }
+        if response.touches() {
+            report.touched += 1;
+            if self.answers_hull {
+                let time_s = self.next_time_s();
+                self.summaries[index].first_touch_s.get_or_insert(time_s);
+            }
+        }
+        let WorldSettings { mirror_restitution: restitution, hull_friction: friction, .. } = self.settings;
+        let contacts = if self.answers_hull { &response.contacts[..] } else { &[] };
+        self.solver.set_contacts(index, contacts, Surface { friction, restitution });
     }
 
     /// Translates a body and mirrors its velocity; does nothing and says `false` if the response is not

@@ -27,7 +27,7 @@ export class Panel {
     const scene = byId<HTMLSelectElement>("scene");
     scene.replaceChildren(...hello.scenes.map((name) => option(name, name)));
     const response = byId<HTMLSelectElement>("response");
-    response.replaceChildren(...(hello.responses.length > 0 ? hello.responses : ["paper", "off"]).map((name) => option(name, name === "paper" ? "Moves bodies" : name === "off" ? "Off" : name)));
+    response.replaceChildren(...(hello.responses.length > 0 ? hello.responses : ["paper", "off"]).map((name) => option(name, name === "off" ? "Off" : "Moves bodies")));
     byId<HTMLFieldSetElement>("steer").disabled = !hello.controller;
     byId<HTMLFieldSetElement>("change").disabled = hello.replay;
     byId<HTMLButtonElement>("reset").disabled = hello.replay;
@@ -44,7 +44,11 @@ export class Panel {
     if (![...select.options].some(({ value }) => value === scene.scene) && scene.scene) select.append(option(scene.scene, scene.scene));
     select.value = scene.scene;
     const { answers_hull, hull_restitution } = scene.parameters;
-    if (answers_hull !== undefined && answers_hull !== null) byId<HTMLSelectElement>("response").value = answers_hull ? "paper" : "off";
+    if (answers_hull !== undefined && answers_hull !== null) {
+      const response = byId<HTMLSelectElement>("response");
+      const answering = [...response.options].find(({ value }) => value !== "off");
+      response.value = answers_hull ? (answering?.value ?? "") : "off";
+    }
     if (hull_restitution !== undefined && hull_restitution !== null && document.activeElement?.id !== "restitution") {
       byId<HTMLInputElement>("restitution").value = String(Math.round(hull_restitution * 100));
       setText(byId("restitution-text"), `${Math.round(hull_restitution * 100)} %`);

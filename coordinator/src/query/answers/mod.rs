@@ -263,7 +263,7 @@ fn same_bits(a: &Pose, b: &Pose) -> bool {
 }
 
 /// No sample of the shape is farther than this from where it is at the other pose, metres.
-fn moved_at_most_m(shape: &Shape, from: &Pose, to: &Pose) -> f64 {
+pub(super) fn moved_at_most_m(shape: &Shape, from: &Pose, to: &Pose) -> f64 {
     let (low, high) = shape.bounds_body();
     let turned = to.rotation() - from.rotation();
     let moved: nalgebra::Vector3<f64> =

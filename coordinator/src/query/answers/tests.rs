@@ -26,7 +26,13 @@ impl Ball {
     fn result(&self, shape: &Shape, pose: &Pose) -> BodyResult {
         let depths_m = self.depths_m(shape, pose);
         let inside = depths_m.iter().enumerate().filter(|(_, depth_m)| **depth_m > 0.0);
-        let touch = |(sample, _)| Touch { sample: sample as u32, inside_count: 2, edge: None, exit_m: None };
+        let touch = |(sample, _)| Touch {
+            sample: sample as u32,
+            inside_count: 2,
+            edge: None,
+            exit_m: None,
+            speed_m_s: None,
+        };
         let touches: Vec<Touch> = inside.map(touch).collect();
         if touches.is_empty() {
             return BodyResult::default();

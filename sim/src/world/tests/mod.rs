@@ -2,6 +2,7 @@
 
 mod answers;
 mod commands;
+mod contacts;
 mod foresight;
 mod settling;
 mod surfaces;

@@ -1,0 +1,274 @@
+//! Bodies under true contacts with hulls that are simple enough to work out.
+
+use super::*;
+use crate::response::{HullContact, ResponseMode};
+use crate::world::FaultKind;
+use nalgebra::Vector3;
+
+/// Contacts are found up to here above a surface, metres.
+const NEAR_M: f64 = 0.019;
+
+/// Where the hull's surface is near a point: its outward normal, and how deep the point is below it, metres.
+type Hull<'a> = &'a dyn Fn(Vector3<f64>) -> Option<(Vector3<f64>, f64)>;
+
+fn contact_world(text: &str) -> World {
+    let scene = Scene::from_toml("test", text).expect("a scene");
+    let settings = WorldSettings { response: ResponseMode::Contacts, ..WorldSettings::default() };
+    World::new(&scene, settings.on(scene.hull())).expect("a world")
+}
+
+/// What a hull that is known says of every moving body.
+fn responses(world: &World, hull: Hull) -> Vec<BodyResponse> {
+    let respond = |body: &Body| {
+        let (rotation, position) = (body.pose.rotation(), Vector3::from(body.pose.position_m()));
+        let faces = body.faces.as_ref().expect("faces");
+        let contact = |(index, &point_body_m): (usize, &[f32; 3])| {
+            let (normal, depth_m) = hull(rotation * Vector3::from(point_body_m.map(f64::from)) + position)?;
+            let faces_it = faces.at(index).iter().any(|face| (rotation * face).dot(&normal) < -0.3);
+            let normal_world = [normal.x, normal.y, normal.z].map(|part| part as f32);
+            let contact = HullContact {
+                sample: index as u32,
+                point_body_m,
+                normal_world,
+                depth_m: depth_m as f32,
+                speed_m_s: None,
+            };
+            (faces_it && depth_m > -NEAR_M).then_some(contact)
+        };
+        let contacts: Vec<HullContact> =
+            body.shape.samples_body().iter().enumerate().filter_map(contact).collect();
+        let inside_samples = contacts.iter().filter(|contact| contact.depth_m > 0.0).count();
+        BodyResponse { response_m: None, inside_samples, contacts }
+    };
+    world.moving_bodies().map(respond).collect()
+}
+
+fn run_on(world: &mut World, seconds: f64, hull: Hull) {
+    let end_s = world.time_s() + seconds;
+    while world.time_s() < end_s - 1e-9 {
+        let responses = responses(world, hull);
+        let report = world.step(&responses).expect("a step");
+        assert!(report.faults.is_empty(), "{report:?}");
+    }
+}
+
+/// Everything below a plane.
+fn below(height_m: f64, lean_rad: f64) -> impl Fn(Vector3<f64>) -> Option<(Vector3<f64>, f64)> {
+    let (sine, cosine) = libm::sincos(lean_rad);
+    let normal = Vector3::new(sine, cosine, 0.0);
+    move |point| Some((normal, normal.dot(&(Vector3::y() * height_m - point))))
+}
+
+fn up_of(body: &Body) -> f64 {
+    (body.pose.rotation() * Vector3::y()).y
+}
+
+fn tilt_deg(body: &Body) -> f64 {
+    libm::acos(up_of(body).clamp(-1.0, 1.0)).to_degrees()
+}
+
+const NO_FLOOR: &str = "
+    [floor]
+    enabled = false
+    [hull]
+    restitution = 0.0
+    friction = 0.8";
+
+fn tower(count: usize) -> World {
+    contact_world(&format!(
+        "{NO_FLOOR}
+        [[bodies]]
+        name = 'box'
+        shape.box.size = [0.2, 0.2, 0.2]
+        density = 80.0
+        friction = 0.8
+        restitution = 0.0
+        count = {count}
+        place.stack.foot = [0.0, 1.0, 0.0]"
+    ))
+}
+
+#[test]
+fn a_tower_on_a_still_hull_stands_and_falls_asleep() {
+    let mut world = tower(5);
+    let table = below(1.0, 0.0);
+    run_on(&mut world, 2.0, &table);
+    let before: Vec<_> = world.bodies().iter().map(|body| body.pose).collect();
+    run_on(&mut world, 10.0, &table);
+    for (body, before) in world.bodies().iter().zip(before) {
+        let drift = Vector3::from(body.pose.position_m()) - Vector3::from(before.position_m());
+        assert!(drift.norm() < 1e-4 && tilt_deg(body) < 0.2, "{}: {drift} m", body.name);
+        assert!(world.is_asleep(body.id), "{}", body.name);
+    }
+    // The table goes: they wake and fall.
+    run_on(&mut world, 1.0, &|_| None);
+    assert!(world.bodies().iter().all(|body| body.pose.position_m()[1] < 0.0));
+}
+
+#[test]
+fn on_a_slope_friction_decides() {
+    for (friction, stays) in [(0.3, false), (0.8, true)] {
+        let mut world = contact_world(&format!(
+            "[floor]
+            enabled = false
+            [hull]
+            restitution = 0.0
+            friction = {friction}
+            [[bodies]]
+            name = 'box'
+            shape.box.size = [0.2, 0.2, 0.2]
+            density = 80.0
+            friction = {friction}
+            restitution = 0.0
+            place.at = [0.0, 0.1, 0.0]"
+        ));
+        // The ground tips slowly to 24 degrees, and the box with it.
+        let lean = |time_s: f64| (6.0 * time_s).min(24.0).to_radians();
+        while world.time_s() < 6.0 {
+            let ground = below(0.0, lean(world.next_time_s()));
+            let responses = responses(&world, &ground);
+            world.step(&responses).expect("a step");
+        }
+        let body = &world.bodies()[0];
+        let slid_m = Vector3::from(body.pose.position_m()).norm();
+        if stays {
+            assert!(slid_m < 0.15 && (tilt_deg(body) - 24.0).abs() < 2.0, "{slid_m} m, {}", tilt_deg(body));
+        } else {
+            assert!(slid_m > 0.5, "{slid_m} m");
+        }
+    }
+}
+
+#[test]
+fn pushed_low_a_box_slides_and_pushed_high_it_tips() {
+    for (height_m, tips) in [(0.05, false), (0.35, true)] {
+        let mut world = contact_world(
+            "[floor]
+            friction = 0.6
+            [hull]
+            restitution = 0.0
+            friction = 0.6
+            [[bodies]]
+            name = 'box'
+            shape.box.size = [0.2, 0.4, 0.2]
+            density = 80.0
+            friction = 0.6
+            restitution = 0.0
+            place.at = [0.0, 0.2, 0.0]",
+        );
+        let mut most_deg: f64 = 0.0;
+        while world.time_s() < 1.5 {
+            let hand_m = -0.15 + 0.2 * world.next_time_s();
+            let hand = move |point: Vector3<f64>| {
+                let is_level = (point.y - height_m).abs() < 0.03;
+                is_level.then(|| (Vector3::x(), hand_m - point.x))
+            };
+            let responses = responses(&world, &hand);
+            world.step(&responses).expect("a step");
+            most_deg = most_deg.max(tilt_deg(&world.bodies()[0]));
+        }
+        assert_eq!(most_deg > 45.0, tips, "pushed at {height_m} m it tilts by {most_deg} degrees");
+        if !tips {
+            assert!(most_deg < 5.0 && world.bodies()[0].pose.position_m()[0] > 0.1, "{most_deg} degrees");
+        }
+    }
+}
+
+#[test]
+fn two_hands_hold_a_ball_and_what_they_crush_does_not_burst_free() {
+    let mut world = contact_world(&format!(
+        "{NO_FLOOR}
+        [[bodies]]
+        name = 'ball'
+        shape.ball.radius = 0.1
+        density = 80.0
+        friction = 0.8
+        restitution = 0.0
+        place.at = [0.0, 1.0, 0.0]"
+    ));
+    let hands = |gap_m: f64| {
+        move |point: Vector3<f64>| {
+            let side = point.x.signum();
+            Some((Vector3::x() * -side, point.x.abs() - 0.5 * gap_m))
+        }
+    };
+    run_on(&mut world, 2.0, &hands(0.196));
+    let fallen_m = 1.0 - world.bodies()[0].pose.position_m()[1];
+    assert!(fallen_m < 0.02, "it fell by {fallen_m} m");
+    run_on(&mut world, 1.0, &hands(0.05));
+    let ball = &world.bodies()[0];
+    assert!(Vector3::from(ball.velocity_m_s).norm() < 0.3, "{:?}", ball.velocity_m_s);
+    run_on(&mut world, 0.5, &|_| None);
+    let speed_m_s = Vector3::from(world.bodies()[0].velocity_m_s).norm();
+    assert!(speed_m_s < 0.5 * 9.81 + 0.5, "{speed_m_s} m/s after half a second of fall");
+}
+
+#[test]
+fn a_dropped_box_gains_no_energy() {
+    for seed in 0..12 {
+        let turn = f64::from(seed) * 14.0;
+        let mut world = contact_world(&format!(
+            "{NO_FLOOR}
+            [[bodies]]
+            name = 'box'
+            shape.box.size = [0.16, 0.2, 0.12]
+            density = 80.0
+            friction = 0.6
+            restitution = 0.2
+            rotation_deg = [{turn}, {}, {}]
+            place.at = [0.0, 0.5, 0.0]",
+            2.0 * turn,
+            0.7 * turn
+        ));
+        let ground = below(0.0, 0.0);
+        let mut least_m = f64::INFINITY;
+        while world.time_s() < 2.0 {
+            let responses = responses(&world, &ground);
+            world.step(&responses).expect("a step");
+            let energy_m = world.solver.energy_m(0);
+            assert!(
+                energy_m < least_m + 5e-3,
+                "seed {seed}, {} s: {energy_m} over {least_m}",
+                world.time_s()
+            );
+            least_m = least_m.min(energy_m);
+        }
+    }
+}
+
+#[test]
+fn contacts_that_are_no_numbers_do_no_harm() {
+    let mut world = tower(1);
+    let table = below(1.0, 0.0);
+    run_on(&mut world, 0.5, &table);
+    let mut wrong = responses(&world, &table);
+    wrong[0].contacts[0].normal_world[1] = f32::NAN;
+    let report = world.step(&wrong).expect("a step");
+    assert_eq!(report.faults.len(), 1);
+    assert_eq!(report.faults[0].kind, FaultKind::Response);
+    run_on(&mut world, 1.0, &table);
+    assert!((world.bodies()[0].pose.position_m()[1] - 1.1).abs() < 2e-3);
+}
+
+#[test]
+fn a_body_that_is_taken_away_takes_its_contacts_along() {
+    let mut world = tower(2);
+    let table = below(1.0, 0.0);
+    run_on(&mut world, 1.0, &table);
+    world.remove(world.bodies()[0].id).expect("it is there");
+    run_on(&mut world, 2.0, &table);
+    assert!(
+        (world.bodies()[0].pose.position_m()[1] - 1.1).abs() < 2e-3,
+        "the other came down onto the table"
+    );
+}
+
+#[test]
+fn bodies_that_do_not_answer_fall_through() {
+    let mut world = tower(1);
+    let table = below(1.0, 0.0);
+    run_on(&mut world, 0.5, &table);
+    world.set(Parameters { answers_hull: Some(false), ..Default::default() }).expect("set");
+    run_on(&mut world, 1.0, &table);
+    assert!(world.bodies()[0].pose.position_m()[1] < 0.0);
+}
