@@ -61,12 +61,12 @@ impl Disc {
         Disc { count: 2 * twice + 2 * half_widths[0] + 1, half_widths }
     }
 
-    /// The zeros of the map within the disc.
+    /// The zeros of the map within the disc, and how many there are.
     #[inline(always)]
-    fn background(&self, candidates: &BitMap, centre: Pixel) -> Sum {
+    fn background(&self, candidates: &BitMap, centre: Pixel) -> (Sum, i32) {
         let radius = self.half_widths.len() as i32 - 1;
         let beyond = if candidates.beyond() { u32::MAX } else { 0 };
-        let mut sum = Sum::default();
+        let (mut sum, mut count) = (Sum::default(), 0);
         for down in -radius..=radius {
             let half = self.half_widths[down.unsigned_abs() as usize];
             let (left, right) = (centre.column - half, centre.column + half);
@@ -79,9 +79,10 @@ impl Disc {
                 let has_word = in_map < candidates.strips() && row < candidates.rows();
                 let word = if has_word { candidates.strip(in_map)[row] } else { beyond };
                 sum.add(&[word], mask, base - centre.column, down);
+                count += (!word & mask).count_ones() as i32;
             }
         }
-        sum
+        (sum, count)
     }
 }
 
@@ -91,7 +92,7 @@ impl Disc {
 pub fn edge_line(candidates: &BitMap, edge: Pixel, start: Pixel, discs: &Discs) -> EdgeLine {
     let line = |radius: usize| {
         let disc = discs.of(radius);
-        let sum = disc.background(candidates, edge);
+        let (sum, background) = disc.background(candidates, edge);
         let (across, down) = (f64::from(sum.across), f64::from(sum.down));
         let normal = if sum.across == 0 && sum.down == 0 {
             Vector2::new(f64::from(edge.column - start.column), f64::from(edge.row - start.row))
@@ -99,7 +100,7 @@ pub fn edge_line(candidates: &BitMap, edge: Pixel, start: Pixel, discs: &Discs) 
             Vector2::new(across, down)
         };
         let normal = normal / (normal.x * normal.x + normal.y * normal.y).sqrt();
-        EdgeLine { image: edge.centre() + normal * offset(sum.count, disc.count), normal }
+        EdgeLine { image: edge.centre() + normal * offset(background, disc.count), normal }
     };
     let first = line(FIRST_RADIUS);
     let most = discs.most();
@@ -248,8 +249,8 @@ mod tests {
             }
             let disc = Disc::of_radius(radius);
             prop_assert_eq!(disc.count, count);
-            let sum = disc.background(&map, Pixel { column, row });
-            prop_assert_eq!((sum.across, sum.down, sum.count), (across, down, zeros));
+            let (sum, background) = disc.background(&map, Pixel { column, row });
+            prop_assert_eq!((sum.across, sum.down, background), (across, down, zeros));
         }
     }
 }

@@ -58,12 +58,11 @@ fn window_columns(
     })
 }
 
-/// Columns and rows of zeros from the centre, summed, and how many there are.
+/// Columns and rows of zeros, from the centre.
 #[derive(Default)]
 pub(super) struct Sum {
     pub across: i32,
     pub down: i32,
-    pub count: i32,
 }
 
 impl Sum {
@@ -76,7 +75,6 @@ impl Sum {
             let count = zeros.count_ones() as i32;
             self.across += across * count + places(zeros);
             self.down += row * count;
-            self.count += count;
         }
     }
 
