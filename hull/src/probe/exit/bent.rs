@@ -33,7 +33,8 @@ impl View {
             if apart >= bounds.span {
                 let t = here.t + ray.travel_m(&here, apart);
                 if t >= limit_m {
-                    return Ok(None);
+                    // All between is foreground if the lens still sees the end: what it sees is convex.
+                    return ray.seen(limit_m).map(|_| None);
                 }
                 here = ray.seen(t)?;
                 continue;

@@ -235,6 +235,21 @@ mod tests {
         }
     }
 
+    #[test]
+    fn a_ray_beyond_the_lens_leaves_there_however_near_the_limit_is() {
+        // All of the image is foreground, and the lens folds within it.
+        let view = view([-0.32, -0.2, -0.001, 0.001, -0.055], &[255; 640 * 480]);
+        let a = Point3::new(2.0, 0.6, 0.45);
+        for n in [[0.235, 0.966, -0.107], [0.9, 0.1, 0.4], [0.3, -0.5, -0.8]] {
+            let n = Vector3::from(n).normalize();
+            let t = view.first_outside(&a, &n, 2.0).expect("beyond the lens nothing is inside");
+            for factor in [1.000_01, 1.0001, 1.001, 1.1] {
+                let limit_m = f64::from(t) * factor;
+                assert_eq!(view.first_outside(&a, &n, limit_m), Some(t), "limit {limit_m}, {n:?}");
+            }
+        }
+    }
+
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(24))]
         #[test]
