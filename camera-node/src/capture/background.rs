@@ -9,7 +9,7 @@ use thiserror::Error;
 
 use super::segmenter::CutoutError;
 use crate::config::NodeCamera;
-use crate::source::{Image, SourceConfig};
+use crate::source::Image;
 
 /// Which film a background is to be learnt from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,7 +55,7 @@ impl BackgroundRequest {
         }
         for camera in cameras {
             let name = || camera.camera.name().to_owned();
-            if matches!(camera.source, SourceConfig::Masks(_)) {
+            if camera.source.gives_masks() {
                 return Err(BackgroundError::Masks(name()));
             }
             if camera.segmentation.method == Method::Chroma {

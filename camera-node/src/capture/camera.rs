@@ -27,7 +27,7 @@ impl ReadyCamera {
         cores: usize,
     ) -> Result<ReadyCamera, CaptureError> {
         let mut camera = ReadyCamera { config: config.clone(), observer, segmenter: None };
-        if matches!(config.source, SourceConfig::Masks(_)) {
+        if config.source.gives_masks() {
             return Ok(camera);
         }
         let background = config.background.clone().or_else(|| config.source.empty_room());

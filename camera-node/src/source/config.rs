@@ -140,6 +140,11 @@ impl SourceConfig {
         Ok(())
     }
 
+    /// Whether its images are silhouettes already: nothing is learnt or segmented, and nobody sees colours.
+    pub fn gives_masks(&self) -> bool {
+        matches!(self, SourceConfig::Masks(_))
+    }
+
     /// The empty room of a source that knows its own: a clip of the studio, long enough to tell its
     /// noise. Any other source needs a background of its own, or none.
     pub fn empty_room(&self) -> Option<SourceConfig> {

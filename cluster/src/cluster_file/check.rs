@@ -118,7 +118,7 @@ impl Checker<'_> {
             Some(background) => Some(self.background(&key("background"), folder, background)?),
             None => source.empty_room(),
         };
-        let needs_none = matches!(source, SourceConfig::Masks(_)) || segmentation.method == Method::Chroma;
+        let needs_none = source.gives_masks() || segmentation.method == Method::Chroma;
         if background.is_none() && !needs_none {
             let problem = "found nothing, expected a source of the empty room (only masks and method = \"chroma\" \
                            do without)";
@@ -146,7 +146,7 @@ impl Checker<'_> {
         folder: &Path,
         config: &SourceConfig,
     ) -> Result<SourceConfig, ClusterFileError> {
-        if matches!(config, SourceConfig::Masks(_)) {
+        if config.gives_masks() {
             return Err(self.wrong(key, "found masks, expected colour images of the empty room"));
         }
         if config.is_endless() {

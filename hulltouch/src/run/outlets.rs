@@ -3,7 +3,7 @@
 use std::io::Write as _;
 use std::sync::Arc;
 
-use camera_node::{NodeConfig, SourceConfig};
+use camera_node::NodeConfig;
 use coordinator::live::{Follower, Live, live};
 use feed::pictures::Pictures;
 use feed::{Feed, FeedError, FeedSettings, Osc, RunInfo};
@@ -42,7 +42,7 @@ impl PageSource {
         PageSource {
             pictures: Box::new(move || pictures()),
             ignored: cameras.iter().map(|camera| camera.ignored.clone()).collect(),
-            has_colour: cameras.iter().any(|camera| !matches!(camera.source, SourceConfig::Masks(_))),
+            has_colour: cameras.iter().any(|camera| !camera.source.gives_masks()),
             is_replay: false,
         }
     }
