@@ -1,6 +1,6 @@
 //! Bodies as the hull sees them: a shape's samples in the body frame, and a pose.
 
-use nalgebra::{Matrix3, Point3};
+use nalgebra::{Matrix3, Point3, Vector3};
 use thiserror::Error;
 
 /// The most samples one shape may have: bounds the memory that an untrusted peer can pin.
@@ -72,6 +72,17 @@ impl Shape {
         };
         let bounds_body = (side(f64::min), side(f64::max));
         Ok(Shape { samples_body, digest, radius_m: radius_squared.sqrt() * (1.0 + 1e-9), bounds_body })
+    }
+
+    /// No sample is farther than this from where it is at the other pose, metres: the least such bound of a box.
+    pub fn moved_at_most_m(&self, from: &Pose, to: &Pose) -> f64 {
+        let (low, high) = self.bounds_body;
+        let turned = to.rotation() - from.rotation();
+        let moved = Vector3::from(to.position_m()) - Vector3::from(from.position_m());
+        let corner = |index: usize| {
+            Vector3::from_fn(|axis, _| if index >> axis & 1 == 0 { low[axis] } else { high[axis] })
+        };
+        (0..8).map(|index| (turned * corner(index) + moved).norm()).fold(0.0, f64::max)
     }
 
     /// The samples, body frame, metres.

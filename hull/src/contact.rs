@@ -4,6 +4,7 @@
 use nalgebra::{Point3, Vector3};
 
 use crate::body::{Pose, Shape};
+use crate::camera::Camera;
 use crate::pass::{BodyResult, Touch};
 
 /// Samples are asked about where they are and so far out along their faces' normals, metres: contacts exist before
@@ -14,19 +15,63 @@ const FARTHEST_M: f64 = 1.8 * FEELER_M + 1e-3;
 /// A surface faces a sample if its normal has at least this part against one of the sample's.
 const FACING: f64 = 0.3;
 
+/// Where a camera stands, and how fine its image is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Eye {
+    /// The camera's centre, world.
+    pub centre_world: Point3<f64>,
+    /// The focal length across, pixels.
+    pub focal_pixels: f64,
+}
+
+impl Eye {
+    /// The eye of a camera.
+    pub fn of(camera: &Camera) -> Eye {
+        Eye { centre_world: camera.centre_world(), focal_pixels: camera.intrinsics()[(0, 0)] }
+    }
+
+    /// What a pixel is across at a point, metres.
+    pub(crate) fn pixel_m(&self, at_world: &Point3<f64>) -> f64 {
+        (at_world - self.centre_world).norm() / self.focal_pixels
+    }
+}
+
+/// The normal of a touch's edge, world; zero without one.
+pub(crate) fn normal_of(touch: &Touch) -> Vector3<f64> {
+    touch.edge.map_or_else(Vector3::zeros, |edge| Vector3::from(edge.normal_world.map(f64::from)))
+}
+
+/// How deep a point lies below the plane of a touch, metres; `None` without an edge, or of a camera that is not there.
+pub(crate) fn depth_m(touch: &Touch, at_world: &Point3<f64>, eyes: &[Eye]) -> Option<f64> {
+    let eye = eyes.get(usize::from(touch.edge?.camera))?;
+    Some(normal_of(touch).dot(&(eye.centre_world - at_world)))
+}
+
+/// Whether a plane at that depth is near its sample, and faces one of its `faces`.
+pub(crate) fn is_near<'a>(
+    touch: &Touch,
+    depth_m: f64,
+    pose: &Pose,
+    faces: impl Fn(usize) -> &'a [Vector3<f64>],
+) -> bool {
+    let (rotation, normal) = (pose.rotation(), normal_of(touch));
+    depth_m >= -FARTHEST_M
+        && faces(touch.sample as usize).iter().any(|face| (rotation * face).dot(&normal) < -FACING)
+}
+
 /// Makes of the planes found for a body's samples, and after them for the feeler of each, the contacts of the samples:
 /// touches with the plane's edge and the sample's depth below it as their exit, negative above it. A sample takes the
 /// plane found where it is, or else its feeler's, and only surface that faces it. `faces` says which way the faces of a
-/// sample look, body frame; `centres` are those of the rig's cameras, world.
+/// sample look, body frame; `eyes` are those of the rig's cameras.
 pub fn contacts<'a>(
     planes: &BodyResult,
     shape: &Shape,
     pose: &Pose,
     faces: impl Fn(usize) -> &'a [Vector3<f64>],
-    centres: &[Point3<f64>],
+    eyes: &[Eye],
 ) -> BodyResult {
     let samples = shape.samples_body();
-    let (world_from_body, rotation) = (pose.world_from_body(), pose.rotation());
+    let world_from_body = pose.world_from_body();
     let split = planes.touches.partition_point(|touch| (touch.sample as usize) < samples.len());
     let (own, feelers) = planes.touches.split_at(split);
     let (mut own, mut feelers) = (own.iter().peekable(), feelers.iter().peekable());
@@ -34,12 +79,9 @@ pub fn contacts<'a>(
         let at_sample = own.next_if(|touch| touch.sample as usize == index);
         let at_feeler = feelers.next_if(|touch| touch.sample as usize == index + samples.len());
         let touch = [at_sample, at_feeler].into_iter().flatten().find(|touch| touch.edge.is_some())?;
-        let edge = touch.edge?;
-        let normal = Vector3::from(edge.normal_world.map(f64::from));
-        let depth_m = normal.dot(&(centres.get(usize::from(edge.camera))? - world_from_body(sample)));
-        let is_facing = || faces(index).iter().any(|face| (rotation * face).dot(&normal) < -FACING);
-        let is_contact = depth_m >= -FARTHEST_M && is_facing();
-        is_contact.then_some(Touch { sample: index as u32, exit_m: Some(depth_m as f32), ..*touch })
+        let depth_m = depth_m(touch, &world_from_body(sample), eyes)?;
+        let contact = Touch { sample: index as u32, exit_m: Some(depth_m as f32), ..*touch };
+        is_near(&contact, depth_m, pose, &faces).then_some(contact)
     };
     BodyResult { touches: samples.iter().enumerate().filter_map(contact).collect(), ..BodyResult::default() }
 }
@@ -64,10 +106,11 @@ mod tests {
         let (down, up) = ([-Vector3::y()], [Vector3::y()]);
         let faces = |sample: usize| if sample == 1 { &up[..] } else { &down[..] };
         let centres = [Point3::origin(), Point3::new(0.0, 0.5, 2.0)];
+        let eyes = centres.map(|centre_world| Eye { centre_world, focal_pixels: 500.0 });
         let found = |height_m: f64, touches: Vec<Touch>| {
             let pose = Pose::new([0.0, height_m, 0.0], [0.0, 0.0, 0.0, 1.0]).expect("a pose");
             let planes = BodyResult { touches, ..BodyResult::default() };
-            let result = contacts(&planes, &shape, &pose, faces, &centres);
+            let result = contacts(&planes, &shape, &pose, faces, &eyes);
             result
                 .touches
                 .iter()

@@ -26,6 +26,7 @@ pub mod rig;
 pub mod rotation;
 pub mod rule;
 pub mod silhouette;
+pub mod surface;
 pub mod text;
 pub mod vector;
 pub mod view;

@@ -20,7 +20,7 @@ use bounds::HullBounds;
 
 pub(crate) use answers::MAX_STEPS_AHEAD;
 pub use answers::{AskEvery, StepAnswers};
-pub use surfaces::{FrameAge, Surfaces};
+pub use surfaces::Surfaces;
 
 /// The hull's answers about the moving bodies of a world, step by step.
 pub struct HullQuery {

@@ -4,13 +4,14 @@ use std::time::{Duration, Instant};
 
 use hull::Pose;
 use hull::pass::BodyResult;
+use hull::surface::FrameAge;
 use sim::ResponseMode;
 
 use super::Coordinator;
 use super::clock::steps_that_share;
 use super::frames::FilmPhase;
 use crate::figures::stage_of;
-use crate::query::{FrameAge, MAX_STEPS_AHEAD};
+use crate::query::MAX_STEPS_AHEAD;
 use crate::roster::{HullUnavailable, LOCK_STEP_TIMEOUT, StepFilm};
 use crate::transport::TransportError;
 
@@ -38,9 +39,10 @@ impl Coordinator {
         let at = self.surfaces.frame_age(frame, film_s);
         let by_contacts = self.world.settings().response == ResponseMode::Contacts;
         let surfaces = &mut self.surfaces;
-        let poses = self.world.moving_bodies().enumerate().map(|(index, body)| {
-            if by_contacts { surfaces.pose_to_ask(index, at, &body.pose, &body.probes) } else { body.pose }
-        });
+        let poses =
+            self.world.moving_bodies().enumerate().map(|(index, body)| {
+                if by_contacts { surfaces.pose_to_ask(index, at, body) } else { body.pose }
+            });
         self.query.begin_step(frame, &reports, poses);
         let passes_before = self.figures.passes;
         if self.query.must_ask()
@@ -63,12 +65,8 @@ impl Coordinator {
 
     /// The bodies' contacts with the planes that were found.
     fn contacts(&mut self, at: FrameAge, planes: &[BodyResult]) -> Vec<BodyResult> {
-        let centres: Vec<_> =
-            self.query.observers().iter().map(|observer| observer.camera().centre_world()).collect();
         let bodies = self.world.moving_bodies().zip(planes).enumerate();
-        bodies
-            .map(|(index, (body, planes))| self.surfaces.contacts(index, at, planes, body, &centres))
-            .collect()
+        bodies.map(|(index, (body, planes))| self.surfaces.contacts(index, at, planes, body)).collect()
     }
 
     fn hull_frame(&self, film_s: f64, phase: FilmPhase) -> Result<u64, HullUnavailable> {

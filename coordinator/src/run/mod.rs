@@ -19,6 +19,7 @@ mod watch;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use ::hull::contact::Eye;
 use ::hull::{Observer, ProbeSettings};
 use proto::{FilmState, Pace, unix_now_s};
 use sim::{ResponseMode, World};
@@ -157,6 +158,7 @@ impl Coordinator {
         let RunSettings { probes, fps, latency_s, lock_step, ask_every, .. } = settings;
         let pace = Pace { epoch_unix_s: unix_now_s(), lock_step };
         let max_lag_s = (FRAMES_KEPT / fps - latency_s).clamp(0.02, MAX_LAG_S);
+        let eyes = observers.iter().map(|observer| Eye::of(observer.camera())).collect();
         let mut query = HullQuery::new(observers, probes, transport.group_count(), ask_every);
         if world.settings().response == ResponseMode::Contacts {
             query.ask_planes();
@@ -167,7 +169,7 @@ impl Coordinator {
             clock: Clock::new(pace, latency_s, max_lag_s),
             settings,
             query,
-            surfaces: Surfaces::at(fps),
+            surfaces: Surfaces::of(fps, eyes),
             film: FilmInUse::default(),
             figures: Figures::default(),
             steering: Steering::default(),

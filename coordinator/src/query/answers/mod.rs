@@ -248,7 +248,7 @@ impl Answers {
 
     /// Whether no sample moves farther between the poses than what is reused allows.
     fn is_within(&self, body: &BodyAnswers, from: &Pose, to: &Pose) -> bool {
-        self.reuse_within_m > 0.0 && moved_at_most_m(&body.shape, from, to) <= self.reuse_within_m
+        self.reuse_within_m > 0.0 && body.shape.moved_at_most_m(from, to) <= self.reuse_within_m
     }
 }
 
@@ -260,18 +260,6 @@ fn is_clear(result: &BodyResult) -> bool {
 fn same_bits(a: &Pose, b: &Pose) -> bool {
     let bits = |pose: &Pose| (pose.position_m().map(f64::to_bits), pose.rotation_xyzw().map(f64::to_bits));
     bits(a) == bits(b)
-}
-
-/// No sample of the shape is farther than this from where it is at the other pose, metres.
-pub(super) fn moved_at_most_m(shape: &Shape, from: &Pose, to: &Pose) -> f64 {
-    let (low, high) = shape.bounds_body();
-    let turned = to.rotation() - from.rotation();
-    let moved: nalgebra::Vector3<f64> =
-        nalgebra::Vector3::from(to.position_m()) - nalgebra::Vector3::from(from.position_m());
-    let corner = |index: usize| -> nalgebra::Vector3<f64> {
-        nalgebra::Vector3::from_fn(|axis, _| if index >> axis & 1 == 0 { low[axis] } else { high[axis] })
-    };
-    (0..8).map(|index| (turned * corner(index) + moved).norm()).fold(0.0, f64::max)
 }
 
 #[cfg(test)]

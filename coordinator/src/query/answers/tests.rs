@@ -243,7 +243,7 @@ proptest! {
     ) {
         let shape = box_shape(edges_m);
         for (from, to) in flight.iter().flatten().zip(flight.iter().flatten().skip(1)) {
-            let bound_m = moved_at_most_m(&shape, from, to);
+            let bound_m = shape.moved_at_most_m(from, to);
             let (a, b) = (from.world_from_body(), to.world_from_body());
             let moved_m = |sample: &[f32; 3]| (a(*sample) - b(*sample)).norm();
             let most_m = shape.samples_body().iter().map(moved_m).fold(0.0, f64::max);

@@ -1,0 +1,310 @@
+//! What is believed of a surface: outlines flicker, and what rests on them must not.
+//!
+//! Samples whose normals agree look at one piece of surface. While half of a piece's samples find it within half a pixel
+//! of where it was, it has not moved: all keep their planes, and one that disagrees is believed once it has done so for
+//! long. When a piece moves, all of the body's planes are taken as they are found, for a few frames.
+
+use nalgebra::{Point3, Vector3};
+
+use crate::contact::{Eye, depth_m, normal_of};
+use crate::pass::Touch;
+
+/// A piece that moved less than this many pixels stands still.
+const STILL_PIXELS: f64 = 0.5;
+/// A sample that finds the surface farther from where it was than this many pixels disagrees.
+const ODD_PIXELS: f64 = 1.0;
+/// It is believed when it has disagreed for more than so many frames in a row.
+const DISBELIEVED_FRAMES: u8 = 6;
+/// For so many frames after a piece has moved, all is taken as it is found.
+const RESTLESS_FRAMES: u8 = 5;
+/// Samples look at one piece if their normals are so near: cosine of 30 degrees.
+const SAME_PIECE: f64 = 0.866;
+/// A sample that is new to a piece of at least so many has to wait, if its body rests: one that moves meets new surface.
+const MANY: usize = 3;
+/// A body rests if no sample moved farther since it was asked about before, metres.
+const AT_REST_M: f64 = 3e-4;
+
+/// The planes of a body's samples that are believed, and those that are not yet.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Beliefs {
+    /// Ascending by sample.
+    planes: Vec<Belief>,
+    /// For how many more frames all is taken as it is found.
+    restless: u8,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Belief {
+    touch: Touch,
+    is_believed: bool,
+    /// For how many frames in a row another plane was found, or none.
+    odd: u8,
+}
+
+/// What a frame says of a sample, and what was believed.
+struct Pair {
+    new: Option<Touch>,
+    old: Option<Belief>,
+    /// How far the surface moved out, metres; none unless both are there.
+    moved_m: Option<f64>,
+    /// A pixel of the camera of the edge, there, metres.
+    pixel_m: f64,
+}
+
+/// Samples of one body whose believed normals agree.
+struct Piece {
+    normal: Vector3<f64>,
+    moved_m: Vec<f64>,
+    pixel_m: f64,
+}
+
+impl Piece {
+    fn is_still(&self) -> bool {
+        let mut moved_m: Vec<f64> = self.moved_m.iter().map(|moved_m| moved_m.abs()).collect();
+        moved_m.sort_by(f64::total_cmp);
+        moved_m[moved_m.len() / 2] <= STILL_PIXELS * self.pixel_m
+    }
+}
+
+impl Beliefs {
+    /// The planes that are believed.
+    pub fn touches(&self) -> impl Iterator<Item = &Touch> {
+        self.planes.iter().filter(|belief| belief.is_believed).map(|belief| &belief.touch)
+    }
+
+    /// Takes in what a frame says of the samples, ascending, of a body that moved so far, metres. `place` says where a sample is; what was believed and is no
+    /// contact any more, by `is_contact`, is forgotten.
+    pub fn take(
+        &mut self,
+        seen: &[Touch],
+        moved_m: f64,
+        place: impl Fn(u32) -> Point3<f64>,
+        is_contact: impl Fn(&Touch, f64) -> bool,
+        eyes: &[Eye],
+    ) {
+        let is_contact = |touch: &Touch| {
+            depth_m(touch, &place(touch.sample), eyes).is_some_and(|depth_m| is_contact(touch, depth_m))
+        };
+        self.planes.retain(|belief| is_contact(&belief.touch));
+        let pairs = pairs(&self.planes, seen, place, eyes);
+        let pieces = pieces(&pairs);
+        let moves = pieces.iter().any(|piece| !piece.is_still());
+        self.restless = if moves { RESTLESS_FRAMES } else { self.restless.saturating_sub(1) };
+        let judged = |pair: &Pair| {
+            if self.restless > 0 {
+                pair.new.map(Belief::of)
+            } else {
+                pair.judged(&pieces, moved_m < AT_REST_M)
+            }
+        };
+        self.planes = pairs.iter().filter_map(judged).collect();
+    }
+}
+
+impl Belief {
+    fn of(touch: Touch) -> Belief {
+        Belief { touch, is_believed: true, odd: 0 }
+    }
+
+    /// The same one frame later, still; `None` and `else` once it was odd for long.
+    fn odder(self) -> Option<Belief> {
+        let odd = self.odd + 1;
+        (odd <= DISBELIEVED_FRAMES).then_some(Belief { touch: at_rest(self.touch), odd, ..self })
+    }
+}
+
+impl Pair {
+    /// What is believed while nothing moves.
+    fn judged(&self, pieces: &[Piece], is_at_rest: bool) -> Option<Belief> {
+        let of_piece =
+            |touch: &Touch| pieces.iter().find(|piece| piece.normal.dot(&normal_of(touch)) > SAME_PIECE);
+        match (self.new, self.old) {
+            (Some(new), Some(old)) if !old.is_believed => {
+                if !is_at_rest {
+                    return Some(Belief::of(new));
+                }
+                // It waits, with the plane that it has now.
+                let waiting = Belief { touch: new, ..old }.odder();
+                Some(waiting.unwrap_or_else(|| Belief::of(at_rest(new))))
+            }
+            (Some(new), Some(old)) => {
+                if self.moved_m.is_some_and(|moved_m| moved_m.abs() > ODD_PIXELS * self.pixel_m) {
+                    return Some(old.odder().unwrap_or_else(|| Belief::of(at_rest(new))));
+                }
+                Some(Belief { touch: at_rest(old.touch), odd: 0, ..old })
+            }
+            (Some(new), None) => {
+                let waits = is_at_rest && of_piece(&new).is_some_and(|piece| piece.moved_m.len() >= MANY);
+                Some(if waits { Belief { is_believed: false, ..Belief::of(new) } } else { Belief::of(new) })
+            }
+            (None, Some(old)) => {
+                let is_among_others = old.is_believed && of_piece(&old.touch).is_some();
+                is_among_others.then(|| old.odder()).flatten()
+            }
+            (None, None) => None,
+        }
+    }
+}
+
+fn at_rest(touch: Touch) -> Touch {
+    Touch { speed_m_s: Some(0.0), ..touch }
+}
+
+fn pairs(believed: &[Belief], seen: &[Touch], place: impl Fn(u32) -> Point3<f64>, eyes: &[Eye]) -> Vec<Pair> {
+    let (mut old, mut new) = (believed.iter().peekable(), seen.iter().peekable());
+    let mut pairs = Vec::with_capacity(seen.len().max(believed.len()));
+    loop {
+        let next = [old.peek().map(|belief| belief.touch.sample), new.peek().map(|touch| touch.sample)];
+        let Some(sample) = next.into_iter().flatten().min() else { return pairs };
+        let old = old.next_if(|belief| belief.touch.sample == sample).copied();
+        let new = new.next_if(|touch| touch.sample == sample).copied();
+        let at = place(sample);
+        let depth_m = |touch: Touch| depth_m(&touch, &at, eyes);
+        let before_m = old.filter(|old| old.is_believed).and_then(|old| depth_m(old.touch));
+        let moved_m = new.and_then(depth_m).zip(before_m).map(|(now_m, before_m)| now_m - before_m);
+        let eye = new.and_then(|touch| eyes.get(usize::from(touch.edge?.camera)));
+        pairs.push(Pair { new, old, moved_m, pixel_m: eye.map_or(0.0, |eye| eye.pixel_m(&at)) });
+    }
+}
+
+fn pieces(pairs: &[Pair]) -> Vec<Piece> {
+    let mut pieces: Vec<Piece> = Vec::new();
+    for pair in pairs {
+        let (Some(old), Some(moved_m)) = (&pair.old, pair.moved_m) else { continue };
+        let normal = normal_of(&old.touch);
+        match pieces.iter_mut().find(|piece| piece.normal.dot(&normal) > SAME_PIECE) {
+            Some(piece) => piece.moved_m.push(moved_m),
+            None => pieces.push(Piece { normal, moved_m: vec![moved_m], pixel_m: pair.pixel_m }),
+        }
+    }
+    pieces
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::Pixel;
+    use crate::question::Edge;
+
+    /// A camera 2 m from the samples, whose pixels are 4 mm there.
+    fn eyes() -> Vec<Eye> {
+        vec![Eye { centre_world: Point3::new(2.0, 0.0, 0.0), focal_pixels: 500.0 }]
+    }
+
+    /// A level surface at a height of the camera that sees it; samples lie below it by how much it is higher.
+    fn seen(samples: impl IntoIterator<Item = u32>) -> Vec<Touch> {
+        let edge = Edge {
+            distance_m: 0.01,
+            camera: 0,
+            pixel: Pixel { column: 0, row: 0 },
+            normal_world: [0.0, 1.0, 0.0],
+        };
+        let touch =
+            |sample| Touch { sample, inside_count: 3, edge: Some(edge), exit_m: None, speed_m_s: None };
+        samples.into_iter().map(touch).collect()
+    }
+
+    /// Samples at so much below the surface, all others at 1 mm.
+    fn place(odd: u32, depth_mm: f64) -> impl Fn(u32) -> Point3<f64> {
+        move |sample| Point3::new(0.0, if sample == odd { -1e-3 * depth_mm } else { -1e-3 }, 0.0)
+    }
+
+    fn samples(beliefs: &Beliefs) -> Vec<u32> {
+        beliefs.touches().map(|touch| touch.sample).collect()
+    }
+
+    /// The same surface as another camera height would give: planes lie higher by so many millimetres.
+    fn raised(mm: f64) -> Vec<Eye> {
+        let mut eyes = eyes();
+        eyes.push(Eye { centre_world: Point3::new(2.0, 1e-3 * mm, 0.0), ..eyes[0] });
+        eyes
+    }
+
+    fn by_second(touches: &mut [Touch]) {
+        for touch in touches {
+            touch.edge = touch.edge.map(|edge| Edge { camera: 1, ..edge });
+        }
+    }
+
+    fn cameras(beliefs: &Beliefs) -> Vec<u16> {
+        beliefs.touches().filter_map(|touch| Some(touch.edge?.camera)).collect()
+    }
+
+    #[test]
+    fn what_flickers_by_less_than_half_a_pixel_stays_where_it_was() {
+        let (mut beliefs, eyes) = (Beliefs::default(), raised(1.9));
+        beliefs.take(&seen(0..5), 0.0, place(9, 0.0), |_, _| true, &eyes);
+        assert_eq!(samples(&beliefs), [0, 1, 2, 3, 4], "a landing is believed at once");
+        let mut moved = seen(0..5);
+        by_second(&mut moved);
+        beliefs.take(&moved, 0.0, place(9, 0.0), |_, _| true, &eyes);
+        assert_eq!(cameras(&beliefs), [0; 5]);
+        assert!(beliefs.touches().all(|touch| touch.speed_m_s == Some(0.0)));
+    }
+
+    #[test]
+    fn a_piece_that_moves_takes_all_along_and_for_a_while() {
+        let (mut beliefs, eyes) = (Beliefs::default(), raised(2.5));
+        beliefs.take(&seen(0..5), 0.0, place(9, 0.0), |_, _| true, &eyes);
+        let mut moved = seen(0..5);
+        by_second(&mut moved[..4]);
+        beliefs.take(&moved, 0.0, place(9, 0.0), |_, _| true, &eyes);
+        assert_eq!(cameras(&beliefs), [1, 1, 1, 1, 0]);
+        // A little farther is taken too, now that it moves.
+        by_second(&mut moved);
+        beliefs.take(&moved, 0.0, place(9, 0.0), |_, _| true, &eyes);
+        assert_eq!(cameras(&beliefs), [1; 5]);
+    }
+
+    #[test]
+    fn one_that_disagrees_is_believed_in_the_end() {
+        let (mut beliefs, eyes) = (Beliefs::default(), raised(6.0));
+        let take = |beliefs: &mut Beliefs, touches: &[Touch]| {
+            beliefs.take(touches, 0.0, place(9, 0.0), |_, _| true, &eyes);
+        };
+        take(&mut beliefs, &seen(0..5));
+        let mut odd = seen(0..5);
+        by_second(&mut odd[2..3]);
+        for _ in 0..6 {
+            take(&mut beliefs, &odd);
+            assert_eq!(cameras(&beliefs), [0; 5]);
+        }
+        take(&mut beliefs, &odd);
+        assert_eq!(cameras(&beliefs), [0, 0, 1, 0, 0]);
+        // Agreeing once begins the count anew.
+        for _ in 0..3 {
+            (0..6).for_each(|_| take(&mut beliefs, &seen(0..5)));
+            take(&mut beliefs, &odd);
+        }
+        assert_eq!(cameras(&beliefs), [0, 0, 1, 0, 0]);
+    }
+
+    #[test]
+    fn what_comes_and_goes_waits() {
+        let mut beliefs = Beliefs::default();
+        let take = |beliefs: &mut Beliefs, touches: &[Touch]| {
+            beliefs.take(touches, 0.0, place(9, 0.0), |_, _| true, &eyes());
+        };
+        take(&mut beliefs, &seen(0..4));
+        (0..6).for_each(|_| take(&mut beliefs, &seen([0, 1, 2, 3, 6])));
+        assert_eq!(samples(&beliefs), [0, 1, 2, 3]);
+        (0..2).for_each(|_| take(&mut beliefs, &seen([0, 1, 2, 3, 6])));
+        assert_eq!(samples(&beliefs), [0, 1, 2, 3, 6]);
+        (0..6).for_each(|_| take(&mut beliefs, &seen([0, 1, 2, 3])));
+        assert_eq!(samples(&beliefs), [0, 1, 2, 3, 6]);
+        take(&mut beliefs, &seen([0, 1, 2, 3]));
+        assert_eq!(samples(&beliefs), [0, 1, 2, 3]);
+        // Alone it is not held for.
+        take(&mut beliefs, &[]);
+        assert_eq!(samples(&beliefs), []);
+    }
+
+    #[test]
+    fn what_is_no_contact_any_more_is_forgotten() {
+        let mut beliefs = Beliefs::default();
+        beliefs.take(&seen(0..4), 0.0, place(9, 0.0), |_, _| true, &eyes());
+        let is_contact = |_: &Touch, depth_m: f64| depth_m > -0.02;
+        beliefs.take(&seen([0, 1, 3]), 0.0, place(2, -50.0), is_contact, &eyes());
+        assert_eq!(samples(&beliefs), [0, 1, 3]);
+    }
+}

@@ -1,0 +1,105 @@
+//! Surfaces that rise below a box.
+
+use nalgebra::{Point3, Vector3};
+
+use super::*;
+use crate::camera::Pixel;
+use crate::question::Edge;
+
+const FPS: f64 = 30.0;
+const DOWN: [Vector3<f64>; 1] = [Vector3::new(0.0, -1.0, 0.0)];
+/// Four samples on the lower side of a body, and their feelers.
+const LOWER: [[f32; 3]; 4] = [[-0.1, -0.1, -0.1], [0.1, -0.1, -0.1], [-0.1, -0.1, 0.1], [0.1, -0.1, 0.1]];
+
+/// A camera that sees a surface beside it, 3 m away; its planes lean as the surface rises.
+fn eyes() -> [Eye; 1] {
+    [Eye { centre_world: Point3::new(3.0, 0.998, 0.0), focal_pixels: 800.0 }]
+}
+
+fn shapes() -> (Shape, Shape) {
+    let feelers = LOWER.map(|[x, y, z]| [x, y - 0.01, z]);
+    let all = LOWER.into_iter().chain(feelers).collect();
+    (Shape::new(LOWER.to_vec()).expect("samples"), Shape::new(all).expect("samples"))
+}
+
+fn pose(height_m: f64) -> Pose {
+    Pose::new([0.0, height_m, 0.0], [0.0, 0.0, 0.0, 1.0]).expect("a pose")
+}
+
+/// Planes for every sample and its feeler, of a surface at that height below the middle of the body.
+fn planes(height_m: f64) -> BodyResult {
+    let eye = eyes()[0].centre_world;
+    let normal = Vector3::new(height_m - eye.y, eye.x, 0.0).normalize();
+    let normal_world = [normal.x as f32, normal.y as f32, 0.0];
+    let edge = Edge { distance_m: 0.01, camera: 0, pixel: Pixel { column: 0, row: 0 }, normal_world };
+    let touch = |sample| Touch { sample, inside_count: 3, edge: Some(edge), exit_m: None, speed_m_s: None };
+    BodyResult { touches: (0..8).map(touch).collect(), ..BodyResult::default() }
+}
+
+fn age(frame: u64, frames: f64) -> FrameAge {
+    FrameAge::new(frame, FPS, frames / FPS)
+}
+
+#[test]
+fn a_surface_that_rises_has_its_speed_and_goes_on_between_frames() {
+    let (shape, probes) = shapes();
+    let pose = pose(1.1);
+    let mut surface = BodySurface::default();
+    let mut see = |frame: u64, frames: f64, height_m: f64| {
+        let at = age(frame, frames);
+        let asked = surface.pose_to_ask(at, &pose, &probes);
+        let body = &Sampled { shape: &shape, pose: &pose, faces: |_: usize| &DOWN[..] };
+        (asked, surface.contacts(at, &planes(height_m), body, &eyes()).touches)
+    };
+    let depth = |touches: &[Touch]| f64::from(touches[0].exit_m.expect("a depth"));
+    // It rises by 1 cm a frame, to 2 mm below the box and on.
+    let (_, first) = see(7, 7.0, 0.998);
+    assert!((depth(&first) + 0.002).abs() < 1e-6 && first[0].speed_m_s.is_none());
+    let (_, second) = see(8, 8.0, 1.008);
+    assert!((depth(&second) - 0.008).abs() < 5e-4);
+    assert!(second.iter().all(|touch| (touch.speed_m_s.expect("known") - 0.3).abs() < 0.02));
+    // Half a frame later it has gone on by half of that, and the body is asked about as much lower.
+    let (asked, third) = see(8, 8.5, 1.008);
+    assert!((asked.position_m()[1] - (1.1 - 0.005)).abs() < 2e-4, "{asked:?}");
+    assert!((depth(&third) - 0.013).abs() < 5e-4);
+    // A frame that stays is film that stands still.
+    let (_, fourth) = see(8, 12.0, 1.008);
+    assert!((depth(&fourth) - 0.008).abs() < 5e-4);
+}
+
+#[test]
+fn a_body_is_asked_again_once_it_has_moved_against_the_surface_or_at_another_frame() {
+    let (_, probes) = shapes();
+    let mut surface = BodySurface::default();
+    let mut ask = |frame: u64, down_m: f64| {
+        let pose = pose(1.1).moved([0.0, -down_m, 0.0]);
+        1.1 - surface.pose_to_ask(age(frame, frame as f64), &pose, &probes).position_m()[1]
+    };
+    let is = |found: f64, expected: f64| (found - expected).abs() < 1e-6;
+    assert!(is(ask(3, 0.0), 0.0) && is(ask(3, 0.003), 0.0), "near enough");
+    assert!(is(ask(3, 0.005), 0.005) && is(ask(3, 0.007), 0.005), "moved");
+    assert!(is(ask(4, 0.007), 0.007), "another frame");
+}
+
+#[test]
+fn a_surface_that_flickers_by_a_fraction_of_a_pixel_stands_still_to_the_bit() {
+    let (shape, probes) = shapes();
+    let pose = pose(1.1);
+    let mut surface = BodySurface::default();
+    let mut first = Vec::new();
+    for frame in 0..40 {
+        let at = age(frame, frame as f64);
+        surface.pose_to_ask(at, &pose, &probes);
+        let body = &Sampled { shape: &shape, pose: &pose, faces: |_: usize| &DOWN[..] };
+        // A pixel is 3.75 mm there.
+        let height_m = 1.0 + 0.0008 * f64::from((frame * 7 % 5) as i32 - 2) / 2.0;
+        let touches = surface.contacts(at, &planes(height_m), body, &eyes()).touches;
+        if frame == 0 {
+            first.clone_from(&touches);
+        }
+        assert_eq!(
+            touches.iter().map(|touch| touch.exit_m).collect::<Vec<_>>(),
+            first.iter().map(|touch| touch.exit_m).collect::<Vec<_>>()
+        );
+    }
+}
