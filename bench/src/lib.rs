@@ -8,6 +8,7 @@ mod loads;
 mod outputs;
 mod passes;
 mod peers;
+mod physics;
 mod plot;
 mod query;
 mod random;
@@ -32,6 +33,7 @@ enum BenchCommand {
     Bandwidth(bandwidth::BandwidthBenchArguments),
     Cluster(cluster::ClusterBenchArguments),
     Feed(feed::FeedBenchArguments),
+    Physics(physics::PhysicsBenchArguments),
     Query(query::QueryBenchArguments),
     Segment(segment::SegmentBenchArguments),
 }
@@ -45,6 +47,7 @@ pub fn run(arguments: &BenchArguments) -> Outcome {
         BenchCommand::Bandwidth(arguments) => bandwidth::run(arguments),
         BenchCommand::Cluster(arguments) => cluster::run(arguments),
         BenchCommand::Feed(arguments) => feed::run(arguments),
+        BenchCommand::Physics(arguments) => physics::run(arguments),
         BenchCommand::Query(arguments) => query::run(arguments),
         BenchCommand::Segment(arguments) => segment::run(arguments),
     }

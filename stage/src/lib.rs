@@ -25,6 +25,7 @@ mod skeleton;
 mod solid;
 mod studio;
 mod trace;
+mod tray;
 
 #[cfg(test)]
 mod tests;

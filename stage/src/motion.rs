@@ -32,11 +32,17 @@ pub enum Motion {
     Sweep,
     /// Lifts the box of [`crate::props`] off the table, holds it, tilts it, sets it down.
     Lift,
+    /// Lifts the tray of [`crate::props`] off the table and carries it sideways, to the left and far to the right.
+    Tray,
+    /// Pushes both fists forward at a height of 1.05 m.
+    Push,
+    /// Presses the palms against a thing 24 cm wide at a height of 1.74 m, lifts it, lets it go.
+    Squeeze,
 }
 
 /// A motion's name is not one of those known.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("motion {found:?}, expected one of idle, wave, walk, punch, sweep, lift")]
+#[error("motion {found:?}, expected one of idle, wave, walk, punch, sweep, lift, tray, push, squeeze")]
 pub struct UnknownMotion {
     /// What was given.
     pub found: String,
@@ -44,8 +50,17 @@ pub struct UnknownMotion {
 
 impl Motion {
     /// All motions.
-    pub const ALL: [Motion; 6] =
-        [Motion::Idle, Motion::Wave, Motion::Walk, Motion::Punch, Motion::Sweep, Motion::Lift];
+    pub const ALL: [Motion; 9] = [
+        Motion::Idle,
+        Motion::Wave,
+        Motion::Walk,
+        Motion::Punch,
+        Motion::Sweep,
+        Motion::Lift,
+        Motion::Tray,
+        Motion::Push,
+        Motion::Squeeze,
+    ];
 
     /// The name used on command lines and in files.
     pub fn name(self) -> &'static str {
@@ -56,6 +71,9 @@ impl Motion {
             Motion::Punch => "punch",
             Motion::Sweep => "sweep",
             Motion::Lift => "lift",
+            Motion::Tray => "tray",
+            Motion::Push => "push",
+            Motion::Squeeze => "squeeze",
         }
     }
 
@@ -68,7 +86,12 @@ impl Motion {
     pub fn loop_start_s(self) -> f64 {
         NEUTRAL_S
             + match self {
-                Motion::Idle | Motion::Sweep | Motion::Lift => 0.0,
+                Motion::Idle
+                | Motion::Sweep
+                | Motion::Lift
+                | Motion::Tray
+                | Motion::Push
+                | Motion::Squeeze => 0.0,
                 Motion::Wave => crate::motions::calm::RAISE_S,
                 Motion::Walk => crate::motions::walk::RAMP_S,
                 Motion::Punch => crate::motions::strike::GUARD_S,
@@ -84,6 +107,9 @@ impl Motion {
             Motion::Punch => crate::motions::strike::PUNCHES_S,
             Motion::Sweep => crate::motions::strike::SWEEP_PERIOD_S,
             Motion::Lift => crate::motions::lift::LIFT_PERIOD_S,
+            Motion::Tray => crate::motions::carry::TRAY_PERIOD_S,
+            Motion::Push => crate::motions::strike::PUSH_PERIOD_S,
+            Motion::Squeeze => crate::motions::carry::SQUEEZE_PERIOD_S,
         }
     }
 }
@@ -117,7 +143,7 @@ mod tests {
         let error = "jump".parse::<Motion>().expect_err("unknown");
         assert_eq!(
             error.to_string(),
-            "motion \"jump\", expected one of idle, wave, walk, punch, sweep, lift"
+            "motion \"jump\", expected one of idle, wave, walk, punch, sweep, lift, tray, push, squeeze"
         );
     }
 }

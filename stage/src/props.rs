@@ -1,4 +1,4 @@
-//! Real things in the studio that cameras see as foreground: a table, and the box that is lifted.
+//! Real things in the studio that cameras see as foreground: a table, the box that is lifted, the tray that is carried.
 
 use std::str::FromStr;
 
@@ -9,8 +9,10 @@ use crate::lifted_box::BoxState;
 pub use crate::lifted_box::{BOX_REST_M, BOX_RISE_M, BOX_SIZE_M, TABLE_HEIGHT_M};
 use crate::maths::turn_z;
 use crate::motion::Motion;
-use crate::motions::lift;
+use crate::motions::{carry, lift};
 use crate::solid::{Material, Solid};
+use crate::tray;
+pub use crate::tray::{TRAY_REST_M, TRAY_SIZE_M};
 
 /// The table's top: across (x), thick (y), deep (z), metres.
 pub const TABLE_TOP_M: [f64; 3] = [0.80, 0.04, 0.60];
@@ -23,11 +25,13 @@ pub enum Prop {
     Table,
     /// A cardboard box of [`BOX_SIZE_M`] at [`BOX_REST_M`]; the motion `lift` moves it.
     LiftedBox,
+    /// A wooden tray of [`TRAY_SIZE_M`] on two feet, its board at [`TRAY_REST_M`]; the motion `tray` moves it.
+    Tray,
 }
 
 /// A prop's name is not one of those known.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("prop {found:?}, expected one of table, box")]
+#[error("prop {found:?}, expected one of table, box, tray")]
 pub struct UnknownProp {
     /// What was given.
     pub found: String,
@@ -39,18 +43,37 @@ impl Prop {
         match self {
             Prop::Table => "table",
             Prop::LiftedBox => "box",
+            Prop::Tray => "tray",
         }
     }
 
     /// The solids of the prop at that time, in the world.
     pub(crate) fn solids(self, motion: Motion, moving: bool, time_s: f64, solids: &mut Vec<Solid>) {
+        let (middle, tilt_rad) = self.place(motion, moving, time_s);
         match self {
             Prop::Table => table(solids),
             Prop::LiftedBox => {
-                let state = box_state(motion, moving, time_s);
-                let centre = Vector3::from(state.centre_world_m());
                 let half = Vector3::from(BOX_SIZE_M) * 0.5;
-                solids.push(Solid::cuboid(centre, turn_z(state.tilt_rad), half, Material::Cardboard));
+                solids.push(Solid::cuboid(middle, turn_z(tilt_rad), half, Material::Cardboard));
+            }
+            Prop::Tray => tray::tray(middle, solids),
+        }
+    }
+
+    /// Where the prop's middle is (of the box, the tray's board, the table on the floor), world, metres, and how far it
+    /// is turned about +Z, radians. `moving` is false in a studio without the person.
+    pub(crate) fn place(self, motion: Motion, moving: bool, time_s: f64) -> (Vector3<f64>, f64) {
+        match self {
+            Prop::Table => (Vector3::from(TABLE_PLACE_M), 0.0),
+            Prop::LiftedBox => {
+                let state = box_state(motion, moving, time_s);
+                (Vector3::from(state.centre_world_m()), state.tilt_rad)
+            }
+            Prop::Tray => {
+                let is_carried = motion == Motion::Tray && moving;
+                let loop_s = motion.since_s(time_s) % carry::TRAY_PERIOD_S;
+                let offset = if is_carried { carry::tray_offset(loop_s) } else { Vector3::zeros() };
+                (Vector3::from(TRAY_REST_M) + offset, 0.0)
             }
         }
     }
@@ -60,7 +83,7 @@ impl FromStr for Prop {
     type Err = UnknownProp;
 
     fn from_str(text: &str) -> Result<Prop, UnknownProp> {
-        [Prop::Table, Prop::LiftedBox]
+        [Prop::Table, Prop::LiftedBox, Prop::Tray]
             .into_iter()
             .find(|prop| prop.name() == text)
             .ok_or_else(|| UnknownProp { found: text.to_owned() })

@@ -1,6 +1,6 @@
 //! What is in the studio, and when.
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Isometry3, Point3, Quaternion, UnitQuaternion, Vector3};
 
 use crate::figure;
 use crate::motion::Motion;
@@ -33,6 +33,15 @@ impl StageSettings {
     /// The time that a frame shows, seconds.
     pub fn time_s(&self, frame: u64) -> f64 {
         frame as f64 / self.fps
+    }
+
+    /// Where a prop is at a time, seconds, world from prop: the middle of the box, of the tray's board, or of the table
+    /// on the floor.
+    pub fn prop_world(&self, prop: Prop, time_s: f64) -> Isometry3<f64> {
+        let (middle, tilt_rad) = prop.place(self.motion, self.person, time_s);
+        let (s, c) = libm::sincos(0.5 * tilt_rad);
+        let rotation = UnitQuaternion::new_unchecked(Quaternion::new(c, 0.0, 0.0, s));
+        Isometry3::from_parts(middle.into(), rotation)
     }
 
     pub(crate) fn solids(&self, time_s: f64) -> Vec<Solid> {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use hull::Rig;
-use sim::Scene;
+use sim::{Scene, StageHint};
 use stage::{Motion, Prop, studio_rig};
 
 use crate::run::options::{OutletArguments, RecordOptions};
@@ -60,7 +60,7 @@ pub struct DemoArguments {
 /// The synthetic studio, and what decides a run in it.
 #[derive(Debug, Args)]
 pub struct StudioArguments {
-    /// A scene by name (topple, lift, crowd) or a scene file [default: topple, or the cluster file's].
+    /// A scene by name (topple, lift, crowd, rest, tray, push, squeeze) or a scene file [default: topple, or the cluster file's].
     #[arg(long, value_name = "NAME|FILE")]
     scene: Option<String>,
     /// How many cameras the studio has.
@@ -150,7 +150,7 @@ impl StudioArguments {
                 .map_err(|error| Failure::input(format_args!("scene, stage.props: {error}")))?;
         }
         let path = folder.join("studio.cluster.toml");
-        let text = self.cluster_text(&rig, motion, &stage.props);
+        let text = self.cluster_text(&rig, motion, &stage);
         std::fs::write(folder.join("rig.toml"), rig.to_toml())
             .map_err(|error| Failure::unwritable(folder, error))?;
         std::fs::write(&path, text).map_err(|error| Failure::unwritable(&path, error))?;
@@ -158,8 +158,9 @@ impl StudioArguments {
     }
 
     /// The studio's cluster file, beside `rig.toml`.
-    fn cluster_text(&self, rig: &Rig, motion: Motion, props: &[String]) -> String {
+    fn cluster_text(&self, rig: &Rig, motion: Motion, stage: &StageHint) -> String {
         let (fps, min_views, seed) = (self.fps, self.cameras.min(2), self.seed.unwrap_or(1));
+        let StageHint { props, person, .. } = stage;
         let mut text = format!(
             "rig = \"rig.toml\"\nscene = \"topple\"\nfps = {fps:?}\nlatency_s = {DEMO_LATENCY_S}\n\
              min_views = {min_views}\n"
@@ -168,7 +169,7 @@ impl StudioArguments {
             let name = camera.name();
             text += &format!(
                 "[[camera]]\nname = {name:?}\nsource = {{ kind = \"stage\", motion = \"{motion}\", \
-                 props = {props:?}, seed = {seed} }}\n"
+                 props = {props:?}, person = {person}, seed = {seed} }}\n"
             );
         }
         text

@@ -1,6 +1,7 @@
 //! What each motion does with the body, as a function of time.
 
 pub(crate) mod calm;
+pub(crate) mod carry;
 pub(crate) mod lift;
 pub(crate) mod strike;
 pub(crate) mod walk;
@@ -26,6 +27,9 @@ impl Motion {
             Motion::Punch => strike::punch(since_s),
             Motion::Sweep => strike::sweep(since_s % strike::SWEEP_PERIOD_S),
             Motion::Lift => lift::lift(since_s % lift::LIFT_PERIOD_S),
+            Motion::Tray => carry::tray(since_s % carry::TRAY_PERIOD_S),
+            Motion::Push => strike::push(since_s % strike::PUSH_PERIOD_S),
+            Motion::Squeeze => carry::squeeze(since_s % carry::SQUEEZE_PERIOD_S),
         })
     }
 }

@@ -1,4 +1,4 @@
-//! Punching to the front, and sweeping both arms apart.
+//! Punching to the front, pushing with both fists, and sweeping both arms apart.
 
 use super::{at, mix_arms};
 use crate::maths::ease;
@@ -13,6 +13,15 @@ pub(crate) const SWEEP_PERIOD_S: f64 = 4.5;
 /// Seconds after the start of the loop at which the arms begin to sweep, and at which they are through.
 pub(crate) const SWEEP_FROM_S: f64 = 1.1;
 pub(crate) const SWEEP_TO_S: f64 = 3.1;
+
+/// Seconds of the whole push, from neutral to neutral.
+pub(crate) const PUSH_PERIOD_S: f64 = 5.5;
+/// The fists are raised between the first two, go forward between the next, and come back between the last, seconds
+/// into the loop.
+const PUSH_S: [f64; 6] = [0.1, 1.1, 1.3, 2.6, 3.0, 4.6];
+
+/// The middle of the fists is as high as this, metres.
+const PUSH_HEIGHT_M: f64 = 1.05;
 
 pub(crate) fn punch(since_s: f64) -> Targets {
     let guard = ease(since_s, 0.0, GUARD_S);
@@ -52,6 +61,29 @@ pub(crate) fn punch(since_s: f64) -> Targets {
     targets.legs[1].yaw_rad -= 0.55 * guard;
     for leg in &mut targets.legs {
         leg.ankle.y += 0.03 * 4.0 * guard * (1.0 - guard);
+    }
+    targets
+}
+
+/// `loop_s` is below [`PUSH_PERIOD_S`].
+pub(crate) fn push(loop_s: f64) -> Targets {
+    let mut targets = Targets::neutral();
+    let back = ease(loop_s, PUSH_S[4], PUSH_S[5]);
+    let raised = ease(loop_s, PUSH_S[0], PUSH_S[1]) - back;
+    let out = ease(loop_s, PUSH_S[2], PUSH_S[3]) - back;
+    targets.lean_rad += 0.30 * out;
+    for side in [0, 1] {
+        let sign = side_sign(side);
+        let fist = ArmTarget {
+            wrist: at(0.24 * sign, PUSH_HEIGHT_M, 0.24 + 0.27 * out),
+            elbow_hint: at(0.5 * sign, -1.0, -0.3),
+            hand: at(0.0, 0.0, 1.0),
+            palm: at(-sign, 0.0, 0.0),
+            curl: 1.0,
+        };
+        let mut arm = mix_arms(&targets.arms[side], &fist, raised);
+        arm.wrist.z += 0.06 * 4.0 * raised * (1.0 - raised);
+        targets.arms[side] = arm;
     }
     targets
 }

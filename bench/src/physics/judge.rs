@@ -1,0 +1,283 @@
+//! What a physicist would measure of each scene, and what must hold.
+
+use nalgebra::{Isometry3, Vector3};
+use stage::{LIFT_TILT_S, Prop};
+
+use super::film::StageFilm;
+use super::track::{BodyAt, Track, TrackStep};
+
+/// Bodies have come to rest, and are looked at, from this time of the film on, seconds.
+const SETTLED_S: f64 = 2.0;
+
+/// A figure of a run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Metric {
+    /// Its name, with its unit.
+    pub name: &'static str,
+    /// What was found; no number where it never came to be.
+    pub value: f64,
+    /// What must hold, if anything.
+    pub limit: Option<Limit>,
+}
+
+/// What a figure must keep to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Limit {
+    /// No more than this.
+    Most(f64),
+    /// No less than this.
+    Least(f64),
+    /// Between these.
+    Within(f64, f64),
+}
+
+impl Limit {
+    /// Whether a figure keeps to it; what is no number does not.
+    pub fn holds(self, value: f64) -> bool {
+        match self {
+            Limit::Most(most) => value <= most,
+            Limit::Least(least) => value >= least,
+            Limit::Within(least, most) => (least..=most).contains(&value),
+        }
+    }
+
+    /// The worse of two figures.
+    pub fn worse(self, a: f64, b: f64) -> f64 {
+        let badness = |value: f64| match self {
+            _ if value.is_nan() => f64::INFINITY,
+            Limit::Most(_) => value,
+            Limit::Least(_) => -value,
+            Limit::Within(least, most) => (value - 0.5 * (least + most)).abs(),
+        };
+        if badness(b) > badness(a) { b } else { a }
+    }
+}
+
+/// The film that a scene's claims need, seconds.
+pub fn seconds_of(scene: &str) -> f64 {
+    match scene {
+        "rest" => 20.0,
+        "lift" => 9.4,
+        "tray" => 9.8,
+        "push" => 5.0,
+        "squeeze" => 9.5,
+        _ => 8.0,
+    }
+}
+
+/// What must hold depends on how fine the images are and whether they flicker.
+#[derive(Clone, Copy)]
+pub struct Conditions {
+    /// Pixels of an image's width.
+    pub width: u32,
+    /// The share of outline pixels that flicker.
+    pub flicker: f64,
+}
+
+/// The figures of a run of a scene.
+pub fn judge(scene: &str, track: &Track, film: &StageFilm, conditions: Conditions) -> Vec<Metric> {
+    let mut metrics = match scene {
+        "rest" => rest(track, conditions),
+        "lift" => lift(track, film),
+        "tray" => tray(track, film),
+        "push" => push(track),
+        "squeeze" => squeeze(track),
+        _ => Vec::new(),
+    };
+    let most_mm = match scene {
+        "rest" => Some(4.0),
+        "lift" if conditions.width >= 1280 => Some(12.0),
+        _ => None,
+    };
+    let passes = track.figures.passes as f64 / track.figures.frames.max(1) as f64;
+    metrics.push(metric("passes a frame", passes, None));
+    metrics.push(metric("depth p99, mm", 1e3 * depth_m(track, 0.99), most_mm.map(Limit::Most)));
+    metrics
+}
+
+fn metric(name: &'static str, value: f64, limit: Option<Limit>) -> Metric {
+    Metric { name, value, limit }
+}
+
+/// A quantile of how deep the deepest sample of any body was, step by step, metres.
+fn depth_m(track: &Track, share: f64) -> f64 {
+    let deepest = |step: &TrackStep| step.bodies.iter().map(|body| body.depth_m).fold(0.0, f64::max);
+    let mut depths: Vec<f64> = track.since(SETTLED_S).iter().map(deepest).collect();
+    depths.sort_by(f64::total_cmp);
+    let at = (depths.len().saturating_sub(1)) as f64 * share;
+    depths.get(at.round() as usize).copied().unwrap_or(f64::NAN)
+}
+
+/// The most of a figure over steps and bodies, each against its first step.
+fn most(steps: &[TrackStep], of: impl Fn(&BodyAt, &BodyAt) -> f64) -> f64 {
+    let Some(first) = steps.first() else { return f64::NAN };
+    let of_step = |step: &TrackStep| {
+        let bodies = step.bodies.iter().zip(&first.bodies);
+        bodies.map(|(now, then)| of(now, then)).fold(0.0, f64::max)
+    };
+    steps.iter().map(of_step).fold(0.0, f64::max)
+}
+
+fn rest(track: &Track, conditions: Conditions) -> Vec<Metric> {
+    let steps = track.since(SETTLED_S);
+    let aside = |now: &BodyAt, then: &BodyAt| (now.place() - then.place()).xz().norm();
+    let drift_mm = 1e3 * most(steps, aside);
+    let turn_deg = most(steps, BodyAt::turned_deg);
+    let last = steps.last().map_or(&[][..], |step| &step.bodies);
+    let awake = last.iter().filter(|body| !body.sleeps).count() as f64;
+    let (most_mm, most_deg) = match conditions {
+        Conditions { flicker: 0.0, .. } => (0.1, 0.3),
+        Conditions { width: 1280.., .. } => (2.0, 0.3),
+        Conditions { .. } => (10.0, f64::INFINITY),
+    };
+    let settled = steps.first().and_then(|step| step.bodies.first());
+    let table_m = stage::props::TABLE_HEIGHT_M;
+    let over_mm = settled.map_or(f64::NAN, |body| 1e3 * (body.place().y - 0.1 - table_m));
+    let most_awake = (conditions.flicker == 0.0).then_some(Limit::Most(0.0));
+    vec![
+        metric("drift, mm", drift_mm, Some(Limit::Most(most_mm))),
+        metric("turn, deg", turn_deg, most_deg.is_finite().then_some(Limit::Most(most_deg))),
+        metric("awake at the end", awake, most_awake),
+        metric("lean of the lowest, deg", settled.map_or(f64::NAN, BodyAt::lean_deg), None),
+        metric("over the table, mm", over_mm, None),
+    ]
+}
+
+/// A body in the frame of a prop.
+fn on_prop(body: &BodyAt, prop_world: &Isometry3<f64>) -> Vector3<f64> {
+    prop_world.inverse_transform_point(&body.place()).coords
+}
+
+/// Tilts of the lid, degrees, at which a body has first slid so far on it, metres, and at which it leans from it.
+fn tilt_when(track: &Track, film: &StageFilm, index: usize, has_gone: impl Fn(f64, f64) -> bool) -> f64 {
+    let steps = track.between(LIFT_TILT_S[0] - 0.1, LIFT_TILT_S[2]);
+    let lid = |step: &TrackStep| film.stage.prop_world(Prop::LiftedBox, step.film_s);
+    let Some(first) = steps.first() else { return f64::NAN };
+    let start = on_prop(&first.bodies[index], &lid(first));
+    let gone = steps.iter().find(|step| {
+        let (body, lid) = (&step.bodies[index], lid(step));
+        let slid_m = (on_prop(body, &lid) - start).xz().norm();
+        let up = body.pose.rotation() * Vector3::y();
+        has_gone(slid_m, up.angle(&(lid.rotation * Vector3::y())).to_degrees())
+    });
+    gone.map_or(f64::NAN, |step| lid(step).rotation.angle().to_degrees())
+}
+
+/// What has slid so far has begun to slide, metres.
+const SLID_M: f64 = 0.01;
+/// What leans so far from the lid goes over, degrees.
+const LEANS_DEG: f64 = 12.0;
+
+fn lift(track: &Track, film: &StageFilm) -> Vec<Metric> {
+    let mut metrics = Vec::new();
+    if let Some(slippery) = track.index("slippery") {
+        let at_deg = tilt_when(track, film, slippery, |slid_m, _| slid_m > SLID_M);
+        metrics.push(metric("friction 0.3 slides at, deg", at_deg, Some(Limit::Within(13.0, 21.0))));
+    }
+    if let Some(rough) = track.index("rough") {
+        let steps = track.between(LIFT_TILT_S[0] - 0.1, LIFT_TILT_S[2]);
+        let places: Vec<_> = steps
+            .iter()
+            .map(|step| on_prop(&step.bodies[rough], &film.stage.prop_world(Prop::LiftedBox, step.film_s)))
+            .collect();
+        let slid_m = places.iter().map(|place| (place - places[0]).xz().norm()).fold(0.0, f64::max);
+        metrics.push(metric("friction 0.8 slides, mm", 1e3 * slid_m, Some(Limit::Most(1e3 * SLID_M))));
+    }
+    if let Some(top) = track.index("tower_2") {
+        let at_deg = tilt_when(track, film, top, |_, leans_deg| leans_deg > LEANS_DEG);
+        metrics.push(metric("tower goes over at, deg", at_deg, Some(Limit::Within(14.0, 22.0))));
+    }
+    metrics
+}
+
+/// The tray is off the table, and carried, between these times of the film, seconds.
+const CARRIED_S: (f64, f64) = (3.0, 8.8);
+
+fn tray(track: &Track, film: &StageFilm) -> Vec<Metric> {
+    let steps = track.between(CARRIED_S.0, CARRIED_S.1);
+    let places = |step: &TrackStep| -> Vec<Vector3<f64>> {
+        let tray = film.stage.prop_world(Prop::Tray, step.film_s);
+        step.bodies.iter().map(|body| on_prop(body, &tray)).collect()
+    };
+    let Some(first) = steps.first().map(places) else { return Vec::new() };
+    let slid = |step: &TrackStep| {
+        places(step).iter().zip(&first).map(|(now, then)| (now - then).xz().norm()).fold(0.0, f64::max)
+    };
+    let slid_mm = 1e3 * steps.iter().map(slid).fold(0.0, f64::max);
+    let last = steps.last().map(places).unwrap_or_default();
+    let lost = last.iter().filter(|place| place.y < 0.0).count() as f64;
+    vec![
+        metric("slides on the tray, mm", slid_mm, Some(Limit::Most(50.0))),
+        metric("off the tray", lost, Some(Limit::Most(0.0))),
+    ]
+}
+
+fn push(track: &Track) -> Vec<Metric> {
+    let leans = |name: &str| {
+        let index = track.index(name)?;
+        Some(track.steps.iter().map(|step| step.bodies[index].lean_deg()).fold(0.0, f64::max))
+    };
+    let slides = |name: &str| {
+        let index = track.index(name)?;
+        let (first, last) = (track.steps.first()?, track.steps.last()?);
+        Some(1e3 * (last.bodies[index].place() - first.bodies[index].place()).z)
+    };
+    vec![
+        metric("pushed low tilts, deg", leans("pushed_low").unwrap_or(f64::NAN), Some(Limit::Most(5.0))),
+        metric("pushed low slides, mm", slides("pushed_low").unwrap_or(f64::NAN), Some(Limit::Least(50.0))),
+        metric("pushed high tilts, deg", leans("pushed_high").unwrap_or(f64::NAN), Some(Limit::Least(45.0))),
+    ]
+}
+
+/// The palms have risen and hold still, have pressed harder, and have opened, at these times of the film, seconds.
+const HELD_S: f64 = 4.1;
+const CRUSHED_S: (f64, f64) = (4.1, 5.9);
+const OPENED_S: f64 = 7.6;
+/// How far the palms rise, millimetres.
+const PALMS_RISE_MM: f64 = 120.0;
+
+fn squeeze(track: &Track) -> Vec<Metric> {
+    let height_mm = |film_s: f64| {
+        let step = track.since(film_s).first();
+        step.and_then(|step| step.bodies.first()).map_or(f64::NAN, |body| 1e3 * body.place().y)
+    };
+    let fastest = |steps: &[TrackStep]| {
+        let bodies = steps.iter().flat_map(|step| &step.bodies);
+        bodies.map(|body| body.speed_m_s).fold(0.0, f64::max)
+    };
+    let risen_mm = height_mm(HELD_S) - height_mm(SETTLED_S);
+    let end_mm = track.steps.last().map_or(f64::NAN, |step| height_mm(step.film_s)) - height_mm(SETTLED_S);
+    vec![
+        metric(
+            "risen with the palms, mm",
+            risen_mm,
+            Some(Limit::Within(0.9 * PALMS_RISE_MM, 1.1 * PALMS_RISE_MM)),
+        ),
+        metric(
+            "speed while crushed, m/s",
+            fastest(track.between(CRUSHED_S.0, CRUSHED_S.1)),
+            Some(Limit::Most(0.3)),
+        ),
+        metric("speed once released, m/s", fastest(track.since(OPENED_S)), Some(Limit::Most(0.5))),
+        metric("over its place at the end, mm", end_mm, Some(Limit::Within(-30.0, 30.0))),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn limits_hold_and_know_the_worse() {
+        for (limit, good, bad) in [
+            (Limit::Most(2.0), 1.0, 3.0),
+            (Limit::Least(2.0), 3.0, 1.0),
+            (Limit::Within(1.0, 3.0), 2.5, 3.5),
+            (Limit::Most(2.0), 1.0, f64::NAN),
+        ] {
+            assert!(limit.holds(good) && !limit.holds(bad), "{limit:?}");
+            assert!(limit.worse(good, bad).to_bits() == bad.to_bits(), "{limit:?}");
+            assert!(limit.worse(bad, good).to_bits() == bad.to_bits(), "{limit:?}");
+        }
+    }
+}

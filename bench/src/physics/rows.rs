@@ -1,0 +1,60 @@
+//! The rows of `bench physics`, and how they are printed.
+
+use serde::Serialize;
+
+use super::judge::Limit;
+use crate::table::{Columns, number, or_dash, words};
+
+/// One figure of one kind of run.
+#[derive(Clone, Debug, Serialize)]
+pub struct Row {
+    /// Which scene.
+    pub scene: String,
+    /// How bodies answered the hull.
+    pub response: String,
+    /// Of the images, pixels.
+    pub width: u32,
+    /// Of the images, pixels.
+    pub height: u32,
+    /// The share of outline pixels that flickered.
+    pub noise: f64,
+    /// How many runs.
+    pub seeds: u64,
+    /// What was measured, with its unit.
+    pub metric: &'static str,
+    /// The worst of the runs; none: it never came to be.
+    pub value: Option<f64>,
+    /// What must hold.
+    pub limit: Option<String>,
+    /// Whether it does.
+    pub holds: Option<bool>,
+}
+
+/// A limit for people.
+pub fn limit_text(limit: Limit) -> String {
+    match limit {
+        Limit::Most(most) => format!("<= {most}"),
+        Limit::Least(least) => format!(">= {least}"),
+        Limit::Within(least, most) => format!("{least} to {most}"),
+    }
+}
+
+/// The table.
+pub const TABLE: Columns<Row> = Columns {
+    gap: "  ",
+    columns: &[
+        words("scene", 8, |row| row.scene.clone()),
+        words("response", 8, |row| row.response.clone()),
+        number("size", 9, |row| format!("{}x{}", row.width, row.height)),
+        number("noise", 5, |row| row.noise.to_string()),
+        number("seeds", 5, |row| row.seeds.to_string()),
+        words("metric", 30, |row| row.metric.to_owned()),
+        number("value", 9, |row| or_dash(row.value, 3)),
+        number("limit", 12, |row| row.limit.clone().unwrap_or_default()),
+        words("holds", 5, |row| match row.holds {
+            Some(true) => "yes".to_owned(),
+            Some(false) => "NO".to_owned(),
+            None => String::new(),
+        }),
+    ],
+};
