@@ -5,11 +5,15 @@ use nalgebra::{Point3, Vector3};
 
 use crate::maths::{mixed, turn_y, turn_z};
 use crate::motions::strike::{SWEEP_FROM_S, SWEEP_TO_S};
-use crate::props::{BOX_REST_M, BOX_RISE_M, BOX_SIZE_M, box_state};
+use crate::props::{BOX_REST_M, BOX_RISE_M, BOX_SIZE_M, TRAY_REST_M, box_state};
 use crate::{CameraStage, Joint, Motion, NEUTRAL_S, Prop, StageSettings, Truth, studio_rig};
 
 fn settings(motion: Motion) -> StageSettings {
-    let props = if motion == Motion::Lift { vec![Prop::Table, Prop::LiftedBox] } else { Vec::new() };
+    let props = match motion {
+        Motion::Lift => vec![Prop::Table, Prop::LiftedBox],
+        Motion::Tray => vec![Prop::Table, Prop::Tray],
+        _ => Vec::new(),
+    };
     StageSettings { motion, props, ..StageSettings::default() }
 }
 
@@ -285,6 +289,49 @@ fn the_box_rises_with_the_hands_on_its_sides() {
             assert!((0.01..0.03).contains(&gap_m), "{joint:?} {gap_m} m off the side at {time_s}");
             assert!(local.y.abs() < 0.5 * BOX_SIZE_M[1] && local.z.abs() < 0.5 * BOX_SIZE_M[2]);
         }
+    }
+}
+
+#[test]
+fn the_tray_goes_sideways_at_a_metre_a_second_with_the_hands_under_it() {
+    let stage = settings(Motion::Tray);
+    let tray = |time_s| stage.prop_world(Prop::Tray, time_s).translation.vector;
+    assert_eq!(tray(2.0), Vector3::from(TRAY_REST_M));
+    assert_eq!(tray(11.0), Vector3::from(TRAY_REST_M));
+    let mut fastest_m_s: f64 = 0.0;
+    for step in 0..70 {
+        let time_s = 2.1 + 0.1 * f64::from(step);
+        fastest_m_s = fastest_m_s.max((tray(time_s + 0.01) - tray(time_s)).x.abs() * 100.0);
+        for (joint, sign) in [(Joint::LeftHand, 1.0), (Joint::RightHand, -1.0)] {
+            let away = Motion::Tray.joint_world(joint, time_s).coords - tray(time_s);
+            assert!((0.2..0.28).contains(&(sign * away.x)), "{joint:?} {away} at {time_s}");
+            assert!((-0.04..-0.02).contains(&away.y), "{joint:?} {away} at {time_s}");
+        }
+    }
+    assert!((0.95..1.05).contains(&fastest_m_s), "{fastest_m_s} m/s");
+    // The feet step: none slides along the floor as fast as the tray for long.
+    let foot = |time_s| Motion::Tray.joint_world(Joint::LeftAnkle, time_s);
+    let still = (0..190).filter(|step| {
+        let time_s = 4.9 + 0.01 * f64::from(*step);
+        (foot(time_s + 0.01) - foot(time_s)).norm() < 1e-3
+    });
+    assert!(still.count() > 50);
+}
+
+#[test]
+fn fists_and_palms_are_where_scenes_need_them() {
+    let at = |motion: Motion, joint, film_s| motion.joint_world(joint, film_s).coords;
+    for (joint, sign) in [(Joint::LeftHand, 1.0), (Joint::RightHand, -1.0)] {
+        let (before, after) = (at(Motion::Push, joint, 2.2), at(Motion::Push, joint, 3.8));
+        assert!((before.y - 1.05).abs() < 0.01 && (after.y - 1.05).abs() < 0.01, "{before} {after}");
+        assert!(after.z - before.z > 0.15 && (sign * after.x - 0.24).abs() < 0.02, "{before} {after}");
+        // Palms are half a hand's thickness away from what they hold.
+        for (film_s, aside_m) in [(1.95, 0.1684), (2.4, 0.1364), (4.9, 0.1264), (8.1, 0.1684)] {
+            let palm = at(Motion::Squeeze, joint, film_s);
+            assert!((sign * palm.x - aside_m).abs() < 0.003, "{palm} at {film_s}");
+        }
+        let rise_m = at(Motion::Squeeze, joint, 4.1).y - at(Motion::Squeeze, joint, 2.4).y;
+        assert!((rise_m - 0.12).abs() < 0.003, "{rise_m}");
     }
 }
 

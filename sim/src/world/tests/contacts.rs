@@ -272,3 +272,64 @@ fn bodies_that_do_not_answer_fall_through() {
     run_on(&mut world, 1.0, &table);
     assert!(world.bodies()[0].pose.position_m()[1] < 0.0);
 }
+
+#[test]
+fn bodies_of_any_weight_rest() {
+    for mass_kg in [0.001, 10_000.0] {
+        let mut world = contact_world(&format!(
+            "{NO_FLOOR}
+            [[bodies]]
+            name = 'box'
+            shape.box.size = [0.2, 0.2, 0.2]
+            mass = {mass_kg}
+            friction = 0.8
+            restitution = 0.0
+            place.at = [0.0, 1.12, 0.0]"
+        ));
+        run_on(&mut world, 4.0, &below(1.0, 0.0));
+        let body = &world.bodies()[0];
+        assert!((body.pose.position_m()[1] - 1.1).abs() < 3e-3, "{mass_kg} kg: {:?}", body.pose);
+        assert!(world.is_asleep(body.id), "{mass_kg} kg");
+    }
+}
+
+#[test]
+fn a_body_that_is_born_inside_or_swallowed_glides_out() {
+    let table = below(1.0, 0.0);
+    for (depth_m, absent_s) in [(0.1, 0.0), (0.25, 0.0), (0.0, 0.2)] {
+        let mut world = tower(1);
+        let start_m = world.bodies()[0].pose.position_m()[1];
+        let hull = below(1.0 + depth_m, 0.0);
+        run_on(&mut world, 0.5, &table);
+        // The hull is gone for a while (a camera is lost), or is suddenly higher.
+        run_on(&mut world, absent_s, &|_| None);
+        let mut fastest_m_s: f64 = 0.0;
+        for _ in 0..100 {
+            run_on(&mut world, 0.02, &hull);
+            let velocity = Vector3::from(world.bodies()[0].velocity_m_s);
+            fastest_m_s = fastest_m_s.max(velocity.y);
+        }
+        let height_m = world.bodies()[0].pose.position_m()[1] - start_m - depth_m;
+        assert!(height_m.abs() < 5e-3, "{depth_m} m: {height_m} m off");
+        assert!(fastest_m_s < 1.2, "{depth_m} m: thrown at {fastest_m_s} m/s");
+    }
+}
+
+#[test]
+fn a_board_wider_than_the_hull_lies_on_it() {
+    let mut world = contact_world(&format!(
+        "{NO_FLOOR}
+        [[bodies]]
+        name = 'board'
+        shape.box.size = [1.6, 0.04, 1.2]
+        density = 80.0
+        friction = 0.8
+        restitution = 0.0
+        place.at = [0.05, 1.03, 0.03]"
+    ));
+    let table = below(1.0, 0.0);
+    let post = move |point: Vector3<f64>| table(point).filter(|_| point.x.abs() < 0.2 && point.z.abs() < 0.2);
+    run_on(&mut world, 4.0, &post);
+    let board = &world.bodies()[0];
+    assert!(tilt_deg(board) < 0.5 && (board.pose.position_m()[1] - 1.02).abs() < 3e-3, "{:?}", board.pose);
+}
