@@ -148,7 +148,8 @@ fn on_prop(body: &BodyAt, prop_world: &Isometry3<f64>) -> Vector3<f64> {
     prop_world.inverse_transform_point(&body.place()).coords
 }
 
-/// Tilts of the lid, degrees, at which a body has first slid so far on it, metres, and at which it leans from it.
+/// The lid's tilt, degrees, when a body has first gone, by how far it slid on the lid, metres, and leans from it,
+/// degrees; no number if it never does.
 fn tilt_when(track: &Track, film: &StageFilm, index: usize, has_gone: impl Fn(f64, f64) -> bool) -> f64 {
     let steps = track.between(LIFT_TILT_S[0] - 0.1, LIFT_TILT_S[2]);
     let lid = |step: &TrackStep| film.stage.prop_world(Prop::LiftedBox, step.film_s);

@@ -106,7 +106,7 @@ impl Belief {
         Belief { touch, is_believed: true, odd: 0 }
     }
 
-    /// The same one frame later, still; `None` and `else` once it was odd for long.
+    /// The same after one more odd frame, at rest; `None` if that was one too many.
     fn odder(self) -> Option<Belief> {
         let odd = self.odd + 1;
         (odd <= DISBELIEVED_FRAMES).then_some(Belief { touch: at_rest(self.touch), odd, ..self })
@@ -191,7 +191,7 @@ mod tests {
         vec![Eye { centre_world: Point3::new(2.0, 0.0, 0.0), focal_pixels: 500.0 }]
     }
 
-    /// A level surface at a height of the camera that sees it; samples lie below it by how much it is higher.
+    /// Touches with the plane of a level surface that goes through the first camera's centre.
     fn seen(samples: impl IntoIterator<Item = u32>) -> Vec<Touch> {
         let edge = Edge {
             distance_m: 0.01,
@@ -204,7 +204,7 @@ mod tests {
         samples.into_iter().map(touch).collect()
     }
 
-    /// Samples at so much below the surface, all others at 1 mm.
+    /// Where samples are: one so far below that plane, all others 1 mm.
     fn place(odd: u32, depth_mm: f64) -> impl Fn(u32) -> Point3<f64> {
         move |sample| Point3::new(0.0, if sample == odd { -1e-3 * depth_mm } else { -1e-3 }, 0.0)
     }
@@ -213,7 +213,7 @@ mod tests {
         beliefs.touches().map(|touch| touch.sample).collect()
     }
 
-    /// The same surface as another camera height would give: planes lie higher by so many millimetres.
+    /// With a second camera, so many millimetres higher: its planes lie as much higher.
     fn raised(mm: f64) -> Vec<Eye> {
         let mut eyes = eyes();
         eyes.push(Eye { centre_world: Point3::new(2.0, 1e-3 * mm, 0.0), ..eyes[0] });
