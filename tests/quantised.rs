@@ -5,7 +5,7 @@
 use std::sync::Arc;
 
 use hull::cull::WorldBox;
-use hull::pass::{BodyResult, Pass, Reaches};
+use hull::pass::{AskedBody, BodyResult, Pass, Reaches};
 use hull::question::{Answer, Points, Question};
 use hull::view_set::Scratch;
 use hull::{Observer, Pose, ProbeSettings, Rig, Shape, View, ViewSet};
@@ -182,6 +182,7 @@ fn check_rounded(two_phases: bool, most_m: f64) {
                 let mut reaches = vec![Reaches::default(); bodies.len()];
                 reaches.iter_mut().zip(pass.results()).for_each(|(reaches, result)| reaches.note(result));
                 let asked = bodies.iter().cloned().zip(&reaches);
+                let asked = asked.map(|(points, reaches)| AskedBody::plain(points, reaches));
                 pass.restart(asked, Some(&WorldBox::EVERYWHERE));
                 wire.pass(&scene, &shapes, pass);
             }

@@ -1,7 +1,7 @@
 //! Passes one after the other, as a running coordinator makes them.
 
 use hull::cull::WorldBox;
-use hull::pass::{Pass, Reaches, Round};
+use hull::pass::{AskedBody, Pass, Reaches, Round};
 use hull::question::{Answer, Points};
 use hull::view_set::Scratch;
 use hull::{ProbeSettings, ViewSet};
@@ -29,7 +29,9 @@ impl Passes {
     pub fn begin(&mut self, bodies: &[Points], hull_box: &WorldBox) {
         self.reaches.resize_with(bodies.len(), Reaches::default);
         self.reaches.iter_mut().zip(self.pass.results()).for_each(|(reaches, result)| reaches.note(result));
-        self.pass.restart(bodies.iter().cloned().zip(&self.reaches), Some(hull_box));
+        let bodies = bodies.iter().cloned().zip(&self.reaches);
+        let asked = bodies.map(|(points, reaches)| AskedBody::plain(points, reaches));
+        self.pass.restart(asked, Some(hull_box));
     }
 
     /// Has it answered on this thread, by the groups one after the other. `lap` hears of every round that was

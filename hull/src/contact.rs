@@ -1,10 +1,11 @@
 //! Contacts of a body with the hull's surface, from the planes of a pass: where each sample is against the plane
 //! of the surface nearest to it.
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::Point3;
 
 use crate::body::{Pose, Shape};
 use crate::camera::Camera;
+use crate::faces::FaceNormals;
 use crate::pass::{BodyResult, Touch};
 
 /// Samples are asked about where they are and so far out along their faces' normals, metres: contacts exist before
@@ -12,8 +13,6 @@ use crate::pass::{BodyResult, Touch};
 pub const FEELER_M: f64 = 0.01;
 /// A plane farther away than this is none of the sample's, metres: a corner's feeler stands out by the root of three.
 const FARTHEST_M: f64 = 1.8 * FEELER_M + 1e-3;
-/// A surface faces a sample if its normal has at least this part against one of the sample's.
-const FACING: f64 = 0.3;
 
 /// Where a camera stands, and how fine its image is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,38 +35,25 @@ impl Eye {
     }
 }
 
-/// The normal of a touch's edge, world; zero without one.
-pub(crate) fn normal_of(touch: &Touch) -> Vector3<f64> {
-    touch.edge.map_or_else(Vector3::zeros, |edge| Vector3::from(edge.normal_world.map(f64::from)))
-}
-
 /// How deep a point lies below the plane of a touch, metres; `None` without an edge, or of a camera that is not there.
 pub(crate) fn depth_m(touch: &Touch, at_world: &Point3<f64>, eyes: &[Eye]) -> Option<f64> {
     let eye = eyes.get(usize::from(touch.edge?.camera))?;
-    Some(normal_of(touch).dot(&(eye.centre_world - at_world)))
+    Some(touch.normal_world().dot(&(eye.centre_world - at_world)))
 }
 
-/// Whether a plane at that depth is near its sample, and faces one of its `faces`.
-pub(crate) fn is_near<'a>(
-    touch: &Touch,
-    depth_m: f64,
-    pose: &Pose,
-    faces: impl Fn(usize) -> &'a [Vector3<f64>],
-) -> bool {
-    let (rotation, normal) = (pose.rotation(), normal_of(touch));
-    depth_m >= -FARTHEST_M
-        && faces(touch.sample as usize).iter().any(|face| (rotation * face).dot(&normal) < -FACING)
+/// Whether a plane at that depth is near its sample, and faces one of its faces.
+pub(crate) fn is_near(touch: &Touch, depth_m: f64, pose: &Pose, faces: &FaceNormals) -> bool {
+    depth_m >= -FARTHEST_M && faces.is_faced(touch.sample as usize, pose, &touch.normal_world())
 }
 
 /// Makes of the planes found for a body's samples, and after them for the feeler of each, the contacts of the samples:
 /// touches with the plane's edge and the sample's depth below it as their exit, negative above it. A sample takes the
-/// plane found where it is, or else its feeler's, and only surface that faces it. `faces` says which way the faces of a
-/// sample look, body frame; `eyes` are those of the rig's cameras.
-pub fn contacts<'a>(
+/// plane found where it is, or else its feeler's, and only surface that faces it. `eyes` are those of the rig's cameras.
+pub fn contacts(
     planes: &BodyResult,
     shape: &Shape,
     pose: &Pose,
-    faces: impl Fn(usize) -> &'a [Vector3<f64>],
+    faces: &FaceNormals,
     eyes: &[Eye],
 ) -> BodyResult {
     let samples = shape.samples_body();
@@ -81,13 +67,15 @@ pub fn contacts<'a>(
         let touch = [at_sample, at_feeler].into_iter().flatten().find(|touch| touch.edge.is_some())?;
         let depth_m = depth_m(touch, &world_from_body(sample), eyes)?;
         let contact = Touch { sample: index as u32, exit_m: Some(depth_m as f32), ..*touch };
-        is_near(&contact, depth_m, pose, &faces).then_some(contact)
+        is_near(&contact, depth_m, pose, faces).then_some(contact)
     };
     BodyResult { touches: samples.iter().enumerate().filter_map(contact).collect(), ..BodyResult::default() }
 }
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Vector3;
+
     use super::*;
     use crate::camera::Pixel;
     use crate::question::Edge;
@@ -95,22 +83,22 @@ mod tests {
     /// A plane through a camera at (0, 0.5, 2) whose surface faces up.
     fn touch(sample: u32) -> Touch {
         let (pixel, normal_world) = (Pixel { column: 3, row: 4 }, [0.0, 1.0, 0.0]);
-        let edge = Edge { distance_m: 0.01, camera: 1, pixel, normal_world };
-        Touch { sample, inside_count: 3, edge: Some(edge), exit_m: None, speed_m_s: None }
+        let edge = Edge { distance_m: 0.01, camera: 1, pixel, normal_world, moved_m: None };
+        Touch { edge: Some(edge), ..Touch::new(sample, 3) }
     }
 
     #[test]
     fn samples_take_the_plane_that_faces_them_and_their_depth_below_it() {
         // Three samples of the lower side, the upper, and the lower again.
         let shape = Shape::new(vec![[0.0, -0.1, 0.0], [0.0, 0.1, 0.0], [0.1, -0.1, 0.0]]).expect("samples");
-        let (down, up) = ([-Vector3::y()], [Vector3::y()]);
-        let faces = |sample: usize| if sample == 1 { &up[..] } else { &down[..] };
+        let mut faces = FaceNormals::default();
+        [-Vector3::y(), Vector3::y(), -Vector3::y()].into_iter().for_each(|face| faces.push([face]));
         let centres = [Point3::origin(), Point3::new(0.0, 0.5, 2.0)];
         let eyes = centres.map(|centre_world| Eye { centre_world, focal_pixels: 500.0 });
         let found = |height_m: f64, touches: Vec<Touch>| {
             let pose = Pose::new([0.0, height_m, 0.0], [0.0, 0.0, 0.0, 1.0]).expect("a pose");
             let planes = BodyResult { touches, ..BodyResult::default() };
-            let result = contacts(&planes, &shape, &pose, faces, &eyes);
+            let result = contacts(&planes, &shape, &pose, &faces, &eyes);
             result
                 .touches
                 .iter()

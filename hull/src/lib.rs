@@ -14,6 +14,7 @@ pub mod camera;
 pub mod contact;
 pub mod coordinates;
 pub mod cull;
+pub mod faces;
 pub mod lens;
 pub mod merge;
 pub mod oracle;

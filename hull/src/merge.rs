@@ -49,6 +49,7 @@ mod tests {
             camera,
             pixel: Pixel { column: 0, row: 0 },
             normal_world: [0.0; 3],
+            moved_m: None,
         };
         assert!(edge(0.1, 7).is_nearer(&edge(0.2, 0)) && !edge(0.2, 0).is_nearer(&edge(0.1, 7)));
         assert!(edge(0.1, 3).is_nearer(&edge(0.1, 7)) && !edge(0.1, 7).is_nearer(&edge(0.1, 3)));

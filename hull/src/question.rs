@@ -91,7 +91,8 @@ pub enum QuestionKind {
     /// The nearest edge of the cameras that say inside, and its normal?
     Edges,
     /// The same, with the normal of the plane through the camera's centre and the straightened edge: the hull's
-    /// surface there.
+    /// surface there. Of a point that cameras say is outside, the plane that is farthest from it among theirs, at a
+    /// negative distance; cameras that see nobody within 256 pixels of it say nothing.
     Planes,
     /// Where does the ray along the point's own direction leave?
     Exits,
@@ -220,7 +221,7 @@ impl Standing {
 /// The nearest edge of a group of cameras.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Edge {
-    /// From the point to the viewing ray through the edge pixel, metres.
+    /// From the point to the viewing ray through the edge pixel, metres; to a plane from outside, negative.
     pub distance_m: f32,
     /// The camera's place in the rig.
     pub camera: u16,
@@ -228,6 +229,8 @@ pub struct Edge {
     pub pixel: Pixel,
     /// The visual hull's outward unit normal there, in the world: of a plane through the camera's centre.
     pub normal_world: [f32; 3],
+    /// To [`QuestionKind::Planes`]: how far the plane moves out in a frame, metres, where the frame before tells.
+    pub moved_m: Option<f32>,
 }
 
 impl Edge {
@@ -258,7 +261,7 @@ pub struct Answer {
     pub kind: QuestionKind,
     /// To [`QuestionKind::Classes`].
     pub standings: Vec<Standing>,
-    /// To [`QuestionKind::Edges`] and [`QuestionKind::Planes`]; `None` where no camera says inside or none has an edge within reach.
+    /// To [`QuestionKind::Edges`] and [`QuestionKind::Planes`]; `None` where no camera has an edge within reach.
     pub edges: Vec<Option<Edge>>,
     /// To [`QuestionKind::Edges`] asked within reaches, of cameras that are never silent: the reach within which the edge's own
     /// camera leaves the silhouette along the edge's normal, so that no camera need search for an exit beyond.

@@ -35,7 +35,7 @@ use std::sync::Arc;
 
 use common::{Dice, random_rig};
 use hull::cull::WorldBox;
-use hull::pass::{Pass, Reaches};
+use hull::pass::{AskedBody, Pass, Reaches};
 use hull::question::{Answer, Points};
 use hull::view_set::Scratch;
 use hull::{HullRule, NormalWindow, OutOfView, Pose, ProbeSettings, Shape, VectorPath, ViewSet};
@@ -54,7 +54,8 @@ fn run(sets: &[ViewSet], pass: &mut Pass, poses: &[Pose], shape: &Arc<Shape>, bu
     let body = |pose: &Pose| Points::Body { shape: Arc::clone(shape), pose: *pose };
     buffers.reaches.resize_with(poses.len(), Reaches::default);
     buffers.reaches.iter_mut().zip(pass.results()).for_each(|(reaches, result)| reaches.note(result));
-    let bodies = poses.iter().zip(&buffers.reaches).map(|(pose, reaches)| (body(pose), reaches));
+    let bodies =
+        poses.iter().zip(&buffers.reaches).map(|(pose, reaches)| AskedBody::plain(body(pose), reaches));
     pass.restart(bodies, Some(&WorldBox::EVERYWHERE));
     while let Some(question) = pass.question() {
         for (set, answer) in sets.iter().zip(&mut buffers.answers) {

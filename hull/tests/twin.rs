@@ -8,7 +8,7 @@ use std::sync::Arc;
 use common::{Dice, random_rig};
 use hull::cull::WorldBox;
 use hull::oracle::{DenseView, brute};
-use hull::pass::{BodyResult, Pass, Reaches};
+use hull::pass::{AskedBody, BodyResult, Pass, Reaches};
 use hull::probe::exit::along;
 use hull::question::{Answer, Batch, NO_EXIT_M, Points, Question, QuestionKind};
 use hull::reach::Reach;
@@ -29,10 +29,9 @@ fn run(sets: &[ViewSet], settings: ProbeSettings, points: &[[f64; 3]], first: &[
         Pass::new(vec![Points::World(points.into())], Some(&WorldBox::EVERYWHERE), settings, sets.len());
     pass.ask_first(first);
     pass.ask_in_two_phases(!first.is_empty());
-    pass.restart(
-        [(Points::World(points.into()), &Reaches::default())].into_iter(),
-        Some(&WorldBox::EVERYWHERE),
-    );
+    let (points, reaches) = (Points::World(points.into()), &Reaches::default());
+    let asked = AskedBody::plain(points, reaches);
+    pass.restart([asked].into_iter(), Some(&WorldBox::EVERYWHERE));
     finish(pass, sets)
 }
 
@@ -138,17 +137,41 @@ fn check_planes(seed: u64, settings: ProbeSettings, with_ignored: bool) -> usize
         assert!(found.touches.iter().all(|touch| touch.exit_m.is_none()), "nobody asked for exits");
     }
     let edges = ask(QuestionKind::Edges, VectorPath::Portable);
+    let mut from_outside = 0;
     for ((point, plane), edge) in points.iter().zip(&planes).zip(edges) {
-        let (Some(plane), Some(edge)) = (plane, edge) else {
-            assert_eq!(plane.is_some(), edge.is_some(), "seed {seed}");
+        let point = Point3::from(*point);
+        let outside = brute::plane_from_outside(&dense, &settings, &point);
+        let Some(plane) = plane else {
+            assert!(edge.is_none() && outside.is_none(), "seed {seed}");
             continue;
         };
-        assert_eq!((plane.camera, plane.pixel, plane.distance_m), (edge.camera, edge.pixel, edge.distance_m));
-        let view = &dense[usize::from(plane.camera)];
-        let twin = brute::plane_normal(view, &settings, &Point3::from(*point), plane.pixel).expect("a plane");
         let normal = Vector3::from(plane.normal_world.map(f64::from));
+        let twin = if let Some(outside) = outside {
+            let found = (usize::from(plane.camera), plane.pixel);
+            let is_tie = (f64::from(plane.distance_m) - outside.distance_m).abs() < 1e-6;
+            assert!(
+                found == (outside.camera, outside.pixel) || is_tie,
+                "seed {seed}: {found:?}, {outside:?}"
+            );
+            assert!(is_tie, "seed {seed}: {} m, {outside:?}", plane.distance_m);
+            if found != (outside.camera, outside.pixel) {
+                continue;
+            }
+            outside.normal_world
+        } else {
+            let edge = edge.expect("an edge");
+            assert_eq!(
+                (plane.camera, plane.pixel, plane.distance_m),
+                (edge.camera, edge.pixel, edge.distance_m)
+            );
+            let view = &dense[usize::from(plane.camera)];
+            let start = view.camera.pixel(&point).expect("on the image");
+            brute::plane_normal(view, &settings, start, plane.pixel).expect("a plane")
+        };
         assert!((normal - twin).norm() < 1e-6, "seed {seed}: {normal} instead of {twin}");
+        from_outside += usize::from(plane.distance_m < 0.0);
     }
+    assert!(from_outside > 20, "seed {seed}: only {from_outside} planes from outside");
     planes.iter().flatten().count()
 }
 

@@ -169,6 +169,9 @@ fn step_message(record: &StepRecord<'_>) -> Step {
         response_m: response.response_m.map(vector),
         inside_samples: response.inside_samples as u32,
         contacts: contacts_to_bytes(if by_contacts { &response.contacts } else { &[] }),
+        spin_rad_s: Some(response.spin_rad_s)
+            .filter(|spin| *spin != [0.0; 3])
+            .map(|spin| vector(spin.map(f64::from))),
     };
     Step {
         generation: record.generation,

@@ -53,6 +53,8 @@ pub struct HullContact {
     pub depth_m: f32,
     /// How fast the surface moves out along its normal, m/s; `None` where nothing tells.
     pub speed_m_s: Option<f32>,
+    /// How fast it moves along itself, world, m/s; nothing where nobody tells.
+    pub slide_m_s: [f32; 3],
 }
 
 /// What a pass found for one moving body.
@@ -66,18 +68,21 @@ pub struct BodyResponse {
     /// Those of them that have a way out, and with [`ResponseMode::Contacts`] those above the surface, in the order of the
     /// samples. Recordings hold them with that mode alone.
     pub contacts: Vec<HullContact>,
+    /// How fast the surface of the contacts turns, world, rad/s.
+    pub spin_rad_s: [f32; 3],
 }
 
 impl BodyResponse {
     /// A body that the hull does not touch.
     pub const UNTOUCHED: BodyResponse =
-        BodyResponse { response_m: None, inside_samples: 0, contacts: Vec::new() };
+        BodyResponse { response_m: None, inside_samples: 0, contacts: Vec::new(), spin_rad_s: [0.0; 3] };
 
     /// Takes what a pass found for a body of that shape instead of what was here; the buffer of contacts is
     /// kept.
     pub fn set(&mut self, result: &BodyResult, shape: &Shape) {
         self.response_m = result.response_m.ok();
         self.inside_samples = result.touches.iter().filter(|touch| touch.is_inside()).count();
+        self.spin_rad_s = result.spin_rad_s;
         self.contacts.clear();
         self.contacts.extend(result.touches.iter().filter_map(|touch| {
             Some(HullContact {
@@ -86,6 +91,7 @@ impl BodyResponse {
                 normal_world: touch.edge?.normal_world,
                 depth_m: touch.exit_m?,
                 speed_m_s: touch.speed_m_s,
+                slide_m_s: touch.slide_m_s,
             })
         }));
     }
@@ -127,18 +133,32 @@ mod tests {
             camera: 1,
             pixel: Pixel { column: 3, row: 4 },
             normal_world: [0.0, 1.0, 0.0],
+            moved_m: None,
         };
-        let touch = |sample, edge, exit_m| Touch { sample, inside_count: 3, edge, exit_m, speed_m_s: None };
+        let touch = |sample, edge, exit_m| Touch {
+            sample,
+            inside_count: 3,
+            edge,
+            exit_m,
+            speed_m_s: None,
+            slide_m_s: [0.0; 3],
+        };
         let touches =
             vec![touch(0, None, None), touch(1, Some(edge), None), touch(2, Some(edge), Some(0.05))];
-        let result = BodyResult { touches, response_m: Ok([0.0, 0.05, 0.0]), left_inside: 0 };
+        let result = BodyResult { touches, response_m: Ok([0.0, 0.05, 0.0]), ..BodyResult::default() };
         let mut response = BodyResponse::default();
         for _ in 0..2 {
             response.set(&result, &shape);
             assert_eq!((response.response_m, response.inside_samples), (Some([0.0, 0.05, 0.0]), 3));
             let (point_body_m, normal_world) = ([0.0, 0.2, 0.0], [0.0, 1.0, 0.0]);
-            let expected =
-                HullContact { sample: 2, point_body_m, normal_world, depth_m: 0.05, speed_m_s: None };
+            let expected = HullContact {
+                sample: 2,
+                point_body_m,
+                normal_world,
+                depth_m: 0.05,
+                speed_m_s: None,
+                slide_m_s: [0.0; 3],
+            };
             assert_eq!(response.contacts, [expected]);
         }
         response.set(&BodyResult::default(), &shape);

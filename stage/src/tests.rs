@@ -11,7 +11,7 @@ use crate::{CameraStage, Joint, Motion, NEUTRAL_S, Prop, StageSettings, Truth, s
 fn settings(motion: Motion) -> StageSettings {
     let props = match motion {
         Motion::Lift => vec![Prop::Table, Prop::LiftedBox],
-        Motion::Tray => vec![Prop::Table, Prop::Tray],
+        Motion::Tray => vec![Prop::Tray],
         _ => Vec::new(),
     };
     StageSettings { motion, props, ..StageSettings::default() }

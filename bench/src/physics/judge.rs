@@ -60,6 +60,8 @@ pub fn seconds_of(scene: &str) -> f64 {
         "lift" => 9.4,
         "tray" => 9.8,
         "push" => 5.0,
+        "punch" => 3.5,
+        "drops" => 3.0,
         "squeeze" => 9.5,
         _ => 8.0,
     }
@@ -81,6 +83,8 @@ pub fn judge(scene: &str, track: &Track, film: &StageFilm, conditions: Condition
         "lift" => lift(track, film),
         "tray" => tray(track, film),
         "push" => push(track),
+        "punch" => punch(track),
+        "drops" => drops(track),
         "squeeze" => squeeze(track),
         _ => Vec::new(),
     };
@@ -148,50 +152,69 @@ fn on_prop(body: &BodyAt, prop_world: &Isometry3<f64>) -> Vector3<f64> {
     prop_world.inverse_transform_point(&body.place()).coords
 }
 
-/// The lid's tilt, degrees, when a body has first gone, by how far it slid on the lid, metres, and leans from it,
-/// degrees; no number if it never does.
-fn tilt_when(track: &Track, film: &StageFilm, index: usize, has_gone: impl Fn(f64, f64) -> bool) -> f64 {
-    let steps = track.between(LIFT_TILT_S[0] - 0.1, LIFT_TILT_S[2]);
-    let lid = |step: &TrackStep| film.stage.prop_world(Prop::LiftedBox, step.film_s);
-    let Some(first) = steps.first() else { return f64::NAN };
-    let start = on_prop(&first.bodies[index], &lid(first));
-    let gone = steps.iter().find(|step| {
-        let (body, lid) = (&step.bodies[index], lid(step));
-        let slid_m = (on_prop(body, &lid) - start).xz().norm();
-        let up = body.pose.rotation() * Vector3::y();
-        has_gone(slid_m, up.angle(&(lid.rotation * Vector3::y())).to_degrees())
-    });
-    gone.map_or(f64::NAN, |step| lid(step).rotation.angle().to_degrees())
-}
-
 /// What has slid so far has begun to slide, metres.
 const SLID_M: f64 = 0.01;
 /// What leans so far from the lid goes over, degrees.
 const LEANS_DEG: f64 = 12.0;
 
+/// A body on the lid that tilts, step by step.
+struct OnLid {
+    tilt_deg: f64,
+    /// Up the lid, from where it was before, metres.
+    up_m: f64,
+    /// Down the lid, from the highest that it has been, metres.
+    slid_m: f64,
+    /// Against the lid, degrees.
+    leans_deg: f64,
+}
+
+fn on_lid(track: &Track, film: &StageFilm, index: usize) -> Vec<OnLid> {
+    let steps = track.between(LIFT_TILT_S[0] - 0.1, LIFT_TILT_S[2]);
+    let (mut first_m, mut highest_m) = (None, f64::NEG_INFINITY);
+    let on = |step: &TrackStep| {
+        let body = &step.bodies[index];
+        let lid = film.stage.prop_world(Prop::LiftedBox, step.film_s);
+        // It sinks on the side of negative x.
+        let along_m = on_prop(body, &lid).x;
+        highest_m = highest_m.max(along_m);
+        let up = body.pose.rotation() * Vector3::y();
+        OnLid {
+            tilt_deg: lid.rotation.angle().to_degrees(),
+            up_m: along_m - *first_m.get_or_insert(along_m),
+            slid_m: highest_m - along_m,
+            leans_deg: up.angle(&(lid.rotation * Vector3::y())).to_degrees(),
+        }
+    };
+    steps.iter().map(on).collect()
+}
+
+/// The lid's tilt, degrees, when a body has first gone; no number if it never does.
+fn tilt_when(steps: &[OnLid], has_gone: impl Fn(&OnLid) -> bool) -> f64 {
+    steps.iter().find(|step| has_gone(step)).map_or(f64::NAN, |step| step.tilt_deg)
+}
+
 fn lift(track: &Track, film: &StageFilm) -> Vec<Metric> {
     let mut metrics = Vec::new();
+    let greatest_mm = |steps: &[OnLid], of: fn(&OnLid) -> f64| 1e3 * steps.iter().map(of).fold(0.0, f64::max);
     if let Some(slippery) = track.index("slippery") {
-        let at_deg = tilt_when(track, film, slippery, |slid_m, _| slid_m > SLID_M);
+        let at_deg = tilt_when(&on_lid(track, film, slippery), |step| step.slid_m > SLID_M);
         metrics.push(metric("friction 0.3 slides at, deg", at_deg, Some(Limit::Within(13.0, 21.0))));
     }
     if let Some(rough) = track.index("rough") {
-        let steps = track.between(LIFT_TILT_S[0] - 0.1, LIFT_TILT_S[2]);
-        let places: Vec<_> = steps
-            .iter()
-            .map(|step| on_prop(&step.bodies[rough], &film.stage.prop_world(Prop::LiftedBox, step.film_s)))
-            .collect();
-        let slid_m = places.iter().map(|place| (place - places[0]).xz().norm()).fold(0.0, f64::max);
-        metrics.push(metric("friction 0.8 slides, mm", 1e3 * slid_m, Some(Limit::Most(1e3 * SLID_M))));
+        let steps = on_lid(track, film, rough);
+        let (slid_mm, up_mm) =
+            (greatest_mm(&steps, |step| step.slid_m), greatest_mm(&steps, |step| step.up_m));
+        metrics.push(metric("friction 0.8 slides, mm", slid_mm, Some(Limit::Most(1e3 * SLID_M))));
+        metrics.push(metric("the lid leaves it behind, mm", up_mm, Some(Limit::Most(1e3 * SLID_M))));
     }
     if let Some(top) = track.index("tower_2") {
-        let at_deg = tilt_when(track, film, top, |_, leans_deg| leans_deg > LEANS_DEG);
+        let at_deg = tilt_when(&on_lid(track, film, top), |step| step.leans_deg > LEANS_DEG);
         metrics.push(metric("tower goes over at, deg", at_deg, Some(Limit::Within(14.0, 22.0))));
     }
     metrics
 }
 
-/// The tray is off the table, and carried, between these times of the film, seconds.
+/// The tray is carried between these times of the film, seconds.
 const CARRIED_S: (f64, f64) = (3.0, 8.8);
 
 fn tray(track: &Track, film: &StageFilm) -> Vec<Metric> {
@@ -227,6 +250,51 @@ fn push(track: &Track) -> Vec<Metric> {
         metric("pushed low tilts, deg", leans("pushed_low").unwrap_or(f64::NAN), Some(Limit::Most(5.0))),
         metric("pushed low slides, mm", slides("pushed_low").unwrap_or(f64::NAN), Some(Limit::Least(50.0))),
         metric("pushed high tilts, deg", leans("pushed_high").unwrap_or(f64::NAN), Some(Limit::Least(45.0))),
+    ]
+}
+
+/// What is struck falls off its stand once it has gone so far, metres.
+const STRUCK_M: f64 = 0.3;
+
+fn punch(track: &Track) -> Vec<Metric> {
+    let along = |step: &TrackStep| step.bodies.first().map_or(f64::NAN, |body| body.place().z);
+    let start_m = track.steps.first().map_or(f64::NAN, along);
+    let ways_m = || track.steps.iter().map(|step| along(step) - start_m);
+    let gone = track.steps.iter().zip(ways_m()).find(|(_, way_m)| *way_m > STRUCK_M);
+    let speed_m_s = gone.map_or(0.0, |(step, _)| step.bodies[0].speed_m_s);
+    vec![
+        metric("knocked away at, m/s", speed_m_s, Some(Limit::Within(2.0, 4.5))),
+        metric("thrown back, mm", -1e3 * ways_m().fold(0.0, f64::min), Some(Limit::Most(20.0))),
+    ]
+}
+
+/// The side of the cubes that drop, metres, and gravity.
+const DROPPED_M: f64 = 0.12;
+const GRAVITY_M_S2: f64 = 9.81;
+
+/// The energy of a cube as the height that it could rise to, metres.
+fn energy_m(body: &BodyAt) -> f64 {
+    let turning = DROPPED_M * DROPPED_M / 6.0 * body.spin_rad_s * body.spin_rad_s;
+    body.place().y + (body.speed_m_s * body.speed_m_s + turning) / (2.0 * GRAVITY_M_S2)
+}
+
+fn drops(track: &Track) -> Vec<Metric> {
+    let count = track.steps.first().map_or(0, |step| step.bodies.len());
+    let regained_m = |index: usize| {
+        let mut least_m = f64::INFINITY;
+        let rises = track.steps.iter().map(|step| {
+            let energy_m = energy_m(&step.bodies[index]);
+            least_m = least_m.min(energy_m);
+            energy_m - least_m
+        });
+        rises.fold(0.0, f64::max)
+    };
+    let most_mm = 1e3 * (0..count).map(regained_m).fold(0.0, f64::max);
+    let on_table = |body: &&BodyAt| body.place().y > stage::props::TABLE_HEIGHT_M;
+    let last = track.steps.last().map_or(&[][..], |step| &step.bodies);
+    vec![
+        metric("energy regained, mm", most_mm, Some(Limit::Most(5.0))),
+        metric("left on the table", last.iter().filter(on_table).count() as f64, None),
     ]
 }
 

@@ -54,6 +54,8 @@ pub struct BodyAt {
     pub pose: Pose,
     /// How fast its middle moves, m/s; of one that sleeps nothing moves.
     pub speed_m_s: f64,
+    /// How fast it turns, rad/s.
+    pub spin_rad_s: f64,
     /// Whether it lies still to the bit.
     pub sleeps: bool,
     /// How deep its deepest sample was in the hull before the step, metres; zero outside.
@@ -96,6 +98,7 @@ impl Recorder for Keeper {
             BodyAt {
                 pose: body.pose,
                 speed_m_s,
+                spin_rad_s: Vector3::from(body.spin_rad_s).norm(),
                 sleeps: speed_m_s == 0.0 && body.spin_rad_s == [0.0; 3],
                 depth_m: f64::from(inside.fold(0.0, f32::max)),
             }

@@ -154,6 +154,10 @@ impl FrameRing {
         inner.pending = inner.pending.split_off(&number);
         let cameras: Vec<CameraFrame> = cameras.into_iter().flatten().collect();
         let views = ViewSet::new(cameras.iter().map(|camera| camera.view.clone()).collect());
+        let views = match inner.ring.back() {
+            Some(before) => views.after(&before.views, number - before.number),
+            None => views,
+        };
         let skipped = stamp.skipped + incomplete + std::mem::take(&mut inner.skipped);
         inner.ring.push_back(Arc::new(Frame {
             number,

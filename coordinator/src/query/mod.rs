@@ -10,7 +10,8 @@ mod surfaces;
 
 use std::sync::Arc;
 
-use hull::pass::Pass;
+use hull::faces::FaceNormals;
+use hull::pass::{AskedBody, Pass};
 use hull::question::Points;
 use hull::{Observer, Pose, ProbeSettings, Shape};
 use proto::FrameReport;
@@ -22,12 +23,24 @@ pub(crate) use answers::MAX_STEPS_AHEAD;
 pub use answers::{AskEvery, StepAnswers};
 pub use surfaces::Surfaces;
 
+/// What the hull is asked about one body.
+#[derive(Clone, Debug)]
+pub struct QueryBody {
+    /// Its samples, and what else is asked of the body itself.
+    pub shape: Arc<Shape>,
+    /// Points around it.
+    pub around: Option<Arc<Shape>>,
+    /// Which way its faces look.
+    pub faces: Option<Arc<FaceNormals>>,
+}
+
 /// The hull's answers about the moving bodies of a world, step by step.
 pub struct HullQuery {
     observers: Vec<Arc<Observer>>,
     settings: ProbeSettings,
     ask_every: AskEvery,
     answers: Answers,
+    bodies: Vec<QueryBody>,
     bounds: HullBounds,
     /// The frame whose bounds they are.
     bounds_frame: Option<u64>,
@@ -48,6 +61,7 @@ impl HullQuery {
             settings,
             ask_every,
             answers: Answers::new(std::iter::empty(), ask_every, 0.0),
+            bodies: Vec::new(),
             bounds: HullBounds::default(),
             bounds_frame: None,
             pass: Pass::new(vec![], None, settings, group_count),
@@ -68,8 +82,10 @@ impl HullQuery {
     /// Other bodies: no answer holds any more. Within one frame a body counts as clear where each of its samples
     /// is known to be outside no farther away than `reuse_within_m`: no sample deeper than this is ever missed.
     /// At 0 answers are used again for the very same pose alone.
-    pub fn set_bodies(&mut self, shapes: impl Iterator<Item = Arc<Shape>>, reuse_within_m: f64) {
+    pub fn set_bodies(&mut self, bodies: Vec<QueryBody>, reuse_within_m: f64) {
+        let shapes = bodies.iter().map(|body| Arc::clone(&body.shape));
         self.answers = Answers::new(shapes, self.ask_every, reuse_within_m);
+        self.bodies = bodies;
     }
 
     /// Begins a step that sees `frame`, of which the nodes reported, with the moving bodies at these poses.
@@ -100,13 +116,20 @@ impl HullQuery {
     /// The pass to answer: about all poses of this step whose answers are not known, and about those `ahead`, a
     /// list a later step.
     pub fn ask(&mut self, ahead: &[Vec<Pose>]) -> &mut Pass {
-        let HullQuery { bounds, answers, pass, asked, .. } = self;
+        let HullQuery { bounds, answers, bodies, pass, asked, .. } = self;
         *asked = answers.questions(ahead, |shape, pose| bounds.may_meet(shape, pose));
-        let points = |query: &PoseQuery| {
-            let shape = Arc::clone(answers.shape(query.body));
-            (Points::Body { shape, pose: query.pose }, answers.reaches(query.body))
+        let body = |query: &PoseQuery| {
+            let points = |shape: &Arc<Shape>| Points::Body { shape: Arc::clone(shape), pose: query.pose };
+            let QueryBody { shape, around, faces } = &bodies[query.body];
+            let around = around.as_ref().filter(|_| answers.knows_nothing_around(query));
+            AskedBody {
+                points: points(shape),
+                around: around.map(points),
+                faces: faces.clone(),
+                reaches: answers.reaches(query.body),
+            }
         };
-        pass.restart(asked.iter().map(points), bounds.hull_box());
+        pass.restart(asked.iter().map(body), bounds.hull_box());
         pass
     }
 

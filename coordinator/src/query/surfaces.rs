@@ -39,8 +39,9 @@ impl Surfaces {
 
     /// The contacts of a body with the planes found for its samples and feelers, where body and surface are now.
     pub fn contacts(&mut self, index: usize, at: FrameAge, planes: &BodyResult, body: &Body) -> BodyResult {
-        let faces = |sample: usize| body.faces.as_ref().map_or(&[][..], |faces| faces.at(sample));
-        let sampled = Sampled { shape: &body.shape, pose: &body.pose, faces };
+        // Under `contacts` every body has faces.
+        let Some(faces) = &body.faces else { return BodyResult::default() };
+        let sampled = Sampled { shape: &body.shape, around: body.around.as_deref(), pose: &body.pose, faces };
         self.bodies[index].contacts(at, planes, &sampled, &self.eyes)
     }
 }

@@ -56,7 +56,7 @@ fn query() -> HullQuery {
 fn query_of(reach_m: f32) -> HullQuery {
     let shape = Arc::new(Shape::new(vec![[reach_m, 0.0, 0.0], [-reach_m, 0.0, 0.0]]).expect("a shape"));
     let mut query = HullQuery::new(observers(), ProbeSettings::default(), 1, AskEvery::Frame);
-    query.set_bodies([shape].into_iter(), 0.0);
+    query.set_bodies(vec![QueryBody { shape, around: None, faces: None }], 0.0);
     query
 }
 
@@ -138,7 +138,7 @@ fn other_bodies_are_asked_about_anew() {
     let mut query = query();
     step(&mut query, 0, at(0.0), &[]);
     let other = Arc::new(Shape::new(vec![[0.0; 3]]).expect("a shape"));
-    query.set_bodies([other].into_iter(), 0.0);
+    query.set_bodies(vec![QueryBody { shape: other, around: None, faces: None }], 0.0);
     assert_eq!(step(&mut query, 0, at(0.0), &[]), (1, 1));
 }
 

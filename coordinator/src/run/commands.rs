@@ -13,6 +13,7 @@ use super::clock::frame_at;
 use super::watch::{REPORT_EVERY, Watcher};
 use super::{Coordinator, FRAMES_AHEAD, RunError};
 use crate::live::{Command, MAX_STEPS, MAX_WAITING, Order, Outcome, Refusal};
+use crate::query::QueryBody;
 use crate::transport::FirstFrame;
 
 /// Commands between two steps that a recording keeps.
@@ -153,8 +154,10 @@ impl Coordinator {
             }
             Command::Spawn(ref spec) => {
                 let prepared = self.world.prepare((**spec).clone())?;
-                let asked_about = (!spec.fixed).then(|| Arc::clone(prepared.probes()));
-                self.register(self.shapes().chain(asked_about).collect()).await?;
+                let bodies = self.world.moving_bodies().flat_map(sim::Body::asked_shapes);
+                let new = prepared.asked_shapes().filter(|_| !spec.fixed);
+                let shapes = bodies.chain(new).collect();
+                self.register(shapes).await?;
                 let id = self.world.spawn(prepared)?;
                 self.bodies_changed();
                 return Ok(Outcome::Spawned(id));
@@ -199,7 +202,7 @@ impl Coordinator {
     /// Puts a new world in the place of the old; film goes on from where it is.
     async fn begin_world(&mut self, world: Result<World, sim::WorldError>) -> Result<(), Refusal> {
         let world = world?;
-        let shapes = world.moving_bodies().map(|body| Arc::clone(&body.probes)).collect();
+        let shapes = world.moving_bodies().flat_map(sim::Body::asked_shapes).collect();
         self.register(shapes).await?;
         self.clock.passed_s += self.world.time_s();
         self.settings.reuse_within_m = world.scene().hull().reuse_within_m;
@@ -212,16 +215,16 @@ impl Coordinator {
 
     /// Bodies have come or gone: what was known of them by their places no longer holds.
     pub(super) fn bodies_changed(&mut self) {
-        let shapes: Vec<Arc<Shape>> = self.shapes().collect();
-        self.figures.samples = shapes.iter().map(|shape| shape.samples_body().len()).sum();
-        self.surfaces.set_bodies(shapes.len());
-        self.query.set_bodies(shapes.into_iter(), self.settings.reuse_within_m);
+        let bodies = || self.world.moving_bodies();
+        self.figures.samples = bodies().map(|body| body.probes.samples_body().len()).sum();
+        self.surfaces.set_bodies(bodies().count());
+        let asked = bodies().map(|body| QueryBody {
+            shape: Arc::clone(&body.probes),
+            around: body.around.clone(),
+            faces: body.faces.clone(),
+        });
+        self.query.set_bodies(asked.collect(), self.settings.reuse_within_m);
         self.publish_scene();
-    }
-
-    /// What the hull is asked about the moving bodies, in their order.
-    fn shapes(&self) -> impl Iterator<Item = Arc<Shape>> {
-        self.world.moving_bodies().map(|body| Arc::clone(&body.probes))
     }
 
     /// Makes shapes known to all nodes before they are asked about.

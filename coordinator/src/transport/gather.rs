@@ -60,7 +60,12 @@ impl Gather {
         self.silhouette_bytes += bytes;
         let views = self.observers.iter().zip(&silhouettes);
         let views = views.map(|(observer, silhouette)| View::new(Arc::clone(observer), silhouette));
-        self.fetched = Some((frame, ViewSet::new(views.collect())));
+        let views = ViewSet::new(views.collect());
+        let views = match &self.fetched {
+            Some((before, seen)) => views.after(seen, frame.saturating_sub(*before)),
+            None => views,
+        };
+        self.fetched = Some((frame, views));
         Ok(())
     }
 }

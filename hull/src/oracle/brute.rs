@@ -7,6 +7,9 @@ use crate::camera::Pixel;
 use crate::rule::{OutOfView, ProbeSettings};
 use crate::view::Class;
 
+/// From outside no plane is searched farther, pixels squared: 256, and what rounding up adds.
+const MOST_SQUARED: i32 = 256 * 256 + 1;
+
 /// What the twin finds for a point inside the hull.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BrutePoint {
@@ -71,14 +74,52 @@ pub fn point(
     Some(BrutePoint { edge: best, exit_m })
 }
 
-/// The outward normal of the hull's surface as a plane near a camera's edge; `None` where the lens sees nothing.
+/// Of a point that cameras say is outside: the plane of the foreground nearest to it, in the camera where that is
+/// farthest from the point.
+pub fn plane_from_outside(
+    views: &[DenseView],
+    settings: &ProbeSettings,
+    a: &Point3<f64>,
+) -> Option<BruteEdge> {
+    let mut best: Option<BruteEdge> = None;
+    for (camera, view) in views.iter().enumerate() {
+        let Some(start) = view.camera.pixel(a).filter(|_| class(view, settings, a) == Class::Outside) else {
+            continue;
+        };
+        let rows = 0..view.camera.height() as i32;
+        let columns = 0..view.camera.width() as i32;
+        let pixels = rows.flat_map(|row| columns.clone().map(move |column| Pixel { column, row }));
+        let way = |pixel: Pixel| (start.column - pixel.column, start.row - pixel.row);
+        let rank = |pixel: &Pixel| {
+            let (across, down) = way(*pixel);
+            (across * across + down * down, pixel.row, pixel.column)
+        };
+        let nearest = pixels.filter(|&pixel| view.is_foreground(pixel)).min_by_key(rank);
+        let Some(nearest) = nearest.filter(|pixel| rank(pixel).0 <= MOST_SQUARED) else { continue };
+        let (across, down) = way(nearest);
+        let (right, below) =
+            if across.abs() >= down.abs() { (across.signum(), 0) } else { (0, down.signum()) };
+        let pixel = Pixel { column: nearest.column + right, row: nearest.row + below };
+        if !is_candidate(view, settings, pixel) {
+            continue;
+        }
+        let Some(normal_world) = plane_normal(view, settings, nearest, pixel) else { continue };
+        let distance_m = normal_world.dot(&(view.camera.centre_world() - a)).min(0.0);
+        if best.as_ref().is_none_or(|best| distance_m < best.distance_m) {
+            best = Some(BruteEdge { camera, pixel, distance_m, normal_world });
+        }
+    }
+    best
+}
+
+/// The outward normal of the hull's surface as a plane near a camera's edge, which is nearest to `start`; `None` where
+/// the lens sees nothing.
 pub fn plane_normal(
     view: &DenseView,
     settings: &ProbeSettings,
-    a: &Point3<f64>,
+    start: Pixel,
     edge: Pixel,
 ) -> Option<Vector3<f64>> {
-    let start = view.camera.pixel(a)?;
     let most = settings.normal_window().half_side_pixels(view.camera.width(), view.camera.height()) as i32;
     let (_, normal) = disc_line(view, settings, start, edge, 2.min(most));
     let is_foreground = |step: i32| {

@@ -13,18 +13,25 @@
 mod body_exits;
 mod reaches;
 mod sample_rounds;
+mod ways_out;
 
 use std::ops::Range;
+use std::sync::Arc;
 
+use nalgebra::Vector3;
 use thiserror::Error;
 
 use crate::cull::WorldBox;
+use crate::faces::FaceNormals;
 use crate::question::{Answer, Batch, Change, Edge, NO_EXIT_M, Points, Question, QuestionKind, Standing};
 use crate::reach::Reach;
 use crate::rule::ProbeSettings;
 use body_exits::Along;
 
 pub use reaches::{FIRST_REACH, Reaches};
+
+/// How far from points around a body planes matter, about 0.14 m.
+const AROUND_REACH: Reach = Reach::from_code(125);
 
 /// The rounds of a pass, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -33,11 +40,11 @@ pub enum Round {
     Classes,
     /// The nearest edge and its normal, or plane, of those inside.
     Edges,
-    /// The exit of those inside along their normals.
+    /// The exit of those inside along their normals; or against their faces, of those that no plane faces.
     Exits,
     /// The exit along their body's mean response: of those farthest back, then of those that a check finds.
     BodyExits,
-    /// Which of those inside are still inside once the body has moved.
+    /// Which of those inside are still inside once the body has moved; or the planes where the ways out end.
     Check,
     /// Nothing is left to ask.
     Done,
@@ -57,12 +64,24 @@ pub struct Touch {
     pub exit_m: Option<f32>,
     /// Of a contact: how fast the surface moves out along its normal, m/s, where the frame before tells.
     pub speed_m_s: Option<f32>,
+    /// Of a contact: how fast the surface moves along itself, world, m/s; nothing where nobody tells.
+    pub slide_m_s: [f32; 3],
 }
 
 impl Touch {
     /// Whether the sample is inside the hull: a contact may be above its surface.
     pub fn is_inside(&self) -> bool {
         self.exit_m.is_none_or(|exit_m| exit_m >= 0.0)
+    }
+
+    /// The normal of its edge, world; zero without one.
+    pub(crate) fn normal_world(&self) -> Vector3<f64> {
+        self.edge.map_or_else(Vector3::zeros, |edge| Vector3::from(edge.normal_world.map(f64::from)))
+    }
+
+    /// The same of a surface that stands still.
+    pub(crate) fn at_rest(self) -> Touch {
+        Touch { speed_m_s: Some(0.0), slide_m_s: [0.0; 3], ..self }
     }
 
     /// The sample's response `w`, metres, world; `None` without an exit.
@@ -92,11 +111,41 @@ pub struct BodyResult {
     pub response_m: Result<[f64; 3], NoResponse>,
     /// How many of the samples inside are still inside after the response.
     pub left_inside: usize,
+    /// Of contacts: how fast the surface turns, world, rad/s; nothing where nobody tells.
+    pub spin_rad_s: [f32; 3],
+    /// Of points around it that have a plane near, if it touches and they were asked about.
+    pub around: Vec<Touch>,
 }
 
 impl Default for BodyResult {
     fn default() -> BodyResult {
-        BodyResult { touches: Vec::new(), response_m: Err(NoResponse::Clear), left_inside: 0 }
+        BodyResult {
+            touches: Vec::new(),
+            response_m: Err(NoResponse::Clear),
+            left_inside: 0,
+            spin_rad_s: [0.0; 3],
+            around: Vec::new(),
+        }
+    }
+}
+
+/// A body to ask about.
+#[derive(Clone, Debug)]
+pub struct AskedBody<'a> {
+    /// Its samples.
+    pub points: Points,
+    /// Points around it, whose planes are asked for where it touches: with [`Pass::only_planes`].
+    pub around: Option<Points>,
+    /// Which way its faces look: where no surface found faces any of them, their ways out are asked for too.
+    pub faces: Option<Arc<FaceNormals>>,
+    /// How far its edges are worth searching at first, best as the pass before found them.
+    pub reaches: &'a Reaches,
+}
+
+impl<'a> AskedBody<'a> {
+    /// A body of which nothing but its samples is asked about.
+    pub fn plain(points: Points, reaches: &'a Reaches) -> AskedBody<'a> {
+        AskedBody { points, around: None, faces: None, reaches }
     }
 }
 
@@ -136,8 +185,12 @@ pub struct Pass {
     settings: ProbeSettings,
     bodies: Vec<PassBody>,
     results: Vec<BodyResult>,
-    /// Bodies of this pass: there may be buffers of more.
+    /// Bodies of this pass, and after them what is around them: there may be buffers of more.
     count: usize,
+    /// How many of them are bodies.
+    asked_count: usize,
+    /// A buffer.
+    around: Vec<(usize, Points)>,
     round: Round,
     question: Question,
     /// What the question's points are, in its order.
@@ -171,6 +224,9 @@ struct PassBody {
     exits_within: Vec<Option<Reach>>,
     /// Its box meets the hull's.
     is_near: bool,
+    /// The body that these points are around, if they are no body.
+    owner: Option<usize>,
+    faces: Option<Arc<FaceNormals>>,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -201,6 +257,8 @@ impl Pass {
             bodies: Vec::new(),
             results: Vec::new(),
             count: 0,
+            asked_count: 0,
+            around: Vec::new(),
             round: Round::Done,
             question: Question::default(),
             targets: Targets::default(),
@@ -213,59 +271,73 @@ impl Pass {
             changes_sorted: true,
         };
         let unknown = Reaches::default();
-        pass.restart(bodies.into_iter().map(|points| (points, &unknown)), hull_box);
+        let asked = |points| AskedBody::plain(points, &unknown);
+        pass.restart(bodies.into_iter().map(asked), hull_box);
         pass
     }
 
-    /// Starts another pass with the same groups, settings and buffers. With each body goes how far its
-    /// edges are worth searching at first, best as the pass before found them.
-    pub fn restart<'a>(
-        &mut self,
-        bodies: impl Iterator<Item = (Points, &'a Reaches)>,
-        hull_box: Option<&WorldBox>,
-    ) {
+    fn add_body(&mut self, points: Points, known: &Reaches, is_near: bool, owner: Option<usize>) {
+        let old = self.bodies.get_mut(self.count);
+        let take = |old: &mut PassBody| {
+            let PassBody { along, exits_within, reaches, .. } = old;
+            (std::mem::take(along), std::mem::take(exits_within), std::mem::take(reaches))
+        };
+        let (along, exits_within, mut reaches) = old.map(take).unwrap_or_default();
+        reaches.copy_from(known);
+        let body = PassBody {
+            points,
+            reaches,
+            direction: None,
+            longest_m: 0.0,
+            has_exits: true,
+            is_checked: false,
+            along,
+            exits_within,
+            is_near,
+            owner,
+            faces: None,
+        };
+        if self.count < self.bodies.len() {
+            self.bodies[self.count] = body;
+        } else {
+            self.bodies.push(body);
+            self.results.push(BodyResult::default());
+        }
+        let result = &mut self.results[self.count];
+        result.touches.clear();
+        result.around.clear();
+        result.response_m = Err(NoResponse::Clear);
+        result.left_inside = 0;
+        self.count += 1;
+    }
+
+    /// Starts another pass with the same groups, settings and buffers.
+    pub fn restart<'a>(&mut self, bodies: impl Iterator<Item = AskedBody<'a>>, hull_box: Option<&WorldBox>) {
         self.count = 0;
-        for (points, known) in bodies {
-            let is_near = match (hull_box, &points) {
+        let mut around = std::mem::take(&mut self.around);
+        around.clear();
+        for body in bodies {
+            around.extend(body.around.map(|points| (self.count, points)));
+            let is_near = match (hull_box, &body.points) {
                 (None, _) => false,
                 (Some(hull_box), Points::Body { shape, pose }) => {
                     hull_box.meets(&WorldBox::of_body(shape, pose))
                 }
                 (Some(_), Points::World(_)) => true,
             };
-            let old = self.bodies.get_mut(self.count);
-            let take = |old: &mut PassBody| {
-                let PassBody { along, exits_within, reaches, .. } = old;
-                (std::mem::take(along), std::mem::take(exits_within), std::mem::take(reaches))
-            };
-            let (along, exits_within, mut reaches) = old.map(take).unwrap_or_default();
-            reaches.copy_from(known);
-            let body = PassBody {
-                points,
-                reaches,
-                direction: None,
-                longest_m: 0.0,
-                has_exits: true,
-                is_checked: false,
-                along,
-                exits_within,
-                is_near,
-            };
-            if self.count < self.bodies.len() {
-                self.bodies[self.count] = body;
-            } else {
-                self.bodies.push(body);
-                self.results.push(BodyResult::default());
-            }
-            let result = &mut self.results[self.count];
-            result.touches.clear();
-            result.response_m = Err(NoResponse::Clear);
-            result.left_inside = 0;
-            self.count += 1;
+            self.add_body(body.points, body.reaches, is_near, None);
+            self.bodies[self.count - 1].faces = body.faces;
         }
+        self.asked_count = self.count;
+        let unknown = Reaches::default();
+        for (owner, points) in around.drain(..) {
+            let is_near = self.bodies[owner].is_near;
+            self.add_body(points, &unknown, is_near, Some(owner));
+        }
+        self.around = around;
         self.question.restart(QuestionKind::Classes);
         self.targets.0.clear();
-        for body in self.bodies[..self.count].iter().filter(|body| body.is_near) {
+        for body in self.bodies[..self.asked_count].iter().filter(|body| body.is_near) {
             self.question.batches.push(Batch::all(body.points.clone()));
         }
         self.is_first_phase = false;
@@ -293,8 +365,8 @@ impl Pass {
         }
     }
 
-    /// From the next pass on, asks for planes instead of edges, and for no exits: touches have the hull's surface near
-    /// them, bodies no response.
+    /// From the next pass on, asks for planes instead of edges: touches have the hull's surface near them, bodies no
+    /// response.
     pub fn only_planes(&mut self, only_planes: bool) {
         self.only_planes = only_planes;
     }
@@ -344,12 +416,12 @@ impl Pass {
 
     /// What was found for each body, in the order given. Complete once there is no question.
     pub fn results(&self) -> &[BodyResult] {
-        &self.results[..self.count]
+        &self.results[..self.asked_count]
     }
 
     /// The same, to keep.
     pub fn into_results(mut self) -> Vec<BodyResult> {
-        self.results.truncate(self.count);
+        self.results.truncate(self.asked_count);
         self.results
     }
 
@@ -388,12 +460,15 @@ impl Pass {
 
     /// Asks the groups of the second phase, within what the first found.
     fn ask_within_found(&mut self) {
-        let Pass { question, merged, groups, .. } = self;
+        let Pass { question, merged, groups, targets, bodies, .. } = self;
+        // From outside the farthest plane wins: what was found of points around bodies bounds nothing.
+        let bounds =
+            |at: usize| targets.0.get(at).is_none_or(|&(body, _)| bodies[body as usize].owner.is_none());
         let edges_m = merged.edges.iter().map(|edge| edge.map_or(f32::INFINITY, |edge| edge.distance_m));
         let found_m = edges_m.chain(merged.exits_m.iter().copied());
         question.within.resize(question.len(), Reach::UNBOUNDED);
-        for (reach, found_m) in question.within.iter_mut().zip(found_m) {
-            if found_m < reach.m() {
+        for (at, (reach, found_m)) in question.within.iter_mut().zip(found_m).enumerate() {
+            if found_m < reach.m() && bounds(at) {
                 *reach = (*reach).min(Reach::covering(f64::from(found_m)));
             }
         }
@@ -435,6 +510,8 @@ impl Pass {
         match self.round {
             Round::Classes => self.after_classes(),
             Round::Edges => self.after_edges(),
+            Round::Exits if self.only_planes => self.after_ways_out(),
+            Round::Check if self.only_planes => self.after_planes_beyond(),
             Round::Exits => self.after_exits(),
             Round::BodyExits => self.after_body_exits(),
             Round::Check => self.after_check(),
@@ -467,8 +544,15 @@ impl Question {
 }
 
 impl Touch {
-    fn new(sample: u32, inside_count: usize) -> Touch {
-        Touch { sample, inside_count: inside_count as u32, edge: None, exit_m: None, speed_m_s: None }
+    pub(crate) fn new(sample: u32, inside_count: usize) -> Touch {
+        Touch {
+            sample,
+            inside_count: inside_count as u32,
+            edge: None,
+            exit_m: None,
+            speed_m_s: None,
+            slide_m_s: [0.0; 3],
+        }
     }
 }
 

@@ -78,8 +78,8 @@ mod tests {
 
     fn touch(sample: u32, distance_m: f32) -> Touch {
         let pixel = Pixel { column: 0, row: 0 };
-        let edge = Edge { distance_m, camera: 0, pixel, normal_world: [1.0, 0.0, 0.0] };
-        Touch { sample, inside_count: 2, edge: Some(edge), exit_m: None, speed_m_s: None }
+        let edge = Edge { distance_m, camera: 0, pixel, normal_world: [1.0, 0.0, 0.0], moved_m: None };
+        Touch { edge: Some(edge), ..Touch::new(sample, 2) }
     }
 
     #[test]

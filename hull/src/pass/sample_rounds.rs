@@ -1,8 +1,9 @@
 //! The rounds about single samples: classes, nearest edges, exits along normals (paper §4).
 
-use super::{MANY_EXITS, Pass, Round, Touch, changes_of, exit_reach};
+use super::{AROUND_REACH, MANY_EXITS, Pass, PassBody, Round, Touch, changes_of, exit_reach};
 use crate::merge::{first_exit, inside_count};
 use crate::question::{QuestionKind, Standing};
+use crate::reach::Reach;
 
 impl Pass {
     pub(super) fn after_classes(&mut self) {
@@ -11,10 +12,11 @@ impl Pass {
             return self.ask_the_others();
         }
         let rule = self.settings.rule();
-        let Pass { targets, merged, results, bodies, count, .. } = self;
+        let Pass { targets, merged, results, bodies, asked_count, .. } = self;
         if targets.0.is_empty() {
             let mut standings = merged.standings.iter();
-            for (body, result) in bodies[..*count].iter().zip(results).filter(|(body, _)| body.is_near) {
+            for (body, result) in bodies[..*asked_count].iter().zip(results).filter(|(body, _)| body.is_near)
+            {
                 for (sample, &standing) in standings.by_ref().take(body.points.len()).enumerate() {
                     let found = inside_count(standing, rule).map(|count| Touch::new(sample as u32, count));
                     result.touches.extend(found);
@@ -26,15 +28,28 @@ impl Pass {
                 results[body as usize].touches.extend(found);
             }
         }
-        self.ask_edges(|_| true);
+        if self.only_planes {
+            self.add_around();
+        }
+        self.ask_edges(|_, _| true);
+    }
+
+    /// All points around the bodies that touch.
+    fn add_around(&mut self) {
+        for index in self.asked_count..self.count {
+            let PassBody { points, owner, .. } = &self.bodies[index];
+            let touches = owner.is_some_and(|owner| !self.results[owner].touches.is_empty());
+            let count = if touches { points.len() as u32 } else { 0 };
+            self.results[index].touches.extend((0..count).map(|sample| Touch::new(sample, 0)));
+        }
     }
 
     /// Asks the groups that were not asked first about the points that no other rejects.
     pub(super) fn ask_the_others(&mut self) {
-        let Pass { targets, merged, question, bodies, count, groups, .. } = self;
+        let Pass { targets, merged, question, bodies, asked_count, groups, .. } = self;
         question.restart(QuestionKind::Classes);
         let mut at = 0;
-        for (index, body) in bodies[..*count].iter().enumerate().filter(|(_, body)| body.is_near) {
+        for (index, body) in bodies[..*asked_count].iter().enumerate().filter(|(_, body)| body.is_near) {
             let range = at..at + body.points.len();
             at = range.end;
             let left = (0..).zip(&merged.standings[range]);
@@ -60,13 +75,15 @@ impl Pass {
     }
 
     /// Asks for edges of the touches that fit.
-    pub(super) fn ask_edges(&mut self, fits: impl Fn(&Touch) -> bool) {
+    pub(super) fn ask_edges(&mut self, fits: impl Fn(&PassBody, &Touch) -> bool) {
         let alone = self.groups.len() == 1;
         self.question.restart(if self.only_planes { QuestionKind::Planes } else { QuestionKind::Edges });
         let again = self.round == Round::Edges;
-        self.pick_touches([0.0; 3], |_, _, touch| fits(touch));
+        self.pick_touches([0.0; 3], |body, _, touch| fits(body, touch));
+        let has_around =
+            self.results[self.asked_count..self.count].iter().any(|around| !around.touches.is_empty());
         let Pass { question, targets, bodies, results, count, .. } = self;
-        if !alone && !again {
+        if !again && (!alone || has_around) {
             for (body, result) in bodies[..*count].iter_mut().zip(results.iter()) {
                 body.exits_within.clear();
                 body.exits_within.resize(result.touches.len(), None);
@@ -75,7 +92,12 @@ impl Pass {
                 let (body, touches) = (of_body[0].0 as usize, &results[of_body[0].0 as usize].touches);
                 let mut from = 0;
                 let samples = of_body.iter().map(|&(_, touch)| touches[touch as usize].sample);
-                question.within.extend(samples.map(|sample| bodies[body].reaches.of(sample, &mut from)));
+                let is_around = bodies[body].owner.is_some();
+                question.within.extend(samples.map(|sample| match is_around {
+                    true => AROUND_REACH,
+                    false if alone => Reach::UNBOUNDED,
+                    false => bodies[body].reaches.of(sample, &mut from),
+                }));
             }
         }
         self.ask_distances(Round::Edges);
@@ -89,16 +111,26 @@ impl Pass {
             if let Some(&within) = exits_within.get(at) {
                 bodies[body as usize].exits_within[touch as usize] = within;
             }
-            is_open |= edge.is_none() && question.bounds(at);
+            is_open |= edge.is_none() && question.bounds(at) && bodies[body as usize].owner.is_none();
         }
         if is_open {
-            return self.ask_edges(|touch| touch.edge.is_none());
+            return self.ask_edges(|body, touch| touch.edge.is_none() && body.owner.is_none());
         }
         if self.only_planes {
-            self.round = Round::Done;
-            return;
+            self.hand_over_around();
+            return self.ask_ways_out();
         }
         self.ask_exits(|_| true);
+    }
+
+    /// Gives the bodies what was found around them.
+    fn hand_over_around(&mut self) {
+        let (results, around) = self.results[..self.count].split_at_mut(self.asked_count);
+        for (body, found) in self.bodies[self.asked_count..].iter().zip(around) {
+            let Some(owner) = body.owner else { continue };
+            std::mem::swap(&mut results[owner].around, &mut found.touches);
+            results[owner].around.retain(|touch| touch.edge.is_some());
+        }
     }
 
     /// Asks for exits of the touches with an edge that fit.

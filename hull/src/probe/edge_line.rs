@@ -108,6 +108,19 @@ pub fn edge_line(candidates: &BitMap, edge: Pixel, start: Pixel, discs: &Discs) 
     if radius == FIRST_RADIUS.min(most) { first } else { line(radius) }
 }
 
+/// Where an edge was in an earlier frame: the nearest step from foreground to background in its direction, no more
+/// than `steps` pixels away.
+pub fn line_before(candidates: &BitMap, line: &EdgeLine, steps: i32, discs: &Discs) -> Option<EdgeLine> {
+    let pixel = |step: i32| {
+        let place = line.image + line.normal * f64::from(step);
+        Pixel::holding(place.x, place.y)
+    };
+    let is_step = |&step: &i32| candidates.get(pixel(step)) && !candidates.get(pixel(step + 1));
+    // The line is between pixel -1/2 and 1/2: steps there come first.
+    let step = (0..=steps).flat_map(|step| [step, -step - 1]).find(is_step)?;
+    Some(edge_line(candidates, pixel(step + 1), pixel(step), discs))
+}
+
 /// The greatest radius up to `most` of a disc around an edge pixel that does not reach across the foreground to
 /// background on its other side. One pixel of background within the foreground is noise, not another side.
 #[inline(always)]
@@ -197,6 +210,29 @@ mod tests {
             );
             assert!(offsets[342] < p95_pixels, "{k}: {}", offsets[342]);
         }
+    }
+
+    #[test]
+    fn an_edge_is_found_where_it_was_before() {
+        let discs = Discs::up_to(4);
+        let (sine, cosine) = libm::sincos(0.4);
+        let map = |shift: f64| map_of(|x, y| (x - 48.0) * cosine + (y - 48.0) * sine < shift);
+        let at = |shift: f64| {
+            let (map, start) = (map(shift), Pixel { column: 40, row: 44 });
+            let edges = (0..SIDE * SIDE).map(|at| Pixel { column: at % SIDE, row: at / SIDE });
+            let squared =
+                |pixel: &Pixel| (pixel.column - start.column).pow(2) + (pixel.row - start.row).pow(2);
+            let edge = edges.filter(|&pixel| !map.get(pixel)).min_by_key(squared).expect("an edge");
+            edge_line(&map, edge, start, &discs)
+        };
+        let line = at(0.0);
+        for moved in [-9.0, -2.5, -0.6, 0.0, 0.6, 2.5, 9.0] {
+            let before = line_before(&map(-moved), &line, 12, &discs).expect("nearer than 12 pixels");
+            let found = (line.image - before.image).dot(&line.normal);
+            assert!((found - moved).abs() < 0.5, "{found}, expected {moved}");
+        }
+        assert_eq!(line_before(&map(-20.0), &line, 12, &discs), None, "too far");
+        assert_eq!(line_before(&map(100.0), &line, 12, &discs), None, "foreground all over");
     }
 
     #[test]

@@ -3,22 +3,28 @@
 //!
 //! Between frames the surface goes on along its normals. So a body is asked about where it would be had the surface
 //! stood still since the frame, and again once it has left that place: what rides on a lifted lid is asked once a
-//! frame. How fast a surface moves follows from the planes that the same samples had in the frame before; motion along
-//! a surface cannot be seen there.
+//! frame. Cameras tell how far each plane moved since the frame before. Motion along a surface cannot be seen there:
+//! planes around the body are asked for too, and the rigid motion that explains all of them says how the surface
+//! slides.
 
-mod speed;
+mod motion;
 mod still;
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Point3, Vector3};
 
 use crate::body::{Pose, Shape};
 use crate::contact::{Eye, contacts, depth_m, is_near};
+use crate::faces::FaceNormals;
 use crate::pass::{BodyResult, Touch};
-use speed::{Speeds, velocity_m_s};
+use motion::{Estimate, Motion, Row};
 use still::Beliefs;
 
 /// Planes that were found for a pose hold while no sample moves farther against the surface, metres.
 const HOLD_WITHIN_M: f64 = 0.004;
+/// What a body's surface is taken to do where its contacts do not say weighs so much against each.
+const ELSE_WEIGHT: f64 = 0.01;
+/// A surface that moves slower than this stands still, m/s.
+const LEAST_SPEED_M_S: f64 = 0.002;
 /// Film that shows a frame for so many periods stands still, and its surfaces with it.
 const STILL_PERIODS: f64 = 1.5;
 
@@ -28,25 +34,29 @@ pub struct FrameAge {
     frame: u64,
     fps: f64,
     age_s: f64,
+    is_still: bool,
 }
 
 impl FrameAge {
     /// A step that ends at `film_s` and sees `frame` of film of so many frames a second.
     pub fn new(frame: u64, fps: f64, film_s: f64) -> FrameAge {
         let age_s = (film_s - frame as f64 / fps).max(0.0);
-        FrameAge { frame, fps, age_s: if age_s * fps > STILL_PERIODS { 0.0 } else { age_s } }
+        let is_still = age_s * fps > STILL_PERIODS;
+        FrameAge { frame, fps, age_s: if is_still { 0.0 } else { age_s }, is_still }
     }
 }
 
 /// A body and the directions in which it has a surface.
 #[derive(Clone, Copy)]
-pub struct Sampled<'a, Faces> {
+pub struct Sampled<'a> {
     /// Its samples.
     pub shape: &'a Shape,
+    /// Points around it.
+    pub around: Option<&'a Shape>,
     /// Where it is now.
     pub pose: &'a Pose,
-    /// Which way the faces of a sample look, body frame.
-    pub faces: Faces,
+    /// Which way its faces look at the samples.
+    pub faces: &'a FaceNormals,
 }
 
 /// What is known of the surface near one body.
@@ -58,9 +68,9 @@ pub struct BodySurface {
     is_new: bool,
     /// No sample moved farther between what was asked last and before, metres.
     moved_m: f64,
-    /// Of the surface along the normals of the contacts, world.
+    /// Of the surface where the body is, world.
     velocity_m_s: Vector3<f64>,
-    speeds: Speeds,
+    estimate: Estimate,
     beliefs: Beliefs,
 }
 
@@ -84,32 +94,83 @@ impl BodySurface {
         }
     }
 
-    /// The contacts of a body with the planes found for its samples and feelers, where body and surface are now. `eyes`
-    /// are those of the rig's cameras.
-    pub fn contacts<'a>(
+    /// The contacts of a body with the planes found for its samples and feelers, and around it, where body and surface
+    /// are now. `eyes` are those of the rig's cameras.
+    pub fn contacts(
         &mut self,
         at: FrameAge,
         planes: &BodyResult,
-        body: &Sampled<'_, impl Fn(usize) -> &'a [Vector3<f64>]>,
+        body: &Sampled<'_>,
         eyes: &[Eye],
     ) -> BodyResult {
         let pose = self.against_surface(body.pose, at);
         let world_from_body = pose.world_from_body();
         let samples = body.shape.samples_body();
         let place = |sample: u32| world_from_body(samples[sample as usize]);
-        let is_contact = |touch: &Touch, depth_m: f64| is_near(touch, depth_m, &pose, &body.faces);
+        let is_contact = |touch: &Touch, depth_m: f64| is_near(touch, depth_m, &pose, body.faces);
         if std::mem::take(&mut self.is_new) {
-            let mut seen = contacts(planes, body.shape, &pose, &body.faces, eyes).touches;
-            self.speeds.tell(at.frame, at.fps, &mut seen, place, eyes);
-            self.beliefs.take(&seen, self.moved_m, place, is_contact, eyes);
+            let mut seen = contacts(planes, body.shape, &pose, body.faces, eyes).touches;
+            seen.iter_mut().for_each(|touch| touch.speed_m_s = speed_m_s(touch, at.fps));
+            let slides = self.tell_slides(at, planes, body, &pose, &mut seen, eyes);
+            self.beliefs.take(&seen, self.moved_m, slides, place, is_contact, eyes);
         }
         let contact = |touch: &Touch| {
             let depth_m = depth_m(touch, &place(touch.sample), eyes)?;
             is_contact(touch, depth_m).then_some(Touch { exit_m: Some(depth_m as f32), ..*touch })
         };
-        let touches: Vec<Touch> = self.beliefs.touches().filter_map(contact).collect();
+        let mut touches: Vec<Touch> = self.beliefs.touches().filter_map(contact).collect();
+        if at.is_still {
+            touches.iter_mut().for_each(|touch| *touch = touch.at_rest());
+        }
         self.velocity_m_s = velocity_m_s(&touches);
-        BodyResult { touches, ..BodyResult::default() }
+        let spin_rad_s = if at.is_still { [0.0; 3] } else { self.spin_rad_s(at.fps) };
+        BodyResult { touches, spin_rad_s, ..BodyResult::default() }
+    }
+
+    fn spin_rad_s(&self, fps: f64) -> [f32; 3] {
+        let turned_rad = self.estimate.motion().map_or(Vector3::zeros(), Motion::turned_rad);
+        (turned_rad * fps).map(|part| part as f32).into()
+    }
+
+    /// Says of the contacts how their surface moves along itself, and whether it does.
+    fn tell_slides(
+        &mut self,
+        at: FrameAge,
+        planes: &BodyResult,
+        body: &Sampled<'_>,
+        pose: &Pose,
+        seen: &mut [Touch],
+        eyes: &[Eye],
+    ) -> bool {
+        if seen.is_empty() {
+            self.estimate = Estimate::default();
+            return false;
+        }
+        let world_from_body = pose.world_from_body();
+        let centre = Point3::from(pose.position_m());
+        let row = |touch: &Touch, at_world: Point3<f64>| {
+            let (edge, depth_m) = (touch.edge?, depth_m(touch, &at_world, eyes)?);
+            let normal = touch.normal_world();
+            let pixel_m = eyes.get(usize::from(edge.camera))?.pixel_m(&at_world);
+            let lever = at_world + normal * depth_m - centre;
+            Some(Row { normal, lever, moved_m: f64::from(edge.moved_m?), pixel_m })
+        };
+        let place = |shape: &Shape, sample: u32| world_from_body(shape.samples_body()[sample as usize]);
+        let own = seen.iter().filter_map(|touch| row(touch, place(body.shape, touch.sample)));
+        let own: Vec<Row> = own.collect();
+        let around = body.around.into_iter().flat_map(|shape| {
+            planes.around.iter().filter_map(move |touch| row(touch, place(shape, touch.sample)))
+        });
+        let around: Vec<Row> = around.collect();
+        self.estimate.take(at.frame, &own, &around);
+        let Some(motion) = self.estimate.motion() else { return false };
+        for touch in seen {
+            let moved_m = motion.moved_m(&(place(body.shape, touch.sample) - centre));
+            let normal = touch.normal_world();
+            let slide_m_s = (moved_m - normal * moved_m.dot(&normal)) * at.fps;
+            touch.slide_m_s = slide_m_s.map(|part| part as f32).into();
+        }
+        true
     }
 
     /// Where a body would be had the surface stood still since the frame.
@@ -120,6 +181,28 @@ impl BodySurface {
         }
         pose.moved((self.velocity_m_s * -at.age_s).into())
     }
+}
+
+/// How fast the surface of a touch moves out along its normal, m/s.
+fn speed_m_s(touch: &Touch, fps: f64) -> Option<f32> {
+    let speed_m_s = f64::from(touch.edge?.moved_m?) * fps;
+    Some(if speed_m_s.abs() < LEAST_SPEED_M_S { 0.0 } else { speed_m_s as f32 })
+}
+
+/// The velocity that explains the contacts' speeds best and, where they do not say, is that along the surface, m/s.
+fn velocity_m_s(touches: &[Touch]) -> Vector3<f64> {
+    let (mut normals, mut speeds) = (Matrix3::zeros(), Vector3::zeros());
+    for touch in touches {
+        let Some(speed_m_s) = touch.speed_m_s else { continue };
+        let normal = touch.normal_world();
+        normals += normal * normal.transpose() + Matrix3::identity() * ELSE_WEIGHT;
+        speeds += normal * f64::from(speed_m_s);
+        speeds += Vector3::from(touch.slide_m_s.map(f64::from)) * ELSE_WEIGHT;
+    }
+    if speeds == Vector3::zeros() {
+        return speeds;
+    }
+    normals.try_inverse().map_or(Vector3::zeros(), |inverse| inverse * speeds)
 }
 
 #[cfg(test)]

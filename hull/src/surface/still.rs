@@ -6,7 +6,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use crate::contact::{Eye, depth_m, normal_of};
+use crate::contact::{Eye, depth_m};
 use crate::pass::Touch;
 
 /// A piece that moved less than this many pixels stands still.
@@ -72,12 +72,14 @@ impl Beliefs {
         self.planes.iter().filter(|belief| belief.is_believed).map(|belief| &belief.touch)
     }
 
-    /// Takes in what a frame says of the samples, ascending, of a body that moved so far, metres. `place` says where a sample is; what was believed and is no
-    /// contact any more, by `is_contact`, is forgotten.
+    /// Takes in what a frame says of the samples, ascending, of a body that moved so far, metres, and whether the
+    /// surface `slides`. `place` says where a sample is; what was believed and is no contact any more, by `is_contact`,
+    /// is forgotten.
     pub fn take(
         &mut self,
         seen: &[Touch],
         moved_m: f64,
+        slides: bool,
         place: impl Fn(u32) -> Point3<f64>,
         is_contact: impl Fn(&Touch, f64) -> bool,
         eyes: &[Eye],
@@ -88,7 +90,7 @@ impl Beliefs {
         self.planes.retain(|belief| is_contact(&belief.touch));
         let pairs = pairs(&self.planes, seen, place, eyes);
         let pieces = pieces(&pairs);
-        let moves = pieces.iter().any(|piece| !piece.is_still());
+        let moves = pieces.iter().any(|piece| !piece.is_still()) || slides;
         self.restless = if moves { RESTLESS_FRAMES } else { self.restless.saturating_sub(1) };
         let judged = |pair: &Pair| {
             if self.restless > 0 {
@@ -109,7 +111,7 @@ impl Belief {
     /// The same after one more odd frame, at rest; `None` if that was one too many.
     fn odder(self) -> Option<Belief> {
         let odd = self.odd + 1;
-        (odd <= DISBELIEVED_FRAMES).then_some(Belief { touch: at_rest(self.touch), odd, ..self })
+        (odd <= DISBELIEVED_FRAMES).then_some(Belief { touch: self.touch.at_rest(), odd, ..self })
     }
 }
 
@@ -117,7 +119,7 @@ impl Pair {
     /// What is believed while nothing moves.
     fn judged(&self, pieces: &[Piece], is_at_rest: bool) -> Option<Belief> {
         let of_piece =
-            |touch: &Touch| pieces.iter().find(|piece| piece.normal.dot(&normal_of(touch)) > SAME_PIECE);
+            |touch: &Touch| pieces.iter().find(|piece| piece.normal.dot(&touch.normal_world()) > SAME_PIECE);
         match (self.new, self.old) {
             (Some(new), Some(old)) if !old.is_believed => {
                 if !is_at_rest {
@@ -125,13 +127,13 @@ impl Pair {
                 }
                 // It waits, with the plane that it has now.
                 let waiting = Belief { touch: new, ..old }.odder();
-                Some(waiting.unwrap_or_else(|| Belief::of(at_rest(new))))
+                Some(waiting.unwrap_or_else(|| Belief::of(new.at_rest())))
             }
             (Some(new), Some(old)) => {
                 if self.moved_m.is_some_and(|moved_m| moved_m.abs() > ODD_PIXELS * self.pixel_m) {
-                    return Some(old.odder().unwrap_or_else(|| Belief::of(at_rest(new))));
+                    return Some(old.odder().unwrap_or_else(|| Belief::of(new.at_rest())));
                 }
-                Some(Belief { touch: at_rest(old.touch), odd: 0, ..old })
+                Some(Belief { touch: old.touch.at_rest(), odd: 0, ..old })
             }
             (Some(new), None) => {
                 let waits = is_at_rest && of_piece(&new).is_some_and(|piece| piece.moved_m.len() >= MANY);
@@ -144,10 +146,6 @@ impl Pair {
             (None, None) => None,
         }
     }
-}
-
-fn at_rest(touch: Touch) -> Touch {
-    Touch { speed_m_s: Some(0.0), ..touch }
 }
 
 fn pairs(believed: &[Belief], seen: &[Touch], place: impl Fn(u32) -> Point3<f64>, eyes: &[Eye]) -> Vec<Pair> {
@@ -171,7 +169,7 @@ fn pieces(pairs: &[Pair]) -> Vec<Piece> {
     let mut pieces: Vec<Piece> = Vec::new();
     for pair in pairs {
         let (Some(old), Some(moved_m)) = (&pair.old, pair.moved_m) else { continue };
-        let normal = normal_of(&old.touch);
+        let normal = old.touch.normal_world();
         match pieces.iter_mut().find(|piece| piece.normal.dot(&normal) > SAME_PIECE) {
             Some(piece) => piece.moved_m.push(moved_m),
             None => pieces.push(Piece { normal, moved_m: vec![moved_m], pixel_m: pair.pixel_m }),
@@ -198,9 +196,9 @@ mod tests {
             camera: 0,
             pixel: Pixel { column: 0, row: 0 },
             normal_world: [0.0, 1.0, 0.0],
+            moved_m: None,
         };
-        let touch =
-            |sample| Touch { sample, inside_count: 3, edge: Some(edge), exit_m: None, speed_m_s: None };
+        let touch = |sample| Touch { edge: Some(edge), ..Touch::new(sample, 3) };
         samples.into_iter().map(touch).collect()
     }
 
@@ -233,11 +231,11 @@ mod tests {
     #[test]
     fn what_flickers_by_less_than_half_a_pixel_stays_where_it_was() {
         let (mut beliefs, eyes) = (Beliefs::default(), raised(1.9));
-        beliefs.take(&seen(0..5), 0.0, place(9, 0.0), |_, _| true, &eyes);
+        beliefs.take(&seen(0..5), 0.0, false, place(9, 0.0), |_, _| true, &eyes);
         assert_eq!(samples(&beliefs), [0, 1, 2, 3, 4], "a landing is believed at once");
         let mut moved = seen(0..5);
         by_second(&mut moved);
-        beliefs.take(&moved, 0.0, place(9, 0.0), |_, _| true, &eyes);
+        beliefs.take(&moved, 0.0, false, place(9, 0.0), |_, _| true, &eyes);
         assert_eq!(cameras(&beliefs), [0; 5]);
         assert!(beliefs.touches().all(|touch| touch.speed_m_s == Some(0.0)));
     }
@@ -245,14 +243,14 @@ mod tests {
     #[test]
     fn a_piece_that_moves_takes_all_along_and_for_a_while() {
         let (mut beliefs, eyes) = (Beliefs::default(), raised(2.5));
-        beliefs.take(&seen(0..5), 0.0, place(9, 0.0), |_, _| true, &eyes);
+        beliefs.take(&seen(0..5), 0.0, false, place(9, 0.0), |_, _| true, &eyes);
         let mut moved = seen(0..5);
         by_second(&mut moved[..4]);
-        beliefs.take(&moved, 0.0, place(9, 0.0), |_, _| true, &eyes);
+        beliefs.take(&moved, 0.0, false, place(9, 0.0), |_, _| true, &eyes);
         assert_eq!(cameras(&beliefs), [1, 1, 1, 1, 0]);
         // A little farther is taken too, now that it moves.
         by_second(&mut moved);
-        beliefs.take(&moved, 0.0, place(9, 0.0), |_, _| true, &eyes);
+        beliefs.take(&moved, 0.0, false, place(9, 0.0), |_, _| true, &eyes);
         assert_eq!(cameras(&beliefs), [1; 5]);
     }
 
@@ -260,7 +258,7 @@ mod tests {
     fn one_that_disagrees_is_believed_in_the_end() {
         let (mut beliefs, eyes) = (Beliefs::default(), raised(6.0));
         let take = |beliefs: &mut Beliefs, touches: &[Touch]| {
-            beliefs.take(touches, 0.0, place(9, 0.0), |_, _| true, &eyes);
+            beliefs.take(touches, 0.0, false, place(9, 0.0), |_, _| true, &eyes);
         };
         take(&mut beliefs, &seen(0..5));
         let mut odd = seen(0..5);
@@ -283,7 +281,7 @@ mod tests {
     fn what_comes_and_goes_waits() {
         let mut beliefs = Beliefs::default();
         let take = |beliefs: &mut Beliefs, touches: &[Touch]| {
-            beliefs.take(touches, 0.0, place(9, 0.0), |_, _| true, &eyes());
+            beliefs.take(touches, 0.0, false, place(9, 0.0), |_, _| true, &eyes());
         };
         take(&mut beliefs, &seen(0..4));
         (0..6).for_each(|_| take(&mut beliefs, &seen([0, 1, 2, 3, 6])));
@@ -302,9 +300,9 @@ mod tests {
     #[test]
     fn what_is_no_contact_any_more_is_forgotten() {
         let mut beliefs = Beliefs::default();
-        beliefs.take(&seen(0..4), 0.0, place(9, 0.0), |_, _| true, &eyes());
+        beliefs.take(&seen(0..4), 0.0, false, place(9, 0.0), |_, _| true, &eyes());
         let is_contact = |_: &Touch, depth_m: f64| depth_m > -0.02;
-        beliefs.take(&seen([0, 1, 3]), 0.0, place(2, -50.0), is_contact, &eyes());
+        beliefs.take(&seen([0, 1, 3]), 0.0, false, place(2, -50.0), is_contact, &eyes());
         assert_eq!(samples(&beliefs), [0, 1, 3]);
     }
 }

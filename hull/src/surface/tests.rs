@@ -7,8 +7,7 @@ use crate::camera::Pixel;
 use crate::question::Edge;
 
 const FPS: f64 = 30.0;
-const DOWN: [Vector3<f64>; 1] = [Vector3::new(0.0, -1.0, 0.0)];
-/// Four samples on the lower side of a body, and their feelers.
+/// Four samples on the lower side of a body.
 const LOWER: [[f32; 3]; 4] = [[-0.1, -0.1, -0.1], [0.1, -0.1, -0.1], [-0.1, -0.1, 0.1], [0.1, -0.1, 0.1]];
 
 /// A camera that sees a surface beside it, 3 m away; its planes lean as the surface rises.
@@ -16,23 +15,30 @@ fn eyes() -> [Eye; 1] {
     [Eye { centre_world: Point3::new(3.0, 0.998, 0.0), focal_pixels: 800.0 }]
 }
 
-fn shapes() -> (Shape, Shape) {
-    let feelers = LOWER.map(|[x, y, z]| [x, y - 0.01, z]);
-    let all = LOWER.into_iter().chain(feelers).collect();
-    (Shape::new(LOWER.to_vec()).expect("samples"), Shape::new(all).expect("samples"))
+fn shape() -> Shape {
+    Shape::new(LOWER.to_vec()).expect("samples")
+}
+
+/// All look down.
+fn faces() -> FaceNormals {
+    let mut faces = FaceNormals::default();
+    LOWER.iter().for_each(|_| faces.push([-Vector3::y()]));
+    faces
 }
 
 fn pose(height_m: f64) -> Pose {
     Pose::new([0.0, height_m, 0.0], [0.0, 0.0, 0.0, 1.0]).expect("a pose")
 }
 
-/// Planes for every sample and its feeler, of a surface at that height below the middle of the body.
-fn planes(height_m: f64) -> BodyResult {
+/// Planes for every sample and its feeler, of a surface at that height below the middle of the body that rises so far
+/// in a frame.
+fn planes(height_m: f64, moved_m: f64) -> BodyResult {
     let eye = eyes()[0].centre_world;
     let normal = Vector3::new(height_m - eye.y, eye.x, 0.0).normalize();
     let normal_world = [normal.x as f32, normal.y as f32, 0.0];
-    let edge = Edge { distance_m: 0.01, camera: 0, pixel: Pixel { column: 0, row: 0 }, normal_world };
-    let touch = |sample| Touch { sample, inside_count: 3, edge: Some(edge), exit_m: None, speed_m_s: None };
+    let (pixel, moved_m) = (Pixel { column: 0, row: 0 }, Some(moved_m as f32));
+    let edge = Edge { distance_m: 0.01, camera: 0, pixel, normal_world, moved_m };
+    let touch = |sample| Touch { edge: Some(edge), ..Touch::new(sample, 3) };
     BodyResult { touches: (0..8).map(touch).collect(), ..BodyResult::default() }
 }
 
@@ -42,19 +48,19 @@ fn age(frame: u64, frames: f64) -> FrameAge {
 
 #[test]
 fn a_surface_that_rises_has_its_speed_and_goes_on_between_frames() {
-    let (shape, probes) = shapes();
+    let shape = shape();
     let pose = pose(1.1);
     let mut surface = BodySurface::default();
     let mut see = |frame: u64, frames: f64, height_m: f64| {
         let at = age(frame, frames);
-        let asked = surface.pose_to_ask(at, &pose, &probes);
-        let body = &Sampled { shape: &shape, pose: &pose, faces: |_: usize| &DOWN[..] };
-        (asked, surface.contacts(at, &planes(height_m), body, &eyes()).touches)
+        let asked = surface.pose_to_ask(at, &pose, &shape);
+        let body = &Sampled { shape: &shape, around: None, pose: &pose, faces: &faces() };
+        (asked, surface.contacts(at, &planes(height_m, 0.01), body, &eyes()).touches)
     };
     let depth = |touches: &[Touch]| f64::from(touches[0].exit_m.expect("a depth"));
     // It rises by 1 cm a frame, to 2 mm below the box and on.
     let (_, first) = see(7, 7.0, 0.998);
-    assert!((depth(&first) + 0.002).abs() < 1e-6 && first[0].speed_m_s.is_none());
+    assert!((depth(&first) + 0.002).abs() < 1e-6);
     let (_, second) = see(8, 8.0, 1.008);
     assert!((depth(&second) - 0.008).abs() < 5e-4);
     assert!(second.iter().all(|touch| (touch.speed_m_s.expect("known") - 0.3).abs() < 0.02));
@@ -65,15 +71,53 @@ fn a_surface_that_rises_has_its_speed_and_goes_on_between_frames() {
     // A frame that stays is film that stands still.
     let (_, fourth) = see(8, 12.0, 1.008);
     assert!((depth(&fourth) - 0.008).abs() < 5e-4);
+    assert!(fourth.iter().all(|touch| touch.speed_m_s == Some(0.0)));
+}
+
+#[test]
+fn what_is_around_a_body_tells_how_its_surface_slides() {
+    let (shape, pose) = (shape(), pose(1.1));
+    // Five places on either side of what it stands on, which goes along x by 2 cm a frame.
+    let places = [-0.04, -0.02, 0.0, 0.02, 0.04].map(|z| [[0.2, -0.12, z], [-0.2, -0.12, z]]);
+    let around_shape = Shape::new(places.concat()).expect("points");
+    let side = |sample: u32, moved_m: f64| {
+        let sign = if sample.is_multiple_of(2) { 1.0 } else { -1.0 };
+        let normal = Vector3::new(sign, 0.0, 0.0);
+        let (pixel, moved_m) = (Pixel { column: 0, row: 0 }, Some((sign * moved_m) as f32));
+        let normal_world = normal.map(|part| part as f32).into();
+        let edge = Edge { distance_m: -0.01, camera: 1, pixel, normal_world, moved_m };
+        Touch { edge: Some(edge), ..Touch::new(sample, 0) }
+    };
+    // A camera over the middle sees both sides as they are.
+    let above = Eye { centre_world: Point3::new(0.0, 1.0, 3.0), focal_pixels: 800.0 };
+    let eyes = [eyes()[0], above];
+    let mut surface = BodySurface::default();
+    let mut slides = |frame: u64, frames: f64, moved_m: f64| {
+        let at = age(frame, frames);
+        surface.pose_to_ask(at, &pose, &shape);
+        let around = (0..10).map(|sample| side(sample, moved_m)).collect();
+        let planes = BodyResult { around, ..planes(1.0, 0.0) };
+        let body = &Sampled { shape: &shape, around: Some(&around_shape), pose: &pose, faces: &faces() };
+        let result = surface.contacts(at, &planes, body, &eyes);
+        assert_eq!(result.touches.len(), 4);
+        result.touches[0].slide_m_s
+    };
+    assert_eq!(slides(1, 1.0, 0.0), [0.0; 3]);
+    for frame in 2..8 {
+        slides(frame, frame as f64, 0.02);
+    }
+    let [x, y, z] = slides(8, 8.0, 0.02);
+    assert!((x - 0.6).abs() < 0.02 && y.abs() < 0.01 && z.abs() < 0.02, "{x} {y} {z}");
+    assert_eq!(slides(8, 12.0, 0.02), [0.0; 3], "film that stands still");
 }
 
 #[test]
 fn a_body_is_asked_again_once_it_has_moved_against_the_surface_or_at_another_frame() {
-    let (_, probes) = shapes();
+    let shape = shape();
     let mut surface = BodySurface::default();
     let mut ask = |frame: u64, down_m: f64| {
         let pose = pose(1.1).moved([0.0, -down_m, 0.0]);
-        1.1 - surface.pose_to_ask(age(frame, frame as f64), &pose, &probes).position_m()[1]
+        1.1 - surface.pose_to_ask(age(frame, frame as f64), &pose, &shape).position_m()[1]
     };
     let is = |found: f64, expected: f64| (found - expected).abs() < 1e-6;
     assert!(is(ask(3, 0.0), 0.0) && is(ask(3, 0.003), 0.0), "near enough");
@@ -83,17 +127,18 @@ fn a_body_is_asked_again_once_it_has_moved_against_the_surface_or_at_another_fra
 
 #[test]
 fn a_surface_that_flickers_by_a_fraction_of_a_pixel_stands_still_to_the_bit() {
-    let (shape, probes) = shapes();
+    let shape = shape();
     let pose = pose(1.1);
     let mut surface = BodySurface::default();
-    let mut first = Vec::new();
+    let (mut first, mut before_m) = (Vec::new(), 1.0);
     for frame in 0..40 {
         let at = age(frame, frame as f64);
-        surface.pose_to_ask(at, &pose, &probes);
-        let body = &Sampled { shape: &shape, pose: &pose, faces: |_: usize| &DOWN[..] };
+        surface.pose_to_ask(at, &pose, &shape);
+        let body = &Sampled { shape: &shape, around: None, pose: &pose, faces: &faces() };
         // A pixel is 3.75 mm there.
         let height_m = 1.0 + 0.0008 * f64::from((frame * 7 % 5) as i32 - 2) / 2.0;
-        let touches = surface.contacts(at, &planes(height_m), body, &eyes()).touches;
+        let touches = surface.contacts(at, &planes(height_m, height_m - before_m), body, &eyes()).touches;
+        before_m = height_m;
         if frame == 0 {
             first.clone_from(&touches);
         }

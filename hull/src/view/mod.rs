@@ -5,12 +5,13 @@ pub(crate) mod sieve;
 
 use std::sync::Arc;
 
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 
 use crate::camera::{Camera, Pixel};
 use crate::cull::Frustum;
 use crate::probe::coefficients::CameraCoefficients;
-use crate::probe::edge_line::{Discs, edge_line};
+use crate::probe::edge_line::{Discs, EdgeLine, edge_line, line_before};
+use crate::probe::nearest_edge::nearest_foreground;
 use crate::rule::{OutOfView, ProbeSettings};
 use crate::silhouette::{BitMap, Index, PixelRect, Silhouette};
 pub(crate) use bounds::Bounds;
@@ -122,27 +123,61 @@ impl Observer {
 #[derive(Clone, Debug)]
 pub struct View {
     observer: Arc<Observer>,
-    foreground: Index,
+    foreground: Arc<Index>,
     sieve: Sieve,
     /// Zero where a pixel is a candidate for the background edge; `None` if that is the foreground.
-    candidates: Option<Index>,
+    candidates: Option<Arc<Index>>,
     frustum: Option<Frustum>,
+    before: Option<Before>,
 }
+
+/// The candidates of an earlier frame, and how many frames earlier it is.
+#[derive(Clone, Debug)]
+struct Before {
+    candidates: Arc<Index>,
+    frames: f64,
+}
+
+/// The hull's surface near an edge, as a plane through the camera's centre.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SurfacePlane {
+    /// Its outward unit normal, world.
+    pub normal_world: Vector3<f64>,
+    /// How far it moves out in a frame, metres; `None` where the frame before does not tell.
+    pub moved_m: Option<f64>,
+}
+
+/// Frames back to which motion is measured.
+const MAX_FRAMES_BACK: u64 = 3;
+/// A surface that moves farther in a frame is another surface, metres.
+const MAX_MOVED_M: f64 = 0.2;
+/// An edge is looked for no farther from where it is, pixels.
+const MAX_STEPS: f64 = 96.0;
+/// Edges of two frames are of one surface if their planes' normals are so near: cosine of 25 degrees.
+const SAME_SURFACE: f64 = 0.906;
 
 impl View {
     /// Prepares a frame for probing. The silhouette must have the camera's size.
     pub fn new(observer: Arc<Observer>, silhouette: &Silhouette) -> View {
-        let foreground = Index::foreground(silhouette, 1);
+        let foreground = Arc::new(Index::foreground(silhouette, 1));
         let sieve =
             Sieve::new(&observer.coefficients, &observer.bounds, foreground.map(), silhouette.bounds());
         let candidates = observer.blocked.as_ref().map(|blocked| {
             let mut map = blocked.clone();
             map.add(silhouette);
-            Index::new(map, silhouette.width().max(silhouette.height()))
+            Arc::new(Index::new(map, silhouette.width().max(silhouette.height())))
         });
         let admitted = observer.admitted(silhouette.bounds());
         let frustum = admitted.map(|rect| Frustum::of(&observer.camera, rect));
-        View { observer, foreground, sieve, candidates, frustum }
+        View { observer, foreground, sieve, candidates, frustum, before: None }
+    }
+
+    /// The same, `frames` after another of the same camera: edges tell how far they moved since.
+    pub fn after(mut self, before: &View, frames: u64) -> View {
+        let candidates = Arc::clone(before.candidates.as_ref().unwrap_or(&before.foreground));
+        let is_near = (1..=MAX_FRAMES_BACK).contains(&frames);
+        self.before = is_near.then_some(Before { candidates, frames: frames as f64 });
+        self
     }
 
     /// The fixed side of this camera.
@@ -181,11 +216,53 @@ impl View {
         self.candidates.as_ref().unwrap_or(&self.foreground)
     }
 
-    /// The hull's surface near an edge pixel as a plane through the camera's centre: its outward unit normal in the
-    /// world. The edge pixel must be the candidate nearest to `start`. `None` where the lens sees nothing.
+    /// The hull's surface near an edge pixel, which must be the candidate nearest to `start`, where a camera sees
+    /// `at_world`. `None` where the lens sees nothing.
     #[inline(always)]
-    pub(crate) fn plane_normal(&self, edge: Pixel, start: Pixel) -> Option<Vector3<f64>> {
+    pub(crate) fn plane(&self, edge: Pixel, start: Pixel, at_world: &Point3<f64>) -> Option<SurfacePlane> {
         let line = edge_line(self.edge_candidates().map(), edge, start, &self.observer.discs);
+        let normal_world = self.plane_normal(&line)?;
+        let moved_m = self.before.as_ref().and_then(|before| self.moved_m(&line, before, at_world));
+        Some(SurfacePlane { normal_world, moved_m })
+    }
+
+    /// The plane of the foreground nearest to a pixel of the background, no farther than so many pixels squared, and
+    /// its edge pixel.
+    pub(crate) fn plane_beside(
+        &self,
+        start: Pixel,
+        limit_squared: i64,
+        at_world: &Point3<f64>,
+    ) -> Option<(Pixel, SurfacePlane)> {
+        let found = nearest_foreground(self.foreground.map(), start, limit_squared)?.pixel;
+        let (across, down) = (start.column - found.column, start.row - found.row);
+        // One pixel nearer to the start: no foreground, or it would have been found.
+        let edge = if across.abs() >= down.abs() {
+            Pixel { column: found.column + across.signum(), ..found }
+        } else {
+            Pixel { row: found.row + down.signum(), ..found }
+        };
+        if self.edge_candidates().map().get(edge) {
+            return None;
+        }
+        Some((edge, self.plane(edge, found, at_world)?))
+    }
+
+    /// How far the surface of an edge moved out in a frame, metres.
+    #[inline(never)]
+    fn moved_m(&self, line: &EdgeLine, before: &Before, at_world: &Point3<f64>) -> Option<f64> {
+        let camera = &self.observer.camera;
+        let to_camera = camera.centre_world() - at_world;
+        let pixel_m = to_camera.norm() / camera.intrinsics()[(0, 0)];
+        let steps = (MAX_MOVED_M * before.frames / pixel_m).min(MAX_STEPS) as i32;
+        let line_before = line_before(before.candidates.map(), line, steps, &self.observer.discs)?;
+        let (now, then) = (self.plane_normal(line)?, self.plane_normal(&line_before)?);
+        let moved_m = (now - then).dot(&to_camera) / before.frames;
+        (now.dot(&then) > SAME_SURFACE && moved_m.abs() <= MAX_MOVED_M).then_some(moved_m)
+    }
+
+    #[inline(always)]
+    fn plane_normal(&self, line: &EdgeLine) -> Option<Vector3<f64>> {
         let seen = self.observer.camera.normalised(&line.image)?;
         self.observer.camera.hull_normal_world(&seen, &line.normal)
     }

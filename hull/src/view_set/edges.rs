@@ -16,8 +16,10 @@ use crate::probe::nearest_edge::nearest_edge;
 use crate::question::{Answer, Edge, QuestionKind};
 use crate::reach::Reach;
 use crate::vector::VectorPath;
-use crate::view::View;
+use crate::view::{Class, SurfacePlane, View};
 
+/// From outside no plane is searched farther than 256 pixels, squared: nothing makes such a search quick.
+const OUTSIDE_SQUARED: f32 = 65_536.0;
 /// No view.
 const NOBODY: u32 = u32::MAX;
 
@@ -31,6 +33,9 @@ pub(super) struct Nearest {
     row: [i32; CHUNK],
     normalised: [[f64; CHUNK]; 2],
     normal_world: [[f32; 3]; CHUNK],
+    /// Of a plane, in a frame; not a number where nothing tells.
+    moved_m: [f32; CHUNK],
+    is_from_outside: [bool; CHUNK],
     exit_within: [Reach; CHUNK],
     selection: Selection,
     found: EdgePixels,
@@ -53,6 +58,8 @@ impl Default for Nearest {
             row: [0; CHUNK],
             normalised: [[0.0; CHUNK]; 2],
             normal_world: [[0.0; 3]; CHUNK],
+            moved_m: [f32::NAN; CHUNK],
+            is_from_outside: [false; CHUNK],
             exit_within: [Reach::UNBOUNDED; CHUNK],
             selection: Selection::default(),
             found: EdgePixels::default(),
@@ -92,10 +99,19 @@ impl ViewSet {
                     nearest.compare(view, index as u32, points, from);
                 }
             }
+            nearest.moved_m = [f32::NAN; CHUNK];
+            nearest.is_from_outside = [false; CHUNK];
+            if is_of_planes {
+                for (index, view) in self.views.iter().enumerate() {
+                    nearest.look_from_outside(view, index as u32, projections.of(index), points, from, batch);
+                }
+            }
             for (index, view) in self.views.iter().enumerate() {
-                nearest.selection.select(count, |at| nearest.view[at] == index as u32);
+                nearest
+                    .selection
+                    .select(count, |at| nearest.view[at] == index as u32 && !nearest.is_from_outside[at]);
                 if is_of_planes {
-                    nearest.find_planes(view, projections.of(index));
+                    nearest.find_planes(view, projections.of(index), points, from);
                 } else {
                     nearest.find_normals(view, projections.of(index), self.path);
                 }
@@ -178,12 +194,50 @@ impl Nearest {
 
     /// Finds the planes of the picked points' edges, which are this view's.
     #[inline(always)]
-    fn find_planes(&mut self, view: &View, projection: &Projection) {
+    fn find_planes(&mut self, view: &View, projection: &Projection, points: &Coordinates, from: usize) {
         for at in self.selection.iter() {
             let edge = Pixel { column: self.column[at], row: self.row[at] };
             let start = Pixel { column: projection.column[at], row: projection.row[at] };
-            let normal = view.plane_normal(edge, start);
-            self.normal_world[at] = normal.map_or([f32::NAN; 3], |n| [n.x, n.y, n.z].map(|n| n as f32));
+            let plane = view.plane(edge, start, &points.point(from + at));
+            (self.normal_world[at], self.moved_m[at]) = flat(plane.as_ref());
+        }
+    }
+
+    /// Keeps the planes of what a view sees beside it, of points that it says are outside, where they are farther from
+    /// them than any before. Ties go to the lower view.
+    #[inline(never)]
+    fn look_from_outside(
+        &mut self,
+        view: &View,
+        index: u32,
+        projection: &Projection,
+        points: &Coordinates,
+        from: usize,
+        batch: &BatchQuestion,
+    ) {
+        for at in 0..(points.len() - from).min(CHUNK) {
+            let start = Pixel { column: projection.column[at], row: projection.row[at] };
+            let is_outside = projection.clear_m[at].is_nan()
+                && view.camera().holds(start)
+                && view.class_at(Some(start)) == Class::Outside;
+            if !is_outside {
+                continue;
+            }
+            let limit_pixels = projection.pixels_within(at, batch.reach(from + at));
+            let limit = (limit_pixels * limit_pixels).min(OUTSIDE_SQUARED) as i64 + 1;
+            let point = points.point(from + at);
+            let Some((edge, plane)) = view.plane_beside(start, limit, &point) else { continue };
+            let to_camera = view.camera().centre_world() - point;
+            // Rounded as the normal that goes with it.
+            let n = plane.normal_world.map(|n| f64::from(n as f32));
+            let distance_m = n.dot(&to_camera).min(0.0) as f32;
+            if !self.is_from_outside[at] || distance_m < self.distance_m[at] {
+                self.distance_m[at] = distance_m;
+                self.view[at] = index;
+                (self.column[at], self.row[at]) = (edge.column, edge.row);
+                self.is_from_outside[at] = true;
+                (self.normal_world[at], self.moved_m[at]) = flat(Some(&plane));
+            }
         }
     }
 
@@ -206,9 +260,17 @@ impl Nearest {
         let camera = views.get(self.view[at] as usize)?.observer().rig_index();
         let normal_world = self.normal_world[at];
         let pixel = Pixel { column: self.column[at], row: self.row[at] };
-        let edge = Edge { distance_m: self.distance_m[at], camera, pixel, normal_world };
+        let moved_m = Some(self.moved_m[at]).filter(|moved_m| !moved_m.is_nan());
+        let edge = Edge { distance_m: self.distance_m[at], camera, pixel, normal_world, moved_m };
         (!normal_world[0].is_nan()).then_some(edge)
     }
+}
+
+/// A plane's normal and how far it moves; not a number where there is none.
+#[inline(always)]
+fn flat(plane: Option<&SurfacePlane>) -> ([f32; 3], f32) {
+    let Some(SurfacePlane { normal_world: n, moved_m }) = plane else { return ([f32::NAN; 3], f32::NAN) };
+    ([n.x, n.y, n.z].map(|n| n as f32), moved_m.map_or(f32::NAN, |moved_m| moved_m as f32))
 }
 
 /// A little longer, for the normal may be rounded on its way.

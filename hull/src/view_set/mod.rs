@@ -74,6 +74,19 @@ impl ViewSet {
         self
     }
 
+    /// The same, `frames` after another of the same cameras: planes tell how far they moved since.
+    pub fn after(mut self, before: &ViewSet, frames: u64) -> ViewSet {
+        let pairs = self.views.into_iter().map(|view| {
+            let place = view.observer().rig_index();
+            match before.views.iter().find(|before| before.observer().rig_index() == place) {
+                Some(before) => view.after(before, frames),
+                None => view,
+            }
+        });
+        self.views = pairs.collect();
+        self
+    }
+
     /// The instructions that it answers with.
     pub fn path(&self) -> VectorPath {
         self.path

@@ -60,7 +60,7 @@ pub struct DemoArguments {
 /// The synthetic studio, and what decides a run in it.
 #[derive(Debug, Args)]
 pub struct StudioArguments {
-    /// A scene by name (topple, lift, crowd, rest, tray, push, squeeze) or a scene file [default: topple, or the cluster file's].
+    /// A scene by name (topple, lift, crowd, rest, tray, push, punch, drops, squeeze) or a scene file [default: topple, or the cluster file's].
     #[arg(long, value_name = "NAME|FILE")]
     scene: Option<String>,
     /// How many cameras the studio has.

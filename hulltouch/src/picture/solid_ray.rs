@@ -200,6 +200,7 @@ mod tests {
             id: 0,
             name: "body".to_owned(),
             probes: Arc::clone(&shape),
+            around: None,
             faces: None,
             shape,
             solid,

@@ -103,8 +103,7 @@ fn connect(
     world: &World,
     gather: Option<Vec<Arc<Observer>>>,
 ) -> Transport {
-    let mut shapes: Vec<Arc<hull::Shape>> =
-        world.moving_bodies().map(|body| Arc::clone(&body.probes)).collect();
+    let mut shapes: Vec<Arc<hull::Shape>> = world.moving_bodies().flat_map(sim::Body::asked_shapes).collect();
     shapes.sort_by_key(|shape| shape.digest());
     shapes.dedup_by_key(|shape| shape.digest());
     Transport::connect(nodes, gather, setup.file.probes, setup.file.fps, shapes)

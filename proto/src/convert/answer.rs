@@ -24,6 +24,8 @@ const SHORT_M: f32 = 0.1;
 /// Up to here 16 bits for each part of a normal are enough: ways of that length end a few micrometres off.
 const SHORT_NORMALS_M: f32 = 0.12;
 
+/// No plane moves farther in a frame, metres.
+const MAX_MOVED_M: f32 = 1.0;
 /// Unit vectors of single precision, or rounded, differ from length 1 by less.
 const UNIT_TOLERANCE: f32 = 1e-3;
 /// Stands for the pixel of an edge whose pixel was not sent.
@@ -78,7 +80,7 @@ impl ExpectedAnswer {
     /// Refuses edges of cameras that the node has not, or beside their images. Those whose pixel was not sent
     /// pass.
     fn check_edge(&self, edge: &Edge, field: impl Fn(&'static str) -> Field) -> Result<(), ConvertError> {
-        let Edge { camera, pixel, distance_m, normal_world } = *edge;
+        let Edge { camera, pixel, distance_m, normal_world, moved_m } = *edge;
         let size = self.cameras.iter().find(|(place, _)| *place == camera).map(|(_, size)| *size);
         let (width, height) = size.ok_or_else(|| {
             field("cameras").value(format!("holds camera {camera}, not one of the node's own"))
@@ -90,13 +92,17 @@ impl ExpectedAnswer {
             return Err(field("pixels")
                 .value(format!("holds pixel ({column}, {row}) of camera {camera}, {width} x {height}")));
         }
-        if !distance_m.is_finite() || distance_m < 0.0 {
+        if !distance_m.is_finite() || distance_m < 0.0 && self.kind != QuestionKind::Planes {
             return Err(
                 field("distances").value(format!("holds a distance of {distance_m}, expected finite metres"))
             );
         }
+        if let Some(moved_m) = moved_m.filter(|moved_m| !(-MAX_MOVED_M..=MAX_MOVED_M).contains(moved_m)) {
+            return Err(field("moved")
+                .value(format!("holds a way of {moved_m} a frame, expected at most {MAX_MOVED_M} metres")));
+        }
         let length = normal_world.iter().map(|n| n * n).sum::<f32>().sqrt();
-        if (length - 1.0).abs() > UNIT_TOLERANCE {
+        if !(1.0 - UNIT_TOLERANCE..=1.0 + UNIT_TOLERANCE).contains(&length) {
             return Err(field("normals").value(format!("holds a normal of length {length}, expected 1")));
         }
         Ok(())
@@ -206,16 +212,23 @@ fn edges_to_wire(answer: &Answer, precision: Precision) -> v1::EdgesAnswer {
         pixels: pack(&pixels),
         step_m: 0.0,
         exits_within: pack(&exits_within),
+        least_m: 0.0,
+        moved: bytes::Bytes::new(),
     };
+    if present().any(|edge| edge.moved_m.is_some()) {
+        wire.moved = pack_f32(present().map(|edge| edge.moved_m.unwrap_or(f32::INFINITY)));
+    }
     if precision == Precision::Exact {
         wire.distances = pack_f32(present().map(|edge| edge.distance_m));
         wire.normals = pack_f32(present().flat_map(|edge| edge.normal_world));
         return wire;
     }
     let longest_m = present().map(|edge| edge.distance_m).fold(0.0, f32::max);
-    let step_m = step_m(longest_m, STEPS);
-    let code = |edge: &Edge| nearest_code(edge.distance_m, step_m).to_le_bytes().into_iter().take(3);
-    wire.step_m = step_m;
+    let least_m = present().map(|edge| edge.distance_m).fold(0.0, f32::min);
+    let step_m = step_m(longest_m - least_m, STEPS);
+    let code =
+        |edge: &Edge| nearest_code(edge.distance_m - least_m, step_m).to_le_bytes().into_iter().take(3);
+    (wire.step_m, wire.least_m) = (step_m, least_m);
     wire.distances = present().flat_map(code).collect::<Vec<u8>>().into();
     let bits = if longest_m <= SHORT_NORMALS_M { UnitBits::Sixteen } else { UnitBits::Twenty };
     wire.normals = octahedral(present().map(|edge| edge.normal_world), bits);
@@ -223,15 +236,28 @@ fn edges_to_wire(answer: &Answer, precision: Precision) -> v1::EdgesAnswer {
 }
 
 fn edges_from_wire(answer: &v1::EdgesAnswer, expected: &ExpectedAnswer) -> Result<Answer, ConvertError> {
-    let v1::EdgesAnswer { count, present, distances, normals, cameras, pixels, step_m, exits_within } =
-        answer;
+    let v1::EdgesAnswer {
+        count,
+        present,
+        distances,
+        normals,
+        cameras,
+        pixels,
+        step_m,
+        exits_within,
+        least_m,
+        moved,
+    } = answer;
     let field = |name| Field("EdgesAnswer", name);
     let mut edges = vec![None; expected.check_count(*count, field("count"))?];
     let set = chosen(present, edges.len(), field("present"))?;
     check_step(*step_m, field("step_m"))?;
+    check_step(-*least_m, field("least_m"))?;
     let rounded = *step_m > 0.0;
     let distances = if rounded {
-        on_scale_of(distances, set.len(), *step_m, field("distances"))?
+        let mut above = on_scale_of(distances, set.len(), *step_m, field("distances"))?;
+        above.iter_mut().for_each(|distance_m| *distance_m += least_m);
+        above
     } else {
         unpack(distances, set.len(), field("distances"), f32::from_le_bytes)?
     };
@@ -255,6 +281,11 @@ fn edges_from_wire(answer: &v1::EdgesAnswer, expected: &ExpectedAnswer) -> Resul
     } else {
         pixels_from_wire(pixels, set.len(), field("pixels"))?
     };
+    let moved = if moved.is_empty() {
+        vec![f32::INFINITY; set.len()]
+    } else {
+        unpack(moved, set.len(), field("moved"), f32::from_le_bytes)?
+    };
     let codes = unpack_at_most(exits_within, set.len(), field("exits_within"))?;
     let mut exits_within = Vec::new();
     if !codes.is_empty() {
@@ -269,11 +300,14 @@ fn edges_from_wire(answer: &v1::EdgesAnswer, expected: &ExpectedAnswer) -> Resul
             camera: cameras[if cameras.len() == 1 { 0 } else { at }],
             pixel: pixels[at],
             normal_world: normals[at],
+            moved_m: Some(moved[at]).filter(|&moved_m| moved_m != f32::INFINITY),
         };
         expected.check_edge(&edge, field)?;
         edges[index as usize] = Some(edge);
     }
-    Ok(Answer { kind: QuestionKind::Edges, edges, exits_within, ..Answer::default() })
+    let is_of_planes = expected.kind == QuestionKind::Planes;
+    let kind = if is_of_planes { QuestionKind::Planes } else { QuestionKind::Edges };
+    Ok(Answer { kind, edges, exits_within, ..Answer::default() })
 }
 
 fn pixels_from_wire(bytes: &[u8], count: usize, field: Field) -> Result<Vec<Pixel>, ConvertError> {
@@ -416,7 +450,12 @@ mod tests {
     }
 
     fn edge(distance_m: f32, camera: u16, column: i32, row: i32) -> Option<Edge> {
-        Some(Edge { distance_m, camera, pixel: Pixel { column, row }, normal_world: [0.6, 0.0, -0.8] })
+        let (pixel, normal_world) = (Pixel { column, row }, [0.6, 0.0, -0.8]);
+        Some(Edge { distance_m, camera, pixel, normal_world, moved_m: None })
+    }
+
+    fn moved(distance_m: f32, moved_m: f32) -> Option<Edge> {
+        edge(distance_m, 3, 7, 8).map(|edge| Edge { moved_m: Some(moved_m), ..edge })
     }
 
     #[test]
@@ -440,6 +479,7 @@ mod tests {
                 ..of(QuestionKind::Edges)
             },
             Answer { edges: vec![None], ..of(QuestionKind::Edges) },
+            Answer { edges: vec![moved(-0.05, 0.01), None, edge(0.3, 1, 4, 9)], ..of(QuestionKind::Planes) },
             Answer { exits_m: vec![NO_EXIT_M, 0.125], changes, ..of(QuestionKind::Exits) },
             of(QuestionKind::Classes),
         ] {
@@ -458,6 +498,11 @@ mod tests {
         }
         let answer =
             Answer { edges: vec![edge(0.03, 3, 7, 8), None, edge(0.4, 3, 7, 9)], ..of(QuestionKind::Edges) };
+        let planes = Answer { edges: vec![moved(-0.08, -0.02), moved(0.1, 0.0)], ..of(QuestionKind::Planes) };
+        let back = there_and_back(&planes, Precision::Quantised);
+        for (edge, back) in planes.edges.iter().flatten().zip(back.edges.iter().flatten()) {
+            assert!((edge.distance_m - back.distance_m).abs() < 5e-8 && edge.moved_m == back.moved_m);
+        }
         let back = there_and_back(&answer, Precision::Quantised);
         for (edge, back) in answer.edges.iter().zip(&back.edges) {
             assert_eq!(edge.map(|edge| (edge.camera, NO_PIXEL)), back.map(|edge| (edge.camera, edge.pixel)));
@@ -502,7 +547,7 @@ mod tests {
     fn an_edge_that_cannot_be_is_the_nodes_own_fault() {
         use v1::probe_reply::Answer as Wire;
         type Lie = fn(&mut Edge);
-        let lies: [(Lie, &str); 5] = [
+        let lies: [(Lie, &str); 7] = [
             (|edge| edge.camera = 2, "EdgesAnswer.cameras: holds camera 2, not one of the node's own"),
             (
                 |edge| edge.normal_world = [2.0, 0.0, 0.0],
@@ -511,6 +556,14 @@ mod tests {
             (
                 |edge| edge.normal_world = [0.0; 3],
                 "EdgesAnswer.normals: holds a normal of length 0, expected 1",
+            ),
+            (
+                |edge| edge.moved_m = Some(f32::NAN),
+                "EdgesAnswer.moved: holds a way of NaN a frame, expected at most 1 metres",
+            ),
+            (
+                |edge| edge.normal_world[1] = f32::NAN,
+                "EdgesAnswer.normals: holds NaN, expected finite numbers",
             ),
             (
                 |edge| edge.distance_m = -1.0,
@@ -572,11 +625,11 @@ mod tests {
                 0 => Wire::Classes(v1::ClassesAnswer { count, not_outside: a, inside_counts: b, cameras: 2 }),
                 1 => Wire::Edges(v1::EdgesAnswer {
                     count, present: a, distances: b.clone(), normals: b.clone(), cameras: b.clone(), pixels: b,
-                    step_m, exits_within: c,
+                    step_m, exits_within: c.clone(), least_m: -step_m, moved: c,
                 }),
                 _ => Wire::Exits(v1::ExitsAnswer { count, present: a, outside: b.clone(), changes: b, step_m }),
             };
-            let kind = [QuestionKind::Classes, QuestionKind::Edges, QuestionKind::Exits][kind];
+            let kind = [QuestionKind::Classes, QuestionKind::Planes, QuestionKind::Exits][kind];
             let expected = expected(kind, count as usize);
             drop(answer_from_wire(v1::ProbeReply { id: 0, answer: Some(answer), compute_ms: 0.0 }, &expected));
         }

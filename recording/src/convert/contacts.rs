@@ -4,18 +4,18 @@ use sim::HullContact;
 
 use super::ConvertError;
 
-/// A sample's number, a point, a normal, a depth and a speed, four bytes each number.
-const CONTACT_BYTES: usize = 36;
+/// A sample's number, a point, a normal, a depth, a speed and a velocity, four bytes each number.
+const CONTACT_BYTES: usize = 48;
 /// Unit vectors that were rounded differ from length 1 by less.
 const UNIT_TOLERANCE: f32 = 1e-3;
 
 /// The contacts of a body, one after the other.
 pub(crate) fn contacts_to_bytes(contacts: &[HullContact]) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(contacts.len() * CONTACT_BYTES);
-    for HullContact { sample, point_body_m, normal_world, depth_m, speed_m_s } in contacts {
+    for HullContact { sample, point_body_m, normal_world, depth_m, speed_m_s, slide_m_s } in contacts {
         bytes.extend_from_slice(&sample.to_le_bytes());
         let speed_m_s = speed_m_s.unwrap_or(f32::NAN);
-        let numbers = point_body_m.iter().chain(normal_world).chain([depth_m, &speed_m_s]);
+        let numbers = point_body_m.iter().chain(normal_world).chain([depth_m, &speed_m_s]).chain(slide_m_s);
         numbers.for_each(|number| bytes.extend_from_slice(&number.to_le_bytes()));
     }
     bytes
@@ -38,6 +38,7 @@ pub(crate) fn contacts_from_bytes(bytes: &[u8]) -> Result<Vec<HullContact>, Conv
             normal_world: [number(4), number(5), number(6)],
             depth_m: number(7),
             speed_m_s: Some(number(8)).filter(|speed_m_s| !speed_m_s.is_nan()),
+            slide_m_s: [number(9), number(10), number(11)],
         };
         let length = contact.normal_world.iter().map(|n| n * n).sum::<f32>().sqrt();
         if !contact
@@ -45,6 +46,7 @@ pub(crate) fn contacts_from_bytes(bytes: &[u8]) -> Result<Vec<HullContact>, Conv
             .iter()
             .chain([&contact.depth_m])
             .chain(&contact.speed_m_s)
+            .chain(&contact.slide_m_s)
             .all(|number| number.is_finite())
         {
             return Err(wrong(&"a number that is none, expected metres"));
@@ -69,12 +71,13 @@ mod tests {
             normal_world: [0.6, 0.0, -0.8],
             depth_m,
             speed_m_s: (sample == 3).then_some(-0.25),
+            slide_m_s: [0.5, 0.0, 0.25],
         };
         let contacts = vec![contact(3, 0.002), contact(70_000, -0.01)];
         let bytes = contacts_to_bytes(&contacts);
         assert_eq!(contacts_from_bytes(&bytes).expect("the same"), contacts);
         let refused = |bytes: &[u8]| contacts_from_bytes(bytes).expect_err("refused").to_string();
-        assert_eq!(refused(&bytes[..33]), "Response: contacts: 33 bytes, expected a multiple of 36");
+        assert_eq!(refused(&bytes[..45]), "Response: contacts: 45 bytes, expected a multiple of 48");
         let deep = contacts_to_bytes(&[contact(1, f32::NAN)]);
         assert_eq!(refused(&deep), "Response: contacts: a number that is none, expected metres");
         let long = contacts_to_bytes(&[HullContact { normal_world: [2.0, 0.0, 0.0], ..contact(1, 0.0) }]);

@@ -98,6 +98,10 @@ impl RecordedFrames {
         let views = ViewSet::new(
             views.map(|(observer, (silhouette, ..))| View::new(Arc::clone(observer), silhouette)).collect(),
         );
+        let views = match inner.frames.back() {
+            Some(before) => views.after(&before.views, number.saturating_sub(before.number)),
+            None => views,
+        };
         let parts_of = parts.iter().zip(&self.observers);
         let cameras =
             parts_of.map(|((silhouette, silhouette_bytes, _, segment_ms), observer)| CameraReport {

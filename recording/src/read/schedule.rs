@@ -80,9 +80,11 @@ impl Schedule for RecordedSteps {
 }
 
 fn response(response: &Response) -> Result<BodyResponse, crate::ConvertError> {
+    let spin = response.spin_rad_s.as_ref().map(|found| finite("Response", found)).transpose()?;
     Ok(BodyResponse {
         response_m: response.response_m.as_ref().map(|found| finite("Response", found)).transpose()?,
         inside_samples: response.inside_samples as usize,
         contacts: contacts_from_bytes(&response.contacts)?,
+        spin_rad_s: spin.unwrap_or_default().map(|part| part as f32),
     })
 }

@@ -4,6 +4,8 @@
 //! surface is farther than the covering radius from a sample. Corners and edges carry samples, since
 //! they touch first. Samples are in Morton order: neighbours in memory are neighbours in space.
 
+mod cloud;
+pub use cloud::cloud;
 mod faces;
 mod morton;
 pub mod normals;

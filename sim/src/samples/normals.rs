@@ -3,6 +3,7 @@
 use crate::solid::Solid;
 use hull::Shape;
 use hull::body::BodyError;
+use hull::faces::FaceNormals;
 use nalgebra::Vector3;
 
 /// A sample that is no farther than this from a face lies on it, metres: samples are rounded to `f32`.
@@ -10,46 +11,30 @@ const ON_FACE_M: f64 = 1e-5;
 /// Faces whose normals agree so well are one: the triangles of a flat side.
 const SAME_FACE: f64 = 0.999;
 
-/// The outward unit normals of all faces on which each sample of a shape lies, body frame.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SampleNormals {
-    normals_body: Vec<Vector3<f64>>,
-    /// Where the normals of each sample end.
-    ends: Vec<usize>,
+/// The outward unit normals of all faces on which each sample of a solid's shape lies.
+pub fn face_normals(solid: &Solid, shape: &Shape) -> FaceNormals {
+    let mut faces = FaceNormals::default();
+    for sample in shape.samples_body() {
+        let at = Vector3::from(sample.map(f64::from));
+        let mut normals_body = Vec::new();
+        add_faces(solid, at, &mut normals_body);
+        if normals_body.is_empty() {
+            // Rounding only: away from the middle.
+            normals_body.push(at.try_normalize(0.0).unwrap_or_default());
+        }
+        faces.push(normals_body);
+    }
+    faces
 }
 
-impl SampleNormals {
-    /// The normals of a solid at the samples of its shape.
-    pub fn of(solid: &Solid, shape: &Shape) -> SampleNormals {
-        let (mut normals_body, mut ends) = (Vec::new(), Vec::new());
-        for sample in shape.samples_body() {
-            let first = normals_body.len();
-            add_faces(solid, Vector3::from(sample.map(f64::from)), &mut normals_body);
-            if normals_body.len() == first {
-                // Rounding only: away from the middle.
-                normals_body
-                    .push(Vector3::from(sample.map(f64::from)).try_normalize(0.0).unwrap_or_default());
-            }
-            ends.push(normals_body.len());
-        }
-        SampleNormals { normals_body, ends }
-    }
-
-    /// The normals of one sample, at least one.
-    pub fn at(&self, sample: usize) -> &[Vector3<f64>] {
-        let first = sample.checked_sub(1).map_or(0, |before| self.ends[before]);
-        &self.normals_body[first..self.ends[sample]]
-    }
-
-    /// The samples of a shape, and after them each of them again so far out along the sum of its normals, metres.
-    pub fn with_feelers(&self, shape: &Shape, out_m: f64) -> Result<Shape, BodyError> {
-        let samples = shape.samples_body();
-        let feelers = samples.iter().enumerate().map(|(index, sample)| {
-            let out = self.at(index).iter().sum::<Vector3<f64>>() * out_m;
-            std::array::from_fn(|axis| (f64::from(sample[axis]) + out[axis]) as f32)
-        });
-        Shape::new(samples.iter().copied().chain(feelers).collect())
-    }
+/// The samples of a shape, and after them each of them again so far out along the sum of its faces' normals, metres.
+pub fn with_feelers(faces: &FaceNormals, shape: &Shape, out_m: f64) -> Result<Shape, BodyError> {
+    let samples = shape.samples_body();
+    let feelers = samples.iter().enumerate().map(|(index, sample)| {
+        let out = faces.at(index).iter().sum::<Vector3<f64>>() * out_m;
+        std::array::from_fn(|axis| (f64::from(sample[axis]) + out[axis]) as f32)
+    });
+    Shape::new(samples.iter().copied().chain(feelers).collect())
 }
 
 /// Adds the normals of the faces on which a point of the surface lies.
@@ -128,7 +113,7 @@ mod tests {
     fn normals_are_those_of_planes_that_hold_the_solid() {
         for solid in solids() {
             let shape = shape(&solid, 0.03).expect("few samples");
-            let normals = SampleNormals::of(&solid, &shape);
+            let normals = face_normals(&solid, &shape);
             for (index, sample) in shape.samples_body().iter().enumerate() {
                 let sample = Vector3::from(sample.map(f64::from));
                 assert!(!normals.at(index).is_empty());
@@ -145,11 +130,11 @@ mod tests {
     fn corners_of_a_box_have_three_faces_and_feelers_stand_off_all_of_them() {
         let solid = Solid::Box { size_m: [0.2; 3] };
         let shape = shape(&solid, 0.05).expect("few samples");
-        let normals = SampleNormals::of(&solid, &shape);
+        let normals = face_normals(&solid, &shape);
         let corner = shape.samples_body().iter().position(|sample| *sample == [0.1; 3]).expect("a corner");
         assert_eq!(normals.at(corner).len(), 3);
         let count = shape.samples_body().len();
-        let with = normals.with_feelers(&shape, 0.01).expect("twice as many");
+        let with = with_feelers(&normals, &shape, 0.01).expect("twice as many");
         assert_eq!(with.samples_body().len(), 2 * count);
         assert_eq!(with.samples_body()[count + corner], [0.11; 3]);
     }

@@ -52,13 +52,15 @@ use thiserror::Error;
 pub const MAX_BODIES: usize = 1000;
 
 /// The scenes that come with the program: name and text.
-const SHIPPED: [(&str, &str); 7] = [
+const SHIPPED: [(&str, &str); 9] = [
     ("topple", include_str!("../../scenes/topple.toml")),
     ("lift", include_str!("../../scenes/lift.toml")),
     ("crowd", include_str!("../../scenes/crowd.toml")),
     ("rest", include_str!("../../scenes/rest.toml")),
     ("tray", include_str!("../../scenes/tray.toml")),
     ("push", include_str!("../../scenes/push.toml")),
+    ("punch", include_str!("../../scenes/punch.toml")),
+    ("drops", include_str!("../../scenes/drops.toml")),
     ("squeeze", include_str!("../../scenes/squeeze.toml")),
 ];
 
@@ -343,7 +345,7 @@ mod tests {
         let error = Scene::named("tople").expect_err("no such scene").to_string();
         assert_eq!(
             error,
-            "no scene is called `tople`, expected one of topple, lift, crowd, rest, tray, push, squeeze"
+            "no scene is called `tople`, expected one of topple, lift, crowd, rest, tray, push, punch, drops, squeeze"
         );
         let error = Scene::named(&"x".repeat(60_000)).expect_err("no such scene").to_string();
         assert!(error.len() < 200, "{error}");

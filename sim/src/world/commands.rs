@@ -3,13 +3,14 @@
 
 use super::{Body, World, WorldError};
 use crate::response::ResponseMode;
-use crate::samples::{self, normals::SampleNormals};
+use crate::samples::{self, normals};
 use crate::scene::{
     BodySpec, MAX_BODIES, MAX_GRAVITY_M_S2, MAX_POSITION_M, MAX_SPEED_M_S, Scene, ValueError, all_within,
     check_speed, wrong,
 };
 use hull::Shape;
 use hull::contact::FEELER_M;
+use hull::faces::FaceNormals;
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -65,7 +66,8 @@ pub struct PreparedBody {
 pub(super) struct BodySamples {
     pub shape: Arc<Shape>,
     pub probes: Arc<Shape>,
-    pub faces: Option<Arc<SampleNormals>>,
+    pub around: Option<Arc<Shape>>,
+    pub faces: Option<Arc<FaceNormals>>,
 }
 
 /// What may be changed while a world runs; `None` leaves it as it is.
@@ -83,8 +85,8 @@ pub struct Parameters {
 
 impl PreparedBody {
     /// What is to be registered with the nodes before it is asked about.
-    pub fn probes(&self) -> &Arc<Shape> {
-        &self.samples.probes
+    pub fn asked_shapes(&self) -> impl Iterator<Item = Arc<Shape>> {
+        [Some(&self.samples.probes), self.samples.around.as_ref()].into_iter().flatten().map(Arc::clone)
     }
 }
 
@@ -266,18 +268,20 @@ impl World {
     /// The samples of a solid; bodies of equal ones share them.
     pub(super) fn samples_of(&self, spec: &BodySpec) -> Result<BodySamples, WorldError> {
         if let Some(body) = self.bodies.iter().find(|body| body.solid == spec.solid) {
-            let Body { shape, probes, faces, .. } = body.clone();
-            return Ok(BodySamples { shape, probes, faces });
+            let Body { shape, probes, around, faces, .. } = body.clone();
+            return Ok(BodySamples { shape, probes, around, faces });
         }
         let refused = |source| WorldError::Samples { body: spec.name.clone(), source };
         let shape = samples::shape(&spec.solid, self.settings.covering_radius_m).map_err(refused)?;
         let shape = Arc::new(shape);
         if self.settings.response == ResponseMode::Paper {
-            return Ok(BodySamples { probes: Arc::clone(&shape), shape, faces: None });
+            return Ok(BodySamples { probes: Arc::clone(&shape), shape, around: None, faces: None });
         }
-        let faces = SampleNormals::of(&spec.solid, &shape);
-        let probes = faces.with_feelers(&shape, FEELER_M).map_err(refused)?;
-        Ok(BodySamples { shape, probes: Arc::new(probes), faces: Some(Arc::new(faces)) })
+        let faces = normals::face_normals(&spec.solid, &shape);
+        let probes = normals::with_feelers(&faces, &shape, FEELER_M).map_err(refused)?;
+        let around = Shape::new(samples::cloud(&shape).collect()).map_err(refused)?;
+        let (probes, around) = (Arc::new(probes), Some(Arc::new(around)));
+        Ok(BodySamples { shape, probes, around, faces: Some(Arc::new(faces)) })
     }
 }
 

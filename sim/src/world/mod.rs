@@ -15,13 +15,13 @@ pub use commands::{BodyId, CommandError, MAX_SAMPLES, Parameters, PreparedBody};
 pub use settings::{WorldError, WorldSettings};
 pub use step::{Fault, FaultKind, StepReport};
 
-use crate::samples::normals::SampleNormals;
 use crate::scene::{BodySpec, Scene};
 use crate::solid::Solid;
 use crate::solver::Solver;
 use crate::summary::BodySummary;
 use crate::trajectory::{Trajectory, TrajectoryDigest};
 use commands::BodySamples;
+use hull::faces::FaceNormals;
 use hull::{Pose, Shape};
 use nalgebra::Vector3;
 use std::sync::Arc;
@@ -37,8 +37,10 @@ pub struct Body {
     pub shape: Arc<Shape>,
     /// What the hull is asked about: the samples, and under [`ResponseMode::Contacts`](crate::ResponseMode::Contacts) after them a feeler of each.
     pub probes: Arc<Shape>,
+    /// Points around it that tell how surfaces slide; `None` where nobody asks.
+    pub around: Option<Arc<Shape>>,
     /// Which way its surface faces at the samples; `None` where nobody asks.
-    pub faces: Option<Arc<SampleNormals>>,
+    pub faces: Option<Arc<FaceNormals>>,
     /// Its geometry, body frame.
     pub solid: Solid,
     /// sRGB, 0 to 1.
@@ -51,6 +53,13 @@ pub struct Body {
     pub velocity_m_s: [f64; 3],
     /// Angular velocity in the world, rad/s.
     pub spin_rad_s: [f64; 3],
+}
+
+impl Body {
+    /// All that nodes must know of it before it is asked about.
+    pub fn asked_shapes(&self) -> impl Iterator<Item = Arc<Shape>> {
+        [Some(&self.probes), self.around.as_ref()].into_iter().flatten().map(Arc::clone)
+    }
 }
 
 /// All bodies of a scene and the solver that moves them.
@@ -106,7 +115,7 @@ impl World {
 
     /// Takes in the body that the solver has next.
     fn take_in(&mut self, spec: BodySpec, samples: BodySamples) {
-        let BodySamples { shape, probes, faces } = samples;
+        let BodySamples { shape, probes, around, faces } = samples;
         let index = self.bodies.len();
         // The pose as the solver has it, so that what is asked and what is stepped are the same.
         let pose = self.solver.state(index).pose().unwrap_or(spec.pose);
@@ -119,6 +128,7 @@ impl World {
             name: spec.name,
             shape,
             probes,
+            around,
             faces,
             solid: spec.solid,
             color: spec.color,

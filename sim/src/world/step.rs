@@ -83,11 +83,14 @@ impl World {
     /// answer meet no hull.
     fn set_contacts(&mut self, index: usize, response: &BodyResponse, report: &mut StepReport) {
         let is_finite = |contact: &HullContact| {
-            let HullContact { sample: _, point_body_m, normal_world, depth_m, speed_m_s } = contact;
-            let numbers = point_body_m.iter().chain(normal_world).chain([depth_m]).chain(speed_m_s);
+            let HullContact { sample: _, point_body_m, normal_world, depth_m, speed_m_s, slide_m_s } =
+                contact;
+            let numbers =
+                point_body_m.iter().chain(normal_world).chain([depth_m]).chain(speed_m_s).chain(slide_m_s);
             numbers.into_iter().all(|number| number.is_finite())
         };
-        if !response.contacts.iter().all(is_finite) {
+        let has_spin = response.spin_rad_s.iter().all(|part| part.is_finite());
+        if !has_spin || !response.contacts.iter().all(is_finite) {
             report.faults.push(Fault { body: self.bodies[index].name.clone(), kind: FaultKind::Response });
             return;
         }
@@ -100,7 +103,8 @@ impl World {
         }
         let WorldSettings { mirror_restitution: restitution, hull_friction: friction, .. } = self.settings;
         let contacts = if self.answers_hull { &response.contacts[..] } else { &[] };
-        self.solver.set_contacts(index, contacts, Surface { friction, restitution });
+        let spin_rad_s = response.spin_rad_s;
+        self.solver.set_contacts(index, contacts, spin_rad_s, Surface { friction, restitution });
     }
 
     /// Translates a body and mirrors its velocity; does nothing and says `false` if the response is not

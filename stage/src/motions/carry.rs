@@ -10,10 +10,10 @@ use crate::tray::{TRAY_REST_M, TRAY_SIZE_M};
 
 /// Seconds of carrying the tray, from neutral to neutral.
 pub(crate) const TRAY_PERIOD_S: f64 = 11.0;
-/// The tray is off the table between these, seconds into the loop.
+/// The tray is raised between the first two, and lowered between the others, seconds into the loop.
 const TRAY_RISE_S: (f64, f64) = (1.1, 1.9);
 const TRAY_SINK_S: (f64, f64) = (8.0, 8.9);
-/// How far the tray is lifted, metres.
+/// How far the tray is raised, metres.
 const TRAY_RISE_M: f64 = 0.10;
 /// From when to when the person steps aside, seconds into the loop, from where to where, metres to its left. The
 /// second is at 1 m/s where it is fastest.
@@ -61,26 +61,25 @@ fn walked_m(loop_s: f64) -> f64 {
 /// `loop_s` is below [`TRAY_PERIOD_S`].
 pub(crate) fn tray(loop_s: f64) -> Targets {
     let mut targets = Targets::neutral();
-    let reached = ease(loop_s, 0.1, 1.0) - ease(loop_s, TRAY_SINK_S.1 + 0.2, TRAY_SINK_S.1 + 1.4);
+    // The tray hangs in the air until the hands are under it.
+    let reached = ease(loop_s, 0.05, 1.05) - ease(loop_s, TRAY_SINK_S.1 + 0.2, TRAY_SINK_S.1 + 1.6);
     let rise_m = tray_rise_m(loop_s);
-    let low = reached * (1.0 - rise_m / TRAY_RISE_M);
     targets.root_world.x = walked_m(loop_s);
-    targets.lean_rad += 0.23 * low - 0.05 * (reached - low);
-    targets.pelvis += at(0.0, -0.05, -0.05) * reached;
-    targets.nod_rad = 0.14 * reached;
+    targets.lean_rad -= 0.05 * reached;
+    targets.pelvis += at(0.0, -0.045, -0.03) * reached;
     for side in [0, 1] {
         let sign = side_sign(side);
-        // Under the board, beside its feet, fingers to the front.
-        let under = at(sign * (0.5 * TRAY_SIZE_M[0] - 0.045), -0.5 * TRAY_SIZE_M[1] - PALM_THICK_M, -0.15);
+        // Under the board, fingers to the front.
+        let under = at(sign * (0.5 * TRAY_SIZE_M[0] - 0.045), -0.5 * TRAY_SIZE_M[1] - PALM_THICK_M, -0.12);
         let hold = ArmTarget {
             wrist: Vector3::from(TRAY_REST_M) + at(0.0, rise_m, 0.0) + under,
-            elbow_hint: at(0.35 * sign, -1.0, -0.5),
+            elbow_hint: at(0.6 * sign, -1.0, 0.1),
             hand: at(0.0, 0.0, 1.0),
             palm: at(0.0, 1.0, 0.0),
             curl: 0.0,
         };
         let mut arm = mix_arms(&targets.arms[side], &hold, reached);
-        // Round the outside of the table.
+        // Round the outside of the tray.
         arm.wrist += at(0.20 * sign, 0.02, 0.0) * (4.0 * reached * (1.0 - reached));
         targets.arms[side] = arm;
         step_aside(&mut targets, side, loop_s);

@@ -185,9 +185,11 @@ impl Answers {
         asked
     }
 
-    /// A body's samples.
-    pub fn shape(&self, body: usize) -> &Arc<Shape> {
-        &self.bodies[body].shape
+    /// Whether what is around a body is unknown in this frame, and the question is about where it is now.
+    pub fn knows_nothing_around(&self, query: &PoseQuery) -> bool {
+        let body = &self.bodies[query.body];
+        let is_present = body.present.is_some_and(|pose| same_bits(&pose, &query.pose));
+        is_present && body.known.iter().all(|known| known.result.around.is_empty())
     }
 
     /// How far a body's edges are worth searching at first.

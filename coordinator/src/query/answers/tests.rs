@@ -32,6 +32,7 @@ impl Ball {
             edge: None,
             exit_m: None,
             speed_m_s: None,
+            slide_m_s: [0.0; 3],
         };
         let touches: Vec<Touch> = inside.map(touch).collect();
         if touches.is_empty() {
@@ -44,7 +45,7 @@ impl Ball {
         let mut steps_m = (1..).map(|step| 1e-3 * f64::from(step));
         let response_m = steps_m.find(|&m| m > MAX_DEPTH_M || left_at(m) == 0).unwrap_or(MAX_DEPTH_M);
         let left_inside = left_at(response_m);
-        BodyResult { touches, response_m: Ok([response_m, 0.0, 0.0]), left_inside }
+        BodyResult { touches, response_m: Ok([response_m, 0.0, 0.0]), left_inside, ..BodyResult::default() }
     }
 }
 

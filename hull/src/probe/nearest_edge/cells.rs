@@ -26,7 +26,7 @@ pub(super) fn far(index: &Index, start: Pixel, limit: i32, path: VectorPath) -> 
         let pixel = Pixel { column: best.column, row: best.row };
         return Some(EdgePixel { pixel, squared: i64::from(best.squared) });
     }
-    if limit < seen * seen { None } else { by_rows(index.map(), start, limit) }
+    if limit < seen * seen { None } else { by_rows(index.map(), start, limit, false) }
 }
 
 /// The cells around a pixel.

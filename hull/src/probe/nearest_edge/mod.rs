@@ -183,18 +183,29 @@ fn zeros_beside<const COUNT: usize>(map: &BitMap, place: &Place, first: i32) -> 
     (left, right)
 }
 
-/// The same row by row over the whole map: for what lies farther than cells are looked at.
-fn by_rows(map: &BitMap, start: Pixel, limit: i32) -> Option<EdgePixel> {
+/// The one bit of a map at the least squared distance from `start`, not farther than `limit_squared`; ties as above.
+/// `start` may lie anywhere.
+pub fn nearest_foreground(map: &BitMap, start: Pixel, limit_squared: i64) -> Option<EdgePixel> {
+    by_rows(map, start, limit_squared.min(FAR_SQUARED) as i32, true)
+}
+
+/// The zeros, or the ones, of the whole map row by row: for what lies farther than cells are looked at.
+fn by_rows(map: &BitMap, start: Pixel, limit: i32, finds_ones: bool) -> Option<EdgePixel> {
+    let flip = if finds_ones { u32::MAX } else { 0 };
     let mut best = Best { squared: limit, row: i32::MAX, column: i32::MAX };
     for distance in 0.. {
         let (above, below) = (start.row - distance, start.row + distance);
         let in_map = |row: i32| row >= map.top() && row < map.bottom();
-        if distance * distance > best.squared || !(in_map(above) || in_map(below)) {
+        // A start that is not within the map may come to it later.
+        if distance * distance > best.squared || above < map.top() && below >= map.bottom() {
             break;
         }
         for row in [above, below].into_iter().filter(|&row| in_map(row)) {
-            for strip in 0..map.strips() {
-                let zeros = !map.strip(strip)[(row - map.top()) as usize];
+            let reach = (best.squared - distance * distance).isqrt();
+            let strip_at =
+                |column: i32| ((column - map.left()) / 32).clamp(0, map.strips() as i32 - 1) as usize;
+            for strip in strip_at(start.column - reach)..=strip_at(start.column + reach) {
+                let zeros = !map.strip(strip)[(row - map.top()) as usize] ^ flip;
                 let first = map.left() + strip as i32 * 32;
                 offer_nearest(zeros, first, row, start, &mut best);
             }
@@ -230,9 +241,13 @@ mod tests {
     use proptest::prelude::*;
 
     fn brute(map: &BitMap, start: Pixel, limit: i64) -> Option<EdgePixel> {
+        brute_of(map, start, limit, false)
+    }
+
+    fn brute_of(map: &BitMap, start: Pixel, limit: i64, bit: bool) -> Option<EdgePixel> {
         let rows = map.top()..map.bottom();
         rows.flat_map(|row| (map.left()..map.right()).map(move |column| Pixel { column, row }))
-            .filter(|&pixel| !map.get(pixel))
+            .filter(|&pixel| map.get(pixel) == bit)
             .map(|pixel| EdgePixel {
                 pixel,
                 squared: i64::from(pixel.column - start.column).pow(2)
@@ -289,6 +304,17 @@ mod tests {
             let start = start(&map, across, down);
             let expected = brute(&map, start, limit);
             prop_assert_eq!(nearest_edge(&Index::new(map, 640 << (2 * size)), start, limit), expected);
+        }
+
+        #[test]
+        fn the_nearest_foreground_is_the_brute_minimum_too(
+            width in 1u32..260, height in 1u32..60, seed in any::<u64>(), across in 0.0..1.0f64,
+            down in 0.0..1.0f64, limit in limits(),
+        ) {
+            let silhouette = Silhouette::from_mask(width, height, &random_mask(width, height, seed)).expect("size");
+            let map = BitMap::foreground(&silhouette, 1);
+            let start = Pixel { column: (f64::from(width) * across) as i32, row: (f64::from(height) * down) as i32 };
+            prop_assert_eq!(nearest_foreground(&map, start, limit), brute_of(&map, start, limit, true));
         }
 
         #[test]

@@ -65,6 +65,13 @@ pub(super) fn mean_speed_m_s(contacts: &[HullContact], members: &[usize]) -> Opt
     (!middle.is_empty()).then(|| middle.iter().sum::<f32>() / middle.len() as f32)
 }
 
+/// How fast the members' surface moves along itself, m/s: the mean of what they say.
+pub(super) fn mean_slide_m_s(contacts: &[HullContact], members: &[usize], normal: Vector) -> Vector {
+    let slides = members.iter().map(|&member| Vector::from_array(contacts[member].slide_m_s));
+    let mean = slides.fold(Vector::ZERO, |sum, slide| sum + slide) / members.len() as f32;
+    mean - normal * mean.dot(normal)
+}
+
 /// The members that hold the patch: the deepest, the one farthest from it, and the farthest on either side of the line
 /// between them. Those held before are preferred, so that they change only where that steadies the body.
 pub(super) fn spread(
@@ -115,7 +122,7 @@ mod tests {
     use super::*;
 
     fn contact(sample: u32, at: [f32; 3], normal_world: [f32; 3], depth_m: f32) -> HullContact {
-        HullContact { sample, point_body_m: at, normal_world, depth_m, speed_m_s: None }
+        HullContact { sample, point_body_m: at, normal_world, depth_m, speed_m_s: None, slide_m_s: [0.0; 3] }
     }
 
     /// The samples of a square lattice of `side` by `side` points, 5 cm apart, on a level surface.

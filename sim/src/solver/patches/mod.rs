@@ -7,6 +7,7 @@
 mod choice;
 mod shape;
 
+use rapier3d::math::Pose;
 use rapier3d::prelude::{
     ActiveHooks, ColliderBuilder, ColliderHandle, Group, InteractionGroups, InteractionTestMode,
     RigidBodyBuilder, RigidBodyHandle, Vector,
@@ -50,8 +51,9 @@ struct Patch {
     /// What touches; empty while it is not in use.
     points: Vec<PatchPoint>,
     normal: Vector,
-    /// How fast it moves out along the normal, m/s.
+    /// How fast it moves out along the normal, m/s, and all in all.
     speed_m_s: f32,
+    velocity: Vector,
     surface: Surface,
 }
 
@@ -62,11 +64,18 @@ pub(super) fn groups_of_bodies() -> InteractionGroups {
 
 impl Solver {
     /// Puts the hull's surface where these contacts of a body say, from the next step on. A body whose surface moved
-    /// wakes.
-    pub(crate) fn set_contacts(&mut self, index: usize, contacts: &[HullContact], surface: Surface) {
+    /// wakes. The surface turns as fast as `spin_rad_s` says, world.
+    pub(crate) fn set_contacts(
+        &mut self,
+        index: usize,
+        contacts: &[HullContact],
+        spin_rad_s: [f32; 3],
+        surface: Surface,
+    ) {
         let mut patches = std::mem::take(&mut self.patches[index]);
         let mut is_taken = vec![false; patches.0.len()];
         let mut moved = false;
+        let motion = (surface, Vector::from_array(spin_rad_s));
         for members in cluster(contacts, MAX_PATCHES) {
             let normal = choice::mean_normal(contacts, &members);
             let found = patches
@@ -84,7 +93,7 @@ impl Solver {
                 })
             });
             is_taken[place] = true;
-            moved |= self.place_patch(index, &mut patches.0[place], normal, contacts, &members, surface);
+            moved |= self.place_patch(index, &mut patches.0[place], normal, contacts, &members, motion);
         }
         for (patch, _) in
             patches.0.iter_mut().zip(is_taken).filter(|(patch, taken)| !taken && patch.is_in_use())
@@ -118,7 +127,15 @@ impl Solver {
             .user_data(mark)
             .enabled(false);
         let (body, collider) = self.physics.insert(RigidBodyBuilder::kinematic_velocity_based(), collider);
-        Patch { body, collider, points: Vec::new(), normal: Vector::ZERO, speed_m_s: 0.0, surface }
+        Patch {
+            body,
+            collider,
+            points: Vec::new(),
+            normal: Vector::ZERO,
+            speed_m_s: 0.0,
+            velocity: Vector::ZERO,
+            surface,
+        }
     }
 
     /// Puts a patch where its contacts say; false if it is there already.
@@ -129,7 +146,7 @@ impl Solver {
         mean: Vector,
         contacts: &[HullContact],
         members: &[usize],
-        surface: Surface,
+        (surface, spin): (Surface, Vector),
     ) -> bool {
         let pose = *self.physics.bodies[self.handles[index]].position();
         let normal =
@@ -153,16 +170,21 @@ impl Solver {
             collider.set_friction(surface.friction as f32);
             collider.set_restitution(surface.restitution as f32);
         }
+        // The mean of what the members say is of their middle.
+        let sum = members.iter().fold(Vector::ZERO, |sum, &member| sum + world(member) - origin);
+        let middle = sum / members.len() as f32;
         let moved_m = self.physics.bodies[patch.body].translation() - origin;
         let known = if patch.is_in_use() { patch.speed_m_s } else { 0.0 };
         let speed_m_s = choice::mean_speed_m_s(contacts, members).unwrap_or(known);
-        if speed_m_s == 0.0 && patch.speed_m_s == 0.0 && patch.is_where(&points, normal, moved_m) {
+        let velocity = normal * speed_m_s + choice::mean_slide_m_s(contacts, members, normal);
+        let moves = [velocity, patch.velocity, spin].into_iter().any(|part| part != Vector::ZERO);
+        if !moves && patch.is_where(&points, normal, moved_m) {
             return false;
         }
         let reach_m = self.collider_of(index).shape().compute_local_bounding_sphere();
         let reach_m = reach_m.center.length() + reach_m.radius + BEYOND_M;
         let was_in_use = patch.is_in_use();
-        (patch.normal, patch.speed_m_s) = (normal, speed_m_s);
+        (patch.normal, patch.speed_m_s, patch.velocity) = (normal, speed_m_s, velocity);
         patch.points.clone_from(&points);
         let collider = &mut self.physics.colliders[patch.collider];
         collider.set_shape(PatchShape { normal, points, reach_m }.shared());
@@ -170,8 +192,9 @@ impl Solver {
             collider.set_enabled(true);
         }
         let body = &mut self.physics.bodies[patch.body];
-        body.set_translation(origin, false);
-        body.set_linvel(normal * speed_m_s, false);
+        body.set_position(Pose::from_translation(origin), false);
+        body.set_linvel(velocity - spin.cross(middle), false);
+        body.set_angvel(spin, false);
         true
     }
 }

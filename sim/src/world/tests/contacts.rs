@@ -32,13 +32,14 @@ fn responses(world: &World, hull: Hull) -> Vec<BodyResponse> {
                 normal_world,
                 depth_m: depth_m as f32,
                 speed_m_s: None,
+                slide_m_s: [0.0; 3],
             };
             (faces_it && depth_m > -NEAR_M).then_some(contact)
         };
         let contacts: Vec<HullContact> =
             body.shape.samples_body().iter().enumerate().filter_map(contact).collect();
         let inside_samples = contacts.iter().filter(|contact| contact.depth_m > 0.0).count();
-        BodyResponse { response_m: None, inside_samples, contacts }
+        BodyResponse { inside_samples, contacts, ..BodyResponse::UNTOUCHED }
     };
     world.moving_bodies().map(respond).collect()
 }

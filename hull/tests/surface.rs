@@ -1,0 +1,132 @@
+//! Planes of the hull's surface: ways out of what they do not face, what is around a body, and how far they moved.
+
+use std::f64::consts::FRAC_PI_2;
+use std::sync::Arc;
+
+use hull::cull::WorldBox;
+use hull::faces::FaceNormals;
+use hull::pass::{AskedBody, BodyResult, Pass, Reaches, Touch};
+use hull::question::{Answer, Points};
+use hull::view_set::Scratch;
+use hull::{Camera, Observer, Pose, ProbeSettings, Shape, Silhouette, View, ViewSet};
+use nalgebra::{Matrix3, Vector3};
+
+const SIDE: u32 = 101;
+
+/// Two cameras at 3 m that look at the origin, along z and along x, and see a cube of half a metre, the first so many
+/// pixels to the right. A pixel is 3 cm there.
+fn views(right: u32) -> ViewSet {
+    let k = Matrix3::new(100.0, 0.0, 50.0, 0.0, 100.0, 50.0, 0.0, 0.0, 1.0);
+    let view = |(index, turn): (u16, Vector3<f64>)| {
+        let camera = Camera::new("camera", (SIDE, SIDE), k, [0.0; 5], turn, Vector3::new(0.0, 0.0, 3.0));
+        let settings = ProbeSettings::default();
+        let observer = Observer::new(camera.expect("a camera"), index, settings, None);
+        let right = if index == 0 { right } else { 0 };
+        let is_seen =
+            |at: u32| (42..59).contains(&(at / SIDE)) && (42 + right..59 + right).contains(&(at % SIDE));
+        let mask: Vec<u8> = (0..SIDE * SIDE).map(|at| if is_seen(at) { 255 } else { 0 }).collect();
+        let silhouette = Silhouette::from_mask(SIDE, SIDE, &mask).expect("a silhouette");
+        View::new(Arc::new(observer), &silhouette)
+    };
+    let turns = [Vector3::zeros(), Vector3::new(0.0, FRAC_PI_2, 0.0)];
+    ViewSet::new((0..).zip(turns).map(view).collect())
+}
+
+fn body(samples: &[[f32; 3]]) -> Points {
+    let shape = Shape::new(samples.to_vec()).expect("samples");
+    Points::Body { shape: Arc::new(shape), pose: Pose::IDENTITY }
+}
+
+/// Beside the cube, above it, far from it, within it, and below its top as the first camera sees it but before it as the
+/// second does.
+const AROUND: [[f32; 3]; 5] =
+    [[0.3, 0.0, 0.0], [0.0, 0.32, 0.0], [0.9, 0.0, 0.0], [0.2, 0.0, 0.0], [0.0, 0.22, 0.35]];
+
+/// A body of one sample 6 cm below the cube's side to the right, with its face to `face`, and points around it.
+fn ask(sets: &[ViewSet], face: Option<Vector3<f64>>) -> BodyResult {
+    let at_once = ask_in(sets, face, false);
+    assert_eq!(ask_in(sets, face, true), at_once, "some cameras first");
+    at_once
+}
+
+fn ask_in(sets: &[ViewSet], face: Option<Vector3<f64>>, two_phases: bool) -> BodyResult {
+    let mut pass = Pass::new(vec![], None, ProbeSettings::default(), sets.len());
+    pass.only_planes(true);
+    pass.ask_in_two_phases(two_phases);
+    let mut faces = FaceNormals::default();
+    faces.push(face);
+    let asked = AskedBody {
+        points: body(&[[0.2, 0.1, 0.0]]),
+        around: Some(body(&AROUND)),
+        faces: face.map(|_| Arc::new(faces)),
+        reaches: &Reaches::default(),
+    };
+    pass.restart([asked].into_iter(), Some(&WorldBox::EVERYWHERE));
+    let (mut scratch, mut answer) = (Scratch::default(), Answer::default());
+    while let Some(question) = pass.question().cloned() {
+        for (group, set) in sets.iter().enumerate().filter(|&(group, _)| pass.asks(group)).collect::<Vec<_>>()
+        {
+            set.answer(&question, &mut scratch, &mut answer);
+            pass.answer(group, &answer).expect("a fitting answer");
+        }
+    }
+    pass.into_results().remove(0)
+}
+
+fn normal(touch: &Touch) -> Vector3<f64> {
+    Vector3::from(touch.edge.expect("an edge").normal_world.map(f64::from))
+}
+
+fn each_alone(views: &ViewSet) -> Vec<ViewSet> {
+    views.views().iter().map(|view| ViewSet::new(vec![view.clone()])).collect()
+}
+
+#[test]
+fn a_sample_that_no_surface_faces_takes_the_one_at_the_end_of_its_way_out() {
+    let views = views(0);
+    for sets in [vec![views.clone()], each_alone(&views)] {
+        let nearest = ask(&sets, None);
+        assert!(normal(&nearest.touches[0]).x > 0.95, "{nearest:?}");
+        let faced = ask(&sets, Some(-Vector3::x()));
+        assert_eq!(faced.touches, nearest.touches, "a face that looks at it changes nothing");
+        let way_out = ask(&sets, Some(-Vector3::y()));
+        assert!(normal(&way_out.touches[0]).y > 0.95, "{way_out:?}");
+    }
+}
+
+#[test]
+fn planes_around_a_body_are_found_from_within_and_from_outside() {
+    let views = views(0);
+    let together = ask(std::slice::from_ref(&views), None);
+    let samples: Vec<u32> = together.around.iter().map(|touch| touch.sample).collect();
+    assert_eq!(samples, [0, 1, 3, 4], "the third is too far away");
+    for (touch, (is_outside, axis)) in
+        together.around.iter().zip([(true, 0), (true, 1), (false, 0), (true, 2)])
+    {
+        assert_eq!(touch.edge.expect("an edge").distance_m < 0.0, is_outside, "{touch:?}");
+        assert!(normal(touch)[axis] > 0.95, "{touch:?}");
+    }
+    assert_eq!(ask(&each_alone(&views), None).around, together.around);
+}
+
+#[test]
+fn planes_tell_how_far_they_moved_since_the_frame_before() {
+    let moved_m = |views: ViewSet| -> Vec<Option<f32>> {
+        let result = ask(&[views], None);
+        let touches = result.touches.iter().chain(&result.around[..2]);
+        touches.map(|touch| touch.edge.expect("an edge").moved_m).collect()
+    };
+    assert_eq!(moved_m(views(2)), [None; 3]);
+    assert_eq!(moved_m(views(2).after(&views(1), 0)), [None; 3], "not before");
+    assert_eq!(moved_m(views(2).after(&views(1), 9)), [None; 3], "too long ago");
+    for frames in [1, 2] {
+        let found = moved_m(views(2).after(&views(0), frames));
+        let expected = 0.06 / frames as f32;
+        let [Some(within), Some(beside), Some(above)] = found[..] else { panic!("{found:?}") };
+        assert!(
+            (within - expected).abs() < 0.2 * expected && (beside - expected).abs() < 0.2 * expected,
+            "{found:?}"
+        );
+        assert!(above.abs() < 1e-3, "{found:?}");
+    }
+}
