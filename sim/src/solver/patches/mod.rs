@@ -51,9 +51,10 @@ struct Patch {
     /// What touches; empty while it is not in use.
     points: Vec<PatchPoint>,
     normal: Vector,
-    /// How fast it moves out along the normal, m/s, and all in all.
+    /// How fast it moves out along the normal, m/s.
     speed_m_s: f32,
-    velocity: Vector,
+    /// Whether it moves at all, or turns.
+    moves: bool,
     surface: Surface,
 }
 
@@ -133,7 +134,7 @@ impl Solver {
             points: Vec::new(),
             normal: Vector::ZERO,
             speed_m_s: 0.0,
-            velocity: Vector::ZERO,
+            moves: false,
             surface,
         }
     }
@@ -177,14 +178,14 @@ impl Solver {
         let known = if patch.is_in_use() { patch.speed_m_s } else { 0.0 };
         let speed_m_s = choice::mean_speed_m_s(contacts, members).unwrap_or(known);
         let velocity = normal * speed_m_s + choice::mean_slide_m_s(contacts, members, normal);
-        let moves = [velocity, patch.velocity, spin].into_iter().any(|part| part != Vector::ZERO);
-        if !moves && patch.is_where(&points, normal, moved_m) {
+        let moves = velocity != Vector::ZERO || spin != Vector::ZERO;
+        if !moves && !patch.moves && patch.is_where(&points, normal, moved_m) {
             return false;
         }
         let reach_m = self.collider_of(index).shape().compute_local_bounding_sphere();
         let reach_m = reach_m.center.length() + reach_m.radius + BEYOND_M;
         let was_in_use = patch.is_in_use();
-        (patch.normal, patch.speed_m_s, patch.velocity) = (normal, speed_m_s, velocity);
+        (patch.normal, patch.speed_m_s, patch.moves) = (normal, speed_m_s, moves);
         patch.points.clone_from(&points);
         let collider = &mut self.physics.colliders[patch.collider];
         collider.set_shape(PatchShape { normal, points, reach_m }.shared());
