@@ -70,6 +70,12 @@ pub(super) struct BodySamples {
     pub faces: Option<Arc<FaceNormals>>,
 }
 
+impl BodySamples {
+    fn asked_shapes(&self) -> impl Iterator<Item = Arc<Shape>> {
+        [Some(&self.probes), self.around.as_ref()].into_iter().flatten().map(Arc::clone)
+    }
+}
+
 /// What may be changed while a world runs; `None` leaves it as it is.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Parameters {
@@ -86,7 +92,7 @@ pub struct Parameters {
 impl PreparedBody {
     /// What is to be registered with the nodes before it is asked about.
     pub fn asked_shapes(&self) -> impl Iterator<Item = Arc<Shape>> {
-        [Some(&self.samples.probes), self.samples.around.as_ref()].into_iter().flatten().map(Arc::clone)
+        self.samples.asked_shapes()
     }
 }
 
@@ -107,12 +113,12 @@ impl World {
         all_within("position", &spec.pose.position_m(), -MAX_POSITION_M..=MAX_POSITION_M)?;
         check_speed(spec.velocity_m_s)?;
         let samples = self.samples_of(&spec)?;
-        let all: usize = self.moving_bodies().map(|body| body.probes.samples_body().len()).sum();
-        let found = all + samples.probes.samples_body().len();
+        let asked = self.moving_bodies().flat_map(Body::asked_shapes).chain(samples.asked_shapes());
+        let found: usize = asked.map(|shape| shape.samples_body().len()).sum();
         if !spec.fixed && found > MAX_SAMPLES {
             return Err(CommandError::TooMany { what: "samples of all bodies", found, most: MAX_SAMPLES });
         }
-        let found = self.kept_samples(&samples.probes);
+        let found = self.kept_samples(&samples);
         if found > MAX_KEPT_SAMPLES {
             let what = "samples of all different shapes";
             return Err(CommandError::TooMany { what, found, most: MAX_KEPT_SAMPLES });
@@ -257,11 +263,11 @@ impl World {
         if body.fixed { Err(CommandError::Fixed(body.name.clone())) } else { Ok(index) }
     }
 
-    /// Samples of all different shapes, this one among them.
-    fn kept_samples(&self, shape: &Arc<Shape>) -> usize {
-        let shapes = self.bodies.iter().map(|body| &body.probes).chain([shape]);
+    /// Samples of all different shapes that nodes must know, these among them.
+    fn kept_samples(&self, samples: &BodySamples) -> usize {
+        let shapes = self.bodies.iter().flat_map(Body::asked_shapes).chain(samples.asked_shapes());
         let kept: BTreeMap<*const Shape, usize> =
-            shapes.map(|shape| (Arc::as_ptr(shape), shape.samples_body().len())).collect();
+            shapes.map(|shape| (Arc::as_ptr(&shape), shape.samples_body().len())).collect();
         kept.values().sum()
     }
 

@@ -334,3 +334,46 @@ fn a_board_wider_than_the_hull_lies_on_it() {
     let board = &world.bodies()[0];
     assert!(tilt_deg(board) < 0.5 && (board.pose.position_m()[1] - 1.02).abs() < 3e-3, "{:?}", board.pose);
 }
+
+#[test]
+fn what_stands_on_a_surface_that_slides_and_turns_goes_along_and_stops_with_it() {
+    let text = "gravity = [0, -9.81, 0]\n[hull]\nfriction = 0.8\n[[bodies]]\nname = \"box\"\n\
+                shape.box.size = [0.2, 0.2, 0.2]\nplace.stack.foot = [0, 1, 0]\nfriction = 0.8\nrestitution = 0";
+    let mut world = contact_world(text);
+    let hull = below(1.0, 0.0);
+    let mut ride = |slide_m_s: [f32; 3], spin_rad_s: [f32; 3]| {
+        for _ in 0..120 {
+            let mut responses = responses(&world, &hull);
+            responses[0].spin_rad_s = spin_rad_s;
+            responses[0].contacts.iter_mut().for_each(|contact| contact.slide_m_s = slide_m_s);
+            assert!(world.step(&responses).expect("a step").faults.is_empty());
+        }
+        let body = world.moving_bodies().next().expect("the box");
+        (Vector3::from(body.velocity_m_s), Vector3::from(body.spin_rad_s))
+    };
+    let (velocity_m_s, _) = ride([0.5, 0.0, -0.2], [0.0; 3]);
+    assert!((velocity_m_s - Vector3::new(0.5, 0.0, -0.2)).norm() < 0.01, "{velocity_m_s}");
+    let (_, spin_rad_s) = ride([0.0; 3], [0.0, 0.6, 0.0]);
+    assert!((spin_rad_s - Vector3::new(0.0, 0.6, 0.0)).norm() < 0.03, "{spin_rad_s}");
+    // Still to the bit once nothing moves.
+    ride([0.0; 3], [0.0; 3]);
+    let rests = ride([0.0; 3], [0.0; 3]);
+    assert_eq!(rests, (Vector3::zeros(), Vector3::zeros()));
+}
+
+#[test]
+fn a_motion_that_is_no_number_is_a_fault_and_does_nothing() {
+    let text = "[[bodies]]\nname = \"box\"\nshape.box.size = [0.2, 0.2, 0.2]\nplace.stack.foot = [0, 1, 0]";
+    let mut world = contact_world(text);
+    let spoil: [fn(&mut BodyResponse); 2] = [
+        |response| response.contacts[0].slide_m_s[1] = f32::NAN,
+        |response| response.spin_rad_s[2] = f32::INFINITY,
+    ];
+    for spoil in spoil {
+        let mut responses = responses(&world, &below(1.0, 0.0));
+        spoil(&mut responses[0]);
+        let report = world.step(&responses).expect("a step");
+        assert_eq!(report.faults.len(), 1);
+        assert_eq!(report.faults[0].kind, FaultKind::Response);
+    }
+}
