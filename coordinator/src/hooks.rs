@@ -75,6 +75,9 @@ pub trait Recorder: Send {
     }
 }
 
+/// Changes what the hull answers about a body before the world gets it: for experiments.
+pub type AlterResponse = fn(&mut BodyResponse);
+
 /// What a step sees.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Sees {

@@ -2,6 +2,7 @@
 
 mod film;
 mod judge;
+mod response;
 mod rows;
 mod track;
 
@@ -9,33 +10,18 @@ use std::path::PathBuf;
 use std::str::FromStr;
 use std::sync::Arc;
 
-use clap::{Args, ValueEnum};
-use sim::{ResponseMode, Scene, StageHint};
+use clap::Args;
+use sim::{Scene, StageHint};
 use stage::{Motion, Prop, StageSettings};
 
 use self::film::StageFilm;
 use self::judge::{Conditions, Metric, judge, seconds_of};
+use self::response::Response;
 use self::rows::{Row, TABLE};
 use self::track::{RunPlan, Track};
 use super::outputs::within;
 use super::table::{Machine, Table, write_json};
 use cli::{ArgumentError, Failure, Outcome, check_writable, parse_size};
-
-/// How bodies answer the hull.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Response {
-    Paper,
-    Contacts,
-}
-
-impl Response {
-    fn mode(self) -> ResponseMode {
-        match self {
-            Response::Paper => ResponseMode::Paper,
-            Response::Contacts => ResponseMode::Contacts,
-        }
-    }
-}
 
 /// Scenes as their bodies went, against what they must keep to.
 #[derive(Debug, Args)]
@@ -55,7 +41,13 @@ pub struct PhysicsBenchArguments {
     )]
     scene: Vec<String>,
     /// How bodies answer the hull.
-    #[arg(long, value_enum, value_name = "NAME,…", value_delimiter = ',', default_value = "paper,contacts")]
+    #[arg(
+        long,
+        value_enum,
+        value_name = "NAME,…",
+        value_delimiter = ',',
+        default_value = "paper,contacts,one-contact"
+    )]
     response: Vec<Response>,
     /// Image sizes.
     #[arg(long, value_name = "WxH,…", value_delimiter = ',', default_value = "640x480,1280x720", value_parser = parse_size)]
@@ -153,7 +145,6 @@ impl Kind<'_> {
         let mut worst: Vec<Metric> = Vec::new();
         for seed in 1..=seeds {
             let seconds = arguments.seconds.unwrap_or_else(|| seconds_of(scene.name()));
-            let response = response.mode();
             let track = Track::of(RunPlan { film, scene, response, flicker: noise, seed, seconds })?;
             let conditions = Conditions { width: size.0, flicker: noise };
             let found = judge(scene.name(), &track, film, conditions);
@@ -165,9 +156,7 @@ impl Kind<'_> {
         }
         let row = |metric: Metric| Row {
             scene: scene.name().to_owned(),
-            response: response
-                .to_possible_value()
-                .map_or_else(String::new, |value| value.get_name().to_owned()),
+            response: response.name(),
             width: size.0,
             height: size.1,
             noise,

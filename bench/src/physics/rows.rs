@@ -44,7 +44,7 @@ pub const TABLE: Columns<Row> = Columns {
     gap: "  ",
     columns: &[
         words("scene", 8, |row| row.scene.clone()),
-        words("response", 8, |row| row.response.clone()),
+        words("response", 11, |row| row.response.clone()),
         number("size", 9, |row| format!("{}x{}", row.width, row.height)),
         number("noise", 5, |row| row.noise.to_string()),
         number("seeds", 5, |row| row.seeds.to_string()),

@@ -7,9 +7,10 @@ use coordinator::hooks::{EndRecord, FrameRecord, Recorder, StepRecord};
 use coordinator::{AskEvery, Coordinator, Figures, Progress, RunSettings, Snapshot, Transport, Watcher};
 use hull::{Pose, ProbeSettings};
 use nalgebra::{Point3, Quaternion, UnitQuaternion, Vector3};
-use sim::{Body, ResponseMode, Scene, World, WorldSettings};
+use sim::{Body, Scene, World, WorldSettings};
 
 use super::film::{Showing, StageFilm};
+use super::response::Response;
 use cli::{Failure, Outcome};
 
 /// What a run is of.
@@ -20,7 +21,7 @@ pub struct RunPlan<'a> {
     /// The bodies.
     pub scene: &'a Scene,
     /// How they answer the hull.
-    pub response: ResponseMode,
+    pub response: Response,
     /// The share of outline pixels that flicker.
     pub flicker: f64,
     /// Which flicker, and which world.
@@ -127,7 +128,8 @@ impl Track {
     /// Makes a run, as fast as it goes.
     pub fn of(plan: RunPlan<'_>) -> Outcome<Track> {
         let RunPlan { film, scene, response, flicker, seed, seconds } = plan;
-        let settings = WorldSettings { seed, response, ..WorldSettings::default() }.on(scene.hull());
+        let mode = response.mode();
+        let settings = WorldSettings { seed, response: mode, ..WorldSettings::default() }.on(scene.hull());
         let world = World::new(scene, settings).map_err(Failure::input)?;
         let names = world.moving_bodies().map(|body| body.name.clone()).collect();
         let steps = Arc::new(Mutex::new(Vec::new()));
@@ -147,6 +149,7 @@ impl Track {
             let transport = Transport::in_process(Box::new(Showing::new(film, flicker, seed)));
             Coordinator::new(transport, world, film.observers.clone(), run)
                 .with_recorder(Box::new(Keeper(Arc::clone(&steps))))
+                .with_altered(response.alter())
                 .run(&mut Nobody, std::future::pending())
                 .await
                 .map_err(Failure::run)

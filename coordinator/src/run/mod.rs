@@ -26,7 +26,7 @@ use sim::{ResponseMode, World};
 use thiserror::Error;
 
 use crate::figures::Figures;
-use crate::hooks::{EndRecord, Recorder, Schedule, Scheduled, Sees};
+use crate::hooks::{AlterResponse, EndRecord, Recorder, Schedule, Scheduled, Sees};
 use crate::live::{Command, Live, Refusal};
 use crate::query::{AskEvery, HullQuery, Surfaces};
 use crate::roster::WaitError;
@@ -138,6 +138,7 @@ struct Script {
     schedule: Option<Box<dyn Schedule>>,
     /// Its next step, until it is made.
     next: Option<Scheduled>,
+    alter: Option<AlterResponse>,
 }
 
 /// Who keeps the run, and the commands since the last step that it has not received.
@@ -198,6 +199,12 @@ impl Coordinator {
     /// Follows a schedule: it decides what every step sees and what comes before it.
     pub fn with_schedule(mut self, schedule: Box<dyn Schedule>) -> Coordinator {
         self.script.schedule = Some(schedule);
+        self
+    }
+
+    /// Has the hull's answers changed before every step: recordings keep them as they were changed.
+    pub fn with_altered(mut self, alter: AlterResponse) -> Coordinator {
+        self.script.alter = Some(alter);
         self
     }
 

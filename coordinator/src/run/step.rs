@@ -104,10 +104,13 @@ impl Coordinator {
         given: Option<Vec<BodyResponse>>,
         watcher: &mut dyn Watcher,
     ) -> Result<bool, RunError> {
-        let responses = given.unwrap_or_else(|| match &results {
+        let mut responses = given.unwrap_or_else(|| match &results {
             Some(results) => self.world.moving_bodies().zip(results).map(response).collect(),
             None => vec![BodyResponse::UNTOUCHED; self.world.moving_bodies().len()],
         });
+        if let Some(alter) = self.script.alter {
+            responses.iter_mut().for_each(alter);
+        }
         self.note_touches(&responses, results.as_deref());
         let touching = self.apply(&responses)?;
         let view = &mut self.publisher.view;

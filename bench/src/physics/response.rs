@@ -1,0 +1,75 @@
+//! How bodies answer the hull in an experiment.
+
+use clap::ValueEnum;
+use sim::{BodyResponse, ResponseMode};
+
+/// How bodies answer the hull.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Response {
+    /// As the paper has it.
+    Paper,
+    /// With contacts in the solver.
+    Contacts,
+    /// With the deepest of each body's contacts alone.
+    OneContact,
+}
+
+impl Response {
+    /// What the world is made with.
+    pub fn mode(self) -> ResponseMode {
+        match self {
+            Response::Paper => ResponseMode::Paper,
+            Response::Contacts | Response::OneContact => ResponseMode::Contacts,
+        }
+    }
+
+    /// What becomes of the hull's answer before the world gets it.
+    pub fn alter(self) -> fn(&mut BodyResponse) {
+        match self {
+            Response::Paper | Response::Contacts => |_| (),
+            Response::OneContact => keep_deepest,
+        }
+    }
+
+    /// Its name in options and tables.
+    pub fn name(self) -> String {
+        self.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
+    }
+}
+
+/// Leaves a body the deepest of its contacts.
+fn keep_deepest(response: &mut BodyResponse) {
+    let deepest = response.contacts.iter().copied().max_by(|a, b| a.depth_m.total_cmp(&b.depth_m));
+    response.contacts.clear();
+    response.contacts.extend(deepest);
+}
+
+#[cfg(test)]
+mod tests {
+    use sim::HullContact;
+
+    use super::*;
+
+    #[test]
+    fn one_contact_is_the_deepest() {
+        let contact = |sample, depth_m| HullContact {
+            sample,
+            point_body_m: [0.0; 3],
+            normal_world: [0.0, 1.0, 0.0],
+            depth_m,
+            speed_m_s: None,
+            slide_m_s: [0.0; 3],
+        };
+        let contacts = vec![contact(0, -0.01), contact(3, 0.002), contact(5, 0.001)];
+        let mut response = BodyResponse { contacts, ..BodyResponse::default() };
+        Response::Contacts.alter()(&mut response);
+        assert_eq!(response.contacts.len(), 3);
+        for _ in 0..2 {
+            Response::OneContact.alter()(&mut response);
+            assert_eq!(response.contacts, [contact(3, 0.002)]);
+        }
+        let mut untouched = BodyResponse::UNTOUCHED;
+        Response::OneContact.alter()(&mut untouched);
+        assert_eq!(untouched, BodyResponse::UNTOUCHED);
+    }
+}
