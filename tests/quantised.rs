@@ -14,7 +14,7 @@ use proto::convert::{
     answer_to_wire, shape_key,
 };
 use sim::Solid;
-use stage::{CameraStage, StageSettings, studio_rig};
+use stage::{StageSettings, studio_rig, true_silhouette};
 
 /// Random numbers (splitmix64), the same everywhere.
 struct Random(u64);
@@ -50,7 +50,7 @@ struct Scene {
 fn scene(rig: &Rig, time_s: f64) -> Scene {
     let settings = StageSettings::default();
     let views = rig.cameras().iter().enumerate().map(|(index, camera)| {
-        let silhouette = CameraStage::new(&settings, camera, index).silhouette(time_s).expect("a size");
+        let silhouette = true_silhouette(&settings, camera, time_s).expect("a size");
         let observer = Observer::new(camera.clone(), index as u16, ProbeSettings::default(), None);
         View::new(Arc::new(observer), &silhouette)
     });

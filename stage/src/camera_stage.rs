@@ -1,5 +1,6 @@
 //! The film of one camera: the empty room once, then per frame only what moves, its shadow and the noise.
 
+use hull::silhouette::{SilhouetteBuilder, SilhouetteError};
 use hull::{Camera, Silhouette};
 use nalgebra::Vector3;
 
@@ -89,12 +90,6 @@ impl CameraStage {
         self.parts.iter().map(|&part| if part == NOTHING { 0 } else { 255 }).collect()
     }
 
-    /// [`Self::mask`] as a silhouette.
-    pub fn silhouette(&mut self, time_s: f64) -> Result<Silhouette, hull::silhouette::SilhouetteError> {
-        let mask = self.mask(time_s);
-        Silhouette::from_mask(self.camera.width(), self.camera.height(), &mask)
-    }
-
     /// Finds the nearest solid of every pixel.
     fn trace(&mut self, solids: &[Solid]) -> Vec<View> {
         let width = self.camera.width() as usize;
@@ -103,10 +98,8 @@ impl CameraStage {
             self.depths[span.clone()].fill(f32::INFINITY);
             self.parts[span].fill(NOTHING);
         }
-        let lamp = Vector3::from(LAMP_M);
-        let views: Vec<View> =
-            solids.iter().filter_map(|solid| View::new(solid, &self.camera, &lamp)).collect();
-        self.drawn = views.iter().fold(Rect::EMPTY, |all, view| all.union(view.rect));
+        let views = views(solids, &self.camera);
+        self.drawn = drawn_rect(&views);
         // A stage has far fewer solids than a byte counts.
         for (part, view) in views.iter().enumerate() {
             for row in view.rect.rows.0..view.rect.rows.1 {
@@ -158,4 +151,49 @@ impl CameraStage {
             noise.add(row, bytes);
         }
     }
+}
+
+/// The solids that a camera sees.
+fn views(solids: &[Solid], camera: &Camera) -> Vec<View> {
+    let lamp = Vector3::from(LAMP_M);
+    solids.iter().filter_map(|solid| View::new(solid, camera, &lamp)).collect()
+}
+
+/// Nothing is seen beyond it.
+fn drawn_rect(views: &[View]) -> Rect {
+    views.iter().fold(Rect::EMPTY, |all, view| all.union(view.rect))
+}
+
+/// The true silhouette at a time of the film, seconds, which is [`CameraStage::mask`]. It is drawn a row at a time, so
+/// that images of any size take no memory to speak of.
+pub fn true_silhouette(
+    settings: &StageSettings,
+    camera: &Camera,
+    time_s: f64,
+) -> Result<Silhouette, SilhouetteError> {
+    let views = views(&settings.solids(time_s), camera);
+    let Rect { columns, rows } = drawn_rect(&views);
+    let mut silhouette = SilhouetteBuilder::new(camera.width(), camera.height())?;
+    let (mut rays, mut mask) = (Vec::new(), vec![0; camera.width() as usize]);
+    let (mut depths, mut parts) = (vec![0.0; mask.len()], vec![NOTHING; mask.len()]);
+    for row in 0..camera.height() {
+        if !(rows.0..rows.1).contains(&(row as usize)) {
+            silhouette.push_runs(&[])?;
+            continue;
+        }
+        rays.clear();
+        rays.extend(room::row_rays(camera, row, columns.0 as u32..columns.1 as u32));
+        let (depths, parts) = (&mut depths[..rays.len()], &mut parts[..rays.len()]);
+        depths.fill(f32::INFINITY);
+        parts.fill(NOTHING);
+        for view in views.iter().filter(|view| (view.rect.rows.0..view.rect.rows.1).contains(&(row as usize)))
+        {
+            let span = view.rect.columns.0 - columns.0..view.rect.columns.1 - columns.0;
+            view.trace_row(&rays[span.clone()], &mut depths[span.clone()], &mut parts[span], 0);
+        }
+        let within = mask[columns.0..columns.1].iter_mut().zip(parts.iter());
+        within.for_each(|(pixel, &part)| *pixel = if part == NOTHING { 0 } else { 255 });
+        silhouette.push_mask_row(&mask)?;
+    }
+    silhouette.finish()
 }

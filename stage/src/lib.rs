@@ -6,9 +6,10 @@
 //!
 //! - [`StageSettings`]: who and what is there; [`Motion`]: where the person's joints are at a time.
 //! - [`CameraStage`]: the film of one camera, and its true silhouettes. [`studio_rig`]: the cameras.
-//! - [`Truth`]: signed distance to everything real.
+//! - [`Truth`]: signed distance to everything real; [`ConvexSolid`]: what it is made of.
 
 mod camera_stage;
+mod convex;
 mod figure;
 mod lifted_box;
 mod material;
@@ -30,7 +31,8 @@ mod tray;
 #[cfg(test)]
 mod tests;
 
-pub use camera_stage::CameraStage;
+pub use camera_stage::{CameraStage, true_silhouette};
+pub use convex::{ConvexForm, ConvexSolid};
 pub use motion::{LIFT_RISE_S, LIFT_TILT_S, Motion, NEUTRAL_S, UnknownMotion};
 pub use noise::NOISE_SIGMA;
 pub use props::{Prop, UnknownProp};

@@ -1,5 +1,7 @@
 //! The empty room: a grey floor of tiles, grey-green walls with a skirting board, a door and two boards.
 
+use std::ops::Range;
+
 use hull::Camera;
 use nalgebra::Vector3;
 
@@ -14,12 +16,21 @@ const HEIGHT_M: f64 = 4.6;
 pub(crate) fn rays(camera: &Camera) -> Vec<[f32; 2]> {
     let mut rays = Vec::with_capacity(camera.width() as usize * camera.height() as usize);
     for row in 0..camera.height() {
-        for column in 0..camera.width() {
-            let ray = camera.normalised(&nalgebra::Point2::new(f64::from(column), f64::from(row)));
-            rays.push(ray.map_or([f32::NAN; 2], |ray| [ray.x as f32, ray.y as f32]));
-        }
+        rays.extend(row_rays(camera, row, 0..camera.width()));
     }
     rays
+}
+
+/// The same of some pixels of a row.
+pub(crate) fn row_rays(
+    camera: &Camera,
+    row: u32,
+    columns: Range<u32>,
+) -> impl Iterator<Item = [f32; 2]> + '_ {
+    columns.map(move |column| {
+        let ray = camera.normalised(&nalgebra::Point2::new(f64::from(column), f64::from(row)));
+        ray.map_or([f32::NAN; 2], |ray| [ray.x as f32, ray.y as f32])
+    })
 }
 
 /// The picture of the empty room, red green blue, and every pixel's place on the shadow map.

@@ -6,7 +6,10 @@ use nalgebra::{Point3, Vector3};
 use crate::maths::{mixed, turn_y, turn_z};
 use crate::motions::strike::{SWEEP_FROM_S, SWEEP_TO_S};
 use crate::props::{BOX_REST_M, BOX_RISE_M, BOX_SIZE_M, TRAY_REST_M, box_state};
-use crate::{CameraStage, Joint, Motion, NEUTRAL_S, Prop, StageSettings, Truth, studio_rig};
+use crate::{
+    CameraStage, ConvexForm, Joint, Motion, NEUTRAL_S, Prop, StageSettings, Truth, studio_rig,
+    true_silhouette,
+};
 
 fn settings(motion: Motion) -> StageSettings {
     let props = match motion {
@@ -19,6 +22,13 @@ fn settings(motion: Motion) -> StageSettings {
 
 fn camera(index: usize) -> Camera {
     studio_rig(8, (320, 240)).expect("a rig").cameras()[index].clone()
+}
+
+/// The same with a lens that distorts.
+fn bent(camera: &Camera) -> Camera {
+    let distortion = [-0.25, 0.08, 0.001, -0.002, 0.0];
+    let (rotation, offset) = (*camera.rotation_rad(), *camera.translation_m());
+    Camera::new("bent", (320, 240), *camera.intrinsics(), distortion, rotation, offset).expect("valid")
 }
 
 fn film(settings: &StageSettings, index: usize, frame: u64) -> Vec<u8> {
@@ -200,15 +210,7 @@ fn grazes(truth: &Truth, camera: &Camera, ray: &Vector3<f64>, along_m: f64) -> b
 #[test]
 fn a_bent_lens_shows_the_same_person() {
     let straight = camera(1);
-    let bent = Camera::new(
-        "bent",
-        (320, 240),
-        *straight.intrinsics(),
-        [-0.25, 0.08, 0.001, -0.002, 0.0],
-        *straight.rotation_rad(),
-        *straight.translation_m(),
-    )
-    .expect("valid");
+    let bent = bent(&straight);
     let walk = settings(Motion::Walk);
     let truth = Truth::new(&walk, 4.0);
     let mask = CameraStage::new(&walk, &bent, 0).mask(4.0);
@@ -219,9 +221,9 @@ fn a_bent_lens_shows_the_same_person() {
 #[test]
 fn the_person_covers_as_much_of_the_picture_as_a_person_would() {
     for index in 0..8 {
-        let mut stage = CameraStage::new(&settings(Motion::Idle), &camera(index), index);
-        let area = stage.silhouette(0.0).expect("a mask").area();
-        let focal = stage.camera().intrinsics()[(0, 0)];
+        let silhouette = true_silhouette(&settings(Motion::Idle), &camera(index), 0.0);
+        let area = silhouette.expect("a size").area();
+        let focal = camera(index).intrinsics()[(0, 0)];
         let square_metres = area as f64 * (3.5 / focal) * (3.5 / focal);
         assert!((0.3..0.75).contains(&square_metres), "{square_metres} m² in camera {index}");
     }
@@ -429,6 +431,51 @@ fn plain_background_subtraction_finds_the_silhouette() {
             }
             let overlap = both as f64 / either as f64;
             assert!(overlap > 0.96, "{motion} camera {index}: {overlap:.3}");
+        }
+    }
+}
+
+#[test]
+fn silhouettes_drawn_by_rows_are_the_masks() {
+    for (motion, time_s) in [(Motion::Idle, 0.0), (Motion::Lift, 3.1), (Motion::Tray, 5.0)] {
+        for index in [0, 3, 6] {
+            let (plain, bent) = (camera(index), bent(&camera(index)));
+            for camera in [plain, bent] {
+                let drawn = true_silhouette(&settings(motion), &camera, time_s).expect("a size");
+                assert_eq!(drawn.to_mask(), CameraStage::new(&settings(motion), &camera, 0).mask(time_s));
+            }
+        }
+    }
+    let nobody = StageSettings { person: false, ..StageSettings::default() };
+    assert_eq!(true_silhouette(&nobody, &camera(1), 2.0).expect("a size").area(), 0);
+}
+
+#[test]
+fn convex_solids_are_where_the_truth_is_and_move_without_jumps() {
+    const STEP_S: f64 = 1.0 / 120.0;
+    for motion in Motion::ALL {
+        let settings = settings(motion);
+        let mut before = settings.convex_solids(0.0);
+        for step in 1..1200 {
+            let time_s = f64::from(step) * STEP_S;
+            let solids = settings.convex_solids(time_s);
+            assert_eq!(solids.len(), before.len());
+            for (at, (solid, before)) in solids.iter().zip(&before).enumerate() {
+                let moved_m = (solid.world.translation.vector - before.world.translation.vector).norm();
+                let turned = solid.world.rotation.angle_to(&before.world.rotation);
+                assert!(moved_m < 0.1 && turned < 0.3, "{motion} at {time_s:.2}: {at} {moved_m} {turned}");
+            }
+            if step % 150 == 0 {
+                let truth = Truth::new(&settings, time_s);
+                for solid in &solids {
+                    let middle = match solid.form {
+                        ConvexForm::Cuboid { .. } => Point3::origin(),
+                        ConvexForm::RoundCone { length_m, .. } => Point3::new(0.0, 0.5 * length_m, 0.0),
+                    };
+                    assert!(truth.signed_distance_m(&(solid.world * middle)) < 0.0, "{motion} at {time_s}");
+                }
+            }
+            before = solids;
         }
     }
 }

@@ -7,7 +7,7 @@ use camera_node::frames::{CameraFrame, FrameRing, Stamp};
 use coordinator::{BoxError, LocalFrames};
 use hull::{Camera, Observer, ProbeSettings, Silhouette, ViewSet};
 use proto::{FilmState, FrameReport, Pace};
-use stage::{CameraStage, StageSettings, studio_rig};
+use stage::{StageSettings, studio_rig, true_silhouette};
 use tokio::sync::watch;
 
 use crate::crews::each;
@@ -20,7 +20,6 @@ pub struct StageFilm {
     pub stage: StageSettings,
     /// The cameras, in rig order.
     pub observers: Vec<Arc<Observer>>,
-    stages: Vec<Mutex<CameraStage>>,
     drawn: Mutex<BTreeMap<u64, Vec<Silhouette>>>,
 }
 
@@ -32,10 +31,8 @@ impl StageFilm {
         let observer = |(index, camera): (usize, &Camera)| {
             Arc::new(Observer::new(camera.clone(), index as u16, ProbeSettings::default(), None))
         };
-        let look = |(index, camera): (usize, &Camera)| Mutex::new(CameraStage::new(&stage, camera, index));
         Ok(StageFilm {
             observers: rig.cameras().iter().enumerate().map(observer).collect(),
-            stages: rig.cameras().iter().enumerate().map(look).collect(),
             drawn: Mutex::default(),
             stage,
         })
@@ -59,10 +56,10 @@ impl StageFilm {
         }
         let time_s = self.stage.time_s(frame);
         let look = |index: usize| {
-            let silhouette = locked(&self.stages[index]).silhouette(time_s).map_err(Failure::run)?;
-            Ok(Some(silhouette))
+            let silhouette = true_silhouette(&self.stage, self.observers[index].camera(), time_s);
+            Ok(Some(silhouette.map_err(Failure::run)?))
         };
-        let seen: Vec<Silhouette> = each(self.stages.len(), look)?.into_iter().flatten().collect();
+        let seen: Vec<Silhouette> = each(self.observers.len(), look)?.into_iter().flatten().collect();
         locked(&self.drawn).insert(frame, seen.clone());
         Ok(seen)
     }

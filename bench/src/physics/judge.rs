@@ -1,9 +1,9 @@
 //! What a physicist would measure of each scene, and what must hold.
 
 use nalgebra::{Isometry3, Vector3};
-use stage::{LIFT_TILT_S, Prop};
+use stage::{LIFT_TILT_S, Prop, StageSettings};
 
-use super::film::StageFilm;
+use super::falls::falls;
 use super::track::{BodyAt, Track, TrackStep};
 
 /// Bodies have come to rest, and are looked at, from this time of the film on, seconds.
@@ -77,11 +77,12 @@ pub struct Conditions {
 }
 
 /// The figures of a run of a scene.
-pub fn judge(scene: &str, track: &Track, film: &StageFilm, conditions: Conditions) -> Vec<Metric> {
+pub fn judge(scene: &str, track: &Track, stage: &StageSettings, conditions: Conditions) -> Vec<Metric> {
     let mut metrics = match scene {
         "rest" => rest(track, conditions),
-        "lift" => lift(track, film),
-        "tray" => tray(track, film),
+        "lift" => [lift(track, stage), falls(scene, track, stage)].concat(),
+        "topple" => falls(scene, track, stage),
+        "tray" => tray(track, stage),
         "push" => push(track),
         "punch" => punch(track),
         "drops" => drops(track),
@@ -93,13 +94,12 @@ pub fn judge(scene: &str, track: &Track, film: &StageFilm, conditions: Condition
         "lift" if conditions.width >= 1280 => Some(12.0),
         _ => None,
     };
-    let passes = track.figures.passes as f64 / track.figures.frames.max(1) as f64;
-    metrics.push(metric("passes a frame", passes, None));
+    metrics.push(metric("passes a frame", track.passes_a_frame, None));
     metrics.push(metric("depth p99, mm", 1e3 * depth_m(track, 0.99), most_mm.map(Limit::Most)));
     metrics
 }
 
-fn metric(name: &'static str, value: f64, limit: Option<Limit>) -> Metric {
+pub(super) fn metric(name: &'static str, value: f64, limit: Option<Limit>) -> Metric {
     Metric { name, value, limit }
 }
 
@@ -147,6 +147,24 @@ fn rest(track: &Track, conditions: Conditions) -> Vec<Metric> {
     ]
 }
 
+/// The figures of a run of a scene of which nothing is known that must hold.
+pub fn judge_any(track: &Track) -> Vec<Metric> {
+    let steps = track.since(SETTLED_S);
+    let first_s = track.steps.first().map_or(f64::NAN, |step| step.film_s);
+    let last = steps.last().map_or(&[][..], |step| &step.bodies);
+    let drift = |now: &BodyAt, then: &BodyAt| (now.place() - then.place()).norm();
+    let tilt_deg = |steps: &[TrackStep]| most(steps, BodyAt::turned_deg);
+    vec![
+        metric("drift since 2 s, mm", 1e3 * most(steps, drift), None),
+        metric("turn since 2 s, deg", tilt_deg(steps), None),
+        metric("turn since its start, deg", tilt_deg(track.since(first_s)), None),
+        metric("awake at the end", last.iter().filter(|body| !body.sleeps).count() as f64, None),
+        metric("passes a frame", track.passes_a_frame, None),
+        metric("depth p50, mm", 1e3 * depth_m(track, 0.5), None),
+        metric("depth p99, mm", 1e3 * depth_m(track, 0.99), None),
+    ]
+}
+
 /// A body in the frame of a prop.
 fn on_prop(body: &BodyAt, prop_world: &Isometry3<f64>) -> Vector3<f64> {
     prop_world.inverse_transform_point(&body.place()).coords
@@ -168,12 +186,12 @@ struct OnLid {
     leans_deg: f64,
 }
 
-fn on_lid(track: &Track, film: &StageFilm, index: usize) -> Vec<OnLid> {
+fn on_lid(track: &Track, stage: &StageSettings, index: usize) -> Vec<OnLid> {
     let steps = track.between(LIFT_TILT_S[0] - 0.1, LIFT_TILT_S[2]);
     let (mut first_m, mut highest_m) = (None, f64::NEG_INFINITY);
     let on = |step: &TrackStep| {
         let body = &step.bodies[index];
-        let lid = film.stage.prop_world(Prop::LiftedBox, step.film_s);
+        let lid = stage.prop_world(Prop::LiftedBox, step.film_s);
         // It sinks on the side of negative x.
         let along_m = on_prop(body, &lid).x;
         highest_m = highest_m.max(along_m);
@@ -193,22 +211,22 @@ fn tilt_when(steps: &[OnLid], has_gone: impl Fn(&OnLid) -> bool) -> f64 {
     steps.iter().find(|step| has_gone(step)).map_or(f64::NAN, |step| step.tilt_deg)
 }
 
-fn lift(track: &Track, film: &StageFilm) -> Vec<Metric> {
+fn lift(track: &Track, stage: &StageSettings) -> Vec<Metric> {
     let mut metrics = Vec::new();
     let greatest_mm = |steps: &[OnLid], of: fn(&OnLid) -> f64| 1e3 * steps.iter().map(of).fold(0.0, f64::max);
     if let Some(slippery) = track.index("slippery") {
-        let at_deg = tilt_when(&on_lid(track, film, slippery), |step| step.slid_m > SLID_M);
+        let at_deg = tilt_when(&on_lid(track, stage, slippery), |step| step.slid_m > SLID_M);
         metrics.push(metric("friction 0.3 slides at, deg", at_deg, Some(Limit::Within(13.0, 21.0))));
     }
     if let Some(rough) = track.index("rough") {
-        let steps = on_lid(track, film, rough);
+        let steps = on_lid(track, stage, rough);
         let (slid_mm, up_mm) =
             (greatest_mm(&steps, |step| step.slid_m), greatest_mm(&steps, |step| step.up_m));
         metrics.push(metric("friction 0.8 slides, mm", slid_mm, Some(Limit::Most(1e3 * SLID_M))));
         metrics.push(metric("the lid leaves it behind, mm", up_mm, Some(Limit::Most(1e3 * SLID_M))));
     }
     if let Some(top) = track.index("tower_2") {
-        let at_deg = tilt_when(&on_lid(track, film, top), |step| step.leans_deg > LEANS_DEG);
+        let at_deg = tilt_when(&on_lid(track, stage, top), |step| step.leans_deg > LEANS_DEG);
         metrics.push(metric("tower goes over at, deg", at_deg, Some(Limit::Within(14.0, 22.0))));
     }
     metrics
@@ -217,10 +235,10 @@ fn lift(track: &Track, film: &StageFilm) -> Vec<Metric> {
 /// The tray is carried between these times of the film, seconds.
 const CARRIED_S: (f64, f64) = (3.0, 8.8);
 
-fn tray(track: &Track, film: &StageFilm) -> Vec<Metric> {
+fn tray(track: &Track, stage: &StageSettings) -> Vec<Metric> {
     let steps = track.between(CARRIED_S.0, CARRIED_S.1);
     let places = |step: &TrackStep| -> Vec<Vector3<f64>> {
-        let tray = film.stage.prop_world(Prop::Tray, step.film_s);
+        let tray = stage.prop_world(Prop::Tray, step.film_s);
         step.bodies.iter().map(|body| on_prop(body, &tray)).collect()
     };
     let Some(first) = steps.first().map(places) else { return Vec::new() };

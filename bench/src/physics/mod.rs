@@ -1,43 +1,63 @@
 //! `hulltouch bench physics`: whether bodies behave as a physicist expects.
 
+mod falls;
 mod film;
 mod judge;
+mod normals;
 mod response;
 mod rows;
+mod solids;
 mod track;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::Arc;
 
 use clap::Args;
+use cluster::{ClusterFile, SceneChoice};
 use sim::{Scene, StageHint};
 use stage::{Motion, Prop, StageSettings};
 
+use self::falls::{Reference, is_compared};
 use self::film::StageFilm;
-use self::judge::{Conditions, Metric, judge, seconds_of};
+use self::judge::{Conditions, Metric, judge, judge_any, seconds_of};
+use self::normals::NORMALS;
 use self::response::Response;
-use self::rows::{Row, TABLE};
-use self::track::{RunPlan, Track};
+use self::rows::{Row, RowKind, TABLE};
+use self::track::{Film, RunPlan, Track};
 use super::outputs::within;
 use super::table::{Machine, Table, write_json};
 use cli::{ArgumentError, Failure, Outcome, check_writable, parse_size};
 
+/// What the references' cameras see.
+const FINEST: (u32, u32) = (7680, 4320);
+
 /// Scenes as their bodies went, against what they must keep to.
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Example:
+Examples:
   hulltouch bench physics --scene rest,lift --size 640x480,1280x720 --noise 0,0.01 --seeds 3
+  hulltouch bench physics --scene topple,lift --response contacts,solids,8k
+  hulltouch bench physics --scene normals --size 1280x720,3840x2160
+  hulltouch bench physics --recording deploy/uu_horseman.cluster.toml --bodies deploy/uu_horseman_knees.scene.toml
 
 Every run sees the true silhouettes of the studio, in lock-step; with noise, a share of the pixels on either side of
-every outline is inverted in every frame. Of several seeds each figure is the worst.")]
+every outline is inverted in every frame. Of several seeds each figure is the worst.
+
+`one-contact` leaves each body the deepest of its contacts. Two responses are references: `solids` has no hull, its
+bodies meet the studio's true solids; `8k` is `contacts` seen at 7680x4320. Of lift and topple the falls and ends of the
+others are compared with those of the references that are asked for too, and ends with the spread of the reference's
+own ends when its bodies start a millimetre elsewhere.
+
+The scene `normals` has no bodies: it compares the normals of the hull's surface, by disc and by square, with those at
+7680x4320 on a person, and with exact ones on a table.")]
 pub struct PhysicsBenchArguments {
-    /// The scenes.
+    /// The scenes, and `normals`.
     #[arg(
         long,
         value_name = "NAME,…",
         value_delimiter = ',',
-        default_value = "rest,lift,tray,push,punch,drops,squeeze"
+        default_value = "rest,lift,topple,tray,push,punch,drops,squeeze,normals"
     )]
     scene: Vec<String>,
     /// How bodies answer the hull.
@@ -64,6 +84,12 @@ pub struct PhysicsBenchArguments {
     /// Film of each run, seconds [default: what the scene needs].
     #[arg(long, value_name = "S", value_parser = parse_seconds)]
     seconds: Option<f64>,
+    /// A cluster file whose recording is seen instead of the studio.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["scene", "size", "noise", "cameras"])]
+    recording: Option<PathBuf>,
+    /// With a recording: a scene file instead of the recording's.
+    #[arg(long, value_name = "FILE", requires = "recording")]
+    bodies: Option<PathBuf>,
     /// Write the figures.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -87,30 +113,97 @@ pub fn run(arguments: &PhysicsBenchArguments) -> Outcome {
     if let Some(path) = &arguments.json {
         check_writable("--json", path)?;
     }
-    let scenes: Vec<Scene> = arguments
-        .scene
-        .iter()
-        .map(|name| Scene::named(name).map_err(|error| Failure::input(format_args!("--scene: {error}"))))
-        .collect::<Outcome<_>>()?;
+    let experiments = match &arguments.recording {
+        Some(path) => vec![recorded(path, arguments)?],
+        None => arguments.scene.iter().map(|name| Experiment::named(name)).collect::<Outcome<_>>()?,
+    };
     let machine = Machine::here();
     println!("{}", machine.line());
     TABLE.print_titles();
     let mut rows: Vec<Row> = Vec::new();
-    for scene in &scenes {
-        for &size in &arguments.size {
-            let film = Arc::new(StageFilm::new(stage_of(scene)?, arguments.cameras, size)?);
-            for &response in &arguments.response {
-                for &noise in &arguments.noise {
-                    let kind = Kind { scene, response, size, noise };
-                    let found = kind.rows(&film, arguments)?;
-                    found.iter().for_each(|row| TABLE.print(row));
-                    rows.extend(found);
+    let mut keep = |found: Vec<Row>| {
+        found.iter().for_each(|row| TABLE.print(row));
+        rows.extend(found);
+    };
+    for experiment in &experiments {
+        match experiment {
+            Experiment::Normals => normals::measure(&arguments.size, arguments.cameras, &mut keep)?,
+            Experiment::Studio(scene) => in_studio(scene, arguments, &mut keep)?,
+            Experiment::Recording(scene, film) => {
+                for &response in arguments.response.iter().filter(|response| !response.is_reference()) {
+                    let kind = Kind { scene, stage: None, response, size: None, noise: 0.0, film };
+                    keep(kind.rows(arguments, &[])?);
                 }
             }
         }
     }
     let table = Table { bench: "physics", machine, rows };
     write_json(&table, arguments.json.as_deref())
+}
+
+/// What is measured.
+enum Experiment {
+    /// A scene in the studio.
+    Studio(Scene),
+    /// A scene in a recording.
+    Recording(Scene, Film),
+    /// How the hull's normals are off.
+    Normals,
+}
+
+impl Experiment {
+    fn named(name: &str) -> Outcome<Experiment> {
+        if name == NORMALS {
+            return Ok(Experiment::Normals);
+        }
+        let scene = Scene::named(name);
+        scene.map(Experiment::Studio).map_err(|error| Failure::input(format_args!("--scene: {error}")))
+    }
+}
+
+/// The recording of a cluster file with the bodies of its scene, or of a scene file instead.
+fn recorded(path: &Path, arguments: &PhysicsBenchArguments) -> Outcome<Experiment> {
+    let mut file = ClusterFile::open(path)?;
+    if let Some(scene) = &arguments.bodies {
+        file.scene = SceneChoice::File(scene.clone());
+    }
+    let scene = file.load_scene().map_err(Failure::input)?;
+    Ok(Experiment::Recording(scene, Film::Recording(Box::new(file))))
+}
+
+/// A scene in the studio: the references first, then what is compared with them.
+fn in_studio(scene: &Scene, arguments: &PhysicsBenchArguments, keep: &mut dyn FnMut(Vec<Row>)) -> Outcome {
+    let stage = stage_of(scene)?;
+    let film_of = |size| StageFilm::new(stage.clone(), arguments.cameras, size).map(Arc::new);
+    let mut references = Vec::new();
+    let is_asked = |response: &Response| arguments.response.contains(response);
+    for response in Response::REFERENCES.into_iter().filter(is_asked) {
+        let (size, film) = match response {
+            Response::Solids => (None, Film::Solids(stage.clone())),
+            _ => (Some(FINEST), Film::Studio(film_of(FINEST)?, 0.0)),
+        };
+        let kind = Kind { scene, stage: Some(&stage), response, size, noise: 0.0, film: &film };
+        keep(kind.rows(arguments, &[])?);
+        if is_compared(scene.name()) {
+            let reference = Reference::of(response, kind.track(arguments, 1, false)?, |seed| {
+                kind.track(arguments, seed, true)
+            })?;
+            keep(vec![kind.row_kind(1).row(reference.spread())]);
+            references.push(reference);
+        }
+    }
+    for &size in &arguments.size {
+        let film = film_of(size)?;
+        for &response in arguments.response.iter().filter(|response| !response.is_reference()) {
+            for &noise in &arguments.noise {
+                let film = Film::Studio(Arc::clone(&film), noise);
+                let (stage, size) = (Some(&stage), Some(size));
+                let kind = Kind { scene, stage, response, size, noise, film: &film };
+                keep(kind.rows(arguments, &references)?);
+            }
+        }
+    }
+    Ok(())
 }
 
 /// The studio that a scene wants.
@@ -132,41 +225,50 @@ fn stage_of(scene: &Scene) -> Outcome<StageSettings> {
 /// Runs that differ by their seeds alone.
 struct Kind<'a> {
     scene: &'a Scene,
+    /// The studio, if it is there.
+    stage: Option<&'a StageSettings>,
     response: Response,
-    size: (u32, u32),
+    size: Option<(u32, u32)>,
     noise: f64,
+    film: &'a Film,
 }
 
 impl Kind<'_> {
-    fn rows(&self, film: &Arc<StageFilm>, arguments: &PhysicsBenchArguments) -> Outcome<Vec<Row>> {
-        let Kind { scene, response, size, noise } = *self;
+    fn track(&self, arguments: &PhysicsBenchArguments, seed: u64, is_moved: bool) -> Outcome<Track> {
+        let Kind { scene, response, .. } = *self;
+        let seconds = arguments.seconds.unwrap_or_else(|| seconds_of(scene.name()));
+        Track::of(self.film, RunPlan { scene, response, seed, is_moved, seconds })
+    }
+
+    fn row_kind(&self, seeds: u64) -> RowKind {
+        let Kind { scene, response, size, noise, .. } = *self;
+        RowKind { scene: scene.name().to_owned(), response: response.name(), size, noise, seeds }
+    }
+
+    fn rows(&self, arguments: &PhysicsBenchArguments, references: &[Reference]) -> Outcome<Vec<Row>> {
+        let scene = self.scene.name();
         // Without noise all seeds are one, but where bodies fall at random.
-        let seeds = if noise > 0.0 || scene.name() == "drops" { arguments.seeds } else { 1 };
+        let seeds = if self.noise > 0.0 || scene == "drops" { arguments.seeds } else { 1 };
+        // True solids are as fine as can be.
+        let conditions = Conditions { width: self.size.map_or(u32::MAX, |size| size.0), flicker: self.noise };
         let mut worst: Vec<Metric> = Vec::new();
         for seed in 1..=seeds {
-            let seconds = arguments.seconds.unwrap_or_else(|| seconds_of(scene.name()));
-            let track = Track::of(RunPlan { film, scene, response, flicker: noise, seed, seconds })?;
-            let conditions = Conditions { width: size.0, flicker: noise };
-            let found = judge(scene.name(), &track, film, conditions);
+            let track = self.track(arguments, seed, false)?;
+            let found = match self.stage {
+                None => judge_any(&track),
+                Some(stage) => {
+                    let compared = references.iter().flat_map(|known| known.compare(scene, &track, stage));
+                    judge(scene, &track, stage, conditions).into_iter().chain(compared).collect()
+                }
+            };
             worst = if worst.is_empty() {
                 found
             } else {
                 worst.into_iter().zip(found).map(|(a, b)| Metric { value: worse(a, b.value), ..a }).collect()
             };
         }
-        let row = |metric: Metric| Row {
-            scene: scene.name().to_owned(),
-            response: response.name(),
-            width: size.0,
-            height: size.1,
-            noise,
-            seeds,
-            metric: metric.name,
-            value: metric.value.is_finite().then_some(metric.value),
-            limit: metric.limit.map(rows::limit_text),
-            holds: metric.limit.map(|limit| limit.holds(metric.value)),
-        };
-        Ok(worst.into_iter().map(row).collect())
+        let kind = self.row_kind(seeds);
+        Ok(worst.into_iter().map(|metric| kind.row(metric)).collect())
     }
 }
 

@@ -12,22 +12,36 @@ pub enum Response {
     Contacts,
     /// With the deepest of each body's contacts alone.
     OneContact,
+    /// Without a hull: on the studio's true solids. A reference.
+    Solids,
+    /// With contacts, seen by cameras of 7680x4320. A reference.
+    #[value(name = "8k")]
+    EightK,
 }
 
 impl Response {
+    /// The references.
+    pub const REFERENCES: [Response; 2] = [Response::Solids, Response::EightK];
+
+    /// Whether others are compared with it.
+    pub fn is_reference(self) -> bool {
+        Response::REFERENCES.contains(&self)
+    }
+
     /// What the world is made with.
     pub fn mode(self) -> ResponseMode {
         match self {
-            Response::Paper => ResponseMode::Paper,
-            Response::Contacts | Response::OneContact => ResponseMode::Contacts,
+            // Where no hull is asked either will do.
+            Response::Paper | Response::Solids => ResponseMode::Paper,
+            Response::Contacts | Response::OneContact | Response::EightK => ResponseMode::Contacts,
         }
     }
 
     /// What becomes of the hull's answer before the world gets it.
     pub fn alter(self) -> fn(&mut BodyResponse) {
         match self {
-            Response::Paper | Response::Contacts => |_| (),
             Response::OneContact => keep_deepest,
+            Response::Paper | Response::Contacts | Response::Solids | Response::EightK => |_| (),
         }
     }
 

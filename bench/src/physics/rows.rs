@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::judge::Limit;
+use super::judge::{Limit, Metric};
 use crate::table::{Columns, number, or_dash, words};
 
 /// One figure of one kind of run.
@@ -12,10 +12,10 @@ pub struct Row {
     pub scene: String,
     /// How bodies answered the hull.
     pub response: String,
+    /// Of the images, pixels; none where there are none, or several.
+    pub width: Option<u32>,
     /// Of the images, pixels.
-    pub width: u32,
-    /// Of the images, pixels.
-    pub height: u32,
+    pub height: Option<u32>,
     /// The share of outline pixels that flickered.
     pub noise: f64,
     /// How many runs.
@@ -30,8 +30,41 @@ pub struct Row {
     pub holds: Option<bool>,
 }
 
+/// What rows of one kind of run have in common.
+#[derive(Clone, Debug)]
+pub struct RowKind {
+    /// Which scene.
+    pub scene: String,
+    /// How bodies answered the hull.
+    pub response: String,
+    /// Of the images, pixels, if they are of one.
+    pub size: Option<(u32, u32)>,
+    /// The share of outline pixels that flickered.
+    pub noise: f64,
+    /// How many runs.
+    pub seeds: u64,
+}
+
+impl RowKind {
+    /// The row of a figure.
+    pub fn row(&self, metric: Metric) -> Row {
+        Row {
+            scene: self.scene.clone(),
+            response: self.response.clone(),
+            width: self.size.map(|size| size.0),
+            height: self.size.map(|size| size.1),
+            noise: self.noise,
+            seeds: self.seeds,
+            metric: metric.name,
+            value: metric.value.is_finite().then_some(metric.value),
+            limit: metric.limit.map(limit_text),
+            holds: metric.limit.map(|limit| limit.holds(metric.value)),
+        }
+    }
+}
+
 /// A limit for people.
-pub fn limit_text(limit: Limit) -> String {
+fn limit_text(limit: Limit) -> String {
     match limit {
         Limit::Most(most) => format!("<= {most}"),
         Limit::Least(least) => format!(">= {least}"),
@@ -45,7 +78,10 @@ pub const TABLE: Columns<Row> = Columns {
     columns: &[
         words("scene", 8, |row| row.scene.clone()),
         words("response", 11, |row| row.response.clone()),
-        number("size", 9, |row| format!("{}x{}", row.width, row.height)),
+        number("size", 9, |row| match (row.width, row.height) {
+            (Some(width), Some(height)) => format!("{width}x{height}"),
+            _ => "-".to_owned(),
+        }),
         number("noise", 5, |row| row.noise.to_string()),
         number("seeds", 5, |row| row.seeds.to_string()),
         words("metric", 30, |row| row.metric.to_owned()),

@@ -3,41 +3,58 @@
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
+use cluster::{ClusterFile, InProcess};
 use coordinator::hooks::{EndRecord, FrameRecord, Recorder, StepRecord};
-use coordinator::{AskEvery, Coordinator, Figures, Progress, RunSettings, Snapshot, Transport, Watcher};
-use hull::{Pose, ProbeSettings};
+use coordinator::{AskEvery, Coordinator, LocalFrames, Progress, RunSettings, Snapshot, Transport, Watcher};
+use hull::{Observer, Pose, ProbeSettings};
 use nalgebra::{Point3, Quaternion, UnitQuaternion, Vector3};
-use sim::{Body, Scene, World, WorldSettings};
+use sim::{Body, BodyId, BodyResponse, Scene, World, WorldSettings};
+use stage::{StageSettings, Truth};
 
 use super::film::{Showing, StageFilm};
 use super::response::Response;
+use super::solids::TrueSolids;
+use crate::random::Random;
 use cli::{Failure, Outcome};
+
+/// How far a start is moved, metres.
+pub const MOVED_M: f64 = 1e-3;
 
 /// What a run is of.
 #[derive(Clone, Copy)]
 pub struct RunPlan<'a> {
-    /// What is filmed.
-    pub film: &'a Arc<StageFilm>,
     /// The bodies.
     pub scene: &'a Scene,
     /// How they answer the hull.
     pub response: Response,
-    /// The share of outline pixels that flicker.
-    pub flicker: f64,
-    /// Which flicker, and which world.
+    /// Which world, and whose starts are moved.
     pub seed: u64,
+    /// Whether every body starts a millimetre from its place, in a direction of the seed's.
+    pub is_moved: bool,
     /// How much film.
     pub seconds: f64,
+}
+
+/// What the bodies of a run meet.
+pub enum Film {
+    /// The studio as its cameras see it, with a share of outline pixels that flicker.
+    Studio(Arc<StageFilm>, f64),
+    /// The studio's true solids.
+    Solids(StageSettings),
+    /// A recording.
+    Recording(Box<ClusterFile>),
 }
 
 /// A run that is over.
 pub struct Track {
     /// The moving bodies, in their order.
     pub names: Vec<String>,
+    /// How far each reaches along its axes, metres.
+    pub reaches_m: Vec<[f64; 3]>,
     /// Every step.
     pub steps: Vec<TrackStep>,
-    /// What the coordinator counted.
-    pub figures: Figures,
+    /// How often the hull was asked; no number where there is none.
+    pub passes_a_frame: f64,
 }
 
 /// What holds at the end of a step.
@@ -64,6 +81,17 @@ pub struct BodyAt {
 }
 
 impl BodyAt {
+    fn of(body: &Body, depth_m: f64) -> BodyAt {
+        let speed_m_s = Vector3::from(body.velocity_m_s).norm();
+        BodyAt {
+            pose: body.pose,
+            speed_m_s,
+            spin_rad_s: Vector3::from(body.spin_rad_s).norm(),
+            sleeps: speed_m_s == 0.0 && body.spin_rad_s == [0.0; 3],
+            depth_m,
+        }
+    }
+
     /// Its middle, world, metres.
     pub fn place(&self) -> Point3<f64> {
         Point3::from(self.pose.position_m())
@@ -95,14 +123,7 @@ impl Recorder for Keeper {
         let body = |(index, body): (usize, &Body)| {
             let touches = record.results.map_or(&[][..], |results| &results[index].touches);
             let inside = touches.iter().filter(|touch| touch.is_inside()).filter_map(|touch| touch.exit_m);
-            let speed_m_s = Vector3::from(body.velocity_m_s).norm();
-            BodyAt {
-                pose: body.pose,
-                speed_m_s,
-                spin_rad_s: Vector3::from(body.spin_rad_s).norm(),
-                sleeps: speed_m_s == 0.0 && body.spin_rad_s == [0.0; 3],
-                depth_m: f64::from(inside.fold(0.0, f32::max)),
-            }
+            BodyAt::of(body, f64::from(inside.fold(0.0, f32::max)))
         };
         let bodies = record.world.moving_bodies().enumerate().map(body).collect();
         let mut steps = self.0.lock().unwrap_or_else(PoisonError::into_inner);
@@ -126,19 +147,36 @@ impl Watcher for Nobody {
 
 impl Track {
     /// Makes a run, as fast as it goes.
-    pub fn of(plan: RunPlan<'_>) -> Outcome<Track> {
-        let RunPlan { film, scene, response, flicker, seed, seconds } = plan;
-        let mode = response.mode();
-        let settings = WorldSettings { seed, response: mode, ..WorldSettings::default() }.on(scene.hull());
-        let world = World::new(scene, settings).map_err(Failure::input)?;
-        let names = world.moving_bodies().map(|body| body.name.clone()).collect();
+    pub fn of(film: &Film, plan: RunPlan<'_>) -> Outcome<Track> {
+        match film {
+            Film::Solids(stage) => Track::over_solids(stage, plan),
+            Film::Studio(film, flicker) => {
+                let frames = Box::new(Showing::new(film, *flicker, plan.seed));
+                let setup = (ProbeSettings::default(), film.stage.fps, film.observers.clone());
+                Track::over_film(frames, setup, plan)
+            }
+            Film::Recording(file) => {
+                let cameras = file.rig_config(false)?;
+                let frames = Box::new(InProcess::prepare(&cameras)?);
+                Track::over_film(frames, (file.probes, file.fps, cameras.observers()), plan)
+            }
+        }
+    }
+
+    fn over_film(
+        frames: Box<dyn LocalFrames>,
+        (probes, fps, observers): (ProbeSettings, f64, Vec<Arc<Observer>>),
+        plan: RunPlan<'_>,
+    ) -> Outcome<Track> {
+        let world = plan.world()?;
+        let (names, reaches_m) = (names(&world), reaches_m(&world));
         let steps = Arc::new(Mutex::new(Vec::new()));
         let run = RunSettings {
-            probes: ProbeSettings::default(),
-            fps: film.stage.fps,
+            probes,
+            fps,
             latency_s: 0.0,
             hold_s: 0.0,
-            seconds: Some(seconds),
+            seconds: Some(plan.seconds),
             lock_step: true,
             ask_every: AskEvery::Frame,
             reuse_within_m: 0.0,
@@ -146,10 +184,9 @@ impl Track {
         };
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
         let (figures, _) = runtime.map_err(Failure::run)?.block_on(async {
-            let transport = Transport::in_process(Box::new(Showing::new(film, flicker, seed)));
-            Coordinator::new(transport, world, film.observers.clone(), run)
+            Coordinator::new(Transport::in_process(frames), world, observers, run)
                 .with_recorder(Box::new(Keeper(Arc::clone(&steps))))
-                .with_altered(response.alter())
+                .with_altered(plan.response.alter())
                 .run(&mut Nobody, std::future::pending())
                 .await
                 .map_err(Failure::run)
@@ -158,7 +195,29 @@ impl Track {
             return Err(Failure::run(why));
         }
         let steps = std::mem::take(&mut *steps.lock().unwrap_or_else(PoisonError::into_inner));
-        Ok(Track { names, steps, figures })
+        let passes_a_frame = figures.passes as f64 / figures.frames.max(1) as f64;
+        Ok(Track { names, reaches_m, steps, passes_a_frame })
+    }
+
+    /// No hull is asked: the bodies stand on the studio's solids.
+    fn over_solids(stage: &StageSettings, plan: RunPlan<'_>) -> Outcome<Track> {
+        let mut world = plan.world()?;
+        let (names, reaches_m) = (names(&world), reaches_m(&world));
+        let untouched = vec![BodyResponse::UNTOUCHED; world.moving_bodies().len()];
+        let (mut solids, mut steps) = (TrueSolids::default(), Vec::new());
+        while world.next_time_s() <= plan.seconds + 1e-9 {
+            let film_s = world.next_time_s();
+            world.set_true_solids(&solids.at(stage, film_s)?).map_err(Failure::run)?;
+            let truth = Truth::new(stage, film_s);
+            let depths_m: Vec<f64> = world.moving_bodies().map(|body| depth_m(body, &truth)).collect();
+            world.step(&untouched).map_err(Failure::run)?;
+            let bodies = world.moving_bodies().zip(depths_m);
+            steps.push(TrackStep {
+                film_s,
+                bodies: bodies.map(|(body, depth_m)| BodyAt::of(body, depth_m)).collect(),
+            });
+        }
+        Ok(Track { names, reaches_m, steps, passes_a_frame: f64::NAN })
     }
 
     /// The steps from a time of the film on.
@@ -176,4 +235,43 @@ impl Track {
     pub fn index(&self, name: &str) -> Option<usize> {
         self.names.iter().position(|known| known == name)
     }
+}
+
+impl RunPlan<'_> {
+    /// The scene's bodies as they start.
+    fn world(&self) -> Outcome<World> {
+        let RunPlan { scene, response, seed, is_moved, .. } = *self;
+        let settings = WorldSettings { seed, response: response.mode(), ..WorldSettings::default() };
+        let mut world = World::new(scene, settings.on(scene.hull())).map_err(Failure::input)?;
+        if is_moved {
+            let ids: Vec<BodyId> = world.bodies().iter().map(|body| body.id).collect();
+            ids.into_iter().try_for_each(|id| world.remove(id)).map_err(Failure::run)?;
+            let mut random = Random::new(seed);
+            for mut spec in scene.bodies(seed) {
+                let [x, z] = random.unit().map(|share: f64| share * MOVED_M);
+                if !spec.fixed {
+                    spec.pose = spec.pose.moved([x, 0.0, z]);
+                }
+                let prepared = world.prepare(spec).map_err(Failure::run)?;
+                world.spawn(prepared).map_err(Failure::run)?;
+            }
+        }
+        Ok(world)
+    }
+}
+
+fn names(world: &World) -> Vec<String> {
+    world.moving_bodies().map(|body| body.name.clone()).collect()
+}
+
+fn reaches_m(world: &World) -> Vec<[f64; 3]> {
+    let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+    world.moving_bodies().map(|body| axes.map(|axis| body.solid.reach_m(axis))).collect()
+}
+
+/// How deep the deepest sample of a body is in what truly stands there, metres; zero outside.
+fn depth_m(body: &Body, truth: &Truth) -> f64 {
+    let world = body.pose.world_from_body();
+    let depths = body.shape.samples_body().iter().map(|&sample| -truth.signed_distance_m(&world(sample)));
+    depths.fold(0.0, f64::max)
 }

@@ -5,7 +5,7 @@ use std::process::Command;
 
 use hull::Silhouette;
 use segment::{Format, Layout, Range, Sampling, SegmentSettings, from_rgb};
-use stage::{CameraStage, StageSettings, studio_rig};
+use stage::{CameraStage, StageSettings, studio_rig, true_silhouette};
 
 use cli::{Failure, Outcome, Progress};
 
@@ -76,7 +76,9 @@ impl Scene {
             for (frames, bytes) in frames.iter_mut().zip(in_layouts(&rgb, size)?) {
                 frames.film.push(bytes);
             }
-            truth.push(camera.silhouette(settings.time_s(number)).map_err(Failure::run)?);
+            truth.push(
+                true_silhouette(&settings, camera.camera(), settings.time_s(number)).map_err(Failure::run)?,
+            );
             progress.step();
         }
         Ok(Scene { set: "stage", size, settings: SegmentSettings::default(), frames, truth })

@@ -2,6 +2,7 @@
 
 mod hold;
 mod patches;
+mod true_solids;
 
 use crate::scene::{BodySpec, MassSpec, Scene};
 use crate::solid::Solid;
@@ -15,6 +16,7 @@ use hold::Hold;
 use patches::{BodyPatches, Dispatcher, OwnBody, groups_of_bodies};
 
 pub(crate) use patches::Surface;
+pub(crate) use true_solids::TrueSolids;
 
 /// Deep overlaps (a response may push a body centimetres into a neighbour) are pushed apart no faster
 /// than this, m/s. A resting body that is overlapped is never thrown: it glides out at this speed.
@@ -217,7 +219,17 @@ fn body(spec: &BodySpec) -> RigidBodyBuilder {
 }
 
 fn collider(spec: &BodySpec) -> Option<ColliderBuilder> {
-    let builder = match &spec.solid {
+    let builder = shape(&spec.solid)?;
+    let builder = match spec.mass {
+        MassSpec::MassKg(mass_kg) => builder.mass(mass_kg as f32),
+        MassSpec::DensityKgM3(density) => builder.density(density as f32),
+    };
+    Some(builder.friction(spec.friction as f32).restitution(spec.restitution as f32))
+}
+
+/// A collider of a solid's shape; `None` if rapier does not take it.
+fn shape(solid: &Solid) -> Option<ColliderBuilder> {
+    Some(match solid {
         Solid::Box { size_m } => {
             let [x, y, z] = size_m.map(|edge| (0.5 * edge) as f32);
             ColliderBuilder::cuboid(x, y, z)
@@ -236,12 +248,7 @@ fn collider(spec: &BodySpec) -> Option<ColliderBuilder> {
             let corners: Vec<Vector> = hull.corners_m().iter().map(|corner| vector(*corner)).collect();
             ColliderBuilder::convex_hull(&corners)?
         }
-    };
-    let builder = match spec.mass {
-        MassSpec::MassKg(mass_kg) => builder.mass(mass_kg as f32),
-        MassSpec::DensityKgM3(density) => builder.density(density as f32),
-    };
-    Some(builder.friction(spec.friction as f32).restitution(spec.restitution as f32))
+    })
 }
 
 fn rapier_pose(pose: &Pose) -> rapier3d::math::Pose {

@@ -1,16 +1,18 @@
 //! What others may do to a world between two steps. Each does all or nothing, and the same commands at the
 //! same steps give the same world, bit for bit.
 
-use super::{Body, World, WorldError};
+use super::{Body, World, WorldError, WorldSettings};
 use crate::response::ResponseMode;
 use crate::samples::{self, normals};
 use crate::scene::{
     BodySpec, MAX_BODIES, MAX_GRAVITY_M_S2, MAX_POSITION_M, MAX_SPEED_M_S, Scene, ValueError, all_within,
     check_speed, wrong,
 };
-use hull::Shape;
+use crate::solid::Solid;
+use crate::solver::Surface;
 use hull::contact::FEELER_M;
 use hull::faces::FaceNormals;
+use hull::{Pose, Shape};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -216,6 +218,16 @@ impl World {
         self.settings = settings;
         self.answers_hull = set.answers_hull.unwrap_or(self.answers_hull);
         Ok(())
+    }
+
+    /// Puts solids, each at its pose in the world, where they are at the end of the next step: bodies meet them as they
+    /// meet the hull, and they move as they are told. They are no bodies. Always the same ones, in one order; the first
+    /// time they are there at once. For experiments that compare the hull with what truly stands there.
+    pub fn set_true_solids(&mut self, solids: &[(Solid, Pose)]) -> Result<(), WorldError> {
+        let WorldSettings { mirror_restitution: restitution, hull_friction: friction, .. } = self.settings;
+        let surface = Surface { friction, restitution };
+        let placed = self.solver.place_true_solids(&mut self.true_solids, solids, surface);
+        placed.map_err(|index| WorldError::Solid { body: format!("true solid {index}") })
     }
 
     /// Every parameter as it is.

@@ -17,7 +17,7 @@ pub use step::{Fault, FaultKind, StepReport};
 
 use crate::scene::{BodySpec, Scene};
 use crate::solid::Solid;
-use crate::solver::Solver;
+use crate::solver::{Solver, TrueSolids};
 use crate::summary::BodySummary;
 use crate::trajectory::{Trajectory, TrajectoryDigest};
 use commands::BodySamples;
@@ -73,6 +73,7 @@ pub struct World {
     gravity_m_s2: [f64; 3],
     up: Vector3<f64>,
     solver: Solver,
+    true_solids: TrueSolids,
     bodies: Vec<Body>,
     summaries: Vec<BodySummary>,
     next_id: BodyId,
@@ -98,6 +99,7 @@ impl World {
             gravity_m_s2: scene.gravity_m_s2(),
             up: scene.up().into(),
             solver,
+            true_solids: TrueSolids::default(),
             bodies: vec![],
             summaries: vec![],
             next_id: 0,

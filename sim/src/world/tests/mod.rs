@@ -6,6 +6,7 @@ mod contacts;
 mod foresight;
 mod settling;
 mod surfaces;
+mod true_solids;
 
 use super::*;
 use crate::response::BodyResponse;
