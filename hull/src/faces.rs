@@ -13,6 +13,8 @@ pub struct FaceNormals {
     normals_body: Vec<Vector3<f64>>,
     /// Where the normals of each sample end.
     ends: Vec<usize>,
+    /// The samples within a flat face, ascending.
+    flat: Vec<usize>,
 }
 
 impl FaceNormals {
@@ -22,10 +24,22 @@ impl FaceNormals {
         self.ends.push(self.normals_body.len());
     }
 
+    /// Adds the outward unit normal of the flat face within which the next sample lies, body frame.
+    pub fn push_flat(&mut self, normal_body: Vector3<f64>) {
+        self.flat.push(self.ends.len());
+        self.push([normal_body]);
+    }
+
     /// The normals at one sample; none beyond the last.
     pub fn at(&self, sample: usize) -> &[Vector3<f64>] {
         let first = sample.checked_sub(1).map_or(0, |before| self.ends.get(before).copied().unwrap_or(0));
         self.ends.get(sample).map_or(&[], |&end| &self.normals_body[first..end])
+    }
+
+    /// Which way the flat face looks within which a sample lies, world; `None` on edges and on what is curved.
+    pub(crate) fn flat_at(&self, sample: usize, pose: &Pose) -> Option<Vector3<f64>> {
+        self.flat.binary_search(&sample).ok()?;
+        Some(pose.rotation() * self.at(sample).first()?)
     }
 
     /// Whether a surface with that normal, world, faces one of the faces at a sample.

@@ -1,5 +1,6 @@
 //! What a physicist would measure of each scene, and what must hold.
 
+use hull::surface::HullTime;
 use nalgebra::{Isometry3, Vector3};
 use stage::{LIFT_TILT_S, Prop, StageSettings};
 
@@ -74,6 +75,8 @@ pub struct Conditions {
     pub width: u32,
     /// The share of outline pixels that flicker.
     pub flicker: f64,
+    /// Of which moment the hull was.
+    pub hull_time: HullTime,
 }
 
 /// The figures of a run of a scene.
@@ -91,7 +94,10 @@ pub fn judge(scene: &str, track: &Track, stage: &StageSettings, conditions: Cond
     };
     let most_mm = match scene {
         "rest" => Some(4.0),
-        "lift" if conditions.width >= 1280 => Some(12.0),
+        "lift" if conditions.width >= 1280 => Some(match conditions.hull_time {
+            HullTime::Newest => 12.0,
+            HullTime::Between => 6.0,
+        }),
         _ => None,
     };
     metrics.push(metric("passes a frame", track.passes_a_frame, None));

@@ -44,7 +44,7 @@ Examples:
 Every run sees the true silhouettes of the studio, in lock-step; with noise, a share of the pixels on either side of
 every outline is inverted in every frame. Of several seeds each figure is the worst.
 
-`one-contact` leaves each body the deepest of its contacts. Two responses are references: `solids` has no hull, its
+`between` is `contacts` with the hull between the two newest frames, one frame later. `one-contact` leaves each body the deepest of its contacts. Two responses are references: `solids` has no hull, its
 bodies meet the studio's true solids; `8k` is `contacts` seen at 7680x4320. Of lift and topple the falls and ends of the
 others are compared with those of the references that are asked for too, and ends with the spread of the reference's
 own ends when its bodies start a millimetre elsewhere.
@@ -66,7 +66,7 @@ pub struct PhysicsBenchArguments {
         value_enum,
         value_name = "NAME,…",
         value_delimiter = ',',
-        default_value = "paper,contacts,one-contact"
+        default_value = "paper,contacts,between,one-contact"
     )]
     response: Vec<Response>,
     /// Image sizes.
@@ -250,7 +250,11 @@ impl Kind<'_> {
         // Without noise all seeds are one, but where bodies fall at random.
         let seeds = if self.noise > 0.0 || scene == "drops" { arguments.seeds } else { 1 };
         // True solids are as fine as can be.
-        let conditions = Conditions { width: self.size.map_or(u32::MAX, |size| size.0), flicker: self.noise };
+        let conditions = Conditions {
+            width: self.size.map_or(u32::MAX, |size| size.0),
+            flicker: self.noise,
+            hull_time: self.response.hull_time(),
+        };
         let mut worst: Vec<Metric> = Vec::new();
         for seed in 1..=seeds {
             let track = self.track(arguments, seed, false)?;

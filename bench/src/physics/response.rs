@@ -1,6 +1,7 @@
 //! How bodies answer the hull in an experiment.
 
 use clap::ValueEnum;
+use hull::surface::HullTime;
 use sim::{BodyResponse, ResponseMode};
 
 /// How bodies answer the hull.
@@ -10,6 +11,8 @@ pub enum Response {
     Paper,
     /// With contacts in the solver.
     Contacts,
+    /// With contacts in the solver, and the hull between the two newest frames.
+    Between,
     /// With the deepest of each body's contacts alone.
     OneContact,
     /// Without a hull: on the studio's true solids. A reference.
@@ -33,15 +36,22 @@ impl Response {
         match self {
             // Where no hull is asked either will do.
             Response::Paper | Response::Solids => ResponseMode::Paper,
-            Response::Contacts | Response::OneContact | Response::EightK => ResponseMode::Contacts,
+            Response::Contacts | Response::Between | Response::OneContact | Response::EightK => {
+                ResponseMode::Contacts
+            }
         }
+    }
+
+    /// Of which moment the hull is that bodies collide with.
+    pub fn hull_time(self) -> HullTime {
+        if self == Response::Between { HullTime::Between } else { HullTime::Newest }
     }
 
     /// What becomes of the hull's answer before the world gets it.
     pub fn alter(self) -> fn(&mut BodyResponse) {
         match self {
             Response::OneContact => keep_deepest,
-            Response::Paper | Response::Contacts | Response::Solids | Response::EightK => |_| (),
+            _ => |_| (),
         }
     }
 

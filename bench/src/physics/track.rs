@@ -59,7 +59,7 @@ pub struct Track {
 
 /// What holds at the end of a step.
 pub struct TrackStep {
-    /// The film's time, seconds.
+    /// The moment of the film at which the hull is met, seconds.
     pub film_s: f64,
     /// The moving bodies.
     pub bodies: Vec<BodyAt>,
@@ -194,7 +194,9 @@ impl Track {
         if let Some(why) = &figures.film_failure {
             return Err(Failure::run(why));
         }
-        let steps = std::mem::take(&mut *steps.lock().unwrap_or_else(PoisonError::into_inner));
+        let mut steps = std::mem::take(&mut *steps.lock().unwrap_or_else(PoisonError::into_inner));
+        let later_s = plan.response.hull_time().frames_later() / fps;
+        steps.iter_mut().for_each(|step| step.film_s -= later_s);
         let passes_a_frame = figures.passes as f64 / figures.frames.max(1) as f64;
         Ok(Track { names, reaches_m, steps, passes_a_frame })
     }
@@ -241,7 +243,8 @@ impl RunPlan<'_> {
     /// The scene's bodies as they start.
     fn world(&self) -> Outcome<World> {
         let RunPlan { scene, response, seed, is_moved, .. } = *self;
-        let settings = WorldSettings { seed, response: response.mode(), ..WorldSettings::default() };
+        let (hull_time, response) = (response.hull_time(), response.mode());
+        let settings = WorldSettings { seed, response, hull_time, ..WorldSettings::default() };
         let mut world = World::new(scene, settings.on(scene.hull())).map_err(Failure::input)?;
         if is_moved {
             let ids: Vec<BodyId> = world.bodies().iter().map(|body| body.id).collect();

@@ -3,13 +3,14 @@
 use hull::Pose;
 use hull::contact::Eye;
 use hull::pass::BodyResult;
-use hull::surface::{BodySurface, FrameAge, Sampled};
+use hull::surface::{BodySurface, FrameAge, HullTime, Sampled};
 use sim::Body;
 
 /// The surfaces near the moving bodies of a world.
 #[derive(Clone, Debug, Default)]
 pub struct Surfaces {
     fps: f64,
+    hull_time: HullTime,
     /// Of the rig's cameras.
     eyes: Vec<Eye>,
     bodies: Vec<BodySurface>,
@@ -17,8 +18,8 @@ pub struct Surfaces {
 
 impl Surfaces {
     /// Surfaces of film of so many frames a second, seen by these cameras of a rig.
-    pub fn of(fps: f64, eyes: Vec<Eye>) -> Surfaces {
-        Surfaces { fps, eyes, bodies: Vec::new() }
+    pub fn of(fps: f64, hull_time: HullTime, eyes: Vec<Eye>) -> Surfaces {
+        Surfaces { fps, hull_time, eyes, bodies: Vec::new() }
     }
 
     /// Other bodies: nothing is known of any.
@@ -29,7 +30,7 @@ impl Surfaces {
 
     /// A step that ends at `film_s` and sees `frame`.
     pub fn frame_age(&self, frame: u64, film_s: f64) -> FrameAge {
-        FrameAge::new(frame, self.fps, film_s)
+        FrameAge::new(frame, self.fps, film_s, self.hull_time)
     }
 
     /// The pose to ask about a body.

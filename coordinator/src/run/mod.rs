@@ -164,13 +164,14 @@ impl Coordinator {
         if world.settings().response == ResponseMode::Contacts {
             query.ask_planes();
         }
+        let surfaces = Surfaces::of(fps, world.settings().hull_time, eyes);
         let mut coordinator = Coordinator {
             transport,
             world,
             clock: Clock::new(pace, latency_s, max_lag_s),
             settings,
             query,
-            surfaces: Surfaces::of(fps, eyes),
+            surfaces,
             film: FilmInUse::default(),
             figures: Figures::default(),
             steering: Steering::default(),

@@ -5,7 +5,8 @@
 //! stood still since the frame, and again once it has left that place: what rides on a lifted lid is asked once a
 //! frame. Cameras tell how far each plane moved since the frame before. Motion along a surface cannot be seen there:
 //! planes around the body are asked for too, and the rigid motion that explains all of them says how the surface
-//! slides.
+//! slides. A step may as well take the surface between the frame and the one before ([`HullTime`]): it goes back from
+//! the newer by what it moved.
 
 mod motion;
 mod still;
@@ -16,6 +17,7 @@ use crate::body::{Pose, Shape};
 use crate::contact::{Eye, contacts, depth_m, is_near};
 use crate::faces::FaceNormals;
 use crate::pass::{BodyResult, Touch};
+use crate::question::Edge;
 use motion::{Estimate, Motion, Row};
 use still::Beliefs;
 
@@ -25,23 +27,57 @@ const HOLD_WITHIN_M: f64 = 0.004;
 const ELSE_WEIGHT: f64 = 0.01;
 /// A surface that moves slower than this stands still, m/s.
 const LEAST_SPEED_M_S: f64 = 0.002;
+/// Hull and face meet if their normals are so nearly opposite: cosines of 60 degrees and, where what is noise in the
+/// one would be a turn of the other, of 8.
+const LEAST_OPPOSITE: f64 = 0.5;
+const MOST_OPPOSITE: f64 = 0.99;
 /// Film that shows a frame for so many periods stands still, and its surfaces with it.
 const STILL_PERIODS: f64 = 1.5;
 
-/// The frame that a step sees, and how old it is.
+/// Of which moment the hull is that a step collides with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum HullTime {
+    /// Of the step: from the newest frame on, surfaces go on as fast as they came.
+    #[default]
+    Newest,
+    /// Of one frame earlier, between the two newest frames: nothing is guessed, and all comes a frame later.
+    Between,
+}
+
+impl HullTime {
+    /// Its name in options, files and messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            HullTime::Newest => "newest",
+            HullTime::Between => "between",
+        }
+    }
+
+    /// How many frames later bodies meet what was filmed.
+    pub fn frames_later(self) -> f64 {
+        match self {
+            HullTime::Newest => 0.0,
+            HullTime::Between => 1.0,
+        }
+    }
+}
+
+/// The frame that a step sees, and how much older it is than the hull that the step collides with.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameAge {
     frame: u64,
     fps: f64,
+    /// Less than nothing between the frame and the one before.
     age_s: f64,
     is_still: bool,
 }
 
 impl FrameAge {
     /// A step that ends at `film_s` and sees `frame` of film of so many frames a second.
-    pub fn new(frame: u64, fps: f64, film_s: f64) -> FrameAge {
+    pub fn new(frame: u64, fps: f64, film_s: f64, hull_time: HullTime) -> FrameAge {
         let age_s = (film_s - frame as f64 / fps).max(0.0);
         let is_still = age_s * fps > STILL_PERIODS;
+        let age_s = age_s - hull_time.frames_later() / fps;
         FrameAge { frame, fps, age_s: if is_still { 0.0 } else { age_s }, is_still }
     }
 }
@@ -57,6 +93,14 @@ pub struct Sampled<'a> {
     pub pose: &'a Pose,
     /// Which way its faces look at the samples.
     pub faces: &'a FaceNormals,
+}
+
+impl Sampled<'_> {
+    /// Where its samples are when it is at a pose, world.
+    fn place_at(&self, pose: &Pose) -> impl Fn(u32) -> Point3<f64> {
+        let (world_from_body, samples) = (pose.world_from_body(), self.shape.samples_body());
+        move |sample| world_from_body(samples[sample as usize])
+    }
 }
 
 /// What is known of the surface near one body.
@@ -103,20 +147,15 @@ impl BodySurface {
         body: &Sampled<'_>,
         eyes: &[Eye],
     ) -> BodyResult {
-        let pose = self.against_surface(body.pose, at);
-        let world_from_body = pose.world_from_body();
-        let samples = body.shape.samples_body();
-        let place = |sample: u32| world_from_body(samples[sample as usize]);
-        let is_contact = |touch: &Touch, depth_m: f64| is_near(touch, depth_m, &pose, body.faces);
         if std::mem::take(&mut self.is_new) {
-            let mut seen = contacts(planes, body.shape, &pose, body.faces, eyes).touches;
-            seen.iter_mut().for_each(|touch| touch.speed_m_s = speed_m_s(touch, at.fps));
-            let slides = self.tell_slides(at, planes, body, &pose, &mut seen, eyes);
-            self.beliefs.take(&seen, self.moved_m, slides, place, is_contact, eyes);
+            self.look(at, planes, body, eyes);
         }
+        let pose = self.against_surface(body.pose, at);
+        let place = body.place_at(&pose);
         let contact = |touch: &Touch| {
             let depth_m = depth_m(touch, &place(touch.sample), eyes)?;
-            is_contact(touch, depth_m).then_some(Touch { exit_m: Some(depth_m as f32), ..*touch })
+            let is_contact = is_near(touch, depth_m, &pose, body.faces);
+            is_contact.then(|| against_face(touch, depth_m, &pose, body.faces))
         };
         let mut touches: Vec<Touch> = self.beliefs.touches().filter_map(contact).collect();
         if at.is_still {
@@ -125,6 +164,20 @@ impl BodySurface {
         self.velocity_m_s = velocity_m_s(&touches);
         let spin_rad_s = if at.is_still { [0.0; 3] } else { self.spin_rad_s(at.fps) };
         BodyResult { touches, spin_rad_s, ..BodyResult::default() }
+    }
+
+    /// Takes in what was asked about a body.
+    fn look(&mut self, at: FrameAge, planes: &BodyResult, body: &Sampled<'_>, eyes: &[Eye]) {
+        let pose = self.against_surface(body.pose, at);
+        let place = body.place_at(&pose);
+        let is_contact = |touch: &Touch, depth_m: f64| is_near(touch, depth_m, &pose, body.faces);
+        let mut seen = contacts(planes, body.shape, &pose, body.faces, eyes).touches;
+        seen.iter_mut().for_each(|touch| touch.speed_m_s = speed_m_s(touch, at.fps));
+        let slides = self.tell_slides(at, planes, body, &pose, &mut seen, eyes);
+        self.beliefs.take(&seen, self.moved_m, slides, place, is_contact, eyes);
+        // What comes fast is met where it is now, not where it would be had it stood still.
+        let believed: Vec<Touch> = self.beliefs.touches().copied().collect();
+        self.velocity_m_s = if at.is_still { Vector3::zeros() } else { velocity_m_s(&believed) };
     }
 
     fn spin_rad_s(&self, fps: f64) -> [f32; 3] {
@@ -180,6 +233,31 @@ impl BodySurface {
             return *pose;
         }
         pose.moved((self.velocity_m_s * -at.age_s).into())
+    }
+}
+
+/// A touch at that depth, metres, as bodies meet it. Within a flat face two bodies meet with opposite normals: the
+/// hull's there is that of the place nearest to the sample, which on a fist is some way beside the place that touches.
+/// Along the face's normal the plane is as much farther, and passes as much faster.
+fn against_face(touch: &Touch, depth_m: f64, pose: &Pose, faces: &FaceNormals) -> Touch {
+    let found = Touch { exit_m: Some(depth_m as f32), ..*touch };
+    let (Some(edge), Some(face)) = (touch.edge, faces.flat_at(touch.sample as usize, pose)) else {
+        return found;
+    };
+    let normal = touch.normal_world();
+    let cosine = -face.dot(&normal);
+    if !(LEAST_OPPOSITE..MOST_OPPOSITE).contains(&cosine) {
+        return found;
+    }
+    let moved_m_s =
+        Vector3::from(touch.slide_m_s.map(f64::from)) + normal * f64::from(touch.speed_m_s.unwrap_or(0.0));
+    let slide_m_s = moved_m_s - face * moved_m_s.dot(&face);
+    Touch {
+        edge: Some(Edge { normal_world: (-face).map(|part| part as f32).into(), ..edge }),
+        exit_m: Some((depth_m / cosine) as f32),
+        speed_m_s: touch.speed_m_s.map(|speed_m_s| (f64::from(speed_m_s) / cosine) as f32),
+        slide_m_s: slide_m_s.map(|part| part as f32).into(),
+        ..found
     }
 }
 

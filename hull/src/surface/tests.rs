@@ -43,7 +43,7 @@ fn planes(height_m: f64, moved_m: f64) -> BodyResult {
 }
 
 fn age(frame: u64, frames: f64) -> FrameAge {
-    FrameAge::new(frame, FPS, frames / FPS)
+    FrameAge::new(frame, FPS, frames / FPS, HullTime::Newest)
 }
 
 #[test]
@@ -72,6 +72,53 @@ fn a_surface_that_rises_has_its_speed_and_goes_on_between_frames() {
     let (_, fourth) = see(8, 12.0, 1.008);
     assert!((depth(&fourth) - 0.008).abs() < 5e-4);
     assert!(fourth.iter().all(|touch| touch.speed_m_s == Some(0.0)));
+}
+
+#[test]
+fn between_frames_a_surface_goes_from_where_it_was_to_where_it_is() {
+    let (shape, pose) = (shape(), pose(1.1));
+    let mut surface = BodySurface::default();
+    // It rose by 1 cm, to 3 mm deep in the box: at the frame's own time bodies are where it was before.
+    let mut depth_m = |frames: f64| {
+        let at = FrameAge::new(8, FPS, frames / FPS, HullTime::Between);
+        surface.pose_to_ask(at, &pose, &shape);
+        let body = &Sampled { shape: &shape, around: None, pose: &pose, faces: &faces() };
+        let touches = surface.contacts(at, &planes(1.003, 0.01), body, &eyes()).touches;
+        f64::from(touches[0].exit_m.expect("a depth"))
+    };
+    for (frames, expected_m) in [(8.0, -0.007), (8.25, -0.0045), (8.5, -0.002), (8.75, 0.0005), (9.0, 0.003)]
+    {
+        let found_m = depth_m(frames);
+        assert!((found_m - expected_m).abs() < 3e-4, "{found_m} m at frame {frames}, expected {expected_m}");
+    }
+    // Film that stands still stands at its frame.
+    assert!((depth_m(12.0) - 0.003).abs() < 3e-4);
+}
+
+#[test]
+fn within_a_flat_face_surfaces_meet_with_opposite_normals() {
+    let pose = pose(1.1);
+    let mut flat = FaceNormals::default();
+    LOWER.iter().for_each(|_| flat.push_flat(-Vector3::y()));
+    let contact = |faces: &FaceNormals, lean_deg: f64| {
+        // The side of something round, 2 mm deep, that moves out at 0.3 m/s.
+        let normal = Vector3::new(lean_deg.to_radians().sin(), lean_deg.to_radians().cos(), 0.0);
+        let (pixel, normal_world) = (Pixel { column: 0, row: 0 }, normal.map(|part| part as f32).into());
+        let edge = Edge { distance_m: 0.01, camera: 0, pixel, normal_world, moved_m: None };
+        let touch = Touch { edge: Some(edge), speed_m_s: Some(0.3), ..Touch::new(0, 3) };
+        against_face(&touch, 0.002, &pose, faces)
+    };
+    let normal = |touch: &Touch| Vector3::from(touch.edge.expect("an edge").normal_world);
+    let met = contact(&flat, 30.0);
+    assert!((normal(&met) - Vector3::y()).norm() < 1e-6);
+    let cosine = 30.0_f32.to_radians().cos();
+    assert!((met.exit_m.expect("a depth") - 0.002 / cosine).abs() < 1e-6);
+    assert!((met.speed_m_s.expect("a speed") - 0.3 / cosine).abs() < 1e-5);
+    // Nearly opposite, nearly along, and where the face is no flat one, it is the hull's.
+    for touch in [contact(&flat, 5.0), contact(&flat, 65.0), contact(&faces(), 30.0)] {
+        assert_eq!(touch.exit_m, Some(0.002));
+        assert!(normal(&touch).x > 0.08);
+    }
 }
 
 #[test]

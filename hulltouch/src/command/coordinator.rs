@@ -7,7 +7,7 @@ use clap::Args;
 
 use crate::run::options::{OutletArguments, RecordOptions};
 use crate::run::run_deployed;
-use crate::run::setup::{AskName, ResponseName, Setup, TransportName, checked_seconds, world_settings};
+use crate::run::setup::{AskName, ResponseArguments, Setup, TransportName, checked_seconds, world_settings};
 use cli::{Failure, Outcome};
 use cluster::ClusterFile;
 
@@ -24,9 +24,8 @@ pub struct CoordinatorArguments {
     /// Where probes are computed.
     #[arg(long, value_enum, default_value = "cluster")]
     transport: TransportName,
-    /// How bodies answer the hull.
-    #[arg(long, value_enum, default_value = "paper")]
-    response: ResponseName,
+    #[command(flatten)]
+    response: ResponseArguments,
     /// Decides what a run leaves to chance [default: the cluster file's, or 1].
     #[arg(long)]
     seed: Option<u64>,
@@ -44,7 +43,7 @@ pub struct CoordinatorArguments {
 
 /// Runs until film or time ends.
 pub fn run(arguments: &CoordinatorArguments) -> Outcome {
-    let response = arguments.response.mode();
+    let response = arguments.response.checked()?;
     if arguments.transport == TransportName::Inprocess {
         return Err(Failure::input("--transport inprocess has no nodes, expected cluster or gather"));
     }

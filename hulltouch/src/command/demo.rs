@@ -9,7 +9,7 @@ use stage::{Motion, Prop, studio_rig};
 
 use crate::run::options::{OutletArguments, RecordOptions};
 use crate::run::run_locally;
-use crate::run::setup::{AskName, ResponseName, Setup, TransportName, checked_seconds, world_settings};
+use crate::run::setup::{AskName, ResponseArguments, Setup, TransportName, checked_seconds, world_settings};
 use cli::{Failure, Outcome, PrecisionName, parse_size};
 use cluster::ClusterFile;
 
@@ -44,9 +44,8 @@ pub struct DemoArguments {
     /// How numbers travel to and from the nodes [default: exact, or the recording's].
     #[arg(long, value_enum)]
     precision: Option<PrecisionName>,
-    /// How bodies answer the hull.
-    #[arg(long, value_enum, default_value = "paper")]
-    response: ResponseName,
+    #[command(flatten)]
+    response: ResponseArguments,
     /// Play a cluster file (rig, a source for each camera, background, scene) instead of the studio.
     #[arg(long, value_name = "CLUSTER.toml")]
     recording: Option<PathBuf>,
@@ -79,7 +78,7 @@ pub struct StudioArguments {
 
 /// Runs until film or time ends, or Ctrl-C.
 pub fn run(arguments: &DemoArguments) -> Outcome {
-    let response = arguments.response.mode();
+    let response = arguments.response.checked()?;
     let seconds = checked_seconds(arguments.seconds)?;
     let outlets = arguments.outlets.checked()?;
     let record = arguments.record.checked()?;

@@ -5,11 +5,10 @@ use std::time::Duration;
 
 use clap::Args;
 use cli::{Failure, Outcome};
-use sim::ResponseMode;
 
 use crate::command::demo::StudioArguments;
 use crate::run::options::{Outlets, RecordTo};
-use crate::run::setup::{AskName, Setup, TransportName, checked_seconds, world_settings};
+use crate::run::setup::{AskName, ResponseArguments, Setup, TransportName, checked_seconds, world_settings};
 use crate::run::{run_deployed, run_locally};
 
 /// How long deployed nodes may take to connect.
@@ -31,6 +30,8 @@ pub struct RecordArguments {
     /// End after so many seconds of film [default: when film ends, or on Ctrl-C].
     #[arg(long, value_name = "S")]
     seconds: Option<f64>,
+    #[command(flatten)]
+    response: ResponseArguments,
     /// Use every frame, as fast as frames can be made, instead of real time.
     #[arg(long)]
     unpaced: bool,
@@ -58,7 +59,7 @@ pub fn run(arguments: RecordArguments) -> Outcome {
         world: world_settings(
             &scene,
             arguments.studio.seed.or(file.seed).unwrap_or(1),
-            ResponseMode::default(),
+            arguments.response.checked()?,
         ),
         file,
         scene,

@@ -35,6 +35,7 @@ pub fn json(setup: &Setup, figures: &Figures, world: &World, overlaps: &[Overlap
         "fps": setup.file.fps,
         "transport": setup.transport.name(),
         "response": setup.world.response.name(),
+        "hull_time": setup.world.hull_time.name(),
         "scene": setup.scene.name(),
         "seed": setup.world.seed,
         "lock_step": setup.lock_step,

@@ -1,9 +1,10 @@
 //! What a run is made from, checked before anything starts.
 
-use clap::ValueEnum;
+use clap::{Args, ValueEnum};
 use cli::{Failure, Outcome, check_writable};
 use cluster::ClusterFile;
 use coordinator::AskEvery;
+use hull::surface::HullTime;
 use sim::{ResponseMode, Scene, WorldSettings};
 
 use super::options::{Outlets, RecordTo};
@@ -40,11 +41,44 @@ pub enum ResponseName {
 }
 
 impl ResponseName {
-    /// As the world has it.
-    pub fn mode(self) -> ResponseMode {
+    fn mode(self) -> ResponseMode {
         match self {
             ResponseName::Paper => ResponseMode::Paper,
             ResponseName::Contacts => ResponseMode::Contacts,
+        }
+    }
+}
+
+/// Of which moment the hull is that bodies collide with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum HullTimeName {
+    /// The newest frame's, going on as fast as it came.
+    Newest,
+    /// Between the two newest frames: nothing is guessed, and all comes a frame later.
+    Between,
+}
+
+/// How bodies meet the hull.
+#[derive(Debug, Args)]
+pub struct ResponseArguments {
+    /// How bodies answer the hull.
+    #[arg(long, value_enum, default_value = "paper")]
+    response: ResponseName,
+    /// Under contacts, of which moment the hull is that bodies collide with.
+    #[arg(long, value_enum, default_value = "newest")]
+    hull_time: HullTimeName,
+}
+
+impl ResponseArguments {
+    /// As the world has them.
+    pub fn checked(&self) -> Outcome<(ResponseMode, HullTime)> {
+        let response = self.response.mode();
+        match self.hull_time {
+            HullTimeName::Newest => Ok((response, HullTime::Newest)),
+            HullTimeName::Between if response == ResponseMode::Contacts => Ok((response, HullTime::Between)),
+            HullTimeName::Between => Err(Failure::input(
+                "--hull-time between has surfaces that move, expected --response contacts",
+            )),
         }
     }
 }
@@ -107,8 +141,12 @@ impl Setup {
 }
 
 /// The world's settings on a scene's own surface of the hull.
-pub fn world_settings(scene: &Scene, seed: u64, response: ResponseMode) -> WorldSettings {
-    WorldSettings { seed, response, ..WorldSettings::default() }.on(scene.hull())
+pub fn world_settings(
+    scene: &Scene,
+    seed: u64,
+    (response, hull_time): (ResponseMode, HullTime),
+) -> WorldSettings {
+    WorldSettings { seed, response, hull_time, ..WorldSettings::default() }.on(scene.hull())
 }
 
 /// Seconds of film that are possible.

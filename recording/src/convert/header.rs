@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use coordinator::AskEvery;
 use hull::rule::{HullRule, NormalWindow, OutOfView, ProbeSettings};
+use hull::surface::HullTime;
 use hull::{Observer, Rig, Silhouette};
 use proto::convert::{Precision, SilhouetteEncoding, silhouette_data, silhouette_from_data};
 use sim::{ResponseMode, Scene, WorldSettings};
@@ -101,6 +102,7 @@ impl RunHeader {
             },
             transport: self.transport.clone(),
             lock_step: self.lock_step,
+            hull_time: self.world.hull_time.name().into(),
         }
     }
 
@@ -160,10 +162,19 @@ fn world(header: &Header) -> Result<WorldSettings, ConvertError> {
             return Err(ConvertError::new(NAME, problem));
         }
     };
+    let hull_time = match &header.hull_time[..] {
+        "newest" | "" => HullTime::Newest,
+        "between" => HullTime::Between,
+        other => {
+            let problem = format_args!("hull_time is {other:?}, expected newest or between");
+            return Err(ConvertError::new(NAME, problem));
+        }
+    };
     Ok(WorldSettings {
         dt_s: header.dt_s,
         seed: header.seed,
         response,
+        hull_time,
         mirror_restitution: header.mirror_restitution,
         hull_friction: header.hull_friction,
         covering_radius_m: header.covering_radius_m,

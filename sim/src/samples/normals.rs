@@ -22,9 +22,21 @@ pub fn face_normals(solid: &Solid, shape: &Shape) -> FaceNormals {
             // Rounding only: away from the middle.
             normals_body.push(at.try_normalize(0.0).unwrap_or_default());
         }
-        faces.push(normals_body);
+        match normals_body[..] {
+            [normal] if is_flat(solid, &normal) => faces.push_flat(normal),
+            _ => faces.push(normals_body),
+        }
     }
     faces
+}
+
+/// Whether the face of a solid that looks there is flat: the sides of what is round are not.
+fn is_flat(solid: &Solid, normal: &Vector3<f64>) -> bool {
+    match solid {
+        Solid::Box { .. } | Solid::Hull(_) => true,
+        Solid::Cylinder { .. } | Solid::Cone { .. } => normal.x == 0.0 && normal.z == 0.0,
+        Solid::Ball { .. } | Solid::Capsule { .. } => false,
+    }
 }
 
 /// The samples of a shape, and after them each of them again so far out along the sum of its faces' normals, metres.
@@ -123,6 +135,16 @@ mod tests {
                     assert!(gap_m.abs() < 1e-4, "{solid:?}: {sample} is {gap_m} m behind its face {normal}");
                 }
             }
+        }
+    }
+
+    #[test]
+    fn faces_of_what_is_round_are_flat_at_their_ends_alone() {
+        for solid in solids() {
+            let is_round = matches!(solid, Solid::Ball { .. } | Solid::Capsule { .. });
+            assert_eq!(is_flat(&solid, &Vector3::y()), !is_round, "{solid:?}");
+            let is_polyhedron = matches!(solid, Solid::Box { .. } | Solid::Hull(_));
+            assert_eq!(is_flat(&solid, &Vector3::x()), is_polyhedron, "{solid:?}");
         }
     }
 

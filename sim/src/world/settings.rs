@@ -4,6 +4,7 @@ use crate::response::ResponseMode;
 use crate::samples::DEFAULT_COVERING_RADIUS_M;
 use crate::scene::{FRICTION, HullSurface, RESTITUTION};
 use hull::body::BodyError;
+use hull::surface::HullTime;
 use thiserror::Error;
 
 /// What a run may choose about a world.
@@ -15,6 +16,8 @@ pub struct WorldSettings {
     pub seed: u64,
     /// How bodies answer the hull.
     pub response: ResponseMode,
+    /// Under contacts: of which moment the hull is that a step collides with.
+    pub hull_time: HullTime,
     /// The share of the speed into the hull that is mirrored: 1 is the paper's flip, 0 stops the body.
     pub mirror_restitution: f64,
     /// Coulomb friction of the hull, which is taken to be at rest: 0 is the paper's.
@@ -29,6 +32,7 @@ impl Default for WorldSettings {
             dt_s: 1.0 / 120.0,
             seed: 1,
             response: ResponseMode::Paper,
+            hull_time: HullTime::Newest,
             mirror_restitution: 0.3,
             hull_friction: 0.5,
             covering_radius_m: DEFAULT_COVERING_RADIUS_M,
