@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use hull::Pose;
 use proto::BACKGROUND_S;
 use serde::Serialize;
-pub use sim::{BodyId, Parameters};
+pub use sim::{BodyId, HullPatch, Parameters};
 use sim::{BodySpec, Scene, Solid};
 use thiserror::Error;
 use tokio::sync::{mpsc, oneshot, watch};
@@ -186,6 +186,8 @@ pub struct WorldState {
     pub bodies: Vec<BodyState>,
     /// All samples inside the hull before the step.
     pub touches: Vec<TouchPoint>,
+    /// The hull's surface at the bodies after the step; bodies by their place in `bodies`.
+    pub patches: Vec<HullPatch>,
 }
 
 /// What a body looks like.

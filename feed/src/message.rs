@@ -7,14 +7,15 @@
 //! camera      u16 place in the rig | u8 kind | u8 scale | u16 left, top, width, height
 //!             | u32 runs offset, length | u32 jpeg offset, length | u32 0
 //! world       header | u32 generation | u32 flags | u64 step | f64 film | u64 frame | count × body
-//!             | u32 touches | touches × touch
+//!             | u32 touches | touches × touch | where there are any: u32 patches | patches × patch
 //! ```
 
 use bytes::{BufMut as _, Bytes, BytesMut};
-use coordinator::live::{BodyState, TouchPoint, WorldState};
+use coordinator::live::{BodyState, HullPatch, TouchPoint, WorldState};
 
 use crate::text::VERSION;
 use proto::{CameraPicture, FramePictures};
+use sim::MAX_PATCHES;
 
 /// The first four bytes of every message, as a little-endian number.
 pub const MAGIC: u32 = u32::from_le_bytes(*b"HTF1");
@@ -30,6 +31,8 @@ pub const WORLD_BYTES: usize = HEADER_BYTES + 32;
 pub const BODY_BYTES: usize = 48;
 /// Bytes of a touch.
 pub const TOUCH_BYTES: usize = 28;
+/// Bytes of a patch.
+pub const PATCH_BYTES: usize = 52;
 /// The most touches that a message carries: what a page can draw, 115 KB.
 pub const MAX_TOUCHES: usize = 4096;
 
@@ -60,6 +63,15 @@ pub enum MessageKind {
     World = 2,
     /// Whole images.
     Images = 3,
+}
+
+/// What a world's message holds besides bodies.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct WorldParts {
+    /// The samples that touch.
+    pub touches: bool,
+    /// The hull's surface at the bodies.
+    pub patches: bool,
 }
 
 fn begin(kind: MessageKind, count: usize, seq: u32, total: usize) -> BytesMut {
@@ -120,12 +132,15 @@ fn pictures_message(kind: MessageKind, seq: u32, fps: f64, flags: u32, pictures:
     bytes.freeze()
 }
 
-/// Bodies after a step, with or without the samples that touched.
-pub fn world(seq: u32, world: &WorldState, with_touches: bool) -> Bytes {
+/// Bodies after a step, with some of what there is at them.
+pub fn world(seq: u32, world: &WorldState, parts: WorldParts) -> Bytes {
     let bodies = &world.bodies[..world.bodies.len().min(usize::from(u16::MAX))];
-    let touches = if with_touches { &world.touches[..] } else { &[] };
+    let touches = if parts.touches { &world.touches[..] } else { &[] };
     let touches = &touches[..touches.len().min(MAX_TOUCHES)];
-    let total = WORLD_BYTES + BODY_BYTES * bodies.len() + 4 + TOUCH_BYTES * touches.len();
+    let patches = if parts.patches { &world.patches[..] } else { &[] };
+    let patches = &patches[..patches.len().min(MAX_PATCHES * bodies.len())];
+    let patches_bytes = if patches.is_empty() { 0 } else { 4 + PATCH_BYTES * patches.len() };
+    let total = WORLD_BYTES + BODY_BYTES * bodies.len() + 4 + TOUCH_BYTES * touches.len() + patches_bytes;
     let mut bytes = begin(MessageKind::World, bodies.len(), seq, total);
     bytes.put_u32_le(world.generation);
     let flag = |is: bool, bit: u32| if is { bit } else { 0 };
@@ -136,6 +151,11 @@ pub fn world(seq: u32, world: &WorldState, with_touches: bool) -> Bytes {
     bodies.iter().for_each(|body| put_body(&mut bytes, body));
     bytes.put_u32_le(touches.len() as u32);
     touches.iter().for_each(|touch| put_touch(&mut bytes, touch));
+    // A world without any is what it was before there were patches.
+    if !patches.is_empty() {
+        bytes.put_u32_le(patches.len() as u32);
+        patches.iter().for_each(|patch| put_patch(&mut bytes, patch));
+    }
     bytes.freeze()
 }
 
@@ -155,6 +175,14 @@ fn put_body(bytes: &mut BytesMut, body: &BodyState) {
 fn put_touch(bytes: &mut BytesMut, touch: &TouchPoint) {
     bytes.put_u32_le(touch.body);
     touch.point_m.iter().chain(&touch.response_m).for_each(|&value| bytes.put_f32_le(value));
+}
+
+fn put_patch(bytes: &mut BytesMut, patch: &HullPatch) {
+    let HullPatch { body, point_m, normal_world, velocity_m_s, depth_m, radius_m, samples } = patch;
+    bytes.put_u32_le(*body);
+    bytes.put_u32_le(*samples);
+    let numbers = point_m.iter().chain(normal_world).chain(velocity_m_s).chain([depth_m, radius_m]);
+    numbers.for_each(|&value| bytes.put_f32_le(value));
 }
 
 #[cfg(test)]
@@ -223,12 +251,43 @@ mod tests {
             paused: true,
             bodies: vec![body(4, false), body(5, true)],
             touches: vec![touch],
+            patches: vec![],
         }
+    }
+
+    const TOUCHES: WorldParts = WorldParts { touches: true, patches: false };
+
+    #[test]
+    fn patches_follow_the_touches_where_they_are_wanted_and_there_are_any() {
+        let patch = HullPatch {
+            body: 1,
+            point_m: [1.0, 0.5, -0.25],
+            normal_world: [0.0, 1.0, 0.0],
+            velocity_m_s: [0.5, 0.25, 0.0],
+            depth_m: -0.125,
+            radius_m: 0.0625,
+            samples: 9,
+        };
+        let all = WorldParts { touches: true, patches: true };
+        let before = world(8, &a_world(), all);
+        assert_eq!(before, world(8, &a_world(), TOUCHES), "without any, nothing says so");
+        let touched = WorldState { patches: vec![patch; 3], ..a_world() };
+        assert_eq!(world(8, &touched, TOUCHES), before);
+        let bytes = world(8, &touched, all);
+        assert_eq!(bytes.len(), before.len() + 4 + 3 * PATCH_BYTES);
+        let at = before.len();
+        assert_eq!(u32::from_le_bytes(number(&bytes, at)), 3);
+        assert_eq!([4, 8].map(|more| u32::from_le_bytes(number(&bytes, at + more))), [1, 9]);
+        let numbers = (0..11).map(|place| f32::from_le_bytes(number(&bytes, at + 12 + 4 * place)));
+        let expected = [1.0, 0.5, -0.25, 0.0, 1.0, 0.0, 0.5, 0.25, 0.0, -0.125, 0.0625];
+        assert!(numbers.eq(expected), "point, normal, velocity, depth, radius");
+        let crowded = WorldState { patches: vec![patch; 99], ..a_world() };
+        assert_eq!(world(8, &crowded, all).len(), before.len() + 4 + 8 * PATCH_BYTES, "four a body");
     }
 
     #[test]
     fn bodies_stand_where_the_header_says() {
-        let bytes = world(8, &a_world(), true);
+        let bytes = world(8, &a_world(), TOUCHES);
         assert_eq!(bytes.len(), WORLD_BYTES + 2 * BODY_BYTES + 4 + TOUCH_BYTES);
         assert_eq!(u32::from_le_bytes(number(&bytes, 20)), PAUSED);
         assert_eq!(u64::from_le_bytes(number(&bytes, 40)), 90);
@@ -237,8 +296,8 @@ mod tests {
         assert_eq!(u16::from_le_bytes(number(&bytes, second + 6)), u16::MAX, "counts saturate");
         assert_eq!(f32::from_le_bytes(number(&bytes, second + 8)), 5.0);
         assert_eq!(f32::from_le_bytes(number(&bytes, second + 40)), 0.125);
-        assert_eq!(world(8, &a_world(), false).len(), bytes.len() - TOUCH_BYTES);
+        assert_eq!(world(8, &a_world(), WorldParts::default()).len(), bytes.len() - TOUCH_BYTES);
         let blind = WorldState { frame: None, paused: false, ..a_world() };
-        assert_eq!(u32::from_le_bytes(number(&world(8, &blind, false), 20)), BLIND);
+        assert_eq!(u32::from_le_bytes(number(&world(8, &blind, WorldParts::default()), 20)), BLIND);
     }
 }

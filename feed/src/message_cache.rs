@@ -10,7 +10,7 @@ use bytes::Bytes;
 use coordinator::live::WorldState;
 use tokio::sync::OnceCell;
 
-use crate::message;
+use crate::message::{self, WorldParts};
 use crate::pictures::{JPEG_QUALITY, Pictures, PicturesError};
 use crate::tier::Tier;
 use proto::{FramePictures, PictureKind, PictureRequest};
@@ -44,7 +44,8 @@ pub(crate) struct FrameMessage {
 
 type Cell = Arc<OnceCell<FrameMessage>>;
 type Key = (u64, Content);
-type WorldMessages = Option<(Arc<WorldState>, [Option<Bytes>; 2])>;
+/// A world and its message with each choice of parts.
+type WorldMessages = Option<(Arc<WorldState>, Vec<(WorldParts, Bytes)>)>;
 
 pub(crate) struct MessageCache {
     pictures: Arc<dyn Pictures>,
@@ -54,7 +55,7 @@ pub(crate) struct MessageCache {
     next_seq: AtomicU32,
     recent: Mutex<VecDeque<(Key, Cell)>>,
     kept: Mutex<Kept>,
-    /// The newest world, and its messages without and with touches.
+    /// The newest world, and its messages.
     world: Mutex<WorldMessages>,
 }
 
@@ -202,16 +203,18 @@ impl MessageCache {
     }
 
     /// The message about a world.
-    pub fn world(&self, world: &Arc<WorldState>, with_touches: bool) -> Bytes {
+    pub fn world(&self, world: &Arc<WorldState>, parts: WorldParts) -> Bytes {
         let mut kept = lock(&self.world);
         if !kept.as_ref().is_some_and(|(of, _)| Arc::ptr_eq(of, world)) {
-            *kept = Some((Arc::clone(world), [None, None]));
+            *kept = None;
         }
-        let make = || message::world(self.seq(), world, with_touches);
-        match kept.as_mut() {
-            Some((_, messages)) => messages[usize::from(with_touches)].get_or_insert_with(make).clone(),
-            None => make(),
+        let (_, messages) = kept.get_or_insert_with(|| (Arc::clone(world), Vec::new()));
+        if let Some((_, bytes)) = messages.iter().find(|(of, _)| *of == parts) {
+            return bytes.clone();
         }
+        let bytes = message::world(self.seq(), world, parts);
+        messages.push((parts, bytes.clone()));
+        bytes
     }
 
     fn seq(&self) -> u32 {

@@ -80,6 +80,10 @@ async fn a_page_gets_frames_and_bodies_as_it_wants_them() {
     run.publish(12);
     let world = page.hear_kind(2).await;
     assert_eq!(world.len(), 48 + 48 + 4, "without touches");
+    page.say(json!({"op": "want", "patches": true})).await;
+    let world = page.hear_kind(2).await;
+    assert_eq!(world.len(), 48 + 48 + 4 + 4 + 52, "sent again, with patches");
+    assert_eq!(u32_at(&world, 48 + 48 + 4), 1, "patches");
 
     page.say(json!({"op": "want", "colour": "off", "image_of": null, "thumbnails_hz": 0})).await;
     run.publish(13);

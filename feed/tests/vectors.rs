@@ -7,9 +7,10 @@ use std::sync::Arc;
 use bytes::Bytes;
 use coordinator::Progress;
 use coordinator::live::{
-    BodyLook, BodyState, CameraStatus, Outcome, Parameters, RunStatus, SceneState, TouchPoint, WorldState,
+    BodyLook, BodyState, CameraStatus, HullPatch, Outcome, Parameters, RunStatus, SceneState, TouchPoint,
+    WorldState,
 };
-use feed::message;
+use feed::message::{self, WorldParts};
 use feed::text::{self, FeedStatus};
 use hull::{Pose, Silhouette};
 use proto::convert::{SilhouetteEncoding, silhouette_data};
@@ -91,6 +92,15 @@ fn a_world() -> WorldState {
         point_m: [1.25, height_m, -0.25],
         response_m: [0.0, 0.125, 0.0],
     };
+    let patch = |slides_m_s: f32| HullPatch {
+        body: 1,
+        point_m: [1.25, 0.5, -0.25],
+        normal_world: [0.0, 1.0, 0.0],
+        velocity_m_s: [slides_m_s, 0.25, 0.0],
+        depth_m: 0.03125,
+        radius_m: 0.125,
+        samples: 25,
+    };
     WorldState {
         generation: 2,
         step: 360,
@@ -99,14 +109,19 @@ fn a_world() -> WorldState {
         paused: true,
         bodies: vec![body(4, false), body(5, true)],
         touches: vec![touch(0.5), touch(0.75)],
+        patches: vec![patch(0.0), patch(-0.5)],
     }
 }
 
 #[test]
 fn worlds() {
-    is_golden("world.bin", &message::world(45, &a_world(), true));
-    let blind = WorldState { frame: None, paused: false, bodies: vec![], touches: vec![], ..a_world() };
-    is_golden("world_blind.bin", &message::world(46, &blind, true));
+    let touches = WorldParts { touches: true, patches: false };
+    is_golden("world.bin", &message::world(45, &a_world(), touches));
+    let all = WorldParts { touches: true, patches: true };
+    is_golden("world_patches.bin", &message::world(47, &a_world(), all));
+    let (bodies, touches) = (vec![], vec![]);
+    let blind = WorldState { frame: None, paused: false, bodies, touches, patches: vec![], ..a_world() };
+    is_golden("world_blind.bin", &message::world(46, &blind, all));
 }
 
 #[test]
@@ -168,6 +183,7 @@ fn texts() {
         p99_ms: 4.5,
         samples: 5000,
         contacts: 2,
+        hull_age_ms: Some(66.5),
         bytes_per_s: 65536.0,
         hull_unavailable: None,
     };

@@ -20,6 +20,8 @@ pub enum Channel {
     Bodies,
     /// Samples inside the hull.
     Touches,
+    /// The hull's surface at the bodies.
+    Patches,
     /// The run's figures.
     Figures,
     /// The end.
@@ -31,7 +33,8 @@ impl Channel {
     pub fn all(cameras: usize) -> impl Iterator<Item = Channel> {
         let of_cameras =
             (0..cameras).flat_map(|camera| [Channel::Silhouette(camera), Channel::Colour(camera)]);
-        let of_run = [Channel::Step, Channel::Scene, Channel::Bodies, Channel::Touches, Channel::Figures];
+        let of_bodies = [Channel::Scene, Channel::Bodies, Channel::Touches, Channel::Patches];
+        let of_run = [Channel::Step].into_iter().chain(of_bodies).chain([Channel::Figures]);
         [Channel::Header].into_iter().chain(of_cameras).chain(of_run).chain([Channel::End])
     }
 
@@ -60,6 +63,7 @@ impl Channel {
             Channel::Scene => "Scene",
             Channel::Bodies => "Bodies",
             Channel::Touches => "Touches",
+            Channel::Patches => "Patches",
             Channel::Figures => "Figures",
             Channel::End => "End",
         }

@@ -106,6 +106,9 @@ impl Recorder for RunRecorder {
             entries.extend(
                 convert::touches(record).map(|touches| Entry::new(Channel::Touches, log_ns, &touches)),
             );
+            entries.extend(
+                convert::patches(record).map(|patches| Entry::new(Channel::Patches, log_ns, &patches)),
+            );
         }
         self.recent.steps_ms.push(record.step_ms);
         self.recent.blind_steps += u32::from(record.frame.is_none());

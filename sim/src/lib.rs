@@ -19,12 +19,13 @@ pub mod summary;
 pub mod trajectory;
 pub mod world;
 
-pub use response::{BodyResponse, HullContact, ResponseMode};
+pub use response::{BodyResponse, HullContact, HullPatch, ResponseMode};
 pub use scene::{
     BodyRequest, BodySpec, FRICTION, Floor, HullSurface, MAX_SPEED_M_S, MassSpec, RESTITUTION, Scene,
     SceneError, ShapeRequest, StageHint, ValueError,
 };
 pub use solid::Solid;
+pub use solver::MAX_PATCHES;
 pub use summary::BodySummary;
 pub use trajectory::TrajectoryDigest;
 pub use world::{

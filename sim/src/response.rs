@@ -57,6 +57,33 @@ pub struct HullContact {
     pub slide_m_s: [f32; 3],
 }
 
+/// A piece of the hull's surface that a body touches, as the solver holds it after a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HullPatch {
+    /// The body's place in [`World::bodies`](crate::World::bodies).
+    pub body: u32,
+    /// The middle of what touches, on the surface, world, metres.
+    pub point_m: [f32; 3],
+    /// The surface's outward unit normal, world.
+    pub normal_world: [f32; 3],
+    /// How the surface moves there, world, m/s: out along the normal, and along itself.
+    pub velocity_m_s: [f32; 3],
+    /// How deep the deepest sample that holds the body is below the surface, metres; negative above it.
+    pub depth_m: f32,
+    /// How far from the middle the samples are that hold the body, metres; zero for one.
+    pub radius_m: f32,
+    /// How many samples touch.
+    pub samples: u32,
+}
+
+impl HullPatch {
+    /// Whether all of it are numbers.
+    pub(crate) fn is_finite(&self) -> bool {
+        let vectors = self.point_m.iter().chain(&self.normal_world).chain(&self.velocity_m_s);
+        vectors.chain([&self.depth_m, &self.radius_m]).all(|number| number.is_finite())
+    }
+}
+
 /// What a pass found for one moving body.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BodyResponse {

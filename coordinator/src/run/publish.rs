@@ -107,6 +107,7 @@ impl Coordinator {
             touches: touches
                 .filter_map(|&(id, point)| Some(TouchPoint { body: place(id)? as u32, ..point }))
                 .collect(),
+            patches: self.world.patches().collect(),
         }
     }
 

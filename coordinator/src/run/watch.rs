@@ -40,6 +40,7 @@ pub trait Watcher {
 pub(super) struct RecentFigures {
     since: Instant,
     steps_ms: Percentiles,
+    hull_age_ms: Percentiles,
     bytes: u64,
     passes: u64,
 }
@@ -47,20 +48,21 @@ pub(super) struct RecentFigures {
 impl RecentFigures {
     /// Nothing yet, since so many bytes and passes.
     pub fn since(bytes: u64, passes: u64) -> RecentFigures {
-        RecentFigures { since: Instant::now(), steps_ms: Percentiles::default(), bytes, passes }
+        let (steps_ms, hull_age_ms) = Default::default();
+        RecentFigures { since: Instant::now(), steps_ms, hull_age_ms, bytes, passes }
     }
 }
 
 impl Coordinator {
-    /// How old the film was that caused this step's responses, if there were any.
+    /// How old the film is that this step asked, and that caused its responses, if there were any.
     pub(super) fn note_age(&mut self, results: Option<&[BodyResult]>) {
-        let responded = results.is_some_and(|results| {
-            results.iter().any(|result| result.response_m.is_ok() || !result.touches.is_empty())
-        });
-        let Some(frame) = self.film.frame.filter(|_| responded) else { return };
+        let (Some(frame), Some(results)) = (self.film.frame, results) else { return };
         let reports = self.transport.roster().reports(frame);
-        if let Some(report) = reports.as_ref().and_then(|reports| reports.first()) {
-            self.figures.response_age_ms.add((unix_now_s() - report.captured_unix_s) * 1e3);
+        let Some(report) = reports.as_ref().and_then(|reports| reports.first()) else { return };
+        let age_ms = (unix_now_s() - report.captured_unix_s) * 1e3;
+        self.recent.hull_age_ms.add(age_ms);
+        if results.iter().any(|result| result.response_m.is_ok() || !result.touches.is_empty()) {
+            self.figures.response_age_ms.add(age_ms);
         }
     }
 
@@ -83,6 +85,7 @@ impl Coordinator {
             p99_ms: self.recent.steps_ms.p99().unwrap_or(0.0),
             samples: self.figures.samples,
             contacts: self.publisher.view.touching,
+            hull_age_ms: self.recent.hull_age_ms.p50(),
             bytes_per_s: (bytes - self.recent.bytes) as f64 / elapsed.as_secs_f64(),
             hull_unavailable: self
                 .film

@@ -6,6 +6,7 @@ use serde_json::Value;
 
 use crate::commands::{self, Request};
 use crate::fields::{Fields, InputError, object, wrong};
+use crate::message::WorldParts;
 use crate::tier::Tier;
 
 /// Rates that a page may ask for, a second, if it wants any.
@@ -22,8 +23,8 @@ pub(crate) struct Want {
     pub fps: f64,
     /// Worlds a second, at most; none at 0.
     pub state_hz: f64,
-    /// Whether worlds carry the samples that touch the hull.
-    pub touches: bool,
+    /// What worlds carry besides bodies.
+    pub world: WorldParts,
     /// Thumbnails a second; none at 0.
     pub thumbnails_hz: f64,
     /// The camera whose whole image is wanted.
@@ -38,7 +39,7 @@ impl Default for Want {
             colour: Tier::Full,
             fps: 30.0,
             state_hz: 60.0,
-            touches: true,
+            world: WorldParts { touches: true, patches: false },
             thumbnails_hz: 0.0,
             image_of: None,
             silhouettes: true,
@@ -69,7 +70,7 @@ pub(crate) fn parse(text: &str, want: &Want) -> Result<Incoming, InputError> {
 
 fn changed(want: &Want, fields: &Fields<'_>) -> Result<Want, InputError> {
     fields.only(
-        &["colour", "fps", "state_hz", "touches", "thumbnails_hz", "image_of", "silhouettes"],
+        &["colour", "fps", "state_hz", "touches", "patches", "thumbnails_hz", "image_of", "silhouettes"],
         &["op"],
     )?;
     let tier = |fields: &Fields<'_>, key: &str| {
@@ -87,7 +88,10 @@ fn changed(want: &Want, fields: &Fields<'_>) -> Result<Want, InputError> {
         colour: fields.optional("colour", tier)?.unwrap_or(want.colour),
         fps: fields.optional("fps", rate(FPS))?.unwrap_or(want.fps),
         state_hz: fields.optional("state_hz", rate(STATE_HZ))?.unwrap_or(want.state_hz),
-        touches: fields.optional("touches", Fields::truth)?.unwrap_or(want.touches),
+        world: WorldParts {
+            touches: fields.optional("touches", Fields::truth)?.unwrap_or(want.world.touches),
+            patches: fields.optional("patches", Fields::truth)?.unwrap_or(want.world.patches),
+        },
         thumbnails_hz: fields.optional("thumbnails_hz", rate(THUMBNAILS_HZ))?.unwrap_or(want.thumbnails_hz),
         image_of: fields.optional("image_of", name)?.unwrap_or_else(|| want.image_of.clone()),
         silhouettes: fields.optional("silhouettes", Fields::truth)?.unwrap_or(want.silhouettes),
@@ -111,9 +115,9 @@ mod tests {
     #[test]
     fn a_want_changes_what_it_names() {
         let first = Want { fps: 10.0, ..Want::default() };
-        let text = r#"{"op":"want","colour":"half","image_of":"cam_1","touches":false}"#;
-        let expected =
-            Want { colour: Tier::Half, image_of: Some("cam_1".into()), touches: false, ..first.clone() };
+        let text = r#"{"op":"want","colour":"half","image_of":"cam_1","touches":false,"patches":true}"#;
+        let world = WorldParts { touches: false, patches: true };
+        let expected = Want { colour: Tier::Half, image_of: Some("cam_1".into()), world, ..first.clone() };
         assert_eq!(parse(text, &first), Ok(Incoming::Want(expected)));
         assert_eq!(parse(r#"{"op":"shown","seq":7}"#, &first), Ok(Incoming::Shown(7)));
         let pause = parse(r#"{"op":"command","id":1,"command":"pause"}"#, &first);

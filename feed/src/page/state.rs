@@ -170,7 +170,7 @@ impl Page {
             self.frames.again();
         }
         // A world that stands still is not made anew.
-        self.is_state_new |= want.touches != self.want.touches;
+        self.is_state_new |= want.world != self.want.world;
         self.want = want;
         None
     }
@@ -200,7 +200,7 @@ impl Page {
         self.is_state_new = false;
         let world = self.follower.world.borrow().clone();
         if let Some(world) = world {
-            self.outbox.world(self.shared.messages.world(&world, self.want.touches));
+            self.outbox.world(self.shared.messages.world(&world, self.want.world));
         }
         None
     }

@@ -77,6 +77,7 @@ pub(crate) mod tests {
             paused: false,
             bodies: vec![body],
             touches: vec![],
+            patches: vec![],
         })
     }
 

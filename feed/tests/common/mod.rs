@@ -8,8 +8,8 @@ use std::time::Duration;
 use bytes::Bytes;
 use coordinator::Progress;
 use coordinator::live::{
-    BodyLook, BodyState, CameraStatus, Command, Live, Order, Outcome, Parameters, Refusal, RunStatus,
-    SceneState, TouchPoint, WorldState, live,
+    BodyLook, BodyState, CameraStatus, Command, HullPatch, Live, Order, Outcome, Parameters, Refusal,
+    RunStatus, SceneState, TouchPoint, WorldState, live,
 };
 use feed::pictures::Pictures;
 use feed::{Feed, FeedSettings, RunInfo, Token};
@@ -201,6 +201,7 @@ impl Run {
             p99_ms: 2.0,
             samples: 400,
             contacts: 1,
+            hull_age_ms: None,
             bytes_per_s: 1e5,
             hull_unavailable: Some("no node".into()),
         };
@@ -236,6 +237,15 @@ impl Run {
             asleep: false,
         };
         let touch = TouchPoint { body: 0, point_m: [0.5, 1.0, -0.25], response_m: [0.0, 0.25, 0.0] };
+        let patch = HullPatch {
+            body: 0,
+            point_m: [0.5, 0.75, -0.25],
+            normal_world: [0.0, 1.0, 0.0],
+            velocity_m_s: [0.0, 0.5, 0.0],
+            depth_m: 0.0,
+            radius_m: 0.125,
+            samples: 4,
+        };
         let world = WorldState {
             generation: 1,
             step,
@@ -244,6 +254,7 @@ impl Run {
             paused,
             bodies: vec![body],
             touches: vec![touch; 2],
+            patches: vec![patch],
         };
         self.world.send_replace(Some(Arc::new(world)));
     }

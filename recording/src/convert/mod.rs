@@ -11,7 +11,7 @@ pub(crate) use command::{command_from_message, command_to_message};
 pub(crate) use contacts::{contacts_from_bytes, contacts_to_bytes};
 pub use header::RunHeader;
 pub(crate) use numbers::{finite, vector};
-pub(crate) use world::{bodies, scene, touches};
+pub(crate) use world::{bodies, patches, scene, touches};
 
 use thiserror::Error;
 

@@ -15,6 +15,7 @@ use rapier3d::prelude::{
 use hold::Hold;
 use patches::{BodyPatches, Dispatcher, OwnBody, groups_of_bodies};
 
+pub use patches::MAX_PATCHES;
 pub(crate) use patches::Surface;
 pub(crate) use true_solids::TrueSolids;
 

@@ -15,6 +15,7 @@ pub use commands::{BodyId, CommandError, MAX_SAMPLES, Parameters, PreparedBody};
 pub use settings::{WorldError, WorldSettings};
 pub use step::{Fault, FaultKind, StepReport};
 
+use crate::response::HullPatch;
 use crate::scene::{BodySpec, Scene};
 use crate::solid::Solid;
 use crate::solver::{Solver, TrueSolids};
@@ -155,6 +156,12 @@ impl World {
     /// The bodies that are not fixed: the hull is asked about these, and responses come in this order.
     pub fn moving_bodies(&self) -> impl ExactSizeIterator<Item = &Body> {
         self.moving.iter().map(|&index| &self.bodies[index])
+    }
+
+    /// The hull's surface at the bodies after the last step, at most [`MAX_PATCHES`](crate::MAX_PATCHES) a body, in their
+    /// order; nothing but under [`ResponseMode::Contacts`](crate::ResponseMode::Contacts).
+    pub fn patches(&self) -> impl Iterator<Item = HullPatch> {
+        self.moving.iter().flat_map(|&index| self.solver.patches_of(index))
     }
 
     /// What every body did so far, in the order of [`World::bodies`].

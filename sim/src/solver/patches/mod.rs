@@ -6,6 +6,7 @@
 
 mod choice;
 mod shape;
+mod view;
 
 use rapier3d::math::Pose;
 use rapier3d::prelude::{
@@ -20,8 +21,8 @@ use shape::{PatchPoint, PatchShape};
 
 pub(super) use shape::{Dispatcher, OwnBody};
 
-/// Patches of one body: a ball between two hands has two, a box in a corner three.
-const MAX_PATCHES: usize = 4;
+/// Patches of one body at most: a ball between two hands has two, a box in a corner three.
+pub const MAX_PATCHES: usize = 4;
 /// A patch keeps its normal while the contacts' is no farther from it: cosine of 2 degrees.
 const SAME_NORMAL: f32 = 0.999_39;
 /// A surface that moved less than this has not moved, metres.
@@ -50,6 +51,8 @@ struct Patch {
     collider: ColliderHandle,
     /// What touches; empty while it is not in use.
     points: Vec<PatchPoint>,
+    /// How many contacts it was made of.
+    samples: usize,
     normal: Vector,
     /// How fast it moves out along the normal, m/s.
     speed_m_s: f32,
@@ -132,6 +135,7 @@ impl Solver {
             body,
             collider,
             points: Vec::new(),
+            samples: 0,
             normal: Vector::ZERO,
             speed_m_s: 0.0,
             moves: false,
@@ -156,6 +160,7 @@ impl Solver {
         let is_kept =
             |member: usize| patch.points.iter().any(|point| point.sample == contacts[member].sample);
         let chosen = spread(contacts, members, normal, world, is_kept);
+        patch.samples = members.len();
         let origin = pose.translation;
         let points: Vec<PatchPoint> = chosen
             .into_iter()

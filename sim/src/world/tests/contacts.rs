@@ -9,16 +9,16 @@ use nalgebra::Vector3;
 const NEAR_M: f64 = 0.019;
 
 /// Where the hull's surface is near a point: its outward normal, and how deep the point is below it, metres.
-type Hull<'a> = &'a dyn Fn(Vector3<f64>) -> Option<(Vector3<f64>, f64)>;
+pub(super) type Hull<'a> = &'a dyn Fn(Vector3<f64>) -> Option<(Vector3<f64>, f64)>;
 
-fn contact_world(text: &str) -> World {
+pub(super) fn contact_world(text: &str) -> World {
     let scene = Scene::from_toml("test", text).expect("a scene");
     let settings = WorldSettings { response: ResponseMode::Contacts, ..WorldSettings::default() };
     World::new(&scene, settings.on(scene.hull())).expect("a world")
 }
 
 /// What a hull that is known says of every moving body.
-fn responses(world: &World, hull: Hull) -> Vec<BodyResponse> {
+pub(super) fn responses(world: &World, hull: Hull) -> Vec<BodyResponse> {
     let respond = |body: &Body| {
         let (rotation, position) = (body.pose.rotation(), Vector3::from(body.pose.position_m()));
         let faces = body.faces.as_ref().expect("faces");
@@ -44,7 +44,7 @@ fn responses(world: &World, hull: Hull) -> Vec<BodyResponse> {
     world.moving_bodies().map(respond).collect()
 }
 
-fn run_on(world: &mut World, seconds: f64, hull: Hull) {
+pub(super) fn run_on(world: &mut World, seconds: f64, hull: Hull) {
     let end_s = world.time_s() + seconds;
     while world.time_s() < end_s - 1e-9 {
         let responses = responses(world, hull);
@@ -54,7 +54,7 @@ fn run_on(world: &mut World, seconds: f64, hull: Hull) {
 }
 
 /// Everything below a plane.
-fn below(height_m: f64, lean_rad: f64) -> impl Fn(Vector3<f64>) -> Option<(Vector3<f64>, f64)> {
+pub(super) fn below(height_m: f64, lean_rad: f64) -> impl Fn(Vector3<f64>) -> Option<(Vector3<f64>, f64)> {
     let (sine, cosine) = libm::sincos(lean_rad);
     let normal = Vector3::new(sine, cosine, 0.0);
     move |point| Some((normal, normal.dot(&(Vector3::y() * height_m - point))))
@@ -75,7 +75,7 @@ const NO_FLOOR: &str = "
     restitution = 0.0
     friction = 0.8";
 
-fn tower(count: usize) -> World {
+pub(super) fn tower(count: usize) -> World {
     contact_world(&format!(
         "{NO_FLOOR}
         [[bodies]]

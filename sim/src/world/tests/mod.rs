@@ -4,6 +4,7 @@ mod answers;
 mod commands;
 mod contacts;
 mod foresight;
+mod patches;
 mod settling;
 mod surfaces;
 mod true_solids;
