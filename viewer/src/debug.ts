@@ -75,6 +75,7 @@ export function debug(app: App, tools: BodyTools, version: string): Debug {
       step: app.worlds.newest()?.step ?? null,
       bodies: (app.moment?.bodies ?? []).map((body) => ({ ...body, name: app.scene?.bodies.find(({ id }) => id === body.id)?.name ?? null })),
       touchesDrawn: app.layers.has("touches") ? (app.stage?.touches.count ?? 0) : 0,
+      patchesDrawn: app.layers.has("touches") ? (app.stage?.patches.count ?? 0) : 0,
       box: app.stage?.hull?.box ?? null,
       hasBackdrop: app.stage?.cameras?.backdrop.visible ?? false,
     }),

@@ -32,6 +32,7 @@ export function wantOf(view: View, hello: Hello): Want {
     fps: isHidden ? 1 : Math.min(60, Math.max(1, Math.round(hello.fps))),
     state_hz: isHidden ? 1 : 60,
     touches: layers.has("touches"),
+    patches: layers.has("touches"),
     thumbnails_hz: isHidden ? 0 : !canDraw ? 4 : hasImages ? 1 : 0,
     image_of: through !== null && !isHidden && view.opacity > 0 ? (hello.cameras[through]?.name ?? null) : null,
     silhouettes: isDrawn && !isHidden,

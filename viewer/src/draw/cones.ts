@@ -1,9 +1,10 @@
 /** The silhouettes' cones: from each camera's centre through its outline, as thin sheets and some rays. */
-import { BufferGeometry, DoubleSide, DynamicDrawUsage, Float32BufferAttribute, Group, LineBasicMaterial, LineSegments, Mesh, MeshBasicMaterial } from "three";
+import { type BufferGeometry, DoubleSide, Group, LineBasicMaterial, LineSegments, Mesh, MeshBasicMaterial } from "three";
 import type { Box } from "../decode/hull_box.ts";
 import type { Decoded } from "../decode/work.ts";
 import { type Camera, normalised, pointAt } from "../view/lens.ts";
 import { cameraColor } from "./cameras.ts";
+import { dynamic } from "./lines.ts";
 
 /** As many segments as the decoder gives. */
 const MAX_SEGMENTS = 1500;
@@ -94,12 +95,4 @@ function farthest(camera: Camera, { low, high }: Box): number {
     most = Math.max(most, row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + camera.translation[2]);
   }
   return most;
-}
-
-function dynamic(vertices: number): BufferGeometry {
-  const attribute = new Float32BufferAttribute(new Float32Array(vertices * 3), 3);
-  attribute.setUsage(DynamicDrawUsage);
-  const geometry = new BufferGeometry().setAttribute("position", attribute);
-  geometry.setDrawRange(0, 0);
-  return geometry;
 }

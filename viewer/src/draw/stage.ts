@@ -36,6 +36,7 @@ import { type Eye, eyeOf, FAR_M, NEAR_M } from "./eye.ts";
 import { HullView } from "./hull.ts";
 import * as glsl from "./glsl/index.ts";
 import type { Level } from "./quality.ts";
+import { Patches } from "./patches.ts";
 import { Touches } from "./touches.ts";
 
 export const BACKGROUND = 0x14171c;
@@ -63,6 +64,7 @@ export class Stage {
   readonly view = new PerspectiveCamera(45, 1, NEAR_M, FAR_M);
   readonly bodies = new Bodies();
   readonly touches = new Touches();
+  readonly patches = new Patches();
   cameras: Cameras | null = null;
   cones: Cones | null = null;
   hull: HullView | null = null;
@@ -89,7 +91,7 @@ export class Stage {
     this.light.shadow.mapSize.set(SHADOW_SIZE, SHADOW_SIZE);
     this.light.shadow.bias = -0.0008;
     this.light.shadow.normalBias = 0.01;
-    this.scene.add(this.ground, this.bodies.group, this.touches.group);
+    this.scene.add(this.ground, this.bodies.group, this.touches.group, this.patches.group);
   }
 
   /** A rig: everything that depends on the cameras is made anew. */
@@ -137,7 +139,10 @@ export class Stage {
 
   showWorld(world: WorldMessage, bodies: readonly BodyPose[], withTouches: boolean): void {
     this.bodies.place(bodies);
-    if (withTouches) this.touches.show(world, bodies);
+    if (withTouches) {
+      this.touches.show(world, bodies);
+      this.patches.show(world.patches);
+    }
     this.shadowsAreOld = true;
   }
 
@@ -159,6 +164,7 @@ export class Stage {
     this.ground.visible = layers.has("grid");
     this.bodies.group.visible = layers.has("bodies");
     this.touches.group.visible = layers.has("touches");
+    this.patches.group.visible = layers.has("touches");
     this.cameras?.show(layers.has("cameras"), layers.has("images"), picture.through?.camera.index ?? null);
     if (this.cones) this.cones.group.visible = mode === "cones";
     this.cameras?.lookThrough(picture.through?.camera ?? null, eye.pinhole, height, picture.through?.opacity ?? 0, picture.through?.inFront ?? false);
@@ -209,7 +215,7 @@ export class Stage {
   }
 
   dispose(): void {
-    for (const old of [this.cameras, this.cones, this.hull, this.bodies, this.touches]) old?.dispose();
+    for (const old of [this.cameras, this.cones, this.hull, this.bodies, this.touches, this.patches]) old?.dispose();
     this.renderer.dispose();
   }
 

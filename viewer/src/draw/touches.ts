@@ -1,12 +1,14 @@
 /** Samples inside the hull as points, their ways out as lines, and each body's response as an arrow. */
-import { BufferGeometry, DynamicDrawUsage, Float32BufferAttribute, Group, LineBasicMaterial, LineSegments, Points, PointsMaterial } from "three";
+import { type BufferGeometry, Group, LineBasicMaterial, LineSegments, Points, PointsMaterial } from "three";
 import type { BodyPose, WorldMessage } from "../feed/message.ts";
+import { Arrows, drawnOver, dynamic } from "./lines.ts";
 
 /** More would hide each other. */
 const MAX_DRAWN = 8192;
 /** A response of a body is drawn this many times as long as it is. */
 const RESPONSE_SCALE = 4;
 const MIN_ARROW_M = 0.04;
+const MAX_ARROWS = 1024;
 
 export class Touches {
   readonly group = new Group();
@@ -14,20 +16,14 @@ export class Touches {
   count = 0;
   private readonly points: Points<BufferGeometry, PointsMaterial>;
   private readonly ways: LineSegments<BufferGeometry, LineBasicMaterial>;
-  private readonly arrows: LineSegments<BufferGeometry, LineBasicMaterial>;
+  private readonly arrows = new Arrows(MAX_ARROWS, 0xffe08a);
 
   constructor() {
     this.points = new Points(dynamic(MAX_DRAWN), new PointsMaterial({ color: 0xffb454, size: 5, sizeAttenuation: false }));
     this.ways = new LineSegments(dynamic(MAX_DRAWN * 2), new LineBasicMaterial({ color: 0xff7a59, transparent: true, opacity: 0.55 }));
-    this.arrows = new LineSegments(dynamic(1024 * 6), new LineBasicMaterial({ color: 0xffe08a }));
-    // What lies inside the person can be seen only through it.
-    for (const thing of [this.points, this.ways, this.arrows]) {
-      thing.frustumCulled = false;
-      thing.material.depthTest = false;
-      thing.material.transparent = true;
-      thing.renderOrder = 50;
-      this.group.add(thing);
-    }
+    drawnOver(this.points);
+    drawnOver(this.ways);
+    this.group.add(this.points, this.ways, this.arrows.lines);
   }
 
   /** Shows a world's touches. */
@@ -53,46 +49,21 @@ export class Touches {
   }
 
   private showArrows(bodies: readonly BodyPose[]): void {
-    const arrows = this.arrows.geometry.getAttribute("position");
-    let at = 0;
+    this.arrows.begin();
     for (const { position, response } of bodies) {
-      const length = Math.hypot(...response);
-      if (length === 0 || at + 6 > arrows.count) continue;
-      const drawn = Math.max(length * RESPONSE_SCALE, MIN_ARROW_M);
-      const unit = response.map((r) => r / length);
-      const tip = position.map((p, i) => p + unit[i] * drawn);
-      // A head of two strokes, across any direction.
-      const side = Math.abs(unit[1]) < 0.9 ? cross(unit, [0, 1, 0]) : cross(unit, [1, 0, 0]);
-      arrows.setXYZ(at++, position[0], position[1], position[2]);
-      arrows.setXYZ(at++, tip[0], tip[1], tip[2]);
-      for (const sign of [1, -1]) {
-        arrows.setXYZ(at++, tip[0], tip[1], tip[2]);
-        const back = [0, 1, 2].map((i) => tip[i] - unit[i] * drawn * 0.25 + sign * side[i] * drawn * 0.12);
-        arrows.setXYZ(at++, back[0], back[1], back[2]);
-      }
+      const length = Math.hypot(response[0], response[1], response[2]);
+      if (length === 0) continue;
+      const scale = Math.max(RESPONSE_SCALE, MIN_ARROW_M / length);
+      this.arrows.add(position[0], position[1], position[2], response[0] * scale, response[1] * scale, response[2] * scale);
     }
-    arrows.needsUpdate = true;
-    this.arrows.geometry.setDrawRange(0, at);
+    this.arrows.end();
   }
 
   dispose(): void {
-    for (const thing of [this.points, this.ways, this.arrows]) {
+    for (const thing of [this.points, this.ways]) {
       thing.geometry.dispose();
       thing.material.dispose();
     }
+    this.arrows.dispose();
   }
-}
-
-function dynamic(vertices: number): BufferGeometry {
-  const attribute = new Float32BufferAttribute(new Float32Array(vertices * 3), 3);
-  attribute.setUsage(DynamicDrawUsage);
-  const geometry = new BufferGeometry().setAttribute("position", attribute);
-  geometry.setDrawRange(0, 0);
-  return geometry;
-}
-
-function cross(a: readonly number[], b: readonly number[]): number[] {
-  const c = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-  const length = Math.hypot(...c) || 1;
-  return c.map((x) => x / length);
 }

@@ -31,6 +31,7 @@ export interface Want {
   readonly fps: number;
   readonly state_hz: number;
   readonly touches: boolean;
+  readonly patches: boolean;
   readonly thumbnails_hz: number;
   readonly image_of: string | null;
   readonly silhouettes: boolean;

@@ -16,12 +16,18 @@ export const MAX_BODIES = 4096;
 /** More samples than are ever inside. */
 export const MAX_TOUCHES = 1 << 18;
 
+/** Patches of one body at most. */
+const MAX_BODY_PATCHES = 4;
+/** Numbers of a patch in {@link WorldMessage.patches}. */
+export const PATCH_NUMBERS = 13;
+
 const HEADER_BYTES = 16;
 const FRAME_HEADER_BYTES = 32;
 const CAMERA_BYTES = 32;
 const WORLD_HEADER_BYTES = 32;
 const BODY_BYTES = 48;
 const TOUCH_BYTES = 28;
+const PATCH_BYTES = 52;
 const NO_FRAME = 0xffff_ffff_ffff_ffffn;
 
 /** What is wrong with a message: one line. */
@@ -86,6 +92,11 @@ export interface WorldMessage {
   readonly bodies: readonly BodyPose[];
   /** Seven numbers a touch: the body's place, point, response. */
   readonly touches: Float32Array;
+  /**
+   * The hull's surface at the bodies, thirteen numbers a patch: the body's place, how many samples touch; a point, the
+   * outward unit normal there, how the surface moves there (m/s); how deep the samples are, and how far from the point.
+   */
+  readonly patches: Float32Array;
   readonly bytes: number;
 }
 
@@ -187,6 +198,7 @@ function world(view: DataView, count: number, seq: number): WorldMessage {
     frame: frame === NO_FRAME ? null : Number(frame),
     bodies,
     touches: touches(view, touchAt, count),
+    patches: patches(view, touchAt, count),
     bytes: size,
   };
 }
@@ -213,7 +225,7 @@ function bodyPose(view: DataView, at: number): BodyPose {
 function touches(view: DataView, at: number, bodies: number): Float32Array {
   const count = view.getUint32(at, true);
   if (count > MAX_TOUCHES) throw new MessageError(`${count} touches, expected ${MAX_TOUCHES} at most`);
-  if (view.byteLength !== at + 4 + count * TOUCH_BYTES) {
+  if (view.byteLength < at + 4 + count * TOUCH_BYTES) {
     throw new MessageError(`${count} touches need ${count * TOUCH_BYTES} bytes, ${view.byteLength - at - 4} are left`);
   }
   const numbers = new Float32Array(count * 7);
@@ -225,6 +237,30 @@ function touches(view: DataView, at: number, bodies: number): Float32Array {
     for (let part = 0; part < 6; part++) {
       numbers[index * 7 + 1 + part] = finite(view.getFloat32(from + 4 + part * 4, true), "a touch");
     }
+  }
+  return numbers;
+}
+
+/** What follows the touches: nothing, or a count and so many patches. */
+function patches(view: DataView, touchAt: number, bodies: number): Float32Array {
+  const at = touchAt + 4 + view.getUint32(touchAt, true) * TOUCH_BYTES;
+  const left = view.byteLength - at;
+  if (left === 0) return new Float32Array(0);
+  const count = left < 4 ? 0 : view.getUint32(at, true);
+  if (count > bodies * MAX_BODY_PATCHES) throw new MessageError(`${count} patches of ${bodies} bodies, expected ${MAX_BODY_PATCHES} each at most`);
+  if (left !== 4 + count * PATCH_BYTES) throw new MessageError(`${count} patches need ${4 + count * PATCH_BYTES} bytes, ${left} are left`);
+  const numbers = new Float32Array(count * PATCH_NUMBERS);
+  for (let index = 0; index < count; index++) {
+    const from = at + 4 + index * PATCH_BYTES;
+    const body = view.getUint32(from, true);
+    if (body >= bodies) throw new MessageError(`patch of body ${body}, expected below ${bodies}`);
+    const patch = numbers.subarray(index * PATCH_NUMBERS, (index + 1) * PATCH_NUMBERS);
+    patch[0] = body;
+    patch[1] = view.getUint32(from + 4, true);
+    for (let part = 2; part < PATCH_NUMBERS; part++) patch[part] = finite(view.getFloat32(from + part * 4, true), "a patch");
+    const length = Math.hypot(patch[5], patch[6], patch[7]);
+    if (!(Math.abs(length - 1) < 1e-2)) throw new MessageError(`patch of body ${body}: normal of length ${length}, expected 1`);
+    if (patch[12] < 0) throw new MessageError(`patch of body ${body}: radius ${patch[12]}, expected 0 or more`);
   }
   return numbers;
 }

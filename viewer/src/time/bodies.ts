@@ -13,13 +13,20 @@ export function between(before: WorldMessage, after: WorldMessage, filmS: number
   });
 }
 
-/** Changes when a body is seen to move: by more than a fifth of a millimetre. */
+/** Changes when a body is seen to move, by more than a fifth of a millimetre, or when the surface at one does. */
 export function posesKey(moment: { readonly world: WorldMessage; readonly bodies: readonly BodyPose[] }): string {
-  let key = `${moment.world.generation}/${moment.world.touches.length}`;
+  let key = `${moment.world.generation}/${moment.world.touches.length}/${patchesKey(moment.world.patches)}`;
   for (const { id, position, rotation, touching, grabbed } of moment.bodies) {
     key += `|${id}${touching ? "t" : ""}${grabbed ? "g" : ""}`;
     for (const n of [...position, ...rotation]) key += `,${Math.round(n * 5000)}`;
   }
+  return key;
+}
+
+/** Patches are many numbers: one of them all, in steps of a millimetre (a second). */
+function patchesKey(patches: Float32Array): number {
+  let key = patches.length;
+  for (const n of patches) key = (Math.imul(key, 31) + Math.round(n * 1000)) | 0;
   return key;
 }
 

@@ -25,6 +25,7 @@ export class Figures {
     this.show("Pictures drawn", `${(app.drawing?.rate.perSecond(now) ?? 0).toFixed(0)} /s`);
     this.show("Frames shown", `${app.frames.rate.perSecond(now).toFixed(1)} /s`);
     this.show("From lens to screen", ms(app.frames.latency.get(), 0));
+    this.show("From lens to step", ms(progress?.hull_age_ms, 0));
     this.show("Link", `${((this.received.perSecond(now) * 8) / 1e6).toFixed(1)} Mbit/s`);
     this.show("Decoding", ms(app.frames.decodeMs.get()));
     this.show("Drawing", ms(app.quality.averageMs || null));

@@ -60,7 +60,10 @@ export function frameMessage(type: 1 | 3, seq: number, frame: number, filmS: num
   return buffer;
 }
 
-/** A world (type 2) without touches, or with those given: body, point, response. */
+/**
+ * A world (type 2) without touches and patches, or with those given: body, point, response; and body, samples, point,
+ * normal, velocity, depth, radius.
+ */
 export function worldMessage(
   seq: number,
   generation: number,
@@ -70,8 +73,10 @@ export function worldMessage(
   paused: boolean,
   bodies: readonly Placed[],
   touches: readonly (readonly number[])[] = [],
+  patches: readonly (readonly number[])[] = [],
 ): ArrayBuffer {
-  const buffer = new ArrayBuffer(48 + bodies.length * 48 + 4 + touches.length * 28);
+  const patchesAt = 48 + bodies.length * 48 + 4 + touches.length * 28;
+  const buffer = new ArrayBuffer(patchesAt + (patches.length > 0 ? 4 + patches.length * 52 : 0));
   const view = new DataView(buffer);
   header(view, 2, bodies.length, seq);
   view.setUint32(16, generation, true);
@@ -91,6 +96,12 @@ export function worldMessage(
   touches.forEach((touch, index) => {
     view.setUint32(at + 4 + index * 28, touch[0], true);
     for (let i = 0; i < 6; i++) view.setFloat32(at + 8 + index * 28 + i * 4, touch[i + 1], true);
+  });
+  if (patches.length > 0) view.setUint32(patchesAt, patches.length, true);
+  patches.forEach((patch, index) => {
+    const from = patchesAt + 4 + index * 52;
+    for (let i = 0; i < 2; i++) view.setUint32(from + i * 4, patch[i], true);
+    for (let i = 2; i < 13; i++) view.setFloat32(from + i * 4, patch[i], true);
   });
   return buffer;
 }

@@ -67,11 +67,37 @@ test("bodies that turn by no rotation, and touches of no body, are refused", () 
   assert.throws(() => parseMessage(worldMessage(1, 1, 1, 1, 1, false, [body], [[1, 0, 0, 0, 0, 0, 0]])), /touch of body 1/);
 });
 
+/** Of body 0, four samples: at a point, upwards, sliding; 3 cm deep, 12.5 cm wide. */
+const patch = [0, 4, 1, 0.5, 0.25, 0, 1, 0, 0.5, 0, 0, 0.03125, 0.125];
+const withPatches = (patches: readonly (readonly number[])[]) => worldMessage(1, 1, 1, 1, 1, false, [{ id: 1, position: [0, 0, 0] }], [[0, 0, 0, 0, 0, 0, 0]], patches);
+
+test("patches are read as they were written", () => {
+  assert.deepEqual([...(parseMessage(withPatches([patch, patch])) as WorldMessage).patches], [...patch, ...patch]);
+  assert.equal((parseMessage(withPatches([])) as WorldMessage).patches.length, 0);
+});
+
+/** A patch with another number in one place. */
+const patchBut = (place: number, value: number) => patch.map((n, i) => (i === place ? value : n));
+const wrongPatches: [string, readonly (readonly number[])[], RegExp][] = [
+  ["of no body", [patchBut(0, 1)], /patch of body 1/],
+  ["at no place", [patchBut(3, NaN)], /a patch holds NaN/],
+  ["that moves at no speed", [patchBut(8, Infinity)], /a patch holds Infinity/],
+  ["whose normal has no length", [patchBut(6, 0)], /normal of length 0/],
+  ["smaller than nothing", [patchBut(12, -1)], /radius -1/],
+  ["more than four a body", Array(5).fill(patch), /5 patches of 1 bodies/],
+];
+for (const [what, patches, expected] of wrongPatches) {
+  test(`patches ${what} are refused`, () => assert.throws(() => parseMessage(withPatches(patches)), expected));
+}
+
 test("no message that was cut short is read past its end", () => {
   const whole = frameMessage(1, 1, 1, 1, [part]);
   const world = worldMessage(1, 1, 1, 1, 1, false, [{ id: 1, position: [0, 0, 0] }], [[0, 0, 0, 0, 0, 0, 0]]);
-  for (const message of [whole, world]) {
+  const patched = withPatches([patch, patch]);
+  for (const message of [whole, world, patched]) {
     for (let length = 0; length < message.byteLength; length++) {
+      // A world may end where its patches would begin.
+      if (message === patched && length === world.byteLength) continue;
       const cut = message.slice(0, length);
       if (length >= 16) new DataView(cut).setUint32(12, length, true);
       assert.throws(() => parseMessage(cut), Error, `${length} bytes`);

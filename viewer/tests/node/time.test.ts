@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { parseMessage, type WorldMessage } from "../../src/feed/message.ts";
-import { between } from "../../src/time/bodies.ts";
+import { between, posesKey } from "../../src/time/bodies.ts";
 import { Playout } from "../../src/time/playout.ts";
 import { MAX_BYTES, SPAN_MS, Timeline } from "../../src/time/timeline.ts";
 import { Worlds } from "../../src/time/worlds.ts";
@@ -32,6 +32,16 @@ test("rotations turn the short way", () => {
   };
   const [, , z, w] = between(turned(1, 0), turned(-Math.SQRT1_2, -Math.SQRT1_2), 1.5 / 120)[0].rotation;
   near(Math.abs(2 * Math.atan2(z, w)), Math.PI / 4);
+});
+
+test("a picture is drawn anew when the surface at a body moves, though the body does not", () => {
+  const key = (speed: number) => {
+    const made = world(1);
+    return posesKey({ world: { ...made, patches: Float32Array.of(0, 4, 0, 0, 0, 0, 1, 0, speed, 0, 0, 0, 0.1) }, bodies: made.bodies });
+  };
+  assert.equal(key(0.1), key(0.10001));
+  assert.notEqual(key(0.1), key(0.2));
+  assert.notEqual(key(0), posesKey({ world: world(1), bodies: world(1).bodies }));
 });
 
 test("the bodies of a frame are those of the step that first saw it, and go on from there", () => {

@@ -40,6 +40,11 @@ test("a world of the server's is read", () => {
   assert.deepEqual(touching.response, [0, 0.125, 0.0625]);
   assert.ok(Math.abs(touching.rotation[1] - 0.6) < 1e-6 && Math.abs(touching.rotation[3] - 0.8) < 1e-6);
   assert.deepEqual([...world.touches], [1, 1.25, 0.5, -0.25, 0, 0.125, 0, 1, 1.25, 0.75, -0.25, 0, 0.125, 0]);
+  assert.equal(world.patches.length, 0);
+  const patched = message("world_patches.bin") as WorldMessage;
+  assert.deepEqual([patched.bodies, patched.touches], [world.bodies, world.touches]);
+  const patch = (slides: number) => [1, 25, 1.25, 0.5, -0.25, 0, 1, 0, slides, 0.25, 0, 0.03125, 0.125];
+  assert.deepEqual([...patched.patches], [...patch(0), ...patch(-0.5)]);
   const blind = message("world_blind.bin") as WorldMessage;
   assert.deepEqual([blind.frame, blind.blind, blind.bodies.length], [null, true, 0]);
 });
@@ -51,7 +56,7 @@ test("texts of the server's are read", () => {
   assert.deepEqual(kinds, ["box", "ball", "capsule", "cylinder", "cone", "hull"]);
   assert.equal(scene.parameters.hull_restitution, 0.25);
   const status = text("status.json") as Status;
-  assert.deepEqual([status.progress?.film_s, status.cameras?.[1].problem, status.feed?.tier], [3, "connection refused", "full"]);
+  assert.deepEqual([status.progress?.film_s, status.progress?.hull_age_ms, status.cameras?.[1].problem, status.feed?.tier], [3, 66.5, "connection refused", "full"]);
   assert.deepEqual(text("done.json"), { op: "done", id: 7, body: 12 });
   assert.deepEqual(text("refused.json"), { op: "refused", id: 8, why: "no body has number 99" });
   assert.deepEqual(text("bye.json"), { op: "bye", why: "the run has ended" });
