@@ -1,5 +1,5 @@
 /** The person's surface at the bodies: discs that lie in it, their normals, and arrows for how it moves. */
-import { type BufferGeometry, CircleGeometry, DoubleSide, DynamicDrawUsage, Group, InstancedMesh, LineBasicMaterial, LineSegments, Matrix4, MeshBasicMaterial } from "three";
+import { type BufferGeometry, CircleGeometry, DoubleSide, DynamicDrawUsage, Group, InstancedMesh, LineBasicMaterial, LineSegments, Matrix4, MeshBasicMaterial, RingGeometry } from "three";
 import { PATCH_NUMBERS } from "../feed/message.ts";
 import { Arrows, drawnOver, dynamic } from "./lines.ts";
 
@@ -19,6 +19,8 @@ export class Patches {
   /** Patches of the world that is shown. */
   count = 0;
   private readonly discs: InstancedMesh<CircleGeometry, MeshBasicMaterial>;
+  /** Their edges, at the same places. */
+  private readonly rims: InstancedMesh<RingGeometry, MeshBasicMaterial>;
   private readonly normals: LineSegments<BufferGeometry, LineBasicMaterial>;
   private readonly arrows = new Arrows(MAX_DRAWN, 0xffe08a);
   private readonly place = new Matrix4();
@@ -28,10 +30,11 @@ export class Patches {
     this.discs = new InstancedMesh(new CircleGeometry(1, 24), sheet, MAX_DRAWN);
     this.discs.instanceMatrix.setUsage(DynamicDrawUsage);
     this.discs.count = 0;
+    this.rims = new InstancedMesh(new RingGeometry(0.95, 1, 24), new MeshBasicMaterial({ color: 0xffb454, side: DoubleSide, depthWrite: false }), 0);
+    this.rims.instanceMatrix = this.discs.instanceMatrix;
     this.normals = new LineSegments(dynamic(MAX_DRAWN * 2), new LineBasicMaterial({ color: 0xff7a59 }));
-    drawnOver(this.discs);
-    drawnOver(this.normals);
-    this.group.add(this.discs, this.normals, this.arrows.lines);
+    for (const thing of [this.discs, this.rims, this.normals]) drawnOver(thing);
+    this.group.add(this.discs, this.normals, this.arrows.lines, this.rims);
   }
 
   /** Shows a world's patches. */
@@ -57,15 +60,16 @@ export class Patches {
     ends.needsUpdate = true;
     this.normals.geometry.setDrawRange(0, drawn * 2);
     this.discs.count = drawn;
+    this.rims.count = drawn;
     this.discs.instanceMatrix.needsUpdate = true;
   }
 
   dispose(): void {
-    this.discs.geometry.dispose();
-    this.discs.material.dispose();
+    for (const thing of [this.discs, this.rims, this.normals]) {
+      thing.geometry.dispose();
+      thing.material.dispose();
+    }
     this.discs.dispose();
-    this.normals.geometry.dispose();
-    this.normals.material.dispose();
     this.arrows.dispose();
   }
 

@@ -51,4 +51,5 @@ test("without patches nothing is drawn", () => {
   const { shown, discs, normals, arrows } = drawn(numbers([0, 1, 0], [1e20, 0, 0], 0.1));
   shown.show(new Float32Array(0));
   assert.deepEqual([shown.count, discs.count, normals.geometry.drawRange.count, arrows.geometry.drawRange.count], [0, 0, 0, 0]);
+  assert.equal((shown.group.children[3] as InstancedMesh).count, 0, "rims");
 });
