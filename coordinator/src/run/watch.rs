@@ -59,7 +59,8 @@ impl Coordinator {
         let (Some(frame), Some(results)) = (self.film.frame, results) else { return };
         let reports = self.transport.roster().reports(frame);
         let Some(report) = reports.as_ref().and_then(|reports| reports.first()) else { return };
-        let age_ms = (unix_now_s() - report.captured_unix_s) * 1e3;
+        let later_s = self.world.settings().hull_time.frames_later() / self.settings.fps;
+        let age_ms = (unix_now_s() - report.captured_unix_s + later_s) * 1e3;
         self.recent.hull_age_ms.add(age_ms);
         if results.iter().any(|result| result.response_m.is_ok() || !result.touches.is_empty()) {
             self.figures.response_age_ms.add(age_ms);
