@@ -11,6 +11,8 @@
 //! these have found. None of it changes an answer.
 
 mod body_exits;
+mod found;
+mod groups;
 mod reaches;
 mod sample_rounds;
 mod ways_out;
@@ -18,16 +20,16 @@ mod ways_out;
 use std::ops::Range;
 use std::sync::Arc;
 
-use nalgebra::Vector3;
-use thiserror::Error;
-
 use crate::cull::WorldBox;
 use crate::faces::FaceNormals;
-use crate::question::{Answer, Batch, Change, Edge, NO_EXIT_M, Points, Question, QuestionKind, Standing};
+use crate::question::{Answer, Batch, Change, Points, Question, QuestionKind};
 use crate::reach::Reach;
 use crate::rule::ProbeSettings;
 use body_exits::Along;
+use groups::Group;
 
+pub use found::{BodyResult, NoResponse, Touch};
+pub use groups::AnswerError;
 pub use reaches::{FIRST_REACH, Reaches};
 
 /// How far from points around a body planes matter, about 0.14 m.
@@ -50,85 +52,6 @@ pub enum Round {
     Done,
 }
 
-/// What the pass found for one sample inside the hull.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Touch {
-    /// The sample's index in its body.
-    pub sample: u32,
-    /// How many cameras say inside.
-    pub inside_count: u32,
-    /// The nearest edge; `None` if no camera has one (all its candidates are ignored).
-    pub edge: Option<Edge>,
-    /// The distance to the exit along the edge's normal, metres; negative of a [contact](crate::contact) that is still
-    /// outside.
-    pub exit_m: Option<f32>,
-    /// Of a contact: how fast the surface moves out along its normal, m/s, where the frame before tells.
-    pub speed_m_s: Option<f32>,
-    /// Of a contact: how fast the surface moves along itself, world, m/s; nothing where nobody tells.
-    pub slide_m_s: [f32; 3],
-}
-
-impl Touch {
-    /// Whether the sample is inside the hull: a contact may be above its surface.
-    pub fn is_inside(&self) -> bool {
-        self.exit_m.is_none_or(|exit_m| exit_m >= 0.0)
-    }
-
-    /// The normal of its edge, world; zero without one.
-    pub(crate) fn normal_world(&self) -> Vector3<f64> {
-        self.edge.map_or_else(Vector3::zeros, |edge| Vector3::from(edge.normal_world.map(f64::from)))
-    }
-
-    /// The same of a surface that stands still.
-    pub(crate) fn at_rest(self) -> Touch {
-        Touch { speed_m_s: Some(0.0), slide_m_s: [0.0; 3], ..self }
-    }
-
-    /// The sample's response `w`, metres, world; `None` without an exit.
-    pub fn response_m(&self) -> Option<[f64; 3]> {
-        let (edge, exit_m) = (self.edge?, self.exit_m?);
-        Some(edge.normal_world.map(|n| f64::from(n) * f64::from(exit_m)))
-    }
-}
-
-/// Why a body has no response.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum NoResponse {
-    /// The body is clear of the hull.
-    Clear,
-    /// No sample found its way out along its normal.
-    NoDirection,
-    /// A sample has no exit along the body's direction within the search depth.
-    NoExit,
-}
-
-/// What the pass found for one body.
-#[derive(Clone, Debug, PartialEq)]
-pub struct BodyResult {
-    /// Its samples inside the hull, ascending.
-    pub touches: Vec<Touch>,
-    /// The vector that moves it out, metres, world, or why there is none.
-    pub response_m: Result<[f64; 3], NoResponse>,
-    /// How many of the samples inside are still inside after the response.
-    pub left_inside: usize,
-    /// Of contacts: how fast the surface turns, world, rad/s; nothing where nobody tells.
-    pub spin_rad_s: [f32; 3],
-    /// Of points around it that have a plane near, if it touches and they were asked about.
-    pub around: Vec<Touch>,
-}
-
-impl Default for BodyResult {
-    fn default() -> BodyResult {
-        BodyResult {
-            touches: Vec::new(),
-            response_m: Err(NoResponse::Clear),
-            left_inside: 0,
-            spin_rad_s: [0.0; 3],
-            around: Vec::new(),
-        }
-    }
-}
-
 /// A body to ask about.
 #[derive(Clone, Debug)]
 pub struct AskedBody<'a> {
@@ -147,35 +70,6 @@ impl<'a> AskedBody<'a> {
     pub fn plain(points: Points, reaches: &'a Reaches) -> AskedBody<'a> {
         AskedBody { points, around: None, faces: None, reaches }
     }
-}
-
-/// Why a group's answer was refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-pub enum AnswerError {
-    /// There is no such group.
-    #[error("answer of group {found}, expected one of {expected} groups")]
-    Group {
-        /// Which group.
-        found: usize,
-        /// How many there are.
-        expected: usize,
-    },
-    /// The group answered this round already, or the pass is done.
-    #[error("group {0} answered twice")]
-    Twice(usize),
-    /// The answer is to another question.
-    #[error("group {0} answered another question")]
-    Kind(usize),
-    /// More or fewer points than asked.
-    #[error("group {group} answered {found} points, expected {expected}")]
-    Count {
-        /// Which group.
-        group: usize,
-        /// Points answered.
-        found: usize,
-        /// Points asked.
-        expected: usize,
-    },
 }
 
 /// One pass. Ask every group that it [asks](Pass::asks) its [`Pass::question`], hand each answer to
@@ -227,16 +121,6 @@ struct PassBody {
     /// The body that these points are around, if they are no body.
     owner: Option<usize>,
     faces: Option<Arc<FaceNormals>>,
-}
-
-#[derive(Clone, Copy, Debug, Default)]
-struct Group {
-    /// Asked for classes before the others.
-    is_first: bool,
-    /// Asked for edges and exits before the others.
-    is_in_first_phase: bool,
-    is_asked: bool,
-    has_answered: bool,
 }
 
 /// The body of each of the question's points, and which of its samples or touches it is.
@@ -345,26 +229,6 @@ impl Pass {
         self.ask(Round::Classes, |group| !has_first || group.is_first);
     }
 
-    /// From the next pass on, asks these groups for classes first, and the others about what they leave;
-    /// with none, all at once.
-    pub fn ask_first(&mut self, groups: &[usize]) {
-        let count = self.groups.len();
-        for (index, group) in self.groups.iter_mut().enumerate() {
-            group.is_first = groups.len() < count && groups.contains(&index);
-        }
-    }
-
-    /// From the next question on, asks a third of the groups for edges and exits first, and the others within
-    /// the nearest that these found: what is farther cannot win. Or asks all at once.
-    pub fn ask_in_two_phases(&mut self, two_phases: bool) {
-        // Cameras stand around the room: groups spread over the rig see every point from near its edge.
-        let (count, first) = (self.groups.len(), self.groups.len().div_ceil(3));
-        for (index, group) in self.groups.iter_mut().enumerate() {
-            let is_first = (0..first).any(|place| place * count / first == index);
-            group.is_in_first_phase = two_phases && first < count && is_first;
-        }
-    }
-
     /// From the next pass on, asks for planes instead of edges: touches have the hull's surface near them, bodies no
     /// response.
     pub fn only_planes(&mut self, only_planes: bool) {
@@ -387,33 +251,6 @@ impl Pass {
         (self.round != Round::Done).then_some(&self.question)
     }
 
-    /// True if the question is to be asked of this group, and it has not answered.
-    pub fn asks(&self, group: usize) -> bool {
-        let open = |group: &Group| group.is_asked && !group.has_answered;
-        self.round != Round::Done && self.groups.get(group).is_some_and(open)
-    }
-
-    /// Takes a group's answer; when all that are asked have answered, the next question is there.
-    pub fn answer(&mut self, group: usize, answer: &Answer) -> Result<(), AnswerError> {
-        let expected = self.groups.len();
-        let asked = *self.groups.get(group).ok_or(AnswerError::Group { found: group, expected })?;
-        if self.round == Round::Done || !asked.is_asked || asked.has_answered {
-            return Err(AnswerError::Twice(group));
-        }
-        if !answer.kind.answers(self.question.kind) {
-            return Err(AnswerError::Kind(group));
-        }
-        if answer.len() != self.merged.len() {
-            return Err(AnswerError::Count { group, found: answer.len(), expected: self.merged.len() });
-        }
-        self.merge(answer);
-        self.groups[group].has_answered = true;
-        if self.groups.iter().all(|group| group.has_answered || !group.is_asked) {
-            self.advance();
-        }
-        Ok(())
-    }
-
     /// What was found for each body, in the order given. Complete once there is no question.
     pub fn results(&self) -> &[BodyResult] {
         &self.results[..self.asked_count]
@@ -423,100 +260,6 @@ impl Pass {
     pub fn into_results(mut self) -> Vec<BodyResult> {
         self.results.truncate(self.asked_count);
         self.results
-    }
-
-    /// Asks the question that stands there, or ends if it is empty.
-    fn ask(&mut self, round: Round, asks: impl Fn(&Group) -> bool) {
-        let count = self.question.len();
-        self.round = if count == 0 { Round::Done } else { round };
-        for group in &mut self.groups {
-            group.is_asked = asks(group);
-            group.has_answered = false;
-        }
-        let merged = &mut self.merged;
-        merged.restart(self.question.kind);
-        self.changes_sorted = true;
-        match self.question.kind {
-            QuestionKind::Classes => merged.standings.resize(count, Standing::inside(0)),
-            QuestionKind::Edges | QuestionKind::Planes => {
-                merged.edges.resize(count, None);
-                // One group alone finds exits at once.
-                let told = if self.groups.len() == 1 { 0 } else { count };
-                self.exits_within.clear();
-                self.exits_within.resize(told, None);
-            }
-            QuestionKind::Exits | QuestionKind::SharedExits => merged.exits_m.resize(count, NO_EXIT_M),
-        }
-    }
-
-    /// Asks the current question in two phases, if there are any and its search is
-    /// bounded anyway; what is asked again is worth no more trips, unless bytes are dearer.
-    fn ask_distances(&mut self, round: Round) {
-        let is_worth_it = self.saves_bytes || !self.question.within.is_empty();
-        let two_phases = is_worth_it && self.groups.iter().any(|group| group.is_in_first_phase);
-        self.ask(round, |group| !two_phases || group.is_in_first_phase);
-        self.is_first_phase = two_phases && self.round == round;
-    }
-
-    /// Asks the groups of the second phase, within what the first found.
-    fn ask_within_found(&mut self) {
-        let Pass { question, merged, groups, targets, bodies, .. } = self;
-        // From outside the farthest plane wins: what was found of points around bodies bounds nothing.
-        let bounds =
-            |at: usize| targets.0.get(at).is_none_or(|&(body, _)| bodies[body as usize].owner.is_none());
-        let edges_m = merged.edges.iter().map(|edge| edge.map_or(f32::INFINITY, |edge| edge.distance_m));
-        let found_m = edges_m.chain(merged.exits_m.iter().copied());
-        question.within.resize(question.len(), Reach::UNBOUNDED);
-        for (at, (reach, found_m)) in question.within.iter_mut().zip(found_m).enumerate() {
-            if found_m < reach.m() && bounds(at) {
-                *reach = (*reach).min(Reach::covering(f64::from(found_m)));
-            }
-        }
-        for group in groups {
-            (group.is_asked, group.has_answered) = (!group.is_in_first_phase, false);
-        }
-        self.is_first_phase = false;
-    }
-
-    fn merge(&mut self, answer: &Answer) {
-        let merged = &mut self.merged;
-        for (merged, &standing) in merged.standings.iter_mut().zip(&answer.standings) {
-            *merged = merged.and(standing);
-        }
-        for (at, (merged, edge)) in merged.edges.iter_mut().zip(&answer.edges).enumerate() {
-            let Some(edge) = edge else { continue };
-            if merged.is_none_or(|before| edge.is_nearer(&before)) {
-                *merged = Some(*edge);
-                if let Some(within) = self.exits_within.get_mut(at) {
-                    *within = answer.exits_within.get(at).copied();
-                }
-            }
-        }
-        for (merged, &exit_m) in merged.exits_m.iter_mut().zip(&answer.exits_m) {
-            *merged = merged.min(exit_m);
-        }
-        self.changes_sorted &= merged.changes.is_empty() || answer.changes.is_empty();
-        merged.changes.extend_from_slice(&answer.changes);
-    }
-
-    fn advance(&mut self) {
-        if self.is_first_phase {
-            return self.ask_within_found();
-        }
-        if !self.changes_sorted {
-            let order = |a: &Change, b: &Change| a.point.cmp(&b.point).then(a.t_m.total_cmp(&b.t_m));
-            self.merged.changes.sort_unstable_by(order);
-        }
-        match self.round {
-            Round::Classes => self.after_classes(),
-            Round::Edges => self.after_edges(),
-            Round::Exits if self.only_planes => self.after_ways_out(),
-            Round::Check if self.only_planes => self.after_planes_beyond(),
-            Round::Exits => self.after_exits(),
-            Round::BodyExits => self.after_body_exits(),
-            Round::Check => self.after_check(),
-            Round::Done => {}
-        }
     }
 
     /// Adds the touches that fit to the question and to its targets.
@@ -540,19 +283,6 @@ impl Question {
     /// True if a point's edge or exit may have been left out as too far away.
     fn bounds(&self, point: usize) -> bool {
         self.within.get(point).is_some_and(|&reach| reach != Reach::UNBOUNDED)
-    }
-}
-
-impl Touch {
-    pub(crate) fn new(sample: u32, inside_count: usize) -> Touch {
-        Touch {
-            sample,
-            inside_count: inside_count as u32,
-            edge: None,
-            exit_m: None,
-            speed_m_s: None,
-            slide_m_s: [0.0; 3],
-        }
     }
 }
 

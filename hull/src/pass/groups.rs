@@ -1,0 +1,190 @@
+//! Who is asked and who has answered: a round goes to groups of cameras, in one phase or two, and their answers merge.
+
+use thiserror::Error;
+
+use super::{Pass, Round};
+use crate::question::{Answer, Change, NO_EXIT_M, QuestionKind, Standing};
+use crate::reach::Reach;
+
+/// Why a group's answer was refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum AnswerError {
+    /// There is no such group.
+    #[error("answer of group {found}, expected one of {expected} groups")]
+    Group {
+        /// Which group.
+        found: usize,
+        /// How many there are.
+        expected: usize,
+    },
+    /// The group answered this round already, or the pass is done.
+    #[error("group {0} answered twice")]
+    Twice(usize),
+    /// The answer is to another question.
+    #[error("group {0} answered another question")]
+    Kind(usize),
+    /// More or fewer points than asked.
+    #[error("group {group} answered {found} points, expected {expected}")]
+    Count {
+        /// Which group.
+        group: usize,
+        /// Points answered.
+        found: usize,
+        /// Points asked.
+        expected: usize,
+    },
+}
+
+/// A group of cameras that answer together.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Group {
+    /// Asked for classes before the others.
+    pub is_first: bool,
+    /// Asked for edges and exits before the others.
+    pub is_in_first_phase: bool,
+    pub is_asked: bool,
+    pub has_answered: bool,
+}
+
+impl Pass {
+    /// From the next pass on, asks these groups for classes first, and the others about what they leave;
+    /// with none, all at once.
+    pub fn ask_first(&mut self, groups: &[usize]) {
+        let count = self.groups.len();
+        for (index, group) in self.groups.iter_mut().enumerate() {
+            group.is_first = groups.len() < count && groups.contains(&index);
+        }
+    }
+
+    /// From the next question on, asks a third of the groups for edges and exits first, and the others within
+    /// the nearest that these found: what is farther cannot win. Or asks all at once.
+    pub fn ask_in_two_phases(&mut self, two_phases: bool) {
+        // Cameras stand around the room: groups spread over the rig see every point from near its edge.
+        let (count, first) = (self.groups.len(), self.groups.len().div_ceil(3));
+        for (index, group) in self.groups.iter_mut().enumerate() {
+            let is_first = (0..first).any(|place| place * count / first == index);
+            group.is_in_first_phase = two_phases && first < count && is_first;
+        }
+    }
+
+    /// True if the question is to be asked of this group, and it has not answered.
+    pub fn asks(&self, group: usize) -> bool {
+        let open = |group: &Group| group.is_asked && !group.has_answered;
+        self.round != Round::Done && self.groups.get(group).is_some_and(open)
+    }
+
+    /// Takes a group's answer; when all that are asked have answered, the next question is there.
+    pub fn answer(&mut self, group: usize, answer: &Answer) -> Result<(), AnswerError> {
+        let expected = self.groups.len();
+        let asked = *self.groups.get(group).ok_or(AnswerError::Group { found: group, expected })?;
+        if self.round == Round::Done || !asked.is_asked || asked.has_answered {
+            return Err(AnswerError::Twice(group));
+        }
+        if !answer.kind.answers(self.question.kind) {
+            return Err(AnswerError::Kind(group));
+        }
+        if answer.len() != self.merged.len() {
+            return Err(AnswerError::Count { group, found: answer.len(), expected: self.merged.len() });
+        }
+        self.merge(answer);
+        self.groups[group].has_answered = true;
+        if self.groups.iter().all(|group| group.has_answered || !group.is_asked) {
+            self.advance();
+        }
+        Ok(())
+    }
+
+    /// Asks the question that stands there, or ends if it is empty.
+    pub(super) fn ask(&mut self, round: Round, asks: impl Fn(&Group) -> bool) {
+        let count = self.question.len();
+        self.round = if count == 0 { Round::Done } else { round };
+        for group in &mut self.groups {
+            group.is_asked = asks(group);
+            group.has_answered = false;
+        }
+        let merged = &mut self.merged;
+        merged.restart(self.question.kind);
+        self.changes_sorted = true;
+        match self.question.kind {
+            QuestionKind::Classes => merged.standings.resize(count, Standing::inside(0)),
+            QuestionKind::Edges | QuestionKind::Planes => {
+                merged.edges.resize(count, None);
+                // One group alone finds exits at once.
+                let told = if self.groups.len() == 1 { 0 } else { count };
+                self.exits_within.clear();
+                self.exits_within.resize(told, None);
+            }
+            QuestionKind::Exits | QuestionKind::SharedExits => merged.exits_m.resize(count, NO_EXIT_M),
+        }
+    }
+
+    /// Asks the current question in two phases, if there are any and its search is
+    /// bounded anyway; what is asked again is worth no more trips, unless bytes are dearer.
+    pub(super) fn ask_distances(&mut self, round: Round) {
+        let is_worth_it = self.saves_bytes || !self.question.within.is_empty();
+        let two_phases = is_worth_it && self.groups.iter().any(|group| group.is_in_first_phase);
+        self.ask(round, |group| !two_phases || group.is_in_first_phase);
+        self.is_first_phase = two_phases && self.round == round;
+    }
+
+    /// Asks the groups of the second phase, within what the first found.
+    fn ask_within_found(&mut self) {
+        let Pass { question, merged, groups, targets, bodies, .. } = self;
+        // From outside the farthest plane wins: what was found of points around bodies bounds nothing.
+        let bounds =
+            |at: usize| targets.0.get(at).is_none_or(|&(body, _)| bodies[body as usize].owner.is_none());
+        let edges_m = merged.edges.iter().map(|edge| edge.map_or(f32::INFINITY, |edge| edge.distance_m));
+        let found_m = edges_m.chain(merged.exits_m.iter().copied());
+        question.within.resize(question.len(), Reach::UNBOUNDED);
+        for (at, (reach, found_m)) in question.within.iter_mut().zip(found_m).enumerate() {
+            if found_m < reach.m() && bounds(at) {
+                *reach = (*reach).min(Reach::covering(f64::from(found_m)));
+            }
+        }
+        for group in groups {
+            (group.is_asked, group.has_answered) = (!group.is_in_first_phase, false);
+        }
+        self.is_first_phase = false;
+    }
+
+    fn merge(&mut self, answer: &Answer) {
+        let merged = &mut self.merged;
+        for (merged, &standing) in merged.standings.iter_mut().zip(&answer.standings) {
+            *merged = merged.and(standing);
+        }
+        for (at, (merged, edge)) in merged.edges.iter_mut().zip(&answer.edges).enumerate() {
+            let Some(edge) = edge else { continue };
+            if merged.is_none_or(|before| edge.is_nearer(&before)) {
+                *merged = Some(*edge);
+                if let Some(within) = self.exits_within.get_mut(at) {
+                    *within = answer.exits_within.get(at).copied();
+                }
+            }
+        }
+        for (merged, &exit_m) in merged.exits_m.iter_mut().zip(&answer.exits_m) {
+            *merged = merged.min(exit_m);
+        }
+        self.changes_sorted &= merged.changes.is_empty() || answer.changes.is_empty();
+        merged.changes.extend_from_slice(&answer.changes);
+    }
+
+    fn advance(&mut self) {
+        if self.is_first_phase {
+            return self.ask_within_found();
+        }
+        if !self.changes_sorted {
+            let order = |a: &Change, b: &Change| a.point.cmp(&b.point).then(a.t_m.total_cmp(&b.t_m));
+            self.merged.changes.sort_unstable_by(order);
+        }
+        match self.round {
+            Round::Classes => self.after_classes(),
+            Round::Edges => self.after_edges(),
+            Round::Exits if self.only_planes => self.after_ways_out(),
+            Round::Check if self.only_planes => self.after_planes_beyond(),
+            Round::Exits => self.after_exits(),
+            Round::BodyExits => self.after_body_exits(),
+            Round::Check => self.after_check(),
+            Round::Done => {}
+        }
+    }
+}

@@ -1,0 +1,188 @@
+//! Answers to messages and back.
+
+mod classes;
+mod edges;
+mod exits;
+
+use hull::question::{Answer, QuestionKind};
+
+use super::bulk::{Field, unpack};
+use super::choice::read_choice;
+use super::rounded::{Precision, on_scale};
+use super::{ConvertError, RefusalReason};
+use crate::text::{MAX_MESSAGE_CHARS, clean};
+use crate::v1;
+use classes::{classes_from_wire, classes_to_wire};
+use edges::{edges_from_wire, edges_to_wire};
+use exits::{exits_from_wire, exits_to_wire};
+
+/// Steps of the scale of rounded distances in three bytes.
+const STEPS: u32 = 0xff_ffff;
+
+/// A node's reply to a question.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ProbeAnswer {
+    /// It answered.
+    Answer(Answer),
+    /// It did not, and why.
+    Refused(RefusalReason, String),
+}
+
+/// An answer of a node with `camera_count` cameras.
+pub fn answer_to_wire(
+    id: u64,
+    answer: &Answer,
+    camera_count: usize,
+    precision: Precision,
+    compute_ms: f64,
+) -> v1::ProbeReply {
+    use v1::probe_reply::Answer as Wire;
+    let answer = match answer.kind {
+        QuestionKind::Classes => Wire::Classes(classes_to_wire(&answer.standings, camera_count)),
+        QuestionKind::Edges | QuestionKind::Planes => Wire::Edges(edges_to_wire(answer, precision)),
+        QuestionKind::Exits | QuestionKind::SharedExits => Wire::Exits(exits_to_wire(answer, precision)),
+    };
+    v1::ProbeReply { id, answer: Some(answer), compute_ms: compute_ms as f32 }
+}
+
+/// What an answer must be to fit its question.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExpectedAnswer {
+    /// What was asked.
+    pub kind: QuestionKind,
+    /// Of how many points.
+    pub points: usize,
+    /// The node's cameras: place in the rig, width and height in pixels.
+    pub cameras: Vec<(u16, (u32, u32))>,
+}
+
+impl ExpectedAnswer {
+    /// Refuses any other count, before memory is set aside for it.
+    fn check_count(&self, count: u32, field: Field) -> Result<usize, ConvertError> {
+        if count as usize != self.points {
+            return Err(field.value(format!("is {count}, expected {}", self.points)));
+        }
+        Ok(self.points)
+    }
+}
+
+/// A node's reply: the answer to the question that was asked, or its refusal, and the milliseconds that it took
+/// to compute.
+pub fn answer_from_wire(
+    reply: v1::ProbeReply,
+    expected: &ExpectedAnswer,
+) -> Result<(ProbeAnswer, f64), ConvertError> {
+    use v1::probe_reply::Answer as Wire;
+    let v1::ProbeReply { id: _, answer, compute_ms } = reply;
+    let field = |name| Field("ProbeReply", name);
+    let missing = ConvertError::Missing { message: "ProbeReply", field: "answer" };
+    let answer = match answer.ok_or(missing)? {
+        Wire::Classes(classes) => classes_from_wire(&classes, expected)?,
+        Wire::Edges(edges) => edges_from_wire(&edges, expected)?,
+        Wire::Exits(exits) => exits_from_wire(&exits, expected)?,
+        Wire::Refusal(refusal) => {
+            let message = clean(&refusal.message, MAX_MESSAGE_CHARS);
+            let refused = ProbeAnswer::Refused(super::from_wire::reason_from_wire(&refusal), message);
+            return Ok((refused, 0.0));
+        }
+    };
+    if !answer.kind.answers(expected.kind) {
+        return Err(field("answer").value("is of another kind than the question"));
+    }
+    let compute_ms = f64::from(compute_ms);
+    if !compute_ms.is_finite() || compute_ms < 0.0 {
+        return Err(field("compute_ms").value(format!("is {compute_ms}, expected milliseconds")));
+    }
+    Ok((ProbeAnswer::Answer(answer), compute_ms))
+}
+fn chosen(bytes: &[u8], count: usize, field: Field) -> Result<Vec<u32>, ConvertError> {
+    let mut indices = Vec::new();
+    read_choice(bytes, count, field, |index| indices.push(index as u32))?;
+    Ok(indices)
+}
+
+/// Distances of three bytes each, or two, on a scale, metres.
+fn on_scale_of(bytes: &[u8], count: usize, step_m: f32, field: Field) -> Result<Vec<f32>, ConvertError> {
+    if bytes.len() == count * 2 {
+        let codes = unpack(bytes, count, field, u16::from_le_bytes)?;
+        return Ok(codes.into_iter().map(|code| on_scale(code.into(), step_m)).collect());
+    }
+    let codes = unpack(bytes, count, field, |[a, b, c]| u32::from_le_bytes([a, b, c, 0]))?;
+    Ok(codes.into_iter().map(|code| on_scale(code, step_m)).collect())
+}
+
+fn check_step(step_m: f32, field: Field) -> Result<(), ConvertError> {
+    if (0.0..1e3).contains(&step_m) {
+        return Ok(());
+    }
+    Err(field.value(format!("is {step_m}, expected metres")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytes::Bytes;
+    use proptest::prelude::*;
+    use v1::probe_reply::Answer as Wire;
+
+    pub fn of(kind: QuestionKind) -> Answer {
+        Answer { kind, ..Answer::default() }
+    }
+
+    /// Two cameras of the largest images there are.
+    fn expected(kind: QuestionKind, points: usize) -> ExpectedAnswer {
+        let size = (16_384, 16_384);
+        ExpectedAnswer { kind, points, cameras: vec![(1, size), (3, size)] }
+    }
+
+    /// As a node of those two cameras sends it.
+    pub fn wire_of(answer: &Answer) -> Wire {
+        answer_to_wire(9, answer, 2, Precision::Exact, 0.5).answer.expect("an answer")
+    }
+
+    pub fn there_and_back(answer: &Answer, precision: Precision) -> Answer {
+        let wire = answer_to_wire(9, answer, 2, precision, 0.5);
+        match answer_from_wire(wire, &expected(answer.kind, answer.len())).expect("valid") {
+            (ProbeAnswer::Answer(answer), 0.5) => answer,
+            other => panic!("expected the answer, found {other:?}"),
+        }
+    }
+
+    /// Why an answer is none to a question about so many points.
+    #[track_caller]
+    pub fn refusal(answer: Wire, kind: QuestionKind, points: usize) -> String {
+        let reply = v1::ProbeReply { id: 0, answer: Some(answer), compute_ms: 0.0 };
+        answer_from_wire(reply, &expected(kind, points)).expect_err("a refusal").to_string()
+    }
+
+    #[test]
+    fn an_answer_to_nothing_survives_the_wire_and_one_of_another_kind_is_refused() {
+        let nothing = of(QuestionKind::Classes);
+        assert_eq!(there_and_back(&nothing, Precision::Exact), nothing);
+        let edges = wire_of(&Answer { edges: vec![None], ..of(QuestionKind::Edges) });
+        let message = "ProbeReply.answer: is of another kind than the question";
+        assert_eq!(refusal(edges, QuestionKind::Exits, 1), message);
+    }
+
+    proptest! {
+        #[test]
+        fn any_bytes_make_an_answer_or_an_error(
+            count in 0u32..80, a in proptest::collection::vec(any::<u8>(), 0..40),
+            b in proptest::collection::vec(any::<u8>(), 0..100), c in proptest::collection::vec(any::<u8>(), 0..40),
+            kind in 0usize..3, step_m in -0.1f32..0.2,
+        ) {
+            let (a, b, c) = (Bytes::from(a), Bytes::from(b), Bytes::from(c));
+            let answer = match kind {
+                0 => Wire::Classes(v1::ClassesAnswer { count, not_outside: a, inside_counts: b, cameras: 2 }),
+                1 => Wire::Edges(v1::EdgesAnswer {
+                    count, present: a, distances: b.clone(), normals: b.clone(), cameras: b.clone(), pixels: b,
+                    step_m, exits_within: c.clone(), least_m: -step_m, moved: c,
+                }),
+                _ => Wire::Exits(v1::ExitsAnswer { count, present: a, outside: b.clone(), changes: b, step_m }),
+            };
+            let kind = [QuestionKind::Classes, QuestionKind::Planes, QuestionKind::Exits][kind];
+            let expected = expected(kind, count as usize);
+            drop(answer_from_wire(v1::ProbeReply { id: 0, answer: Some(answer), compute_ms: 0.0 }, &expected));
+        }
+    }
+}
