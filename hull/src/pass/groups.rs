@@ -119,9 +119,11 @@ impl Pass {
     }
 
     /// Asks the current question in two phases, if there are any and its search is
-    /// bounded anyway; what is asked again is worth no more trips, unless bytes are dearer.
+    /// bounded anyway; what is asked again is worth no more trips, unless bytes are dearer. Nor are planes: most are
+    /// of points around bodies, which no other group can spare any work.
     pub(super) fn ask_distances(&mut self, round: Round) {
-        let is_worth_it = self.saves_bytes || !self.question.within.is_empty();
+        let is_bounded = !self.question.within.is_empty() && !self.only_planes;
+        let is_worth_it = self.saves_bytes || is_bounded;
         let two_phases = is_worth_it && self.groups.iter().any(|group| group.is_in_first_phase);
         self.ask(round, |group| !two_phases || group.is_in_first_phase);
         self.is_first_phase = two_phases && self.round == round;

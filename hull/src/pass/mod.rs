@@ -33,7 +33,7 @@ pub use groups::AnswerError;
 pub use reaches::{FIRST_REACH, Reaches};
 
 /// How far from points around a body planes matter, about 0.14 m.
-const AROUND_REACH: Reach = Reach::from_code(125);
+pub const AROUND_REACH: Reach = Reach::from_code(125);
 
 /// The rounds of a pass, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

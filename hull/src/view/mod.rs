@@ -143,8 +143,8 @@ struct Before {
 pub(crate) struct SurfacePlane {
     /// Its outward unit normal, world.
     pub normal_world: Vector3<f64>,
-    /// How far it moves out in a frame, metres; `None` where the frame before does not tell.
-    pub moved_m: Option<f64>,
+    /// The edge through which it goes.
+    pub line: EdgeLine,
 }
 
 /// Frames back to which motion is measured.
@@ -216,24 +216,17 @@ impl View {
         self.candidates.as_ref().unwrap_or(&self.foreground)
     }
 
-    /// The hull's surface near an edge pixel, which must be the candidate nearest to `start`, where a camera sees
-    /// `at_world`. `None` where the lens sees nothing.
+    /// The hull's surface near an edge pixel, which must be the candidate nearest to `start`. `None` where the lens
+    /// sees nothing.
     #[inline(always)]
-    pub(crate) fn plane(&self, edge: Pixel, start: Pixel, at_world: &Point3<f64>) -> Option<SurfacePlane> {
+    pub(crate) fn plane(&self, edge: Pixel, start: Pixel) -> Option<SurfacePlane> {
         let line = edge_line(self.edge_candidates().map(), edge, start, &self.observer.discs);
-        let normal_world = self.plane_normal(&line)?;
-        let moved_m = self.before.as_ref().and_then(|before| self.moved_m(&line, before, at_world));
-        Some(SurfacePlane { normal_world, moved_m })
+        Some(SurfacePlane { normal_world: self.plane_normal(&line)?, line })
     }
 
     /// The plane of the foreground nearest to a pixel of the background, no farther than so many pixels squared, and
     /// its edge pixel.
-    pub(crate) fn plane_beside(
-        &self,
-        start: Pixel,
-        limit_squared: i64,
-        at_world: &Point3<f64>,
-    ) -> Option<(Pixel, SurfacePlane)> {
+    pub(crate) fn plane_beside(&self, start: Pixel, limit_squared: i64) -> Option<(Pixel, SurfacePlane)> {
         let found = nearest_foreground(self.foreground.map(), start, limit_squared)?.pixel;
         let (across, down) = (start.column - found.column, start.row - found.row);
         // One pixel nearer to the start: no foreground, or it would have been found.
@@ -245,12 +238,14 @@ impl View {
         if self.edge_candidates().map().get(edge) {
             return None;
         }
-        Some((edge, self.plane(edge, found, at_world)?))
+        Some((edge, self.plane(edge, found)?))
     }
 
-    /// How far the surface of an edge moved out in a frame, metres.
+    /// How far the surface of an edge moved out in a frame near where this camera sees `at_world`, metres; `None` where
+    /// the frame before does not tell.
     #[inline(never)]
-    fn moved_m(&self, line: &EdgeLine, before: &Before, at_world: &Point3<f64>) -> Option<f64> {
+    pub(crate) fn moved_m(&self, line: &EdgeLine, at_world: &Point3<f64>) -> Option<f64> {
+        let before = self.before.as_ref()?;
         let camera = &self.observer.camera;
         let to_camera = camera.centre_world() - at_world;
         let pixel_m = to_camera.norm() / camera.intrinsics()[(0, 0)];

@@ -10,13 +10,14 @@ use super::selection::Selection;
 use super::{BatchQuestion, Scratch, ViewSet};
 use crate::camera::Pixel;
 use crate::coordinates::Coordinates;
+use crate::probe::edge_line::EdgeLine;
 use crate::probe::edge_normal::sum_of_background;
 use crate::probe::edge_ray::{LANES, Lanes, distances, hull_normals, normalised};
 use crate::probe::nearest_edge::nearest_edge;
 use crate::question::{Answer, Edge, QuestionKind};
 use crate::reach::Reach;
 use crate::vector::VectorPath;
-use crate::view::{Class, SurfacePlane, View};
+use crate::view::{Class, View};
 
 /// From outside no plane is searched farther than 256 pixels, squared: nothing makes such a search quick.
 const OUTSIDE_SQUARED: f32 = 65_536.0;
@@ -36,6 +37,8 @@ pub(super) struct Nearest {
     /// Of a plane, in a frame; not a number where nothing tells.
     moved_m: [f32; CHUNK],
     is_from_outside: [bool; CHUNK],
+    /// Of a plane from outside: the edge through which it goes.
+    line: [Option<EdgeLine>; CHUNK],
     exit_within: [Reach; CHUNK],
     selection: Selection,
     found: EdgePixels,
@@ -60,6 +63,7 @@ impl Default for Nearest {
             normal_world: [[0.0; 3]; CHUNK],
             moved_m: [f32::NAN; CHUNK],
             is_from_outside: [false; CHUNK],
+            line: [None; CHUNK],
             exit_within: [Reach::UNBOUNDED; CHUNK],
             selection: Selection::default(),
             found: EdgePixels::default(),
@@ -111,6 +115,7 @@ impl ViewSet {
                     .selection
                     .select(count, |at| nearest.view[at] == index as u32 && !nearest.is_from_outside[at]);
                 if is_of_planes {
+                    nearest.find_motions(view, index as u32, points, from);
                     nearest.find_planes(view, projections.of(index), points, from);
                 } else {
                     nearest.find_normals(view, projections.of(index), self.path);
@@ -198,8 +203,22 @@ impl Nearest {
         for at in self.selection.iter() {
             let edge = Pixel { column: self.column[at], row: self.row[at] };
             let start = Pixel { column: projection.column[at], row: projection.row[at] };
-            let plane = view.plane(edge, start, &points.point(from + at));
-            (self.normal_world[at], self.moved_m[at]) = flat(plane.as_ref());
+            let plane = view.plane(edge, start);
+            self.normal_world[at] = plane.map_or([f32::NAN; 3], |plane| flat(&plane.normal_world));
+            self.moved_m[at] = plane.map_or(f32::NAN, |plane| moved_m(view, &plane.line, points, from + at));
+        }
+    }
+
+    /// Finds how the planes from outside move that are this view's.
+    #[inline(always)]
+    fn find_motions(&mut self, view: &View, index: u32, points: &Coordinates, from: usize) {
+        for at in 0..(points.len() - from).min(CHUNK) {
+            if self.view[at] == index
+                && self.is_from_outside[at]
+                && let Some(line) = &self.line[at]
+            {
+                self.moved_m[at] = moved_m(view, line, points, from + at);
+            }
         }
     }
 
@@ -226,7 +245,7 @@ impl Nearest {
             let limit_pixels = projection.pixels_within(at, batch.reach(from + at));
             let limit = (limit_pixels * limit_pixels).min(OUTSIDE_SQUARED) as i64 + 1;
             let point = points.point(from + at);
-            let Some((edge, plane)) = view.plane_beside(start, limit, &point) else { continue };
+            let Some((edge, plane)) = view.plane_beside(start, limit) else { continue };
             let to_camera = view.camera().centre_world() - point;
             // Rounded as the normal that goes with it.
             let n = plane.normal_world.map(|n| f64::from(n as f32));
@@ -236,7 +255,8 @@ impl Nearest {
                 self.view[at] = index;
                 (self.column[at], self.row[at]) = (edge.column, edge.row);
                 self.is_from_outside[at] = true;
-                (self.normal_world[at], self.moved_m[at]) = flat(Some(&plane));
+                self.normal_world[at] = flat(&plane.normal_world);
+                self.line[at] = Some(plane.line);
             }
         }
     }
@@ -266,11 +286,15 @@ impl Nearest {
     }
 }
 
-/// A plane's normal and how far it moves; not a number where there is none.
 #[inline(always)]
-fn flat(plane: Option<&SurfacePlane>) -> ([f32; 3], f32) {
-    let Some(SurfacePlane { normal_world: n, moved_m }) = plane else { return ([f32::NAN; 3], f32::NAN) };
-    ([n.x, n.y, n.z].map(|n| n as f32), moved_m.map_or(f32::NAN, |moved_m| moved_m as f32))
+fn flat(normal_world: &Vector3<f64>) -> [f32; 3] {
+    (*normal_world).map(|part| part as f32).into()
+}
+
+/// How far an edge's surface moves near a point; not a number where nothing tells.
+#[inline(always)]
+fn moved_m(view: &View, line: &EdgeLine, points: &Coordinates, at: usize) -> f32 {
+    view.moved_m(line, &points.point(at)).map_or(f32::NAN, |moved_m| moved_m as f32)
 }
 
 /// A little longer, for the normal may be rounded on its way.

@@ -10,7 +10,7 @@ mod avx512;
 mod cells;
 
 use crate::camera::Pixel;
-use crate::silhouette::{BitMap, Index};
+use crate::silhouette::{BitMap, Index, STRIP};
 use crate::vector::VectorPath;
 
 /// A background pixel and its squared distance in pixels.
@@ -193,22 +193,29 @@ pub fn nearest_foreground(map: &BitMap, start: Pixel, limit_squared: i64) -> Opt
 fn by_rows(map: &BitMap, start: Pixel, limit: i32, finds_ones: bool) -> Option<EdgePixel> {
     let flip = if finds_ones { u32::MAX } else { 0 };
     let mut best = Best { squared: limit, row: i32::MAX, column: i32::MAX };
-    for distance in 0.. {
+    let mut reach = best.squared.isqrt();
+    let strips = map.strips() as i32;
+    // What the start is beside holds nothing.
+    let beside = |first: i32, start: i32, end: i32| (first - start).max(start - end + 1).max(0);
+    let first = beside(map.top(), start.row, map.bottom());
+    if first.max(beside(map.left(), start.column, map.left() + strips * STRIP)) > reach {
+        return None;
+    }
+    for distance in first.. {
         let (above, below) = (start.row - distance, start.row + distance);
         let in_map = |row: i32| row >= map.top() && row < map.bottom();
-        // A start that is not within the map may come to it later.
-        if distance * distance > best.squared || above < map.top() && below >= map.bottom() {
+        if distance > reach || above < map.top() && below >= map.bottom() {
             break;
         }
         for row in [above, below].into_iter().filter(|&row| in_map(row)) {
-            let reach = (best.squared - distance * distance).isqrt();
-            let strip_at =
-                |column: i32| ((column - map.left()) / 32).clamp(0, map.strips() as i32 - 1) as usize;
+            let strip_at = |column: i32| ((column - map.left()) / STRIP).clamp(0, strips - 1) as usize;
             for strip in strip_at(start.column - reach)..=strip_at(start.column + reach) {
                 let zeros = !map.strip(strip)[(row - map.top()) as usize] ^ flip;
-                let first = map.left() + strip as i32 * 32;
-                offer_nearest(zeros, first, row, start, &mut best);
+                if zeros != 0 {
+                    offer_nearest(zeros, map.left() + strip as i32 * STRIP, row, start, &mut best);
+                }
             }
+            reach = best.squared.isqrt();
         }
     }
     let pixel = Pixel { column: best.column, row: best.row };
