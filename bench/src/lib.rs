@@ -12,6 +12,7 @@ mod physics;
 mod plot;
 mod query;
 mod random;
+mod response;
 mod scale;
 mod segment;
 mod table;

@@ -1,12 +1,75 @@
 //! Passes one after the other, as a running coordinator makes them.
 
+use std::sync::Arc;
+
 use hull::cull::WorldBox;
+use hull::faces::FaceNormals;
 use hull::pass::{AskedBody, Pass, Reaches, Round};
 use hull::question::{Answer, Points};
 use hull::view_set::Scratch;
 use hull::{ProbeSettings, ViewSet};
+use nalgebra::Point3;
 
 use cli::{Failure, Outcome};
+
+/// A body's points in the world, metres.
+pub fn world_points(body: &Points) -> Vec<Point3<f64>> {
+    match body {
+        Points::World(points_m) => points_m.iter().map(|&point| Point3::from(point)).collect(),
+        Points::Body { shape, pose } => {
+            let world_from_body = pose.world_from_body();
+            shape.samples_body().iter().map(|&sample| world_from_body(sample)).collect()
+        }
+    }
+}
+
+/// What passes ask about a body.
+pub trait Asked {
+    /// Whether the pass is one for contacts: planes instead of edges, and no responses.
+    const IS_OF_CONTACTS: bool;
+
+    /// The body as a pass takes it.
+    fn asked<'a>(&self, reaches: &'a Reaches) -> AskedBody<'a>;
+
+    /// How many points the classes of are asked.
+    fn point_count(&self) -> usize;
+}
+
+impl Asked for Points {
+    const IS_OF_CONTACTS: bool = false;
+
+    fn asked<'a>(&self, reaches: &'a Reaches) -> AskedBody<'a> {
+        AskedBody::plain(self.clone(), reaches)
+    }
+
+    fn point_count(&self) -> usize {
+        self.len()
+    }
+}
+
+/// A body as worlds ask about it with contacts.
+#[derive(Clone, Debug)]
+pub struct ContactBody {
+    /// Its samples, and each of them again a centimetre out.
+    pub probes: Points,
+    /// Points around it, if it is asked about for the first time in a frame.
+    pub around: Option<Points>,
+    /// Which way its faces look: where none is faced, its ways out are asked for.
+    pub faces: Option<Arc<FaceNormals>>,
+}
+
+impl Asked for ContactBody {
+    const IS_OF_CONTACTS: bool = true;
+
+    fn asked<'a>(&self, reaches: &'a Reaches) -> AskedBody<'a> {
+        let ContactBody { probes, around, faces } = self;
+        AskedBody { points: probes.clone(), around: around.clone(), faces: faces.clone(), reaches }
+    }
+
+    fn point_count(&self) -> usize {
+        self.probes.len()
+    }
+}
 
 /// A pass that is asked again and again, with its buffers and what it learned of the bodies.
 pub struct Passes {
@@ -26,11 +89,11 @@ impl Passes {
     }
 
     /// Begins the next. Bodies that were asked before are searched at first as far as their edges were then.
-    pub fn begin(&mut self, bodies: &[Points], hull_box: &WorldBox) {
+    pub fn begin<B: Asked>(&mut self, bodies: &[B], hull_box: &WorldBox) {
         self.reaches.resize_with(bodies.len(), Reaches::default);
         self.reaches.iter_mut().zip(self.pass.results()).for_each(|(reaches, result)| reaches.note(result));
-        let bodies = bodies.iter().cloned().zip(&self.reaches);
-        let asked = bodies.map(|(points, reaches)| AskedBody::plain(points, reaches));
+        self.pass.only_planes(B::IS_OF_CONTACTS);
+        let asked = bodies.iter().zip(&self.reaches).map(|(body, reaches)| body.asked(reaches));
         self.pass.restart(asked, Some(hull_box));
     }
 
@@ -50,7 +113,7 @@ impl Passes {
     }
 
     /// A whole pass on this thread.
-    pub fn ask(&mut self, bodies: &[Points], groups: &[ViewSet], hull_box: &WorldBox) -> Outcome {
+    pub fn ask<B: Asked>(&mut self, bodies: &[B], groups: &[ViewSet], hull_box: &WorldBox) -> Outcome {
         self.begin(bodies, hull_box);
         self.answer(groups, |_| {})
     }

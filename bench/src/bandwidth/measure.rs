@@ -7,7 +7,7 @@ use proto::convert::SilhouetteEncoding;
 
 use super::hosted::HostedNodes;
 use super::layout::{Cost, Layout};
-use crate::cluster::bodies::Bodies;
+use crate::cluster::bodies::{Bodies, SAMPLES};
 use crate::cluster::connection::{AnswerPlace, ClusterClient, FrameCosts, PassCosts, PointForm};
 use crate::cluster::film::{Film, FilmPlan};
 use crate::passes::Passes;
@@ -63,7 +63,8 @@ pub fn measured(
 ) -> Outcome<FilmMeasurement> {
     let film = Film::make(plan)?;
     let views = film.views();
-    let bodies = Bodies::place(counts.last().copied().unwrap_or_default(), &views, &film.person_world)?;
+    let bodies =
+        Bodies::place(counts.last().copied().unwrap_or_default(), SAMPLES, &views, &film.person_world)?;
     step_done();
     let gathered = gathered(&film, &bodies.first(1), step_done)?;
     let hosted = HostedNodes::start(&film)?;

@@ -4,16 +4,21 @@
 use std::sync::Arc;
 
 use hull::body::Pose;
+use hull::contact::FEELER_M;
 use hull::cull::WorldBox;
+use hull::faces::FaceNormals;
 use hull::question::{Answer, Batch, Points, Question, QuestionKind};
 use hull::view_set::Scratch;
 use hull::{Shape, ViewSet};
 use sim::Solid;
+use sim::samples::normals::{face_normals, with_feelers};
+use sim::samples::{cloud, shape};
 
+use crate::passes::ContactBody;
 use crate::random::Random;
 use cli::{Failure, Outcome};
 
-/// Samples of every body.
+/// Samples of every body, unless others are asked for.
 pub const SAMPLES: usize = 500;
 /// The share of the samples inside the person that bodies are placed for.
 pub const INSIDE_SHARE: f64 = 0.05;
@@ -33,17 +38,27 @@ const STRAY_RAD: f64 = 0.01;
 /// Bodies at their places.
 #[derive(Default)]
 pub struct Bodies {
-    placed: Vec<(Arc<Shape>, Pose)>,
+    placed: Vec<(Arc<BodyShape>, Pose)>,
+}
+
+/// A body's points, as worlds have them.
+struct BodyShape {
+    samples: Arc<Shape>,
+    /// The samples, and each of them again a centimetre out.
+    probes: Arc<Shape>,
+    /// Points around it.
+    around: Arc<Shape>,
+    faces: Arc<FaceNormals>,
 }
 
 impl Bodies {
-    /// Places `count` bodies against the person, the first ones the same whatever the count.
-    pub fn place(count: usize, views: &ViewSet, person_world: &WorldBox) -> Outcome<Bodies> {
-        let shapes = shapes()?;
+    /// Places `count` bodies of so many samples against the person, the first ones the same whatever the count.
+    pub fn place(count: usize, samples: usize, views: &ViewSet, person_world: &WorldBox) -> Outcome<Bodies> {
+        let shapes = shapes(samples)?;
         let mut place = Placing { views, person_world, scratch: Scratch::default() };
         let placed = (0..count).map(|index| {
             let shape = Arc::clone(&shapes[index % shapes.len()]);
-            let pose = place.against_person(&shape, &mut Random::new(1 + index as u64))?;
+            let pose = place.against_person(&shape.samples, &mut Random::new(1 + index as u64))?;
             Ok((shape, pose))
         });
         Ok(Bodies { placed: placed.collect::<Outcome<_>>()? })
@@ -59,9 +74,10 @@ impl Bodies {
         self.placed.len()
     }
 
-    /// Every shape once.
+    /// Every shape once, whatever passes ask of it.
     pub fn shapes(&self) -> Vec<Arc<Shape>> {
-        let mut shapes: Vec<Arc<Shape>> = self.placed.iter().map(|(shape, _)| Arc::clone(shape)).collect();
+        let of_body = |shape: &BodyShape| [&shape.samples, &shape.probes, &shape.around].map(Arc::clone);
+        let mut shapes: Vec<Arc<Shape>> = self.placed.iter().flat_map(|(shape, _)| of_body(shape)).collect();
         shapes.sort_by_key(|shape| shape.digest());
         shapes.dedup_by_key(|shape| shape.digest());
         shapes
@@ -69,17 +85,30 @@ impl Bodies {
 
     /// Samples of all.
     pub fn samples(&self) -> usize {
-        self.placed.iter().map(|(shape, _)| shape.samples_body().len()).sum()
+        self.placed.iter().map(|(shape, _)| shape.samples.samples_body().len()).sum()
     }
 
     /// Where they are in a pass: every pass moves all of them a little, so that no answer is one given
     /// before.
     pub fn at_pass(&self, pass: u64) -> Vec<Points> {
-        let moved = self.placed.iter().enumerate().map(|(index, (shape, pose))| {
+        self.moved(pass).map(|(shape, pose)| points(&shape.samples, pose)).collect()
+    }
+
+    /// The same bodies, asked about for contacts, and about what is around them if the pass is the first of its frame.
+    pub fn contacts_at_pass(&self, pass: u64, is_first: bool) -> Vec<ContactBody> {
+        let contact = |(shape, pose): (&BodyShape, Pose)| ContactBody {
+            probes: points(&shape.probes, pose),
+            around: is_first.then(|| points(&shape.around, pose)),
+            faces: Some(Arc::clone(&shape.faces)),
+        };
+        self.moved(pass).map(contact).collect()
+    }
+
+    fn moved(&self, pass: u64) -> impl Iterator<Item = (&BodyShape, Pose)> {
+        self.placed.iter().enumerate().map(move |(index, (shape, pose))| {
             let mut random = Random::new((pass << 20) + index as u64);
-            Points::Body { shape: Arc::clone(shape), pose: strayed(pose, &mut random) }
-        });
-        moved.collect()
+            (&**shape, strayed(pose, &mut random))
+        })
     }
 
     /// The same points as [`Bodies::at_pass`], but as points of the world that nobody has registered.
@@ -89,29 +118,41 @@ impl Bodies {
 }
 
 /// Bodies of the demo's sizes.
-fn shapes() -> Outcome<Vec<Arc<Shape>>> {
+fn shapes(samples: usize) -> Outcome<Vec<Arc<BodyShape>>> {
     let solids = [
         Solid::Box { size_m: [0.28, 0.28, 0.28] },
         Solid::Ball { radius_m: 0.16 },
         Solid::Cylinder { radius_m: 0.12, height_m: 0.3 },
         Solid::Capsule { radius_m: 0.1, length_m: 0.25 },
     ];
-    solids.iter().map(sampled).collect()
+    let of_solid = |solid: &Solid| {
+        let samples = Arc::new(sampled(solid, samples)?);
+        let faces = face_normals(solid, &samples);
+        let probes = with_feelers(&faces, &samples, FEELER_M).map_err(Failure::run)?;
+        let around = Shape::new(cloud(&samples).collect()).map_err(Failure::run)?;
+        let (probes, around, faces) = (Arc::new(probes), Arc::new(around), Arc::new(faces));
+        Ok(Arc::new(BodyShape { samples, probes, around, faces }))
+    };
+    solids.iter().map(of_solid).collect()
 }
 
-/// A solid with exactly [`SAMPLES`] samples: as few more as its lattice allows, thinned evenly.
-fn sampled(solid: &Solid) -> Outcome<Arc<Shape>> {
-    let shape = |radius_m: f64| sim::samples::shape(solid, radius_m).map_err(Failure::run);
+/// A solid with exactly so many samples: as few more as its lattice allows, thinned evenly.
+fn sampled(solid: &Solid, count: usize) -> Outcome<Shape> {
+    let shape = |radius_m: f64| shape(solid, radius_m).map_err(Failure::run);
     let (mut dense_m, mut sparse_m) = (0.01, 0.1);
     for _ in 0..24 {
         let middle_m = 0.5 * (dense_m + sparse_m);
-        let enough = shape(middle_m)?.samples_body().len() >= SAMPLES;
+        let enough = shape(middle_m)?.samples_body().len() >= count;
         *(if enough { &mut dense_m } else { &mut sparse_m }) = middle_m;
     }
     let dense = shape(dense_m)?;
     let samples = dense.samples_body();
-    let thinned = (0..SAMPLES).map(|index| samples[index * samples.len() / SAMPLES]).collect();
-    Shape::new(thinned).map(Arc::new).map_err(Failure::run)
+    let thinned = (0..count).map(|index| samples[index * samples.len() / count]).collect();
+    Shape::new(thinned).map_err(Failure::run)
+}
+
+fn points(shape: &Arc<Shape>, pose: Pose) -> Points {
+    Points::Body { shape: Arc::clone(shape), pose }
 }
 
 /// Looks for places.
@@ -202,7 +243,7 @@ mod tests {
         let plan = FilmPlan { cameras: 8, nodes: 8, size: (320, 240), frames: 1, noise: 0.0 };
         let film = Film::make(plan).expect("a film");
         let views = film.views();
-        let bodies = Bodies::place(12, &views, &film.person_world).expect("places");
+        let bodies = Bodies::place(12, SAMPLES, &views, &film.person_world).expect("places");
         assert_eq!(bodies.samples(), 12 * SAMPLES);
         let mut placing =
             Placing { views: &views, person_world: &film.person_world, scratch: Scratch::default() };

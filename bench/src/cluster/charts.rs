@@ -4,10 +4,19 @@ use std::path::Path;
 
 use super::rows::{Row, Varied, series};
 use crate::plot::{Axis, LineChart, Series};
+use crate::table::distinct;
 use cli::Outcome;
 
-/// A chart for each thing that the rows vary.
+/// A chart for each thing that the rows vary, and each response.
 pub fn draw(rows: &[Row], folder: &Path) -> Outcome {
+    for response in distinct(rows.iter().map(|row| row.response)) {
+        let of_response: Vec<Row> = rows.iter().filter(|row| row.response == response).cloned().collect();
+        draw_response(response, &of_response, folder)?;
+    }
+    Ok(())
+}
+
+fn draw_response(response: &str, rows: &[Row], folder: &Path) -> Outcome {
     for (varied, name, label) in [
         (Varied::Nodes, "cluster_nodes", "nodes"),
         (Varied::Bodies, "cluster_bodies", "bodies"),
@@ -22,7 +31,7 @@ pub fn draw(rows: &[Row], folder: &Path) -> Outcome {
             values: rows.iter().map(|row| (varied.of(row), y(row))).collect(),
         };
         let chart = LineChart {
-            title: format!("A pass over local node processes, by {label}"),
+            title: format!("A pass over local node processes, {response}, by {label}"),
             x: Axis::logarithmic(label),
             y: Axis::logarithmic("milliseconds"),
             series: vec![
@@ -31,7 +40,7 @@ pub fn draw(rows: &[Row], folder: &Path) -> Outcome {
                 curve("slowest", |row| row.max_ms),
             ],
         };
-        chart.write(folder, name)?;
+        chart.write(folder, &format!("{name}_{response}"))?;
     }
     Ok(())
 }

@@ -6,7 +6,6 @@ use std::time::{Duration, Instant};
 use coordinator::{Percentiles, Transport};
 use hull::cull::WorldBox;
 use hull::pass::Round;
-use hull::question::Points;
 use node_client::{ByteCounts, ExpectedNode};
 use proto::Pace;
 use proto::convert::{Precision, SilhouetteEncoding};
@@ -14,7 +13,7 @@ use tokio::runtime::Runtime;
 
 use super::bodies::Bodies;
 use super::film::{FPS, Film};
-use crate::passes::Passes;
+use crate::passes::{Asked, Passes};
 use crate::usage::{this_process_cpu_s, thread_cpu_s};
 use cli::{Failure, Outcome};
 
@@ -28,13 +27,15 @@ const WARM_UP: u64 = 24;
 /// Passes that share a frame: bodies stepped at 120/s on film of 30 frames/s.
 pub const PASSES_PER_FRAME: u64 = 4;
 
-/// In what form points are sent.
+/// What is asked about bodies, and in what form points are sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PointForm {
     /// Registered shapes at poses.
     Registered,
     /// Points of the world.
     RawPoints,
+    /// Registered shapes at poses, with feelers and what is around them, asked about for contacts.
+    Contacts,
 }
 
 /// Where a pass is answered.
@@ -65,11 +66,11 @@ pub struct PassCosts {
     pub pass_ms: Percentiles,
     /// Each round of it, by name.
     pub stages: BTreeMap<Round, Percentiles>,
-    /// Round trips of all passes.
-    pub trips: u64,
+    /// Round trips of all passes, by round.
+    pub trips: BTreeMap<Round, u64>,
     /// Bytes at the sockets, over all nodes and passes.
     pub bytes: ByteCounts,
-    /// The share of all samples that was inside.
+    /// The share of all samples, and feelers if they were asked about, that was inside.
     pub inside_share: f64,
     /// Processor time of the coordinator, milliseconds a pass.
     pub coordinator_cpu_ms: f64,
@@ -119,26 +120,35 @@ impl ClusterClient {
     pub fn passes(&mut self, bodies: &Bodies, asked: PointForm, passes: u64) -> Outcome<PassCosts> {
         let mut costs = PassCosts::default();
         let mut began = Counters::now(&self.transport);
-        let (mut inside, mut coordinator_s) = (0, 0.0);
+        let (mut found, mut coordinator_s) = (Found::default(), 0.0);
         for pass in 0..WARM_UP + passes {
             if pass == WARM_UP {
                 costs = PassCosts { passes, ..PassCosts::default() };
-                (inside, coordinator_s) = (0, 0.0);
+                (found, coordinator_s) = (Found::default(), 0.0);
                 began = Counters::now(&self.transport);
             }
-            let points = match asked {
-                PointForm::Registered => bodies.at_pass(pass),
-                PointForm::RawPoints => bodies.world_at_pass(pass),
-            };
             let frame = pass / PASSES_PER_FRAME % self.frames;
-            let began_s = thread_cpu_s();
-            inside += self.pass(&points, frame, &mut costs)?;
+            let began_s;
+            let of_pass = match asked {
+                PointForm::Registered | PointForm::RawPoints => {
+                    let is_raw = asked == PointForm::RawPoints;
+                    let points = if is_raw { bodies.world_at_pass(pass) } else { bodies.at_pass(pass) };
+                    began_s = thread_cpu_s();
+                    self.pass(&points, frame, &mut costs)?
+                }
+                PointForm::Contacts => {
+                    let points = bodies.contacts_at_pass(pass, pass.is_multiple_of(PASSES_PER_FRAME));
+                    began_s = thread_cpu_s();
+                    self.pass(&points, frame, &mut costs)?
+                }
+            };
+            found.add(of_pass);
             coordinator_s += thread_cpu_s() - began_s;
         }
         let ended = Counters::now(&self.transport);
         let a_pass_ms = |seconds: f64| seconds * 1e3 / passes.max(1) as f64;
         costs.bytes = ended.bytes.since(began.bytes);
-        costs.inside_share = inside as f64 / (passes * bodies.samples() as u64).max(1) as f64;
+        costs.inside_share = found.inside as f64 / found.asked.max(1) as f64;
         costs.coordinator_cpu_ms = a_pass_ms(coordinator_s);
         let others_s = |at: &Counters| at.process_s - at.thread_s;
         costs.hosted_cpu_ms = a_pass_ms(others_s(&ended) - others_s(&began));
@@ -175,8 +185,8 @@ impl ClusterClient {
         Ok(costs)
     }
 
-    /// One pass; returns how many samples were inside.
-    fn pass(&mut self, bodies: &[Points], frame: u64, costs: &mut PassCosts) -> Outcome<usize> {
+    /// One pass.
+    fn pass<B: Asked>(&mut self, bodies: &[B], frame: u64, costs: &mut PassCosts) -> Outcome<Found> {
         let ClusterClient { runtime, transport, passes, .. } = self;
         let mut stages_ms: BTreeMap<Round, f64> = BTreeMap::new();
         runtime.block_on(async {
@@ -187,18 +197,19 @@ impl ClusterClient {
             // A round may take several trips: some nodes are asked about what others leave.
             let mut took = |round, ms| {
                 *stages_ms.entry(round).or_default() += ms;
-                *trips += 1;
+                *trips.entry(round).or_default() += 1;
             };
             transport
                 .run_pass(&mut passes.pass, frame, ROUND_TIMEOUT, &mut took)
                 .await
                 .map_err(Failure::run)?;
-            let inside = passes.inside_count();
+            let asked = bodies.iter().map(Asked::point_count).sum();
+            let found = Found { inside: passes.inside_count(), asked };
             costs.pass_ms.add(began.elapsed().as_secs_f64() * 1e3);
             for (round, ms) in stages_ms {
                 costs.stages.entry(round).or_default().add(ms);
             }
-            Ok(inside)
+            Ok(found)
         })
     }
 }
@@ -212,12 +223,26 @@ impl PassCosts {
 
     /// Round trips of a pass.
     pub fn trips_per_pass(&self) -> f64 {
-        self.trips as f64 / self.passes.max(1) as f64
+        self.trips.values().sum::<u64>() as f64 / self.passes.max(1) as f64
     }
 
     /// The passes asked, those before the measurement too.
     pub fn passes_with_warm_up(&self) -> u64 {
         WARM_UP + self.passes
+    }
+}
+
+/// Points that passes were about, and how many of them were inside.
+#[derive(Clone, Copy, Default)]
+struct Found {
+    inside: usize,
+    asked: usize,
+}
+
+impl Found {
+    fn add(&mut self, other: Found) {
+        self.inside += other.inside;
+        self.asked += other.asked;
     }
 }
 

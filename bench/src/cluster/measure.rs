@@ -1,10 +1,11 @@
 //! One cluster of node processes, asked about several numbers of bodies.
 
-use super::bodies::{Bodies, SAMPLES};
+use super::bodies::Bodies;
 use super::connection::{AnswerPlace, ClusterClient, PassCosts, PointForm};
 use super::film::{Film, FilmPlan};
 use super::names::SocketName;
 use super::rows::{Row, stages};
+use crate::response::Response;
 use crate::usage::{process_cpu_s, process_memory_mb};
 use cli::{Outcome, PrecisionName};
 use cluster::LocalCluster;
@@ -23,6 +24,10 @@ pub struct Setting {
     pub size: (u32, u32),
     /// Numbers of bodies.
     pub bodies: Vec<usize>,
+    /// Samples of each.
+    pub samples: usize,
+    /// What they are asked for.
+    pub responses: Vec<Response>,
     /// How numbers travel.
     pub precisions: Vec<PrecisionName>,
 }
@@ -31,6 +36,8 @@ pub struct Setting {
 pub struct Scene {
     film: Film,
     bodies: Bodies,
+    /// Samples of each body.
+    samples: usize,
 }
 
 impl Scene {
@@ -41,43 +48,55 @@ impl Scene {
         let most = setting.bodies.iter().copied().max().unwrap_or_default();
         let mut scene = match before.take() {
             Some(scene) if (FilmPlan { nodes: plan.nodes, ..scene.film.plan }) == plan => scene,
-            _ => Scene { film: Film::make(plan)?, bodies: Bodies::default() },
+            _ => Scene { film: Film::make(plan)?, bodies: Bodies::default(), samples: setting.samples },
         };
         scene.film.spread_over(plan.nodes)?;
         if scene.bodies.len() < most {
-            scene.bodies = Bodies::place(most, &scene.film.views(), &scene.film.person_world)?;
+            let Scene { film, samples, .. } = &scene;
+            scene.bodies = Bodies::place(most, *samples, &film.views(), &film.person_world)?;
         }
         Ok(before.insert(scene))
     }
 }
 
 /// The rows of one cluster.
-pub fn measured(
-    Scene { film, bodies }: &Scene,
-    setting: &Setting,
-    sockets: SocketName,
-    passes: u64,
-) -> Outcome<Vec<Row>> {
+pub fn measured(scene: &Scene, setting: &Setting, sockets: SocketName, passes: u64) -> Outcome<Vec<Row>> {
+    let Scene { film, bodies, .. } = scene;
     let cluster = LocalCluster::start(&film.file, sockets.sockets(), false)?;
     let mut connected = ClusterClient::to(film, cluster.nodes().to_vec(), bodies, AnswerPlace::Nodes)?;
     let mut rows = Vec::new();
+    let each = setting
+        .responses
+        .iter()
+        .flat_map(|&response| setting.precisions.iter().map(move |&precision| (response, precision)));
+    let each: Vec<(Response, PrecisionName)> = each.collect();
     for &count in &setting.bodies {
-        for &precision in &setting.precisions {
+        for &(response, precision) in &each {
+            // What was learned of another kind of pass says nothing of this one.
             connected = connected.in_precision(precision.into());
+            let form = match response {
+                Response::Paper => PointForm::Registered,
+                Response::Contacts => PointForm::Contacts,
+            };
             let before = cpu_s(&cluster);
-            let costs = connected.passes(&bodies.first(count), PointForm::Registered, passes)?;
+            let costs = connected.passes(&bodies.first(count), form, passes)?;
             let asked = (costs.passes_with_warm_up() * setting.nodes as u64) as f64;
             let node_cpu_ms =
                 cpu_s(&cluster).zip(before).map(|(after, before)| (after - before) * 1e3 / asked);
-            let row = row(film, count, &costs, node_cpu_ms, memory_mb(&cluster));
-            rows.push(Row { precision: precision.name(), sockets: sockets.name(), ..row });
+            let row = row(scene, count, &costs, node_cpu_ms, memory_mb(&cluster));
+            rows.push(Row {
+                response: response.name(),
+                precision: precision.name(),
+                sockets: sockets.name(),
+                ..row
+            });
         }
     }
     Ok(rows)
 }
 
 fn row(
-    film: &Film,
+    Scene { film, samples, .. }: &Scene,
     bodies: usize,
     costs: &PassCosts,
     node_cpu_ms: Option<f64>,
@@ -90,9 +109,10 @@ fn row(
         nodes,
         cameras,
         bodies,
-        samples: bodies * SAMPLES,
+        samples: bodies * samples,
         width: size.0,
         height: size.1,
+        response: "",
         precision: "",
         sockets: "",
         passes: costs.passes,
@@ -108,7 +128,7 @@ fn row(
         node_rss_mb: memory_mb.map(|(now_mb, _)| now_mb),
         node_peak_rss_mb: memory_mb.map(|(_, most_mb)| most_mb),
         trips_per_pass: costs.trips_per_pass(),
-        stages: stages(&costs.stages),
+        stages: stages(costs),
     }
 }
 

@@ -18,6 +18,7 @@ use self::model::model_of;
 use self::names::SocketName;
 use self::rows::{Row, TABLE, print_stages};
 use super::outputs::{Outputs, within};
+use super::response::Response;
 use super::scale::report::{ScaleReport, report};
 use super::table::{Machine, Table};
 use cli::{ArgumentError, Outcome, PrecisionName, parse_size};
@@ -35,8 +36,14 @@ const SIZES: [(u32, u32); 4] = [(640, 480), (1920, 1080), (3840, 2160), (7680, 4
 Example:
   hulltouch bench cluster --nodes 8 --bodies 30 --size 3840x2160 --json cluster.json
 
+  hulltouch bench cluster --nodes 8 --bodies 200 --samples 300 --size 640x480 --response contacts
+
 Each node is a process with a ring full of silhouettes; the coordinator is this process. Bodies of 500
-samples stand against a person, about 5 % of the samples inside, and move a little with every pass.
+samples stand against a person, about 5 % of the samples inside, and move a little with every pass. A pass
+is the paper's (classes, edges, exits, exits along the mean, a check) or one for contacts: classes of every
+sample and of its feeler a centimetre out, planes of those inside, how they moved since the frame before,
+and, of bodies that no plane faces, the exits against their faces (exits) and the planes there (check). Four
+passes share a frame; the first of them asks for planes of 192 points around every body too.
 Without --nodes, --bodies and --size each of them is varied about 8 nodes, 30 bodies, 3840x2160; with
 any of them every combination of what is given is measured. Up to 8 nodes share 8 cameras; more have one
 each. The tables of scale are a model that starts from the figures of this run.")]
@@ -50,6 +57,12 @@ pub struct ClusterBenchArguments {
     /// Image sizes of the cameras.
     #[arg(long, value_name = "WxH,…", value_delimiter = ',', value_parser = parse_size)]
     size: Vec<(u32, u32)>,
+    /// Samples of each body.
+    #[arg(long, value_name = "S", default_value_t = SAMPLES, value_parser = parse_samples)]
+    samples: usize,
+    /// How bodies answer the hull.
+    #[arg(long, value_enum, value_name = "NAME,…", value_delimiter = ',', default_value = "paper,contacts")]
+    response: Vec<Response>,
     /// How numbers travel.
     #[arg(long, value_name = "NAME,…", value_delimiter = ',', default_value = "exact,quantised")]
     precision: Vec<PrecisionName>,
@@ -81,13 +94,18 @@ pub fn parse_bodies(text: &str) -> Result<usize, ArgumentError> {
     within(text, 1, 1000)
 }
 
+/// A whole number from 20 to 5000.
+fn parse_samples(text: &str) -> Result<usize, ArgumentError> {
+    within(text, 20, 5000)
+}
+
 /// Runs it.
 #[allow(clippy::print_stdout, reason = "the table is the command's output")]
 pub fn run(arguments: &ClusterBenchArguments) -> Outcome {
     arguments.outputs.prepare()?;
     let machine = Machine::here();
     println!("{}; nodes and coordinator share its cores", machine.line());
-    println!("bodies of {SAMPLES} samples, {} passes each, milliseconds", arguments.passes);
+    println!("bodies of {} samples, {} passes each, milliseconds", arguments.samples, arguments.passes);
     TABLE.print_titles();
     let mut rows = Vec::new();
     let mut scene: Option<Scene> = None;
@@ -111,8 +129,14 @@ pub fn run(arguments: &ClusterBenchArguments) -> Outcome {
 /// Every combination of what is given; without anything given, the base with one thing varied at a time.
 fn settings(arguments: &ClusterBenchArguments) -> Vec<Setting> {
     let ClusterBenchArguments { nodes, bodies, size, .. } = arguments;
-    let setting =
-        |nodes, size, bodies| Setting { nodes, size, bodies, precisions: arguments.precision.clone() };
+    let setting = |nodes, size, bodies| Setting {
+        nodes,
+        size,
+        bodies,
+        samples: arguments.samples,
+        responses: arguments.response.clone(),
+        precisions: arguments.precision.clone(),
+    };
     if nodes.is_empty() && bodies.is_empty() && size.is_empty() {
         let one = |nodes, size| setting(nodes, size, vec![BASE_BODIES]);
         let sizes = SIZES.into_iter().filter(|&size| size != BASE_SIZE).map(|size| one(BASE_NODES, size));

@@ -10,7 +10,7 @@ pub fn model_of(rows: &[Row]) -> Option<PassMeasurement> {
     let alone: Vec<&Row> = rows.iter().filter(|row| row.nodes == row.cameras).collect();
     let is_base = |row: &&&Row| row.bodies == BASE_BODIES && (row.width, row.height) == BASE_SIZE;
     let base = *alone.iter().find(is_base).or(alone.first())?;
-    let key = |row: &Row| (row.bodies, row.width, row.height, row.precision, row.sockets);
+    let key = |row: &Row| (row.bodies, row.width, row.height, row.response, row.precision, row.sockets);
     let alike = |row: &&&Row| key(row) == key(base);
     let others = alone.iter().filter(alike).map(|row| (row.nodes as f64, row.coordinator_cpu_ms));
     let (fixed_ms, per_node_ms) = line(&others.collect::<Vec<_>>());

@@ -1,11 +1,10 @@
 //! The rows of `bench cluster`, and how they are printed.
 
-use std::collections::BTreeMap;
-
 use coordinator::{Percentiles, stage_of};
 use hull::pass::Round;
 use serde::Serialize;
 
+use super::connection::PassCosts;
 use crate::table::{Columns, number, or_dash};
 
 /// What was measured of one setting.
@@ -23,6 +22,8 @@ pub struct Row {
     pub width: u32,
     /// Of every camera's images, pixels.
     pub height: u32,
+    /// What the bodies are asked for.
+    pub response: &'static str,
     /// How numbers travel.
     pub precision: &'static str,
     /// The kind of sockets.
@@ -41,7 +42,7 @@ pub struct Row {
     pub bytes_to_node_pass: f64,
     /// Of these, from the node.
     pub bytes_from_node_pass: f64,
-    /// The share of the samples that was inside.
+    /// The share of the samples, and their feelers where these are asked about, that was inside.
     pub inside_share: f64,
     /// Processor time of a node, milliseconds a pass.
     pub node_cpu_ms: Option<f64>,
@@ -62,6 +63,8 @@ pub struct Row {
 pub struct Stage {
     /// Which.
     pub name: String,
+    /// Round trips of it in a pass.
+    pub trips: f64,
     /// The median, milliseconds.
     pub p50_ms: f64,
     /// The slowest hundredth, milliseconds.
@@ -71,14 +74,15 @@ pub struct Stage {
 }
 
 /// The rounds with their figures.
-pub fn stages(rounds: &BTreeMap<Round, Percentiles>) -> Vec<Stage> {
+pub fn stages(costs: &PassCosts) -> Vec<Stage> {
     let stage = |(round, ms): (&Round, &Percentiles)| Stage {
         name: stage_of(*round).to_owned(),
+        trips: costs.trips.get(round).map_or(0.0, |&trips| trips as f64 / costs.passes.max(1) as f64),
         p50_ms: ms.p50().unwrap_or_default(),
         p99_ms: ms.p99().unwrap_or_default(),
         max_ms: ms.max().unwrap_or_default(),
     };
-    rounds.iter().map(stage).collect()
+    costs.stages.iter().map(stage).collect()
 }
 
 /// What a chart goes over.
@@ -110,7 +114,7 @@ impl Varied {
 pub fn series(rows: &[Row], varied: Varied) -> Vec<&Row> {
     let alike = |a: &Row, b: &Row| {
         let others = Varied::ALL.into_iter().filter(|&other| other != varied);
-        (a.precision, a.sockets) == (b.precision, b.sockets)
+        (a.response, a.precision, a.sockets) == (b.response, b.precision, b.sockets)
             && others.into_iter().all(|other| other.of(a) == other.of(b))
     };
     let company = |row: &Row| rows.iter().filter(|other| alike(row, other)).collect::<Vec<_>>();
@@ -127,6 +131,7 @@ pub const TABLE: Columns<Row> = Columns {
         number("cameras", 7, |row| row.cameras.to_string()),
         number("bodies", 6, |row| row.bodies.to_string()),
         number("size", 9, |row| format!("{}x{}", row.width, row.height)),
+        number("response", 8, |row| row.response.to_owned()),
         number("precision", 9, |row| row.precision.to_owned()),
         number("sockets", 7, |row| row.sockets.to_owned()),
         number("p50", 8, |row| format!("{:.2}", row.p50_ms)),
@@ -141,16 +146,34 @@ pub const TABLE: Columns<Row> = Columns {
     ],
 };
 
-/// The pass by rounds.
+/// The pass by rounds, and contacts beside the paper's response.
 #[allow(clippy::print_stdout, reason = "the table is the command's output")]
 pub fn print_stages(rows: &[Row]) {
-    println!("\nEach round, p50 / p99 / max");
+    println!("\nEach round: trips a pass, and p50 / p99 / max of its milliseconds where it is asked");
     for row in rows {
         let stage = |stage: &Stage| {
-            format!("{} {:.2}/{:.2}/{:.2}", stage.name, stage.p50_ms, stage.p99_ms, stage.max_ms)
+            let Stage { name, trips, p50_ms, p99_ms, max_ms } = stage;
+            format!("{name} {trips:.2} x {p50_ms:.2}/{p99_ms:.2}/{max_ms:.2}")
         };
         let stages: Vec<String> = row.stages.iter().map(stage).collect();
-        let (nodes, bodies, width, height) = (row.nodes, row.bodies, row.width, row.height);
-        println!("{nodes:>3} nodes {bodies:>4} bodies {width:>5}x{height:<5} {}", stages.join("  "));
+        println!("{} {}", of_row(row), stages.join("  "));
     }
+    for row in rows {
+        let is_same = |other: &&Row| other.response != row.response && of_pair(other) == of_pair(row);
+        let Some(paper) = rows.iter().find(is_same).filter(|paper| paper.response == "paper") else {
+            continue;
+        };
+        let rate = paper.p50_ms / row.p50_ms.max(1e-9);
+        println!("{} {rate:.2} times the rate of the paper's response", of_row(row));
+    }
+}
+
+fn of_row(row: &Row) -> String {
+    let Row { nodes, bodies, width, height, response, precision, .. } = row;
+    format!("{nodes:>3} nodes {bodies:>4} bodies {width:>5}x{height:<5} {response:8} {precision:9}")
+}
+
+/// What rows of different responses share.
+fn of_pair(row: &Row) -> (usize, usize, u32, u32, &'static str, &'static str) {
+    (row.nodes, row.bodies, row.width, row.height, row.precision, row.sockets)
 }

@@ -89,6 +89,12 @@ impl Studio {
         self.settings.normal_window().half_side_pixels(camera.width(), camera.height())
     }
 
+    /// The box around the person.
+    pub fn person_box(&self) -> WorldBox {
+        let max = std::array::from_fn(|axis| self.low_m[axis] + self.size_m[axis]);
+        WorldBox { min: self.low_m, max }
+    }
+
     /// The box around the hull.
     pub fn hull_box(&self) -> Option<WorldBox> {
         let frusta: Vec<_> = self.views.views().iter().map(|view| view.frustum().cloned()).collect();

@@ -7,8 +7,8 @@ use hull::view::Class;
 use nalgebra::Point3;
 use serde::Serialize;
 
-use super::engines::world_points;
 use crate::loads::Studio;
+use crate::passes::world_points;
 
 /// Shares of all samples, 0 to 1, that each stage rejects of what those before it left; with `inside` they
 /// sum to 1.

@@ -13,9 +13,9 @@ use hull::{VectorPath, ViewSet};
 use nalgebra::{Point3, Vector3};
 
 use super::lanes::Lane;
-use super::opponent::Opponent;
+use super::opponent::{Opponent, TOUCHING};
 use crate::loads::Studio;
-use crate::passes::Passes;
+use crate::passes::{Asked, ContactBody, Passes, world_points};
 
 /// Ours, on the best vectors of this machine, every camera in one group.
 pub const HULLTOUCH: &str = "hulltouch";
@@ -107,6 +107,36 @@ pub fn pass_lanes<'a>(
     counted: usize,
     opponent: Option<(&'a RefCell<Opponent>, &'static str)>,
 ) -> Vec<Lane<'a>> {
+    let mut lanes = our_passes(studio, sets, bodies, counted);
+    lanes.push(literal_lane(studio, bodies, counted));
+    if let Some((opponent, load)) = opponent {
+        let engines = [OPENCV, OPENCV_SINGLE, OPENCV_TRANSFORM, OPENCV_CROPPED];
+        lanes.extend(engines.map(|engine| Opponent::lane(opponent, engine, load)));
+    }
+    lanes
+}
+
+/// Everybody who does contact passes; the rate counts samples and their feelers.
+pub fn contact_lanes<'a>(
+    studio: &'a Studio,
+    sets: &'a Sets,
+    bodies: &'a [ContactBody],
+    opponent: Option<&'a RefCell<Opponent>>,
+) -> Vec<Lane<'a>> {
+    let mut lanes = our_passes(studio, sets, bodies, bodies.iter().map(Asked::point_count).sum());
+    let theirs = |opponent| {
+        [OPENCV, OPENCV_SINGLE, OPENCV_CROPPED].map(|engine| Opponent::lane(opponent, engine, TOUCHING))
+    };
+    lanes.extend(opponent.into_iter().flat_map(theirs));
+    lanes
+}
+
+fn our_passes<'a, B: Asked>(
+    studio: &'a Studio,
+    sets: &'a Sets,
+    bodies: &'a [B],
+    counted: usize,
+) -> Vec<Lane<'a>> {
     let pass = |(engine, groups): &'a (&'static str, Vec<ViewSet>)| {
         let mut asked = Passes::new(studio.settings, groups.len());
         Lane::of_work(engine, counted, move || {
@@ -115,13 +145,7 @@ pub fn pass_lanes<'a>(
             Ok(())
         })
     };
-    let mut lanes: Vec<Lane> = sets.ours.iter().map(pass).collect();
-    lanes.push(literal_lane(studio, bodies, counted));
-    if let Some((opponent, load)) = opponent {
-        let engines = [OPENCV, OPENCV_SINGLE, OPENCV_TRANSFORM, OPENCV_CROPPED];
-        lanes.extend(engines.map(|engine| Opponent::lane(opponent, engine, load)));
-    }
-    lanes
+    sets.ours.iter().map(pass).collect()
 }
 
 /// Some of the bodies: the response of every point, and the exits along their mean.
@@ -136,17 +160,6 @@ fn literal_lane<'a>(studio: &'a Studio, bodies: &[Points], counted: usize) -> La
         }
         Ok(())
     })
-}
-
-/// A body's points in the world, metres.
-pub fn world_points(body: &Points) -> Vec<Point3<f64>> {
-    match body {
-        Points::World(points_m) => points_m.iter().map(|&point| Point3::from(point)).collect(),
-        Points::Body { shape, pose } => {
-            let world_from_body = pose.world_from_body();
-            shape.samples_body().iter().map(|&sample| world_from_body(sample)).collect()
-        }
-    }
 }
 
 fn literal_body(studio: &Studio, points_world: &[Point3<f64>]) {

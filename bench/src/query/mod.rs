@@ -6,6 +6,7 @@ mod lanes;
 mod opponent;
 mod report;
 mod rounds;
+mod twin;
 
 use clap::Args;
 use hull::coordinates::Coordinates;
@@ -17,13 +18,15 @@ use std::cell::RefCell;
 use std::slice;
 
 use self::bounds::{BoundSavings, Bounds};
-use self::engines::{Sets, inside_lanes, pass_lanes, world_points};
+use self::engines::{Sets, contact_lanes, inside_lanes, pass_lanes};
 use self::lanes::{Lane, medians};
-use self::opponent::{Agreement, Opponent, SCRIPT};
+use self::opponent::{Agreement, Opponent, SCRIPT, TOUCHING};
 use self::rounds::{RoundCosts, round_costs};
+use self::twin::check_planes;
+use super::cluster::bodies::{Bodies, SAMPLES};
 use super::loads::{BODY_POINTS, Studio, StudioPlan, paper_mix};
 use super::outputs::Outputs;
-use super::passes::Passes;
+use super::passes::{Asked, ContactBody, Passes, world_points};
 use super::peers::Python;
 use super::random::Random;
 use super::table::Machine;
@@ -36,6 +39,9 @@ const BOX_POINTS: usize = 1 << 18;
 /// Points of a full pass: those of one film frame.
 const PASS_POINTS: usize = 15_000;
 
+/// Bodies of a contact pass, which have as many samples.
+const TOUCHING_BODIES: usize = PASS_POINTS / SAMPLES;
+
 /// Points per second of one core: the inside test alone, and full passes.
 #[derive(Debug, Args)]
 #[command(after_help = "\
@@ -44,16 +50,21 @@ Example:
 
 Loads: `inside` is the inside test alone, on random points in the box of a person of the stage, most of
 them outside; `contacts` are full passes over points 1 to 3 cm inside, `anywhere` over points uniformly
-inside, both in bodies of 64 neighbours. `_bent` are the same with distorting lenses. `paper` is the
-paper's own set-up: 7 cameras and a heap of boxes, all samples counted.
+inside, both in bodies of 64 neighbours. `touching` are contact passes over 30 bodies of 500 samples that
+touch the person: classes of every sample and its feeler a centimetre out, which are counted, planes near
+those inside and near 192 points around every body; no frame before is there to tell how planes move.
+`_bent` are the same with distorting lenses. `paper` is the paper's own set-up: 7 cameras and a heap of
+boxes, all samples counted.
 
 Engines: `hulltouch`; `hulltouch_portable`, the same without vectors that not every machine has;
 `hulltouch_unpruned`, a node for each camera, all their work on one core; `literal`, the paper's text on
 masks of a byte a pixel; `opencv`, OpenCV and NumPy on one thread with the distance transform for free,
 `opencv_single_precision` the same in 32 bits, `opencv_with_transform` with a transform for every 15,000
-points, `opencv_with_cropped_transform` with one of the silhouette's rectangle alone. Those of OpenCV need
-a Python with the packages of bench/peers/requirements.txt; without it their rows are left out. They must
-agree with ours, or the bench fails.")]
+points, `opencv_with_cropped_transform` with one of the silhouette's rectangle alone. For planes OpenCV
+transforms the background too, and sums discs around its nearest pixels, which it does not make smaller
+near thin limbs as ours are. Those of OpenCV need a Python with the packages of
+bench/peers/requirements.txt; without it their rows are left out. They must agree with ours, and some of
+our planes with a slow twin, or the bench fails.")]
 pub struct QueryBenchArguments {
     /// Image sizes of the eight cameras.
     #[arg(long, value_name = "WxH,…", default_value = "640x480,1920x1080,3840x2160,7680x4320", value_delimiter = ',', value_parser = parse_size)]
@@ -76,6 +87,19 @@ struct Row {
     lens: &'static str,
 }
 
+/// What the slow twin was asked.
+#[derive(Clone, Debug, Serialize)]
+struct TwinCheck {
+    size: String,
+    load: String,
+    /// Planes compared, which all agree.
+    planes: usize,
+    /// Samples and feelers inside.
+    inside: usize,
+    /// Points around the bodies with a plane near.
+    around: usize,
+}
+
 /// Everything measured.
 #[derive(Debug, Serialize)]
 struct Report {
@@ -85,6 +109,7 @@ struct Report {
     opencv: serde_json::Value,
     rows: Vec<Row>,
     agreement: Vec<Agreement>,
+    twins: Vec<TwinCheck>,
     bounds: Vec<BoundSavings>,
     rounds: Vec<RoundCosts>,
 }
@@ -102,6 +127,7 @@ pub fn run(arguments: &QueryBenchArguments) -> Outcome {
             .map_or_else(Default::default, |opponent| opponent.borrow().peer.greeting().clone()),
         rows: Vec::new(),
         agreement: Vec::new(),
+        twins: Vec::new(),
         bounds: Vec::new(),
         rounds: Vec::new(),
     };
@@ -120,6 +146,7 @@ struct Loads {
     in_box: Coordinates,
     contacts: Vec<Points>,
     anywhere: Vec<Points>,
+    touching: Vec<ContactBody>,
 }
 
 impl Loads {
@@ -128,7 +155,11 @@ impl Loads {
         let in_box = studio.in_box(&mut random, BOX_POINTS, 0.0).into_iter().map(Point3::from).collect();
         let contacts = studio.bodies(studio.inside(&mut random, PASS_POINTS, true)?);
         let anywhere = studio.bodies(studio.inside(&mut random, PASS_POINTS, false)?);
-        Ok(Loads { in_box, contacts, anywhere })
+        let bodies = Bodies::place(TOUCHING_BODIES, SAMPLES, &studio.views, &studio.person_box())?;
+        let mut touching = bodies.contacts_at_pass(0, true);
+        // Ways out are rare, and nothing that others do too.
+        touching.iter_mut().for_each(|body| body.faces = None);
+        Ok(Loads { in_box, contacts, anywhere, touching })
     }
 
     fn passes(&self) -> [(&'static str, &[Points]); 2] {
@@ -145,18 +176,49 @@ impl Report {
         if let Some(opponent) = opponent {
             self.agree(&studio, plan, &loads, &mut opponent.borrow_mut())?;
         }
-        let mut progress = Progress::new("measuring", 3);
+        self.check_twin(&studio, plan, &loads)?;
+        let mut progress = Progress::new("measuring", 4);
         self.record(plan, "inside", &mut inside_lanes(&studio, &sets, &loads.in_box, opponent))?;
         progress.step();
         for (load, bodies) in loads.passes() {
             let theirs = opponent.map(|opponent| (opponent, load));
             self.record(plan, load, &mut pass_lanes(&studio, &sets, bodies, PASS_POINTS, theirs))?;
-            let (size, load) = (size_text(plan.size), named(load, plan.bent));
-            for set in sets.together_and_alone() {
-                self.rounds.push(round_costs(&studio, (&size, &load), set, bodies)?);
-            }
+            self.add_rounds(&studio, plan, load, &sets, bodies)?;
             progress.step();
         }
+        self.record(plan, TOUCHING, &mut contact_lanes(&studio, &sets, &loads.touching, opponent))?;
+        self.add_rounds(&studio, plan, TOUCHING, &sets, &loads.touching)?;
+        progress.step();
+        Ok(())
+    }
+
+    fn add_rounds<B: Asked>(
+        &mut self,
+        studio: &Studio,
+        plan: StudioPlan,
+        load: &str,
+        sets: &Sets,
+        bodies: &[B],
+    ) -> Outcome {
+        let (size, load) = (size_text(plan.size), named(load, plan.bent));
+        for set in sets.together_and_alone() {
+            self.rounds.push(round_costs(studio, (&size, &load), set, bodies)?);
+        }
+        Ok(())
+    }
+
+    /// Compares some planes with the slow twin's.
+    fn check_twin(&mut self, studio: &Studio, plan: StudioPlan, loads: &Loads) -> Outcome {
+        let mut asked = Passes::new(studio.settings, 1);
+        asked.ask(&loads.touching, slice::from_ref(&studio.views), &WorldBox::EVERYWHERE)?;
+        let planes = check_planes(studio, &loads.touching, &asked)?;
+        self.twins.push(TwinCheck {
+            size: size_text(plan.size),
+            load: named(TOUCHING, plan.bent),
+            planes,
+            inside: asked.inside_count(),
+            around: asked.pass.results().iter().map(|body| body.around.len()).sum(),
+        });
         Ok(())
     }
 
@@ -216,6 +278,10 @@ impl Report {
             asked.ask(bodies, slice::from_ref(&studio.views), &WorldBox::EVERYWHERE)?;
             self.agreement.push(opponent.check_responses(studio, &size, load, asked.pass.results())?);
         }
+        opponent.hand_over_touching(&loads.touching)?;
+        asked.ask(&loads.touching, slice::from_ref(&studio.views), &WorldBox::EVERYWHERE)?;
+        let planes = opponent.check_planes(studio, &size, &loads.touching, asked.pass.results())?;
+        self.agreement.push(planes);
         Ok(())
     }
 }

@@ -6,16 +6,22 @@ use std::path::PathBuf;
 use hull::Camera;
 use hull::coordinates::Coordinates;
 use hull::oracle::DenseView;
-use hull::pass::BodyResult;
-use hull::question::Edge;
-use nalgebra::Point3;
+use hull::pass::{AROUND_REACH, BodyResult, Touch};
+use hull::question::{Edge, Points};
+use nalgebra::{Point3, Vector3};
 use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::lanes::{Lane, REPETITION_S};
 use crate::loads::{BODY_POINTS, Studio};
+use crate::passes::{ContactBody, world_points};
 use crate::peers::Peer;
 use cli::{Failure, Outcome};
+
+/// The load of contact passes.
+pub const TOUCHING: &str = "touching";
+/// The points around its bodies.
+const AROUND: &str = "touching_around";
 
 /// The program.
 pub const SCRIPT: &str = include_str!("../../peers/query.py");
@@ -32,6 +38,13 @@ const TRANSFORM_SHARE: f64 = 0.03;
 const LEAST_AGREEING: f64 = 0.95;
 /// and of those that agree or were given another edge as near.
 const LEAST_EXPLAINED: f64 = 0.99;
+/// Planes agree within a pixel's width and this angle's cosine: 5 degrees.
+const SAME_PLANE: f64 = 0.996;
+/// The least share of planes that agree, and of those with an edge as near. Their discs reach across thin limbs, ours do
+/// not; and around bodies the farthest plane of all cameras wins, so that an error of any camera's transform shows.
+const LEAST_PLANES: [f64; 2] = [0.85, 0.9];
+/// Numbers of a plane: its normal, the depth of the point below it, how far its edge is.
+const PLANE_NUMBERS: usize = 5;
 
 /// How far the two agree.
 #[derive(Clone, Debug, Serialize)]
@@ -69,17 +82,32 @@ impl Opponent {
             "cameras": cameras,
             "window_pixels": studio.window_pixels(),
             "max_depth_m": studio.settings.max_depth_m(),
+            "around_m": AROUND_REACH.m(),
         }))?;
         Ok(())
     }
 
     /// Hands over points under a name; full passes take them in bodies of [`BODY_POINTS`].
     pub fn hand_over(&mut self, load: &str, points_world: &Coordinates) -> Outcome {
+        self.hand_over_bodies(load, points_world, BODY_POINTS)
+    }
+
+    /// Hands over bodies that touch, all of which have as many points.
+    pub fn hand_over_touching(&mut self, bodies: &[ContactBody]) -> Outcome {
+        let mut hand_over = |load: &str, each: &mut dyn Iterator<Item = &Points>| {
+            let all: Coordinates = each.flat_map(world_points).collect();
+            self.hand_over_bodies(load, &all, all.len() / bodies.len().max(1))
+        };
+        hand_over(TOUCHING, &mut bodies.iter().map(|body| &body.probes))?;
+        hand_over(AROUND, &mut bodies.iter().filter_map(|body| body.around.as_ref()))
+    }
+
+    fn hand_over_bodies(&mut self, load: &str, points_world: &Coordinates, body_points: usize) -> Outcome {
         let path = self.peer.folder().join(format!("{load}.f64"));
         let points = (0..points_world.len()).map(|at| <[f64; 3]>::from(points_world.point(at)));
         let bytes: Vec<u8> = points.flatten().flat_map(f64::to_le_bytes).collect();
         write(&path, &bytes)?;
-        self.peer.ask(&json!({"do": "points", "load": load, "file": path, "body_points": BODY_POINTS}))?;
+        self.peer.ask(&json!({"do": "points", "load": load, "file": path, "body_points": body_points}))?;
         Ok(())
     }
 
@@ -157,25 +185,72 @@ impl Opponent {
                     usize::from(!agrees && touch.edge.is_some_and(|edge| as_near(&edge, their[3], pixel_m)));
             }
         }
-        let share = |count: usize| count as f64 / points.max(1) as f64;
-        if share(agreeing) < LEAST_AGREEING || share(agreeing + ties) < LEAST_EXPLAINED {
-            return Err(Failure::run(format_args!(
-                "{size}, {load}: {:.2} % of OpenCV's responses agree and {:.2} % are of another edge as near, \
-                 expected {:.0} % and {:.0} % with both",
-                100.0 * share(agreeing),
-                100.0 * share(ties),
-                100.0 * LEAST_AGREEING,
-                100.0 * LEAST_EXPLAINED
-            )));
-        }
-        Ok(Agreement {
-            size: size.to_owned(),
-            load: load.to_owned(),
-            points,
-            agreeing: share(agreeing),
-            ties,
-        })
+        agreement("responses", size, load, points, agreeing, ties)
     }
+
+    /// Compares the planes near the samples, feelers and points around of bodies that touch.
+    pub fn check_planes(
+        &mut self,
+        studio: &Studio,
+        size: &str,
+        bodies: &[ContactBody],
+        ours: &[BodyResult],
+    ) -> Outcome<Agreement> {
+        let theirs = self.answers(TOUCHING, PLANE_NUMBERS)?;
+        let pixel_m = PIXEL_AT_M / studio.dense[0].camera.intrinsics()[(0, 0)];
+        let probes: usize = bodies.iter().map(|body| body.probes.len()).sum();
+        let (mut points, mut agreeing, mut ties) = (0, 0, 0);
+        let mut compare = |places: &[Point3<f64>], touches: &[Touch], first: usize| {
+            for touch in touches {
+                let at = PLANE_NUMBERS * (first + touch.sample as usize);
+                let (Some(edge), Some(their)) = (touch.edge, theirs.get(at..at + PLANE_NUMBERS)) else {
+                    continue;
+                };
+                let centre = studio.dense[usize::from(edge.camera)].camera.centre_world();
+                let normal = Vector3::from(edge.normal_world.map(f64::from));
+                let depth_m = normal.dot(&(centre - places[touch.sample as usize]));
+                points += 1;
+                let turned = normal.dot(&Vector3::new(their[0], their[1], their[2]));
+                let agrees = turned >= SAME_PLANE && (depth_m - their[3]).abs() <= pixel_m;
+                agreeing += usize::from(agrees);
+                ties += usize::from(!agrees && as_near(&edge, their[4], pixel_m));
+            }
+        };
+        let (mut probe, mut around) = (0, probes);
+        for (body, result) in bodies.iter().zip(ours) {
+            compare(&world_points(&body.probes), &result.touches, probe);
+            probe += body.probes.len();
+            if let Some(points) = &body.around {
+                compare(&world_points(points), &result.around, around);
+                around += points.len();
+            }
+        }
+        agreement("planes", size, TOUCHING, points, agreeing, ties)
+    }
+}
+
+/// What was compared, if enough of it agrees.
+fn agreement(
+    what: &str,
+    size: &str,
+    load: &str,
+    points: usize,
+    agreeing: usize,
+    ties: usize,
+) -> Outcome<Agreement> {
+    let share = |count: usize| count as f64 / points.max(1) as f64;
+    let [least, explained] = if load == TOUCHING { LEAST_PLANES } else { [LEAST_AGREEING, LEAST_EXPLAINED] };
+    if share(agreeing) < least || share(agreeing + ties) < explained {
+        return Err(Failure::run(format_args!(
+            "{size}, {load}: {:.2} % of OpenCV's {what} agree and {:.2} % are of another edge as near, \
+             expected {:.0} % and {:.0} % with both",
+            100.0 * share(agreeing),
+            100.0 * share(ties),
+            100.0 * least,
+            100.0 * explained
+        )));
+    }
+    Ok(Agreement { size: size.to_owned(), load: load.to_owned(), points, agreeing: share(agreeing), ties })
 }
 
 /// True if an edge at their distance may have won by the transform's error.

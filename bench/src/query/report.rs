@@ -5,7 +5,7 @@ use std::path::Path;
 use super::bounds::BoundSavings;
 use super::engines::{HULLTOUCH, UNPRUNED};
 use super::rounds::RoundCosts;
-use super::{Report, Row};
+use super::{Report, Row, TwinCheck};
 use crate::plot::{Axis, BarChart, LineChart, Series};
 use crate::table::{Columns, distinct, number, words};
 use cli::Outcome;
@@ -74,6 +74,12 @@ impl Report {
                 said.ties
             );
         }
+        for TwinCheck { size, load, planes, inside, around } in &self.twins {
+            println!(
+                "{size:>10}  {load:14}  {inside} samples and feelers inside, {around} points around with a plane; \
+                 {planes} planes compared with the slow twin's"
+            );
+        }
     }
 
     fn print_rounds(&self) {
@@ -96,7 +102,7 @@ impl Report {
         let sizes = self.sizes();
         let (Some(first), Some(last)) = (sizes.first(), sizes.last()) else { return };
         println!();
-        for load in ["inside", "contacts", "anywhere"] {
+        for load in ["inside", "contacts", "anywhere", "touching"] {
             let rate = |size: &str, load: &str, engine: &str| self.rate(size, load, engine);
             let ratio = |a: Option<f64>, b: Option<f64>| {
                 a.zip(b).map_or_else(|| "-".to_owned(), |(a, b)| format!("{:.2}", a / b))
@@ -127,7 +133,7 @@ impl Report {
 
     /// Charts: rate over pixels by load, the loads of the first size, and what bounds save.
     pub fn draw(&self, folder: &Path) -> Outcome {
-        for load in ["inside", "contacts", "anywhere"] {
+        for load in ["inside", "contacts", "anywhere", "touching"] {
             let of_engine = |engine: &'static str| {
                 let rows = self.rows.iter().filter(|row| row.load == load && row.engine == engine);
                 Series {

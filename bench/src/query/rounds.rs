@@ -5,12 +5,11 @@ use std::collections::BTreeMap;
 use hull::ViewSet;
 use hull::cull::WorldBox;
 use hull::pass::Round;
-use hull::question::Points;
 use serde::Serialize;
 
 use super::lanes::REPETITION_S;
 use crate::loads::Studio;
-use crate::passes::Passes;
+use crate::passes::{Asked, Passes};
 use crate::usage::thread_cpu_s;
 use cli::Outcome;
 
@@ -25,7 +24,7 @@ pub struct RoundCosts {
     pub engine: &'static str,
     /// Which are inside?
     pub classes_ns: f64,
-    /// The nearest edge and its normal.
+    /// The nearest edge and its normal, or plane.
     pub edges_ns: f64,
     /// The exit along the normal.
     pub exits_ns: f64,
@@ -46,11 +45,11 @@ impl RoundCosts {
 
 /// Repeats a pass and shares its time out to the rounds. Bodies are searched at first as far as the pass
 /// before found their edges.
-pub fn round_costs(
+pub fn round_costs<B: Asked>(
     studio: &Studio,
     (size, load): (&str, &str),
     (engine, groups): (&'static str, &[ViewSet]),
-    bodies: &[Points],
+    bodies: &[B],
 ) -> Outcome<RoundCosts> {
     let mut asked = Passes::new(studio.settings, groups.len());
     let mut pass = |seconds: &mut BTreeMap<Round, f64>| {
@@ -70,7 +69,7 @@ pub fn round_costs(
         pass(&mut seconds)?;
         passes += 1;
     }
-    let points = passes * bodies.iter().map(Points::len).sum::<usize>();
+    let points = passes * bodies.iter().map(Asked::point_count).sum::<usize>();
     let ns = |round| 1e9 * seconds.get(&round).copied().unwrap_or_default() / points.max(1) as f64;
     Ok(RoundCosts {
         size: size.to_owned(),
