@@ -61,8 +61,8 @@ impl Percentiles {
 }
 
 /// The stages of a step, in the order they happen.
-pub const STAGES: [&str; 9] =
-    ["segment", "foresee", "cull", "classes", "edges", "exits", "body_exits", "check", "physics"];
+pub const STAGES: [&str; 10] =
+    ["segment", "foresee", "cull", "classes", "edges", "exits", "body_exits", "check", "contacts", "physics"];
 
 /// Everything a run measured.
 #[derive(Clone, Debug, Default)]
@@ -85,6 +85,8 @@ pub struct Figures {
     pub left_samples: u64,
     /// Passes that asked something.
     pub passes: u64,
+    /// Questions of these passes that the cameras answered, one after the other.
+    pub round_trips: u64,
     /// Poses that were asked about.
     pub poses_asked: u64,
     /// Steps with a hull that asked nothing: all answers were known, or no body was near the hull.

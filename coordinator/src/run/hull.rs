@@ -65,8 +65,12 @@ impl Coordinator {
 
     /// The bodies' contacts with the planes that were found.
     fn contacts(&mut self, at: FrameAge, planes: &[BodyResult]) -> Vec<BodyResult> {
+        let began = Instant::now();
         let bodies = self.world.moving_bodies().zip(planes).enumerate();
-        bodies.map(|(index, (body, planes))| self.surfaces.contacts(index, at, planes, body)).collect()
+        let contacts =
+            bodies.map(|(index, (body, planes))| self.surfaces.contacts(index, at, planes, body)).collect();
+        self.figures.add_stage("contacts", began.elapsed().as_secs_f64() * 1e3);
+        contacts
     }
 
     fn hull_frame(&self, film_s: f64, phase: FilmPhase) -> Result<u64, HullUnavailable> {
@@ -89,7 +93,10 @@ impl Coordinator {
         self.figures.poses_asked += self.query.poses_asked() as u64;
         let timeout = if self.settings.lock_step { LOCK_STEP_TIMEOUT } else { LIVE_TIMEOUT };
         let figures = &mut self.figures;
-        let mut took = |round, ms| figures.add_stage(stage_of(round), ms);
+        let mut took = |round, ms| {
+            figures.round_trips += 1;
+            figures.add_stage(stage_of(round), ms);
+        };
         self.transport.run_pass(self.query.pass(), frame, timeout, &mut took).await?;
         self.query.answered();
         Ok(())

@@ -48,6 +48,7 @@ pub fn json(setup: &Setup, figures: &Figures, world: &World, overlaps: &[Overlap
         "left_inside": figures.left_inside(),
         "questions": {
             "passes": figures.passes,
+            "round_trips": figures.round_trips,
             "poses": figures.poses_asked,
             "steps_without": figures.steps_without_question,
             "reused_share": figures.reused_share(),
@@ -132,27 +133,41 @@ fn percentiles(figures: &Percentiles) -> Value {
     json!({ "p50": figures.p50(), "p99": figures.p99(), "max": figures.max() })
 }
 
+/// The stages of a step that took place: how often in a frame, and their milliseconds.
+fn stage_table(figures: &Figures) -> String {
+    let mut text = format!("{:<12}{:>9}{:>9}{:>9}{:>9}\n", "stage", "a frame", "p50 ms", "p99 ms", "max ms");
+    for (name, stage) in coordinator::STAGES.iter().zip(&figures.stage_ms) {
+        let (Some(p50), Some(p99), Some(max)) = (stage.p50(), stage.p99(), stage.max()) else { continue };
+        let a_frame = stage.count() as f64 / figures.frames.max(1) as f64;
+        text += &format!("{name:<12}{a_frame:>9.2}{p50:>9.2}{p99:>9.2}{max:>9.2}\n");
+    }
+    text
+}
+
 /// The run in a few lines.
 pub fn summary(setup: &Setup, figures: &Figures, world: &World) -> String {
     let ms = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.2}"));
     let mut text = format!(
-        "{} frames of {} cameras ({} missed), {} steps in {:.1} s\n\
+        "{} frames of {} cameras ({} missed), {} steps in {:.1} s: {:.1} frames/s\n\
          step p50 {} ms, p99 {} ms; response age p50 {} ms\n\
-         {} passes, {} steps without a question\n\
+         {} passes of {:.2} round trips, {} steps without a question\n\
          {} samples inside over all steps, {:.1} % not freed by their response\n",
         figures.frames,
         setup.file.rig.cameras().len(),
         missed_frames(figures),
         figures.steps,
         figures.wall_s,
+        figures.frames as f64 / figures.wall_s.max(1e-9),
         ms(figures.step_ms.p50()),
         ms(figures.step_ms.p99()),
         ms(figures.response_age_ms.p50()),
         figures.passes,
+        figures.round_trips as f64 / figures.passes.max(1) as f64,
         figures.steps_without_question,
         figures.inside_samples,
         100.0 * figures.left_inside(),
     );
+    text += &stage_table(figures);
     if figures.blind_steps > 0 {
         text += &format!("{} steps without a hull\n", figures.blind_steps);
     }

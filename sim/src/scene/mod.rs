@@ -341,6 +341,19 @@ mod tests {
     }
 
     #[test]
+    fn the_large_crowd_has_two_hundred_bodies_and_sixty_thousand_samples() {
+        let scene =
+            Scene::from_toml("crowd_200", include_str!("../../scenes/crowd_200.toml")).expect("a scene");
+        let bodies = scene.bodies(1);
+        let samples = |body: &BodySpec| {
+            let shape = crate::samples::shape(&body.solid, crate::samples::DEFAULT_COVERING_RADIUS_M);
+            shape.expect("few samples").samples_body().len()
+        };
+        let samples: usize = bodies.iter().map(samples).sum();
+        assert_eq!((bodies.len(), samples), (200, 59_980));
+    }
+
+    #[test]
     fn an_unknown_name_is_told_the_names_there_are() {
         let error = Scene::named("tople").expect_err("no such scene").to_string();
         assert_eq!(
