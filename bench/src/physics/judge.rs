@@ -160,10 +160,12 @@ pub fn judge_any(track: &Track) -> Vec<Metric> {
     let last = steps.last().map_or(&[][..], |step| &step.bodies);
     let drift = |now: &BodyAt, then: &BodyAt| (now.place() - then.place()).norm();
     let tilt_deg = |steps: &[TrackStep]| most(steps, BodyAt::turned_deg);
+    let all = track.since(first_s);
     vec![
+        metric("moved since its start, mm", 1e3 * most(all, drift), None),
         metric("drift since 2 s, mm", 1e3 * most(steps, drift), None),
         metric("turn since 2 s, deg", tilt_deg(steps), None),
-        metric("turn since its start, deg", tilt_deg(track.since(first_s)), None),
+        metric("turn since its start, deg", tilt_deg(all), None),
         metric("awake at the end", last.iter().filter(|body| !body.sleeps).count() as f64, None),
         metric("passes a frame", track.passes_a_frame, None),
         metric("depth p50, mm", 1e3 * depth_m(track, 0.5), None),
