@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, Vector3};
 use stage::{NEUTRAL_S, Prop, StageSettings};
 
-use super::judge::{Limit, Metric, metric};
+use super::metric::{Limit, Metric, metric};
 use super::response::Response;
 use super::track::{BodyAt, MOVED_M, Track};
 use cli::Outcome;
@@ -108,7 +108,11 @@ impl Reference {
         // What never falls falls at the end.
         let fall_s =
             |track: &Track, index: usize| fall(scene, track, stage, index).map_or(end_s, |fall| fall.0);
-        let apart_s = |index: usize| (fall_s(track, index) - fall_s(&self.track, index)).abs();
+        let apart_s = |index: usize| {
+            let (found_s, expected_s) = (fall_s(track, index), fall_s(&self.track, index));
+            tracing::debug!("{}: falls at {found_s:.3} s, expected {expected_s:.3}", track.names[index]);
+            (found_s - expected_s).abs()
+        };
         let most_s = (0..track.names.len()).map(apart_s).fold(0.0, f64::max);
         let apart_m = ends_apart_m(track, &self.track);
         let [falls, ends, spreads] = match self.response {

@@ -14,6 +14,9 @@ use crate::crews::each;
 use crate::random::Random;
 use cli::{Failure, Outcome};
 
+/// What cameras see at best.
+pub const FINEST: (u32, u32) = (7680, 4320);
+
 /// The studio as its cameras truly see it: each frame is drawn once, however many runs see it.
 pub struct StageFilm {
     /// What is filmed.

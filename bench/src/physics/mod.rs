@@ -3,6 +3,7 @@
 mod falls;
 mod film;
 mod judge;
+mod metric;
 mod normals;
 mod response;
 mod rows;
@@ -19,8 +20,9 @@ use sim::{Scene, StageHint};
 use stage::{Motion, Prop, StageSettings};
 
 use self::falls::{Reference, is_compared};
-use self::film::StageFilm;
-use self::judge::{Conditions, Metric, judge, judge_any, seconds_of};
+use self::film::{FINEST, StageFilm};
+use self::judge::{Conditions, judge, judge_any, seconds_of};
+use self::metric::Metric;
 use self::normals::NORMALS;
 use self::response::Response;
 use self::rows::{Row, RowKind, TABLE};
@@ -28,9 +30,6 @@ use self::track::{Film, RunPlan, Track};
 use super::outputs::within;
 use super::table::{Machine, Table, write_json};
 use cli::{ArgumentError, Failure, Outcome, check_writable, parse_size};
-
-/// What the references' cameras see.
-const FINEST: (u32, u32) = (7680, 4320);
 
 /// Scenes as their bodies went, against what they must keep to.
 #[derive(Debug, Args)]
@@ -163,6 +162,9 @@ impl Experiment {
 
 /// The recording of a cluster file with the bodies of its scene, or of a scene file instead.
 fn recorded(path: &Path, arguments: &PhysicsBenchArguments) -> Outcome<Experiment> {
+    if arguments.response.iter().all(|response| response.is_reference()) {
+        return Err(Failure::input("--response: found references alone, which a recording has not"));
+    }
     let mut file = ClusterFile::open(path)?;
     if let Some(scene) = &arguments.bodies {
         file.scene = SceneChoice::File(scene.clone());

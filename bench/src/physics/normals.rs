@@ -9,8 +9,8 @@ use hull::{Camera, Observer, ProbeSettings, View, ViewSet};
 use nalgebra::{Isometry3, Point2, Point3, Vector3};
 use stage::{ConvexForm, Motion, Prop, StageSettings, studio_rig, true_silhouette};
 
-use super::FINEST;
-use super::judge::{Limit, metric};
+use super::film::FINEST;
+use super::metric::{Limit, metric};
 use super::rows::{Row, RowKind};
 use crate::crews::each;
 use crate::random::Random;

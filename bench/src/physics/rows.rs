@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::judge::{Limit, Metric};
+use super::metric::{Limit, Metric};
 use crate::table::{Columns, number, or_dash, words};
 
 /// One figure of one kind of run.

@@ -25,12 +25,9 @@ impl Solver {
         }
         for (index, (solid, pose)) in solids.iter().enumerate() {
             let pose = rapier_pose(pose);
-            if let Some((body, before)) = known.0.get(index) {
-                if before == solid {
-                    self.physics.bodies[*body].set_next_kinematic_position(pose);
-                    continue;
-                }
-                self.physics.remove_body(*body);
+            if let Some((body, _)) = known.0.get(index).filter(|(_, before)| before == solid) {
+                self.physics.bodies[*body].set_next_kinematic_position(pose);
+                continue;
             }
             let collider = shape(solid)
                 .ok_or(index)?
@@ -41,7 +38,9 @@ impl Solver {
             let body = RigidBodyBuilder::kinematic_position_based().pose(pose);
             let placed = (self.physics.insert(body, collider).0, solid.clone());
             match known.0.get_mut(index) {
-                Some(known) => *known = placed,
+                Some(known) => {
+                    self.physics.remove_body(std::mem::replace(known, placed).0);
+                }
                 None => known.0.push(placed),
             }
         }
