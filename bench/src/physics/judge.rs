@@ -131,10 +131,12 @@ fn on_prop(body: &BodyAt, prop_world: &Isometry3<f64>) -> Vector3<f64> {
     prop_world.inverse_transform_point(&body.place()).coords
 }
 
-/// What has slid so far has begun to slide, metres.
+/// What slides so far down the lid has gone, and had begun when it was farther than this, metres.
 const SLID_M: f64 = 0.01;
-/// What leans so far from the lid goes over, degrees.
+const BEGAN_SLIDING_M: f64 = 0.002;
+/// What leans so far from the lid goes over, and had begun when it leant more than this, degrees.
 const LEANS_DEG: f64 = 12.0;
+const BEGAN_LEANING_DEG: f64 = 3.0;
 
 /// A body on the lid that tilts, step by step.
 struct OnLid {
@@ -167,16 +169,19 @@ fn on_lid(track: &Track, stage: &StageSettings, index: usize) -> Vec<OnLid> {
     steps.iter().map(on).collect()
 }
 
-/// The lid's tilt, degrees, when a body has first gone; no number if it never does.
-fn tilt_when(steps: &[OnLid], has_gone: impl Fn(&OnLid) -> bool) -> f64 {
-    steps.iter().find(|step| has_gone(step)).map_or(f64::NAN, |step| step.tilt_deg)
+/// The lid's tilt, degrees, when a body begins to go: before a figure is greater than `gone`, it was last no greater
+/// than `begun`. No number if it never is.
+fn tilt_when(steps: &[OnLid], of: impl Fn(&OnLid) -> f64, begun: f64, gone: f64) -> f64 {
+    let Some(end) = steps.iter().position(|step| of(step) > gone) else { return f64::NAN };
+    let begins = steps[..end].iter().rposition(|step| of(step) <= begun);
+    steps[begins.unwrap_or(0)].tilt_deg
 }
 
 fn lift(track: &Track, stage: &StageSettings) -> Vec<Metric> {
     let mut metrics = Vec::new();
     let greatest_mm = |steps: &[OnLid], of: fn(&OnLid) -> f64| 1e3 * steps.iter().map(of).fold(0.0, f64::max);
     if let Some(slippery) = track.index("slippery") {
-        let at_deg = tilt_when(&on_lid(track, stage, slippery), |step| step.slid_m > SLID_M);
+        let at_deg = tilt_when(&on_lid(track, stage, slippery), |step| step.slid_m, BEGAN_SLIDING_M, SLID_M);
         metrics.push(metric("friction 0.3 slides at, deg", at_deg, Some(Limit::Within(13.0, 21.0))));
     }
     if let Some(rough) = track.index("rough") {
@@ -187,7 +192,8 @@ fn lift(track: &Track, stage: &StageSettings) -> Vec<Metric> {
         metrics.push(metric("the lid leaves it behind, mm", up_mm, Some(Limit::Most(1e3 * SLID_M))));
     }
     if let Some(top) = track.index("tower_2") {
-        let at_deg = tilt_when(&on_lid(track, stage, top), |step| step.leans_deg > LEANS_DEG);
+        let at_deg =
+            tilt_when(&on_lid(track, stage, top), |step| step.leans_deg, BEGAN_LEANING_DEG, LEANS_DEG);
         metrics.push(metric("tower goes over at, deg", at_deg, Some(Limit::Within(14.0, 22.0))));
     }
     metrics

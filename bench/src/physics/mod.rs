@@ -26,7 +26,7 @@ use self::metric::Metric;
 use self::normals::NORMALS;
 use self::response::Response;
 use self::rows::{Row, RowKind, TABLE};
-use self::track::{Film, RunPlan, Track};
+use self::track::{DROPS, Film, RunPlan, Track};
 use super::outputs::within;
 use super::table::{Machine, Table, write_json};
 use cli::{ArgumentError, Failure, Outcome, check_writable, parse_size};
@@ -41,12 +41,13 @@ Examples:
   hulltouch bench physics --recording deploy/uu_horseman.cluster.toml --bodies deploy/uu_horseman_knees.scene.toml
 
 Every run sees the true silhouettes of the studio, in lock-step; with noise, a share of the pixels on either side of
-every outline is inverted in every frame. Of several seeds each figure is the worst.
+every outline is inverted in every frame. Of several seeds each figure is the worst; of `drops` each lets one cube fall.
 
-`between` is `contacts` with the hull between the two newest frames, one frame later. `one-contact` leaves each body the deepest of its contacts. Two responses are references: `solids` has no hull, its
-bodies meet the studio's true solids; `8k` is `contacts` seen at 7680x4320. Of lift and topple the falls and ends of the
-others are compared with those of the references that are asked for too, and ends with the spread of the reference's
-own ends when its bodies start a millimetre elsewhere.
+`between` is `contacts` with the hull between the two newest frames, one frame later. `one-contact` leaves each body the
+deepest of its contacts. Two responses are references: `solids` has no hull, its bodies meet the studio's true solids;
+`8k` is `contacts` seen at 7680x4320. Of lift and topple the falls and ends of the others are compared with those of the
+references that are asked for too, and ends with the spread of the reference's own ends when its bodies start a
+millimetre elsewhere.
 
 The scene `normals` has no bodies: it compares the normals of the hull's surface, by disc and by square, with those at
 7680x4320 on a person, and with exact ones on a table.")]
@@ -256,7 +257,7 @@ impl Kind<'_> {
     ) -> Outcome<(Vec<Row>, Option<Track>)> {
         let scene = self.scene.name();
         // Without noise all seeds are one, but where bodies start elsewhere.
-        let seeds = if self.noise > 0.0 || ["drops", "rest"].contains(&scene) { arguments.seeds } else { 1 };
+        let seeds = if self.noise > 0.0 || [DROPS, "rest"].contains(&scene) { arguments.seeds } else { 1 };
         // True solids are as fine as can be.
         let conditions = Conditions {
             width: self.size.map_or(u32::MAX, |size| size.0),

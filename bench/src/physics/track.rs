@@ -17,6 +17,8 @@ use super::solids::TrueSolids;
 use crate::random::Random;
 use cli::{Failure, Outcome};
 
+/// The scene whose bodies are to fall each by itself.
+pub const DROPS: &str = "drops";
 /// How far a start is moved, metres.
 pub const MOVED_M: f64 = 1e-3;
 
@@ -246,6 +248,13 @@ impl RunPlan<'_> {
         let (hull_time, response) = (response.hull_time(), response.mode());
         let settings = WorldSettings { seed, response, hull_time, ..WorldSettings::default() };
         let mut world = World::new(scene, settings.on(scene.hull())).map_err(Failure::input)?;
+        if scene.name() == DROPS {
+            // One a run: another that strikes it would give it energy.
+            let ids: Vec<BodyId> = world.moving_bodies().map(|body| body.id).collect();
+            let chosen = (seed % ids.len() as u64) as usize;
+            let others = ids.iter().enumerate().filter(|&(index, _)| index != chosen);
+            others.into_iter().try_for_each(|(_, &id)| world.remove(id)).map_err(Failure::run)?;
+        }
         if is_moved {
             let ids: Vec<BodyId> = world.bodies().iter().map(|body| body.id).collect();
             ids.into_iter().try_for_each(|id| world.remove(id)).map_err(Failure::run)?;

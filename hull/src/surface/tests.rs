@@ -102,7 +102,8 @@ fn within_a_flat_face_surfaces_meet_with_opposite_normals() {
     LOWER.iter().for_each(|_| flat.push_flat(-Vector3::y()));
     let contact = |faces: &FaceNormals, lean_deg: f64| {
         // The side of something round, 2 mm deep, that moves out at 0.3 m/s.
-        let normal = Vector3::new(lean_deg.to_radians().sin(), lean_deg.to_radians().cos(), 0.0);
+        let (sine, cosine) = libm::sincos(lean_deg.to_radians());
+        let normal = Vector3::new(sine, cosine, 0.0);
         let (pixel, normal_world) = (Pixel { column: 0, row: 0 }, normal.map(|part| part as f32).into());
         let edge = Edge { distance_m: 0.01, camera: 0, pixel, normal_world, moved_m: None };
         let touch = Touch { edge: Some(edge), speed_m_s: Some(0.3), ..Touch::new(0, 3) };
@@ -111,7 +112,7 @@ fn within_a_flat_face_surfaces_meet_with_opposite_normals() {
     let normal = |touch: &Touch| Vector3::from(touch.edge.expect("an edge").normal_world);
     let met = contact(&flat, 30.0);
     assert!((normal(&met) - Vector3::y()).norm() < 1e-6);
-    let cosine = 30.0_f32.to_radians().cos();
+    let cosine = libm::cosf(30.0_f32.to_radians());
     assert!((met.exit_m.expect("a depth") - 0.002 / cosine).abs() < 1e-6);
     assert!((met.speed_m_s.expect("a speed") - 0.3 / cosine).abs() < 1e-5);
     // Nearly opposite, nearly along, and where the face is no flat one, it is the hull's.
