@@ -41,11 +41,15 @@ fn cluster_times_passes_of_real_processes_and_models_larger_ones() {
     assert_eq!(figures["bench"], "cluster");
     assert!(figures["machine"]["cores"].is_number());
     let rows = rows(&figures);
-    let keys: Vec<_> = rows.iter().map(|row| (number(row, "nodes"), row["precision"].as_str())).collect();
-    let (exact, quantised) = (Some("exact"), Some("quantised"));
-    assert_eq!(keys, [(2.0, exact), (2.0, quantised), (8.0, exact), (8.0, quantised)]);
+    let key = |row: &Value| (number(row, "nodes"), row["response"].clone(), row["precision"].clone());
+    let keys: Vec<_> = rows.iter().map(key).collect();
+    let expected = [2.0, 8.0].into_iter().flat_map(|nodes| {
+        ["paper", "contacts"]
+            .map(|response| ["exact", "quantised"].map(|of| (nodes, response.into(), of.into())))
+    });
+    assert_eq!(keys, expected.flatten().collect::<Vec<_>>());
     let bytes = |row: usize| number(&rows[row], "bytes_per_node_pass");
-    assert!(bytes(3) < bytes(2), "rounded numbers take fewer bytes");
+    assert!(bytes(5) < bytes(4), "rounded numbers take fewer bytes");
     for row in rows {
         assert_eq!((number(row, "width"), number(row, "height"), number(row, "bodies")), (160.0, 120.0, 2.0));
         let (p50_ms, p99_ms, max_ms) = (number(row, "p50_ms"), number(row, "p99_ms"), number(row, "max_ms"));
@@ -60,7 +64,7 @@ fn cluster_times_passes_of_real_processes_and_models_larger_ones() {
     assert!(scale.iter().any(|row| row["cameras"] == 256), "the model goes to 256 cameras");
     assert!(figures["scale"]["note"].as_str().expect("a note").starts_with("a model"));
     assert!(printed.contains("a model, not a measurement") && printed.contains("break first"), "{printed}");
-    assert!(folder.path().join("charts/cluster_nodes.svg").exists());
+    assert!(folder.path().join("charts/cluster_nodes_paper.svg").exists());
 }
 
 #[test]

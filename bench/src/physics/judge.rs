@@ -136,7 +136,7 @@ const SLID_M: f64 = 0.01;
 const BEGAN_SLIDING_M: f64 = 0.002;
 /// What leans so far from the lid goes over, and had begun when it leant more than this, degrees.
 const LEANS_DEG: f64 = 12.0;
-const BEGAN_LEANING_DEG: f64 = 3.0;
+const BEGAN_LEANING_DEG: f64 = 6.0;
 
 /// A body on the lid that tilts, step by step.
 struct OnLid {
