@@ -93,7 +93,10 @@ fn within_a_tolerance_bodies_that_rest_on_somebody_are_asked_about_once_a_frame(
     let loose = ["inprocess", "gather", "cluster"].map(|transport| run(&loose, transport));
     for other in &loose {
         assert_eq!(other["trajectory_digest"], loose[0]["trajectory_digest"], "{}", other["transport"]);
-        assert_eq!(other["questions"], loose[0]["questions"]);
+        // Round trips are the transport's own.
+        for key in ["passes", "poses", "steps_without"] {
+            assert_eq!(count(other, key), count(&loose[0], key), "{key} over {}", other["transport"]);
+        }
     }
     let (few, frames) = (count(&loose[2], "passes"), loose[2]["frames"].as_u64().expect("a number"));
     assert_eq!(count(&exact, "passes"), 360, "boxes that lie on the lid are touched at every step");

@@ -182,8 +182,8 @@ pub struct Progress {
     pub samples: usize,
     /// Bodies that touch the hull now.
     pub contacts: usize,
-    /// How old the film was that bodies collided with, from its capture to the end of the step: the median since the last
-    /// report, milliseconds; `None` if no step asked the hull.
+    /// How old the film was that bodies collided with, from its capture to the end of the step: the median since the
+    /// last report, milliseconds; `None` if no step had a hull.
     pub hull_age_ms: Option<f64>,
     /// Bytes at the sockets a second since the last report.
     pub bytes_per_s: f64,

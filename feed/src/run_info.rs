@@ -23,7 +23,7 @@ pub struct RunInfo {
     pub step_s: f64,
     /// How bodies answer the hull.
     pub response: ResponseMode,
-    /// From capture to the step that sees it, seconds.
+    /// From the capture of film to the step that collides with it, seconds.
     pub latency_s: f64,
     /// The unit vector against gravity, world.
     pub up: [f64; 3],

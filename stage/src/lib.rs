@@ -5,7 +5,8 @@
 //! machine: sines come from `libm`, and nothing runs in parallel.
 //!
 //! - [`StageSettings`]: who and what is there; [`Motion`]: where the person's joints are at a time.
-//! - [`CameraStage`]: the film of one camera, and its true silhouettes. [`studio_rig`]: the cameras.
+//! - [`CameraStage`]: the film of one camera, and its true masks; [`true_silhouette`]: one as runs, of an image of any
+//!   size. [`studio_rig`]: the cameras.
 //! - [`Truth`]: signed distance to everything real; [`ConvexSolid`]: what it is made of.
 
 mod camera_stage;

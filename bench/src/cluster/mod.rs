@@ -46,7 +46,8 @@ and, of bodies that no plane faces, the exits against their faces (exits) and th
 passes share a frame; the first of them asks for planes of 192 points around every body too.
 Without --nodes, --bodies and --size each of them is varied about 8 nodes, 30 bodies, 3840x2160; with
 any of them every combination of what is given is measured. Up to 8 nodes share 8 cameras; more have one
-each. The tables of scale are a model that starts from the figures of this run.")]
+each. The tables of scale are a model that starts from the figures of this run, of the response and the
+precision that are named first.")]
 pub struct ClusterBenchArguments {
     /// Numbers of node processes.
     #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = parse_nodes)]

@@ -256,7 +256,7 @@ impl Kind<'_> {
         references: &[Reference],
     ) -> Outcome<(Vec<Row>, Option<Track>)> {
         let scene = self.scene.name();
-        // Without noise all seeds are one, but where bodies start elsewhere.
+        // Without noise only these are repeated: elsewhere a seed moves starts by less than a millimetre.
         let seeds = if self.noise > 0.0 || [DROPS, "rest"].contains(&scene) { arguments.seeds } else { 1 };
         // True solids are as fine as can be.
         let conditions = Conditions {

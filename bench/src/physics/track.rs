@@ -19,6 +19,8 @@ use cli::{Failure, Outcome};
 
 /// The scene whose bodies are to fall each by itself.
 pub const DROPS: &str = "drops";
+/// The seed by which bodies are placed before their starts are moved: that of the run whose starts are not.
+const PLACED: u64 = 1;
 /// How far a start is moved, metres.
 pub const MOVED_M: f64 = 1e-3;
 
@@ -259,7 +261,7 @@ impl RunPlan<'_> {
             let ids: Vec<BodyId> = world.bodies().iter().map(|body| body.id).collect();
             ids.into_iter().try_for_each(|id| world.remove(id)).map_err(Failure::run)?;
             let mut random = Random::new(seed);
-            for mut spec in scene.bodies(seed) {
+            for mut spec in scene.bodies(PLACED) {
                 let [x, z] = random.unit().map(|share: f64| share * MOVED_M);
                 if !spec.fixed {
                     spec.pose = spec.pose.moved([x, 0.0, z]);

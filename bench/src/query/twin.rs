@@ -18,7 +18,7 @@ const SAME: f64 = 2e-6;
 /// Around bodies planes are asked for within a reach, metres; the twin looks farther.
 const AROUND_M: f64 = 0.12;
 
-/// Asks about the bodies and compares some planes with the twin's; returns how many.
+/// Compares some of the planes that a pass found for these bodies with the twin's; returns how many.
 pub fn check_planes(studio: &Studio, bodies: &[ContactBody], asked: &Passes) -> Outcome<usize> {
     let (width, height) = (studio.dense[0].camera.width() as usize, studio.dense[0].camera.height() as usize);
     let most = (PIXELS / (studio.dense.len() * width * height)).max(1);
@@ -49,8 +49,8 @@ pub fn check_planes(studio: &Studio, bodies: &[ContactBody], asked: &Passes) -> 
 fn is_twins(studio: &Studio, point: &Point3<f64>, edge: &Edge) -> bool {
     let found_m = f64::from(edge.distance_m);
     let outside = brute::plane_from_outside(&studio.dense, &studio.settings, point);
-    if outside.as_ref().is_some_and(|outside| outside.distance_m < -AROUND_M) {
-        return found_m >= outside.map_or(0.0, |outside| outside.distance_m) - SAME;
+    if let Some(far) = outside.as_ref().filter(|far| far.distance_m < -AROUND_M) {
+        return found_m >= far.distance_m - SAME;
     }
     let twin = outside.or_else(|| brute::point(&studio.dense, &studio.settings, point, MARCH_M)?.edge);
     let Some(mut twin) = twin else { return false };

@@ -27,9 +27,9 @@ const HOLD_WITHIN_M: f64 = 0.004;
 const ELSE_WEIGHT: f64 = 0.01;
 /// A surface that moves slower than this stands still, m/s.
 const LEAST_SPEED_M_S: f64 = 0.002;
-/// Hull and face meet if their normals are so nearly opposite: cosines of 60 degrees and, where what is noise in the
-/// one would be a turn of the other, of 8.
+/// Hull and face meet if their normals are so nearly opposite: cosine of 60 degrees.
 const LEAST_OPPOSITE: f64 = 0.5;
+/// The hull's own normal stays if they are so nearly opposite that noise would switch it: cosine of 8 degrees.
 const MOST_OPPOSITE: f64 = 0.99;
 /// Film that shows a frame for so many periods stands still, and its surfaces with it.
 const STILL_PERIODS: f64 = 1.5;
@@ -77,7 +77,11 @@ impl FrameAge {
     pub fn new(frame: u64, fps: f64, film_s: f64, hull_time: HullTime) -> FrameAge {
         let age_s = (film_s - frame as f64 / fps).max(0.0);
         let is_still = age_s * fps > STILL_PERIODS;
-        let age_s = age_s - hull_time.frames_later() / fps;
+        let age_s = match hull_time {
+            HullTime::Newest => age_s,
+            // A frame that is late holds.
+            HullTime::Between => (age_s - hull_time.frames_later() / fps).min(0.0),
+        };
         FrameAge { frame, fps, age_s: if is_still { 0.0 } else { age_s }, is_still }
     }
 }

@@ -86,7 +86,8 @@ fn between_frames_a_surface_goes_from_where_it_was_to_where_it_is() {
         let touches = surface.contacts(at, &planes(1.003, 0.01), body, &eyes()).touches;
         f64::from(touches[0].exit_m.expect("a depth"))
     };
-    for (frames, expected_m) in [(8.0, -0.007), (8.25, -0.0045), (8.5, -0.002), (8.75, 0.0005), (9.0, 0.003)]
+    for (frames, expected_m) in
+        [(8.0, -0.007), (8.25, -0.0045), (8.5, -0.002), (8.75, 0.0005), (9.0, 0.003), (9.25, 0.003)]
     {
         let found_m = depth_m(frames);
         assert!((found_m - expected_m).abs() < 3e-4, "{found_m} m at frame {frames}, expected {expected_m}");

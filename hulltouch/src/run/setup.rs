@@ -77,7 +77,7 @@ impl ResponseArguments {
             HullTimeName::Newest => Ok((response, HullTime::Newest)),
             HullTimeName::Between if response == ResponseMode::Contacts => Ok((response, HullTime::Between)),
             HullTimeName::Between => Err(Failure::input(
-                "--hull-time between has surfaces that move, expected --response contacts",
+                "--hull-time between is for contacts alone, expected --response contacts with it",
             )),
         }
     }

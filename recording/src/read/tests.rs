@@ -7,6 +7,7 @@ use coordinator::hooks::{EndRecord, FrameRecord, Recorder as _, Schedule as _, S
 use coordinator::live::{Command, Parameters};
 use coordinator::{AskEvery, Figures, LocalFrames as _};
 use hull::rule::ProbeSettings;
+use hull::surface::HullTime;
 use hull::{Camera, Rig, Silhouette};
 use nalgebra::{Matrix3, Vector3};
 use proto::convert::Precision;
@@ -14,6 +15,7 @@ use sim::solid::ConvexHull;
 use sim::{BodyResponse, BodySpec, MassSpec, Scene, Solid, World, WorldSettings};
 
 use super::{Recording, StepCheck};
+use crate::messages::Header;
 use crate::{ColourCrop, Overwrites, RecordingFile, RunHeader, RunRecorder, record};
 
 const SIZE: (u32, u32) = (64, 48);
@@ -35,12 +37,23 @@ fn header(precision: Precision) -> RunHeader {
         hold_s: 1.0,
         probes: ProbeSettings::default(),
         scene: Scene::named("topple").expect("a scene").with_gravity([0.0, 0.5, -9.0]).expect("finite"),
-        world: WorldSettings { seed: 77, ..WorldSettings::default() },
+        world: WorldSettings { seed: 77, hull_time: HullTime::Between, ..WorldSettings::default() },
         precision,
         asks: AskEvery::Step,
         transport: "cluster".into(),
         lock_step: true,
     }
+}
+
+#[test]
+fn a_header_of_no_moment_has_the_newest_and_one_of_a_strange_moment_is_refused() {
+    let read = |hull_time: &str| {
+        let message = Header { hull_time: hull_time.into(), ..header(Precision::Exact).to_message() };
+        RunHeader::from_message(&message)
+    };
+    assert_eq!(read("").expect("a header").world.hull_time, HullTime::Newest);
+    let refused = read("later").expect_err("refused").to_string();
+    assert!(refused.contains("hull_time is \"later\", expected newest or between"), "{refused}");
 }
 
 /// A bar that moves with the frame.

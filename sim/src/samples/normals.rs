@@ -18,12 +18,13 @@ pub fn face_normals(solid: &Solid, shape: &Shape) -> FaceNormals {
         let at = Vector3::from(sample.map(f64::from));
         let mut normals_body = Vec::new();
         add_faces(solid, at, &mut normals_body);
-        if normals_body.is_empty() {
+        let is_known = !normals_body.is_empty();
+        if !is_known {
             // Rounding only: away from the middle.
             normals_body.push(at.try_normalize(0.0).unwrap_or_default());
         }
         match normals_body[..] {
-            [normal] if is_flat(solid, &normal) => faces.push_flat(normal),
+            [normal] if is_known && is_flat(solid, &normal) => faces.push_flat(normal),
             _ => faces.push(normals_body),
         }
     }

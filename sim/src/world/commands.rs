@@ -221,8 +221,8 @@ impl World {
     }
 
     /// Puts solids, each at its pose in the world, where they are at the end of the next step: bodies meet them as they
-    /// meet the hull, and they move as they are told. They are no bodies. Always the same ones, in one order; the first
-    /// time they are there at once. For experiments that compare the hull with what truly stands there.
+    /// meet the hull, and they move as they are told. They are no bodies. Those of before that
+    /// are not given are taken away; one of another form takes its predecessor's place at once. For experiments that compare the hull with what truly stands there.
     pub fn set_true_solids(&mut self, solids: &[(Solid, Pose)]) -> Result<(), WorldError> {
         let WorldSettings { mirror_restitution: restitution, hull_friction: friction, .. } = self.settings;
         let surface = Surface { friction, restitution };

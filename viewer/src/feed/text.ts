@@ -92,7 +92,7 @@ export interface Status {
     readonly p99_ms?: number;
     readonly samples?: number;
     readonly contacts?: number;
-    /** From the capture of the film that bodies collide with to the end of the step; null if no step asked. */
+    /** From the capture of the film that bodies collide with to the end of the step; null if no step had a hull. */
     readonly hull_age_ms?: number | null;
     readonly bytes_per_s?: number;
     readonly blind?: string | null;

@@ -375,5 +375,7 @@ fn a_motion_that_is_no_number_is_a_fault_and_does_nothing() {
         let report = world.step(&responses).expect("a step");
         assert_eq!(report.faults.len(), 1);
         assert_eq!(report.faults[0].kind, FaultKind::Response);
+        assert_eq!(world.patches().count(), 0);
+        assert!(world.bodies()[0].velocity_m_s.iter().all(|part| part.is_finite()));
     }
 }
