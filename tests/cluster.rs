@@ -59,23 +59,33 @@ fn one_seed_is_one_run_over_every_transport() {
 #[test]
 fn bodies_under_contacts_are_one_run_over_every_transport_and_when_it_is_made_again() {
     let folder = tempfile::tempdir().expect("folder");
-    let run = |transport, more: &[&str]| {
-        let contacts = [&["--response", "contacts", "--scene", "lift"], more].concat();
-        lock_step_with(folder.path(), transport, "1", &contacts)
+    let run = |transport, hull_time, more: &[&str]| {
+        let contacts = ["--response", "contacts", "--scene", "lift", "--hull-time", hull_time];
+        lock_step_with(folder.path(), transport, "1", &[&contacts, more].concat())
     };
-    let runs = ["inprocess", "gather", "cluster"].map(|transport| run(transport, &[]));
-    for run in &runs {
-        assert_eq!(run["trajectory_digest"], runs[0]["trajectory_digest"], "{}", run["transport"]);
-        assert_eq!(run["response"], "contacts");
-    }
-    let middle = &runs[0]["bodies"][1];
-    assert!(middle["end"][1].as_f64().expect("a height") > 1.5, "{middle} rides on the lid that is lifted");
-    // Rounded answers cannot be asked for again: their contacts are in the file.
-    let file = folder.path().join("run.mcap");
-    let file = file.to_str().expect("text");
-    run("cluster", &["--precision", "quantised", "--record", file]);
-    let replay = hulltouch().args(["replay", file, "--unpaced", "--headless"]).output().expect("runs");
-    assert!(replay.status.success(), "{}", String::from_utf8_lossy(&replay.stdout));
+    let digests = ["newest", "between"].map(|hull_time| {
+        let runs = ["inprocess", "gather", "cluster"].map(|transport| run(transport, hull_time, &[]));
+        for run in &runs {
+            assert_eq!(run["trajectory_digest"], runs[0]["trajectory_digest"], "{}", run["transport"]);
+            assert_eq!((&run["response"], &run["hull_time"]), (&"contacts".into(), &hull_time.into()));
+        }
+        let middle = &runs[0]["bodies"][1];
+        assert!(
+            middle["end"][1].as_f64().expect("a height") > 1.5,
+            "{middle} rides on the lid that is lifted"
+        );
+        // Rounded answers cannot be asked for again: their contacts are in the file.
+        for precision in ["exact", "quantised"] {
+            let file = folder.path().join(format!("{hull_time}_{precision}.mcap"));
+            let file = file.to_str().expect("text");
+            run("cluster", hull_time, &["--precision", precision, "--record", file]);
+            let replay =
+                hulltouch().args(["replay", file, "--unpaced", "--headless"]).output().expect("runs");
+            assert!(replay.status.success(), "{}", String::from_utf8_lossy(&replay.stdout));
+        }
+        runs[0]["trajectory_digest"].clone()
+    });
+    assert_ne!(digests[0], digests[1], "the hull is of another moment");
 }
 
 /// A run of three cameras whose films have these lengths, in frames; returns its figures.

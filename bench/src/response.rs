@@ -13,8 +13,7 @@ pub enum Response {
 }
 
 impl Response {
-    /// As the world has it.
-    pub fn mode(self) -> ResponseMode {
+    fn mode(self) -> ResponseMode {
         match self {
             Response::Paper => ResponseMode::Paper,
             Response::Contacts => ResponseMode::Contacts,

@@ -75,7 +75,8 @@ pub struct PhysicsBenchArguments {
     /// The share of outline pixels that flicker.
     #[arg(long, value_name = "SHARE,…", value_delimiter = ',', default_value = "0", value_parser = parse_share)]
     noise: Vec<f64>,
-    /// Runs of each kind, each with another flicker, other drops, and in `rest` with starts a millimetre elsewhere.
+    /// Runs of each kind, each with another flicker, other drops, and in `rest` with starts a millimetre elsewhere;
+    /// other scenes without noise are run once.
     #[arg(long, value_name = "N", default_value = "1", value_parser = parse_seeds)]
     seeds: u64,
     /// Cameras of the studio.

@@ -15,7 +15,8 @@ const PIXELS: usize = 1 << 28;
 const MARCH_M: f64 = 10.0;
 /// Distances differ by no more, metres, and so do normals: they travel in single precision.
 const SAME: f64 = 2e-6;
-/// Around bodies planes are asked for within a reach, metres; the twin looks farther.
+/// Around bodies planes are asked for within a reach of 0.14 m. Of a plane farther than this, metres, ours may be of
+/// another camera than the twin's, but no farther away.
 const AROUND_M: f64 = 0.12;
 
 /// Compares some of the planes that a pass found for these bodies with the twin's; returns how many.
