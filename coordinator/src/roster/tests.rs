@@ -172,3 +172,21 @@ fn the_hull_is_unavailable_for_one_named_reason() {
     roster.down(0, "gone".into());
     assert_eq!(why(&roster, step(1.5, Some(14))), reason("node 0: gone", true));
 }
+
+#[test]
+fn a_live_run_begins_with_a_frame_that_every_node_has_or_once_none_will_come() {
+    let patience = Duration::from_secs(20);
+    let mut roster = roster(2);
+    film(&mut roster, 0, [0, 1]);
+    assert!(!roster.may_begin(9, 0.3, patience), "the other node has none");
+    assert!(roster.may_begin(9, 20.1, patience), "it was waited for long enough");
+    film(&mut roster, 1, [1]);
+    assert!(roster.may_begin(9, 0.3, patience));
+    assert!(!roster.may_begin(0, 0.0, patience), "the first frame that both have is not due yet");
+    roster.begin_run();
+    roster.film_event(1, FilmEvent::Failed("no disk".into()));
+    assert!(roster.may_begin(0, 0.0, patience), "film has failed");
+    roster.begin_run();
+    roster.film_event(0, FilmEvent::Ended);
+    assert!(roster.may_begin(0, 0.0, patience), "film has ended");
+}

@@ -1,4 +1,4 @@
-//! Lock-step: for how long a step waits for its frame.
+//! For how long a step waits for its frame: in lock-step every step, live the first.
 
 use std::task::Poll;
 use std::time::{Duration, Instant};
@@ -76,6 +76,13 @@ impl FrameWait {
 }
 
 impl Roster {
+    /// Live: whether a run that has seen no frame yet makes its first step, which wants a frame at a film time
+    /// (seconds): every node has that frame or one before, or none will come, or it was waited for long enough.
+    pub fn may_begin(&self, wanted: u64, film_s: f64, patience: Duration) -> bool {
+        let is_over = self.film(wanted) != FilmState::Running || film_s > patience.as_secs_f64();
+        is_over || self.newest_common(wanted).is_some()
+    }
+
     /// Ready once the very frame that a recording names is there.
     pub fn poll_recorded(&self, frame: u64, began: Instant, now: Instant) -> Poll<Result<(), WaitError>> {
         if self.newest_common(frame) == Some(frame) {

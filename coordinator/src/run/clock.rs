@@ -55,10 +55,21 @@ impl Clock {
         (left_s > 0.0).then(|| Instant::now() + Duration::from_secs_f64(left_s))
     }
 
+    /// The film time that is now due, if it is later than this.
+    pub fn now_s(&self, film_s: f64) -> f64 {
+        film_s + self.lag_s(film_s).max(0.0)
+    }
+
+    /// The film time of a step, later by what steps can no longer make good.
+    pub fn slipped_film_s(&self, film_s: f64) -> f64 {
+        let now_s = self.now_s(film_s);
+        if now_s - film_s > self.max_lag_s { now_s } else { film_s }
+    }
+
     /// Gives up film time that steps can no longer make good.
     pub fn slip(&mut self, film_s: f64) {
-        let lag_s = self.lag_s(film_s);
-        if lag_s > self.max_lag_s {
+        let lag_s = self.slipped_film_s(film_s) - film_s;
+        if lag_s > 0.0 {
             tracing::warn!("steps lag {lag_s:.2} s behind film, which goes on without them");
             self.slipped_s += lag_s;
         }

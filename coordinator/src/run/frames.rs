@@ -3,7 +3,8 @@
 use std::task::Poll;
 use std::time::{Duration, Instant};
 
-use super::{Coordinator, FRAMES_AHEAD, RunError};
+use super::clock::frame_at;
+use super::{Coordinator, FRAMES_AHEAD, RunError, Watcher};
 use crate::hooks::FrameRecord;
 use crate::roster::{FrameWait, HullUnavailable, LOCK_STEP_TIMEOUT};
 
@@ -41,6 +42,35 @@ impl FilmInUse {
 }
 
 impl Coordinator {
+    /// Live: whether the world stands still because there has been no hull yet that bodies could lie on.
+    pub(super) fn awaits_first_frame(&mut self) -> bool {
+        if self.settings.lock_step || self.film.frame.is_some() {
+            return false;
+        }
+        self.transport.drain();
+        let film_s = self.clock.slipped_film_s(self.film_s());
+        let wanted = frame_at(film_s, self.settings.fps);
+        let may_begin = self.transport.roster().may_begin(wanted, film_s, self.settings.connect_timeout);
+        if may_begin {
+            // The first step itself sees the frame of now.
+            self.clock.slip(self.film_s());
+        }
+        !may_begin
+    }
+
+    /// Waits for the first frame, not for long; false if the run's time is over.
+    pub(super) async fn await_first_frame(&mut self, watcher: &mut dyn Watcher) -> bool {
+        self.transport.next_within(LOOK_EVERY).await;
+        let film_s = self.clock.now_s(self.film_s());
+        let frames = frame_at(film_s, self.settings.fps) + 1;
+        self.figures.frames_expected = frames.saturating_sub(self.film.frames_passed);
+        if let Err(why) = self.hull_frame(film_s, FilmPhase::Runs) {
+            self.note_no_hull(why);
+        }
+        self.report(watcher, None);
+        !self.is_over(film_s)
+    }
+
     /// Lock-step: waits until every node has a frame that new, or film has ended.
     pub(super) async fn await_frame(&mut self, wanted: u64) -> Result<(), RunError> {
         let began = Instant::now();

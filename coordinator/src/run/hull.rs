@@ -73,7 +73,7 @@ impl Coordinator {
         contacts
     }
 
-    fn hull_frame(&self, film_s: f64, phase: FilmPhase) -> Result<u64, HullUnavailable> {
+    pub(super) fn hull_frame(&self, film_s: f64, phase: FilmPhase) -> Result<u64, HullUnavailable> {
         let frame = self.film.frame;
         if phase == FilmPhase::Given {
             return frame.ok_or(HullUnavailable::NotYet);
@@ -115,9 +115,14 @@ impl Coordinator {
         ahead
     }
 
-    /// Counts a step without a hull, and reports once that there is none; the world goes on.
+    /// Counts a step without a hull; the world goes on.
     pub(super) fn lose_hull(&mut self, why: HullUnavailable) {
         self.figures.blind_steps += 1;
+        self.note_no_hull(why);
+    }
+
+    /// Reports once that there is no hull.
+    pub(super) fn note_no_hull(&mut self, why: HullUnavailable) {
         let was_fault = self.film.unavailable.as_ref().is_some_and(HullUnavailable::is_fault);
         if why.is_fault() && !was_fault {
             tracing::error!("hull unavailable, collisions off: {why}");

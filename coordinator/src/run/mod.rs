@@ -67,7 +67,7 @@ pub struct RunSettings {
     pub ask_every: AskEvery,
     /// See [`HullQuery::set_bodies`], metres.
     pub reuse_within_m: f64,
-    /// How long to wait for nodes at the beginning.
+    /// How long to wait for nodes at the beginning, and live from then on for their first frame.
     pub connect_timeout: Duration,
 }
 
@@ -293,6 +293,7 @@ impl Coordinator {
                 self.follow(commands).await?;
                 self.scheduled_step(sees, watcher).await
             }
+            None if self.awaits_first_frame() => Ok(self.await_first_frame(watcher).await),
             None => self.film_step(watcher).await,
         }
     }

@@ -32,7 +32,7 @@ pub struct CoordinatorArguments {
     /// Use every frame, as fast as nodes make them, instead of real time.
     #[arg(long)]
     unpaced: bool,
-    /// How long to wait for nodes at the beginning, seconds.
+    /// How long to wait for nodes at the beginning, and then for their first frame, seconds.
     #[arg(long, value_name = "S", default_value_t = 60.0)]
     patience: f64,
     #[command(flatten)]

@@ -28,7 +28,7 @@ use self::outlets::PageSource;
 use self::play::{RunPlan, play};
 use self::setup::{Setup, TransportName};
 
-/// How long nodes on this machine may take to connect: they listen already.
+/// How long nodes on this machine may take to connect (they listen already), and their cameras to film.
 const LOCAL_CONNECT_TIMEOUT: Duration = Duration::from_secs(20);
 
 /// Runs on this machine: nodes as processes, or everything in this one.
@@ -45,7 +45,7 @@ pub fn run_locally(setup: &Setup) -> Outcome {
     let colours = colour_source(setup, || of_recording);
     let page = PageSource::of_cameras(&cameras, || pictures);
     let transport = |_: &World, _| Transport::in_process(Box::new(frames));
-    run(setup, &cameras, transport, page, colours, Duration::ZERO)
+    run(setup, &cameras, transport, page, colours, LOCAL_CONNECT_TIMEOUT)
 }
 
 /// Runs against the nodes at the addresses of the cluster file, which have so long to connect.
