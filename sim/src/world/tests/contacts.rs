@@ -252,6 +252,27 @@ fn contacts_that_are_no_numbers_do_no_harm() {
 }
 
 #[test]
+fn contacts_whose_normals_have_no_length_or_any_other_do_no_harm() {
+    for length in [0.0, 1e-30, 1e3, 1e30] {
+        let mut world = tower(1);
+        let table = below(1.0, 0.0);
+        run_on(&mut world, 0.5, &table);
+        // For as long as it would fall by a few centimetres without them.
+        for _ in 0..12 {
+            let mut wrong = responses(&world, &table);
+            for contact in &mut wrong[0].contacts {
+                contact.normal_world = contact.normal_world.map(|part| part * length);
+            }
+            world.step(&wrong).expect("a step");
+            let speed_m_s = Vector3::from(world.bodies()[0].velocity_m_s).norm();
+            assert!(speed_m_s < 1.1, "{speed_m_s} m/s with normals of length {length}");
+        }
+        run_on(&mut world, 1.0, &table);
+        assert!((world.bodies()[0].pose.position_m()[1] - 1.1).abs() < 2e-3, "{length}");
+    }
+}
+
+#[test]
 fn a_body_that_is_taken_away_takes_its_contacts_along() {
     let mut world = tower(2);
     let table = below(1.0, 0.0);

@@ -1,0 +1,49 @@
+//! Nodes that can be lost.
+
+use std::net::SocketAddr;
+use std::ops::Range;
+
+use camera_node::service::Node;
+use camera_node::source::{SourceConfig, StageConfig};
+use camera_node::{NodeCamera, NodeConfig};
+use hull::{ProbeSettings, Rig};
+use proto::Address;
+use segment::SegmentSettings;
+use sim::Scene;
+use stage::StageSettings;
+use tokio::sync::oneshot;
+
+use super::film::{FPS, stage_of};
+
+/// Cameras of a rig, as a node films them.
+pub fn node_config(scene: &Scene, rig: &Rig, cameras: Range<usize>) -> NodeConfig {
+    let StageSettings { motion, props, person, .. } = stage_of(scene);
+    let source = SourceConfig::Stage(StageConfig { motion, props, person, ..StageConfig::default() });
+    let camera = |index: usize| NodeCamera {
+        camera: rig.cameras()[index].clone(),
+        rig_index: index as u16,
+        source: source.clone(),
+        background: None,
+        segmentation: SegmentSettings::default(),
+        ignored: None,
+    };
+    NodeConfig { cameras: cameras.map(camera).collect(), settings: ProbeSettings::default(), fps: FPS }
+}
+
+/// Serves a node on a thread of its own, until `lost`: then its connections are gone as well.
+pub async fn serve_until(config: NodeConfig, lost: oneshot::Receiver<()>) -> Address {
+    let (opened, address) = oneshot::channel();
+    std::thread::spawn(move || {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
+        runtime.block_on(async {
+            let listen = SocketAddr::from(([127, 0, 0, 1], 0));
+            let node = Node::open(config, listen, false).await.expect("opens");
+            opened.send(node.address().expect("bound").to_string()).expect("somebody waits");
+            tokio::select! {
+                served = node.serve(std::future::pending()) => served.expect("serves"),
+                _ = lost => {}
+            }
+        });
+    });
+    address.await.expect("an address").parse().expect("an address")
+}
