@@ -43,7 +43,7 @@ impl Gather {
         if pass.question().is_none() {
             return Ok(());
         }
-        let fetched = tokio::time::timeout(timeout, self.fetch(frame)).await;
+        let fetched = tokio::time::timeout(timeout, self.fetch(frame, pass.asks_planes())).await;
         let late = |_| TransportError::Silhouettes { frame, timeout };
         fetched.map_err(late)??;
         if let Some((_, views)) = &self.fetched {
@@ -52,20 +52,32 @@ impl Gather {
         Ok(())
     }
 
-    async fn fetch(&mut self, frame: u64) -> Result<(), TransportError> {
-        if self.fetched.as_ref().is_some_and(|(fetched, _)| *fetched == frame) {
+    /// Fetches a frame; planes tell how far they moved since the frame before, whether anything was asked about that
+    /// or not.
+    async fn fetch(&mut self, frame: u64, needs_before: bool) -> Result<(), TransportError> {
+        let fetched = self.fetched.as_ref().map(|(fetched, _)| *fetched);
+        if fetched == Some(frame) {
             return Ok(());
         }
-        let (silhouettes, bytes) = fetch(&self.nodes.clients, frame, self.encoding).await?;
-        self.silhouette_bytes += bytes;
-        let views = self.observers.iter().zip(&silhouettes);
-        let views = views.map(|(observer, silhouette)| View::new(Arc::clone(observer), silhouette));
-        let views = ViewSet::new(views.collect());
+        if let Some(before) = frame.checked_sub(1).filter(|&before| needs_before && fetched != Some(before)) {
+            // A node that has passed it over tells of an earlier one at best.
+            if let Ok(views) = self.views(before).await {
+                self.fetched = Some((before, views));
+            }
+        }
+        let views = self.views(frame).await?;
         let views = match &self.fetched {
             Some((before, seen)) => views.after(seen, frame.saturating_sub(*before)),
             None => views,
         };
         self.fetched = Some((frame, views));
         Ok(())
+    }
+
+    async fn views(&mut self, frame: u64) -> Result<ViewSet, TransportError> {
+        let (silhouettes, bytes) = fetch(&self.nodes.clients, frame, self.encoding).await?;
+        self.silhouette_bytes += bytes;
+        let views = self.observers.iter().zip(&silhouettes);
+        Ok(ViewSet::new(views.map(|(observer, seen)| View::new(Arc::clone(observer), seen)).collect()))
     }
 }

@@ -235,6 +235,11 @@ impl Pass {
         self.only_planes = only_planes;
     }
 
+    /// Whether it asks for planes.
+    pub fn asks_planes(&self) -> bool {
+        self.only_planes
+    }
+
     /// Whether bytes are dearer than rounds: then several groups are asked for fewer exits, each within less, and more
     /// often once more.
     pub fn save_bytes(&mut self, saves_bytes: bool) {
