@@ -61,7 +61,6 @@ fn every_scene_is_one_run_over_every_transport_and_when_it_is_made_again() {
         let first = run("inprocess", &[]);
         assert_eq!((&first["response"], &first["faults"]), (&"contacts".into(), &0.into()), "{scene}");
         let contacts = first["contacts"].as_u64().expect("a number");
-        eprintln!("{scene}: {contacts} contacts");
         assert!(contacts >= least, "{scene}: {contacts} contacts");
         let replay = ["replay", file, "--unpaced", "--headless"];
         let others = [

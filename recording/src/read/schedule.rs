@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use coordinator::hooks::{Schedule, Scheduled, Sees};
 use proto::convert::Precision;
-use sim::BodyResponse;
+use sim::{BodyResponse, ResponseMode};
 
 use super::check::{Expected, StepCheck};
 use super::{Index, ReadError, decode};
@@ -22,7 +22,32 @@ pub struct RecordedSteps {
     next_chunk: usize,
     steps: VecDeque<Step>,
     is_rounded: bool,
+    gaps: Gaps,
     check: StepCheck,
+}
+
+/// Under contacts planes move as they did since the frame before, and what is known of a surface goes on from frame to
+/// frame: after a frame whose predecessor is not in the file, or a step without a hull, the same answers are not found.
+#[derive(Debug)]
+struct Gaps {
+    matter: bool,
+    /// Whether a step has had a hull.
+    had_hull: bool,
+    is_found: bool,
+}
+
+impl Gaps {
+    /// Whether one was before this step, or is at its frame.
+    fn note(&mut self, frame: Option<u64>, index: &Index) -> bool {
+        let is_gap = match frame {
+            Some(frame) => frame.checked_sub(1).is_some_and(|before| !index.frames.contains_key(&before)),
+            // At the beginning nothing is lost yet.
+            None => self.had_hull,
+        };
+        self.had_hull |= frame.is_some();
+        self.is_found |= self.matter && is_gap;
+        self.is_found
+    }
 }
 
 impl RecordedSteps {
@@ -30,7 +55,9 @@ impl RecordedSteps {
         let file = index.open()?;
         let is_rounded = header.precision == Precision::Quantised;
         let (steps, check) = (VecDeque::new(), StepCheck::default());
-        Ok(RecordedSteps { index, file, next_chunk: 0, steps, is_rounded, check })
+        let matter = header.world.response == ResponseMode::Contacts;
+        let gaps = Gaps { matter, had_hull: false, is_found: false };
+        Ok(RecordedSteps { index, file, next_chunk: 0, steps, is_rounded, gaps, check })
     }
 
     /// The check of what comes out.
@@ -50,13 +77,14 @@ impl RecordedSteps {
         Ok(self.steps.pop_front())
     }
 
-    fn scheduled(&self, step: Step) -> Result<Scheduled, ReadError> {
+    fn scheduled(&mut self, step: Step) -> Result<Scheduled, ReadError> {
         let Step { film_s, frame, .. } = step;
         let commands = step.commands.into_iter().map(command_from_message).collect::<Result<_, _>>();
         let commands = commands.map_err(|error| self.index.refused(error))?;
         // Rounded answers cannot be found again; a frame that was lost cannot be asked.
         let is_lost = frame.is_some_and(|frame| !self.index.frames.contains_key(&frame));
-        let sees = if self.is_rounded && frame.is_some() || is_lost {
+        let is_given = self.gaps.note(frame, &self.index) || self.is_rounded;
+        let sees = if is_given && frame.is_some() || is_lost {
             let responses = step.responses.iter().map(response).collect::<Result<_, _>>();
             let responses = responses.map_err(|error| self.index.refused(error))?;
             Sees::Given { film_s, frame: frame.filter(|_| !is_lost), responses }

@@ -12,7 +12,7 @@ use hull::{Camera, Rig, Silhouette};
 use nalgebra::{Matrix3, Vector3};
 use proto::convert::Precision;
 use sim::solid::ConvexHull;
-use sim::{BodyResponse, BodySpec, MassSpec, Scene, Solid, World, WorldSettings};
+use sim::{BodyResponse, BodySpec, MassSpec, ResponseMode, Scene, Solid, World, WorldSettings};
 
 use super::{Recording, StepCheck};
 use crate::messages::Header;
@@ -81,8 +81,11 @@ impl TestRun {
     }
 
     fn begin_with(path: &Path, precision: Precision, colours: Option<crate::ColourSource>) -> TestRun {
-        let header = header(precision);
-        let (recorder, file) = record(path, Overwrites::Never, &header, colours).expect("a new file");
+        TestRun::begin_of(path, &header(precision), colours)
+    }
+
+    fn begin_of(path: &Path, header: &RunHeader, colours: Option<crate::ColourSource>) -> TestRun {
+        let (recorder, file) = record(path, Overwrites::Never, header, colours).expect("a new file");
         let world = World::new(&header.scene, header.world).expect("a world");
         TestRun { world, recorder, file, digests: vec![] }
     }
@@ -209,6 +212,26 @@ fn what_is_read_is_what_was_recorded() {
     assert!(matches!(seen[4], Sees::Recorded { frame: None, .. }), "there was no hull");
     assert!(matches!(seen[8], Sees::Given { frame: None, .. }), "the frame was never recorded");
     assert!(seen.windows(2).all(|pair| film_s(&pair[1]) > film_s(&pair[0])));
+}
+
+#[test]
+fn under_contacts_answers_are_given_from_the_first_gap_on() {
+    let folder = tempfile::tempdir().expect("folder");
+    let path = folder.path().join("run.mcap");
+    let mut header = header(Precision::Exact);
+    header.world.response = ResponseMode::Contacts;
+    let mut run = TestRun::begin_of(&path, &header, None);
+    (0..40).for_each(|_| run.step(&[]));
+    let digests = run.end();
+    let recording = Recording::open(&path).expect("a recording");
+    let mut steps = recording.steps().expect("readable");
+    let seen: Vec<Sees> = std::iter::from_fn(|| steps.next()).map(|step| step.sees).collect();
+    assert!(seen[..4].iter().all(|sees| matches!(sees, Sees::Recorded { frame: Some(0), .. })));
+    assert!(seen[4..8].iter().all(|sees| matches!(sees, Sees::Recorded { frame: None, .. })), "no hull");
+    assert!(seen[8..12].iter().all(|sees| matches!(sees, Sees::Given { frame: None, .. })), "no frame");
+    assert!(seen[12..].iter().all(|sees| matches!(sees, Sees::Given { frame: Some(_), .. })));
+    assert_eq!(steps.check().given(), 32);
+    assert_eq!(recording.digest(), digests[39]);
 }
 
 /// Camera 1 has colours, from frame 3 on.
