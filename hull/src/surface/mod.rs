@@ -8,6 +8,7 @@
 //! slides. A step may as well take the surface between the frame and the one before ([`HullTime`]): it goes back from
 //! the newer by what it moved.
 
+mod level;
 mod motion;
 mod still;
 
@@ -162,6 +163,7 @@ impl BodySurface {
             is_contact.then(|| against_face(touch, depth_m, &pose, body.faces))
         };
         let mut touches: Vec<Touch> = self.beliefs.touches().filter_map(contact).collect();
+        level::level(&mut touches, &place, eyes);
         if at.is_still {
             touches.iter_mut().for_each(|touch| *touch = touch.at_rest());
         }

@@ -9,10 +9,12 @@ use nalgebra::{Matrix6, Vector3, Vector6};
 /// How exactly a plane is known to have moved, pixels.
 const SIGMA_PIXELS: f64 = 0.2;
 /// A plane turns about its camera as the edge moves through which it goes: elsewhere it moves by so much more or less.
-const SIGMA_SHARE: f64 = 0.15;
+const SIGMA_SHARE: f64 = 0.1;
+/// And of what moves along it, for its normal is not known exactly: so much of the share.
+const ALONG: f64 = 0.3;
 /// None is known better.
 const LEAST_SIGMA_M: f64 = 1e-5;
-/// A plane that is off by so many times that counts half: it may be of something else.
+/// A plane that is off by so many times that counts a quarter: it may be of something else.
 const OFF_SIGMAS: f64 = 3.0;
 /// How often planes are weighed anew.
 const ROUNDS: usize = 5;
@@ -26,7 +28,7 @@ const ALIKE: f64 = 4.0;
 /// What moves otherwise than in the frame before must explain so many times as much.
 const LEAST_GAIN: f64 = 1.15;
 /// Nothing moves unless the best motion explains so much, in squares of what a plane may be off.
-const LEAST_SQUARES: f64 = 8.0;
+const LEAST_SQUARES: f64 = 6.0;
 /// Contacts face alike if their normals are so near: cosine of 30 degrees.
 const FACE_ALIKE: f64 = 0.866;
 /// Planes so far from the contacts count little, metres.
@@ -84,15 +86,19 @@ impl Row {
         Vector6::from_iterator(self.normal.iter().chain(&self.lever.cross(&self.normal)).copied())
     }
 
-    /// How exactly it is known.
-    fn sigma_m(&self) -> f64 {
-        libm::hypot(SIGMA_PIXELS * self.pixel_m, SIGMA_SHARE * self.moved_m).max(LEAST_SIGMA_M)
+    /// How exactly it would be known if that were the motion. What it says itself must not decide: those that say
+    /// little would be known best, and hold everything back.
+    fn sigma_m(&self, motion: &Motion) -> f64 {
+        let moved_m = motion.moved_m(&self.lever);
+        let shown_m = moved_m.dot(&self.normal).abs().max(ALONG * moved_m.norm());
+        libm::hypot(SIGMA_PIXELS * self.pixel_m, SIGMA_SHARE * shown_m).max(LEAST_SIGMA_M)
     }
 
     /// 1 if a motion explains it, 0 if not at all.
     fn agreement(&self, motion: &Motion) -> f64 {
-        let off = (self.moved_m - self.six().dot(&motion.0)) / (OFF_SIGMAS * self.sigma_m());
-        1.0 / (1.0 + off * off)
+        let off = (self.moved_m - self.six().dot(&motion.0)) / (OFF_SIGMAS * self.sigma_m(motion));
+        let agreement = 1.0 / (1.0 + off * off);
+        agreement * agreement
     }
 }
 
@@ -169,8 +175,14 @@ impl Sums {
         for round in 0..ROUNDS {
             sums = self.clone();
             for (row, weight) in rows.clone() {
-                let robust = if round == 0 && start.is_none() { 1.0 } else { row.agreement(&motion) };
-                let weight = robust * weight / (ALIKE * row.sigma_m().powi(2));
+                let is_blind = round == 0 && start.is_none();
+                let (robust, sigma_m) = if is_blind {
+                    // Nothing else says how fast it may be.
+                    (1.0, libm::hypot(row.sigma_m(&motion), SIGMA_SHARE * row.moved_m))
+                } else {
+                    (row.agreement(&motion), row.sigma_m(&motion))
+                };
+                let weight = robust * weight / (ALIKE * sigma_m.powi(2));
                 let six = row.six();
                 sums.weights += six * six.transpose() * weight;
                 sums.moved += six * (weight * row.moved_m);
