@@ -40,7 +40,11 @@ fn wrong_words_of_demo() {
     check(&["demo", "--scene", "nosuch"], 2, &["--scene", "nosuch", "topple, lift, crowd"]);
     check(&["demo", "--cameras", "0"], 2, &["--cameras is 0", "1 to 64"]);
     check(&["demo", "--size", "0x480"], 2, &["--size", "0 x 480"]);
-    check(&["demo", "--hull-time", "between"], 2, &["--hull-time between", "--response contacts"]);
+    check(
+        &["demo", "--response", "paper", "--hull-time", "between"],
+        2,
+        &["--hull-time between", "--response contacts"],
+    );
     check(&["demo", "--fps", "nan"], 2, &["--fps is NaN"]);
     check(&["demo", "--seconds=-1"], 2, &["--seconds is -1"]);
     check(&["demo", "--recording", "/no/such.toml"], 2, &["/no/such.toml"]);

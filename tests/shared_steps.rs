@@ -1,4 +1,5 @@
-//! Physics steps that share a film frame share its answers: fewer questions, and the same run.
+//! Physics steps that share a film frame share its answers: fewer questions, and with the paper's response the same run.
+//! Planes of contacts hold for their frame by themselves.
 
 use std::path::Path;
 use std::process::Command;
@@ -10,7 +11,18 @@ fn play(arguments: &[&str]) -> Value {
     let folder = tempfile::tempdir().expect("folder");
     let json = folder.path().join("out.json");
     let output = Command::new(env!("CARGO_BIN_EXE_hulltouch"))
-        .args(["demo", "--cameras", "4", "--size", "320x240", "--unpaced", "--headless", "--json"])
+        .args([
+            "demo",
+            "--response",
+            "paper",
+            "--cameras",
+            "4",
+            "--size",
+            "320x240",
+            "--unpaced",
+            "--headless",
+            "--json",
+        ])
         .arg(&json)
         .args(arguments)
         .output()

@@ -17,7 +17,7 @@ pub struct BodySummary {
     pub moved_m: f64,
     /// The lengths of all responses that were applied, metres.
     pub hull_moved_m: f64,
-    /// The end of the first step that had a response or a sample inside the hull, seconds.
+    /// The end of the first step that had a response, a sample inside the hull or within a millimetre of it, seconds.
     pub first_touch_s: Option<f64>,
     /// The farthest it was from its start before that, metres.
     pub moved_before_touch_m: f64,

@@ -61,6 +61,8 @@ const SETTLED_S: f64 = 2.0;
 const SETTLED_FRAMES: u64 = 60;
 /// What rests on a hull of four small images still trembles so fast, m/s.
 const CALM_M_S: f64 = 0.05;
+/// Bodies that could rise so much higher than they lay were thrown, metres.
+const THROWN_M: f64 = 0.05;
 
 /// Bodies lie on the hull at the end of what was right.
 fn check_settled(what: &str, steps: &[Step], settled_s: f64) {
@@ -68,6 +70,18 @@ fn check_settled(what: &str, steps: &[Step], settled_s: f64) {
     assert!(settled.iter().all(|step| step.contacts > 10), "{what}: they lie on the hull");
     let before_m_s = fastest_m_s(settled);
     assert!(before_m_s < CALM_M_S, "{what}: {before_m_s} m/s at rest");
+}
+
+/// No body has more energy than it had when it lay still: what fell into the table may be pushed out and fall off it.
+fn check_not_thrown(what: &str, still: &Step, steps: &[Step]) {
+    for step in steps {
+        for (body, before_m) in still.positions_m.iter().enumerate() {
+            let fall_m = step.velocities_m_s[body].norm_squared() / (2.0 * GRAVITY_M_S2);
+            let energy_m = step.positions_m[body].y + fall_m;
+            let most_m = before_m.y + THROWN_M;
+            assert!(energy_m < most_m, "{what}: body {body} could rise to {energy_m} m at {} s", step.film_s);
+        }
+    }
 }
 
 /// Without a hull bodies fall, and nothing else happens to them.
@@ -87,19 +101,17 @@ async fn bodies_only_fall_while_a_camera_is_silent_and_are_not_thrown_when_it_an
     for frames in [3, 30] {
         let what = format!("silent for {frames} frames");
         let silent = SETTLED_FRAMES..SETTLED_FRAMES + frames;
-        let mut film = Film::of(&scene, &rig(), all(150));
+        let mut film = Film::of(&scene, &rig(), all(210));
         film.silent = silent.clone();
-        let (steps, figures) = play(film, &scene, settings(4.0), std::future::pending()).await;
+        let (steps, figures) = play(film, &scene, settings(6.0), std::future::pending()).await;
         check_settled(&what, &steps, SETTLED_S);
         let back_s = silent.end as f64 / FPS;
         let blind = between(&steps, SETTLED_S, back_s);
         assert_eq!((blind.len() as u64, figures.faults), (figures.blind_steps, 0), "{what}");
         check_falls(&what, blind, SETTLED_S - 1.0 / 120.0);
-        let fell_m_s = fastest_m_s(&blind[blind.len() - 1..]);
         let back = since(&steps, back_s);
-        let back_m_s = fastest_m_s(back);
-        assert!(back_m_s < fell_m_s.max(0.5) + 0.05, "{what}: {back_m_s} m/s after {fell_m_s}");
-        let end_m_s = fastest_m_s(since(back, 3.9));
+        check_not_thrown(&what, &blind[0], back);
+        let end_m_s = fastest_m_s(since(back, 5.9));
         assert!(end_m_s < CALM_M_S, "{what}: {end_m_s} m/s at the end");
     }
 }

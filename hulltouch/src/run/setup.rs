@@ -62,7 +62,7 @@ pub enum HullTimeName {
 #[derive(Debug, Args)]
 pub struct ResponseArguments {
     /// How bodies answer the hull.
-    #[arg(long, value_enum, default_value = "paper")]
+    #[arg(long, value_enum, default_value = "contacts")]
     response: ResponseName,
     /// Under contacts, of which moment the hull is that bodies collide with.
     #[arg(long, value_enum, default_value = "newest")]
@@ -86,7 +86,7 @@ impl ResponseArguments {
 /// How often the hull is asked.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum AskName {
-    /// Once a film frame where that is enough: the same run, with fewer questions.
+    /// Once a film frame where that is enough: fewer questions, and with the paper's response the same run.
     #[default]
     Frame,
     /// At every physics step, about every body: to measure the other against.

@@ -5,6 +5,9 @@ use crate::response::{BodyResponse, HullContact, ResponseMode, mirrored};
 use crate::solver::Surface;
 use nalgebra::Vector3;
 
+/// A contact so near to the surface holds its body, metres.
+const HELD_M: f32 = 1e-3;
+
 /// What happened in one step.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StepReport {
@@ -94,12 +97,12 @@ impl World {
             report.faults.push(Fault { body: self.bodies[index].name.clone(), kind: FaultKind::Response });
             return;
         }
-        if response.touches() {
-            report.touched += 1;
-            if self.answers_hull {
-                let time_s = self.next_time_s();
-                self.summaries[index].first_touch_s.get_or_insert(time_s);
-            }
+        report.touched += usize::from(response.touches());
+        // Contacts hold a body before a sample is inside.
+        let is_held = response.contacts.iter().any(|contact| contact.depth_m > -HELD_M);
+        if self.answers_hull && (is_held || response.touches()) {
+            let time_s = self.next_time_s();
+            self.summaries[index].first_touch_s.get_or_insert(time_s);
         }
         let WorldSettings { mirror_restitution: restitution, hull_friction: friction, .. } = self.settings;
         let contacts = if self.answers_hull { &response.contacts[..] } else { &[] };

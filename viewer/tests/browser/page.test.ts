@@ -391,7 +391,7 @@ describe("a page of somebody who touches a body all the time", { skip: PROGRAM ?
   before(async () => {
     browser = await launch();
     const scene = join(dirname(DIST), "tests/browser/plate.scene.toml");
-    program = await Program.start(["--cameras", "3", "--size", "320x240", "--scene", scene, "--token", TOKEN, "--listen", "127.0.0.1:0"]);
+    program = await Program.start(["--response", "paper", "--cameras", "3", "--size", "320x240", "--scene", scene, "--token", TOKEN, "--listen", "127.0.0.1:0"]);
   });
   after(async () => {
     await browser?.close();
