@@ -198,7 +198,7 @@ describe("the page", { skip: PROGRAM ? false : "HULLTOUCH_BIN names no program" 
     const before = await until(page, "something to look back at", ({ timelineMs }) => timelineMs > 2000);
     await page.locator("#scrub").fill("-100");
     const back = await until(page, "the past", ({ live, behindMs }) => !live && behindMs > 500);
-    assert.equal(await page.locator("#link-text").textContent(), "Looking back");
+    await page.locator("#link-text", { hasText: "Looking back" }).waitFor();
     await until(page, "the world goes on meanwhile", ({ step }) => step > back.step + 10);
     assert.ok(back.step >= before.step);
     await page.getByRole("button", { name: "Live", exact: true }).click();
