@@ -30,7 +30,7 @@ const SCENES: [(&str, f64, u64); 9] = [
     ("drops", 1.5, 50),
     ("lift", 3.5, 50),
     ("topple", 4.0, 50),
-    ("crowd", 1.5, 20),
+    ("crowd", 2.5, 40),
 ];
 const SIZE: (u32, u32) = (240, 180);
 const CAMERAS: usize = 5;
