@@ -75,6 +75,7 @@ pub struct Showing {
     /// The share of pixels on either side of an outline that are inverted, and the seed that says which.
     flicker: f64,
     seed: u64,
+    tells_speeds: bool,
     /// The next frame to draw.
     next: Mutex<u64>,
 }
@@ -83,7 +84,12 @@ impl Showing {
     /// The film with outlines that flicker.
     pub fn new(film: &Arc<StageFilm>, flicker: f64, seed: u64) -> Showing {
         let ring = FrameRing::new(film.observers.len());
-        Showing { film: Arc::clone(film), ring, flicker, seed, next: Mutex::new(0) }
+        Showing { film: Arc::clone(film), ring, flicker, seed, tells_speeds: true, next: Mutex::new(0) }
+    }
+
+    /// The same; without speeds nobody tells how far planes moved since the frame before.
+    pub fn telling_speeds(self, tells_speeds: bool) -> Showing {
+        Showing { tells_speeds, ..self }
     }
 
     fn draw(&self, frame: u64) -> Outcome {
@@ -143,7 +149,12 @@ impl LocalFrames for Showing {
 
     fn with_views(&self, frame: u64, use_views: &mut dyn FnMut(&ViewSet)) -> bool {
         self.ring.get(frame).is_ok_and(|frame| {
-            use_views(&frame.views);
+            if self.tells_speeds {
+                use_views(&frame.views);
+            } else {
+                // No frames after another, nothing is known of it.
+                use_views(&frame.views.clone().after(&frame.views, 0));
+            }
             true
         })
     }

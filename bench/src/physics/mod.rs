@@ -43,8 +43,8 @@ Examples:
 Every run sees the true silhouettes of the studio, in lock-step; with noise, a share of the pixels on either side of
 every outline is inverted in every frame. Of several seeds each figure is the worst; of `drops` each lets one cube fall.
 
-`between` is `contacts` with the hull between the two newest frames, one frame later. `one-contact` leaves each body the
-deepest of its contacts. Two responses are references: `solids` has no hull, its bodies meet the studio's true solids;
+`between` is `contacts` with the hull between the two newest frames, one frame later; of `no-speeds` nobody tells how
+surfaces move. `one-contact` leaves each body the deepest of its contacts. Two responses are references: `solids` has no hull, its bodies meet the studio's true solids;
 `8k` is `contacts` seen at 7680x4320. Of lift and topple the falls and ends of the others are compared with those of the
 references that are asked for too, and ends with the spread of the reference's own ends when its bodies start a
 millimetre elsewhere.
@@ -66,7 +66,7 @@ pub struct PhysicsBenchArguments {
         value_enum,
         value_name = "NAME,…",
         value_delimiter = ',',
-        default_value = "paper,contacts,between,one-contact,solids,8k"
+        default_value = "paper,contacts,between,no-speeds,one-contact,solids,8k"
     )]
     response: Vec<Response>,
     /// Image sizes.
@@ -131,7 +131,7 @@ pub fn run(arguments: &PhysicsBenchArguments) -> Outcome {
             Experiment::Normals => normals::measure(&arguments.size, arguments.cameras, &mut keep)?,
             Experiment::Studio(scene) => in_studio(scene, arguments, &mut keep)?,
             Experiment::Recording(scene, film) => {
-                for &response in arguments.response.iter().filter(|response| !response.is_reference()) {
+                for &response in arguments.response.iter().filter(|response| response.is_of_recordings()) {
                     let kind = Kind { scene, stage: None, response, size: None, noise: 0.0, film };
                     keep(kind.rows(arguments, &[])?.0);
                 }
@@ -164,8 +164,8 @@ impl Experiment {
 
 /// The recording of a cluster file with the bodies of its scene, or of a scene file instead.
 fn recorded(path: &Path, arguments: &PhysicsBenchArguments) -> Outcome<Experiment> {
-    if arguments.response.iter().all(|response| response.is_reference()) {
-        return Err(Failure::input("--response: found references alone, which a recording has not"));
+    if !arguments.response.iter().any(|response| response.is_of_recordings()) {
+        return Err(Failure::input("--response: found only what a recording has not, expected another too"));
     }
     let mut file = ClusterFile::open(path)?;
     if let Some(scene) = &arguments.bodies {

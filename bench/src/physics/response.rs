@@ -13,6 +13,8 @@ pub enum Response {
     Contacts,
     /// With contacts in the solver, and the hull between the two newest frames.
     Between,
+    /// With contacts in the solver, of surfaces of which nobody tells how they move.
+    NoSpeeds,
     /// With the deepest of each body's contacts alone.
     OneContact,
     /// Without a hull: on the studio's true solids. A reference.
@@ -31,20 +33,32 @@ impl Response {
         Response::REFERENCES.contains(&self)
     }
 
+    /// Whether bodies in a recording can answer so: it has no references, and its film tells speeds.
+    pub fn is_of_recordings(self) -> bool {
+        !self.is_reference() && self.tells_speeds()
+    }
+
     /// What the world is made with.
     pub fn mode(self) -> ResponseMode {
         match self {
             // Where no hull is asked either will do.
             Response::Paper | Response::Solids => ResponseMode::Paper,
-            Response::Contacts | Response::Between | Response::OneContact | Response::EightK => {
-                ResponseMode::Contacts
-            }
+            Response::Contacts
+            | Response::Between
+            | Response::NoSpeeds
+            | Response::OneContact
+            | Response::EightK => ResponseMode::Contacts,
         }
     }
 
     /// Of which moment the hull is that bodies collide with.
     pub fn hull_time(self) -> HullTime {
         if self == Response::Between { HullTime::Between } else { HullTime::Newest }
+    }
+
+    /// Whether cameras tell how far planes moved since the frame before.
+    pub fn tells_speeds(self) -> bool {
+        self != Response::NoSpeeds
     }
 
     /// What becomes of the hull's answer before the world gets it.

@@ -155,7 +155,8 @@ impl Track {
         match film {
             Film::Solids(stage) => Track::over_solids(stage, plan),
             Film::Studio(film, flicker) => {
-                let frames = Box::new(Showing::new(film, *flicker, plan.seed));
+                let showing = Showing::new(film, *flicker, plan.seed);
+                let frames = Box::new(showing.telling_speeds(plan.response.tells_speeds()));
                 let setup = (ProbeSettings::default(), film.stage.fps, film.observers.clone());
                 Track::over_film(frames, setup, plan)
             }
