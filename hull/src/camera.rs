@@ -320,6 +320,7 @@ impl Camera {
     /// The visual hull's unit normal, in the world, where the silhouette's edge at `normalised` has the
     /// 2D normal `m` (pixels): `Rᵀ Jᵀ m` (paper §4.2, the 2D normal back-projected). It is perpendicular
     /// to the viewing ray. `None` if `m` vanishes.
+    #[inline]
     pub fn hull_normal_world(&self, normalised: &Vector2<f64>, m: &Vector2<f64>) -> Option<Vector3<f64>> {
         let normal = self.rotation.tr_mul(&self.image_jacobian(normalised).tr_mul(m));
         let length = normal.norm();

@@ -48,7 +48,7 @@ pub(crate) fn is_near(touch: &Touch, depth_m: f64, pose: &Pose, faces: &FaceNorm
 
 /// Makes of the planes found for a body's samples, and after them for the feeler of each, the contacts of the samples:
 /// touches with the plane's edge and the sample's depth below it as their exit, negative above it. A sample takes the
-/// plane found where it is, or else its feeler's, and only surface that faces it. `eyes` are those of the rig's cameras.
+/// plane found where it is, or its feeler's where that alone is inside, and only surface that faces it. `eyes` are those of the rig's cameras.
 pub fn contacts(
     planes: &BodyResult,
     shape: &Shape,

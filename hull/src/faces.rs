@@ -30,6 +30,11 @@ impl FaceNormals {
         self.push([normal_body]);
     }
 
+    /// Of how many samples they are.
+    pub(crate) fn sample_count(&self) -> usize {
+        self.ends.len()
+    }
+
     /// The normals at one sample; none beyond the last.
     pub fn at(&self, sample: usize) -> &[Vector3<f64>] {
         let first = sample.checked_sub(1).map_or(0, |before| self.ends.get(before).copied().unwrap_or(0));

@@ -50,9 +50,6 @@ fn ask(sets: &[ViewSet], face: Option<Vector3<f64>>) -> BodyResult {
 }
 
 fn ask_in(sets: &[ViewSet], face: Option<Vector3<f64>>, two_phases: bool) -> BodyResult {
-    let mut pass = Pass::new(vec![], None, ProbeSettings::default(), sets.len());
-    pass.only_planes(true);
-    pass.ask_in_two_phases(two_phases);
     let mut faces = FaceNormals::default();
     faces.push(face);
     let asked = AskedBody {
@@ -61,6 +58,13 @@ fn ask_in(sets: &[ViewSet], face: Option<Vector3<f64>>, two_phases: bool) -> Bod
         faces: face.map(|_| Arc::new(faces)),
         reaches: &Reaches::default(),
     };
+    result(sets, asked, two_phases)
+}
+
+fn result(sets: &[ViewSet], asked: AskedBody<'_>, two_phases: bool) -> BodyResult {
+    let mut pass = Pass::new(vec![], None, ProbeSettings::default(), sets.len());
+    pass.only_planes(true);
+    pass.ask_in_two_phases(two_phases);
     pass.restart([asked].into_iter(), Some(&WorldBox::EVERYWHERE));
     let (mut scratch, mut answer) = (Scratch::default(), Answer::default());
     while let Some(question) = pass.question().cloned() {
@@ -91,6 +95,31 @@ fn a_sample_that_no_surface_faces_takes_the_one_at_the_end_of_its_way_out() {
         assert_eq!(faced.touches, nearest.touches, "a face that looks at it changes nothing");
         let way_out = ask(&sets, Some(-Vector3::y()));
         assert!(normal(&way_out.touches[0]).y > 0.95, "{way_out:?}");
+    }
+}
+
+#[test]
+fn a_feeler_is_asked_for_its_plane_where_its_sample_is_outside() {
+    let views = views(0);
+    // Within, outside with its feeler within, both outside, within; their feelers lie towards the cube.
+    let samples = [[0.2, 0.1, 0.0], [0.3, 0.1, 0.0], [0.4, 0.1, 0.0], [0.1, 0.1, 0.0]];
+    let feelers = samples.map(|[x, y, z]: [f32; 3]| [x - 0.08, y, z]);
+    let points = body(&[samples, feelers].concat());
+    let mut faces = FaceNormals::default();
+    samples.iter().for_each(|_| faces.push([-Vector3::x()]));
+    let faces = Some(Arc::new(faces));
+    for (sets, two_phases) in
+        [(vec![views.clone()], false), (each_alone(&views), false), (each_alone(&views), true)]
+    {
+        let asked = AskedBody {
+            points: points.clone(),
+            around: None,
+            faces: faces.clone(),
+            reaches: &Reaches::default(),
+        };
+        let found = result(&sets, asked, two_phases);
+        assert_eq!(found.touches.iter().map(|touch| touch.sample).collect::<Vec<_>>(), [0, 3, 5]);
+        assert!(found.touches.iter().all(|touch| touch.edge.is_some()), "{found:?}");
     }
 }
 

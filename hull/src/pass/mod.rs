@@ -59,7 +59,8 @@ pub struct AskedBody<'a> {
     pub points: Points,
     /// Points around it, whose planes are asked for where it touches: with [`Pass::only_planes`].
     pub around: Option<Points>,
-    /// Which way its faces look: where no surface found faces any of them, their ways out are asked for too.
+    /// Which way its faces look at its first samples; those that follow are feelers of these, of which only those are
+    /// asked for planes whose sample is outside. Where no surface found faces any face, their ways out are asked for.
     pub faces: Option<Arc<FaceNormals>>,
     /// How far its edges are worth searching at first, best as the pass before found them.
     pub reaches: &'a Reaches,

@@ -29,9 +29,31 @@ impl Pass {
             }
         }
         if self.only_planes {
+            self.drop_needless_feelers();
             self.add_around();
         }
         self.ask_edges(|_, _| true);
+    }
+
+    /// A sample that is inside itself takes the plane where it is: its feeler's is not needed.
+    fn drop_needless_feelers(&mut self) {
+        for (body, result) in self.bodies[..self.asked_count].iter().zip(&mut self.results) {
+            let Some(count) = body.faces.as_ref().map(|faces| faces.sample_count() as u32) else { continue };
+            let touches = &mut result.touches;
+            let own = touches.partition_point(|touch| touch.sample < count);
+            let (mut kept, mut of_own) = (own, 0);
+            for at in own..touches.len() {
+                let sample = touches[at].sample - count;
+                while of_own < own && touches[of_own].sample < sample {
+                    of_own += 1;
+                }
+                if of_own == own || touches[of_own].sample != sample {
+                    touches[kept] = touches[at];
+                    kept += 1;
+                }
+            }
+            touches.truncate(kept);
+        }
     }
 
     /// All points around the bodies that touch.

@@ -34,8 +34,8 @@ pub struct Discs(Vec<Disc>);
 struct Disc {
     /// By distance from the middle row, how many pixels a row has on either side of the middle.
     half_widths: Vec<i32>,
-    /// How many pixels it has.
-    count: i32,
+    /// By how many of its pixels are background: how far a straight edge is from its middle.
+    offsets: Vec<f64>,
 }
 
 impl Discs {
@@ -58,7 +58,9 @@ impl Disc {
         let squared = radius * radius + radius;
         let half_widths: Vec<i32> = (0..=radius).map(|row| (squared - row * row).isqrt()).collect();
         let twice: i32 = half_widths[1..].iter().map(|half| 2 * half + 1).sum();
-        Disc { count: 2 * twice + 2 * half_widths[0] + 1, half_widths }
+        let count = 2 * twice + 2 * half_widths[0] + 1;
+        let offsets = (0..=count).map(|background| offset(background, count)).collect();
+        Disc { half_widths, offsets }
     }
 
     /// The zeros of the map within the disc, and how many there are.
@@ -84,15 +86,11 @@ impl Disc {
         }
         (sum, count)
     }
-}
 
-/// The edge near `edge`, a background pixel that is the nearest to the pixel `start` of the foreground. The
-/// candidates are zero at background; `discs` say how much of the edge is averaged where there is room.
-#[inline(always)]
-pub fn edge_line(candidates: &BitMap, edge: Pixel, start: Pixel, discs: &Discs) -> EdgeLine {
-    let line = |radius: usize| {
-        let disc = discs.of(radius);
-        let (sum, background) = disc.background(candidates, edge);
+    /// See [`edge_line`].
+    #[inline(always)]
+    fn edge_line(&self, candidates: &BitMap, edge: Pixel, start: Pixel) -> EdgeLine {
+        let (sum, background) = self.background(candidates, edge);
         let (across, down) = (f64::from(sum.across), f64::from(sum.down));
         let normal = if sum.across == 0 && sum.down == 0 {
             Vector2::new(f64::from(edge.column - start.column), f64::from(edge.row - start.row))
@@ -100,16 +98,23 @@ pub fn edge_line(candidates: &BitMap, edge: Pixel, start: Pixel, discs: &Discs) 
             Vector2::new(across, down)
         };
         let normal = normal / (normal.x * normal.x + normal.y * normal.y).sqrt();
-        EdgeLine { image: edge.centre() + normal * offset(background, disc.count), normal }
-    };
-    let first = line(FIRST_RADIUS);
+        EdgeLine { image: edge.centre() + normal * self.offsets[background as usize], normal }
+    }
+}
+
+/// The edge near `edge`, a background pixel that is the nearest to the pixel `start` of the foreground. The
+/// candidates are zero at background; `discs` say how much of the edge is averaged where there is room.
+#[inline(always)]
+pub fn edge_line(candidates: &BitMap, edge: Pixel, start: Pixel, discs: &Discs) -> EdgeLine {
+    let first = discs.of(FIRST_RADIUS).edge_line(candidates, edge, start);
     let most = discs.most();
     let radius = room_within_limb(candidates, edge, first.normal, most);
-    if radius == FIRST_RADIUS.min(most) { first } else { line(radius) }
+    if radius == FIRST_RADIUS.min(most) { first } else { discs.of(radius).edge_line(candidates, edge, start) }
 }
 
 /// Where an edge was in an earlier frame: the nearest step from foreground to background in its direction, no more
 /// than `steps` pixels away.
+#[inline(always)]
 pub fn line_before(candidates: &BitMap, line: &EdgeLine, steps: i32, discs: &Discs) -> Option<EdgeLine> {
     let pixel = |step: i32| {
         let place = line.image + line.normal * f64::from(step);
@@ -284,7 +289,7 @@ mod tests {
                 }
             }
             let disc = Disc::of_radius(radius);
-            prop_assert_eq!(disc.count, count);
+            prop_assert_eq!(disc.offsets.len() as i32, count + 1);
             let (sum, background) = disc.background(&map, Pixel { column, row });
             prop_assert_eq!((sum.across, sum.down, background), (across, down, zeros));
         }

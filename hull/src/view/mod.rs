@@ -226,6 +226,7 @@ impl View {
 
     /// The plane of the foreground nearest to a pixel of the background, no farther than so many pixels squared, and
     /// its edge pixel.
+    #[inline(always)]
     pub(crate) fn plane_beside(&self, start: Pixel, limit_squared: i64) -> Option<(Pixel, SurfacePlane)> {
         let found = nearest_foreground(self.foreground.map(), start, limit_squared)?.pixel;
         let (across, down) = (start.column - found.column, start.row - found.row);
@@ -243,7 +244,7 @@ impl View {
 
     /// How far the surface of an edge moved out in a frame near where this camera sees `at_world`, metres; `None` where
     /// the frame before does not tell.
-    #[inline(never)]
+    #[inline(always)]
     pub(crate) fn moved_m(&self, line: &EdgeLine, at_world: &Point3<f64>) -> Option<f64> {
         let before = self.before.as_ref()?;
         let camera = &self.observer.camera;

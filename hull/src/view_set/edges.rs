@@ -224,7 +224,7 @@ impl Nearest {
 
     /// Keeps the planes of what a view sees beside it, of points that it says are outside, where they are farther from
     /// them than any before. Ties go to the lower view.
-    #[inline(never)]
+    #[inline(always)]
     fn look_from_outside(
         &mut self,
         view: &View,

@@ -185,11 +185,13 @@ fn zeros_beside<const COUNT: usize>(map: &BitMap, place: &Place, first: i32) -> 
 
 /// The one bit of a map at the least squared distance from `start`, not farther than `limit_squared`; ties as above.
 /// `start` may lie anywhere.
+#[inline(always)]
 pub fn nearest_foreground(map: &BitMap, start: Pixel, limit_squared: i64) -> Option<EdgePixel> {
     by_rows(map, start, limit_squared.min(FAR_SQUARED) as i32, true)
 }
 
 /// The zeros, or the ones, of the whole map row by row: for what lies farther than cells are looked at.
+#[inline(always)]
 fn by_rows(map: &BitMap, start: Pixel, limit: i32, finds_ones: bool) -> Option<EdgePixel> {
     let flip = if finds_ones { u32::MAX } else { 0 };
     let mut best = Best { squared: limit, row: i32::MAX, column: i32::MAX };
@@ -215,7 +217,9 @@ fn by_rows(map: &BitMap, start: Pixel, limit: i32, finds_ones: bool) -> Option<E
                     offer_nearest(zeros, map.left() + strip as i32 * STRIP, row, start, &mut best);
                 }
             }
-            reach = best.squared.isqrt();
+            if best.squared < reach * reach {
+                reach = best.squared.isqrt();
+            }
         }
     }
     let pixel = Pixel { column: best.column, row: best.row };
@@ -223,6 +227,7 @@ fn by_rows(map: &BitMap, start: Pixel, limit: i32, finds_ones: bool) -> Option<E
 }
 
 /// Offers the zeros of a word that are nearest on either side.
+#[inline(always)]
 fn offer_nearest(zeros: u32, first: i32, row: i32, start: Pixel, best: &mut Best) {
     let here = (start.column - first).clamp(-1, 32);
     let before = if here < 0 { 0 } else { zeros & ((1u64 << (here + 1).min(32)) - 1) as u32 };
