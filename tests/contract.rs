@@ -17,10 +17,10 @@ use hull::view_set::Scratch;
 use hull::{Pose, ProbeSettings, Rig, Shape, Silhouette, View, ViewSet};
 use proto::convert::{
     ExpectedAnswer, ProbeAnswer, QuestionWriter, RefusalReason, SilhouetteEncoding, StreamKnows,
-    answer_from_wire, pixel_rect_from_wire, shape_to_wire, silhouette_from_data,
+    answer_from_wire, pixel_rect_from_wire, shape_to_wire, silhouette_from_data, start_to_wire,
 };
-use proto::v1;
 use proto::v1::camera_node_client::CameraNodeClient;
+use proto::{Pace, RunStart, v1};
 use segment::SegmentSettings;
 use tokio::sync::mpsc;
 use tokio_stream::StreamExt as _;
@@ -220,7 +220,7 @@ async fn suite(address: Listen, rig: &Rig) {
     let one = world_points(vec![[0.0, 1.0, 0.0]]);
     assert_eq!(probe.refused(0, &one).await, RefusalReason::NotYet, "before film");
 
-    let start = v1::StartRequest { epoch_unix_s: 0.0, lock_step: true };
+    let start = start_to_wire(RunStart::of_this_process(Pace::lock_step(1)));
     client.start(start).await.expect("starts");
     client.start(start).await.expect("starting the run it runs changes nothing");
     let (credits, credited) = mpsc::channel(4);
@@ -343,10 +343,21 @@ async fn answers_are_the_hulls_own(client: &mut Client, probe: &mut Probe, rig: 
 }
 
 async fn refuses_absurd_numbers(client: &mut Client) {
+    let start = start_to_wire(RunStart::of_this_process(Pace::lock_step(2)));
     for epoch_unix_s in [f64::NAN, f64::INFINITY, 1e300, -1.0] {
-        let never = v1::StartRequest { epoch_unix_s, lock_step: true };
+        let never = v1::StartRequest { epoch_unix_s, ..start };
         assert_eq!(client.start(never).await.expect_err("no date").code(), tonic::Code::InvalidArgument);
     }
+    let mad = v1::ClockLine { node_s: 0.0, film_s: f64::NAN, rate: 1.0, bound_s: 0.0 };
+    for clock in [None, Some(mad)] {
+        let never = v1::StartRequest { clock, ..start };
+        assert_eq!(client.start(never).await.expect_err("no clock").code(), tonic::Code::InvalidArgument);
+    }
+    let told = v1::KeepTimeRequest { run: 1, clock: Some(mad) };
+    assert_eq!(client.keep_time(told).await.expect_err("no clock").code(), tonic::Code::InvalidArgument);
+    let read = v1::KeepTimeRequest::default();
+    let first = client.keep_time(read).await.expect("a clock").into_inner().node_s;
+    assert!(client.keep_time(read).await.expect("a clock").into_inner().node_s > first);
     for frames in [0, 3601, u64::MAX] {
         let background = v1::TakeBackgroundRequest {
             first_frame: u64::MAX,

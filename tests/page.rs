@@ -12,7 +12,7 @@ use camera_node::{NodeCamera, NodeConfig};
 use futures::{SinkExt as _, StreamExt as _};
 use hull::ProbeSettings;
 use proto::convert::{SilhouetteEncoding, silhouette_from_data};
-use proto::{CameraPicture, Pace, Picture, PictureKind, PictureRequest};
+use proto::{CameraPicture, Pace, Picture, PictureKind, PictureRequest, RunStart};
 use segment::SegmentSettings;
 use serde_json::{Value, json};
 use tokio::net::TcpStream;
@@ -245,7 +245,7 @@ fn eight_cameras_at_full_rate_fit_into_fifteen_megabits() {
     (0..8).for_each(|camera| colours.request(camera, false));
     let encoder = PictureEncoder::new(std::sync::Arc::clone(&ring), colours, config.rig_indices());
     let encoder = encoder.expect("a thread");
-    film.start(Pace { epoch_unix_s: 0.0, lock_step: true }).expect("films");
+    film.start(RunStart::of_this_process(Pace::lock_step(1))).expect("films");
     let (mut runs, mut jpegs, mut sets) = (0, 0, 0);
     for frame in 0..45 {
         film.credit(frame);

@@ -12,7 +12,7 @@ use feed::pictures::Pictures;
 use futures::future::BoxFuture;
 use hull::{Silhouette, ViewSet};
 use node_client::FETCH_TIMEOUT;
-use proto::{FilmState, FramePictures, FrameReport, Pace, Picture, PictureRequest};
+use proto::{FilmState, FramePictures, FrameReport, Pace, Picture, PictureRequest, RunStart};
 use tokio::sync::{mpsc, watch};
 
 /// Cameras filmed in this process.
@@ -67,7 +67,7 @@ impl Pictures for LocalPictures {
 
 impl LocalFrames for InProcess {
     fn start(&self, pace: Pace) -> Result<(), BoxError> {
-        Ok(self.film.start(pace)?)
+        Ok(self.film.start(RunStart::of_this_process(pace))?)
     }
 
     fn credit(&self, up_to_frame: u64) {

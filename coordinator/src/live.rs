@@ -237,6 +237,8 @@ pub struct CameraStatus {
     pub age_ms: f64,
     /// How far its captures lie from the median of all cameras', milliseconds.
     pub sync_ms: f64,
+    /// How far its film time may be off, milliseconds.
+    pub clock_bound_ms: f64,
     /// Share of foreground pixels.
     pub foreground: f64,
     /// Bytes of its compact silhouette.

@@ -164,6 +164,7 @@ fn texts() {
         newest_frame: Some(92),
         age_ms: 41.5,
         sync_ms: 0.25,
+        clock_bound_ms: 0.125,
         foreground: 0.0625,
         silhouette_bytes: 701,
         segment_ms: 1.5,

@@ -9,11 +9,12 @@ use hull::question::Question;
 use hull::{ProbeSettings, Shape, Silhouette};
 use proto::convert::{
     ExpectedAnswer, ProbeAnswer, SilhouetteEncoding, StreamKnows, WrittenQuestion, answer_from_wire,
-    description_from_wire, film_event_from_wire, pace_to_wire, shape_to_wire, silhouette_from_data,
+    clock_to_wire, description_from_wire, film_event_from_wire, node_clock_from_wire, shape_to_wire,
+    silhouette_from_data, start_to_wire,
 };
 use proto::text::{MAX_NAME_CHARS, clean};
 use proto::v1::camera_node_client::CameraNodeClient;
-use proto::{Address, CameraDescription, FilmEvent, NodeDescription, Pace, v1};
+use proto::{Address, CameraDescription, FilmEvent, NodeDescription, Pace, RunStart, monotonic_s, v1};
 use tokio::sync::mpsc;
 use tokio_stream::StreamExt;
 use tokio_stream::wrappers::ReceiverStream;
@@ -22,6 +23,7 @@ use tonic::transport::Channel;
 use crate::connection::connect;
 use crate::counting::{ByteCounters, ByteCounts};
 use crate::error::{Mismatch, NodeError};
+use crate::film_time::ClockEstimate;
 
 /// Requests on their way: a pass has one question at a time, and a stalled node must not collect more.
 const MAX_SENDING: usize = 8;
@@ -29,6 +31,10 @@ const FIRST_BACKOFF: Duration = Duration::from_millis(50);
 const LONGEST_BACKOFF: Duration = Duration::from_secs(2);
 /// All calls of a connection's beginning together: sources open, programs start.
 const BEGIN_TIMEOUT: Duration = Duration::from_secs(30);
+
+/// How often the clock of a node is read, and first how many times before a run begins there.
+const CLOCK_EVERY: Duration = Duration::from_millis(500);
+const FIRST_READINGS: usize = 4;
 
 /// A node that must be there.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,6 +62,8 @@ pub enum NodeEvent {
     Down(NodeError),
     /// Of its film.
     Film(FilmEvent),
+    /// Film time there may be off by so much, seconds.
+    Clock(f64),
     /// The answer to the question of that id, and the milliseconds that it computed.
     Reply(u64, ProbeAnswer, f64),
 }
@@ -151,12 +159,14 @@ struct State {
     open: VecDeque<(u64, ExpectedAnswer)>,
     /// All that the node may do so far; each message says all of it.
     credit: v1::FrameCredit,
+    clock: ClockEstimate,
 }
 
 impl State {
     /// Begins anew over another connection; what the node may do stays.
     fn connect(&mut self, connection: Connection) {
-        *self = State { connection: Some(connection), credit: self.credit, ..State::default() };
+        let (credit, clock) = (self.credit, std::mem::take(&mut self.clock));
+        *self = State { connection: Some(connection), credit, clock, ..State::default() };
         self.send_credit();
     }
 
@@ -203,8 +213,14 @@ impl NodeClient {
     pub async fn start(&self, pace: Pace) -> Result<(), NodeError> {
         let mut client = self.client()?;
         self.state().credit = v1::FrameCredit::default();
-        client.start(pace_to_wire(pace)).await?;
+        client.start(start_to_wire(self.run_start(pace)?)).await?;
         Ok(())
+    }
+
+    /// A run as this node is told of it: its clock has been read.
+    fn run_start(&self, pace: Pace) -> Result<RunStart, NodeError> {
+        let clock = self.state().clock.film_time(pace.zero_s, monotonic_s());
+        Ok(RunStart::of(pace, clock.ok_or(NodeError::NotConnected)?))
     }
 
     /// Lets a lock-step node go on up to a frame.
@@ -234,7 +250,7 @@ impl NodeClient {
         written: &WrittenQuestion,
     ) -> Result<(), NodeError> {
         let mut state = self.state();
-        let State { connection, knows, open, credit: _ } = &mut *state;
+        let State { connection, knows, open, credit: _, clock: _ } = &mut *state;
         let connection = connection.as_ref().ok_or(NodeError::NotConnected)?;
         let message = written.message(knows, id, frame);
         connection.probes.try_send(message).map_err(|error| match error {
@@ -344,10 +360,14 @@ impl NodeClient {
         let mut client = connect(&self.node.address, &self.agreement.counters).await?;
         let description = description_from_wire(client.describe(v1::DescribeRequest {}).await?.into_inner())?;
         self.agreement.check(&self.node, &description)?;
+        self.state().clock = ClockEstimate::default();
+        for _ in 0..FIRST_READINGS {
+            self.read_clock(&mut client).await?;
+        }
         let Terms { shapes, pace } = self.agreement.terms().clone();
         register(&mut client, &shapes).await?;
         if let Some(pace) = pace {
-            client.start(pace_to_wire(pace)).await?;
+            client.start(start_to_wire(self.run_start(pace)?)).await?;
         }
         let (credits, credit_stream) = mpsc::channel(MAX_SENDING);
         let (probes, probe_stream) = mpsc::channel(MAX_SENDING);
@@ -361,9 +381,36 @@ impl NodeClient {
         let reading = async {
             self.report(NodeEvent::Up).await?;
             let Streams { replies, frames } = streams;
-            tokio::try_join!(self.read_replies(replies), self.read_film(frames)).map(|_| ())
+            tokio::try_join!(self.read_replies(replies), self.read_film(frames), self.keep_time()).map(|_| ())
         };
         reading.await.err().unwrap_or(NodeError::Closed)
+    }
+
+    /// Reads the node's clock again and again, and tells the node what film time that makes.
+    async fn keep_time(&self) -> Result<(), NodeError> {
+        let mut client = self.client()?;
+        loop {
+            tokio::time::sleep(CLOCK_EVERY).await;
+            self.read_clock(&mut client).await?;
+            let known = self.state().clock.film_time(0.0, monotonic_s());
+            if let Some(clock) = known {
+                self.report(NodeEvent::Clock(clock.bound_s)).await?;
+            }
+        }
+    }
+
+    async fn read_clock(&self, client: &mut CameraNodeClient<Channel>) -> Result<(), NodeError> {
+        let pace = self.agreement.terms().pace;
+        let start = pace.and_then(|pace| self.run_start(pace).ok());
+        let request = v1::KeepTimeRequest {
+            run: start.map_or(0, |start| start.run),
+            clock: start.map(|start| clock_to_wire(start.clock)),
+        };
+        let sent_s = monotonic_s();
+        let reply = client.keep_time(request).await?.into_inner();
+        let received_s = monotonic_s();
+        self.state().clock.read(sent_s, node_clock_from_wire(reply)?, received_s);
+        Ok(())
     }
 
     async fn read_replies(&self, mut replies: tonic::Streaming<v1::ProbeReply>) -> Result<(), NodeError> {

@@ -6,6 +6,7 @@ mod client;
 mod connection;
 mod counting;
 mod error;
+mod film_time;
 mod pictures;
 
 pub use client::{Agreement, ExpectedNode, NodeClient, NodeEvent};

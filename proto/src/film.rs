@@ -5,17 +5,66 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use hull::silhouette::PixelRect;
 
+use crate::clock::{ClockLine, monotonic_s};
+
 /// The least and the most film that a background is learnt from, seconds: shorter learns noise, longer keeps
 /// the room waiting.
 pub const BACKGROUND_S: RangeInclusive<f64> = 0.2..=30.0;
 
-/// When a run began and how it is paced.
+/// A run: when film time is zero by the coordinator's clock, and how film is paced.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pace {
-    /// Unix seconds at which film time is zero.
+    /// Names the run.
+    pub run: u64,
+    /// A reading of the coordinator's [`monotonic_s`].
+    pub zero_s: f64,
+    /// The same moment by its wall clock, unix seconds: for logs and recordings alone.
     pub epoch_unix_s: f64,
     /// Every frame, as credits allow, instead of in real time.
     pub lock_step: bool,
+}
+
+impl Pace {
+    /// A run whose frames come as credits allow, from now on.
+    pub fn lock_step(run: u64) -> Pace {
+        Pace { lock_step: true, ..Pace::live(run, 0.0) }
+    }
+
+    /// A run in real time that begins after so many seconds.
+    pub fn live(run: u64, lead_s: f64) -> Pace {
+        Pace { run, zero_s: monotonic_s() + lead_s, epoch_unix_s: unix_now_s() + lead_s, lock_step: false }
+    }
+
+    /// Film time now, seconds; negative before the run begins.
+    pub fn film_now_s(&self) -> f64 {
+        monotonic_s() - self.zero_s
+    }
+}
+
+/// A run as a node is told of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RunStart {
+    /// Names the run.
+    pub run: u64,
+    /// Film time by the node's clock.
+    pub clock: ClockLine,
+    /// Unix seconds at film time zero by the coordinator's wall clock: for logs and recordings alone.
+    pub epoch_unix_s: f64,
+    /// Every frame, as credits allow, instead of in real time.
+    pub lock_step: bool,
+}
+
+impl RunStart {
+    /// A run as a node is told of whose clock film time is known.
+    pub fn of(pace: Pace, clock: ClockLine) -> RunStart {
+        let Pace { run, zero_s: _, epoch_unix_s, lock_step } = pace;
+        RunStart { run, clock, epoch_unix_s, lock_step }
+    }
+
+    /// The same for cameras of the coordinator's own process.
+    pub fn of_this_process(pace: Pace) -> RunStart {
+        RunStart::of(pace, ClockLine::of_this_process(pace.zero_s))
+    }
 }
 
 /// The state of a node's film.

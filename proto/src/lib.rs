@@ -11,6 +11,7 @@ pub mod v1 {
 }
 
 mod address;
+mod clock;
 pub mod convert;
 mod description;
 mod film;
@@ -18,8 +19,9 @@ mod pictures;
 pub mod text;
 
 pub use address::{Address, AddressError, MAX_SOCKET_PATH_BYTES};
+pub use clock::{ClockLine, monotonic_s};
 pub use description::{CameraDescription, NodeDescription};
-pub use film::{BACKGROUND_S, CameraReport, FilmEvent, FilmState, FrameReport, Pace, unix_now_s};
+pub use film::{BACKGROUND_S, CameraReport, FilmEvent, FilmState, FrameReport, Pace, RunStart, unix_now_s};
 pub use pictures::{CameraPicture, FramePictures, MAX_SCALE_LOG2, Picture, PictureKind, PictureRequest};
 
 /// The most points one question may hold: a million body samples are 24 MB once placed in the world,

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex};
 use camera_node::frames::{CameraFrame, FrameRing, Stamp};
 use coordinator::{BoxError, LocalFrames};
 use hull::{Camera, Observer, ProbeSettings, Rig, Silhouette, ViewSet};
-use proto::{FilmState, FrameReport, Pace, unix_now_s};
+use proto::{FilmState, FrameReport, Pace};
 use sim::Scene;
 use stage::{StageSettings, studio_rig, true_silhouette};
 use tokio::sync::watch;
@@ -24,7 +24,7 @@ pub struct Film {
     drawn: Mutex<usize>,
     seen: Mutex<BTreeMap<u64, Vec<Silhouette>>>,
     /// Live: the epoch, once it is known, and how long after it the first frame comes.
-    epoch_unix_s: Mutex<Option<f64>>,
+    live: Mutex<Option<Pace>>,
     pub late_s: f64,
     /// Frames about which one camera does not answer.
     pub silent: Range<u64>,
@@ -54,7 +54,7 @@ impl Film {
             shown,
             drawn: Mutex::default(),
             seen: Mutex::default(),
-            epoch_unix_s: Mutex::default(),
+            live: Mutex::default(),
             late_s: 0.0,
             silent: 0..0,
         }
@@ -81,7 +81,7 @@ impl Film {
 
 impl LocalFrames for Film {
     fn start(&self, pace: Pace) -> Result<(), BoxError> {
-        *self.epoch_unix_s.lock().expect("whole") = (!pace.lock_step).then_some(pace.epoch_unix_s);
+        *self.live.lock().expect("whole") = (!pace.lock_step).then_some(pace);
         Ok(())
     }
 
@@ -106,8 +106,8 @@ impl LocalFrames for Film {
     }
 
     fn frames(&self) -> Vec<u64> {
-        if let Some(epoch_unix_s) = *self.epoch_unix_s.lock().expect("whole") {
-            let film_s = unix_now_s() - epoch_unix_s;
+        if let Some(pace) = *self.live.lock().expect("whole") {
+            let film_s = pace.film_now_s();
             if film_s < self.late_s {
                 return vec![];
             }

@@ -103,8 +103,7 @@ impl ClusterClient {
             let gather = (answered == AnswerPlace::Coordinator).then(|| film.observers());
             let mut transport = Transport::connect(nodes, gather, settings, FPS, shapes);
             transport.ready(READY_TIMEOUT).await.map_err(Failure::run)?;
-            let pace = Pace { epoch_unix_s: 0.0, lock_step: true };
-            transport.start(pace).await.map_err(Failure::run)?;
+            transport.start(Pace::lock_step(1)).await.map_err(Failure::run)?;
             let before = transport.bytes();
             transport.credit(frames - 1);
             transport.frame(frames - 1, READY_TIMEOUT).await.map_err(Failure::run)?;

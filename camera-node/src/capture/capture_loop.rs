@@ -3,11 +3,12 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use proto::{Pace, unix_now_s};
+use proto::{RunStart, unix_now_s};
 
 use super::CaptureError;
 use super::background::{BackgroundCapture, RequestSlot};
 use super::camera::ReadyCamera;
+use super::film_clock::FilmClock;
 use super::gate::Gate;
 use super::segmenter::{CutoutError, silhouette};
 use crate::frames::{CameraFrame, FrameRing, Stamp};
@@ -18,7 +19,8 @@ use crate::source::{Image, Source, SourceFrame};
 pub(super) struct CaptureLoop {
     /// The camera's place in the node.
     pub index: usize,
-    pub pace: Pace,
+    pub start: RunStart,
+    pub clock: Arc<FilmClock>,
     pub fps: f64,
     /// Whether the source gives frames at its own pace.
     pub is_live: bool,
@@ -69,11 +71,13 @@ impl CaptureLoop {
         let name = camera.config.camera.name();
         let silhouette = silhouette(camera.segmenter.as_mut(), image, name)
             .map_err(|error| camera.segmentation_error(error))?;
-        let film_s = self.pace.epoch_unix_s + frame.capture_time_s;
         let stamp = Stamp {
             number: frame.number,
             capture_time_s: frame.capture_time_s,
-            captured_unix_s: if self.pace.lock_step { unix_now_s() } else { film_s },
+            captured_unix_s: match self.start.lock_step {
+                true => unix_now_s(),
+                false => self.start.epoch_unix_s + frame.capture_time_s,
+            },
             skipped,
         };
         let segment_ms = began.elapsed().as_secs_f64() * 1e3;
@@ -84,16 +88,15 @@ impl CaptureLoop {
 
     /// Waits until frame `next` is due; the oldest frame that is still of use, or `None` if the run stops.
     fn await_turn(&self, next: u64) -> Option<u64> {
-        if self.pace.lock_step {
+        if self.start.lock_step {
             return self.gate.wait_for(next).then_some(next);
         }
         if self.is_live {
             return (!self.gate.is_stopped()).then_some(next);
         }
-        let due_unix_s = self.pace.epoch_unix_s + next as f64 / self.fps;
-        self.gate.sleep_until(due_unix_s).then(|| {
+        self.gate.sleep_until(next as f64 / self.fps, &self.clock).then(|| {
             // A frame is still of use while it is the newest one due; older ones are too late.
-            let due = ((unix_now_s() - self.pace.epoch_unix_s) * self.fps).floor().max(0.0) as u64;
+            let due = (self.clock.now_s() * self.fps).floor().max(0.0) as u64;
             next.max(due)
         })
     }

@@ -3,12 +3,13 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
-use proto::{Pace, unix_now_s};
+use proto::{ClockLine, RunStart};
 
 use super::CaptureError;
 use super::background::{BackgroundError, BackgroundRequest, RequestSlot};
 use super::camera::ReadyCamera;
 use super::capture_loop::CaptureLoop;
+use super::film_clock::FilmClock;
 use super::gate::Gate;
 use crate::config::{NodeCamera, NodeConfig};
 use crate::frames::FrameRing;
@@ -22,8 +23,8 @@ pub struct Film {
     colours: Arc<ColourRing>,
     cameras: Vec<FilmCamera>,
     run: Mutex<Option<Run>>,
-    /// Of the run that is on, or begins; apart from it, so that a credit never waits for sources to open.
-    gate: Mutex<Arc<Gate>>,
+    /// Of the run that is on, or begins; apart from it, so that a message never waits for sources to open.
+    reins: Mutex<Reins>,
 }
 
 struct FilmCamera {
@@ -32,8 +33,16 @@ struct FilmCamera {
     slot: Arc<RequestSlot>,
 }
 
+/// What a run is led by.
+#[derive(Default)]
+struct Reins {
+    run: u64,
+    gate: Arc<Gate>,
+    clock: Option<Arc<FilmClock>>,
+}
+
 struct Run {
-    pace: Pace,
+    start: RunStart,
     gate: Arc<Gate>,
     threads: Vec<JoinHandle<()>>,
 }
@@ -61,7 +70,7 @@ impl Film {
             colours: Arc::new(ColourRing::new(config.cameras.len())),
             cameras: cameras.collect::<Result<_, _>>()?,
             run: Mutex::default(),
-            gate: Mutex::default(),
+            reins: Mutex::default(),
         })
     }
 
@@ -70,11 +79,12 @@ impl Film {
         Arc::clone(&self.colours)
     }
 
-    /// Begins a run. The pace it runs at already changes nothing; another one begins film anew. Blocks
-    /// while sources open and an earlier run stops.
-    pub fn start(&self, pace: Pace) -> Result<(), CaptureError> {
+    /// Begins a run. The run that is on already changes nothing; another one begins film anew. Blocks while
+    /// sources open and an earlier run stops.
+    pub fn start(&self, start: RunStart) -> Result<(), CaptureError> {
         let mut run = lock(&self.run);
-        if run.as_ref().is_some_and(|run| run.pace == pace) {
+        if run.as_ref().is_some_and(|run| run.start.run == start.run) {
+            self.keep_time(start.run, start.clock);
             return Ok(());
         }
         if let Some(before) = run.take() {
@@ -82,26 +92,33 @@ impl Film {
         }
         self.ring.clear();
         self.colours.clear();
-        let gate = Arc::new(Gate::default());
-        *lock(&self.gate) = Arc::clone(&gate);
+        let (gate, clock) = (Arc::new(Gate::default()), Arc::new(FilmClock::new(start.clock)));
+        *lock(&self.reins) =
+            Reins { run: start.run, gate: Arc::clone(&gate), clock: Some(Arc::clone(&clock)) };
         // All sources open before any thread begins: a source that cannot leaves nothing running.
-        let loops = self.loops(pace, &gate)?;
+        let loops = self.loops(start, &gate, &clock)?;
         let threads = loops.into_iter().zip(&self.cameras).map(|(capture, camera)| {
             let ready = Arc::clone(&camera.ready);
             std::thread::spawn(move || film(capture, &ready))
         });
-        *run = Some(Run { pace, gate, threads: threads.collect() });
+        *run = Some(Run { start, gate, threads: threads.collect() });
         Ok(())
     }
 
-    fn loops(&self, pace: Pace, gate: &Arc<Gate>) -> Result<Vec<CaptureLoop>, CaptureError> {
-        let clock = Arc::new(move || unix_now_s() - pace.epoch_unix_s);
-        let context = OpenContext { fps: self.fps, clock };
+    fn loops(
+        &self,
+        start: RunStart,
+        gate: &Arc<Gate>,
+        clock: &Arc<FilmClock>,
+    ) -> Result<Vec<CaptureLoop>, CaptureError> {
+        let film_clock = Arc::clone(clock);
+        let context = OpenContext { fps: self.fps, clock: Arc::new(move || film_clock.now_s()) };
         let capture_loop = |(index, camera): (usize, &FilmCamera)| {
             camera.slot.set(None);
             Ok(CaptureLoop {
                 index,
-                pace,
+                start,
+                clock: Arc::clone(clock),
                 fps: self.fps,
                 is_live: camera.config.source.is_live(),
                 source: lock(&camera.ready).open(&context)?,
@@ -129,7 +146,15 @@ impl Film {
 
     /// Lets a lock-step run go on up to this frame.
     pub fn credit(&self, up_to_frame: u64) {
-        lock(&self.gate).credit(up_to_frame);
+        lock(&self.reins).gate.credit(up_to_frame);
+    }
+
+    /// Tells a run its film time by the node's clock; another run's changes nothing.
+    pub fn keep_time(&self, run: u64, line: ClockLine) {
+        let reins = lock(&self.reins);
+        if let Some(clock) = reins.clock.as_ref().filter(|_| reins.run == run) {
+            clock.follow(line);
+        }
     }
 }
 
@@ -175,7 +200,7 @@ mod tests {
     use std::time::Duration;
 
     use hull::ProbeSettings;
-    use proto::FilmState;
+    use proto::{FilmState, Pace};
     use segment::SegmentSettings;
 
     use super::*;
@@ -203,19 +228,23 @@ mod tests {
     }
 
     #[test]
-    fn no_epoch_makes_film_panic() {
+    fn no_film_time_makes_film_panic() {
         let film = film(None);
-        for epoch_unix_s in [1e300, f64::INFINITY, f64::NAN] {
-            film.start(Pace { epoch_unix_s, lock_step: false }).expect("opens");
+        let begins = |run: u64, film_s: f64| {
+            let clock = ClockLine { film_s, ..ClockLine::of_this_process(0.0) };
+            film.start(RunStart { clock, ..RunStart::of_this_process(Pace::live(run, 0.0)) }).expect("opens");
+        };
+        for (run, film_s) in (1..).zip([-1e300, f64::NEG_INFINITY, f64::NAN]) {
+            begins(run, film_s);
         }
-        film.start(Pace { epoch_unix_s: -1e300, lock_step: false }).expect("opens");
+        begins(9, 1e300);
         assert_eq!(end_of(&film), FilmState::Ended, "no number is left for a frame");
     }
 
     #[test]
     fn a_credit_beyond_the_end_makes_the_last_frame_and_no_more() {
         let film = film(Some(12));
-        film.start(Pace { epoch_unix_s: 0.0, lock_step: true }).expect("opens");
+        film.start(RunStart::of_this_process(Pace::lock_step(1))).expect("opens");
         film.credit(u64::MAX);
         assert_eq!(end_of(&film), FilmState::Ended);
         assert_eq!(film.ring.newest().expect("frames").number, 11);

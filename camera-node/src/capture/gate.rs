@@ -3,9 +3,9 @@
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use proto::unix_now_s;
+use super::film_clock::FilmClock;
 
-/// The longest sleep, seconds: the wall clock may be set meanwhile.
+/// The longest sleep, seconds: film time may be told anew meanwhile.
 const MAX_SLEEP_S: f64 = 0.1;
 
 /// Shared by the film threads of one run.
@@ -46,10 +46,10 @@ impl Gate {
         !state.unwrap_or_else(PoisonError::into_inner).stopped
     }
 
-    /// Sleeps until a moment of the wall clock; false if the run stops.
-    pub fn sleep_until(&self, unix_s: f64) -> bool {
+    /// Sleeps until a film time, seconds; false if the run stops.
+    pub fn sleep_until(&self, film_s: f64, clock: &FilmClock) -> bool {
         loop {
-            let left_s = unix_s - unix_now_s();
+            let left_s = film_s - clock.now_s();
             let state = self.lock();
             if state.stopped {
                 return false;
@@ -69,15 +69,17 @@ impl Gate {
 
 #[cfg(test)]
 mod tests {
+    use proto::ClockLine;
+
     use super::*;
 
     #[test]
     fn a_stop_wakes_every_wait_however_far_its_moment() {
-        let gate = Gate::default();
+        let (gate, clock) = (Gate::default(), FilmClock::new(ClockLine::of_this_process(0.0)));
         std::thread::scope(|scope| {
-            let waits = [f64::MAX, 1e300, f64::INFINITY, f64::NAN].map(|unix_s| {
-                let gate = &gate;
-                scope.spawn(move || gate.sleep_until(unix_s))
+            let waits = [f64::MAX, 1e300, f64::INFINITY, f64::NAN].map(|film_s| {
+                let (gate, clock) = (&gate, &clock);
+                scope.spawn(move || gate.sleep_until(film_s, clock))
             });
             let credit = scope.spawn(|| gate.wait_for(u64::MAX));
             gate.stop();
@@ -85,6 +87,6 @@ mod tests {
                 assert!(!wait.join().expect("no panic"));
             }
         });
-        assert!(!Gate::default().is_stopped() && Gate::default().sleep_until(-1e300));
+        assert!(!Gate::default().is_stopped() && Gate::default().sleep_until(-1e300, &clock));
     }
 }

@@ -6,6 +6,7 @@ mod background;
 mod camera;
 mod capture_loop;
 mod film;
+mod film_clock;
 mod gate;
 mod segmenter;
 

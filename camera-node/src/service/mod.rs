@@ -12,11 +12,11 @@ use std::pin::Pin;
 use std::sync::Arc;
 
 use proto::convert::{
-    SilhouetteEncoding, description_to_wire, pace_from_wire, picture_request_from_wire, picture_to_wire,
-    shape_from_wire, silhouette_data,
+    SilhouetteEncoding, clock_from_wire, description_to_wire, picture_request_from_wire, picture_to_wire,
+    shape_from_wire, silhouette_data, start_from_wire,
 };
 use proto::v1::camera_node_server::CameraNode;
-use proto::{CameraDescription, NodeDescription, v1};
+use proto::{CameraDescription, NodeDescription, monotonic_s, v1};
 use tokio::sync::mpsc;
 use tokio_stream::StreamExt;
 use tokio_stream::wrappers::ReceiverStream;
@@ -87,14 +87,26 @@ impl CameraNode for Service {
     }
 
     async fn start(&self, request: Request<v1::StartRequest>) -> Result<Response<v1::StartReply>, Status> {
-        let pace = pace_from_wire(request.get_ref()).map_err(invalid)?;
+        let start = start_from_wire(request.get_ref()).map_err(invalid)?;
         let film = Arc::clone(&self.film);
         // Opening sources blocks: programs start, files are read.
-        tokio::task::spawn_blocking(move || film.start(pace))
+        tokio::task::spawn_blocking(move || film.start(start))
             .await
             .map_err(|error| Status::internal(error.to_string()))?
             .map_err(|error| Status::failed_precondition(error.to_string()))?;
         Ok(Response::new(v1::StartReply {}))
+    }
+
+    async fn keep_time(
+        &self,
+        request: Request<v1::KeepTimeRequest>,
+    ) -> Result<Response<v1::KeepTimeReply>, Status> {
+        let node_s = monotonic_s();
+        let v1::KeepTimeRequest { run, clock } = request.into_inner();
+        if let Some(clock) = clock {
+            self.film.keep_time(run, clock_from_wire(&clock).map_err(invalid)?);
+        }
+        Ok(Response::new(v1::KeepTimeReply { node_s }))
     }
 
     type WatchFramesStream = Replies<v1::FrameInfo>;

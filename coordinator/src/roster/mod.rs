@@ -50,13 +50,15 @@ pub struct RosterNode {
     film: FilmState,
     /// Of recent frames, ascending.
     reports: VecDeque<FrameReport>,
+    /// How far film time may be off there, seconds; nothing of cameras of this process.
+    clock_bound_s: f64,
 }
 
 impl RosterNode {
     /// A node by the name that messages use, and its cameras' places in the rig. It is not there yet.
     pub fn new(name: String, cameras: Vec<u16>) -> RosterNode {
         let (film, reports) = (FilmState::Running, VecDeque::new());
-        RosterNode { name, cameras, is_up: false, problem: None, film, reports }
+        RosterNode { name, cameras, is_up: false, problem: None, film, reports, clock_bound_s: 0.0 }
     }
 
     /// The places of its cameras in the rig.
@@ -67,6 +69,11 @@ impl RosterNode {
     /// The report of its newest frame.
     pub fn newest(&self) -> Option<&FrameReport> {
         self.reports.back()
+    }
+
+    /// How far film time may be off there, seconds.
+    pub fn clock_bound_s(&self) -> f64 {
+        self.clock_bound_s
     }
 
     /// Why it is not there, if it is not.
@@ -136,6 +143,11 @@ impl Roster {
     pub fn down(&mut self, node: usize, problem: String) {
         let node = &mut self.nodes[node];
         (node.is_up, node.problem) = (false, Some(problem));
+    }
+
+    /// A node's clock was read: film time may be off by so much there, seconds.
+    pub fn clock(&mut self, node: usize, bound_s: f64) {
+        self.nodes[node].clock_bound_s = bound_s;
     }
 
     /// A node reports of its film.

@@ -1,8 +1,9 @@
-//! Film time: which frame a step sees, how many steps share it, and when a live step is due.
+//! Film time: which frame a step sees, how many steps share it, and when a live step is due. It is this process's own
+//! clock, whatever happens to the wall clock.
 
 use std::time::Duration;
 
-use proto::{Pace, unix_now_s};
+use proto::{FrameReport, Pace, unix_now_s};
 use tokio::time::Instant;
 
 /// Film times a billionth of a frame before a frame count as that frame's: sums of steps fall short.
@@ -20,7 +21,7 @@ pub(super) fn steps_that_share(film_s: f64, dt_s: f64, fps: f64, most: usize) ->
     (1..=most).take_while(|&later| frame_at(film_s + later as f64 * dt_s, fps) == frame).count()
 }
 
-/// Film time against the wall clock.
+/// Film time against the clock.
 pub(super) struct Clock {
     pub pace: Pace,
     pub latency_s: f64,
@@ -46,7 +47,16 @@ impl Clock {
 
     /// How long ago the step of a film time was due; negative before.
     fn lag_s(&self, film_s: f64) -> f64 {
-        unix_now_s() - (self.pace.epoch_unix_s + film_s + self.latency_s + self.shifted_s)
+        self.pace.film_now_s() - (film_s + self.latency_s + self.shifted_s)
+    }
+
+    /// How long ago a frame was captured, seconds. In lock-step film has no time: by the wall clock of where that was.
+    pub fn age_s(&self, report: &FrameReport) -> f64 {
+        if self.pace.lock_step {
+            unix_now_s() - report.captured_unix_s
+        } else {
+            self.pace.film_now_s() - report.capture_time_s
+        }
     }
 
     /// When the step of a film time is due, if that is still to come.

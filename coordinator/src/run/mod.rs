@@ -1,7 +1,7 @@
 //! The loop: for every physics step the frame it must see, the hull's answers, and the step.
 //!
 //! Simulation time is film time. Step k (from 1) ends at T = k · dt and sees the newest frame captured
-//! at or before T. A live run makes it at wall time epoch + T + latency, so that film has time to
+//! at or before T. A live run makes it at T + latency by this process's clock, so that film has time to
 //! arrive; a lock-step run waits for the frame however long it takes. Both see the same frames, so a
 //! live run that missed nothing is the lock-step run.
 //!
@@ -21,7 +21,7 @@ use std::time::{Duration, Instant};
 
 use ::hull::contact::Eye;
 use ::hull::{Observer, ProbeSettings};
-use proto::{FilmState, Pace, unix_now_s};
+use proto::{FilmState, Pace};
 use sim::{ResponseMode, World};
 use thiserror::Error;
 
@@ -97,6 +97,9 @@ pub enum RunError {
         /// The frame.
         frame: u64,
     },
+    /// The system gives no number for the run.
+    #[error("no random number for the run: {0}")]
+    NoRandom(getrandom::Error),
     /// The world refused a step.
     #[error("world: {0}")]
     World(#[from] sim::WorldError),
@@ -157,7 +160,7 @@ impl Coordinator {
         settings: RunSettings,
     ) -> Coordinator {
         let RunSettings { probes, fps, latency_s, lock_step, ask_every, .. } = settings;
-        let pace = Pace { epoch_unix_s: unix_now_s(), lock_step };
+        let pace = Pace { lock_step, ..Pace::live(0, 0.0) };
         let max_lag_s = (FRAMES_KEPT / fps - latency_s).clamp(0.02, MAX_LAG_S);
         let eyes = observers.iter().map(|observer| Eye::of(observer.camera())).collect();
         let mut query = HullQuery::new(observers, probes, transport.group_count(), ask_every);
@@ -217,8 +220,8 @@ impl Coordinator {
     ) -> Result<(Figures, World), RunError> {
         self.transport.ready(self.settings.connect_timeout).await?;
         let lock_step = self.settings.lock_step;
-        let epoch_unix_s = unix_now_s() + if lock_step { 0.0 } else { LEAD_S };
-        self.clock.pace = Pace { epoch_unix_s, lock_step };
+        let run = getrandom::u64().map_err(RunError::NoRandom)?;
+        self.clock.pace = if lock_step { Pace::lock_step(run) } else { Pace::live(run, LEAD_S) };
         self.transport.start(self.clock.pace).await?;
         let began = Instant::now();
         tokio::pin!(stop);

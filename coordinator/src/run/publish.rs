@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use hull::pass::{BodyResult, Touch};
-use proto::{FrameReport, unix_now_s};
+use proto::FrameReport;
 use sim::{Body, BodyId, BodyResponse};
 
 use super::Coordinator;
@@ -164,7 +164,7 @@ impl Coordinator {
     }
 
     fn camera_status(&self) -> Vec<CameraStatus> {
-        let (now_s, nodes) = (unix_now_s(), self.transport.roster().nodes());
+        let nodes = self.transport.roster().nodes();
         let cameras = self.query.observers().iter().map(|observer| {
             // The cameras of this process are one node.
             let of_node =
@@ -174,7 +174,7 @@ impl Coordinator {
         });
         let cameras: Vec<_> = cameras.collect();
         // How far each capture is from where its frame's number puts it, against the median of all: one that lies moves no other.
-        let shift_s = |report: &FrameReport| report.captured_unix_s - report.frame as f64 / self.settings.fps;
+        let shift_s = |report: &FrameReport| report.capture_time_s - report.frame as f64 / self.settings.fps;
         let mut shifts: Vec<f64> = cameras.iter().filter_map(|(_, _, report)| report.map(shift_s)).collect();
         shifts.sort_by(f64::total_cmp);
         let median_s = shifts.get(shifts.len() / 2).copied().unwrap_or_default();
@@ -188,7 +188,8 @@ impl Coordinator {
                 name: camera.name().to_owned(),
                 problem: node.and_then(|node| Some(node.missing()?.to_string())),
                 newest_frame: report.map(|report| report.frame),
-                age_ms: report.map_or(0.0, |report| (now_s - report.captured_unix_s) * 1e3),
+                age_ms: report.map_or(0.0, |report| self.clock.age_s(report) * 1e3),
+                clock_bound_ms: node.map_or(0.0, |node| node.clock_bound_s() * 1e3),
                 sync_ms: report.map_or(0.0, |report| (shift_s(report) - median_s) * 1e3),
                 foreground: part.map_or(0.0, |camera| camera.area as f64 / pixels),
                 silhouette_bytes: part.map_or(0, |camera| camera.silhouette_bytes),

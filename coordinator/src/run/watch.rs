@@ -3,7 +3,6 @@
 use std::time::{Duration, Instant};
 
 use hull::pass::BodyResult;
-use proto::unix_now_s;
 use sim::World;
 
 use super::Coordinator;
@@ -60,7 +59,7 @@ impl Coordinator {
         let reports = self.transport.roster().reports(frame);
         let Some(report) = reports.as_ref().and_then(|reports| reports.first()) else { return };
         let later_s = self.world.settings().hull_time.frames_later() / self.settings.fps;
-        let age_ms = (unix_now_s() - report.captured_unix_s + later_s) * 1e3;
+        let age_ms = (self.clock.age_s(report) + later_s) * 1e3;
         self.recent.hull_age_ms.add(age_ms);
         if results.iter().any(|result| result.response_m.is_ok() || !result.touches.is_empty()) {
             self.figures.response_age_ms.add(age_ms);

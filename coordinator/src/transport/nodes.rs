@@ -72,6 +72,7 @@ impl Nodes {
                 }
                 roster.film_event(node, event);
             }
+            NodeEvent::Clock(bound_s) => roster.clock(node, bound_s),
             NodeEvent::Down(error) => {
                 roster.down(node, error.to_string());
                 return Some(PassEvent::Down(node, error));

@@ -188,6 +188,7 @@ impl Run {
             newest_frame: Some(4),
             age_ms: 12.5,
             sync_ms: 0.5,
+            clock_bound_ms: 0.1,
             foreground: 0.0625,
             silhouette_bytes: 700,
             segment_ms: 1.5,

@@ -1,11 +1,11 @@
-//! How film is paced and what is reported of it: messages and back.
+//! What is reported of film: messages and back.
 
 use super::ConvertError;
 use super::bulk::Field;
 use super::from_wire::pixel_rect_from_wire;
 use super::to_wire::pixel_rect_to_wire;
 use crate::text::{MAX_MESSAGE_CHARS, clean};
-use crate::{CameraDescription, CameraReport, FilmEvent, FrameReport, MAX_MESSAGE_BYTES, Pace, v1};
+use crate::{CameraDescription, CameraReport, FilmEvent, FrameReport, MAX_MESSAGE_BYTES, v1};
 
 /// The greatest frame number: film of a million years, and exact as a float.
 const MAX_FRAME: u64 = 1 << 53;
@@ -20,19 +20,6 @@ pub(super) fn within(value: f64, low: f64, high: f64, field: Field) -> Result<f6
         return Ok(value);
     }
     Err(field.value(format!("is {value}, expected {low} to {high}")))
-}
-
-/// The pace of a run.
-pub fn pace_to_wire(pace: Pace) -> v1::StartRequest {
-    let Pace { epoch_unix_s, lock_step } = pace;
-    v1::StartRequest { epoch_unix_s, lock_step }
-}
-
-/// The pace of a run; its epoch is a date that clocks can reach.
-pub fn pace_from_wire(request: &v1::StartRequest) -> Result<Pace, ConvertError> {
-    let &v1::StartRequest { epoch_unix_s, lock_step } = request;
-    let epoch_unix_s = within(epoch_unix_s, 0.0, MAX_TIME_S, Field("StartRequest", "epoch_unix_s"))?;
-    Ok(Pace { epoch_unix_s, lock_step })
 }
 
 /// An event of film; `last_frame` is the newest frame that was reported before, if any.
@@ -249,16 +236,5 @@ mod tests {
         let info = v1::FrameInfo { ended: true, failure, ..v1::FrameInfo::default() };
         let Ok(FilmEvent::Failed(why)) = film_event_from_wire(info, &cameras()) else { panic!("a failure") };
         assert!(why.chars().count() <= 301 && !why.chars().any(char::is_control), "{why}");
-    }
-
-    #[test]
-    fn an_epoch_is_a_date() {
-        let pace = Pace { epoch_unix_s: 1.7e9, lock_step: true };
-        assert_eq!(pace_from_wire(&pace_to_wire(pace)), Ok(pace));
-        for epoch_unix_s in [f64::NAN, 1e300, -1.0, f64::INFINITY] {
-            let request = v1::StartRequest { epoch_unix_s, lock_step: false };
-            let error = pace_from_wire(&request).expect_err("no date").to_string();
-            assert!(error.starts_with("StartRequest.epoch_unix_s: is "), "{error}");
-        }
     }
 }

@@ -4,6 +4,7 @@
 mod answer;
 mod bulk;
 mod choice;
+mod clock;
 mod description;
 mod film;
 mod from_wire;
@@ -15,8 +16,9 @@ mod silhouette;
 mod to_wire;
 
 pub use answer::{ExpectedAnswer, ProbeAnswer, answer_from_wire, answer_to_wire};
+pub use clock::{clock_from_wire, clock_to_wire, node_clock_from_wire, start_from_wire, start_to_wire};
 pub use description::{description_from_wire, description_to_wire};
-pub use film::{film_event_from_wire, film_event_to_wire, pace_from_wire, pace_to_wire};
+pub use film::{film_event_from_wire, film_event_to_wire};
 pub use from_wire::{pixel_rect_from_wire, settings_from_wire, shape_from_wire};
 pub use pictures::{
     frame_pictures_from_wire, picture_request_from_wire, picture_request_to_wire, picture_to_wire,

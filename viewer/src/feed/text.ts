@@ -74,7 +74,9 @@ export interface CameraStatus {
   readonly problem?: string | null;
   readonly newest_frame?: number | null;
   readonly age_ms?: number;
+  /** How far its captures are from the middle of all cameras', and how far its film time may be off. */
   readonly sync_ms?: number;
+  readonly clock_bound_ms?: number;
   readonly foreground?: number;
   readonly silhouette_bytes?: number;
   readonly segment_ms?: number;

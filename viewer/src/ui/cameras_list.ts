@@ -5,8 +5,8 @@ import { byId, bytesText, setPressed, setText } from "./dom.ts";
 
 /** Older images are marked late, milliseconds. */
 const OLD_MS = 250;
-/** Cameras farther from the others' time are marked out of step, milliseconds. */
-const UNSYNCED_MS = 12;
+/** Cameras farther from the others' time are marked out of step, or whose time is less certain, as a share of a frame. */
+const UNSYNCED = 0.25;
 
 interface Row {
   readonly button: HTMLButtonElement;
@@ -18,12 +18,15 @@ interface Row {
 export class CamerasList {
   private rows: Row[] = [];
   private readonly app: App;
+  /** From frame to frame, milliseconds. */
+  private frameMs = Infinity;
 
   constructor(app: App) {
     this.app = app;
   }
 
   build(hello: Hello): void {
+    this.frameMs = 1000 / hello.fps;
     const list = byId("cameras");
     list.replaceChildren();
     this.rows = hello.cameras.map((camera, index) => {
@@ -69,7 +72,7 @@ export class CamerasList {
     let well = 0;
     this.rows.forEach((row, index) => {
       const status = cameras[index];
-      const [state, text] = status ? health(status) : (["warn", "no figures yet"] as const);
+      const [state, text] = status ? health(status, this.frameMs) : (["warn", "no figures yet"] as const);
       if (state === "good") well++;
       row.dot.className = `dot ${state}`;
       row.health.classList.toggle("bad", state === "bad");
@@ -102,7 +105,7 @@ export class CamerasList {
   }
 }
 
-function health(status: CameraStatus): readonly ["good" | "warn" | "bad", string] {
+function health(status: CameraStatus, frameMs: number): readonly ["good" | "warn" | "bad", string] {
   if (status.problem) return ["bad", `gone: ${status.problem}`];
   const time: string[] = [];
   const sight: string[] = [];
@@ -112,8 +115,10 @@ function health(status: CameraStatus): readonly ["good" | "warn" | "bad", string
     time.push(status.age_ms > OLD_MS ? `late ${Math.round(status.age_ms)} ms` : `${Math.round(status.age_ms)} ms`);
   }
   if (status.sync_ms !== undefined) {
-    if (Math.abs(status.sync_ms) > UNSYNCED_MS) state = "warn";
-    time.push(`${Math.abs(status.sync_ms) > UNSYNCED_MS ? "out of step " : "sync "}${status.sync_ms.toFixed(1)} ms`);
+    const boundMs = status.clock_bound_ms ?? 0;
+    const isOff = Math.abs(status.sync_ms) + boundMs > UNSYNCED * frameMs;
+    if (isOff) state = "warn";
+    time.push(`${isOff ? "out of step " : "sync "}${status.sync_ms.toFixed(1)} ± ${boundMs.toFixed(1)} ms`);
   }
   if (status.foreground !== undefined) sight.push(`${(status.foreground * 100).toFixed(1)} % foreground`);
   if (status.silhouette_bytes !== undefined) sight.push(bytesText(status.silhouette_bytes));

@@ -296,7 +296,7 @@ class Page {
     this.text({
       op: "status",
       progress: { film_s: world.filmS, frame: world.frame, steps_per_s: 120, passes_per_s: 30, p50_ms: 2.1, p99_ms: 4.4, samples: 12000, contacts: 1, bytes_per_s: 2e5, blind: null },
-      cameras: film.cameras.map((camera, index) => ({ name: camera.name, problem: null, newest_frame: world.frame, age_ms: 31 + index, sync_ms: 0.2, foreground: 0.05, silhouette_bytes: 970, segment_ms: 0.9 })),
+      cameras: film.cameras.map((camera, index) => ({ name: camera.name, problem: null, newest_frame: world.frame, age_ms: 31 + index, sync_ms: 0.2, clock_bound_ms: 0.1, foreground: 0.05, silhouette_bytes: 970, segment_ms: 0.9 })),
       frames_missed: 0,
       frames_expected: world.frame,
       late_steps: 0,
