@@ -226,7 +226,7 @@ async fn suite(address: Listen, rig: &Rig) {
     let (credits, credited) = mpsc::channel(4);
     let frames = client.watch_frames(ReceiverStream::new(credited)).await.expect("opens");
     let mut frames = frames.into_inner();
-    credits.send(v1::FrameCredit { up_to_frame: 2, in_use: None }).await.expect("sent");
+    credits.send(v1::FrameCredit { up_to_frame: 2, ..v1::FrameCredit::default() }).await.expect("sent");
     for number in 0..=2 {
         let info = next_frame(&mut frames).await;
         assert_eq!((info.frame, info.cameras.len()), (number, 2), "every frame, in order, of all cameras");
@@ -246,7 +246,10 @@ async fn suite(address: Listen, rig: &Rig) {
     assert!(early.iter().all(|picture| picture.jpeg.is_empty()), "colours are kept from the first ask on");
 
     for number in 3..=12 {
-        credits.send(v1::FrameCredit { up_to_frame: number, in_use: None }).await.expect("sent");
+        credits
+            .send(v1::FrameCredit { up_to_frame: number, ..v1::FrameCredit::default() })
+            .await
+            .expect("sent");
         assert_eq!(next_frame(&mut frames).await.frame, number);
     }
     assert_eq!(probe.refused(0, &one).await, RefusalReason::Gone, "the ring has moved on");
@@ -258,6 +261,7 @@ async fn suite(address: Listen, rig: &Rig) {
     survives_untrusted_peers(&address).await;
     assert!(matches!(probe.ask(12, &one).await, ProbeAnswer::Answer(_)), "it goes on serving");
     tells_its_health_and_its_protocol(&address).await;
+    obeys_one_coordinator_at_a_time(&mut client, &mut probe, &one).await;
 }
 
 async fn next_frame(frames: &mut Streaming<v1::FrameInfo>) -> v1::FrameInfo {
@@ -309,7 +313,7 @@ async fn answers_are_the_hulls_own(client: &mut Client, probe: &mut Probe, rig: 
     let body = Points::Body { shape: Arc::clone(&shape), pose: Pose::IDENTITY };
     let all = Question { batches: vec![Batch::all(body.clone())], ..Question::default() };
     assert_eq!(probe.refused(1, &all).await, RefusalReason::UnknownShape);
-    let register = v1::RegisterShapesRequest { shapes: vec![shape_to_wire(&shape)] };
+    let register = v1::RegisterShapesRequest { shapes: vec![shape_to_wire(&shape)], holder: 0 };
     client.register_shapes(register).await.expect("registers");
 
     let mut scratch = Scratch::default();
@@ -342,6 +346,37 @@ async fn answers_are_the_hulls_own(client: &mut Client, probe: &mut Probe, rig: 
     }
 }
 
+async fn obeys_one_coordinator_at_a_time(client: &mut Client, probe: &mut Probe, question: &Question) {
+    let hold = |holder, term, name: &str| v1::HoldRequest { holder, term, name: name.into() };
+    assert_eq!(
+        client.hold(hold(0, 1, "nobody")).await.expect_err("no id").code(),
+        tonic::Code::InvalidArgument
+    );
+    client.hold(hold(7, 1, "the first")).await.expect("nobody holds it");
+    let start =
+        v1::StartRequest { holder: 8, ..start_to_wire(RunStart::of_this_process(Pace::lock_step(9))) };
+    let background = v1::TakeBackgroundRequest { check_only: true, holder: 8, ..Default::default() };
+    let refused = [
+        client.hold(hold(8, 1, "the second")).await.map(drop),
+        client.start(start).await.map(drop),
+        client.keep_time(v1::KeepTimeRequest { holder: 8, ..Default::default() }).await.map(drop),
+        client.register_shapes(v1::RegisterShapesRequest { shapes: vec![], holder: 8 }).await.map(drop),
+        client.take_background(background).await.map(drop),
+    ];
+    for refused in refused {
+        let refused = refused.expect_err("held");
+        assert_eq!(refused.code(), tonic::Code::Aborted, "{refused}");
+        assert_eq!(refused.message(), "held by the first for 0 s, expected it to end, or --take-over");
+    }
+    assert_eq!(probe.refused(12, question).await, RefusalReason::Held);
+    let description = client.describe(v1::DescribeRequest {}).await.expect("anybody may ask").into_inner();
+    assert_eq!(description.term, 1);
+    client.hold(hold(8, 2, "the second")).await.expect("a higher term");
+    let late = client.keep_time(v1::KeepTimeRequest { holder: 7, ..Default::default() }).await;
+    assert_eq!(late.expect_err("displaced").code(), tonic::Code::Aborted);
+    client.start(start).await.expect("it leads now");
+}
+
 async fn refuses_absurd_numbers(client: &mut Client) {
     let start = start_to_wire(RunStart::of_this_process(Pace::lock_step(2)));
     for epoch_unix_s in [f64::NAN, f64::INFINITY, 1e300, -1.0] {
@@ -353,7 +388,7 @@ async fn refuses_absurd_numbers(client: &mut Client) {
         let never = v1::StartRequest { clock, ..start };
         assert_eq!(client.start(never).await.expect_err("no clock").code(), tonic::Code::InvalidArgument);
     }
-    let told = v1::KeepTimeRequest { run: 1, clock: Some(mad) };
+    let told = v1::KeepTimeRequest { run: 1, clock: Some(mad), holder: 0 };
     assert_eq!(client.keep_time(told).await.expect_err("no clock").code(), tonic::Code::InvalidArgument);
     let read = v1::KeepTimeRequest::default();
     let first = client.keep_time(read).await.expect("a clock").into_inner().node_s;
@@ -395,7 +430,7 @@ async fn refuses_what_makes_no_question(client: &mut Client, probe: &mut Probe) 
 
     let mut lie = shape_to_wire(&Shape::new(vec![[0.0; 3]]).expect("finite"));
     lie.digest = vec![7; 32].into();
-    let lied = client.register_shapes(v1::RegisterShapesRequest { shapes: vec![lie] }).await;
+    let lied = client.register_shapes(v1::RegisterShapesRequest { shapes: vec![lie], holder: 0 }).await;
     assert_eq!(lied.expect_err("a lie").code(), tonic::Code::InvalidArgument);
 }
 

@@ -14,6 +14,7 @@ use coordinator::{
     AskEvery, Coordinator, Figures, LocalFrames as _, Progress, RunSettings, Snapshot, Transport, Watcher,
 };
 use hull::{Observer, ProbeSettings, Rig};
+use node_client::Agreement;
 use proto::Address;
 use segment::SegmentSettings;
 use sim::{BodyRequest, Scene, World, WorldSettings};
@@ -67,7 +68,7 @@ impl Studio {
         }
         let shapes = world.moving_bodies().map(|body| Arc::clone(&body.shape)).collect();
         let gather = (layout == "gather").then(|| self.observers());
-        Transport::connect(nodes, gather, ProbeSettings::default(), FPS, shapes)
+        Transport::connect(nodes, gather, Agreement::new(ProbeSettings::default(), FPS, shapes))
     }
 
     fn observers(&self) -> Vec<Arc<Observer>> {

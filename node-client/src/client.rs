@@ -1,28 +1,27 @@
 //! One node: connects with backoff, checks who answers, keeps its streams open and hands on what it reports.
 
 use std::collections::VecDeque;
-use std::fmt;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use hull::question::Question;
-use hull::{ProbeSettings, Shape, Silhouette};
+use hull::{Shape, Silhouette};
 use proto::convert::{
     ExpectedAnswer, ProbeAnswer, SilhouetteEncoding, StreamKnows, WrittenQuestion, answer_from_wire,
-    clock_to_wire, description_from_wire, film_event_from_wire, node_clock_from_wire, shape_to_wire,
+    claim_to_wire, description_from_wire, film_event_from_wire, node_clock_from_wire, shape_to_wire,
     silhouette_from_data, start_to_wire,
 };
-use proto::text::{MAX_NAME_CHARS, clean};
 use proto::v1::camera_node_client::CameraNodeClient;
-use proto::{Address, CameraDescription, FilmEvent, NodeDescription, Pace, RunStart, monotonic_s, v1};
+use proto::{CameraDescription, Claim, FilmEvent, Pace, RunStart, monotonic_s, v1};
 use tokio::sync::mpsc;
 use tokio_stream::StreamExt;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::Channel;
 
+use crate::agreement::{Agreement, ExpectedNode, Terms};
 use crate::connection::connect;
-use crate::counting::{ByteCounters, ByteCounts};
-use crate::error::{Mismatch, NodeError};
+use crate::error::NodeError;
 use crate::film_time::ClockEstimate;
 
 /// Requests on their way: a pass has one question at a time, and a stalled node must not collect more.
@@ -35,23 +34,6 @@ const BEGIN_TIMEOUT: Duration = Duration::from_secs(30);
 /// How often the clock of a node is read, and first how many times before a run begins there.
 const CLOCK_EVERY: Duration = Duration::from_millis(500);
 const FIRST_READINGS: usize = 4;
-
-/// A node that must be there.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ExpectedNode {
-    /// Where it listens.
-    pub address: Address,
-    /// Its cameras in rig order.
-    pub cameras: Vec<CameraDescription>,
-}
-
-impl fmt::Display for ExpectedNode {
-    /// The address and the cameras behind it: `unix:/run/a.sock (left, top)`.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let names: Vec<&str> = self.cameras.iter().map(|camera| &camera.name[..]).collect();
-        write!(f, "{} ({})", self.address, names.join(", "))
-    }
-}
 
 /// What a node reports.
 #[derive(Debug)]
@@ -68,85 +50,14 @@ pub enum NodeEvent {
     Reply(u64, ProbeAnswer, f64),
 }
 
-/// What the nodes of a run and their coordinator agree on.
-pub struct Agreement {
-    settings: ProbeSettings,
-    fps: f64,
-    terms: Mutex<Terms>,
-    counters: Arc<ByteCounters>,
-}
-
-#[derive(Clone, Default)]
-struct Terms {
-    shapes: Vec<Arc<Shape>>,
-    pace: Option<Pace>,
-}
-
-impl Agreement {
-    /// The hull rule, frames per second, and the shapes that there will be questions about.
-    pub fn new(settings: ProbeSettings, fps: f64, shapes: Vec<Arc<Shape>>) -> Agreement {
-        let terms = Mutex::new(Terms { shapes, pace: None });
-        Agreement { settings, fps, terms, counters: Arc::default() }
-    }
-
-    /// Replaces the shapes; nodes that come back receive these. Returns those that are new.
-    pub fn replace_shapes(&self, shapes: Vec<Arc<Shape>>) -> Vec<Arc<Shape>> {
-        let mut terms = self.terms();
-        let is_new = |shape: &&Arc<Shape>| terms.shapes.iter().all(|old| old.digest() != shape.digest());
-        let new = shapes.iter().filter(is_new).cloned().collect();
-        terms.shapes = shapes;
-        new
-    }
-
-    /// From now on nodes that come back begin a run of this pace.
-    pub fn begin_run(&self, pace: Pace) {
-        self.terms().pace = Some(pace);
-    }
-
-    /// The bytes of all connections so far.
-    pub fn bytes(&self) -> ByteCounts {
-        self.counters.read()
-    }
-
-    fn terms(&self) -> MutexGuard<'_, Terms> {
-        self.terms.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Is this the node that the cluster file means?
-    fn check(&self, expected: &ExpectedNode, found: &NodeDescription) -> Result<(), Mismatch> {
-        if found.settings != self.settings {
-            return Err(Mismatch::of_settings(&found.settings, &self.settings));
-        }
-        if found.fps != self.fps {
-            return Err(Mismatch::FrameRate { found: found.fps, expected: self.fps });
-        }
-        for camera in &expected.cameras {
-            let name = || camera.name.clone();
-            // Names of a peer are cleaned, so that ours is compared cleaned too.
-            let cleaned = clean(&camera.name, MAX_NAME_CHARS);
-            let described = found.cameras.iter().find(|described| described.name == cleaned);
-            let described = described.ok_or_else(|| Mismatch::NoCamera(name()))?;
-            if described.calibration_digest != camera.calibration_digest {
-                return Err(Mismatch::Calibration(name()));
-            }
-            if described.rig_index != camera.rig_index {
-                let (found, expected) = (described.rig_index, camera.rig_index);
-                return Err(Mismatch::Place { name: name(), found, expected });
-            }
-        }
-        if found.cameras.len() != expected.cameras.len() {
-            return Err(Mismatch::Count { found: found.cameras.len(), expected: expected.cameras.len() });
-        }
-        Ok(())
-    }
-}
-
 /// The client of one node.
 pub struct NodeClient {
     node: ExpectedNode,
     index: usize,
     agreement: Arc<Agreement>,
     events: mpsc::Sender<(usize, NodeEvent)>,
+    /// The term of our claim to this node.
+    term: AtomicU64,
     state: Mutex<State>,
 }
 
@@ -199,7 +110,9 @@ impl NodeClient {
         agreement: Arc<Agreement>,
         events: mpsc::Sender<(usize, NodeEvent)>,
     ) -> Arc<NodeClient> {
-        let client = Arc::new(NodeClient { node, index, agreement, events, state: Mutex::default() });
+        let (term, state) = (AtomicU64::new(0), Mutex::default());
+        let client = Arc::new(NodeClient { node, index, agreement, events, term, state });
+        client.state().credit = client.no_credit();
         tokio::spawn(Arc::clone(&client).keep_connected());
         client
     }
@@ -212,15 +125,33 @@ impl NodeClient {
     /// Begins a run at this node.
     pub async fn start(&self, pace: Pace) -> Result<(), NodeError> {
         let mut client = self.client()?;
-        self.state().credit = v1::FrameCredit::default();
-        client.start(start_to_wire(self.run_start(pace)?)).await?;
+        self.state().credit = self.no_credit();
+        client.start(self.run_start(pace)?).await?;
         Ok(())
     }
 
     /// A run as this node is told of it: its clock has been read.
-    fn run_start(&self, pace: Pace) -> Result<RunStart, NodeError> {
+    fn run_start(&self, pace: Pace) -> Result<v1::StartRequest, NodeError> {
         let clock = self.state().clock.film_time(pace.zero_s, monotonic_s());
-        Ok(RunStart::of(pace, clock.ok_or(NodeError::NotConnected)?))
+        let start = start_to_wire(RunStart::of(pace, clock.ok_or(NodeError::NotConnected)?));
+        Ok(v1::StartRequest { holder: self.holder(), ..start })
+    }
+
+    /// Our claim to the node, which somebody holds with this term, or nobody: the same for as long as we live, so that
+    /// whoever displaces us is not displaced again.
+    fn claim(&self, held_term: u64) -> Claim {
+        let claim = self.agreement.claim(held_term);
+        let kept = self.term.compare_exchange(0, claim.term, Ordering::Relaxed, Ordering::Relaxed);
+        Claim { term: kept.err().unwrap_or(claim.term), ..claim }
+    }
+
+    /// By what the node knows us.
+    fn holder(&self) -> u64 {
+        self.agreement.holder()
+    }
+
+    fn no_credit(&self) -> v1::FrameCredit {
+        v1::FrameCredit { holder: self.holder(), ..v1::FrameCredit::default() }
     }
 
     /// Lets a lock-step node go on up to a frame.
@@ -252,7 +183,7 @@ impl NodeClient {
         let mut state = self.state();
         let State { connection, knows, open, credit: _, clock: _ } = &mut *state;
         let connection = connection.as_ref().ok_or(NodeError::NotConnected)?;
-        let message = written.message(knows, id, frame);
+        let message = v1::ProbeRequest { holder: self.holder(), ..written.message(knows, id, frame) };
         connection.probes.try_send(message).map_err(|error| match error {
             mpsc::error::TrySendError::Full(_) => NodeError::Stalled,
             mpsc::error::TrySendError::Closed(_) => NodeError::NotConnected,
@@ -279,7 +210,7 @@ impl NodeClient {
 
     /// Registers shapes.
     pub async fn register(&self, shapes: &[Arc<Shape>]) -> Result<(), NodeError> {
-        register(&mut self.client()?, shapes).await
+        register(&mut self.client()?, shapes, self.holder()).await
     }
 
     /// Has the node's cameras learn their backgrounds anew from so many frames; or only asks whether they can.
@@ -289,7 +220,8 @@ impl NodeClient {
         frames: u64,
         check_only: bool,
     ) -> Result<(), NodeError> {
-        let request = v1::TakeBackgroundRequest { first_frame, frames, check_only };
+        let holder = self.holder();
+        let request = v1::TakeBackgroundRequest { first_frame, frames, check_only, holder };
         self.client()?.take_background(request).await?;
         Ok(())
     }
@@ -360,14 +292,15 @@ impl NodeClient {
         let mut client = connect(&self.node.address, &self.agreement.counters).await?;
         let description = description_from_wire(client.describe(v1::DescribeRequest {}).await?.into_inner())?;
         self.agreement.check(&self.node, &description)?;
+        client.hold(claim_to_wire(self.claim(description.term))).await?;
         self.state().clock = ClockEstimate::default();
         for _ in 0..FIRST_READINGS {
             self.read_clock(&mut client).await?;
         }
         let Terms { shapes, pace } = self.agreement.terms().clone();
-        register(&mut client, &shapes).await?;
+        register(&mut client, &shapes, self.holder()).await?;
         if let Some(pace) = pace {
-            client.start(start_to_wire(self.run_start(pace)?)).await?;
+            client.start(self.run_start(pace)?).await?;
         }
         let (credits, credit_stream) = mpsc::channel(MAX_SENDING);
         let (probes, probe_stream) = mpsc::channel(MAX_SENDING);
@@ -404,7 +337,8 @@ impl NodeClient {
         let start = pace.and_then(|pace| self.run_start(pace).ok());
         let request = v1::KeepTimeRequest {
             run: start.map_or(0, |start| start.run),
-            clock: start.map(|start| clock_to_wire(start.clock)),
+            clock: start.and_then(|start| start.clock),
+            holder: self.holder(),
         };
         let sent_s = monotonic_s();
         let reply = client.keep_time(request).await?.into_inner();
@@ -457,9 +391,13 @@ fn check_order(before: Option<(u64, f64)>, found: (u64, f64)) -> Result<(), Node
     }
 }
 
-async fn register(client: &mut CameraNodeClient<Channel>, shapes: &[Arc<Shape>]) -> Result<(), NodeError> {
+async fn register(
+    client: &mut CameraNodeClient<Channel>,
+    shapes: &[Arc<Shape>],
+    holder: u64,
+) -> Result<(), NodeError> {
     let shapes = shapes.iter().map(|shape| shape_to_wire(shape)).collect();
-    client.register_shapes(v1::RegisterShapesRequest { shapes }).await?;
+    client.register_shapes(v1::RegisterShapesRequest { shapes, holder }).await?;
     Ok(())
 }
 
@@ -474,39 +412,5 @@ mod tests {
         assert_eq!(check_order(Some((4, 0.4)), (0, 0.0)), Ok(()));
         let error = check_order(Some((4, 0.4)), (5, 0.3)).expect_err("backwards").to_string();
         assert_eq!(error, "invalid reply: frame 5 was captured at 0.3 s, before frame 4 at 0.4 s");
-    }
-
-    fn described(name: &str) -> CameraDescription {
-        CameraDescription { name: name.into(), rig_index: 1, size: (8, 8), calibration_digest: [0; 32] }
-    }
-
-    #[test]
-    fn another_node_than_the_one_meant_is_refused_with_the_difference() {
-        let agreement = Agreement::new(ProbeSettings::default(), 30.0, vec![]);
-        let address = Address::Tcp("127.0.0.1:1".into());
-        let node = ExpectedNode { address, cameras: vec![described("left")] };
-        let description = || NodeDescription {
-            version: "0".into(),
-            cameras: vec![described("left")],
-            settings: ProbeSettings::default(),
-            fps: 30.0,
-        };
-        assert_eq!(agreement.check(&node, &description()), Ok(()));
-        type Change = fn(&mut NodeDescription);
-        let changes: [(Change, &str); 5] = [
-            (|node| node.fps = 25.0, "it films 25 frames/s, expected 30"),
-            (|node| node.cameras[0].name = "top".into(), "it has no camera \"left\""),
-            (
-                |node| node.cameras[0].calibration_digest[0] = 1,
-                "its calibration of camera \"left\" is not the rig's",
-            ),
-            (|node| node.cameras[0].rig_index = 2, "it has camera \"left\" at place 2, expected 1"),
-            (|node| node.cameras.push(described("top")), "it has 2 cameras, expected 1"),
-        ];
-        for (change, expected) in changes {
-            let mut found = description();
-            change(&mut found);
-            assert_eq!(agreement.check(&node, &found).expect_err(expected).to_string(), expected);
-        }
     }
 }

@@ -29,6 +29,9 @@ pub enum NodeError {
     /// The node refused the call, and why.
     #[error("{0}")]
     Refused(String),
+    /// Another leads the node: who.
+    #[error("{0}")]
+    Held(String),
     /// A reply that cannot be.
     #[error("invalid reply: {0}")]
     Invalid(#[from] ConvertError),
@@ -144,6 +147,7 @@ impl From<tonic::Status> for NodeError {
             | tonic::Code::Cancelled
             | tonic::Code::Unknown
             | tonic::Code::Internal => NodeError::Lost(message),
+            tonic::Code::Aborted => NodeError::Held(message),
             _ => NodeError::Refused(message),
         }
     }

@@ -2,6 +2,7 @@
 //! answers, puts questions on their way, hands on what the node reports, and counts bytes at the socket. What
 //! any of it means is for the caller to decide.
 
+mod agreement;
 mod client;
 mod connection;
 mod counting;
@@ -9,7 +10,8 @@ mod error;
 mod film_time;
 mod pictures;
 
-pub use client::{Agreement, ExpectedNode, NodeClient, NodeEvent};
+pub use agreement::{Agreement, ExpectedNode};
+pub use client::{NodeClient, NodeEvent};
 pub use counting::ByteCounts;
 pub use error::{Mismatch, NodeError};
 pub use pictures::{FETCH_TIMEOUT, NodePictures, PicturesError};

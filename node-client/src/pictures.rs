@@ -10,7 +10,7 @@ use proto::{FramePictures, PictureKind, PictureRequest};
 use thiserror::Error;
 use tonic::transport::Channel;
 
-use crate::client::ExpectedNode;
+use crate::agreement::ExpectedNode;
 use crate::connection::connect_lazily;
 use crate::counting::ByteCounters;
 use crate::error::NodeError;

@@ -38,4 +38,6 @@ pub struct NodeDescription {
     pub settings: ProbeSettings,
     /// Frames per second.
     pub fps: f64,
+    /// The term of who holds it; 0 if nobody does.
+    pub term: u64,
 }

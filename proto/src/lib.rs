@@ -11,6 +11,7 @@ pub mod v1 {
 }
 
 mod address;
+mod claim;
 mod clock;
 pub mod convert;
 mod description;
@@ -19,6 +20,7 @@ mod pictures;
 pub mod text;
 
 pub use address::{Address, AddressError, MAX_SOCKET_PATH_BYTES};
+pub use claim::Claim;
 pub use clock::{ClockLine, monotonic_s};
 pub use description::{CameraDescription, NodeDescription};
 pub use film::{BACKGROUND_S, CameraReport, FilmEvent, FilmState, FrameReport, Pace, RunStart, unix_now_s};

@@ -12,6 +12,7 @@ use film::{FPS, Film, all, rig};
 use hull::{Camera, ProbeSettings, Rig};
 use nalgebra::{Matrix3, Vector3};
 use node::{node_config, serve_until};
+use node_client::Agreement;
 use run::{Keeper, Step, between, farthest_m, fastest_m_s, play, play_over, settings, since, world};
 use sim::Scene;
 use tokio::sync::oneshot;
@@ -127,7 +128,7 @@ async fn bodies_only_fall_once_a_node_is_lost() {
         nodes.push(expected_node(&rig, address, &cameras.collect::<Vec<_>>()));
     }
     let shapes = world(&scene).moving_bodies().flat_map(sim::Body::asked_shapes).collect();
-    let transport = Transport::connect(nodes, None, ProbeSettings::default(), FPS, shapes);
+    let transport = Transport::connect(nodes, None, Agreement::new(ProbeSettings::default(), FPS, shapes));
     let observers = node_config(&scene, &rig, 0..4).observers();
     let mut keeper = Keeper::default();
     keeper.tells = Some((SETTLED_S, tell));

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use coordinator::{Percentiles, Transport};
 use hull::cull::WorldBox;
 use hull::pass::Round;
-use node_client::{ByteCounts, ExpectedNode};
+use node_client::{Agreement, ByteCounts, ExpectedNode};
 use proto::Pace;
 use proto::convert::{Precision, SilhouetteEncoding};
 use tokio::runtime::Runtime;
@@ -101,7 +101,7 @@ impl ClusterClient {
         let (settings, shapes, frames) = (film.settings(), bodies.shapes(), film.plan.frames);
         let (transport, news) = runtime.block_on(async {
             let gather = (answered == AnswerPlace::Coordinator).then(|| film.observers());
-            let mut transport = Transport::connect(nodes, gather, settings, FPS, shapes);
+            let mut transport = Transport::connect(nodes, gather, Agreement::new(settings, FPS, shapes));
             transport.ready(READY_TIMEOUT).await.map_err(Failure::run)?;
             transport.start(Pace::lock_step(1)).await.map_err(Failure::run)?;
             let before = transport.bytes();

@@ -131,6 +131,17 @@ impl Film {
         self.cameras.iter().enumerate().map(capture_loop).collect()
     }
 
+    /// Ends the run and closes the cameras, if that is still wanted when no run can begin meanwhile; whether one was on.
+    /// Blocks until its threads have ended.
+    pub fn stop_if(&self, is_wanted: impl FnOnce() -> bool) -> bool {
+        let mut run = lock(&self.run);
+        if !is_wanted() {
+            return false;
+        }
+        *lock(&self.reins) = Reins::default();
+        run.take().map(Run::stop).is_some()
+    }
+
     /// Has every camera learn its background anew from frames of the film; until it has, the old one stays in
     /// use. Refused if a camera has none to learn.
     pub fn take_background(&self, request: BackgroundRequest) -> Result<(), BackgroundError> {
@@ -160,9 +171,7 @@ impl Film {
 
 impl Drop for Film {
     fn drop(&mut self) {
-        if let Some(run) = lock(&self.run).take() {
-            run.stop();
-        }
+        self.stop_if(|| true);
     }
 }
 

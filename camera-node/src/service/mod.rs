@@ -2,6 +2,8 @@
 //! on a thread of their own; async code moves bytes.
 
 mod film_events;
+mod hold;
+mod led;
 mod node;
 mod probe_stream;
 mod worker;
@@ -10,10 +12,11 @@ pub use node::{Node, ServeError};
 
 use std::pin::Pin;
 use std::sync::Arc;
+use std::time::Instant;
 
 use proto::convert::{
-    SilhouetteEncoding, clock_from_wire, description_to_wire, picture_request_from_wire, picture_to_wire,
-    shape_from_wire, silhouette_data, start_from_wire,
+    SilhouetteEncoding, claim_from_wire, clock_from_wire, description_to_wire, picture_request_from_wire,
+    picture_to_wire, shape_from_wire, silhouette_data, start_from_wire,
 };
 use proto::v1::camera_node_server::CameraNode;
 use proto::{CameraDescription, NodeDescription, monotonic_s, v1};
@@ -27,6 +30,8 @@ use crate::config::{NodeCamera, NodeConfig};
 use crate::frames::{FrameError, FrameRing, RING_FRAMES};
 use crate::pictures::{PictureEncoder, PictureError};
 use crate::shapes::Shapes;
+use hold::{SharedHold, held};
+use led::Led;
 use probe_stream::ProbeStream;
 use worker::{MAX_WAITING, Worker};
 
@@ -38,6 +43,7 @@ struct Service {
     shapes: Arc<Shapes>,
     worker: Worker,
     pictures: PictureEncoder,
+    hold: SharedHold,
 }
 
 impl Service {
@@ -50,6 +56,7 @@ impl Service {
             description: describe(config),
             film,
             shapes: Arc::default(),
+            hold: SharedHold::default(),
             worker: Worker::new(Arc::clone(&ring), config.cameras.len()),
             pictures: pictures.map_err(ServeError::Thread)?,
             ring,
@@ -64,6 +71,7 @@ fn describe(config: &NodeConfig) -> NodeDescription {
         cameras: config.cameras.iter().map(describe).collect(),
         settings: config.settings,
         fps: config.fps,
+        term: 0,
     }
 }
 
@@ -83,10 +91,21 @@ type Replies<T> = Pin<Box<dyn tokio_stream::Stream<Item = Result<T, Status>> + S
 #[tonic::async_trait]
 impl CameraNode for Service {
     async fn describe(&self, _: Request<v1::DescribeRequest>) -> Result<Response<v1::DescribeReply>, Status> {
-        Ok(Response::new(description_to_wire(&self.description)))
+        let mut description = self.description.clone();
+        description.term = self.hold.lock().term();
+        Ok(Response::new(description_to_wire(&description)))
+    }
+
+    async fn hold(&self, request: Request<v1::HoldRequest>) -> Result<Response<v1::HoldReply>, Status> {
+        let claim = claim_from_wire(request.into_inner()).map_err(invalid)?;
+        let name = claim.name.clone();
+        self.hold.lock().claim(claim, Instant::now()).map_err(|by| held(&by))?;
+        tracing::debug!("held by {name}");
+        Ok(Response::new(v1::HoldReply {}))
     }
 
     async fn start(&self, request: Request<v1::StartRequest>) -> Result<Response<v1::StartReply>, Status> {
+        self.hold.check(request.get_ref().holder)?;
         let start = start_from_wire(request.get_ref()).map_err(invalid)?;
         let film = Arc::clone(&self.film);
         // Opening sources blocks: programs start, files are read.
@@ -102,7 +121,8 @@ impl CameraNode for Service {
         request: Request<v1::KeepTimeRequest>,
     ) -> Result<Response<v1::KeepTimeReply>, Status> {
         let node_s = monotonic_s();
-        let v1::KeepTimeRequest { run, clock } = request.into_inner();
+        let v1::KeepTimeRequest { run, clock, holder } = request.into_inner();
+        self.hold.check(holder)?;
         if let Some(clock) = clock {
             self.film.keep_time(run, clock_from_wire(&clock).map_err(invalid)?);
         }
@@ -115,16 +135,8 @@ impl CameraNode for Service {
         &self,
         request: Request<Streaming<v1::FrameCredit>>,
     ) -> Result<Response<Self::WatchFramesStream>, Status> {
-        let mut credits = request.into_inner();
-        let (film, ring) = (Arc::clone(&self.film), Arc::clone(&self.ring));
-        tokio::spawn(async move {
-            while let Some(Ok(v1::FrameCredit { up_to_frame, in_use })) = credits.next().await {
-                film.credit(up_to_frame);
-                if let Some(frame) = in_use {
-                    ring.hold(frame);
-                }
-            }
-        });
+        let led = Led { hold: self.hold.clone(), film: Arc::clone(&self.film), ring: Arc::clone(&self.ring) };
+        tokio::spawn(led.follow(request.into_inner()));
         // A reader that lags by more than the ring has lost frames anyway.
         let (sender, receiver) = mpsc::channel(RING_FRAMES);
         tokio::spawn(film_events::send_film_events(Arc::clone(&self.ring), sender));
@@ -135,7 +147,8 @@ impl CameraNode for Service {
         &self,
         request: Request<v1::RegisterShapesRequest>,
     ) -> Result<Response<v1::RegisterShapesReply>, Status> {
-        let v1::RegisterShapesRequest { shapes } = request.into_inner();
+        let v1::RegisterShapesRequest { shapes, holder } = request.into_inner();
+        self.hold.check(holder)?;
         let shapes: Result<Vec<_>, _> = shapes.iter().map(shape_from_wire).collect();
         self.shapes
             .register(shapes.map_err(invalid)?)
@@ -150,7 +163,8 @@ impl CameraNode for Service {
         request: Request<Streaming<v1::ProbeRequest>>,
     ) -> Result<Response<Self::ProbeStream>, Status> {
         let (replies, receiver) = mpsc::channel(MAX_WAITING);
-        let stream = ProbeStream::new(Arc::clone(&self.shapes), self.worker.clone(), replies);
+        let stream =
+            ProbeStream::new(Arc::clone(&self.shapes), self.worker.clone(), self.hold.clone(), replies);
         tokio::spawn(stream.serve(request.into_inner()));
         Ok(Response::new(Box::pin(ReceiverStream::new(receiver))))
     }
@@ -159,7 +173,8 @@ impl CameraNode for Service {
         &self,
         request: Request<v1::TakeBackgroundRequest>,
     ) -> Result<Response<v1::TakeBackgroundReply>, Status> {
-        let v1::TakeBackgroundRequest { first_frame, frames, check_only } = request.into_inner();
+        let v1::TakeBackgroundRequest { first_frame, frames, check_only, holder } = request.into_inner();
+        self.hold.check(holder)?;
         let background = BackgroundRequest { first_frame, frames };
         let taken = if check_only {
             self.film.check_background(background)

@@ -1,6 +1,7 @@
 //! One probe stream: messages become questions, the worker's answers messages.
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use hull::question::Question;
 use proto::convert::{Precision, QuestionReader, RefusalReason, refusal};
@@ -8,6 +9,7 @@ use proto::v1;
 use tokio_stream::StreamExt;
 use tonic::Streaming;
 
+use super::hold::SharedHold;
 use super::worker::{ProbeJob, ReplySender, Worker};
 use crate::shapes::Shapes;
 
@@ -16,12 +18,13 @@ pub(super) struct ProbeStream {
     reader: QuestionReader,
     shapes: Arc<Shapes>,
     worker: Worker,
+    hold: SharedHold,
     replies: ReplySender,
 }
 
 impl ProbeStream {
-    pub fn new(shapes: Arc<Shapes>, worker: Worker, replies: ReplySender) -> ProbeStream {
-        ProbeStream { reader: QuestionReader::default(), shapes, worker, replies }
+    pub fn new(shapes: Arc<Shapes>, worker: Worker, hold: SharedHold, replies: ReplySender) -> ProbeStream {
+        ProbeStream { reader: QuestionReader::default(), shapes, worker, hold, replies }
     }
 
     /// Serves until the stream ends.
@@ -41,6 +44,8 @@ impl ProbeStream {
 
     fn read(&mut self, request: v1::ProbeRequest) -> Result<ProbeJob, Box<v1::ProbeReply>> {
         let (id, frame) = (request.id, request.frame);
+        let is_held = self.hold.lock().check(request.holder, Instant::now());
+        is_held.map_err(|by| Box::new(refusal(id, RefusalReason::Held, by.to_string())))?;
         let precision = if request.rounded { Precision::Quantised } else { Precision::Exact };
         let mut question = Question::default();
         let read = self.reader.read(request, |key| self.shapes.get(key), &mut question);

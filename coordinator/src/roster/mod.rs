@@ -50,6 +50,8 @@ pub struct RosterNode {
     film: FilmState,
     /// Of recent frames, ascending.
     reports: VecDeque<FrameReport>,
+    /// Another coordinator leads it.
+    is_held: bool,
     /// How far film time may be off there, seconds; nothing of cameras of this process.
     clock_bound_s: f64,
 }
@@ -58,7 +60,16 @@ impl RosterNode {
     /// A node by the name that messages use, and its cameras' places in the rig. It is not there yet.
     pub fn new(name: String, cameras: Vec<u16>) -> RosterNode {
         let (film, reports) = (FilmState::Running, VecDeque::new());
-        RosterNode { name, cameras, is_up: false, problem: None, film, reports, clock_bound_s: 0.0 }
+        RosterNode {
+            name,
+            cameras,
+            is_up: false,
+            problem: None,
+            film,
+            reports,
+            is_held: false,
+            clock_bound_s: 0.0,
+        }
     }
 
     /// The places of its cameras in the rig.
@@ -135,7 +146,7 @@ impl Roster {
     /// A node is connected; what it reported before no longer holds.
     pub fn up(&mut self, node: usize) {
         let node = &mut self.nodes[node];
-        (node.is_up, node.problem) = (true, None);
+        (node.is_up, node.problem, node.is_held) = (true, None, false);
         node.forget_film();
     }
 
@@ -148,6 +159,17 @@ impl Roster {
     /// A node's clock was read: film time may be off by so much there, seconds.
     pub fn clock(&mut self, node: usize, bound_s: f64) {
         self.nodes[node].clock_bound_s = bound_s;
+    }
+
+    /// A node is led by another coordinator.
+    pub fn held(&mut self, node: usize, by: String) {
+        self.down(node, by);
+        self.nodes[node].is_held = true;
+    }
+
+    /// The first node that is led by another, and by whom.
+    pub fn held_node(&self) -> Option<Missing> {
+        self.nodes.iter().find(|node| node.is_held)?.missing()
     }
 
     /// A node reports of its film.

@@ -275,6 +275,9 @@ impl Coordinator {
                 return Ok(false);
             }
         }
+        if let Some(held) = self.transport.roster().held_node() {
+            return Err(TransportError::Held(held).into());
+        }
         if self.steering.is_paused() {
             return Ok(self.rest(watcher).await);
         }

@@ -167,6 +167,7 @@ impl Cluster {
                 registered.map_err(|_| self.late(node, asking))?.map_err(|error| self.failed(node, error))?;
             }
             RefusalReason::UnknownList => {}
+            RefusalReason::Held => return Err(self.failed(node, NodeError::Held(message))),
             _ => return Err(self.failed(node, NodeError::Refused(message))),
         }
         self.ask(node, pass, asking).map(|()| None)

@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use futures::future::BoxFuture;
 use hull::pass::{Pass, Round};
-use hull::{Observer, ProbeSettings, Shape, Silhouette};
+use hull::{Observer, Shape, Silhouette};
 use node_client::{Agreement, ByteCounts, ExpectedNode, NodeClient, NodeError};
 use proto::convert::{Precision, SilhouetteEncoding};
 use proto::{FilmState, Pace};
@@ -53,6 +53,9 @@ pub enum TransportError {
         /// How.
         error: hull::pass::AnswerError,
     },
+    /// A node is led by another coordinator.
+    #[error(transparent)]
+    Held(Missing),
     /// Nodes are not there.
     #[error("{}", joined(.0))]
     Missing(Vec<Missing>),
@@ -125,11 +128,9 @@ impl Transport {
     pub fn connect(
         nodes: Vec<ExpectedNode>,
         gather: Option<Vec<Arc<Observer>>>,
-        settings: ProbeSettings,
-        fps: f64,
-        shapes: Vec<Arc<Shape>>,
+        agreement: Agreement,
     ) -> Transport {
-        let agreement = Arc::new(Agreement::new(settings, fps, shapes));
+        let agreement = Arc::new(agreement);
         let (sender, events) = mpsc::channel(MAX_EVENTS_PER_NODE * nodes.len().max(1));
         let places = |node: &ExpectedNode| node.cameras.iter().map(|camera| camera.rig_index).collect();
         let roster_nodes = nodes.iter().map(|node| RosterNode::new(node.to_string(), places(node)));
@@ -229,6 +230,9 @@ impl Transport {
         let deadline = Instant::now() + timeout;
         loop {
             self.drain();
+            if let Some(held) = self.roster.held_node() {
+                return Err(TransportError::Held(held));
+            }
             let missing: Vec<Missing> = self.roster.missing().collect();
             if missing.is_empty() {
                 return Ok(());

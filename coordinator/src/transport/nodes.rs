@@ -74,7 +74,10 @@ impl Nodes {
             }
             NodeEvent::Clock(bound_s) => roster.clock(node, bound_s),
             NodeEvent::Down(error) => {
-                roster.down(node, error.to_string());
+                match &error {
+                    NodeError::Held(by) => roster.held(node, by.clone()),
+                    other => roster.down(node, other.to_string()),
+                }
                 return Some(PassEvent::Down(node, error));
             }
             NodeEvent::Reply(id, answer, compute_ms) => {

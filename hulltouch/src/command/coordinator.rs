@@ -32,6 +32,9 @@ pub struct CoordinatorArguments {
     /// Use every frame, as fast as nodes make them, instead of real time.
     #[arg(long)]
     unpaced: bool,
+    /// Displace another coordinator that leads the nodes.
+    #[arg(long)]
+    take_over: bool,
     /// How long to wait for nodes at the beginning, and then for their first frame, seconds.
     #[arg(long, value_name = "S", default_value_t = 60.0)]
     patience: f64,
@@ -58,6 +61,7 @@ pub fn run(arguments: &CoordinatorArguments) -> Outcome {
         transport: arguments.transport,
         asks: AskName::default().into(),
         lock_step: arguments.unpaced,
+        take_over: arguments.take_over,
         empty: false,
         seconds: checked_seconds(arguments.seconds)?,
         outlets: arguments.outlets.checked()?,

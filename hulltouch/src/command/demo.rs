@@ -104,6 +104,7 @@ pub fn run(arguments: &DemoArguments) -> Outcome {
         transport: arguments.transport,
         asks: arguments.ask.into(),
         lock_step: arguments.unpaced,
+        take_over: false,
         empty: arguments.empty,
         seconds,
         outlets,

@@ -66,6 +66,7 @@ pub fn run(arguments: RecordArguments) -> Outcome {
         transport: TransportName::Cluster,
         asks: AskName::default().into(),
         lock_step: arguments.unpaced,
+        take_over: false,
         empty: false,
         seconds: checked_seconds(arguments.seconds)?,
         outlets: Outlets { live_line: true, json: arguments.json, ..Outlets::default() },

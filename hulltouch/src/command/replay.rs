@@ -119,6 +119,7 @@ fn setup(recording: &Recording, arguments: &ReplayArguments) -> Outcome<Setup> {
         transport: TransportName::Inprocess,
         asks: header.asks,
         lock_step: arguments.unpaced,
+        take_over: false,
         empty: false,
         seconds: None,
         outlets: arguments.outlets.checked()?,

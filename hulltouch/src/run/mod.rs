@@ -20,8 +20,8 @@ use cluster::{InProcess, LocalCluster, Sockets, expected_node};
 use coordinator::Transport;
 use feed::pictures::Pictures;
 use hull::Observer;
-use node_client::ExpectedNode;
 use node_client::NodePictures;
+use node_client::{Agreement, ExpectedNode};
 use sim::World;
 
 use self::outlets::PageSource;
@@ -106,8 +106,8 @@ fn connect(
     let mut shapes: Vec<Arc<hull::Shape>> = world.moving_bodies().flat_map(sim::Body::asked_shapes).collect();
     shapes.sort_by_key(|shape| shape.digest());
     shapes.dedup_by_key(|shape| shape.digest());
-    Transport::connect(nodes, gather, setup.file.probes, setup.file.fps, shapes)
-        .with_precision(setup.file.precision)
+    let agreement = Agreement::new(setup.file.probes, setup.file.fps, shapes).taking_over(setup.take_over);
+    Transport::connect(nodes, gather, agreement).with_precision(setup.file.precision)
 }
 
 fn run(

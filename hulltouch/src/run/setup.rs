@@ -116,6 +116,8 @@ pub struct Setup {
     pub asks: AskEvery,
     /// Every frame, as fast as it can be made.
     pub lock_step: bool,
+    /// Displace another coordinator that leads the nodes.
+    pub take_over: bool,
     /// The scene without the person.
     pub empty: bool,
     /// The run ends after so much film.

@@ -11,12 +11,12 @@ const MOST_DRIFT: f64 = 0.01;
 /// A run.
 pub fn start_to_wire(start: RunStart) -> v1::StartRequest {
     let RunStart { run, clock, epoch_unix_s, lock_step } = start;
-    v1::StartRequest { run, clock: Some(clock_to_wire(clock)), epoch_unix_s, lock_step }
+    v1::StartRequest { run, clock: Some(clock_to_wire(clock)), epoch_unix_s, lock_step, holder: 0 }
 }
 
 /// A run; its epoch is a date that clocks can reach.
 pub fn start_from_wire(request: &v1::StartRequest) -> Result<RunStart, ConvertError> {
-    let v1::StartRequest { run, clock, epoch_unix_s, lock_step } = request;
+    let v1::StartRequest { run, clock, epoch_unix_s, lock_step, holder: _ } = request;
     let field = |name| Field("StartRequest", name);
     let epoch_unix_s = within(*epoch_unix_s, 0.0, MAX_TIME_S, field("epoch_unix_s"))?;
     let clock = clock.as_ref().ok_or_else(|| field("clock").value("is missing"))?;

@@ -13,7 +13,7 @@ const MAX_CAMERAS: usize = 1024;
 
 /// A description.
 pub fn description_to_wire(description: &NodeDescription) -> v1::DescribeReply {
-    let NodeDescription { version, cameras, settings, fps } = description;
+    let NodeDescription { version, cameras, settings, fps, term } = description;
     let camera = |camera: &CameraDescription| {
         let CameraDescription { name, rig_index, size: (width, height), calibration_digest } = camera;
         v1::CameraDescription {
@@ -29,12 +29,13 @@ pub fn description_to_wire(description: &NodeDescription) -> v1::DescribeReply {
         cameras: cameras.iter().map(camera).collect(),
         settings: Some(settings_to_wire(settings)),
         frames_per_s: *fps,
+        term: *term,
     }
 }
 
 /// A description; its texts are cleaned.
 pub fn description_from_wire(reply: v1::DescribeReply) -> Result<NodeDescription, ConvertError> {
-    let v1::DescribeReply { version, cameras, settings, frames_per_s } = reply;
+    let v1::DescribeReply { version, cameras, settings, frames_per_s, term } = reply;
     let field = |name| Field("DescribeReply", name);
     let settings = settings.ok_or(ConvertError::Missing { message: "DescribeReply", field: "settings" })?;
     if cameras.len() > MAX_CAMERAS {
@@ -46,6 +47,7 @@ pub fn description_from_wire(reply: v1::DescribeReply) -> Result<NodeDescription
         cameras: cameras.into_iter().map(camera_from_wire).collect::<Result<_, _>>()?,
         settings: settings_from_wire(&settings)?,
         fps: within(frames_per_s, 0.0, 1e6, field("frames_per_s"))?,
+        term,
     })
 }
 
@@ -80,6 +82,7 @@ mod tests {
             cameras: vec![camera],
             settings: hull::ProbeSettings::default(),
             fps: 30.0,
+            term: 4,
         };
         let wire = description_to_wire(&description);
         assert_eq!(description_from_wire(wire.clone()), Ok(description));

@@ -47,6 +47,7 @@ pub(super) fn reason_from_wire(refusal: &v1::Refusal) -> RefusalReason {
         Reason::TooManyPoints => RefusalReason::TooManyPoints,
         Reason::Busy => RefusalReason::Busy,
         Reason::UnknownList => RefusalReason::UnknownList,
+        Reason::Held => RefusalReason::Held,
         Reason::Malformed | Reason::Unspecified => RefusalReason::Malformed,
     }
 }

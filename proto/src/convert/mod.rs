@@ -4,6 +4,7 @@
 mod answer;
 mod bulk;
 mod choice;
+mod claim;
 mod clock;
 mod description;
 mod film;
@@ -16,6 +17,7 @@ mod silhouette;
 mod to_wire;
 
 pub use answer::{ExpectedAnswer, ProbeAnswer, answer_from_wire, answer_to_wire};
+pub use claim::{claim_from_wire, claim_to_wire};
 pub use clock::{clock_from_wire, clock_to_wire, node_clock_from_wire, start_from_wire, start_to_wire};
 pub use description::{description_from_wire, description_to_wire};
 pub use film::{film_event_from_wire, film_event_to_wire};
@@ -47,6 +49,8 @@ pub enum RefusalReason {
     Busy,
     /// The list of bodies is not known there.
     UnknownList,
+    /// Another client holds the node.
+    Held,
 }
 
 /// Why a message makes no value.

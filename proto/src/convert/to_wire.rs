@@ -53,6 +53,7 @@ pub fn refusal(id: u64, reason: RefusalReason, message: impl Into<String>) -> v1
         RefusalReason::Malformed => Reason::Malformed,
         RefusalReason::Busy => Reason::Busy,
         RefusalReason::UnknownList => Reason::UnknownList,
+        RefusalReason::Held => Reason::Held,
     };
     let refusal = v1::Refusal { reason: reason.into(), message: message.into() };
     v1::ProbeReply { id, answer: Some(v1::probe_reply::Answer::Refusal(refusal)), compute_ms: 0.0 }

@@ -7,6 +7,7 @@ use std::time::Duration;
 use coordinator::{Transport, TransportError};
 use hull::pass::{BodyResult, Pass};
 use hull::rule::{NormalWindow, OutOfView};
+use node_client::Agreement;
 use proto::Pace;
 use toml::Value;
 
@@ -32,7 +33,8 @@ pub fn results(query: &Query) -> Outcome<Vec<BodyResult>> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::run)?;
     runtime.block_on(async {
         let nodes = cluster.nodes().to_vec();
-        let mut transport = Transport::connect(nodes, None, query.settings, file.fps, Vec::new());
+        let mut transport =
+            Transport::connect(nodes, None, Agreement::new(query.settings, file.fps, Vec::new()));
         answer(&mut transport, &mut pass).await.map_err(Failure::run)
     })?;
     Ok(pass.into_results())

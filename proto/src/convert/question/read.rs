@@ -55,6 +55,7 @@ impl QuestionReader {
             within,
             hints,
             rounded,
+            holder: _,
         } = request;
         let known = self.list.take();
         let mut list = match bodies {

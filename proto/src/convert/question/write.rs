@@ -178,6 +178,7 @@ impl QuestionWriter {
             within: pack(&codes),
             hints: pack(&hints),
             rounded,
+            holder: 0,
         }
     }
 }

@@ -1,0 +1,212 @@
+//! Who leads a node: one coordinator at a time. Nobody is elected; a node refuses all others while the one that holds it
+//! is there.
+//!
+//! Plain decisions, but for what calls see of them: time is an argument.
+
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use proto::Claim;
+use thiserror::Error;
+use tonic::Status;
+
+/// A holder whose stream broke may come back for so long before another takes its place.
+const GRACE: Duration = Duration::from_secs(3);
+/// A node that nobody has held for so long stops its cameras.
+pub(super) const DESERTED_AFTER: Duration = Duration::from_secs(10);
+/// Streams of more who say who they are than would ever lead a node are not counted.
+const MAX_STREAMS: usize = 64;
+
+/// Another holds the node.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("held by {name} for {for_s} s, expected it to end, or --take-over")]
+pub(super) struct HeldBy {
+    name: String,
+    for_s: u64,
+}
+
+/// The hold on a node.
+#[derive(Debug, Default)]
+pub(super) struct Hold {
+    held: Option<Held>,
+    /// Open streams by who opened them.
+    streams: HashMap<u64, usize>,
+}
+
+#[derive(Debug)]
+struct Held {
+    claim: Claim,
+    since: Instant,
+    /// When it was last heard of, while it has no stream.
+    heard: Instant,
+}
+
+impl Hold {
+    /// Claims the node. A holder that is there is displaced by a higher term alone; one whose stream has ended by itself
+    /// started anew, and after a while by anybody.
+    pub fn claim(&mut self, claim: Claim, now: Instant) -> Result<(), HeldBy> {
+        match &mut self.held {
+            Some(held) if held.claim.id == claim.id => {
+                held.heard = now;
+                return Ok(());
+            }
+            Some(held) => {
+                let may_follow = claim.term > held.claim.term
+                    || !self.streams.contains_key(&held.claim.id)
+                        && (claim.name == held.claim.name || now - held.heard > GRACE);
+                if !may_follow {
+                    return Err(held.refusal(now));
+                }
+            }
+            None => {}
+        }
+        self.held = Some(Held { claim, since: now, heard: now });
+        Ok(())
+    }
+
+    /// Whether somebody of that id may change something; 0 is nobody.
+    pub fn check(&mut self, id: u64, now: Instant) -> Result<(), HeldBy> {
+        let Some(held) = &mut self.held else { return Ok(()) };
+        if held.claim.id == id {
+            held.heard = now;
+            return Ok(());
+        }
+        let is_gone = !self.streams.contains_key(&held.claim.id) && now - held.heard > GRACE;
+        if is_gone { Ok(()) } else { Err(held.refusal(now)) }
+    }
+
+    /// Somebody of that id opened a stream; false if it is not counted.
+    pub fn stream_began(&mut self, id: u64) -> bool {
+        let has_room = self.streams.len() < MAX_STREAMS || self.streams.contains_key(&id);
+        if id != 0 && has_room {
+            *self.streams.entry(id).or_default() += 1;
+        }
+        id != 0 && has_room
+    }
+
+    /// A stream that was counted ended.
+    pub fn stream_ended(&mut self, id: u64, now: Instant) {
+        if let Some(count) = self.streams.get_mut(&id) {
+            *count -= 1;
+            if *count == 0 {
+                self.streams.remove(&id);
+            }
+        }
+        if let Some(held) = self.held.as_mut().filter(|held| held.claim.id == id) {
+            held.heard = now;
+        }
+    }
+
+    /// Whether nobody has held the node for so long that its cameras may stop.
+    pub fn is_deserted(&self, now: Instant) -> bool {
+        self.held.as_ref().is_none_or(|held| {
+            !self.streams.contains_key(&held.claim.id) && now - held.heard >= DESERTED_AFTER
+        })
+    }
+
+    /// The term of who holds it; nothing if nobody does.
+    pub fn term(&self) -> u64 {
+        self.held.as_ref().map_or(0, |held| held.claim.term)
+    }
+}
+
+/// The hold, as all calls share it.
+#[derive(Clone, Debug, Default)]
+pub(super) struct SharedHold(Arc<Mutex<Hold>>);
+
+impl SharedHold {
+    pub fn lock(&self) -> MutexGuard<'_, Hold> {
+        // No statement here panics between two changes.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Whether a call of somebody with that id may change something, or cost time.
+    pub fn check(&self, id: u64) -> Result<(), Status> {
+        self.lock().check(id, Instant::now()).map_err(|by| held(&by))
+    }
+}
+
+/// What a call of another hears.
+pub(super) fn held(by: &HeldBy) -> Status {
+    Status::aborted(by.to_string())
+}
+
+impl Held {
+    fn refusal(&self, now: Instant) -> HeldBy {
+        HeldBy { name: self.claim.name.clone(), for_s: (now - self.since).as_secs() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn claim(id: u64, name: &str, term: u64) -> Claim {
+        Claim { id, name: name.into(), term }
+    }
+
+    fn after(seconds: u64, began: Instant) -> Instant {
+        began + Duration::from_secs(seconds)
+    }
+
+    #[test]
+    fn nobody_gets_past_a_holder_that_is_there() {
+        let (mut hold, began) = (Hold::default(), Instant::now());
+        assert_eq!(hold.check(0, began), Ok(()), "nobody holds it");
+        assert_eq!(hold.claim(claim(7, "first", 1), began), Ok(()));
+        assert!(hold.stream_began(7));
+        let late = after(100, began);
+        let refused = hold.claim(claim(8, "second", 1), late).expect_err("held");
+        assert_eq!(refused.to_string(), "held by first for 100 s, expected it to end, or --take-over");
+        assert!(
+            hold.claim(claim(9, "first", 1), late).is_err(),
+            "its own name is not enough while it is there"
+        );
+        for id in [0, 8] {
+            assert!(hold.check(id, late).is_err());
+        }
+        assert_eq!(hold.check(7, late), Ok(()));
+        assert!(!hold.is_deserted(late));
+    }
+
+    #[test]
+    fn a_higher_term_takes_over_and_fences_the_old_one() {
+        let (mut hold, began) = (Hold::default(), Instant::now());
+        hold.claim(claim(7, "first", 1), began).expect("free");
+        hold.stream_began(7);
+        assert_eq!(hold.term(), 1);
+        assert_eq!(hold.claim(claim(8, "second", 2), began), Ok(()));
+        hold.stream_began(8);
+        assert!(hold.check(7, began).is_err() && hold.claim(claim(7, "first", 1), began).is_err());
+        hold.stream_ended(7, after(1, began));
+        assert_eq!(hold.check(8, after(50, began)), Ok(()));
+    }
+
+    #[test]
+    fn one_that_is_gone_is_followed_at_once_by_itself_and_after_a_while_by_others() {
+        let began = Instant::now();
+        let gone = || {
+            let mut hold = Hold::default();
+            hold.claim(claim(7, "first", 1), began).expect("free");
+            hold.stream_began(7);
+            hold.stream_ended(7, after(20, began));
+            hold
+        };
+        assert_eq!(gone().claim(claim(8, "first", 1), after(20, began)), Ok(()));
+        assert!(gone().claim(claim(8, "second", 1), after(22, began)).is_err());
+        assert!(gone().check(0, after(22, began)).is_err());
+        assert_eq!(gone().claim(claim(8, "second", 1), after(24, began)), Ok(()));
+        assert!(!gone().is_deserted(after(29, began)) && gone().is_deserted(after(30, began)));
+    }
+
+    #[test]
+    fn streams_of_strangers_are_bounded() {
+        let mut hold = Hold::default();
+        assert!(!hold.stream_began(0));
+        let counted = (1..1000).filter(|&id| hold.stream_began(id)).count();
+        assert_eq!(counted, MAX_STREAMS);
+        hold.stream_ended(500, Instant::now());
+        assert!(hold.stream_began(1));
+    }
+}

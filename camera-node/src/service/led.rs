@@ -1,0 +1,55 @@
+//! What a coordinator tells of film while its stream lives, and what becomes of the film when nobody is left.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use proto::v1;
+use tokio_stream::StreamExt as _;
+use tonic::Streaming;
+
+use super::hold::{DESERTED_AFTER, SharedHold};
+use crate::capture::Film;
+use crate::frames::FrameRing;
+
+/// Film that is led by whoever holds the node.
+pub(super) struct Led {
+    pub hold: SharedHold,
+    pub film: Arc<Film>,
+    pub ring: Arc<FrameRing>,
+}
+
+impl Led {
+    /// Does what the messages of one stream say, as long as their sender holds the node.
+    pub async fn follow(self, mut credits: Streaming<v1::FrameCredit>) {
+        let mut counted: Option<u64> = None;
+        while let Some(Ok(v1::FrameCredit { up_to_frame, in_use, holder })) = credits.next().await {
+            let mut hold = self.hold.lock();
+            if counted.is_none() && hold.stream_began(holder) {
+                counted = Some(holder);
+            }
+            if hold.check(holder, Instant::now()).is_err() {
+                continue;
+            }
+            drop(hold);
+            self.film.credit(up_to_frame);
+            if let Some(frame) = in_use {
+                self.ring.hold(frame);
+            }
+        }
+        if let Some(holder) = counted {
+            self.hold.lock().stream_ended(holder, Instant::now());
+            self.stop_if_deserted().await;
+        }
+    }
+
+    /// Cameras that film for nobody are stopped after a while; a coordinator that comes back starts them again.
+    async fn stop_if_deserted(self) {
+        tokio::time::sleep(DESERTED_AFTER).await;
+        // Film threads end between two frames.
+        let stop = move || self.film.stop_if(|| self.hold.lock().is_deserted(Instant::now()));
+        let stopped = tokio::task::spawn_blocking(stop).await;
+        if matches!(stopped, Ok(true)) {
+            tracing::info!("no coordinator for {} s: the cameras stop", DESERTED_AFTER.as_secs());
+        }
+    }
+}

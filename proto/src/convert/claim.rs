@@ -1,0 +1,43 @@
+//! Claims to a node: messages and back.
+
+use super::ConvertError;
+use super::bulk::Field;
+use crate::text::{MAX_NAME_CHARS, clean};
+use crate::{Claim, v1};
+
+/// A claim.
+pub fn claim_to_wire(claim: Claim) -> v1::HoldRequest {
+    let Claim { id, term, name } = claim;
+    v1::HoldRequest { holder: id, term, name }
+}
+
+/// A claim of somebody; its name is cleaned.
+pub fn claim_from_wire(request: v1::HoldRequest) -> Result<Claim, ConvertError> {
+    let v1::HoldRequest { holder, term, name } = request;
+    if holder == 0 {
+        return Err(Field("HoldRequest", "holder").value("is 0, expected a number that nobody else knows"));
+    }
+    // The greatest term could never be displaced.
+    if term == u64::MAX {
+        return Err(Field("HoldRequest", "term").value(format!("is {term}, expected less")));
+    }
+    Ok(Claim { id: holder, term, name: clean(&name, MAX_NAME_CHARS) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_claim_has_an_id_and_a_clean_name() {
+        let claim = Claim { id: 7, term: 3, name: "left".into() };
+        assert_eq!(claim_from_wire(claim_to_wire(claim.clone())), Ok(claim.clone()));
+        let nobody = v1::HoldRequest { holder: 0, ..claim_to_wire(claim.clone()) };
+        assert!(claim_from_wire(nobody).is_err());
+        let for_ever = v1::HoldRequest { term: u64::MAX, ..claim_to_wire(claim.clone()) };
+        assert!(claim_from_wire(for_ever).is_err());
+        let dirty = v1::HoldRequest { name: "a\x1b[2Jb\n".repeat(1000), ..claim_to_wire(claim) };
+        let name = claim_from_wire(dirty).expect("a claim").name;
+        assert!(name.chars().count() <= MAX_NAME_CHARS + 1 && !name.chars().any(char::is_control), "{name}");
+    }
+}

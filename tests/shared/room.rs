@@ -1,0 +1,73 @@
+//! A room of several node processes and their coordinator, for tests.
+
+use std::fs;
+use std::io::{BufRead as _, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+
+use serde_json::Value;
+
+/// A node that ends with its test.
+pub struct Node(Child);
+
+impl Node {
+    /// Starts one with these cameras, and waits until it listens.
+    pub fn start(mut command: Command, cluster: &Path, cameras: &[String]) -> Node {
+        command.arg("node").arg(cluster).arg("--stop-with-stdin");
+        for camera in cameras {
+            command.args(["--camera", camera.as_str()]);
+        }
+        let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("starts");
+        let mut line = String::new();
+        let stdout = child.stdout.take().expect("piped");
+        BufReader::new(stdout).read_line(&mut line).expect("it says that it listens");
+        Node(child)
+    }
+}
+
+impl Drop for Node {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// So many nodes of two cameras each, filming ten frames a second: a busy machine must not miss one.
+pub fn cluster_file(folder: &Path, nodes: usize) -> PathBuf {
+    let rig = stage::studio_rig(2 * nodes, (96, 72)).expect("a rig");
+    fs::write(folder.join("rig.toml"), rig.to_toml()).expect("written");
+    let mut text = "rig = \"rig.toml\"\nscene = \"topple\"\nfps = 10\nlatency_s = 0.4\n".to_owned();
+    for (at, camera) in rig.cameras().iter().enumerate() {
+        let (name, node) = (camera.name(), format!("unix:{}.sock", at / 2));
+        text += &format!(
+            "[[camera]]\nname = {name:?}\nnode = {node:?}\nsource = {{ kind = \"stage\", motion = \"sweep\" }}\n"
+        );
+    }
+    let file = folder.join("room.cluster.toml");
+    fs::write(&file, text).expect("written");
+    file
+}
+
+/// The program that was built.
+pub fn program() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_hulltouch"))
+}
+
+/// The names of a node's cameras.
+pub fn cameras(node: usize) -> [String; 2] {
+    [2 * node, 2 * node + 1].map(|camera| format!("cam_{camera}"))
+}
+
+/// A coordinator of the room that writes its figures.
+pub fn coordinator(mut program: Command, cluster: &Path, seconds: &str, json: &Path) -> Command {
+    program.arg("coordinator").arg(cluster).args(["--seconds", seconds, "--json"]).arg(json);
+    program.stdout(Stdio::null()).stderr(Stdio::piped());
+    program
+}
+
+/// The figures of a run that went well.
+pub fn figures(child: Child, json: &Path) -> Value {
+    let output = child.wait_with_output().expect("ends");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&fs::read(json).expect("figures")).expect("JSON")
+}
