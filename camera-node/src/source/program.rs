@@ -1,6 +1,6 @@
 //! A child program whose standard output is read: started, drained, and never left running.
 
-use std::io::Read;
+use std::io::{self, Read};
 use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
 use std::path::Path;
 use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
@@ -9,7 +9,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use proto::text::clean;
-use rustix::process::{Pid, Signal, kill_process_group};
+use rustix::process::{Pid, Signal, WaitId, WaitIdOptions, kill_process_group, waitid};
 
 use super::SourceError;
 
@@ -76,21 +76,23 @@ impl Program {
         &self.command
     }
 
-    /// Waits up to `grace` for the program to end by itself, then kills it.
+    /// Waits up to `grace` for the program to end by itself, then kills it. What it started and left running
+    /// is killed in either case: it would hold the camera.
     pub fn finish(&mut self, grace: Duration) -> Ending {
         if let Some(ended) = self.ended {
             return ended;
         }
         let deadline = Instant::now() + grace;
-        let ended = loop {
-            match self.child.try_wait() {
-                Ok(Some(status)) => break Ending::Exited(status),
-                Ok(None) if Instant::now() < deadline => std::thread::sleep(POLL),
-                Ok(None) | Err(_) => {
-                    self.kill();
-                    break Ending::Killed;
-                }
+        let by_itself = loop {
+            match self.has_exited() {
+                Ok(true) => break true,
+                Ok(false) if Instant::now() < deadline => std::thread::sleep(POLL),
+                Ok(false) | Err(_) => break false,
             }
+        };
+        let ended = match self.kill() {
+            Ok(status) if by_itself => Ending::Exited(status),
+            _ => Ending::Killed,
         };
         self.ended = Some(ended);
         ended
@@ -113,12 +115,19 @@ impl Program {
         }
     }
 
-    fn kill(&mut self) {
-        // Not waited for yet, so the number is still this child's. Killing can
+    /// Whether the program itself has exited; it is not reaped by this question.
+    fn has_exited(&self) -> io::Result<bool> {
+        let options = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
+        Ok(waitid(WaitId::Pid(Pid::from_child(&self.child)), options)?.is_some())
+    }
+
+    /// Kills what is left of its group, and reaps the program.
+    fn kill(&mut self) -> io::Result<ExitStatus> {
+        // Not reaped yet, so the number is still this child's. Killing can
         // only fail if the group is gone, which is what we want.
         let _ = kill_process_group(Pid::from_child(&self.child), Signal::KILL);
         let _ = self.child.kill();
-        let _ = self.child.wait();
+        self.child.wait()
     }
 
     fn stderr_tail(&mut self) -> String {
@@ -186,6 +195,18 @@ mod tests {
         stdout.read_exact(&mut byte).expect("started");
         let started = Instant::now();
         drop(program);
+        // The pipe ends only when nobody holds it any more.
+        stdout.read_to_end(&mut Vec::new()).expect("ends");
+        assert!(started.elapsed() < Duration::from_secs(10));
+    }
+
+    #[test]
+    fn what_a_program_leaves_running_ends_with_it() {
+        let (mut program, mut stdout) = shell("sleep 100 & exit 3");
+        let started = Instant::now();
+        assert!(
+            matches!(program.finish(Duration::from_secs(20)), Ending::Exited(status) if status.code() == Some(3))
+        );
         // The pipe ends only when nobody holds it any more.
         stdout.read_to_end(&mut Vec::new()).expect("ends");
         assert!(started.elapsed() < Duration::from_secs(10));
