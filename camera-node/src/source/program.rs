@@ -9,6 +9,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use proto::text::clean;
+use rustix::io::Errno;
 use rustix::process::{Pid, Signal, WaitId, WaitIdOptions, kill_process_group, waitid};
 
 use super::SourceError;
@@ -44,9 +45,10 @@ impl Program {
     /// Starts `command` (program and arguments) in `folder`, with nothing on its standard input.
     pub fn start(command: &[String], folder: &Path) -> Result<(Program, ChildStdout), SourceError> {
         let shown = shown(command);
-        let refused = |problem: String| SourceError::Start { command: shown.clone(), problem };
+        let refused =
+            |problem: String, may_pass| SourceError::Start { command: shown.clone(), problem, may_pass };
         let (program, arguments) =
-            command.split_first().ok_or_else(|| refused("the command is empty".to_owned()))?;
+            command.split_first().ok_or_else(|| refused("the command is empty".to_owned(), false))?;
         // A bare name is looked for in PATH, anything else from the folder.
         let found = if program.contains('/') { folder.join(program) } else { program.into() };
         let mut child = Command::new(found)
@@ -58,7 +60,9 @@ impl Program {
             // A group of its own: Ctrl-C is for us to pass on, and children's children end too.
             .process_group(0)
             .spawn()
-            .map_err(|error| refused(format!("{error} (in folder {})", folder.display())))?;
+            .map_err(|error| {
+                refused(format!("{error} (in folder {})", folder.display()), may_pass(&error))
+            })?;
         let stdout = child.stdout.take();
         let kept = Arc::new(Mutex::new(Vec::new()));
         let drain = child.stderr.take().map(|stderr| {
@@ -67,7 +71,7 @@ impl Program {
         });
         let program = Program { command: shown.clone(), child, ended: None, stderr: kept, drain };
         // Both were asked for above; an error beats a panic all the same.
-        let stdout = stdout.ok_or_else(|| refused("it has no standard output".to_owned()))?;
+        let stdout = stdout.ok_or_else(|| refused("it has no standard output".to_owned(), false))?;
         Ok((program, stdout))
     }
 
@@ -144,6 +148,13 @@ impl Drop for Program {
     fn drop(&mut self) {
         self.finish(Duration::ZERO);
     }
+}
+
+/// Whether the system lacks only for the moment what a start needs: processes, memory, descriptors, or the
+/// program's own file, which is being written.
+fn may_pass(error: &io::Error) -> bool {
+    let passing = [Errno::AGAIN, Errno::NOMEM, Errno::MFILE, Errno::NFILE, Errno::TXTBSY, Errno::INTR];
+    Errno::from_io_error(error).is_some_and(|error| passing.contains(&error))
 }
 
 /// Drains standard error, so that the program never blocks on it, and keeps its end.
