@@ -101,7 +101,7 @@ impl CaptureLoop {
             let frame =
                 frame.map_err(|error| CaptureError::Source { camera: camera.name().into(), error })?;
             let Some(frame) = frame else { break };
-            self.offer(camera, frame, image, frame.number.saturating_sub(*next))?;
+            self.offer(camera, frame, image)?;
             self.learn(camera, background, frame.number, image);
             *next = frame.number.saturating_add(1);
             filmed(camera.name());
@@ -130,13 +130,7 @@ impl CaptureLoop {
     }
 
     /// Makes a frame's silhouette and hands it in.
-    fn offer(
-        &self,
-        camera: &mut ReadyCamera,
-        frame: SourceFrame,
-        image: &Image,
-        skipped: u64,
-    ) -> Result<(), CaptureError> {
+    fn offer(&self, camera: &mut ReadyCamera, frame: SourceFrame, image: &Image) -> Result<(), CaptureError> {
         let began = Instant::now();
         let name = camera.config.camera.name();
         let silhouette = silhouette(camera.segmenter.as_mut(), image, name)
@@ -146,7 +140,6 @@ impl CaptureLoop {
             number: frame.number,
             capture_time_s: frame.capture_time_s,
             captured_unix_s: if self.pace.lock_step { unix_now_s() } else { film_s },
-            skipped,
         };
         let segment_ms = began.elapsed().as_secs_f64() * 1e3;
         self.colours.keep(self.index, frame.number, image, &silhouette);
