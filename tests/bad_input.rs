@@ -119,6 +119,37 @@ fn a_program_that_fails_ends_a_lock_step_run_with_its_last_words() {
 }
 
 #[test]
+fn a_live_camera_whose_program_is_not_there_is_refused() {
+    let folder = tempfile::tempdir().expect("folder");
+    let missing = "source = { kind = \"pipe\", live = true, command = [\"no-such-program-7\"] }\n\
+                   segmentation = { method = \"chroma\" }";
+    let cluster = write_cluster(folder.path(), missing);
+    for transport in ["inprocess", "cluster"] {
+        let demo =
+            ["demo", "--recording", &cluster, "--seconds", "9", "--headless", "--transport", transport];
+        check(&demo, 1, &["cam_", "cannot start \"no-such-program-7\": No such file"]);
+    }
+}
+
+#[test]
+fn a_live_camera_that_fails_again_and_again_is_told_once_for_each_reason() {
+    let folder = tempfile::tempdir().expect("folder");
+    let failing = "source = { kind = \"pipe\", live = true, command = [\"sh\", \"-c\", \"echo lens cap $$ >&2; exit 3\"] }\n\
+                   segmentation = { method = \"chroma\" }";
+    let cluster = write_cluster(folder.path(), failing);
+    let demo = ["demo", "--recording", &cluster, "--seconds", "1", "--headless", "--transport", "inprocess"];
+    let output = hulltouch().args(demo).env_remove("RUST_LOG").output().expect("runs");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "there never was a frame: {said}");
+    for camera in ["cam_0", "cam_1"] {
+        let is_its = |line: &&str| line.contains(camera) && line.contains("lens cap");
+        let lines: Vec<&str> = said.lines().filter(is_its).collect();
+        assert_eq!(lines.len(), 1, "{said}");
+        assert!(lines[0].ends_with("; it is opened again until it films"), "{said}");
+    }
+}
+
+#[test]
 fn a_full_disk_is_told_and_leaves_nothing_half_written() {
     let demo = ["demo", "--cameras", "2", "--size", "160x120", "--seconds", "0.2", "--unpaced", "--headless"];
     let full = [&demo[..], &["--transport", "inprocess", "--json", "/dev/full"]].concat();

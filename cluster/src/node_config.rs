@@ -76,7 +76,7 @@ fn empty_room(entry: &CameraEntry) -> Result<SourceConfig, NodeConfigError> {
 
 fn ignored(entry: &CameraEntry, camera: &Camera) -> Result<Option<Silhouette>, NodeConfigError> {
     let Some(path) = &entry.ignore_mask else { return Ok(None) };
-    let context = OpenContext { fps: 1.0, clock: Arc::new(|| 0.0) };
+    let context = OpenContext::outside_runs(1.0);
     let mut image = Image::default();
     let mut source = SourceConfig::Masks(FileConfig::new(path)).open(camera, entry.rig_index, &context)?;
     source.next(0, &mut image)?;

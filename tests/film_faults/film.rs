@@ -72,7 +72,7 @@ impl Film {
         if self.ring.newest().is_ok_and(|newest| newest.number >= number) {
             self.ring.clear();
         }
-        let stamp = Stamp { number, capture_time_s: time_s, captured_unix_s: time_s, skipped: 0 };
+        let stamp = Stamp { number, capture_time_s: time_s, captured_unix_s: time_s };
         for (index, (observer, silhouette)) in self.observers.iter().zip(silhouettes).enumerate() {
             self.ring.offer(index, stamp, CameraFrame::new(observer, silhouette.clone(), 0.0));
         }

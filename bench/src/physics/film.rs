@@ -94,7 +94,7 @@ impl Showing {
 
     fn draw(&self, frame: u64) -> Outcome {
         let time_s = self.film.stage.time_s(frame);
-        let stamp = Stamp { number: frame, capture_time_s: time_s, captured_unix_s: time_s, skipped: 0 };
+        let stamp = Stamp { number: frame, capture_time_s: time_s, captured_unix_s: time_s };
         let silhouettes = self.film.silhouettes(frame)?;
         for (index, (observer, silhouette)) in self.film.observers.iter().zip(silhouettes).enumerate() {
             let silhouette = if self.flicker > 0.0 {

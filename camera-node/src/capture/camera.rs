@@ -75,7 +75,7 @@ impl ReadyCamera {
 
     /// Reads the whole clip of the empty room.
     fn learn(&self, background: &SourceConfig, fps: f64) -> Result<BackgroundModel, CaptureError> {
-        let context = OpenContext { fps, clock: Arc::new(|| 0.0) };
+        let context = OpenContext::outside_runs(fps);
         let mut source = self.open_source(background, &context)?;
         let refused = |error| CaptureError::Background { camera: self.name().into(), error };
         let mut builder: Option<BackgroundBuilder> = None;

@@ -1,4 +1,5 @@
-//! One camera's film of one run: takes frames in time, makes silhouettes, offers them to the ring.
+//! One camera's film of one run: takes frames in time, makes silhouettes, offers them to the ring. A live
+//! camera's source that fails is opened again, for as long as the run goes on.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -10,10 +11,14 @@ use super::background::{BackgroundCapture, RequestSlot};
 use super::camera::ReadyCamera;
 use super::film_clock::FilmClock;
 use super::gate::Gate;
+use super::retry::{Failure, Retry};
 use super::segmenter::{CutoutError, silhouette};
 use crate::frames::{CameraFrame, FrameRing, Stamp};
 use crate::pictures::ColourRing;
-use crate::source::{Image, Source, SourceFrame};
+use crate::source::{Image, OpenContext, Source, SourceFrame};
+
+/// A source that was to be opened.
+pub(super) type Opened = Result<Box<dyn Source>, CaptureError>;
 
 /// The loop of a camera's film thread.
 pub(super) struct CaptureLoop {
@@ -21,52 +26,113 @@ pub(super) struct CaptureLoop {
     pub index: usize,
     pub start: RunStart,
     pub clock: Arc<FilmClock>,
-    pub fps: f64,
     /// Whether the source gives frames at its own pace.
     pub is_live: bool,
-    pub source: Box<dyn Source>,
+    /// What its source is opened with.
+    pub context: OpenContext,
     pub ring: Arc<FrameRing>,
     pub colours: Arc<ColourRing>,
     pub gate: Arc<Gate>,
     pub slot: Arc<RequestSlot>,
 }
 
+/// How far a camera's film has come; it outlives the source.
+#[derive(Default)]
+struct Progress {
+    /// The number after the newest frame.
+    next: u64,
+    image: Image,
+    background: BackgroundCapture,
+}
+
 impl CaptureLoop {
+    /// Whether a source that fails, ends or cannot be opened is opened again: a live camera has no end, and
+    /// nobody waits for it. In lock-step its frames would be missing.
+    pub fn reopens(&self) -> bool {
+        self.is_live && !self.start.lock_step
+    }
+
     /// Films until the film ends or the run stops.
-    pub fn run(mut self, camera: &mut ReadyCamera) -> Result<(), CaptureError> {
-        let mut image = Image::default();
-        let mut background = BackgroundCapture::default();
-        let mut next = 0u64;
-        while let Some(at_least) = self.await_turn(next) {
-            let frame = self.source.next(at_least, &mut image);
+    pub fn run(&self, camera: &mut ReadyCamera, opened: Opened) -> Result<(), CaptureError> {
+        if self.reopens() {
+            self.film_for_ever(camera, opened);
+            return Ok(());
+        }
+        self.film(camera, opened?, &mut Progress::default(), |_| {})
+    }
+
+    /// Films until the run stops, whatever becomes of the source meanwhile.
+    fn film_for_ever(&self, camera: &mut ReadyCamera, mut opened: Opened) {
+        let mut progress = Progress::default();
+        let mut retry = Retry::new(self.start.run ^ u64::from(camera.config.rig_index));
+        loop {
+            let filmed = |name: &str| {
+                if retry.filmed(Instant::now()) {
+                    tracing::warn!("camera {name:?} films again");
+                }
+            };
+            let outcome = opened.and_then(|source| self.film(camera, source, &mut progress, filmed));
+            if self.gate.is_stopped() {
+                return;
+            }
+            let ended = || CaptureError::Ended { camera: camera.name().into() };
+            let reason = outcome.map_or_else(|error| error, |()| ended()).to_string();
+            let Failure { pause, is_new } = retry.failed(&reason);
+            if is_new {
+                tracing::warn!("{reason}; it is opened again until it films");
+            }
+            if !self.gate.sleep(pause) {
+                return;
+            }
+            opened = camera.open(&self.context);
+        }
+    }
+
+    /// Films until the source ends or the run stops, and closes the source. `filmed` hears the camera's name
+    /// after each frame.
+    fn film(
+        &self,
+        camera: &mut ReadyCamera,
+        mut source: Box<dyn Source>,
+        progress: &mut Progress,
+        mut filmed: impl FnMut(&str),
+    ) -> Result<(), CaptureError> {
+        let Progress { next, image, background } = progress;
+        while let Some(at_least) = self.await_turn(*next) {
+            let frame = source.next(at_least, image);
             let frame =
                 frame.map_err(|error| CaptureError::Source { camera: camera.name().into(), error })?;
             let Some(frame) = frame else { break };
-            self.offer(camera, frame, &image, frame.number.saturating_sub(next))?;
-            if let Some(learnt) = background.add(&self.slot, frame.number, &image) {
-                let used = learnt.and_then(|model| match &mut camera.segmenter {
-                    Some(segmenter) => Ok(segmenter.use_background(model)?),
-                    None => Err(CutoutError::NoSegmenter),
-                });
-                let name = camera.name();
-                match used {
-                    Ok(()) => tracing::info!("camera {name:?}: new background after frame {}", frame.number),
-                    Err(error) => tracing::warn!("camera {name:?} keeps its background: {error}"),
-                }
-            }
-            next = frame.number.saturating_add(1);
+            self.offer(camera, frame, image)?;
+            self.learn(camera, background, frame.number, image);
+            *next = frame.number.saturating_add(1);
+            filmed(camera.name());
         }
         Ok(())
     }
 
-    /// Makes a frame's silhouette and hands it in.
-    fn offer(
+    /// Shows a frame to the background that is being learnt, if any; once it is complete it is used.
+    fn learn(
         &self,
         camera: &mut ReadyCamera,
-        frame: SourceFrame,
+        background: &mut BackgroundCapture,
+        number: u64,
         image: &Image,
-        skipped: u64,
-    ) -> Result<(), CaptureError> {
+    ) {
+        let Some(learnt) = background.add(&self.slot, number, image) else { return };
+        let used = learnt.and_then(|model| match &mut camera.segmenter {
+            Some(segmenter) => Ok(segmenter.use_background(model)?),
+            None => Err(CutoutError::NoSegmenter),
+        });
+        let name = camera.name();
+        match used {
+            Ok(()) => tracing::info!("camera {name:?}: new background after frame {number}"),
+            Err(error) => tracing::warn!("camera {name:?} keeps its background: {error}"),
+        }
+    }
+
+    /// Makes a frame's silhouette and hands it in.
+    fn offer(&self, camera: &mut ReadyCamera, frame: SourceFrame, image: &Image) -> Result<(), CaptureError> {
         let began = Instant::now();
         let name = camera.config.camera.name();
         let silhouette = silhouette(camera.segmenter.as_mut(), image, name)
@@ -78,7 +144,6 @@ impl CaptureLoop {
                 true => unix_now_s(),
                 false => self.start.epoch_unix_s + frame.capture_time_s,
             },
-            skipped,
         };
         let segment_ms = began.elapsed().as_secs_f64() * 1e3;
         self.colours.keep(self.index, frame.number, image, &silhouette);
@@ -94,9 +159,9 @@ impl CaptureLoop {
         if self.is_live {
             return (!self.gate.is_stopped()).then_some(next);
         }
-        self.gate.sleep_until(next as f64 / self.fps, &self.clock).then(|| {
+        self.gate.sleep_until(next as f64 / self.context.fps, &self.clock).then(|| {
             // A frame is still of use while it is the newest one due; older ones are too late.
-            let due = (self.clock.now_s() * self.fps).floor().max(0.0) as u64;
+            let due = (self.clock.now_s() * self.context.fps).floor().max(0.0) as u64;
             next.max(due)
         })
     }

@@ -2,19 +2,25 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
+use std::time::Duration;
 
 use proto::{ClockLine, RunStart};
 
 use super::CaptureError;
 use super::background::{BackgroundError, BackgroundRequest, RequestSlot};
 use super::camera::ReadyCamera;
-use super::capture_loop::CaptureLoop;
+use super::capture_loop::{CaptureLoop, Opened};
 use super::film_clock::FilmClock;
 use super::gate::Gate;
 use crate::config::{NodeCamera, NodeConfig};
 use crate::frames::FrameRing;
 use crate::pictures::ColourRing;
 use crate::source::OpenContext;
+
+/// A live camera that misses so many frames, and for so long, has failed. Dim light makes some cameras slow, and no
+/// camera that slow.
+const SILENT_FRAMES: f64 = 30.0;
+const LEAST_SILENCE: Duration = Duration::from_secs(1);
 
 /// The film of all cameras of a node.
 pub struct Film {
@@ -80,7 +86,8 @@ impl Film {
     }
 
     /// Begins a run. The run that is on already changes nothing; another one begins film anew. Blocks while
-    /// sources open and an earlier run stops.
+    /// sources open and an earlier run stops. Refused if a source cannot be opened; but live ones of a run
+    /// that is not in lock-step, which the system may only lack something for, are opened until they film.
     pub fn start(&self, start: RunStart) -> Result<(), CaptureError> {
         let mut run = lock(&self.run);
         if run.as_ref().is_some_and(|run| run.start.run == start.run) {
@@ -95,11 +102,11 @@ impl Film {
         let (gate, clock) = (Arc::new(Gate::default()), Arc::new(FilmClock::new(start.clock)));
         *lock(&self.reins) =
             Reins { run: start.run, gate: Arc::clone(&gate), clock: Some(Arc::clone(&clock)) };
-        // All sources open before any thread begins: a source that cannot leaves nothing running.
+        // All sources open before any thread begins: one that never will leaves nothing running.
         let loops = self.loops(start, &gate, &clock)?;
-        let threads = loops.into_iter().zip(&self.cameras).map(|(capture, camera)| {
+        let threads = loops.into_iter().zip(&self.cameras).map(|((capture, opened), camera)| {
             let ready = Arc::clone(&camera.ready);
-            std::thread::spawn(move || film(capture, &ready))
+            std::thread::spawn(move || film(&capture, opened, &ready))
         });
         *run = Some(Run { start, gate, threads: threads.collect() });
         Ok(())
@@ -110,23 +117,25 @@ impl Film {
         start: RunStart,
         gate: &Arc<Gate>,
         clock: &Arc<FilmClock>,
-    ) -> Result<Vec<CaptureLoop>, CaptureError> {
-        let film_clock = Arc::clone(clock);
-        let context = OpenContext { fps: self.fps, clock: Arc::new(move || film_clock.now_s()) };
+    ) -> Result<Vec<(CaptureLoop, Opened)>, CaptureError> {
+        let context = self.context(start, gate, clock);
         let capture_loop = |(index, camera): (usize, &FilmCamera)| {
             camera.slot.set(None);
-            Ok(CaptureLoop {
+            let capture = CaptureLoop {
                 index,
                 start,
                 clock: Arc::clone(clock),
-                fps: self.fps,
                 is_live: camera.config.source.is_live(),
-                source: lock(&camera.ready).open(&context)?,
+                context: context.clone(),
                 ring: Arc::clone(&self.ring),
                 colours: Arc::clone(&self.colours),
                 gate: Arc::clone(gate),
                 slot: Arc::clone(&camera.slot),
-            })
+            };
+            match lock(&camera.ready).open(&context) {
+                Err(error) if !(capture.reopens() && error.may_pass()) => Err(error),
+                opened => Ok((capture, opened)),
+            }
         };
         self.cameras.iter().enumerate().map(capture_loop).collect()
     }
@@ -140,6 +149,18 @@ impl Film {
         }
         *lock(&self.reins) = Reins::default();
         run.take().map(Run::stop).is_some()
+    }
+
+    /// What the sources of a run are opened with.
+    fn context(&self, start: RunStart, gate: &Arc<Gate>, clock: &Arc<FilmClock>) -> OpenContext {
+        let (gate, clock) = (Arc::clone(gate), Arc::clone(clock));
+        let live_silence = if start.lock_step { Duration::MAX } else { silence(self.fps) };
+        OpenContext {
+            fps: self.fps,
+            clock: Arc::new(move || clock.now_s()),
+            stopped: Arc::new(move || gate.is_stopped()),
+            live_silence,
+        }
     }
 
     /// Has every camera learn its background anew from frames of the film; until it has, the old one stays in
@@ -186,17 +207,21 @@ impl Run {
 }
 
 /// A film thread: the ring hears how the film ended.
-fn film(capture: CaptureLoop, camera: &Mutex<ReadyCamera>) {
-    let (ring, index) = (Arc::clone(&capture.ring), capture.index);
+fn film(capture: &CaptureLoop, opened: Opened, camera: &Mutex<ReadyCamera>) {
     let mut camera = lock(camera);
-    let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| capture.run(&mut camera)));
-    match outcome.unwrap_or(Err(CaptureError::Panicked)) {
-        Ok(()) => ring.end(index),
+    let run = std::panic::AssertUnwindSafe(|| capture.run(&mut camera, opened));
+    match std::panic::catch_unwind(run).unwrap_or(Err(CaptureError::Panicked)) {
+        Ok(()) => capture.ring.end(capture.index),
         Err(error) => {
             tracing::error!("{error}");
-            ring.fail(error.to_string());
+            capture.ring.fail(error.to_string());
         }
     }
+}
+
+/// How long a live source that films may give nothing.
+fn silence(fps: f64) -> Duration {
+    Duration::try_from_secs_f64(SILENT_FRAMES / fps).map_or(LEAST_SILENCE, |frames| frames.max(LEAST_SILENCE))
 }
 
 /// What these locks guard is consistent between any two statements that can panic.
@@ -206,8 +231,6 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 #[cfg(test)]
 mod tests {
-    use std::time::Duration;
-
     use hull::ProbeSettings;
     use proto::{FilmState, Pace};
     use segment::SegmentSettings;

@@ -62,6 +62,12 @@ impl Gate {
         }
     }
 
+    /// Sleeps so long; false if the run stops.
+    pub fn sleep(&self, pause: Duration) -> bool {
+        let slept = self.changed.wait_timeout_while(self.lock(), pause, |state| !state.stopped);
+        !slept.unwrap_or_else(PoisonError::into_inner).0.stopped
+    }
+
     fn lock(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -82,8 +88,9 @@ mod tests {
                 scope.spawn(move || gate.sleep_until(film_s, clock))
             });
             let credit = scope.spawn(|| gate.wait_for(u64::MAX));
+            let pause = scope.spawn(|| gate.sleep(Duration::MAX));
             gate.stop();
-            for wait in waits.into_iter().chain([credit]) {
+            for wait in waits.into_iter().chain([credit, pause]) {
                 assert!(!wait.join().expect("no panic"));
             }
         });

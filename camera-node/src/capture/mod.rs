@@ -1,6 +1,7 @@
 //! Film: a thread a camera that takes frames when they are due, segments them and offers them to the
 //! ring. In real time a frame that comes too late is passed over; in lock-step every frame is made, as
-//! far ahead as credits allow.
+//! far ahead as credits allow. In real time a live camera whose source fails is away until it can be opened again,
+//! and the others go on.
 
 mod background;
 mod camera;
@@ -8,6 +9,7 @@ mod capture_loop;
 mod film;
 mod film_clock;
 mod gate;
+mod retry;
 mod segmenter;
 
 pub use background::{BackgroundError, BackgroundRequest};
@@ -29,6 +31,12 @@ pub enum CaptureError {
         /// What happened.
         error: SourceError,
     },
+    /// A live camera's source gives no more frames.
+    #[error("camera {camera:?}: its film has ended, expected film without end")]
+    Ended {
+        /// Which camera.
+        camera: String,
+    },
     /// The background clip.
     #[error("camera {camera:?}: background: {error}")]
     Background {
@@ -48,4 +56,11 @@ pub enum CaptureError {
     /// A bug.
     #[error("the thread of a camera's film panicked")]
     Panicked,
+}
+
+impl CaptureError {
+    /// Whether a source that could not be opened may open later by itself.
+    fn may_pass(&self) -> bool {
+        matches!(self, CaptureError::Source { error, .. } if error.may_pass())
+    }
 }

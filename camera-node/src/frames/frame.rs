@@ -46,7 +46,8 @@ pub struct Frame {
     pub capture_time_s: f64,
     /// When it was captured by the wall clock, unix seconds.
     pub captured_unix_s: f64,
-    /// Frames passed over since the one before because they came too late, the most of any camera.
+    /// Numbers between the frame before, or the run's begin, and this one: what a camera did not film, or gave
+    /// too late.
     pub skipped: u64,
     /// Each camera's part, in rig order.
     pub cameras: Vec<CameraFrame>,
@@ -83,6 +84,4 @@ pub struct Stamp {
     pub capture_time_s: f64,
     /// The wall clock at capture, unix seconds.
     pub captured_unix_s: f64,
-    /// Frames passed over just before.
-    pub skipped: u64,
 }

@@ -56,7 +56,6 @@ struct Inner {
     ended: Vec<bool>,
     delivered: Vec<Option<u64>>,
     state: FilmState,
-    skipped: u64,
     /// Counts runs: each begins with an empty ring and numbers its frames anew.
     run: u64,
 }
@@ -135,14 +134,12 @@ impl FrameRing {
         let count = self.camera_count;
         let parts =
             inner.pending.entry(stamp.number).or_insert_with(|| Parts { stamp, cameras: vec![None; count] });
-        parts.stamp.skipped = parts.stamp.skipped.max(stamp.skipped);
         parts.cameras[camera] = Some(part);
         if parts.cameras.iter().all(Option::is_some) {
             self.publish(&mut inner, stamp.number);
         } else if inner.pending.len() > RING_FRAMES {
             // A camera that missed its frame must not hold the others' parts for ever.
             inner.pending.pop_first();
-            inner.skipped += 1;
         }
         drop(inner);
         self.changed();
@@ -150,7 +147,6 @@ impl FrameRing {
 
     fn publish(&self, inner: &mut Inner, number: u64) {
         let Some(Parts { stamp, cameras }) = inner.pending.remove(&number) else { return };
-        let incomplete = inner.pending.range(..number).count() as u64;
         inner.pending = inner.pending.split_off(&number);
         let cameras: Vec<CameraFrame> = cameras.into_iter().flatten().collect();
         let views = ViewSet::new(cameras.iter().map(|camera| camera.view.clone()).collect());
@@ -158,12 +154,12 @@ impl FrameRing {
             Some(before) => views.after(&before.views, number - before.number),
             None => views,
         };
-        let skipped = stamp.skipped + incomplete + std::mem::take(&mut inner.skipped);
+        let expected = inner.ring.back().map_or(0, |before| before.number + 1);
         inner.ring.push_back(Arc::new(Frame {
             number,
             capture_time_s: stamp.capture_time_s,
             captured_unix_s: stamp.captured_unix_s,
-            skipped,
+            skipped: number - expected,
             cameras,
             views,
         }));
@@ -262,7 +258,7 @@ mod tests {
     }
 
     fn offer(ring: &FrameRing, camera: usize, number: u64) {
-        let stamp = Stamp { number, capture_time_s: 0.0, captured_unix_s: 0.0, skipped: 0 };
+        let stamp = Stamp { number, capture_time_s: 0.0, captured_unix_s: 0.0 };
         let silhouette = Silhouette::empty(8, 4).expect("size");
         ring.offer(camera, stamp, CameraFrame::new(&observer(camera as u16), silhouette, 0.0));
     }
@@ -301,11 +297,34 @@ mod tests {
     #[test]
     fn a_frame_that_one_camera_missed_is_counted_and_forgotten() {
         let ring = FrameRing::new(2);
+        offer(&ring, 0, 3);
+        offer(&ring, 1, 3);
+        assert_eq!(ring.get(3).expect("complete").skipped, 3, "those since the run began");
         offer(&ring, 0, 4);
         offer(&ring, 0, 5);
         offer(&ring, 1, 5);
         assert_eq!(ring.get(5).expect("complete").skipped, 1);
         assert!(matches!(ring.get(4), Err(FrameError::Gone { .. })));
+    }
+
+    #[test]
+    fn frames_come_again_when_a_camera_is_back_and_count_those_it_missed() {
+        let ring = FrameRing::new(3);
+        (0..3).for_each(|camera| offer(&ring, camera, 0));
+        for number in 1..1000 {
+            offer(&ring, 0, number);
+            // The third is back two frames later than the second, which then misses one.
+            if number >= 990 && number != 992 {
+                offer(&ring, 1, number);
+            }
+            if number >= 992 {
+                offer(&ring, 2, number);
+            }
+            assert!(ring.lock().pending.len() <= RING_FRAMES);
+        }
+        let frames = ring.since(None).frames;
+        let found: Vec<_> = frames.iter().map(|frame| (frame.number, frame.skipped)).take(3).collect();
+        assert_eq!(found, [(0, 0), (993, 992), (994, 0)]);
     }
 
     #[test]

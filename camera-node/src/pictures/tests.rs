@@ -47,7 +47,7 @@ impl Set {
         let camera = crate::source::tests::camera(WIDTH, HEIGHT);
         let observer = Arc::new(Observer::new(camera, 3, ProbeSettings::default(), None));
         self.colours.keep(0, number, &image, &silhouette);
-        let stamp = Stamp { number, capture_time_s: 0.0, captured_unix_s: 5.0, skipped: 0 };
+        let stamp = Stamp { number, capture_time_s: 0.0, captured_unix_s: 5.0 };
         self.ring.offer(0, stamp, CameraFrame::new(&observer, silhouette, 0.0));
     }
 

@@ -58,7 +58,7 @@ mod tests {
         let observer = Arc::new(Observer::new(camera, 0, ProbeSettings::default(), None));
         let ring = Arc::new(FrameRing::new(1));
         for number in [5, 7] {
-            let stamp = Stamp { number, capture_time_s: 0.0, captured_unix_s: 0.0, skipped: 0 };
+            let stamp = Stamp { number, capture_time_s: 0.0, captured_unix_s: 0.0 };
             let silhouette = Silhouette::empty(8, 4).expect("size");
             ring.offer(0, stamp, CameraFrame::new(&observer, silhouette, 0.0));
         }

@@ -111,7 +111,8 @@ pub struct PipeConfig {
     /// Every how many-th frame of the film is a frame of the cluster.
     #[serde(default = "one")]
     pub frame_step: NonZeroU64,
-    /// The longest wait for one frame before the program is given up, seconds.
+    /// The longest wait for one frame before the program is given up, seconds. A live one that has begun may be
+    /// silent for a second or 30 frames at most, unless it runs in lock-step.
     #[serde(default = "ten_seconds", deserialize_with = "positive_span_s")]
     pub timeout_s: f64,
 }

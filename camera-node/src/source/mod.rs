@@ -18,6 +18,7 @@ mod y4m;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Duration;
 
 use hull::Camera;
 use segment::{Format, Layout, SizeError};
@@ -100,7 +101,8 @@ impl SourceFrame {
 /// A camera's film.
 pub trait Source: Send {
     /// Writes the next frame whose number is `at_least` or above into `image`, reusing its buffer;
-    /// numbers only grow from call to call. Blocks until there is one. `None`: the film has ended.
+    /// numbers only grow from call to call. Blocks until there is one. `None`: the film has ended, or the run
+    /// is over.
     fn next(&mut self, at_least: u64, image: &mut Image) -> Result<Option<SourceFrame>, SourceError>;
 }
 
@@ -111,10 +113,25 @@ pub struct OpenContext {
     pub fps: f64,
     /// Seconds on the common epoch now; only live pipes use it.
     pub clock: Clock,
+    /// Whether the run is over: a program that gives no frame is then waited for no longer.
+    pub stopped: Stopped,
+    /// The longest wait for a frame of a live source that has given one; the first may take as long as its
+    /// `timeout_s`, and none longer.
+    pub live_silence: Duration,
 }
 
 /// Tells the time in seconds on the common epoch.
 pub type Clock = Arc<dyn Fn() -> f64 + Send + Sync>;
+
+/// Tells whether a run is over.
+pub type Stopped = Arc<dyn Fn() -> bool + Send + Sync>;
+
+impl OpenContext {
+    /// For a source that is read outside any run: its clock stands at the epoch, and nothing stops it.
+    pub fn outside_runs(fps: f64) -> OpenContext {
+        OpenContext { fps, clock: Arc::new(|| 0.0), stopped: Arc::new(|| false), live_silence: Duration::MAX }
+    }
+}
 
 /// Why there is no frame.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -158,6 +175,8 @@ pub enum SourceError {
         command: String,
         /// The system's reason.
         problem: String,
+        /// Whether the system only lacks something for the moment.
+        may_pass: bool,
     },
     /// A program failed, or wrote something else than film.
     #[error("{command:?} {problem} ({status}{})", if stderr_tail.is_empty() { String::new() } else { format!("; standard error: {stderr_tail}") })]
@@ -174,6 +193,12 @@ pub enum SourceError {
 }
 
 impl SourceError {
+    /// Whether a source that cannot be opened for this reason may open later with nothing changed by hand. A
+    /// program that is not there will not come by itself.
+    pub fn may_pass(&self) -> bool {
+        matches!(self, SourceError::Start { may_pass: true, .. })
+    }
+
     fn file(path: &Path, problem: impl Display) -> SourceError {
         SourceError::File { path: path.to_owned(), problem: problem.to_string() }
     }
@@ -213,7 +238,7 @@ pub(crate) mod tests {
 
     /// A cluster at the epoch, for ever.
     pub fn context(fps: f64) -> OpenContext {
-        OpenContext { fps, clock: Arc::new(|| 0.0) }
+        OpenContext::outside_runs(fps)
     }
 
     /// The numbers of all frames that are left.

@@ -8,7 +8,7 @@ use std::io::BufReader;
 use std::process::ChildStdout;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use hull::Camera;
 use segment::{Format, Range};
@@ -19,7 +19,7 @@ use super::mailbox::{Mailbox, WhenFull};
 use super::program::{Ending, Program};
 use super::raw::FrameReader;
 use super::y4m::{Header, Reader, Y4mError};
-use super::{Clock, Image, OpenContext, Source, SourceError, SourceFrame};
+use super::{Clock, Image, OpenContext, Source, SourceError, SourceFrame, Stopped};
 
 /// Frames read ahead of use: one being used, one ready, and no more memory than that.
 const FRAMES_AHEAD: usize = 2;
@@ -28,6 +28,8 @@ const END_GRACE: Duration = Duration::from_secs(2);
 /// How long one that wrote garbage may take: most have ended by then and have written why, but garbage can
 /// be endless.
 const GARBAGE_GRACE: Duration = Duration::from_millis(300);
+/// How often a wait for a frame looks whether the run is over.
+const STOP_POLL: Duration = Duration::from_millis(50);
 /// Room for the pipe reader's line parsing; planes bypass it.
 const BUFFER_BYTES: usize = 64 * 1024;
 
@@ -38,7 +40,10 @@ pub struct PipeSource {
     empties: Sender<Vec<u8>>,
     numbers: FrameNumbers,
     fps: f64,
+    /// The longest wait for the first frame, and for each later one.
     timeout: Duration,
+    silence: Duration,
+    stopped: Stopped,
     frames: u64,
     /// The newest number given out; numbers only grow.
     last: Option<u64>,
@@ -105,6 +110,7 @@ impl PipeSource {
             film_fps,
             raw,
         };
+        let timeout = Duration::from_secs_f64(config.timeout_s);
         // Ends with the pipe, which ends with the program, which ends with the source.
         std::thread::spawn(move || reader.run(stdout));
         Ok(PipeSource {
@@ -113,7 +119,9 @@ impl PipeSource {
             empties,
             numbers,
             fps: context.fps,
-            timeout: Duration::from_secs_f64(config.timeout_s),
+            timeout,
+            silence: if config.live { timeout.min(context.live_silence) } else { timeout },
+            stopped: Arc::clone(&context.stopped),
             frames: 0,
             last: None,
             end: None,
@@ -135,6 +143,24 @@ impl PipeSource {
         }
     }
 
+    /// The longest wait for the next frame.
+    fn patience(&self) -> Duration {
+        if self.frames == 0 { self.timeout } else { self.silence }
+    }
+
+    /// What the reader delivers next, if it does in time; `None` if the run is over.
+    fn receive(&self) -> Option<Result<PipeMessage, RecvTimeoutError>> {
+        let deadline = Instant::now() + self.patience();
+        while !(self.stopped)() {
+            let left = deadline.saturating_duration_since(Instant::now());
+            match self.mailbox.receive(left.min(STOP_POLL)) {
+                Err(RecvTimeoutError::Timeout) if left > STOP_POLL => {}
+                received => return Some(received),
+            }
+        }
+        None
+    }
+
     /// How a film has ended whose reader has delivered this, and no frame.
     fn ended(&mut self, last: Result<PipeMessage, RecvTimeoutError>) -> Result<(), SourceError> {
         match last {
@@ -147,8 +173,8 @@ impl PipeSource {
                 Err(error)
             }
             Err(RecvTimeoutError::Timeout) => {
-                let (timeout_s, frames) = (self.timeout.as_secs_f64(), self.frames);
-                let problem = format!("wrote no frame for {timeout_s} s after {frames} frames");
+                let (silence_s, frames) = (self.patience().as_secs_f64(), self.frames);
+                let problem = format!("wrote no frame for {silence_s} s after {frames} frames");
                 Err(self.program.failure(problem, Duration::ZERO))
             }
             Err(RecvTimeoutError::Disconnected) | Ok(PipeMessage::Frame { .. }) => {
@@ -171,7 +197,7 @@ impl Source for PipeSource {
         }
         let at_least = at_least.max(self.last.map_or(0, |last| last.saturating_add(1)));
         loop {
-            let received = self.mailbox.receive(self.timeout);
+            let Some(received) = self.receive() else { return Ok(None) };
             let Ok(PipeMessage::Frame { format, index, arrival_s, mut planes }) = received else {
                 let result = self.ended(received);
                 self.mailbox.close();
@@ -260,7 +286,6 @@ impl PipeReader {
 mod tests {
     use std::process::Command;
     use std::sync::atomic::{AtomicU64, Ordering};
-    use std::time::Instant;
 
     use super::super::ImageKind;
     use super::super::SourceConfig;
@@ -463,7 +488,7 @@ mod tests {
         // The clock moves a tenth of a second a frame: numbers 3 apart, the latency one frame back.
         let ticks = AtomicU64::new(0);
         let clock: Clock = Arc::new(move || ticks.fetch_add(1, Ordering::Relaxed) as f64 / 10.0);
-        let context = OpenContext { fps: 30.0, clock };
+        let context = OpenContext { clock, ..context(30.0) };
         let script = "printf 'YUV4MPEG2 W2 H1 F30:1 Cmono\\n'; for i in 0 1 2 3 4 5; do printf 'FRAME\\nab'; sleep 0.05; done; sleep 100";
         let live = config(&["sh", "-c", script], "live = true\nlatency_s = 0.1");
         let mut source = PipeSource::open(&live, &camera(2, 1), &context).expect("starts");

@@ -1,6 +1,6 @@
 //! A child program whose standard output is read: started, drained, and never left running.
 
-use std::io::Read;
+use std::io::{self, Read};
 use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
 use std::path::Path;
 use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
@@ -9,7 +9,8 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use proto::text::clean;
-use rustix::process::{Pid, Signal, kill_process_group};
+use rustix::io::Errno;
+use rustix::process::{Pid, Signal, WaitId, WaitIdOptions, kill_process_group, waitid};
 
 use super::SourceError;
 
@@ -44,9 +45,10 @@ impl Program {
     /// Starts `command` (program and arguments) in `folder`, with nothing on its standard input.
     pub fn start(command: &[String], folder: &Path) -> Result<(Program, ChildStdout), SourceError> {
         let shown = shown(command);
-        let refused = |problem: String| SourceError::Start { command: shown.clone(), problem };
+        let refused =
+            |problem: String, may_pass| SourceError::Start { command: shown.clone(), problem, may_pass };
         let (program, arguments) =
-            command.split_first().ok_or_else(|| refused("the command is empty".to_owned()))?;
+            command.split_first().ok_or_else(|| refused("the command is empty".to_owned(), false))?;
         // A bare name is looked for in PATH, anything else from the folder.
         let found = if program.contains('/') { folder.join(program) } else { program.into() };
         let mut child = Command::new(found)
@@ -58,7 +60,9 @@ impl Program {
             // A group of its own: Ctrl-C is for us to pass on, and children's children end too.
             .process_group(0)
             .spawn()
-            .map_err(|error| refused(format!("{error} (in folder {})", folder.display())))?;
+            .map_err(|error| {
+                refused(format!("{error} (in folder {})", folder.display()), may_pass(&error))
+            })?;
         let stdout = child.stdout.take();
         let kept = Arc::new(Mutex::new(Vec::new()));
         let drain = child.stderr.take().map(|stderr| {
@@ -67,7 +71,7 @@ impl Program {
         });
         let program = Program { command: shown.clone(), child, ended: None, stderr: kept, drain };
         // Both were asked for above; an error beats a panic all the same.
-        let stdout = stdout.ok_or_else(|| refused("it has no standard output".to_owned()))?;
+        let stdout = stdout.ok_or_else(|| refused("it has no standard output".to_owned(), false))?;
         Ok((program, stdout))
     }
 
@@ -76,21 +80,23 @@ impl Program {
         &self.command
     }
 
-    /// Waits up to `grace` for the program to end by itself, then kills it.
+    /// Waits up to `grace` for the program to end by itself, then kills it. What it started and left running
+    /// is killed in either case: it would hold the camera.
     pub fn finish(&mut self, grace: Duration) -> Ending {
         if let Some(ended) = self.ended {
             return ended;
         }
         let deadline = Instant::now() + grace;
-        let ended = loop {
-            match self.child.try_wait() {
-                Ok(Some(status)) => break Ending::Exited(status),
-                Ok(None) if Instant::now() < deadline => std::thread::sleep(POLL),
-                Ok(None) | Err(_) => {
-                    self.kill();
-                    break Ending::Killed;
-                }
+        let by_itself = loop {
+            match self.has_exited() {
+                Ok(true) => break true,
+                Ok(false) if Instant::now() < deadline => std::thread::sleep(POLL),
+                Ok(false) | Err(_) => break false,
             }
+        };
+        let ended = match self.kill() {
+            Ok(status) if by_itself => Ending::Exited(status),
+            _ => Ending::Killed,
         };
         self.ended = Some(ended);
         ended
@@ -113,12 +119,19 @@ impl Program {
         }
     }
 
-    fn kill(&mut self) {
-        // Not waited for yet, so the number is still this child's. Killing can
+    /// Whether the program itself has exited; it is not reaped by this question.
+    fn has_exited(&self) -> io::Result<bool> {
+        let options = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
+        Ok(waitid(WaitId::Pid(Pid::from_child(&self.child)), options)?.is_some())
+    }
+
+    /// Kills what is left of its group, and reaps the program.
+    fn kill(&mut self) -> io::Result<ExitStatus> {
+        // Not reaped yet, so the number is still this child's. Killing can
         // only fail if the group is gone, which is what we want.
         let _ = kill_process_group(Pid::from_child(&self.child), Signal::KILL);
         let _ = self.child.kill();
-        let _ = self.child.wait();
+        self.child.wait()
     }
 
     fn stderr_tail(&mut self) -> String {
@@ -135,6 +148,13 @@ impl Drop for Program {
     fn drop(&mut self) {
         self.finish(Duration::ZERO);
     }
+}
+
+/// Whether the system lacks only for the moment what a start needs: processes, memory, descriptors, or the
+/// program's own file, which is being written.
+fn may_pass(error: &io::Error) -> bool {
+    let passing = [Errno::AGAIN, Errno::NOMEM, Errno::MFILE, Errno::NFILE, Errno::TXTBSY, Errno::INTR];
+    Errno::from_io_error(error).is_some_and(|error| passing.contains(&error))
 }
 
 /// Drains standard error, so that the program never blocks on it, and keeps its end.
@@ -186,6 +206,18 @@ mod tests {
         stdout.read_exact(&mut byte).expect("started");
         let started = Instant::now();
         drop(program);
+        // The pipe ends only when nobody holds it any more.
+        stdout.read_to_end(&mut Vec::new()).expect("ends");
+        assert!(started.elapsed() < Duration::from_secs(10));
+    }
+
+    #[test]
+    fn what_a_program_leaves_running_ends_with_it() {
+        let (mut program, mut stdout) = shell("sleep 100 & exit 3");
+        let started = Instant::now();
+        assert!(
+            matches!(program.finish(Duration::from_secs(20)), Ending::Exited(status) if status.code() == Some(3))
+        );
         // The pipe ends only when nobody holds it any more.
         stdout.read_to_end(&mut Vec::new()).expect("ends");
         assert!(started.elapsed() < Duration::from_secs(10));

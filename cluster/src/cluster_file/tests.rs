@@ -304,7 +304,7 @@ fn the_recordings_are_read_where_they_are_installed() {
         let scene = cluster.load_scene().expect("a scene");
         assert_eq!(scene.up(), [0.0, 0.0, 1.0]);
         assert!(scene.bodies(1).iter().filter(|body| !body.fixed).count() >= 3);
-        let context = camera_node::source::OpenContext { fps, clock: std::sync::Arc::new(|| 0.0) };
+        let context = camera_node::source::OpenContext::outside_runs(fps);
         for (entry, camera) in cluster.cameras.iter().zip(cluster.rig.cameras()) {
             let mut image = camera_node::source::Image::default();
             for config in [Some(&entry.source), entry.background.as_ref()].into_iter().flatten() {
