@@ -1,7 +1,6 @@
 //! From a cluster file to what a node films, and to what a coordinator expects of it.
 
 use std::path::PathBuf;
-use std::sync::Arc;
 
 use camera_node::source::{FileConfig, Image, OpenContext, SourceError};
 use camera_node::{NodeCamera, NodeConfig, SourceConfig};
