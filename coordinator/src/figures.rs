@@ -113,6 +113,8 @@ pub struct Figures {
     pub late_steps: u64,
     /// Steps without a hull because a node was not there or refused.
     pub blind_steps: u64,
+    /// Steps that went on without a camera that was not there.
+    pub reduced_steps: u64,
     /// Film time given up because the first frame was late or steps took longer than real time, seconds.
     pub slipped_s: f64,
     /// Responses or bodies that were not finite.

@@ -7,6 +7,7 @@ use hull::cull::WorldBox;
 use hull::faces::FaceNormals;
 use hull::pass::{AskedBody, BodyResult, Pass, Reaches, Touch};
 use hull::question::{Answer, Points};
+use hull::rule::{HullRule, NormalWindow};
 use hull::view_set::Scratch;
 use hull::{Camera, Observer, Pose, ProbeSettings, Shape, Silhouette, View, ViewSet};
 use nalgebra::{Matrix3, Vector3};
@@ -75,6 +76,59 @@ fn result(sets: &[ViewSet], asked: AskedBody<'_>, two_phases: bool) -> BodyResul
         }
     }
     pass.into_results().remove(0)
+}
+
+/// What a pass over each camera alone finds when some are left out.
+fn without(sets: &[ViewSet], left_out: &[usize], two_phases: bool, only_planes: bool) -> BodyResult {
+    let rule = HullRule { min_views: 1, ..HullRule::default() };
+    let settings = ProbeSettings::new(rule, NormalWindow::Auto, 1.0).expect("settings");
+    let mut pass = Pass::new(vec![], None, settings, sets.len());
+    pass.only_planes(only_planes);
+    pass.ask_in_two_phases(two_phases);
+    if two_phases {
+        pass.ask_first(&[0]);
+    }
+    pass.leave_out(|group| left_out.contains(&group));
+    let points = body(&[[0.2, 0.1, 0.0], [0.24, 0.0, 0.9], [0.9, 0.0, 0.1], [0.4, 0.0, 0.0]]);
+    let reaches = Reaches::default();
+    let asked =
+        AskedBody { around: only_planes.then(|| body(&AROUND)), ..AskedBody::plain(points, &reaches) };
+    pass.restart([asked].into_iter(), Some(&WorldBox::EVERYWHERE));
+    let (mut scratch, mut answer) = (Scratch::default(), Answer::default());
+    while let Some(question) = pass.question().cloned() {
+        let asked: Vec<usize> = (0..sets.len()).filter(|&group| pass.asks(group)).collect();
+        assert!(!asked.is_empty() && asked.iter().all(|group| !left_out.contains(group)), "{asked:?}");
+        for group in asked {
+            sets[group].answer(&question, &mut scratch, &mut answer);
+            pass.answer(group, &answer).expect("a fitting answer");
+        }
+    }
+    pass.into_results().remove(0)
+}
+
+#[test]
+fn a_camera_that_is_left_out_is_as_if_it_were_not_there() {
+    let sets = each_alone(&views(0));
+    for only_planes in [true, false] {
+        let both = without(&sets, &[], false, only_planes);
+        assert_eq!(both.touches.len(), 1);
+        for (left, other) in [(0, 1), (1, 0)] {
+            let alone = without(&sets[other..=other], &[], false, only_planes);
+            assert!(alone.touches.len() > 1, "one camera sees more: {alone:?}");
+            for two_phases in [false, true] {
+                let found = without(&sets, &[left], two_phases, only_planes);
+                let samples =
+                    |found: &BodyResult| found.touches.iter().map(|touch| touch.sample).collect::<Vec<_>>();
+                assert_eq!(samples(&found), samples(&alone), "{left} {two_phases}");
+                assert_eq!(
+                    (&found.touches, &found.around),
+                    (&alone.touches, &alone.around),
+                    "{left} {two_phases}"
+                );
+                assert_eq!(found.response_m, alone.response_m, "{left} {two_phases}");
+            }
+        }
+    }
 }
 
 fn normal(touch: &Touch) -> Vector3<f64> {

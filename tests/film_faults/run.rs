@@ -73,6 +73,7 @@ pub fn settings(seconds: f64) -> RunSettings {
         fps: FPS,
         latency_s: 0.0,
         hold_s: 0.0,
+        min_cameras: 3,
         seconds: Some(seconds),
         lock_step: true,
         ask_every: AskEvery::Frame,

@@ -11,6 +11,12 @@ use serde_json::Value;
 pub struct Node(Child);
 
 impl Node {
+    /// Its process.
+    #[allow(dead_code, reason = "not every test needs it")]
+    pub fn id(&self) -> u32 {
+        self.0.id()
+    }
+
     /// Starts one with these cameras, and waits until it listens.
     pub fn start(mut command: Command, cluster: &Path, cameras: &[String]) -> Node {
         command.arg("node").arg(cluster).arg("--stop-with-stdin");
@@ -66,6 +72,7 @@ pub fn coordinator(mut program: Command, cluster: &Path, seconds: &str, json: &P
 }
 
 /// The figures of a run that went well.
+#[allow(dead_code, reason = "not every test needs it")]
 pub fn figures(child: Child, json: &Path) -> Value {
     let output = child.wait_with_output().expect("ends");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

@@ -16,6 +16,9 @@ use super::{
 };
 use crate::expand::{Variables, expand};
 
+/// With fewer cameras the hull of a person is twice too large: the default of `min_cameras`.
+const LEAST_CAMERAS: usize = 3;
+
 /// Gives the keys their meaning, and errors their place.
 pub(super) struct Checker<'a> {
     /// As the user named it, for messages.
@@ -34,6 +37,7 @@ impl Checker<'_> {
         let whole = self.rig(&folder, &file.rig)?;
         let rig = self.used(&whole, &file.unused_cameras)?;
         let cameras = self.cameras(&folder, &whole, &rig, file)?;
+        let probes = self.probes(file)?;
         Ok(ClusterFile {
             path: self.absolute.to_owned(),
             rig,
@@ -43,7 +47,8 @@ impl Checker<'_> {
             hold_s: self.within("hold_s", file.hold_s, 0.0, 3600.0)?,
             seed: file.seed,
             gravity_m_s2: file.gravity.map(|gravity| self.gravity(gravity)).transpose()?,
-            probes: self.probes(file)?,
+            min_cameras: self.min_cameras(file.min_cameras, &probes, cameras.len())?,
+            probes,
             precision: match file.wire.precision {
                 PrecisionKey::Exact => Precision::Exact,
                 PrecisionKey::Quantised => Precision::Quantised,
@@ -214,6 +219,22 @@ impl Checker<'_> {
         };
         ProbeSettings::new(rule, window, file.max_depth_m.unwrap_or(defaults.max_depth_m()))
             .map_err(|error| self.wrong("the hull rule", error.to_string()))
+    }
+
+    /// How many cameras must remain.
+    fn min_cameras(
+        &self,
+        found: Option<usize>,
+        probes: &ProbeSettings,
+        cameras: usize,
+    ) -> Result<usize, ClusterFileError> {
+        let min_views = probes.rule().min_views as usize;
+        let Some(found) = found else { return Ok(LEAST_CAMERAS.min(cameras).max(min_views)) };
+        if (min_views..=cameras).contains(&found) {
+            return Ok(found);
+        }
+        let expected = format!("expected at least min_views, {min_views}, and at most the {cameras} cameras");
+        Err(self.wrong("min_cameras", format!("found {found}, {expected}")))
     }
 
     fn gravity(&self, gravity_m_s2: [f64; 3]) -> Result<[f64; 3], ClusterFileError> {

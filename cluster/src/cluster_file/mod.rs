@@ -12,6 +12,7 @@
 //! gravity = [0.0, 0.0, -9.81]          # m/s²; left out, the scene's
 //! out_of_view = "outside"              # or "abstain"
 //! min_views = 2
+//! min_cameras = 3                      # a missing camera is left out while so many remain; below it there is no hull
 //! normal_window = "auto"               # or k, pixels
 //! max_depth_m = 1.0
 //! unused_cameras = ["cam4"]            # cameras of the rig that take no part
@@ -68,6 +69,8 @@ pub struct ClusterFile {
     pub latency_s: f64,
     /// How long the last frame is held when film ends, seconds.
     pub hold_s: f64,
+    /// A missing camera is left out while at least so many remain.
+    pub min_cameras: usize,
     /// Decides what a run leaves to chance, if set.
     pub seed: Option<u64>,
     /// Gravity in the rig's world, m/s², if not the scene's.
@@ -159,6 +162,7 @@ struct File {
     #[serde(default)]
     out_of_view: OutOfViewKey,
     min_views: Option<u32>,
+    min_cameras: Option<usize>,
     normal_window: Option<Value>,
     max_depth_m: Option<f64>,
     #[serde(default)]

@@ -103,6 +103,12 @@ impl HullQuery {
         self.bounds_frame == Some(frame)
     }
 
+    /// From the next pass on asks nothing of these groups of cameras; what is known of the frame's bounds no longer holds.
+    pub fn leave_out(&mut self, is_left_out: impl Fn(usize) -> bool) {
+        self.pass.leave_out(is_left_out);
+        self.bounds_frame = None;
+    }
+
     /// Whether the hull must be asked about a pose of this step.
     pub fn must_ask(&self) -> bool {
         self.answers.lacks_any()

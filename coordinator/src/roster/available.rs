@@ -3,7 +3,7 @@
 use proto::FilmState;
 use thiserror::Error;
 
-use super::{Missing, Roster};
+use super::{Missing, Roster, RosterNode};
 
 /// Live film that is older than this has stopped, seconds; a run that has no frame after this has a fault.
 const STALE_S: f64 = 1.0;
@@ -69,7 +69,7 @@ pub struct StepFilm {
 impl Roster {
     /// The frame whose hull a step sees, or why there is none.
     pub fn hull_frame(&self, step: StepFilm) -> Result<u64, HullUnavailable> {
-        if let Some(missing) = self.missing().next() {
+        if let Some(missing) = self.present().find_map(RosterNode::missing) {
             return Err(missing.into());
         }
         if let FilmState::Failed(why) = self.film(0) {

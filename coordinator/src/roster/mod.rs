@@ -5,6 +5,7 @@
 //! The cameras of this process are one node that is always there.
 
 mod available;
+mod present;
 mod wait;
 
 use std::collections::VecDeque;
@@ -13,6 +14,7 @@ use proto::{FilmEvent, FilmState, FrameReport};
 use thiserror::Error;
 
 pub use available::{HullUnavailable, StepFilm};
+pub use present::LeaveOut;
 pub use wait::{FrameWait, WaitError};
 pub(crate) use wait::{LOCK_STEP_TIMEOUT, joined};
 
@@ -50,6 +52,10 @@ pub struct RosterNode {
     film: FilmState,
     /// Of recent frames, ascending.
     reports: VecDeque<FrameReport>,
+    /// It did not answer in time, and has not been heard of since.
+    is_silent: bool,
+    /// Steps go on without it.
+    is_left_out: bool,
     /// Another coordinator leads it.
     is_held: bool,
     /// How far film time may be off there, seconds; nothing of cameras of this process.
@@ -67,6 +73,8 @@ impl RosterNode {
             problem: None,
             film,
             reports,
+            is_silent: false,
+            is_left_out: false,
             is_held: false,
             clock_bound_s: 0.0,
         }
@@ -75,6 +83,11 @@ impl RosterNode {
     /// The places of its cameras in the rig.
     pub fn cameras(&self) -> &[u16] {
         &self.cameras
+    }
+
+    /// Whether steps go on without it.
+    pub fn is_left_out(&self) -> bool {
+        self.is_left_out
     }
 
     /// The report of its newest frame.
@@ -146,7 +159,7 @@ impl Roster {
     /// A node is connected; what it reported before no longer holds.
     pub fn up(&mut self, node: usize) {
         let node = &mut self.nodes[node];
-        (node.is_up, node.problem, node.is_held) = (true, None, false);
+        (node.is_up, node.problem, node.is_held, node.is_silent) = (true, None, false, false);
         node.forget_film();
     }
 
@@ -175,6 +188,7 @@ impl Roster {
     /// A node reports of its film.
     pub fn film_event(&mut self, node: usize, event: FilmEvent) {
         let node = &mut self.nodes[node];
+        node.is_silent = false;
         match event {
             FilmEvent::Frame(report) => node.add(report),
             FilmEvent::Ended => node.film = FilmState::Ended,
@@ -197,17 +211,17 @@ impl Roster {
         self.nodes.iter().filter_map(RosterNode::newest_frame).max()
     }
 
-    /// The newest frame not newer than `wanted` that all nodes have.
+    /// The newest frame not newer than `wanted` that all nodes have that are not left out.
     pub fn newest_common(&self, wanted: u64) -> Option<u64> {
-        let (first, others) = self.nodes.split_first()?;
+        let first = self.present().next()?;
         let frames = first.reports.iter().rev().map(|report| report.frame);
-        let all_have = |frame: &u64| others.iter().all(|node| node.report(*frame).is_some());
+        let all_have = |frame: &u64| self.present().all(|node| node.report(*frame).is_some());
         frames.filter(|&frame| frame <= wanted).find(all_have)
     }
 
-    /// What every node reported of a frame; `None` while one has not, or no longer remembers.
+    /// What every node that is not left out reported of a frame; `None` while one has not, or no longer remembers.
     pub fn reports(&self, frame: u64) -> Option<Vec<&FrameReport>> {
-        self.nodes.iter().map(|node| node.report(frame)).collect()
+        self.present().map(|node| node.report(frame)).collect()
     }
 
     /// The last frame of film: that of the node whose film ended first. `None` while all run.
@@ -220,7 +234,7 @@ impl Roster {
     /// that is done early does not cut off what others have yet to report: in lock-step a fast node ends several
     /// frames ahead of the one in use.
     pub fn film(&self, wanted: u64) -> FilmState {
-        let failed = self.nodes.iter().find(|node| matches!(node.film, FilmState::Failed(_)));
+        let failed = self.present().find(|node| matches!(node.film, FilmState::Failed(_)));
         if let Some(node) = failed {
             return node.film.clone();
         }

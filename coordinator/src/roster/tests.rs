@@ -190,3 +190,63 @@ fn a_live_run_begins_with_a_frame_that_every_node_has_or_once_none_will_come() {
     roster.film_event(0, FilmEvent::Ended);
     assert!(roster.may_begin(0, 0.0, patience), "film has ended");
 }
+
+/// Whom a live step goes on without.
+fn left_out(roster: &Roster) -> Vec<usize> {
+    (0..roster.nodes().len()).filter(|&node| roster.nodes()[node].is_left_out()).collect()
+}
+
+#[test]
+fn a_node_that_is_lost_is_left_out_and_taken_back_once_it_is_as_new_as_the_others() {
+    let mut roster = roster(4);
+    (0..4).for_each(|node| film(&mut roster, node, 0..=5));
+    assert_eq!(roster.leave_out(5, LeaveOut::Late, 3), []);
+    roster.down(2, "it closed the stream".into());
+    assert_eq!(roster.leave_out(5, LeaveOut::Late, 3), [(2, false)]);
+    assert_eq!(roster.leave_out(5, LeaveOut::Late, 3), [], "once");
+    assert_eq!((roster.newest_common(9), roster.cameras_present()), (Some(5), 3));
+    assert_eq!(roster.reports(5).map(|reports| reports.len()), Some(3));
+    [0, 1, 3].into_iter().for_each(|node| film(&mut roster, node, 6..=9));
+    assert_eq!(roster.newest_common(9), Some(9), "the others go on");
+    roster.up(2);
+    film(&mut roster, 2, [8]);
+    assert_eq!(roster.leave_out(9, LeaveOut::Late, 3), [], "it is not as new");
+    film(&mut roster, 2, [9]);
+    assert_eq!(roster.leave_out(9, LeaveOut::Late, 3), [(2, true)]);
+    assert_eq!(roster.newest_common(9), Some(9));
+}
+
+#[test]
+fn late_and_silent_nodes_are_left_out_and_a_frame_late_is_not() {
+    let mut roster = roster(4);
+    (0..4).for_each(|node| film(&mut roster, node, 0..=5));
+    [0, 1, 2].into_iter().for_each(|node| film(&mut roster, node, [6]));
+    assert_eq!(roster.leave_out(6, LeaveOut::Late, 3), [], "a frame late");
+    [0, 1, 2].into_iter().for_each(|node| film(&mut roster, node, [7]));
+    assert_eq!(roster.leave_out(6, LeaveOut::Late, 3), [], "nobody wants the seventh yet");
+    assert_eq!(roster.leave_out(7, LeaveOut::Missing, 3), [], "lock-step waits for it");
+    assert_eq!(roster.leave_out(7, LeaveOut::Late, 3), [(3, false)]);
+    film(&mut roster, 3, [6, 7]);
+    assert_eq!(roster.leave_out(7, LeaveOut::Late, 3), [(3, true)]);
+    roster.silent(0);
+    assert_eq!(roster.leave_out(7, LeaveOut::Late, 3), [(0, false)]);
+    film(&mut roster, 0, [8]);
+    assert_eq!(roster.leave_out(7, LeaveOut::Late, 3), [(0, true)], "it was heard of");
+}
+
+#[test]
+fn nobody_is_left_out_where_too_few_cameras_would_remain() {
+    let mut roster = roster(4);
+    (0..4).for_each(|node| film(&mut roster, node, 0..=5));
+    roster.down(0, "gone".into());
+    assert_eq!(roster.leave_out(5, LeaveOut::Late, 3), [(0, false)]);
+    roster.down(1, "gone too".into());
+    assert_eq!(roster.leave_out(5, LeaveOut::Late, 3), [(0, true)]);
+    assert_eq!(left_out(&roster), [0; 0]);
+    let step = StepFilm { film_s: 0.1, fps: 30.0, frame: Some(5), is_paced: true };
+    assert!(matches!(roster.hull_frame(step), Err(HullUnavailable::Missing(_))), "and there is no hull");
+    roster.up(0);
+    film(&mut roster, 0, [5]);
+    assert_eq!(roster.leave_out(5, LeaveOut::Late, 3), [(1, false)]);
+    assert_eq!(roster.hull_frame(step), Ok(5));
+}

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use proto::FilmState;
 use thiserror::Error;
 
-use super::{Missing, Roster};
+use super::{Missing, Roster, RosterNode};
 
 /// The longest that a node may take over a frame before the run is given up.
 pub(crate) const LOCK_STEP_TIMEOUT: Duration = Duration::from_secs(30);
@@ -59,7 +59,7 @@ impl FrameWait {
         if roster.newest_common(u64::MAX).is_some_and(|newest| newest >= wanted) {
             return Poll::Ready(Ok(()));
         }
-        let missing: Vec<Missing> = roster.missing().collect();
+        let missing: Vec<Missing> = roster.present().filter_map(RosterNode::missing).collect();
         if missing.is_empty() {
             self.missing_since = None;
         } else {

@@ -12,13 +12,46 @@ use super::clock::steps_that_share;
 use super::frames::FilmPhase;
 use crate::figures::stage_of;
 use crate::query::MAX_STEPS_AHEAD;
-use crate::roster::{HullUnavailable, LOCK_STEP_TIMEOUT, StepFilm};
+use crate::roster::{HullUnavailable, LOCK_STEP_TIMEOUT, LeaveOut, StepFilm};
 use crate::transport::TransportError;
 
 /// Live: a round that takes longer has lost its node.
 const LIVE_TIMEOUT: Duration = Duration::from_millis(500);
 
+/// Live: a node that takes three usual round trips and so much longer is silent, milliseconds.
+const SILENT_MS: f64 = 20.0;
+/// What a trip took at the longest is forgotten by so much with every other.
+const FORGET: f64 = 0.995;
+/// What is usual is not known before so many.
+const KNOWN_TRIPS: u64 = 20;
+
 impl Coordinator {
+    /// How long a node may take over a round of a live run.
+    fn live_timeout(&self) -> Duration {
+        let is_known = self.figures.round_trips >= KNOWN_TRIPS;
+        let usual_ms = self.usual_trip_ms.filter(|_| is_known);
+        usual_ms.map_or(LIVE_TIMEOUT, |usual_ms| {
+            Duration::from_secs_f64((3.0 * usual_ms + SILENT_MS) * 1e-3).min(LIVE_TIMEOUT)
+        })
+    }
+
+    /// Leaves out who is not there for a step that wants a frame, and takes back who is again; whether that changed.
+    pub(super) fn go_on_without(&mut self, wanted: u64) -> bool {
+        let whom = if self.settings.lock_step { LeaveOut::Missing } else { LeaveOut::Late };
+        let changed = self.transport.leave_out(wanted, whom, self.settings.min_cameras);
+        for &(node, is_back) in &changed {
+            let (roster, cameras) = (self.transport.roster(), self.transport.roster().cameras_present());
+            match is_back {
+                true => tracing::warn!("{} is back, {cameras} cameras", roster.node_name(node)),
+                false => tracing::error!("going on with {cameras} cameras: {}", roster.why_left_out(node)),
+            }
+        }
+        if !changed.is_empty() {
+            self.query.leave_out(|group| self.transport.is_left_out(group));
+        }
+        !changed.is_empty()
+    }
+
     /// What the hull answers about every moving body; `None` if there is no hull.
     pub(super) async fn collide(&mut self, film_s: f64, phase: FilmPhase) -> Option<Vec<BodyResult>> {
         let frame = match self.hull_frame(film_s, phase) {
@@ -45,11 +78,14 @@ impl Coordinator {
             });
         self.query.begin_step(frame, &reports, poses);
         let passes_before = self.figures.passes;
-        if self.query.must_ask()
-            && let Err(error) = self.ask(frame, film_s).await
-        {
-            self.lose_hull(HullUnavailable::Unanswered(error.to_string()));
-            return None;
+        while self.query.must_ask() {
+            let Err(error) = self.ask(frame, film_s).await else { break };
+            // Who did not answer is left out, and the others are asked again; each time there is one less to ask.
+            self.transport.drain();
+            if phase == FilmPhase::Given || !self.go_on_without(frame) {
+                self.lose_hull(HullUnavailable::Unanswered(error.to_string()));
+                return None;
+            }
         }
         let answers = self.query.take()?;
         if let Some(before) = self.film.unavailable.take().filter(HullUnavailable::is_fault) {
@@ -91,10 +127,11 @@ impl Coordinator {
         self.figures.add_stage("cull", began.elapsed().as_secs_f64() * 1e3);
         self.figures.passes += u64::from(asks_nodes);
         self.figures.poses_asked += self.query.poses_asked() as u64;
-        let timeout = if self.settings.lock_step { LOCK_STEP_TIMEOUT } else { LIVE_TIMEOUT };
-        let figures = &mut self.figures;
-        let mut took = |round, ms| {
+        let timeout = if self.settings.lock_step { LOCK_STEP_TIMEOUT } else { self.live_timeout() };
+        let (figures, usual_trip_ms) = (&mut self.figures, &mut self.usual_trip_ms);
+        let mut took = |round, ms: f64| {
             figures.round_trips += 1;
+            *usual_trip_ms = Some(usual_trip_ms.map_or(ms, |usual_ms| ms.max(FORGET * usual_ms)));
             figures.add_stage(stage_of(round), ms);
         };
         self.transport.run_pass(self.query.pass(), frame, timeout, &mut took).await?;

@@ -67,6 +67,8 @@ pub struct RunSettings {
     pub ask_every: AskEvery,
     /// See [`HullQuery::set_bodies`], metres.
     pub reuse_within_m: f64,
+    /// A missing camera is left out while at least so many remain; below it there is no hull.
+    pub min_cameras: usize,
     /// How long to wait for nodes at the beginning, and live from then on for their first frame.
     pub connect_timeout: Duration,
 }
@@ -133,6 +135,8 @@ pub struct Coordinator {
     log: Log,
     publisher: Publisher,
     recent: RecentFigures,
+    /// What a round trip usually takes, milliseconds: the longest of late; `None` before there were some.
+    usual_trip_ms: Option<f64>,
 }
 
 /// What a run follows instead of film and followers, if anything.
@@ -182,6 +186,7 @@ impl Coordinator {
             log: Log::default(),
             publisher: Publisher::default(),
             recent: RecentFigures::since(0, 0),
+            usual_trip_ms: None,
         };
         coordinator.bodies_changed();
         coordinator

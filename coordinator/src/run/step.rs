@@ -27,6 +27,8 @@ impl Coordinator {
             self.clock.slip(film_s);
         }
         self.transport.drain();
+        self.go_on_without(wanted);
+        self.figures.reduced_steps += u64::from(self.transport.roster().leaves_out_any());
         let roster = self.transport.roster();
         let newest = roster.newest_common(wanted);
         let last = roster.last_frame().filter(|_| roster.film(wanted) == FilmState::Ended);

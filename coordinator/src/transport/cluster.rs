@@ -79,7 +79,11 @@ impl Cluster {
             let (kind, round, points) = (question.kind, pass.round(), question.len());
             let asks_all = (0..self.nodes.clients.len()).all(|node| pass.asks(node));
             let asking = self.asking(question, frame, timeout);
-            self.run_round(pass, &asking, roster).await?;
+            let answered = self.run_round(pass, &asking, roster).await;
+            if answered.is_err() {
+                self.forget_sent();
+            }
+            answered?;
             let ms = asking.began.elapsed().as_secs_f64() * 1e3;
             took(round, ms);
             let cost = if kind == QuestionKind::Classes { &mut classes } else { &mut distances };
@@ -93,6 +97,12 @@ impl Cluster {
         self.distances.took(distances.in_two_phases, distances.points, distances.ms);
         pass.ask_first(&self.classes.first());
         Ok(())
+    }
+
+    /// Some nodes may have been sent what others were not: the next question is sent whole.
+    fn forget_sent(&mut self) {
+        self.writer = QuestionWriter::new(self.writer.precision());
+        self.nodes.clients.iter().for_each(|client| client.forget_sent());
     }
 
     fn asking(&mut self, question: &Question, frame: u64, timeout: Duration) -> Asking {
@@ -121,6 +131,9 @@ impl Cluster {
         }
         while let Some(slowest) = waiting.iter().position(|&waits| waits) {
             let event = tokio::time::timeout_at(asking.deadline, self.nodes.next(roster)).await;
+            if event.is_err() {
+                roster.silent(slowest);
+            }
             let (node, answer, compute_ms) = match event.map_err(|_| self.late(slowest, asking))? {
                 Some(PassEvent::Reply(node, id, answer, compute_ms)) if id == asking.id && waiting[node] => {
                     (node, answer, compute_ms)

@@ -4,12 +4,14 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use hull::pass::{Pass, Round};
-use hull::{Observer, View, ViewSet};
+use hull::{Observer, Silhouette, View, ViewSet};
+use node_client::NodeClient;
 use proto::convert::SilhouetteEncoding;
 
 use super::TransportError;
 use super::in_process::LocalProbes;
 use super::nodes::{Nodes, fetch};
+use crate::roster::Roster;
 
 /// Nodes whose silhouettes are fetched, and the frame that was fetched last.
 pub(super) struct Gather {
@@ -18,12 +20,15 @@ pub(super) struct Gather {
     pub silhouette_bytes: u64,
     observers: Vec<Arc<Observer>>,
     fetched: Option<(u64, ViewSet)>,
+    /// The nodes that were fetched from.
+    clients: Vec<Arc<NodeClient>>,
     probes: LocalProbes,
 }
 
 impl Gather {
     pub fn new(nodes: Nodes, observers: Vec<Arc<Observer>>) -> Gather {
         Gather {
+            clients: nodes.clients.clone(),
             nodes,
             encoding: SilhouetteEncoding::default(),
             silhouette_bytes: 0,
@@ -38,11 +43,13 @@ impl Gather {
         pass: &mut Pass,
         frame: u64,
         timeout: Duration,
+        roster: &Roster,
         took: &mut dyn FnMut(Round, f64),
     ) -> Result<(), TransportError> {
         if pass.question().is_none() {
             return Ok(());
         }
+        self.go_on_with(roster);
         let fetched = tokio::time::timeout(timeout, self.fetch(frame, pass.asks_planes())).await;
         let late = |_| TransportError::Silhouettes { frame, timeout };
         fetched.map_err(late)??;
@@ -50,6 +57,18 @@ impl Gather {
             self.probes.run(pass, views, took);
         }
         Ok(())
+    }
+
+    /// Takes note of who is there. Frames of other cameras are other frames.
+    fn go_on_with(&mut self, roster: &Roster) {
+        let nodes = self.nodes.clients.iter().zip(roster.nodes());
+        let clients: Vec<_> =
+            nodes.filter(|(_, node)| !node.is_left_out()).map(|(client, _)| Arc::clone(client)).collect();
+        let is_same = |(a, b): (&Arc<NodeClient>, &Arc<NodeClient>)| Arc::ptr_eq(a, b);
+        if clients.len() != self.clients.len() || !clients.iter().zip(&self.clients).all(is_same) {
+            self.clients = clients;
+            self.fetched = None;
+        }
     }
 
     /// Fetches a frame; planes tell how far they moved since the frame before, whether anything was asked about that
@@ -75,9 +94,12 @@ impl Gather {
     }
 
     async fn views(&mut self, frame: u64) -> Result<ViewSet, TransportError> {
-        let (silhouettes, bytes) = fetch(&self.nodes.clients, frame, self.encoding).await?;
+        let (silhouettes, bytes) = fetch(&self.clients, frame, self.encoding).await?;
         self.silhouette_bytes += bytes;
-        let views = self.observers.iter().zip(&silhouettes);
-        Ok(ViewSet::new(views.map(|(observer, seen)| View::new(Arc::clone(observer), seen)).collect()))
+        let view = |(rig_index, seen): &(u16, Silhouette)| {
+            let observer = self.observers.iter().find(|observer| observer.rig_index() == *rig_index)?;
+            Some(View::new(Arc::clone(observer), seen))
+        };
+        Ok(ViewSet::new(silhouettes.iter().filter_map(view).collect()))
     }
 }

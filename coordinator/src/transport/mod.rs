@@ -20,7 +20,7 @@ use thiserror::Error;
 use tokio::sync::mpsc;
 use tokio::time::Instant;
 
-use crate::roster::{Missing, Roster, RosterNode, joined};
+use crate::roster::{LeaveOut, Missing, Roster, RosterNode, joined};
 use cluster::Cluster;
 use gather::Gather;
 use in_process::InProcess;
@@ -171,6 +171,16 @@ impl Transport {
     /// Who is there and what they have reported, as of the last wait.
     pub fn roster(&self) -> &Roster {
         &self.roster
+    }
+
+    /// Decides whom a step goes on without; returns what has changed. See [`Roster::leave_out`].
+    pub fn leave_out(&mut self, wanted: u64, whom: LeaveOut, least: usize) -> Vec<(usize, bool)> {
+        self.roster.leave_out(wanted, whom, least)
+    }
+
+    /// Whether a group that passes ask is left out.
+    pub fn is_left_out(&self, group: usize) -> bool {
+        matches!(self.layout, Layout::Cluster(_)) && self.roster.nodes()[group].is_left_out()
     }
 
     /// How many groups a pass asks.
@@ -336,7 +346,7 @@ impl Transport {
     ) -> Result<(), TransportError> {
         match &mut self.layout {
             Layout::Cluster(cluster) => cluster.run_pass(pass, frame, timeout, &mut self.roster, took).await,
-            Layout::Gather(gather) => gather.run_pass(pass, frame, timeout, took).await,
+            Layout::Gather(gather) => gather.run_pass(pass, frame, timeout, &self.roster, took).await,
             Layout::InProcess(cameras) => cameras.run_pass(pass, frame, took),
         }
     }
@@ -353,7 +363,7 @@ impl Transport {
             let fetching = nodes::fetch(&clients, frame, SilhouetteEncoding::RunsLz4);
             let late = |_| TransportError::Silhouettes { frame, timeout: CALL_TIMEOUT };
             let (silhouettes, _) = tokio::time::timeout(CALL_TIMEOUT, fetching).await.map_err(late)??;
-            Ok(silhouettes.into_iter().map(Arc::new).collect())
+            Ok(silhouettes.into_iter().map(|(_, silhouette)| Arc::new(silhouette)).collect())
         })
     }
 

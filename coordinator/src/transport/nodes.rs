@@ -158,12 +158,12 @@ async fn ask_for_background(
     .await
 }
 
-/// Silhouettes of all nodes in rig order, and the bytes they travelled as.
+/// Silhouettes of nodes by their cameras' places in the rig, ascending, and the bytes they travelled as.
 pub(super) async fn fetch(
     clients: &[Arc<NodeClient>],
     frame: u64,
     encoding: SilhouetteEncoding,
-) -> Result<(Vec<Silhouette>, u64), TransportError> {
+) -> Result<(Vec<(u16, Silhouette)>, u64), TransportError> {
     let calls = clients.iter().map(|client| client.silhouettes(frame, encoding));
     let mut all = Vec::new();
     let mut bytes = 0;
@@ -173,5 +173,5 @@ pub(super) async fn fetch(
         bytes += more;
     }
     all.sort_by_key(|(rig_index, _)| *rig_index);
-    Ok((all.into_iter().map(|(_, silhouette)| silhouette).collect(), bytes))
+    Ok((all, bytes))
 }

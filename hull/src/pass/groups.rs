@@ -44,6 +44,8 @@ pub(super) struct Group {
     pub is_in_first_phase: bool,
     pub is_asked: bool,
     pub has_answered: bool,
+    /// It is not there: as if its cameras were not in the rig.
+    pub is_left_out: bool,
 }
 
 impl Pass {
@@ -64,6 +66,13 @@ impl Pass {
         for (index, group) in self.groups.iter_mut().enumerate() {
             let is_first = (0..first).any(|place| place * count / first == index);
             group.is_in_first_phase = two_phases && first < count && is_first;
+        }
+    }
+
+    /// From the next pass on, asks nothing of these groups, as if their cameras were not in the rig. One must be left.
+    pub fn leave_out(&mut self, is_left_out: impl Fn(usize) -> bool) {
+        for (index, group) in self.groups.iter_mut().enumerate() {
+            group.is_left_out = is_left_out(index);
         }
     }
 
@@ -99,7 +108,7 @@ impl Pass {
         let count = self.question.len();
         self.round = if count == 0 { Round::Done } else { round };
         for group in &mut self.groups {
-            group.is_asked = asks(group);
+            group.is_asked = !group.is_left_out && asks(group);
             group.has_answered = false;
         }
         let merged = &mut self.merged;
@@ -124,7 +133,8 @@ impl Pass {
     pub(super) fn ask_distances(&mut self, round: Round) {
         let is_bounded = !self.question.within.is_empty() && !self.only_planes;
         let is_worth_it = self.saves_bytes || is_bounded;
-        let two_phases = is_worth_it && self.groups.iter().any(|group| group.is_in_first_phase);
+        let two_phases =
+            is_worth_it && self.groups.iter().any(|group| group.is_in_first_phase && !group.is_left_out);
         self.ask(round, |group| !two_phases || group.is_in_first_phase);
         self.is_first_phase = two_phases && self.round == round;
     }
@@ -144,9 +154,13 @@ impl Pass {
             }
         }
         for group in groups {
-            (group.is_asked, group.has_answered) = (!group.is_in_first_phase, false);
+            let is_asked = !group.is_in_first_phase && !group.is_left_out;
+            (group.is_asked, group.has_answered) = (is_asked, false);
         }
         self.is_first_phase = false;
+        if !self.groups.iter().any(|group| group.is_asked) {
+            self.advance();
+        }
     }
 
     fn merge(&mut self, answer: &Answer) {

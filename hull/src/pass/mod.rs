@@ -226,7 +226,7 @@ impl Pass {
             self.question.batches.push(Batch::all(body.points.clone()));
         }
         self.is_first_phase = false;
-        let has_first = self.groups.iter().any(|group| group.is_first);
+        let has_first = self.groups.iter().any(|group| group.is_first && !group.is_left_out);
         self.ask(Round::Classes, |group| !has_first || group.is_first);
     }
 

@@ -7,7 +7,7 @@ use crate::reach::Reach;
 
 impl Pass {
     pub(super) fn after_classes(&mut self) {
-        let silent: bool = self.groups.iter().any(|group| !group.is_asked);
+        let silent = self.groups.iter().any(|group| !group.is_asked && !group.is_left_out);
         if silent && self.targets.0.is_empty() {
             return self.ask_the_others();
         }
@@ -87,7 +87,7 @@ impl Pass {
         // What the first said stands; it is merged with what the others say.
         let so_far = std::mem::take(&mut merged.standings);
         for group in groups.iter_mut() {
-            (group.is_asked, group.has_answered) = (!group.is_first, false);
+            (group.is_asked, group.has_answered) = (!group.is_first && !group.is_left_out, false);
         }
         if question.is_empty() {
             self.round = Round::Done;

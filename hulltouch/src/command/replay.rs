@@ -106,6 +106,7 @@ fn setup(recording: &Recording, arguments: &ReplayArguments) -> Outcome<Setup> {
         // What is on the disk need not arrive.
         latency_s: 0.0,
         hold_s: header.hold_s,
+        min_cameras: 1,
         seed: Some(header.world.seed),
         gravity_m_s2: Some(header.scene.gravity_m_s2()),
         probes: header.probes,

@@ -85,6 +85,7 @@ fn missed(figures: &Figures) -> Value {
         "share": frames as f64 / figures.frames_expected.max(1) as f64,
         "late_steps": figures.late_steps,
         "blind_steps": figures.blind_steps,
+        "reduced_steps": figures.reduced_steps,
         "slipped_s": figures.slipped_s,
     })
 }
@@ -170,6 +171,9 @@ pub fn summary(setup: &Setup, figures: &Figures, world: &World) -> String {
     text += &stage_table(figures);
     if figures.blind_steps > 0 {
         text += &format!("{} steps without a hull\n", figures.blind_steps);
+    }
+    if figures.reduced_steps > 0 {
+        text += &format!("{} steps without a camera that was not there\n", figures.reduced_steps);
     }
     for record in world.summaries().iter().filter(|record| record.first_touch_s.is_some()) {
         text += &format!(

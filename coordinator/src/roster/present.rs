@@ -1,0 +1,93 @@
+//! Which nodes steps go on without: as if their cameras were not in the rig, until they are back.
+
+use proto::FilmState;
+
+use super::{Roster, RosterNode};
+
+/// A node whose film is later than the others' by more frames than this is left out.
+const LATE_FRAMES: u64 = 1;
+
+/// Whom a step may leave out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LeaveOut {
+    /// Who is not there, does not answer, or is late: live.
+    Late,
+    /// Who is not there: lock-step waits for the others.
+    Missing,
+}
+
+impl RosterNode {
+    /// Whether it is there for a step that may see frames up to `lead`, the newest of anybody. Whoever was left out is
+    /// back with the frame that the others have in `common`: what came meanwhile it may lack.
+    fn is_there(&self, lead: Option<u64>, common: Option<u64>, whom: LeaveOut) -> bool {
+        if whom == LeaveOut::Missing {
+            return self.is_up;
+        }
+        let in_time = match (lead, self.newest_frame()) {
+            _ if self.is_left_out => common.is_none_or(|common| self.report(common).is_some()),
+            (Some(lead), Some(newest)) => newest + LATE_FRAMES >= lead,
+            (Some(_), None) => false,
+            (None, _) => true,
+        };
+        let has_ended = self.film == FilmState::Ended;
+        self.is_up && !self.is_silent && !matches!(self.film, FilmState::Failed(_)) && (in_time || has_ended)
+    }
+}
+
+impl Roster {
+    /// The nodes that steps go on with.
+    pub(super) fn present(&self) -> impl Iterator<Item = &RosterNode> {
+        self.nodes.iter().filter(|node| !node.is_left_out)
+    }
+
+    /// How many cameras steps go on with; the cameras of this process are one node that knows its own.
+    pub fn cameras_present(&self) -> usize {
+        self.present().map(|node| node.cameras.len()).sum()
+    }
+
+    /// Whether steps go on without a node.
+    pub fn leaves_out_any(&self) -> bool {
+        self.nodes.iter().any(RosterNode::is_left_out)
+    }
+
+    /// A node did not answer in time: it is left out until it is heard of.
+    pub fn silent(&mut self, node: usize) {
+        self.nodes[node].is_silent = true;
+    }
+
+    /// Decides whom a step that wants a frame goes on without. Nobody is left out where fewer than `least` cameras would
+    /// remain. Returns what has changed: nodes, and whether each is back.
+    pub fn leave_out(&mut self, wanted: u64, whom: LeaveOut, least: usize) -> Vec<(usize, bool)> {
+        let up = self.nodes.iter().filter(|node| node.is_up && !node.is_silent);
+        let lead = up.filter_map(RosterNode::newest_frame).max().map(|newest| newest.min(wanted));
+        let common = self.newest_common(wanted);
+        let there: Vec<bool> = self.nodes.iter().map(|node| node.is_there(lead, common, whom)).collect();
+        let pairs = || self.nodes.iter().zip(&there);
+        let left: usize = pairs().filter(|(_, there)| **there).map(|(node, _)| node.cameras.len()).sum();
+        let is_enough = left >= least && there.contains(&true);
+        let mut changed = Vec::new();
+        for (index, (node, there)) in self.nodes.iter_mut().zip(&there).enumerate() {
+            let is_left_out = is_enough && !there;
+            if node.is_left_out != is_left_out {
+                node.is_left_out = is_left_out;
+                changed.push((index, !is_left_out));
+            }
+        }
+        changed
+    }
+
+    /// The name of a node and its cameras.
+    pub fn node_name(&self, node: usize) -> &str {
+        &self.nodes[node].name
+    }
+
+    /// The name of a node, and why it is left out.
+    pub fn why_left_out(&self, node: usize) -> String {
+        let node = &self.nodes[node];
+        match node.missing() {
+            Some(missing) => missing.to_string(),
+            None if node.is_silent => format!("node {}: no answer in time", node.name),
+            None => format!("node {}: its film is late", node.name),
+        }
+    }
+}

@@ -1,0 +1,76 @@
+//! A node that is lost, or stands still, is left out: the hull of the other cameras stays, and the node comes back.
+
+#[path = "shared/room.rs"]
+mod room;
+
+use std::path::Path;
+use std::process::Output;
+use std::time::Duration;
+
+use room::{Node, cameras, cluster_file, coordinator, program};
+use rustix::process::{Pid, Signal, kill_process};
+use serde_json::Value;
+
+const NODES: usize = 4;
+
+/// What a run says and figures while something happens to its second node.
+fn run(seconds: &str, min_cameras: usize, happens: impl FnOnce(&mut Vec<Node>, &Path)) -> (String, Value) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (cluster, json) = (cluster_file(folder.path(), NODES), folder.path().join("out.json"));
+    let text = std::fs::read_to_string(&cluster).expect("written");
+    std::fs::write(&cluster, format!("min_cameras = {min_cameras}\n{text}")).expect("written");
+    let mut nodes: Vec<Node> =
+        (0..NODES).map(|node| Node::start(program(), &cluster, &cameras(node))).collect();
+    let run =
+        coordinator(program(), &cluster, seconds, &json).env("RUST_LOG", "info").spawn().expect("starts");
+    std::thread::sleep(Duration::from_millis(2500));
+    happens(&mut nodes, &cluster);
+    let output: Output = run.wait_with_output().expect("ends");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{said}");
+    let figures = std::fs::read(&json).expect("figures");
+    (said, serde_json::from_slice(&figures).expect("JSON"))
+}
+
+fn steps(figures: &Value, what: &str) -> u64 {
+    figures["missed"][what].as_u64().expect("a number")
+}
+
+#[test]
+fn a_node_that_is_killed_is_left_out_and_taken_back() {
+    let (said, figures) = run("7", 3, |nodes, cluster| {
+        drop(nodes.remove(1));
+        std::thread::sleep(Duration::from_millis(1200));
+        nodes.push(Node::start(program(), cluster, &cameras(1)));
+    });
+    assert!(said.contains("going on with 6 cameras: node"), "{said}");
+    assert!(said.contains("is back, 8 cameras"), "{said}");
+    assert_eq!(steps(&figures, "blind_steps"), 0, "{said}{}", figures["missed"]);
+    // Twelve tenths of a second at 120 steps a second, and what the node takes to start.
+    let reduced = steps(&figures, "reduced_steps");
+    assert!((100..480).contains(&reduced), "{reduced} steps without it: {said}");
+    assert!(steps(&figures, "frames") < 5, "{figures}");
+}
+
+#[test]
+fn a_node_that_stands_still_is_left_out_until_it_goes_on() {
+    let (said, figures) = run("6", 3, |nodes, _| {
+        let process = Pid::from_raw(nodes[1].id().cast_signed()).expect("a number");
+        kill_process(process, Signal::STOP).expect("stopped");
+        std::thread::sleep(Duration::from_millis(1500));
+        kill_process(process, Signal::CONT).expect("continued");
+    });
+    assert!(said.contains("going on with 6 cameras: node"), "{said}");
+    assert!(said.contains("is back, 8 cameras"), "{said}");
+    assert_eq!(steps(&figures, "blind_steps"), 0, "{said}{}", figures["missed"]);
+    assert!((100..400).contains(&steps(&figures, "reduced_steps")), "{said}");
+}
+
+#[test]
+fn below_the_least_number_of_cameras_there_is_no_hull() {
+    let (said, figures) = run("4", 7, |nodes, _| drop(nodes.remove(1)));
+    assert!(said.contains("hull unavailable, collisions off: node"), "{said}");
+    assert!(!said.contains("going on with"), "{said}");
+    assert!(steps(&figures, "blind_steps") > 60, "{figures}");
+    assert_eq!(steps(&figures, "reduced_steps"), 0, "{figures}");
+}
