@@ -160,7 +160,7 @@ async fn digest(scene: &Scene, seconds: f64, path: VectorPath) -> (String, u64) 
         fps: config.fps,
         latency_s: 0.0,
         hold_s: 0.0,
-        min_cameras: 3,
+        going_on: coordinator::GoingOn::default(),
         seconds: Some(seconds),
         lock_step: true,
         ask_every: AskEvery::Frame,

@@ -224,7 +224,7 @@ fn what_was_asked_of_a_run_is_asked_again() {
         fps: header.fps,
         latency_s: 0.0,
         hold_s: 0.0,
-        min_cameras: 3,
+        going_on: coordinator::GoingOn::default(),
         seconds: Some(2.5),
         lock_step: true,
         ask_every: header.asks,

@@ -86,7 +86,7 @@ impl Studio {
             fps: FPS,
             latency_s: 0.3,
             hold_s: 0.0,
-            min_cameras: 3,
+            going_on: coordinator::GoingOn::default(),
             seconds: Some(self.seconds),
             lock_step: self.lock_step,
             ask_every: AskEvery::Frame,

@@ -15,5 +15,5 @@ mod transport;
 
 pub use figures::{Figures, Percentiles, Progress, STAGES, stage_of};
 pub use query::AskEvery;
-pub use run::{Coordinator, RunError, RunSettings, Snapshot, Watcher};
+pub use run::{Coordinator, GoingOn, RunError, RunSettings, Snapshot, Watcher};
 pub use transport::{BoxError, Fetching, LocalFrames, Silhouettes, Transport, TransportError};

@@ -123,6 +123,23 @@ impl BodyResponse {
         }));
     }
 
+    /// Keeps it from moving the body faster than so, m/s, in a step of `dt_s`, and from giving it more speed: the hull may
+    /// have grown for no other reason than that a camera is gone.
+    pub fn limit(&mut self, push_m_s: f64, dt_s: f64) {
+        let most_m = push_m_s * dt_s;
+        if let Some(response_m) = &mut self.response_m {
+            let length_m = Vector3::from(*response_m).norm();
+            if length_m > most_m {
+                response_m.iter_mut().for_each(|part| *part *= most_m / length_m);
+            }
+        }
+        let (most_m, most_m_s) = (most_m as f32, push_m_s as f32);
+        for contact in &mut self.contacts {
+            contact.depth_m = contact.depth_m.min(most_m);
+            contact.speed_m_s = contact.speed_m_s.map(|speed_m_s| speed_m_s.min(most_m_s));
+        }
+    }
+
     /// Whether the hull touches the body.
     pub fn touches(&self) -> bool {
         self.response_m.is_some() || self.inside_samples > 0
@@ -190,6 +207,29 @@ mod tests {
         }
         response.set(&BodyResult::default(), &shape);
         assert_eq!(response, BodyResponse::UNTOUCHED);
+    }
+
+    #[test]
+    fn a_limited_response_keeps_its_way_and_moves_no_faster() {
+        let contact = |depth_m, speed_m_s| HullContact {
+            sample: 0,
+            point_body_m: [0.0; 3],
+            normal_world: [0.0, 1.0, 0.0],
+            depth_m,
+            speed_m_s,
+            slide_m_s: [0.0; 3],
+        };
+        let contacts = vec![contact(0.2, Some(4.0)), contact(-0.01, Some(-3.0)), contact(0.01, None)];
+        let mut response =
+            BodyResponse { response_m: Some([0.3, -0.4, 0.0]), contacts, ..BodyResponse::default() };
+        response.limit(1.5, 0.01);
+        let [x_m, y_m, z_m] = response.response_m.expect("kept");
+        assert!((x_m - 0.009).abs() < 1e-12 && (y_m + 0.012).abs() < 1e-12 && z_m == 0.0);
+        let limited: Vec<_> = response.contacts.iter().map(|at| (at.depth_m, at.speed_m_s)).collect();
+        assert_eq!(limited, [(0.015, Some(1.5)), (-0.01, Some(-3.0)), (0.01, None)]);
+        let before = response.clone();
+        response.limit(2.0, 0.01);
+        assert_eq!(response, before, "what is slow enough stays");
     }
 
     #[test]

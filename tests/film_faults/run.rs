@@ -73,7 +73,7 @@ pub fn settings(seconds: f64) -> RunSettings {
         fps: FPS,
         latency_s: 0.0,
         hold_s: 0.0,
-        min_cameras: 3,
+        going_on: coordinator::GoingOn::default(),
         seconds: Some(seconds),
         lock_step: true,
         ask_every: AskEvery::Frame,

@@ -181,7 +181,7 @@ impl Track {
             fps,
             latency_s: 0.0,
             hold_s: 0.0,
-            min_cameras: 3,
+            going_on: coordinator::GoingOn::default(),
             seconds: Some(plan.seconds),
             lock_step: true,
             ask_every: AskEvery::Frame,

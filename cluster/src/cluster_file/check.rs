@@ -4,6 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use camera_node::source::SourceConfig;
+use coordinator::GoingOn;
 use hull::Rig;
 use hull::rule::{HullRule, NormalWindow, OutOfView, ProbeSettings};
 use proto::Address;
@@ -15,9 +16,6 @@ use super::{
     CameraEntry, CameraKeys, ClusterFile, ClusterFileError, File, OutOfViewKey, PrecisionKey, SceneChoice,
 };
 use crate::expand::{Variables, expand};
-
-/// With fewer cameras the hull of a person is twice too large: the default of `min_cameras`.
-const LEAST_CAMERAS: usize = 3;
 
 /// Gives the keys their meaning, and errors their place.
 pub(super) struct Checker<'a> {
@@ -47,7 +45,7 @@ impl Checker<'_> {
             hold_s: self.within("hold_s", file.hold_s, 0.0, 3600.0)?,
             seed: file.seed,
             gravity_m_s2: file.gravity.map(|gravity| self.gravity(gravity)).transpose()?,
-            min_cameras: self.min_cameras(file.min_cameras, &probes, cameras.len())?,
+            going_on: self.going_on(file, &probes, cameras.len())?,
             probes,
             precision: match file.wire.precision {
                 PrecisionKey::Exact => Precision::Exact,
@@ -221,20 +219,22 @@ impl Checker<'_> {
             .map_err(|error| self.wrong("the hull rule", error.to_string()))
     }
 
-    /// How many cameras must remain.
-    fn min_cameras(
+    /// How many cameras must remain, and how fast bodies are moved when one goes.
+    fn going_on(
         &self,
-        found: Option<usize>,
+        file: &File,
         probes: &ProbeSettings,
         cameras: usize,
-    ) -> Result<usize, ClusterFileError> {
-        let min_views = probes.rule().min_views as usize;
-        let Some(found) = found else { return Ok(LEAST_CAMERAS.min(cameras).max(min_views)) };
-        if (min_views..=cameras).contains(&found) {
-            return Ok(found);
+    ) -> Result<GoingOn, ClusterFileError> {
+        let (defaults, min_views) = (GoingOn::default(), probes.rule().min_views as usize);
+        let least = defaults.min_cameras.min(cameras).max(min_views);
+        let min_cameras = file.min_cameras.unwrap_or(least);
+        if file.min_cameras.is_some() && !(min_views..=cameras).contains(&min_cameras) {
+            let expected = format!("at least min_views, {min_views}, and at most the {cameras} cameras");
+            return Err(self.wrong("min_cameras", format!("found {min_cameras}, expected {expected}")));
         }
-        let expected = format!("expected at least min_views, {min_views}, and at most the {cameras} cameras");
-        Err(self.wrong("min_cameras", format!("found {found}, {expected}")))
+        let push_m_s = file.push_m_s.unwrap_or(defaults.push_m_s);
+        Ok(GoingOn { min_cameras, push_m_s: self.within("push_m_s", push_m_s, 0.0, 100.0)? })
     }
 
     fn gravity(&self, gravity_m_s2: [f64; 3]) -> Result<[f64; 3], ClusterFileError> {

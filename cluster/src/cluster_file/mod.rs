@@ -13,6 +13,7 @@
 //! out_of_view = "outside"              # or "abstain"
 //! min_views = 2
 //! min_cameras = 3                      # a missing camera is left out while so many remain; below it there is no hull
+//! push_m_s = 1.5                       # for a second after a camera has gone or come back, bodies are moved no faster
 //! normal_window = "auto"               # or k, pixels
 //! max_depth_m = 1.0
 //! unused_cameras = ["cam4"]            # cameras of the rig that take no part
@@ -42,6 +43,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use camera_node::source::SourceConfig;
+use coordinator::GoingOn;
 use hull::Rig;
 use hull::rule::ProbeSettings;
 use proto::Address;
@@ -69,8 +71,8 @@ pub struct ClusterFile {
     pub latency_s: f64,
     /// How long the last frame is held when film ends, seconds.
     pub hold_s: f64,
-    /// A missing camera is left out while at least so many remain.
-    pub min_cameras: usize,
+    /// How a run goes on without a camera.
+    pub going_on: GoingOn,
     /// Decides what a run leaves to chance, if set.
     pub seed: Option<u64>,
     /// Gravity in the rig's world, m/s², if not the scene's.
@@ -163,6 +165,7 @@ struct File {
     out_of_view: OutOfViewKey,
     min_views: Option<u32>,
     min_cameras: Option<usize>,
+    push_m_s: Option<f64>,
     normal_window: Option<Value>,
     max_depth_m: Option<f64>,
     #[serde(default)]

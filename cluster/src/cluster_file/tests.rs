@@ -112,8 +112,8 @@ fn sockets_are_files_beside_the_others_and_numbers_may_be_rounded() {
 
 #[test]
 fn the_rule_and_unused_cameras_are_taken_over() {
-    let keys = "out_of_view = \"abstain\"\nmin_views = 3\nnormal_window = 7\nmax_depth_m = 0.5\nseed = 9\n\
-                gravity = [0, 0, -9.81]\nhold_s = 0\nunused_cameras = [\"b\"]";
+    let keys = "out_of_view = \"abstain\"\nmin_views = 1\nnormal_window = 7\nmax_depth_m = 0.5\nseed = 9\n\
+                gravity = [0, 0, -9.81]\nhold_s = 0\nmin_cameras = 2\npush_m_s = 0.5\nunused_cameras = [\"b\"]";
     let text = TEXT[..TEXT.find("[[camera]]\nname = \"b\"").expect("there")].replacen(
         "fps",
         &format!("{keys}\nfps"),
@@ -121,7 +121,8 @@ fn the_rule_and_unused_cameras_are_taken_over() {
     );
     let cluster = Folder::new().read(&text).expect("valid");
     let probes = cluster.probes;
-    assert_eq!((probes.rule().out_of_view, probes.rule().min_views), (OutOfView::Abstain, 3));
+    assert_eq!((probes.rule().out_of_view, probes.rule().min_views), (OutOfView::Abstain, 1));
+    assert_eq!(cluster.going_on, GoingOn { min_cameras: 2, push_m_s: 0.5 });
     assert_eq!((probes.normal_window(), probes.max_depth_m()), (NormalWindow::Pixels(7), 0.5));
     assert_eq!((cluster.seed, cluster.gravity_m_s2, cluster.hold_s), (Some(9), Some([0.0, 0.0, -9.81]), 0.0));
     assert_eq!(cluster.rig.cameras().len(), 2);
@@ -142,6 +143,13 @@ fn each_mistake_is_one_line_with_file_key_found_and_expected() {
             &["line 5 (`latency = 1`)", "unknown field `latency`", "`latency_s`"],
         ),
         ("fps = 50", "fps = 50\nmin_views = 0", &["the hull rule: min_views is 0, expected at least 1"]),
+        (
+            "fps = 50",
+            "fps = 50\nmin_cameras = 4",
+            &["min_cameras: found 4, expected at least min_views, 2, and at most the 3 cameras"],
+        ),
+        ("fps = 50", "fps = 50\nmin_cameras = 1", &["min_cameras: found 1, expected at least min_views, 2"]),
+        ("fps = 50", "fps = 50\npush_m_s = -1", &["push_m_s: found -1, expected a number from 0 to 100"]),
         (
             "fps = 50",
             "fps = 50\nnormal_window = \"big\"",

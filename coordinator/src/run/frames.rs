@@ -31,6 +31,8 @@ pub(super) struct FilmInUse {
     pub unavailable: Option<HullUnavailable>,
     /// Frames that nobody expected: film went by while no steps were wanted.
     pub frames_passed: u64,
+    /// A camera has gone or come back: until then the hull pushes gently, film time in seconds.
+    pub gentle_until_s: f64,
     wait: FrameWait,
 }
 

@@ -20,6 +20,8 @@ const LIVE_TIMEOUT: Duration = Duration::from_millis(500);
 
 /// Live: a node that takes three usual round trips and so much longer is silent, milliseconds.
 const SILENT_MS: f64 = 20.0;
+/// After a camera has gone or come back, bodies are moved gently for so long, seconds.
+const GENTLE_S: f64 = 1.0;
 /// What a trip took at the longest is forgotten by so much with every other.
 const FORGET: f64 = 0.995;
 /// What is usual is not known before so many.
@@ -38,7 +40,7 @@ impl Coordinator {
     /// Leaves out who is not there for a step that wants a frame, and takes back who is again; whether that changed.
     pub(super) fn go_on_without(&mut self, wanted: u64) -> bool {
         let whom = if self.settings.lock_step { LeaveOut::Missing } else { LeaveOut::Late };
-        let changed = self.transport.leave_out(wanted, whom, self.settings.min_cameras);
+        let changed = self.transport.leave_out(wanted, whom, self.settings.going_on.min_cameras);
         for &(node, is_back) in &changed {
             let (roster, cameras) = (self.transport.roster(), self.transport.roster().cameras_present());
             match is_back {
@@ -47,6 +49,7 @@ impl Coordinator {
             }
         }
         if !changed.is_empty() {
+            self.film.gentle_until_s = self.film_s() + GENTLE_S;
             self.query.leave_out(|group| self.transport.is_left_out(group));
         }
         !changed.is_empty()

@@ -67,10 +67,25 @@ pub struct RunSettings {
     pub ask_every: AskEvery,
     /// See [`HullQuery::set_bodies`], metres.
     pub reuse_within_m: f64,
-    /// A missing camera is left out while at least so many remain; below it there is no hull.
-    pub min_cameras: usize,
+    /// How it goes on without a camera.
+    pub going_on: GoingOn,
     /// How long to wait for nodes at the beginning, and live from then on for their first frame.
     pub connect_timeout: Duration,
+}
+
+/// How a run goes on without a camera, and when it does not.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GoingOn {
+    /// A missing camera is left out while at least so many remain; below it there is no hull.
+    pub min_cameras: usize,
+    /// For a second after a camera has gone or come back, the hull moves bodies no faster, m/s.
+    pub push_m_s: f64,
+}
+
+impl Default for GoingOn {
+    fn default() -> GoingOn {
+        GoingOn { min_cameras: 3, push_m_s: 1.5 }
+    }
 }
 
 /// Why a run could not be made.

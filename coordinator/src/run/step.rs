@@ -106,10 +106,7 @@ impl Coordinator {
         given: Option<Vec<BodyResponse>>,
         watcher: &mut dyn Watcher,
     ) -> Result<bool, RunError> {
-        let mut responses = given.unwrap_or_else(|| match &results {
-            Some(results) => self.world.moving_bodies().zip(results).map(response).collect(),
-            None => vec![BodyResponse::UNTOUCHED; self.world.moving_bodies().len()],
-        });
+        let mut responses = given.unwrap_or_else(|| self.responses(film_s, results.as_deref()));
         if let Some(alter) = self.script.alter {
             responses.iter_mut().for_each(alter);
         }
@@ -127,6 +124,20 @@ impl Coordinator {
         self.report(watcher, Some(step_ms));
         self.picture(watcher, film_s, results.as_deref()).await;
         Ok(true)
+    }
+
+    /// What the hull's answers do to the moving bodies.
+    fn responses(&self, film_s: f64, results: Option<&[BodyResult]>) -> Vec<BodyResponse> {
+        let Some(results) = results else {
+            return vec![BodyResponse::UNTOUCHED; self.world.moving_bodies().len()];
+        };
+        let mut responses: Vec<BodyResponse> =
+            self.world.moving_bodies().zip(results).map(response).collect();
+        if film_s < self.film.gentle_until_s {
+            let (push_m_s, dt_s) = (self.settings.going_on.push_m_s, self.world.settings().dt_s);
+            responses.iter_mut().for_each(|response| response.limit(push_m_s, dt_s));
+        }
+        responses
     }
 
     /// Steps the world with the hull's answers; returns how many bodies touch it.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use clap::Args;
-use coordinator::Transport;
+use coordinator::{GoingOn, Transport};
 use recording::{Recording, StepCheck};
 use serde_json::{Value, json};
 
@@ -106,7 +106,7 @@ fn setup(recording: &Recording, arguments: &ReplayArguments) -> Outcome<Setup> {
         // What is on the disk need not arrive.
         latency_s: 0.0,
         hold_s: header.hold_s,
-        min_cameras: 1,
+        going_on: GoingOn { min_cameras: 1, ..GoingOn::default() },
         seed: Some(header.world.seed),
         gravity_m_s2: Some(header.scene.gravity_m_s2()),
         probes: header.probes,

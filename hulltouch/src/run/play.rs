@@ -106,7 +106,7 @@ fn run_settings(setup: &Setup, connect_timeout: Duration) -> RunSettings {
         fps: setup.file.fps,
         latency_s: setup.file.latency_s,
         hold_s: setup.file.hold_s,
-        min_cameras: setup.file.min_cameras,
+        going_on: setup.file.going_on,
         seconds: setup.seconds,
         lock_step: setup.lock_step,
         ask_every: setup.asks,
