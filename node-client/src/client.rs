@@ -309,7 +309,7 @@ impl NodeClient {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn client(&self) -> Result<CameraNodeClient<Channel>, NodeError> {
+    pub(crate) fn client(&self) -> Result<CameraNodeClient<Channel>, NodeError> {
         let state = self.state();
         state.connection.as_ref().map(|connection| connection.client.clone()).ok_or(NodeError::NotConnected)
     }

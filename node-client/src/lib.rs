@@ -7,6 +7,7 @@ mod connection;
 mod counting;
 mod error;
 mod pictures;
+mod world;
 
 pub use client::{Agreement, ExpectedNode, NodeClient, NodeEvent};
 pub use counting::ByteCounts;

@@ -11,6 +11,7 @@ pub mod v1 {
 }
 
 mod address;
+mod checkpoint;
 pub mod convert;
 mod description;
 mod film;
@@ -18,6 +19,7 @@ mod pictures;
 pub mod text;
 
 pub use address::{Address, AddressError, MAX_SOCKET_PATH_BYTES};
+pub use checkpoint::{CheckpointError, MAX_CHECKPOINT_BYTES, open_checkpoint, seal_checkpoint};
 pub use description::{CameraDescription, NodeDescription};
 pub use film::{BACKGROUND_S, CameraReport, FilmEvent, FilmState, FrameReport, Pace, unix_now_s};
 pub use pictures::{CameraPicture, FramePictures, MAX_SCALE_LOG2, Picture, PictureKind, PictureRequest};

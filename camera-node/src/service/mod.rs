@@ -5,6 +5,7 @@ mod film_events;
 mod node;
 mod probe_stream;
 mod worker;
+mod world_memory;
 
 pub use node::{Node, ServeError};
 
@@ -29,6 +30,7 @@ use crate::pictures::{PictureEncoder, PictureError};
 use crate::shapes::Shapes;
 use probe_stream::ProbeStream;
 use worker::{MAX_WAITING, Worker};
+use world_memory::WorldMemory;
 
 /// The state behind every call.
 struct Service {
@@ -38,6 +40,7 @@ struct Service {
     shapes: Arc<Shapes>,
     worker: Worker,
     pictures: PictureEncoder,
+    world: WorldMemory,
 }
 
 impl Service {
@@ -52,6 +55,7 @@ impl Service {
             shapes: Arc::default(),
             worker: Worker::new(Arc::clone(&ring), config.cameras.len()),
             pictures: pictures.map_err(ServeError::Thread)?,
+            world: WorldMemory::default(),
             ring,
         })
     }
@@ -200,5 +204,20 @@ impl CameraNode for Service {
             PictureError::Busy => Status::resource_exhausted(error.to_string()),
         })?;
         Ok(Response::new(Box::pin(ReceiverStream::new(receiver))))
+    }
+    async fn keep_world(
+        &self,
+        request: Request<v1::KeepWorldRequest>,
+    ) -> Result<Response<v1::KeepWorldReply>, Status> {
+        let v1::KeepWorldRequest { checkpoint } = request.into_inner();
+        self.world.keep(&checkpoint).map_err(invalid)?;
+        Ok(Response::new(v1::KeepWorldReply {}))
+    }
+
+    async fn fetch_world(
+        &self,
+        _: Request<v1::FetchWorldRequest>,
+    ) -> Result<Response<v1::FetchWorldReply>, Status> {
+        Ok(Response::new(v1::FetchWorldReply { checkpoint: self.world.newest() }))
     }
 }
