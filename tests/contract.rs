@@ -258,6 +258,7 @@ async fn suite(address: Listen, rig: &Rig) {
     assert_eq!(gone.expect_err("gone").code(), tonic::Code::OutOfRange);
 
     makes_pictures_of_frame_12(&mut client, rig).await;
+    remembers_the_newest_whole_world(&mut client).await;
     survives_untrusted_peers(&address).await;
     assert!(matches!(probe.ask(12, &one).await, ProbeAnswer::Answer(_)), "it goes on serving");
     tells_its_health_and_its_protocol(&address).await;
@@ -267,6 +268,28 @@ async fn suite(address: Listen, rig: &Rig) {
 async fn next_frame(frames: &mut Streaming<v1::FrameInfo>) -> v1::FrameInfo {
     let told = tokio::time::timeout(TIMEOUT, frames.next()).await.expect("in time");
     told.expect("a frame").expect("no error")
+}
+
+async fn remembers_the_newest_whole_world(client: &mut Client) {
+    let fetch = v1::FetchWorldRequest {};
+    assert!(client.fetch_world(fetch).await.expect("fetches").into_inner().checkpoint.is_empty());
+    let sealed = |text: &str| proto::seal_checkpoint(text.as_bytes()).expect("short");
+    for world in ["first", "second"] {
+        let keep = v1::KeepWorldRequest { checkpoint: sealed(world).into(), holder: 0 };
+        client.keep_world(keep).await.expect("keeps");
+    }
+    let cut = sealed("third")[..30].to_vec();
+    let large = vec![0; proto::MAX_CHECKPOINT_BYTES + 1];
+    for (wrong, expected) in [
+        (cut, "a checkpoint of 30 bytes, expected 53"),
+        (large, "a checkpoint of 1048577 bytes, expected at most 1048576"),
+    ] {
+        let keep = v1::KeepWorldRequest { checkpoint: wrong.into(), holder: 0 };
+        let refused = client.keep_world(keep).await.expect_err("not whole");
+        assert_eq!((refused.code(), refused.message()), (tonic::Code::InvalidArgument, expected));
+    }
+    let kept = client.fetch_world(fetch).await.expect("fetches").into_inner().checkpoint;
+    assert_eq!(kept, sealed("second"));
 }
 
 async fn describes_its_cameras(client: &mut Client, rig: &Rig) {
@@ -361,6 +384,7 @@ async fn obeys_one_coordinator_at_a_time(client: &mut Client, probe: &mut Probe,
         client.start(start).await.map(drop),
         client.keep_time(v1::KeepTimeRequest { holder: 8, ..Default::default() }).await.map(drop),
         client.register_shapes(v1::RegisterShapesRequest { shapes: vec![], holder: 8 }).await.map(drop),
+        client.keep_world(v1::KeepWorldRequest { holder: 8, ..Default::default() }).await.map(drop),
         client.take_background(background).await.map(drop),
     ];
     for refused in refused {

@@ -17,7 +17,7 @@ use hull::{Observer, ProbeSettings, Rig};
 use node_client::Agreement;
 use proto::Address;
 use segment::SegmentSettings;
-use sim::{BodyRequest, Scene, World, WorldSettings};
+use sim::{BodyRequest, BodyResponse, Scene, World, WorldSettings};
 use stage::{Motion, Prop};
 
 const FPS: f64 = 30.0;
@@ -226,6 +226,35 @@ async fn commands_at_the_same_steps_are_the_same_run_over_every_layout_and_from_
     assert_eq!(end.digest(), world.digest());
     let (other, ..) = play(&studio, "inprocess", Box::new(Plan(1, acts))).await;
     assert_ne!(other.digests, first.digests, "a step earlier is another run");
+}
+
+#[tokio::test]
+async fn a_world_goes_on_from_an_earlier_run_and_film_begins_anew_over_every_layout_and_from_a_record() {
+    let studio = Studio::new(Motion::Wave, 0.5);
+    let mut earlier = studio.world();
+    earlier.remove(1).expect("gone");
+    earlier.push(2, [0.2, 1.0, 0.0], None).expect("pushed");
+    for _ in 0..250 {
+        let responses = vec![BodyResponse::UNTOUCHED; earlier.moving_bodies().len()];
+        earlier.step(&responses).expect("a step");
+    }
+    let kept = earlier.snapshot();
+    let goes_on = move |step: u64| match step {
+        0 => vec![Command::GoOn(Box::new(kept.clone()))],
+        _ => vec![],
+    };
+    let (first, figures, world) = play(&studio, "inprocess", Box::new(Plan(0, goes_on.clone()))).await;
+    assert_eq!((figures.steps, world.steps(), figures.frames_expected), (60, 310, 16));
+    for (step, film_frame) in [(0, 0), (3, 1), (59, 15)] {
+        let Sees::Recorded { film_s, frame } = first.steps[step].sees else { panic!("as it was kept") };
+        assert!((film_s - (step + 1) as f64 / 120.0).abs() < 1e-9, "step {step} at {film_s} s");
+        assert_eq!(frame, Some(film_frame));
+    }
+    let ids: Vec<u32> = world.bodies().iter().map(|body| body.id).collect();
+    assert_eq!((ids, first.generations[0]), (vec![0, 2], 1));
+    let (cluster, ..) = play(&studio, "cluster", Box::new(Plan(0, goes_on))).await;
+    let (again, ..) = play(&studio, "inprocess", Box::new(Again(first.steps.clone().into_iter()))).await;
+    assert_eq!((&cluster.digests, &again.digests), (&first.digests, &first.digests));
 }
 
 /// The world once it is as asked.

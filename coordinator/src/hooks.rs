@@ -36,7 +36,7 @@ pub struct StepRecord<'a> {
     /// Film time of the step's end, seconds.
     pub film_s: f64,
     /// Film time that passed without steps so far (pauses, lag, worlds before), seconds: `film_s` less the
-    /// world's own time.
+    /// world's own time, so negative in a world that has gone on from an earlier run.
     pub slipped_s: f64,
     /// The frame that the step saw; `None`: there was no hull.
     pub frame: Option<u64>,

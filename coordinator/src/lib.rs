@@ -8,12 +8,14 @@ mod ask_policy;
 mod figures;
 pub mod hooks;
 pub mod live;
+mod memory;
 pub mod query;
 pub mod roster;
 mod run;
 mod transport;
 
 pub use figures::{Figures, Percentiles, Progress, STAGES, stage_of};
+pub use memory::{MemoryUse, WorldBytesError, world_from_bytes, world_to_bytes};
 pub use query::AskEvery;
-pub use run::{Coordinator, GoingOn, RunError, RunSettings, Snapshot, Watcher};
+pub use run::{Coordinator, GoingOn, GoneOn, RunError, RunSettings, Snapshot, Watcher};
 pub use transport::{BoxError, Fetching, LocalFrames, Silhouettes, Transport, TransportError};

@@ -11,7 +11,7 @@ use hull::Pose;
 use proto::BACKGROUND_S;
 use serde::Serialize;
 pub use sim::{BodyId, HullPatch, Parameters};
-use sim::{BodySpec, Scene, Solid};
+use sim::{BodySpec, Scene, Solid, WorldSnapshot};
 use thiserror::Error;
 use tokio::sync::{mpsc, oneshot, watch};
 
@@ -33,6 +33,8 @@ pub enum Command {
     Reset,
     /// Another scene from its start, under the gravity of this one: the rig's up is the same.
     Choose(Scene),
+    /// A world that was kept, where it was, with this run's seed.
+    GoOn(Box<WorldSnapshot>),
     /// Another body; the answer is its number.
     Spawn(Box<BodySpec>),
     /// A body goes.

@@ -146,7 +146,7 @@ impl NodeClient {
     }
 
     /// By what the node knows us.
-    fn holder(&self) -> u64 {
+    pub(crate) fn holder(&self) -> u64 {
         self.agreement.holder()
     }
 
@@ -257,7 +257,7 @@ impl NodeClient {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn client(&self) -> Result<CameraNodeClient<Channel>, NodeError> {
+    pub(crate) fn client(&self) -> Result<CameraNodeClient<Channel>, NodeError> {
         let state = self.state();
         state.connection.as_ref().map(|connection| connection.client.clone()).ok_or(NodeError::NotConnected)
     }

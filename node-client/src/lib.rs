@@ -9,6 +9,7 @@ mod counting;
 mod error;
 mod film_time;
 mod pictures;
+mod world;
 
 pub use agreement::{Agreement, ExpectedNode};
 pub use client::{NodeClient, NodeEvent};

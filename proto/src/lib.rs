@@ -11,6 +11,7 @@ pub mod v1 {
 }
 
 mod address;
+mod checkpoint;
 mod claim;
 mod clock;
 pub mod convert;
@@ -22,6 +23,7 @@ pub mod text;
 pub use address::{Address, AddressError, MAX_SOCKET_PATH_BYTES};
 pub use claim::Claim;
 pub use clock::{ClockLine, monotonic_s};
+pub use checkpoint::{CheckpointError, MAX_CHECKPOINT_BYTES, open_checkpoint, seal_checkpoint};
 pub use description::{CameraDescription, NodeDescription};
 pub use film::{BACKGROUND_S, CameraReport, FilmEvent, FilmState, FrameReport, Pace, RunStart, unix_now_s};
 pub use pictures::{CameraPicture, FramePictures, MAX_SCALE_LOG2, Picture, PictureKind, PictureRequest};

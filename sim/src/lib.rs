@@ -29,6 +29,6 @@ pub use solver::MAX_PATCHES;
 pub use summary::BodySummary;
 pub use trajectory::TrajectoryDigest;
 pub use world::{
-    Body, BodyId, CommandError, Fault, FaultKind, Parameters, PreparedBody, StepReport, World, WorldError,
-    WorldSettings,
+    Body, BodyId, BodySnapshot, CommandError, Fault, FaultKind, Parameters, PreparedBody, StepReport, World,
+    WorldError, WorldSettings, WorldSnapshot,
 };

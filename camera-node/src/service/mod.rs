@@ -7,6 +7,7 @@ mod led;
 mod node;
 mod probe_stream;
 mod worker;
+mod world_memory;
 
 pub use node::{Node, ServeError};
 
@@ -34,6 +35,7 @@ use hold::{SharedHold, held};
 use led::Led;
 use probe_stream::ProbeStream;
 use worker::{MAX_WAITING, Worker};
+use world_memory::WorldMemory;
 
 /// The state behind every call.
 struct Service {
@@ -44,6 +46,7 @@ struct Service {
     worker: Worker,
     pictures: PictureEncoder,
     hold: SharedHold,
+    world: WorldMemory,
 }
 
 impl Service {
@@ -59,6 +62,7 @@ impl Service {
             hold: SharedHold::default(),
             worker: Worker::new(Arc::clone(&ring), config.cameras.len()),
             pictures: pictures.map_err(ServeError::Thread)?,
+            world: WorldMemory::default(),
             ring,
         })
     }
@@ -227,5 +231,21 @@ impl CameraNode for Service {
             PictureError::Busy => Status::resource_exhausted(error.to_string()),
         })?;
         Ok(Response::new(Box::pin(ReceiverStream::new(receiver))))
+    }
+    async fn keep_world(
+        &self,
+        request: Request<v1::KeepWorldRequest>,
+    ) -> Result<Response<v1::KeepWorldReply>, Status> {
+        let v1::KeepWorldRequest { checkpoint, holder } = request.into_inner();
+        self.hold.check(holder)?;
+        self.world.keep(&checkpoint).map_err(invalid)?;
+        Ok(Response::new(v1::KeepWorldReply {}))
+    }
+
+    async fn fetch_world(
+        &self,
+        _: Request<v1::FetchWorldRequest>,
+    ) -> Result<Response<v1::FetchWorldReply>, Status> {
+        Ok(Response::new(v1::FetchWorldReply { checkpoint: self.world.newest() }))
     }
 }

@@ -29,7 +29,8 @@ pub(super) struct Clock {
     pub max_lag_s: f64,
     /// Film time that was given up because steps took too long.
     pub slipped_s: f64,
-    /// Film time that went by without steps on purpose: pauses, and the worlds before this one.
+    /// Film time that went by without steps on purpose: pauses, and the worlds before this one; less the time that
+    /// this one had before this run.
     pub passed_s: f64,
     /// A run that follows a schedule has its film times from there, so that its pauses shift them all.
     pub shifted_s: f64,

@@ -130,7 +130,7 @@ impl Coordinator {
     }
 
     /// Does one thing, and keeps it for the record.
-    async fn carry_out(&mut self, command: Command) -> Result<Outcome, Refusal> {
+    pub(super) async fn carry_out(&mut self, command: Command) -> Result<Outcome, Refusal> {
         let is_kept = self.log.recorder.is_some() && command.changes_world();
         if is_kept && self.log.commands.len() == MAX_KEPT {
             return Err(Refusal::TooManyCommands { limit: MAX_KEPT });
@@ -147,11 +147,12 @@ impl Coordinator {
             Command::Pause => self.steering = Steering::Paused,
             Command::Resume => self.steering = Steering::Running,
             Command::Step(steps) => self.count_steps(steps)?,
-            Command::Reset => self.begin_world(self.world.again()).await?,
+            Command::Reset => self.begin_world(self.world.again()?).await?,
             Command::Choose(ref scene) => {
                 let scene = scene.clone().with_gravity(self.world.scene().gravity_m_s2())?;
-                self.begin_world(self.world.with_scene(&scene)).await?;
+                self.begin_world(self.world.with_scene(&scene)?).await?;
             }
+            Command::GoOn(ref from) => self.begin_world(self.world.going_on(from)?).await?,
             Command::Spawn(ref spec) => {
                 let prepared = self.world.prepare((**spec).clone())?;
                 let bodies = self.world.moving_bodies().flat_map(sim::Body::asked_shapes);
@@ -200,11 +201,11 @@ impl Coordinator {
     }
 
     /// Puts a new world in the place of the old; film goes on from where it is.
-    async fn begin_world(&mut self, world: Result<World, sim::WorldError>) -> Result<(), Refusal> {
-        let world = world?;
+    async fn begin_world(&mut self, world: World) -> Result<(), Refusal> {
         let shapes = world.moving_bodies().flat_map(sim::Body::asked_shapes).collect();
         self.register(shapes).await?;
-        self.clock.passed_s += self.world.time_s();
+        // A world that goes on has a time of its own already, of which this film is not.
+        self.clock.passed_s += self.world.time_s() - world.time_s();
         self.settings.reuse_within_m = world.scene().hull().reuse_within_m;
         self.world = world;
         self.publisher.generation += 1;

@@ -13,6 +13,7 @@ mod commands;
 mod frames;
 mod hull;
 mod publish;
+mod remember;
 mod step;
 mod watch;
 
@@ -28,6 +29,7 @@ use thiserror::Error;
 use crate::figures::Figures;
 use crate::hooks::{AlterResponse, EndRecord, Recorder, Schedule, Scheduled, Sees};
 use crate::live::{Command, Live, Refusal};
+use crate::memory::{Memory, MemoryUse};
 use crate::query::{AskEvery, HullQuery, Surfaces};
 use crate::roster::WaitError;
 use crate::transport::{Transport, TransportError};
@@ -37,7 +39,7 @@ use frames::FilmInUse;
 use publish::Publisher;
 use watch::RecentFigures;
 
-pub use watch::{Snapshot, Watcher};
+pub use watch::{GoneOn, Snapshot, Watcher};
 
 /// How far a lock-step node may film ahead of the frame in use: half of its ring.
 const FRAMES_AHEAD: u64 = 4;
@@ -152,6 +154,9 @@ pub struct Coordinator {
     recent: RecentFigures,
     /// What a round trip usually takes, milliseconds: the longest of late; `None` before there were some.
     usual_trip_ms: Option<f64>,
+    memory_use: MemoryUse,
+    /// Once the run has begun, if it uses that of its nodes.
+    memory: Option<Memory>,
 }
 
 /// What a run follows instead of film and followers, if anything.
@@ -202,6 +207,8 @@ impl Coordinator {
             publisher: Publisher::default(),
             recent: RecentFigures::since(0, 0),
             usual_trip_ms: None,
+            memory_use: MemoryUse::Off,
+            memory: None,
         };
         coordinator.bodies_changed();
         coordinator
@@ -217,6 +224,12 @@ impl Coordinator {
     /// Has the run kept.
     pub fn with_recorder(mut self, recorder: Box<dyn Recorder>) -> Coordinator {
         self.log.recorder = Some(recorder);
+        self
+    }
+
+    /// Has a live run over nodes use their memory.
+    pub fn with_memory(mut self, memory_use: MemoryUse) -> Coordinator {
+        self.memory_use = memory_use;
         self
     }
 
@@ -239,6 +252,7 @@ impl Coordinator {
         stop: impl Future<Output = ()>,
     ) -> Result<(Figures, World), RunError> {
         self.transport.ready(self.settings.connect_timeout).await?;
+        self.begin_memory(watcher).await;
         let lock_step = self.settings.lock_step;
         let run = getrandom::u64().map_err(RunError::NoRandom)?;
         self.clock.pace = if lock_step { Pace::lock_step(run) } else { Pace::live(run, LEAD_S) };
@@ -287,6 +301,7 @@ impl Coordinator {
 
     /// One step, or a while of waiting while paused; false at the end of film or time.
     async fn turn(&mut self, watcher: &mut dyn Watcher) -> Result<bool, RunError> {
+        self.remember();
         if self.script.next.is_none()
             && let Some(schedule) = &mut self.script.schedule
         {

@@ -25,8 +25,25 @@ pub struct Snapshot<'a> {
     pub inside_world: Vec<[f64; 3]>,
 }
 
+/// The world that a run goes on from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GoneOn {
+    /// The scene that it began as.
+    pub scene: String,
+    /// How many bodies it has.
+    pub bodies: usize,
+    /// Steps that were made.
+    pub steps: u64,
+    /// Its own time, seconds.
+    pub time_s: f64,
+    /// How long ago nodes were handed it, seconds, by the clocks of two coordinators.
+    pub age_s: f64,
+}
+
 /// Receives reports of a run as it goes.
 pub trait Watcher {
+    /// Once at the beginning, if the run goes on from a world that its nodes remember.
+    fn gone_on(&mut self, _from: &GoneOn) {}
     /// Four times a second.
     fn progress(&mut self, progress: &Progress);
     /// Whether a picture of the step is wanted; called after every step.

@@ -199,8 +199,9 @@ impl Transport {
         }
     }
 
-    fn clients(&self) -> Vec<Arc<NodeClient>> {
-        self.nodes().map_or_else(Vec::new, |nodes| nodes.clients.clone())
+    /// One a node; none where cameras are in this process.
+    pub(crate) fn clients(&self) -> &[Arc<NodeClient>] {
+        self.nodes().map_or(&[], |nodes| &nodes.clients)
     }
 
     /// Takes note of what has come, without waiting.
@@ -358,7 +359,7 @@ impl Transport {
             let found = cameras.frames.silhouettes(frame).ok_or(TransportError::Gone { frame });
             return Box::pin(futures::future::ready(found));
         }
-        let clients = self.clients();
+        let clients = self.clients().to_vec();
         Box::pin(async move {
             let fetching = nodes::fetch(&clients, frame, SilhouetteEncoding::RunsLz4);
             let late = |_| TransportError::Silhouettes { frame, timeout: CALL_TIMEOUT };

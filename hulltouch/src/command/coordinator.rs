@@ -10,6 +10,7 @@ use crate::run::run_deployed;
 use crate::run::setup::{AskName, ResponseArguments, Setup, TransportName, checked_seconds, world_settings};
 use cli::{Failure, Outcome};
 use cluster::ClusterFile;
+use coordinator::MemoryUse;
 
 /// Ask the nodes of a cluster file, merge their answers and step the world.
 #[derive(Debug, Args)]
@@ -35,6 +36,9 @@ pub struct CoordinatorArguments {
     /// Displace another coordinator that leads the nodes.
     #[arg(long)]
     take_over: bool,
+    /// Begin with the scene, whatever world the nodes remember of an earlier run.
+    #[arg(long)]
+    fresh: bool,
     /// How long to wait for nodes at the beginning, and then for their first frame, seconds.
     #[arg(long, value_name = "S", default_value_t = 60.0)]
     patience: f64,
@@ -66,6 +70,7 @@ pub fn run(arguments: &CoordinatorArguments) -> Outcome {
         seconds: checked_seconds(arguments.seconds)?,
         outlets: arguments.outlets.checked()?,
         record: arguments.record.checked()?,
+        memory: if arguments.fresh { MemoryUse::Fresh } else { MemoryUse::GoOn },
     };
     run_deployed(&setup, connect_timeout)
 }

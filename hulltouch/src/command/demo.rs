@@ -12,6 +12,7 @@ use crate::run::run_locally;
 use crate::run::setup::{AskName, ResponseArguments, Setup, TransportName, checked_seconds, world_settings};
 use cli::{Failure, Outcome, PrecisionName, parse_size};
 use cluster::ClusterFile;
+use coordinator::MemoryUse;
 
 /// From capture to the step that sees it: rendering and segmenting eight cameras on two cores takes
 /// most of a frame's time.
@@ -109,6 +110,7 @@ pub fn run(arguments: &DemoArguments) -> Outcome {
         seconds,
         outlets,
         record,
+        memory: MemoryUse::Off,
     };
     run_locally(&setup)
 }

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use clap::Args;
 use cli::{Failure, Outcome};
+use coordinator::MemoryUse;
 
 use crate::command::demo::StudioArguments;
 use crate::run::options::{Outlets, RecordTo};
@@ -71,6 +72,7 @@ pub fn run(arguments: RecordArguments) -> Outcome {
         seconds: checked_seconds(arguments.seconds)?,
         outlets: Outlets { live_line: true, json: arguments.json, ..Outlets::default() },
         record: Some(record),
+        memory: MemoryUse::Off,
     };
     if is_deployed { run_deployed(&setup, CONNECT_TIMEOUT) } else { run_locally(&setup) }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use clap::Args;
-use coordinator::{GoingOn, Transport};
+use coordinator::{GoingOn, MemoryUse, Transport};
 use recording::{Recording, StepCheck};
 use serde_json::{Value, json};
 
@@ -125,5 +125,6 @@ fn setup(recording: &Recording, arguments: &ReplayArguments) -> Outcome<Setup> {
         seconds: None,
         outlets: arguments.outlets.checked()?,
         record: None,
+        memory: MemoryUse::Off,
     })
 }

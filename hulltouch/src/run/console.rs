@@ -1,9 +1,10 @@
 //! The live line on a terminal, and the pictures of a run.
 
+use std::io::Write as _;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use coordinator::{Progress, Snapshot, Watcher};
+use coordinator::{GoneOn, Progress, Snapshot, Watcher};
 use hull::Observer;
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -41,6 +42,18 @@ impl Console {
 }
 
 impl Watcher for Console {
+    fn gone_on(&mut self, from: &GoneOn) {
+        let GoneOn { scene, bodies, steps, time_s, age_s } = from;
+        self.line.suspend(|| {
+            // A closed standard error is no reason not to run.
+            let _ = writeln!(
+                std::io::stderr(),
+                "going on from the world that the nodes remember: scene {scene}, {bodies} bodies, step {steps} \
+                 ({time_s:.1} s), {age_s:.1} s old; --fresh begins anew"
+            );
+        });
+    }
+
     fn progress(&mut self, progress: &Progress) {
         let hull =
             progress.hull_unavailable.as_ref().map_or_else(String::new, |why| format!("  NO HULL: {why}"));

@@ -73,7 +73,8 @@ pub fn play(
     let ended = runtime.block_on(async {
         let transport = transport(&world, gather);
         let settings = run_settings(setup, connect_timeout);
-        let mut coordinator = Coordinator::new(transport, world, observers, settings);
+        let coordinator = Coordinator::new(transport, world, observers, settings);
+        let mut coordinator = coordinator.with_memory(setup.memory);
         if let Some(live) = live {
             coordinator = coordinator.with_live(live);
         }

@@ -3,7 +3,7 @@
 use clap::{Args, ValueEnum};
 use cli::{Failure, Outcome, check_writable};
 use cluster::ClusterFile;
-use coordinator::AskEvery;
+use coordinator::{AskEvery, MemoryUse};
 use hull::surface::HullTime;
 use sim::{ResponseMode, Scene, WorldSettings};
 
@@ -126,6 +126,8 @@ pub struct Setup {
     pub outlets: Outlets,
     /// Where the run is recorded.
     pub record: Option<RecordTo>,
+    /// What a live run does with the memory of its nodes.
+    pub memory: MemoryUse,
 }
 
 impl Setup {

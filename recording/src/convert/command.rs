@@ -1,6 +1,7 @@
 //! What was asked of a run.
 
 use coordinator::live::{Command, Parameters};
+use coordinator::{world_from_bytes, world_to_bytes};
 use sim::Scene;
 
 use super::ConvertError;
@@ -18,6 +19,7 @@ pub(crate) fn command_to_message(command: &Command) -> messages::Command {
         Command::Step(steps) => Kind::Step(*steps),
         Command::Reset => Kind::Reset(Empty {}),
         Command::Choose(scene) => Kind::Choose(scene_text(scene)),
+        Command::GoOn(world) => Kind::GoOn(world_to_bytes(world)),
         Command::Spawn(spec) => Kind::Spawn(body_spec(spec)),
         Command::Remove(body) => Kind::Remove(*body),
         Command::Push { body, impulse_n_s, at_m } => {
@@ -46,6 +48,10 @@ pub(crate) fn command_from_message(message: messages::Command) -> Result<Command
         Kind::Step(steps) => Command::Step(steps),
         Kind::Reset(Empty {}) => Command::Reset,
         Kind::Choose(text) => Command::Choose(scene_of_text(&text)?),
+        Kind::GoOn(bytes) => {
+            let world = world_from_bytes(&bytes).map_err(|error| ConvertError::new(NAME, error))?;
+            Command::GoOn(Box::new(world))
+        }
         Kind::Spawn(spec) => Command::Spawn(Box::new(body_spec_from_message(spec)?)),
         Kind::Remove(body) => Command::Remove(body),
         Kind::Push(Push { body, impulse_n_s, at_m }) => Command::Push {

@@ -444,6 +444,16 @@ fn a_body_that_cannot_be_is_refused() {
     }
 }
 
+/// A world that another run has left.
+fn kept_world() -> sim::WorldSnapshot {
+    let scene = Scene::named("topple").expect("a scene");
+    let mut world = World::new(&scene, WorldSettings::default()).expect("a world");
+    world.remove(1).expect("gone");
+    let responses = vec![BodyResponse::UNTOUCHED; world.moving_bodies().len()];
+    (0..20).for_each(|_| drop(world.step(&responses).expect("a step")));
+    world.snapshot()
+}
+
 #[test]
 fn every_command_survives() {
     let corners: Vec<[f64; 3]> =
@@ -467,6 +477,7 @@ fn every_command_survives() {
         Command::Choose(
             Scene::named("lift").expect("a scene").with_gravity([0.0, 0.0, -9.0]).expect("finite"),
         ),
+        Command::GoOn(Box::new(kept_world())),
         spec(hull, MassSpec::MassKg(2.5)),
         spec(Solid::Box { size_m: [0.1, 0.2, 0.3] }, MassSpec::DensityKgM3(100.0)),
         spec(Solid::Ball { radius_m: 0.1 }, MassSpec::MassKg(1.0)),

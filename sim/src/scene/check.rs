@@ -179,7 +179,8 @@ pub(crate) fn all_within(key: &str, found: &[f64], allowed: RangeInclusive<f64>)
     found.iter().try_for_each(|&number| within(key, number, allowed.clone()).map(drop))
 }
 
-fn within(key: &str, found: f64, allowed: RangeInclusive<f64>) -> Result<f64, ValueError> {
+/// Checks one number.
+pub(crate) fn within(key: &str, found: f64, allowed: RangeInclusive<f64>) -> Result<f64, ValueError> {
     if allowed.contains(&found) {
         Ok(found)
     } else {

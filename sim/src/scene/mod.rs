@@ -36,7 +36,7 @@ mod file;
 mod request;
 
 pub use check::{FRICTION, RESTITUTION};
-pub(crate) use check::{MAX_GRAVITY_M_S2, MAX_POSITION_M, all_within, wrong};
+pub(crate) use check::{MAX_GRAVITY_M_S2, MAX_POSITION_M, all_within, within, wrong};
 pub(crate) use request::check_speed;
 pub use request::{BodyRequest, MAX_SPEED_M_S, ShapeRequest};
 
@@ -273,6 +273,18 @@ impl Scene {
     /// The TOML text it was read from: with its gravity, all that it is.
     pub fn text(&self) -> &str {
         &self.text
+    }
+
+    /// A digest of all that it is: its name, its text and its gravity.
+    pub fn digest(&self) -> [u8; 32] {
+        let mut hasher = blake3::Hasher::new();
+        for text in [&self.name[..], &self.text] {
+            hasher.update(&(text.len() as u64).to_le_bytes()).update(text.as_bytes());
+        }
+        for part in self.gravity_m_s2 {
+            hasher.update(&part.to_bits().to_le_bytes());
+        }
+        hasher.finalize().into()
     }
 
     /// Gravity, m/s².

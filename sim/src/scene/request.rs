@@ -4,6 +4,7 @@ use super::check::{self, MAX_POSITION_M};
 use super::expand::PALETTE;
 pub use super::file::ShapeFile as ShapeRequest;
 use super::{BodySpec, ValueError};
+use crate::solid::Solid;
 use hull::Pose;
 use serde::Deserialize;
 
@@ -80,6 +81,13 @@ impl BodyRequest {
     }
 }
 
+impl ShapeRequest {
+    /// The solid, if all its numbers can be.
+    pub fn check(self) -> Result<Solid, ValueError> {
+        check::solid("", self)
+    }
+}
+
 /// Refuses a velocity beyond [`MAX_SPEED_M_S`], or without numbers.
 pub(crate) fn check_speed(velocity_m_s: [f64; 3]) -> Result<(), ValueError> {
     if nalgebra::Vector3::from(velocity_m_s).norm() <= MAX_SPEED_M_S {
@@ -91,7 +99,7 @@ pub(crate) fn check_speed(velocity_m_s: [f64; 3]) -> Result<(), ValueError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{MassSpec, Solid};
+    use crate::MassSpec;
 
     fn request(text: &str) -> BodyRequest {
         toml::from_str(text).expect("the keys of a request")

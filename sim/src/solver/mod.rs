@@ -194,6 +194,11 @@ impl Solver {
         self.physics.bodies[self.handles[index]].set_linvel(vector(velocity_m_s), true);
     }
 
+    /// Gives a body another spin, rad/s about axes of the world; its velocity stays.
+    pub(crate) fn set_spin(&mut self, index: usize, spin_rad_s: [f64; 3]) {
+        self.physics.bodies[self.handles[index]].set_angvel(vector(spin_rad_s), true);
+    }
+
     /// A body's own collider.
     fn collider_of(&self, index: usize) -> &Collider {
         &self.physics.colliders[self.physics.bodies[self.handles[index]].colliders()[0]]

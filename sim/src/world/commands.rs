@@ -25,7 +25,7 @@ pub type BodyId = u32;
 /// quarter of a second of a node's work.
 pub const MAX_SAMPLES: usize = 500_000;
 /// Samples of all different shapes at most, those of fixed bodies too: some 50 MB.
-const MAX_KEPT_SAMPLES: usize = 4_000_000;
+pub(super) const MAX_KEPT_SAMPLES: usize = 4_000_000;
 /// A grip or a push may lie this far off the body's bounding ball, metres: pages point at where it was.
 const BESIDE_M: f64 = 0.5;
 
@@ -276,7 +276,7 @@ impl World {
     }
 
     /// Samples of all different shapes that nodes must know, these among them.
-    fn kept_samples(&self, samples: &BodySamples) -> usize {
+    pub(super) fn kept_samples(&self, samples: &BodySamples) -> usize {
         let shapes = self.bodies.iter().flat_map(Body::asked_shapes).chain(samples.asked_shapes());
         let kept: BTreeMap<*const Shape, usize> =
             shapes.map(|shape| (Arc::as_ptr(&shape), shape.samples_body().len())).collect();

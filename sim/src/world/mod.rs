@@ -7,16 +7,18 @@
 mod commands;
 mod foresight;
 mod settings;
+mod snapshot;
 mod step;
 #[cfg(test)]
 mod tests;
 
 pub use commands::{BodyId, CommandError, MAX_SAMPLES, Parameters, PreparedBody};
 pub use settings::{WorldError, WorldSettings};
+pub use snapshot::{BodySnapshot, WorldSnapshot};
 pub use step::{Fault, FaultKind, StepReport};
 
 use crate::response::HullPatch;
-use crate::scene::{BodySpec, Scene};
+use crate::scene::{BodySpec, MassSpec, Scene};
 use crate::solid::Solid;
 use crate::solver::{Solver, TrueSolids};
 use crate::summary::BodySummary;
@@ -48,6 +50,12 @@ pub struct Body {
     pub color: [f32; 3],
     /// Whether it never moves; such bodies have no part in the responses.
     pub fixed: bool,
+    /// How heavy it is.
+    pub mass: MassSpec,
+    /// Coulomb friction coefficient.
+    pub friction: f64,
+    /// Share of the speed that a bounce returns.
+    pub restitution: f64,
     /// Where it is, world from body: the solver's numbers, widened.
     pub pose: Pose,
     /// Velocity of its origin in the world, m/s.
@@ -88,11 +96,26 @@ impl World {
     /// The scene's bodies at time 0. Fails on settings that cannot be and on geometry that the solver or
     /// the sampling does not take.
     pub fn new(scene: &Scene, settings: WorldSettings) -> Result<World, WorldError> {
-        settings.check()?;
         let specs = scene.bodies(settings.seed);
-        let solver = Solver::new(scene, &specs, settings.dt_s)
+        let mut world = World::without_bodies(scene, settings, &specs)?;
+        for spec in specs {
+            let samples = world.samples_of(&spec)?;
+            world.take_in(spec, samples);
+        }
+        world.trajectory.add(world.bodies.iter().map(|body| &body.pose));
+        Ok(world)
+    }
+
+    /// A world whose solver has bodies that it has still to take in.
+    fn without_bodies(
+        scene: &Scene,
+        settings: WorldSettings,
+        specs: &[BodySpec],
+    ) -> Result<World, WorldError> {
+        settings.check()?;
+        let solver = Solver::new(scene, specs, settings.dt_s)
             .map_err(|index| WorldError::Solid { body: specs[index].name.clone() })?;
-        let mut world = World {
+        Ok(World {
             scene: scene.clone(),
             start: settings,
             settings,
@@ -107,13 +130,7 @@ impl World {
             moving: vec![],
             trajectory: Trajectory::default(),
             steps: 0,
-        };
-        for spec in specs {
-            let samples = world.samples_of(&spec)?;
-            world.take_in(spec, samples);
-        }
-        world.trajectory.add(world.bodies.iter().map(|body| &body.pose));
-        Ok(world)
+        })
     }
 
     /// Takes in the body that the solver has next.
@@ -136,6 +153,9 @@ impl World {
             solid: spec.solid,
             color: spec.color,
             fixed: spec.fixed,
+            mass: spec.mass,
+            friction: spec.friction,
+            restitution: spec.restitution,
             pose,
             velocity_m_s: spec.velocity_m_s,
             spin_rad_s: [0.0; 3],

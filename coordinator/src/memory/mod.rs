@@ -1,0 +1,154 @@
+//! The nodes are the coordinator's memory: they keep its world, and one that starts goes on from the newest. No disk.
+
+mod checkpoint;
+mod message;
+#[cfg(test)]
+mod tests;
+mod world_bytes;
+
+pub use world_bytes::{WorldBytesError, world_from_bytes, world_to_bytes};
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use bytes::Bytes;
+use hull::Observer;
+use node_client::{NodeClient, NodeError};
+use proto::text::{MAX_MESSAGE_CHARS, clean};
+use proto::unix_now_s;
+use sim::{Scene, World};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::time::{Instant, timeout};
+
+pub(crate) use checkpoint::Checkpoint;
+use checkpoint::{Moment, Place, newest_of};
+
+/// Nodes are handed the world so often. A killed coordinator's successor lacks this and its way to a node: together less
+/// than a second.
+const KEEP_EVERY: Duration = Duration::from_millis(900);
+/// A node that does not take it in this time is not waited for.
+const KEEP_TIMEOUT: Duration = Duration::from_secs(5);
+/// A starting coordinator waits so long for what its nodes remember.
+const FETCH_TIMEOUT: Duration = Duration::from_secs(1);
+
+/// What a run does with the memory of its nodes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum MemoryUse {
+    /// Nothing: it is reproducible, or its nodes end with it.
+    #[default]
+    Off,
+    /// Goes on from what they remember, and hands them its own world.
+    GoOn,
+    /// Begins with its scene, and hands them its own world.
+    Fresh,
+}
+
+/// Hands the nodes the world, once a second.
+pub(crate) struct Memory {
+    place: Place,
+    moment: Moment,
+    due: Instant,
+    /// One a node, which a world on its way to it holds.
+    ways: Vec<Arc<Semaphore>>,
+    /// Whether it was said that the world is too large.
+    is_warned: Arc<AtomicBool>,
+}
+
+impl Memory {
+    /// A memory of so many nodes for a run of these cameras that begins with this scene.
+    pub fn new(observers: &[Arc<Observer>], scene: &Scene, nodes: usize) -> Memory {
+        // Only tells runs apart that began at the same instant.
+        let run = getrandom::u64().unwrap_or_default();
+        Memory {
+            place: Place::of(observers, scene),
+            moment: Moment { term: 1, run, sequence: 0, unix_s: 0.0 },
+            due: Instant::now() + KEEP_EVERY,
+            ways: (0..nodes).map(|_| Arc::new(Semaphore::new(1))).collect(),
+            is_warned: Arc::default(),
+        }
+    }
+
+    /// Once a second puts the world on its way to all nodes that have taken the one before. Never waits; the bytes are
+    /// made on another thread.
+    pub fn keep(&mut self, world: &World, clients: &[Arc<NodeClient>]) {
+        if Instant::now() < self.due {
+            return;
+        }
+        self.due = Instant::now() + KEEP_EVERY;
+        let free = |(way, client): (&Arc<Semaphore>, &Arc<NodeClient>)| {
+            Some((Arc::clone(way).try_acquire_owned().ok()?, Arc::clone(client)))
+        };
+        let ways: Vec<_> = self.ways.iter().zip(clients).filter_map(free).collect();
+        if ways.is_empty() {
+            return;
+        }
+        self.moment.sequence += 1;
+        self.moment.unix_s = unix_now_s();
+        let checkpoint = Checkpoint { place: self.place, kept: self.moment, world: world.snapshot() };
+        tokio::spawn(hand_out(checkpoint, ways, Arc::clone(&self.is_warned)));
+    }
+
+    /// The newest whole world that can go on here, of what the nodes remember. From now on this run's are newer than all
+    /// of that.
+    pub async fn recall(&mut self, clients: &[Arc<NodeClient>]) -> Option<Checkpoint> {
+        let fetched = futures::future::join_all(clients.iter().map(|client| recall_from(client))).await;
+        let found: Vec<Checkpoint> = fetched.into_iter().flatten().collect();
+        let highest = found.iter().map(|checkpoint| checkpoint.kept.term).max();
+        self.moment.term = highest.unwrap_or_default().saturating_add(1);
+        let places: Vec<Place> = found.iter().map(|checkpoint| checkpoint.place).collect();
+        let newest = newest_of(self.place, found);
+        if let (None, Some(other)) = (&newest, places.first()) {
+            let what = if other.rig == self.place.rig {
+                "that began with another scene, or with this one before it was edited"
+            } else {
+                "of another rig"
+            };
+            tracing::warn!("nodes remember a run {what}: this one begins with its scene");
+        }
+        newest
+    }
+}
+
+/// What one node remembers, if it is whole.
+async fn recall_from(client: &NodeClient) -> Option<Checkpoint> {
+    let fetched = timeout(FETCH_TIMEOUT, client.fetch_world()).await;
+    let fetched = fetched.unwrap_or(Err(NodeError::Timeout(FETCH_TIMEOUT)));
+    let read = match fetched {
+        Ok(bytes) => {
+            Checkpoint::from_bytes(&bytes?).map_err(|error| clean(&error.to_string(), MAX_MESSAGE_CHARS))
+        }
+        Err(error) => Err(error.to_string()),
+    };
+    let node = client.node();
+    read.inspect_err(|why| tracing::warn!("node {node}: no world to go on from: {why}")).ok()
+}
+
+/// Sends a world along the ways that are free.
+async fn hand_out(
+    checkpoint: Checkpoint,
+    ways: Vec<(OwnedSemaphorePermit, Arc<NodeClient>)>,
+    is_warned: Arc<AtomicBool>,
+) {
+    let bytes = match tokio::task::spawn_blocking(move || checkpoint.to_bytes()).await {
+        Ok(Ok(bytes)) => Bytes::from(bytes),
+        Ok(Err(error)) => {
+            if !is_warned.swap(true, Ordering::Relaxed) {
+                tracing::warn!("nodes cannot remember this world: {error}");
+            }
+            return;
+        }
+        // The run ends.
+        Err(_) => return,
+    };
+    for (way, client) in ways {
+        let bytes = bytes.clone();
+        tokio::spawn(async move {
+            let kept = timeout(KEEP_TIMEOUT, client.keep_world(bytes)).await;
+            if let Err(error) = kept.unwrap_or(Err(NodeError::Timeout(KEEP_TIMEOUT))) {
+                tracing::debug!("node {} does not remember the world: {error}", client.node());
+            }
+            drop(way);
+        });
+    }
+}

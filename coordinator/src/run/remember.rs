@@ -1,0 +1,50 @@
+//! The memory of the nodes: what a run goes on from, and what it hands them.
+
+use proto::unix_now_s;
+
+use super::Coordinator;
+use super::watch::{GoneOn, Watcher};
+use crate::live::Command;
+use crate::memory::{Memory, MemoryUse};
+
+impl Coordinator {
+    /// Begins to use the memory of the nodes, which are connected. Live runs alone do: others are to be the same
+    /// whenever they are made.
+    pub(super) async fn begin_memory(&mut self, watcher: &mut dyn Watcher) {
+        let clients = self.transport.clients().to_vec();
+        let is_replay = self.script.schedule.is_some();
+        if self.memory_use == MemoryUse::Off || self.settings.lock_step || is_replay || clients.is_empty() {
+            return;
+        }
+        let mut memory = Memory::new(self.query.observers(), self.world.scene(), clients.len());
+        let newest = memory.recall(&clients).await;
+        if self.memory_use == MemoryUse::GoOn
+            && let Some(found) = newest
+        {
+            let (age_s, world) = (unix_now_s() - found.kept.unix_s, Box::new(found.world));
+            // As a command, so that a recording has it, too.
+            match self.carry_out(Command::GoOn(world)).await {
+                Ok(_) => watcher.gone_on(&self.gone_on(age_s)),
+                Err(why) => tracing::warn!("the world that nodes remember cannot go on: {why}"),
+            }
+        }
+        self.memory = Some(memory);
+    }
+
+    fn gone_on(&self, age_s: f64) -> GoneOn {
+        GoneOn {
+            scene: self.world.scene().name().to_owned(),
+            bodies: self.world.bodies().len(),
+            steps: self.world.steps(),
+            time_s: self.world.time_s(),
+            age_s,
+        }
+    }
+
+    /// Hands the nodes the world, if it is time.
+    pub(super) fn remember(&mut self) {
+        if let Some(memory) = &mut self.memory {
+            memory.keep(&self.world, self.transport.clients());
+        }
+    }
+}
