@@ -28,7 +28,8 @@ use tokio_stream::wrappers::ReceiverStream;
 use tonic::Streaming;
 use tonic::transport::Channel;
 
-const FPS: f64 = 30.0;
+/// Nodes keep eight frames of it.
+const FPS: f64 = 16.0;
 const TIMEOUT: Duration = Duration::from_secs(20);
 
 fn rig() -> Rig {

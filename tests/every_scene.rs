@@ -158,7 +158,7 @@ async fn digest(scene: &Scene, seconds: f64, path: VectorPath) -> (String, u64) 
     let run = RunSettings {
         probes: config.settings,
         fps: config.fps,
-        latency_s: 0.0,
+        latency_s: Some(0.0),
         hold_s: 0.0,
         going_on: coordinator::GoingOn::default(),
         seconds: Some(seconds),

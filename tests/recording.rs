@@ -222,7 +222,7 @@ fn what_was_asked_of_a_run_is_asked_again() {
     let settings = RunSettings {
         probes: header.probes,
         fps: header.fps,
-        latency_s: 0.0,
+        latency_s: Some(0.0),
         hold_s: 0.0,
         going_on: coordinator::GoingOn::default(),
         seconds: Some(2.5),

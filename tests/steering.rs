@@ -84,7 +84,7 @@ impl Studio {
         let settings = RunSettings {
             probes: ProbeSettings::default(),
             fps: FPS,
-            latency_s: 0.3,
+            latency_s: Some(0.3),
             hold_s: 0.0,
             going_on: coordinator::GoingOn::default(),
             seconds: Some(self.seconds),

@@ -12,7 +12,7 @@ use feed::pictures::Pictures;
 use futures::future::BoxFuture;
 use hull::{Silhouette, ViewSet};
 use node_client::FETCH_TIMEOUT;
-use proto::{FilmState, FramePictures, FrameReport, Pace, Picture, PictureRequest, RunStart};
+use proto::{FilmState, FramePictures, FrameReport, Pace, Picture, PictureRequest, RunStart, ring_frames};
 use tokio::sync::{mpsc, watch};
 
 /// Cameras filmed in this process.
@@ -24,7 +24,7 @@ pub struct InProcess {
 impl InProcess {
     /// Opens the cameras and learns their backgrounds.
     pub fn prepare(config: &NodeConfig) -> Result<InProcess, CaptureError> {
-        let ring = Arc::new(FrameRing::new(config.cameras.len()));
+        let ring = Arc::new(FrameRing::new(config.cameras.len()).keeping(ring_frames(config.fps)));
         Ok(InProcess { film: Film::prepare(config, Arc::clone(&ring))?, ring })
     }
 

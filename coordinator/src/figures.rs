@@ -187,6 +187,8 @@ pub struct Progress {
     /// How old the film was that bodies collided with, from its capture to the end of the step: the median since the
     /// last report, milliseconds; `None` if no step had a hull.
     pub hull_age_ms: Option<f64>,
+    /// How long after its film time a step is made, milliseconds: live.
+    pub latency_ms: f64,
     /// Bytes at the sockets a second since the last report.
     pub bytes_per_s: f64,
     /// Why there is no hull now, if so.

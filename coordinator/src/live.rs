@@ -247,6 +247,12 @@ pub struct CameraStatus {
     pub silhouette_bytes: u32,
     /// From capture to silhouette, milliseconds.
     pub segment_ms: f64,
+    /// How long after their film time nearly all its frames are known, milliseconds; `None` if that is not measured.
+    pub late_ms: Option<f64>,
+    /// By how much the film that bodies collide with could be newer without it, milliseconds.
+    pub costs_ms: f64,
+    /// Steps go on without it.
+    pub left_out: bool,
 }
 
 /// How a run does: published four times a second. Its fields are keys of the page's status.
@@ -264,6 +270,8 @@ pub struct RunStatus {
     pub late_steps: u64,
     /// Steps without a hull.
     pub blind_steps: u64,
+    /// Steps that went on without some camera.
+    pub reduced_steps: u64,
 }
 
 /// The end that steers and watches. Copies are cheap.

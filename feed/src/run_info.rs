@@ -23,8 +23,8 @@ pub struct RunInfo {
     pub step_s: f64,
     /// How bodies answer the hull.
     pub response: ResponseMode,
-    /// From the capture of film to the step that collides with it, seconds.
-    pub latency_s: f64,
+    /// From the capture of film to the step that collides with it, seconds; `None`: it is measured, see the status.
+    pub latency_s: Option<f64>,
     /// The unit vector against gravity, world.
     pub up: [f64; 3],
     /// Height of the floor along up, metres, if there is one.
@@ -137,7 +137,7 @@ pub(crate) mod tests {
             fps: 30.0,
             step_s: 1.0 / 120.0,
             response: ResponseMode::Paper,
-            latency_s: 0.06,
+            latency_s: Some(0.06),
             up: [0.0, 1.0, 0.0],
             floor_m: Some(0.0),
             has_colour: true,

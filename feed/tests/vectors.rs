@@ -168,6 +168,9 @@ fn texts() {
         foreground: 0.0625,
         silhouette_bytes: 701,
         segment_ms: 1.5,
+        late_ms: Some(21.5),
+        costs_ms: 4.5,
+        left_out: false,
     };
     let gone = CameraStatus {
         name: "cam_1".into(),
@@ -185,6 +188,7 @@ fn texts() {
         samples: 5000,
         contacts: 2,
         hull_age_ms: Some(66.5),
+        latency_ms: 23.5,
         bytes_per_s: 65536.0,
         hull_unavailable: None,
     };
@@ -195,6 +199,7 @@ fn texts() {
         frames_expected: 93,
         late_steps: 2,
         blind_steps: 0,
+        reduced_steps: 0,
     };
     let feed = FeedStatus { bytes_per_s: 1_500_000.0, sent: 88, dropped: 2, tier: "full", pages: 3 };
     is_golden("status.json", text::status(Some(&status), false, &feed).as_bytes());

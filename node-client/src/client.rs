@@ -43,7 +43,12 @@ pub enum NodeEvent {
     /// The connection broke, or could not be made.
     Down(NodeError),
     /// Of its film.
-    Film(FilmEvent),
+    Film {
+        /// What.
+        event: FilmEvent,
+        /// When it came, by this process's monotonic clock, seconds.
+        heard_s: f64,
+    },
     /// Film time there may be off by so much, seconds.
     Clock(f64),
     /// The answer to the question of that id, and the milliseconds that it computed.
@@ -375,7 +380,7 @@ impl NodeClient {
                 check_order(before, (report.frame, report.capture_time_s))?;
                 before = Some((report.frame, report.capture_time_s));
             }
-            self.report(NodeEvent::Film(event)).await?;
+            self.report(NodeEvent::Film { event, heard_s: monotonic_s() }).await?;
         }
         Err(NodeError::Closed)
     }

@@ -11,6 +11,12 @@ use crate::clock::{ClockLine, monotonic_s};
 /// the room waiting.
 pub const BACKGROUND_S: RangeInclusive<f64> = 0.2..=30.0;
 
+/// How many frames a node keeps: half a second of film, whatever a coordinator lags behind; a few of slow film, and no
+/// more of fast film than answers need.
+pub fn ring_frames(fps: f64) -> usize {
+    (0.5 * fps).ceil().clamp(8.0, 64.0) as usize
+}
+
 /// A run: when film time is zero by the coordinator's clock, and how film is paced.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pace {
@@ -92,6 +98,8 @@ pub struct CameraReport {
     pub silhouette_bytes: u32,
     /// From capture to silhouette, milliseconds.
     pub segment_ms: f64,
+    /// Live: from the film time of the frame's number to when its silhouette was there, seconds.
+    pub late_s: f64,
 }
 
 /// One frame of one node, without its pixels.

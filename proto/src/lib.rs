@@ -21,11 +21,13 @@ mod pictures;
 pub mod text;
 
 pub use address::{Address, AddressError, MAX_SOCKET_PATH_BYTES};
+pub use checkpoint::{CheckpointError, MAX_CHECKPOINT_BYTES, open_checkpoint, seal_checkpoint};
 pub use claim::Claim;
 pub use clock::{ClockLine, monotonic_s};
-pub use checkpoint::{CheckpointError, MAX_CHECKPOINT_BYTES, open_checkpoint, seal_checkpoint};
 pub use description::{CameraDescription, NodeDescription};
-pub use film::{BACKGROUND_S, CameraReport, FilmEvent, FilmState, FrameReport, Pace, RunStart, unix_now_s};
+pub use film::{
+    BACKGROUND_S, CameraReport, FilmEvent, FilmState, FrameReport, Pace, RunStart, ring_frames, unix_now_s,
+};
 pub use pictures::{CameraPicture, FramePictures, MAX_SCALE_LOG2, Picture, PictureKind, PictureRequest};
 
 /// The most points one question may hold: a million body samples are 24 MB once placed in the world,

@@ -71,7 +71,7 @@ pub fn settings(seconds: f64) -> RunSettings {
     RunSettings {
         probes: ProbeSettings::default(),
         fps: FPS,
-        latency_s: 0.0,
+        latency_s: Some(0.0),
         hold_s: 0.0,
         going_on: coordinator::GoingOn::default(),
         seconds: Some(seconds),

@@ -179,7 +179,7 @@ impl Track {
         let run = RunSettings {
             probes,
             fps,
-            latency_s: 0.0,
+            latency_s: Some(0.0),
             hold_s: 0.0,
             going_on: coordinator::GoingOn::default(),
             seconds: Some(plan.seconds),

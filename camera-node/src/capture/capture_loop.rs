@@ -147,7 +147,11 @@ impl CaptureLoop {
         };
         let segment_ms = began.elapsed().as_secs_f64() * 1e3;
         self.colours.keep(self.index, frame.number, image, &silhouette);
-        self.ring.offer(self.index, stamp, CameraFrame::new(&camera.observer, silhouette, segment_ms));
+        let mut part = CameraFrame::new(&camera.observer, silhouette, segment_ms);
+        if !self.start.lock_step {
+            part.late_s = self.clock.now_s() - frame.number as f64 / self.context.fps;
+        }
+        self.ring.offer(self.index, stamp, part);
         Ok(())
     }
 

@@ -20,6 +20,8 @@ pub struct CameraFrame {
     pub admitted: Option<PixelRect>,
     /// From capture to silhouette, milliseconds.
     pub segment_ms: f64,
+    /// Live: from the film time of the frame's number to when it was there, seconds.
+    pub late_s: f64,
     pub(super) view: View,
 }
 
@@ -33,6 +35,7 @@ impl CameraFrame {
             view: View::new(Arc::clone(observer), &silhouette),
             silhouette: Arc::new(silhouette),
             segment_ms,
+            late_s: 0.0,
         }
     }
 }
@@ -64,6 +67,7 @@ impl Frame {
             area: camera.silhouette.area(),
             silhouette_bytes: camera.bytes.len() as u32,
             segment_ms: camera.segment_ms,
+            late_s: camera.late_s,
         };
         FrameReport {
             frame: self.number,

@@ -10,9 +10,10 @@ use tokio::sync::watch;
 
 use super::frame::{CameraFrame, Frame, Stamp};
 
-/// How many frames are kept: enough for a coordinator that lags by a quarter of a second at 30
-/// frames/s, little enough that eight 8K silhouettes stay within 100 MB.
+/// How many frames are kept if nothing else is said.
 pub const RING_FRAMES: usize = 8;
+/// Silhouettes of all frames of a ring together, as compact bytes; beyond, fewer frames are kept.
+const MAX_BYTES: usize = 256 << 20;
 
 /// Why a frame is not there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
@@ -99,6 +100,8 @@ pub struct News {
 /// The ring; shared by film threads, the service and, in process, the coordinator.
 pub struct FrameRing {
     camera_count: usize,
+    /// How many are kept.
+    frames: usize,
     inner: Mutex<Inner>,
     version: watch::Sender<u64>,
 }
@@ -108,9 +111,20 @@ impl FrameRing {
     pub fn new(camera_count: usize) -> FrameRing {
         FrameRing {
             camera_count,
+            frames: RING_FRAMES,
             inner: Mutex::new(Inner::new(camera_count)),
             version: watch::Sender::new(0),
         }
+    }
+
+    /// The same that keeps so many frames.
+    pub fn keeping(self, frames: usize) -> FrameRing {
+        FrameRing { frames, ..self }
+    }
+
+    /// How many frames are kept.
+    pub fn frames(&self) -> usize {
+        self.frames
     }
 
     /// Forgets all frames: a new run begins.
@@ -163,8 +177,10 @@ impl FrameRing {
             cameras,
             views,
         }));
-        if inner.ring.len() > RING_FRAMES {
-            inner.ring.pop_front();
+        let bytes = |frame: &Arc<Frame>| frame.cameras.iter().map(|camera| camera.bytes.len()).sum::<usize>();
+        let mut total: usize = inner.ring.iter().map(bytes).sum();
+        while inner.ring.len() > self.frames || total > MAX_BYTES && inner.ring.len() > 1 {
+            total -= inner.ring.pop_front().as_ref().map_or(0, bytes);
         }
     }
 

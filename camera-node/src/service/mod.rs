@@ -20,7 +20,7 @@ use proto::convert::{
     picture_to_wire, shape_from_wire, silhouette_data, start_from_wire,
 };
 use proto::v1::camera_node_server::CameraNode;
-use proto::{CameraDescription, NodeDescription, monotonic_s, v1};
+use proto::{CameraDescription, NodeDescription, monotonic_s, ring_frames, v1};
 use tokio::sync::mpsc;
 use tokio_stream::StreamExt;
 use tokio_stream::wrappers::ReceiverStream;
@@ -28,7 +28,7 @@ use tonic::{Request, Response, Status, Streaming};
 
 use crate::capture::{BackgroundRequest, Film};
 use crate::config::{NodeCamera, NodeConfig};
-use crate::frames::{FrameError, FrameRing, RING_FRAMES};
+use crate::frames::{FrameError, FrameRing};
 use crate::pictures::{PictureEncoder, PictureError};
 use crate::shapes::Shapes;
 use hold::{SharedHold, held};
@@ -52,7 +52,7 @@ struct Service {
 impl Service {
     /// Learns the backgrounds. Blocks until done.
     fn new(config: &NodeConfig) -> Result<Service, ServeError> {
-        let ring = Arc::new(FrameRing::new(config.cameras.len()));
+        let ring = Arc::new(FrameRing::new(config.cameras.len()).keeping(ring_frames(config.fps)));
         let film = Arc::new(Film::prepare(config, Arc::clone(&ring))?);
         let pictures = PictureEncoder::new(Arc::clone(&ring), film.colours(), config.rig_indices());
         Ok(Service {
@@ -142,7 +142,7 @@ impl CameraNode for Service {
         let led = Led { hold: self.hold.clone(), film: Arc::clone(&self.film), ring: Arc::clone(&self.ring) };
         tokio::spawn(led.follow(request.into_inner()));
         // A reader that lags by more than the ring has lost frames anyway.
-        let (sender, receiver) = mpsc::channel(RING_FRAMES);
+        let (sender, receiver) = mpsc::channel(self.ring.frames());
         tokio::spawn(film_events::send_film_events(Arc::clone(&self.ring), sender));
         Ok(Response::new(Box::pin(ReceiverStream::new(receiver))))
     }

@@ -41,7 +41,7 @@ impl Checker<'_> {
             rig,
             scene: self.scene(beside, &file.scene)?,
             fps: self.within("fps", file.fps, 0.01, 1000.0)?,
-            latency_s: self.within("latency_s", file.latency_s, 0.0, 60.0)?,
+            latency_s: self.latency_s(file.latency_s.as_ref())?,
             hold_s: self.within("hold_s", file.hold_s, 0.0, 3600.0)?,
             seed: file.seed,
             gravity_m_s2: file.gravity.map(|gravity| self.gravity(gravity)).transpose()?,
@@ -217,6 +217,19 @@ impl Checker<'_> {
         };
         ProbeSettings::new(rule, window, file.max_depth_m.unwrap_or(defaults.max_depth_m()))
             .map_err(|error| self.wrong("the hull rule", error.to_string()))
+    }
+
+    fn latency_s(&self, found: Option<&Value>) -> Result<Option<f64>, ClusterFileError> {
+        let found_s = match found {
+            None => return Ok(None),
+            Some(Value::String(auto)) if auto == "auto" => return Ok(None),
+            Some(Value::Float(found_s)) => *found_s,
+            Some(Value::Integer(found_s)) => *found_s as f64,
+            Some(other) => {
+                return Err(self.wrong("latency_s", format!("found {other}, expected \"auto\" or seconds")));
+            }
+        };
+        Ok(Some(self.within("latency_s", found_s, 0.0, 60.0)?))
     }
 
     /// How many cameras must remain, and how fast bodies are moved when one goes.

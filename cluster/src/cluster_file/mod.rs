@@ -6,7 +6,7 @@
 //! rig = "rig.toml"                     # aniposelib's format
 //! scene = "topple"                     # a name, or a file beside this one
 //! fps = 30                             # frames of the cluster per second
-//! latency_s = 0.0                      # from capture to use
+//! latency_s = "auto"                   # from capture to use: as little as frames need, or seconds
 //! hold_s = 1.0                         # how long the last frame of a film is held
 //! seed = 1
 //! gravity = [0.0, 0.0, -9.81]          # m/s²; left out, the scene's
@@ -67,8 +67,8 @@ pub struct ClusterFile {
     pub scene: SceneChoice,
     /// Frames of the cluster per second.
     pub fps: f64,
-    /// From capture to use, seconds.
-    pub latency_s: f64,
+    /// From capture to use, seconds; `None`: as little as frames need, measured as the run goes.
+    pub latency_s: Option<f64>,
     /// How long the last frame is held when film ends, seconds.
     pub hold_s: f64,
     /// How a run goes on without a camera.
@@ -155,8 +155,7 @@ struct File {
     rig: String,
     scene: String,
     fps: f64,
-    #[serde(default)]
-    latency_s: f64,
+    latency_s: Option<Value>,
     #[serde(default = "one_second")]
     hold_s: f64,
     seed: Option<u64>,

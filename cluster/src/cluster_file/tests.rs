@@ -71,7 +71,7 @@ fn a_file_gives_its_cameras_in_rig_order_with_paths_and_defaults() {
     let names: Vec<&str> = cluster.cameras.iter().map(|camera| camera.name.as_str()).collect();
     assert_eq!(names, ["a", "b", "c"]);
     assert!(cluster.cameras.iter().enumerate().all(|(index, camera)| camera.rig_index == index));
-    assert_eq!((cluster.fps, cluster.latency_s, cluster.hold_s, cluster.seed), (50.0, 0.0, 1.0, None));
+    assert_eq!((cluster.fps, cluster.latency_s, cluster.hold_s, cluster.seed), (50.0, None, 1.0, None));
     assert_eq!(cluster.scene, SceneChoice::Named("topple".to_owned()));
     assert_eq!(cluster.probes, ProbeSettings::default());
     let [a, b, c] = &cluster.cameras[..] else { panic!("three") };
@@ -149,6 +149,12 @@ fn each_mistake_is_one_line_with_file_key_found_and_expected() {
             &["min_cameras: found 4, expected at least min_views, 2, and at most the 3 cameras"],
         ),
         ("fps = 50", "fps = 50\nmin_cameras = 1", &["min_cameras: found 1, expected at least min_views, 2"]),
+        ("fps = 50", "fps = 50\nlatency_s = -1", &["latency_s: found -1, expected a number from 0 to 60"]),
+        (
+            "fps = 50",
+            "fps = 50\nlatency_s = \"low\"",
+            &["latency_s: found \"low\", expected \"auto\" or seconds"],
+        ),
         ("fps = 50", "fps = 50\npush_m_s = -1", &["push_m_s: found -1, expected a number from 0 to 100"]),
         (
             "fps = 50",

@@ -38,8 +38,14 @@ fn views() -> ViewSet {
 }
 
 fn report(frame: u64, admitted: Option<PixelRect>) -> FrameReport {
-    let camera =
-        |rig_index| CameraReport { rig_index, admitted, area: 0, silhouette_bytes: 0, segment_ms: 0.0 };
+    let camera = |rig_index| CameraReport {
+        rig_index,
+        admitted,
+        area: 0,
+        silhouette_bytes: 0,
+        segment_ms: 0.0,
+        late_s: 0.0,
+    };
     let cameras = vec![camera(0), camera(1)];
     FrameReport { frame, capture_time_s: 0.0, captured_unix_s: 0.0, cameras, skipped: 0 }
 }

@@ -18,8 +18,10 @@ pub use present::LeaveOut;
 pub use wait::{FrameWait, WaitError};
 pub(crate) use wait::{LOCK_STEP_TIMEOUT, joined};
 
-/// Frames remembered of a node: twice what its ring holds, so that nodes out of step still share some.
-const REMEMBERED_FRAMES: usize = 16;
+/// Frames remembered of a node: as many as the largest ring keeps.
+const REMEMBERED_FRAMES: usize = 64;
+/// Arrivals that wait for the loop: it looks before every step.
+const MAX_ARRIVALS: usize = 4096;
 
 /// A node that is not there, and why, if it is known.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -110,7 +112,8 @@ impl RosterNode {
         }
     }
 
-    fn report(&self, frame: u64) -> Option<&FrameReport> {
+    /// What it reported of a frame that is remembered.
+    pub fn report(&self, frame: u64) -> Option<&FrameReport> {
         self.reports.iter().find(|report| report.frame == frame)
     }
 
@@ -143,12 +146,25 @@ impl RosterNode {
 #[derive(Clone, Debug)]
 pub struct Roster {
     nodes: Vec<RosterNode>,
+    /// What nobody has asked about yet.
+    arrivals: VecDeque<Arrival>,
+}
+
+/// When a node's report of a frame came.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Arrival {
+    /// The node's place.
+    pub node: usize,
+    /// The frame.
+    pub frame: u64,
+    /// By this process's monotonic clock, seconds.
+    pub heard_s: f64,
 }
 
 impl Roster {
     /// Nodes that are not there yet.
     pub fn new(nodes: Vec<RosterNode>) -> Roster {
-        Roster { nodes }
+        Roster { nodes, arrivals: VecDeque::new() }
     }
 
     /// The nodes.
@@ -194,6 +210,20 @@ impl Roster {
             FilmEvent::Ended => node.film = FilmState::Ended,
             FilmEvent::Failed(why) => node.film = FilmState::Failed(why),
         }
+    }
+
+    /// A report of a frame came.
+    pub(crate) fn heard(&mut self, arrival: Arrival) {
+        self.arrivals.push_back(arrival);
+        if self.arrivals.len() > MAX_ARRIVALS {
+            self.arrivals.pop_front();
+        }
+    }
+
+    /// What came since the last time, and which nodes film.
+    pub(crate) fn take_arrivals(&mut self) -> (VecDeque<Arrival>, Vec<bool>) {
+        let films = |node: &RosterNode| node.is_up && !node.is_silent && node.film == FilmState::Running;
+        (std::mem::take(&mut self.arrivals), self.nodes.iter().map(films).collect())
     }
 
     /// A run begins: frames of the one before are forgotten.

@@ -54,7 +54,7 @@ fn a_frame_is_common_once_every_node_has_it() {
 fn memory_of_frames_is_bounded() {
     let mut roster = roster(1);
     film(&mut roster, 0, 0..1000);
-    assert_eq!((roster.newest_common(983), roster.newest_common(984)), (None, Some(984)));
+    assert_eq!((roster.newest_common(935), roster.newest_common(936)), (None, Some(936)));
 }
 
 #[test]

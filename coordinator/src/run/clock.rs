@@ -4,6 +4,8 @@
 use std::time::Duration;
 
 use proto::{FrameReport, Pace, unix_now_s};
+
+use super::latency::FilmLatency;
 use tokio::time::Instant;
 
 /// Film times a billionth of a frame before a frame count as that frame's: sums of steps fall short.
@@ -24,9 +26,13 @@ pub(super) fn steps_that_share(film_s: f64, dt_s: f64, fps: f64, most: usize) ->
 /// Film time against the clock.
 pub(super) struct Clock {
     pub pace: Pace,
-    pub latency_s: f64,
-    /// Beyond this lag nodes may have dropped the frame of a step.
+    pub latency: FilmLatency,
+    /// A run that lags more than that gives up film.
     pub max_lag_s: f64,
+    /// What nodes keep of film, seconds.
+    kept_s: f64,
+    /// It has begun and was not in time yet: it may lag by what nodes keep.
+    catches_up: bool,
     /// Film time that was given up because steps took too long.
     pub slipped_s: f64,
     /// Film time that went by without steps on purpose: pauses, and the worlds before this one; less the time that
@@ -37,8 +43,17 @@ pub(super) struct Clock {
 }
 
 impl Clock {
-    pub fn new(pace: Pace, latency_s: f64, max_lag_s: f64) -> Clock {
-        Clock { pace, latency_s, max_lag_s, slipped_s: 0.0, passed_s: 0.0, shifted_s: 0.0 }
+    /// A clock of nodes that keep so much film, seconds.
+    pub fn new(pace: Pace, latency: FilmLatency, max_lag_s: f64, kept_s: f64) -> Clock {
+        let (slipped_s, passed_s, shifted_s) = (0.0, 0.0, 0.0);
+        Clock { pace, latency, max_lag_s, kept_s, catches_up: false, slipped_s, passed_s, shifted_s }
+    }
+
+    /// The first step is about to be made: what nodes still keep of film is made good.
+    pub fn begin(&mut self, film_s: f64) {
+        self.latency.begin(self.pace.film_now_s());
+        self.catches_up = true;
+        self.slip(film_s);
     }
 
     /// By how much film time is ahead of a world's own.
@@ -48,7 +63,7 @@ impl Clock {
 
     /// How long ago the step of a film time was due; negative before.
     fn lag_s(&self, film_s: f64) -> f64 {
-        self.pace.film_now_s() - (film_s + self.latency_s + self.shifted_s)
+        self.pace.film_now_s() - (film_s + self.latency.now_s() + self.shifted_s)
     }
 
     /// How long ago a frame was captured, seconds. In lock-step film has no time: by the wall clock of where that was.
@@ -61,8 +76,11 @@ impl Clock {
     }
 
     /// When the step of a film time is due, if that is still to come.
-    pub fn due(&self, film_s: f64) -> Option<Instant> {
+    pub fn due(&mut self, film_s: f64) -> Option<Instant> {
         let left_s = -self.lag_s(film_s);
+        if left_s > 0.0 {
+            self.catches_up = false;
+        }
         (left_s > 0.0).then(|| Instant::now() + Duration::from_secs_f64(left_s))
     }
 
@@ -74,7 +92,8 @@ impl Clock {
     /// The film time of a step, later by what steps can no longer make good.
     pub fn slipped_film_s(&self, film_s: f64) -> f64 {
         let now_s = self.now_s(film_s);
-        if now_s - film_s > self.max_lag_s { now_s } else { film_s }
+        let most_s = if self.catches_up { self.kept_s - self.latency.now_s() } else { self.max_lag_s };
+        if now_s - film_s > most_s { now_s } else { film_s }
     }
 
     /// Gives up film time that steps can no longer make good.

@@ -11,6 +11,9 @@ use crate::roster::{FrameWait, HullUnavailable, LOCK_STEP_TIMEOUT};
 /// How often a waiting step looks at the clock.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
+/// The first step does not wait for longer to know how late frames are, seconds of film.
+const MEASURE_S: f64 = 1.0;
+
 /// Which part of film a step is in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum FilmPhase {
@@ -52,10 +55,11 @@ impl Coordinator {
         self.transport.drain();
         let film_s = self.clock.slipped_film_s(self.film_s());
         let wanted = frame_at(film_s, self.settings.fps);
-        let may_begin = self.transport.roster().may_begin(wanted, film_s, self.settings.connect_timeout);
+        let may_begin = self.transport.roster().may_begin(wanted, film_s, self.settings.connect_timeout)
+            && (self.clock.latency.is_known() || film_s > MEASURE_S);
         if may_begin {
-            // The first step itself sees the frame of now.
-            self.clock.slip(self.film_s());
+            // What nodes still keep of film is made good; else the first step itself sees the frame of now.
+            self.clock.begin(self.film_s());
         }
         !may_begin
     }

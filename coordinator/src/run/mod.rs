@@ -12,6 +12,7 @@ mod clock;
 mod commands;
 mod frames;
 mod hull;
+mod latency;
 mod publish;
 mod remember;
 mod step;
@@ -22,7 +23,7 @@ use std::time::{Duration, Instant};
 
 use ::hull::contact::Eye;
 use ::hull::{Observer, ProbeSettings};
-use proto::{FilmState, Pace};
+use proto::{FilmState, Pace, ring_frames};
 use sim::{ResponseMode, World};
 use thiserror::Error;
 
@@ -31,11 +32,12 @@ use crate::hooks::{AlterResponse, EndRecord, Recorder, Schedule, Scheduled, Sees
 use crate::live::{Command, Live, Refusal};
 use crate::memory::{Memory, MemoryUse};
 use crate::query::{AskEvery, HullQuery, Surfaces};
-use crate::roster::WaitError;
+use crate::roster::{Arrival, WaitError};
 use crate::transport::{Transport, TransportError};
 use clock::Clock;
 use commands::Steering;
 use frames::FilmInUse;
+use latency::{FilmLatency, Heard};
 use publish::Publisher;
 use watch::RecentFigures;
 
@@ -45,8 +47,8 @@ pub use watch::{GoneOn, Snapshot, Watcher};
 const FRAMES_AHEAD: u64 = 4;
 /// Live steps never lag by more than this behind film, seconds.
 const MAX_LAG_S: f64 = 0.15;
-/// How many frames back a node surely still has: its ring, less the one that is being replaced.
-const FRAMES_KEPT: f64 = 7.0;
+/// And may lag by this, however little film nodes keep, seconds.
+const LEAST_LAG_S: f64 = 0.02;
 /// From the start of a live run to its first frame, seconds: the nodes begin meanwhile.
 const LEAD_S: f64 = 0.3;
 
@@ -57,8 +59,9 @@ pub struct RunSettings {
     pub probes: ProbeSettings,
     /// Frames of the cluster per second.
     pub fps: f64,
-    /// Live: wall time from capture to the step that sees it, seconds.
-    pub latency_s: f64,
+    /// Live: wall time from capture to the step that sees it, seconds; `None`: no more than frames need to be known
+    /// everywhere, as it is measured.
+    pub latency_s: Option<f64>,
     /// How long the last frame of film that ends is held, seconds.
     pub hold_s: f64,
     /// The run ends after so much film, seconds; `None`: when film does, or never.
@@ -185,7 +188,11 @@ impl Coordinator {
     ) -> Coordinator {
         let RunSettings { probes, fps, latency_s, lock_step, ask_every, .. } = settings;
         let pace = Pace { lock_step, ..Pace::live(0, 0.0) };
-        let max_lag_s = (FRAMES_KEPT / fps - latency_s).clamp(0.02, MAX_LAG_S);
+        // The ring, less the frame that is being replaced.
+        let kept_s = (ring_frames(fps) - 1) as f64 / fps;
+        let nodes = transport.roster().nodes().len();
+        let latency = FilmLatency::new(latency_s, (nodes, observers.len()), kept_s - LEAST_LAG_S);
+        let max_lag_s = (kept_s - latency_s.unwrap_or_default()).clamp(LEAST_LAG_S, MAX_LAG_S);
         let eyes = observers.iter().map(|observer| Eye::of(observer.camera())).collect();
         let mut query = HullQuery::new(observers, probes, transport.group_count(), ask_every);
         if world.settings().response == ResponseMode::Contacts {
@@ -195,7 +202,7 @@ impl Coordinator {
         let mut coordinator = Coordinator {
             transport,
             world,
-            clock: Clock::new(pace, latency_s, max_lag_s),
+            clock: Clock::new(pace, latency, max_lag_s, kept_s),
             settings,
             query,
             surfaces,
@@ -320,6 +327,7 @@ impl Coordinator {
         if self.is_over(film_s) {
             return Ok(false);
         }
+        self.follow_film();
         if !self.settings.lock_step
             && let Some(due) = self.clock.due(film_s)
         {
@@ -337,6 +345,28 @@ impl Coordinator {
             None if self.awaits_first_frame() => Ok(self.await_first_frame(watcher).await),
             None => self.film_step(watcher).await,
         }
+    }
+
+    /// Live: notes how late frames come, and goes towards the latency that they need.
+    fn follow_film(&mut self) {
+        if self.settings.lock_step {
+            return;
+        }
+        self.transport.drain();
+        let (arrivals, is_there) = self.transport.take_arrivals();
+        for Arrival { node, frame, heard_s } in arrivals {
+            let film_s = frame as f64 / self.settings.fps;
+            let late_s = heard_s - self.clock.pace.zero_s - film_s;
+            self.clock.latency.note(Heard { node, frame, film_s, late_s }, &is_there);
+            let Some(report) = self.transport.roster().nodes()[node].report(frame) else { continue };
+            // What came after the node's last camera is the way here.
+            let slowest_s = report.cameras.iter().map(|camera| camera.late_s).fold(f64::MIN, f64::max);
+            for camera in &report.cameras {
+                let camera_late_s = late_s - slowest_s + camera.late_s;
+                self.clock.latency.note_camera(camera.rig_index.into(), film_s, camera_late_s);
+            }
+        }
+        self.clock.latency.slew(self.clock.pace.film_now_s());
     }
 
     /// Film time of the next step's end, seconds.

@@ -160,6 +160,7 @@ impl Coordinator {
             frames_expected: self.figures.frames_expected,
             late_steps: self.figures.late_steps,
             blind_steps: self.figures.blind_steps,
+            reduced_steps: self.figures.reduced_steps,
         })));
     }
 
@@ -178,8 +179,13 @@ impl Coordinator {
         let mut shifts: Vec<f64> = cameras.iter().filter_map(|(_, _, report)| report.map(shift_s)).collect();
         shifts.sort_by(f64::total_cmp);
         let median_s = shifts.get(shifts.len() / 2).copied().unwrap_or_default();
+        let late_s = self.clock.latency.late_s();
+        let latest_s = late_s.iter().flatten().copied().fold(f64::MIN, f64::max);
+        let others_s =
+            late_s.iter().flatten().copied().filter(|&late_s| late_s < latest_s).fold(f64::MIN, f64::max);
         let status = cameras.into_iter().map(|(observer, node, report)| {
             let camera = observer.camera();
+            let own_s = late_s[usize::from(observer.rig_index())];
             let part = report.and_then(|report| {
                 report.cameras.iter().find(|camera| camera.rig_index == observer.rig_index())
             });
@@ -194,6 +200,9 @@ impl Coordinator {
                 foreground: part.map_or(0.0, |camera| camera.area as f64 / pixels),
                 silhouette_bytes: part.map_or(0, |camera| camera.silhouette_bytes),
                 segment_ms: part.map_or(0.0, |camera| camera.segment_ms),
+                late_ms: own_s.map(|own_s| own_s * 1e3),
+                costs_ms: own_s.map_or(0.0, |own_s| (own_s - others_s).max(0.0) * 1e3),
+                left_out: node.is_some_and(RosterNode::is_left_out),
             }
         });
         status.collect()

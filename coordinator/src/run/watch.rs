@@ -103,6 +103,7 @@ impl Coordinator {
             samples: self.figures.samples,
             contacts: self.publisher.view.touching,
             hull_age_ms: self.recent.hull_age_ms.p50(),
+            latency_ms: self.clock.latency.now_s() * 1e3,
             bytes_per_s: (bytes - self.recent.bytes) as f64 / elapsed.as_secs_f64(),
             hull_unavailable: self
                 .film

@@ -7,11 +7,11 @@ use hull::pass::{Pass, Round};
 use hull::question::Answer;
 use hull::view_set::Scratch;
 use hull::{Silhouette, ViewSet};
-use proto::{FilmEvent, FilmState, FrameReport, Pace};
+use proto::{FilmEvent, FilmState, FrameReport, Pace, monotonic_s};
 use tokio::sync::watch;
 
 use super::{BoxError, TransportError};
-use crate::roster::{Roster, RosterNode};
+use crate::roster::{Arrival, Roster, RosterNode};
 
 /// The place of the one node in the roster.
 const NODE: usize = 0;
@@ -92,6 +92,7 @@ impl InProcess {
         let known = roster.newest();
         let new = numbers.into_iter().filter(|&number| known.is_none_or(|known| number > known));
         for report in new.filter_map(|number| self.frames.report(number)) {
+            roster.heard(Arrival { node: NODE, frame: report.frame, heard_s: monotonic_s() });
             roster.film_event(NODE, FilmEvent::Frame(report));
         }
         match state {

@@ -7,6 +7,7 @@ mod gather;
 mod in_process;
 mod nodes;
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -20,7 +21,7 @@ use thiserror::Error;
 use tokio::sync::mpsc;
 use tokio::time::Instant;
 
-use crate::roster::{LeaveOut, Missing, Roster, RosterNode, joined};
+use crate::roster::{Arrival, LeaveOut, Missing, Roster, RosterNode, joined};
 use cluster::Cluster;
 use gather::Gather;
 use in_process::InProcess;
@@ -202,6 +203,11 @@ impl Transport {
     /// One a node; none where cameras are in this process.
     pub(crate) fn clients(&self) -> &[Arc<NodeClient>] {
         self.nodes().map_or(&[], |nodes| &nodes.clients)
+    }
+
+    /// The frames that were reported since the last time, and which nodes film.
+    pub(crate) fn take_arrivals(&mut self) -> (VecDeque<Arrival>, Vec<bool>) {
+        self.roster.take_arrivals()
     }
 
     /// Takes note of what has come, without waiting.

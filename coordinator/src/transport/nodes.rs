@@ -11,7 +11,7 @@ use proto::{FilmEvent, Pace};
 use tokio::sync::mpsc;
 
 use super::{FirstFrame, TransportError};
-use crate::roster::Roster;
+use crate::roster::{Arrival, Roster};
 
 /// A picture, or a message to the cameras, is not worth more of a step's time.
 pub(super) const CALL_TIMEOUT: Duration = Duration::from_secs(2);
@@ -66,8 +66,9 @@ impl Nodes {
     fn note(&self, roster: &mut Roster, node: usize, event: NodeEvent) -> Option<PassEvent> {
         match event {
             NodeEvent::Up => roster.up(node),
-            NodeEvent::Film(event) => {
+            NodeEvent::Film { event, heard_s } => {
                 if let FilmEvent::Frame(report) = &event {
+                    roster.heard(Arrival { node, frame: report.frame, heard_s });
                     self.next_frame.fetch_max(report.frame + 1, Ordering::Relaxed);
                 }
                 roster.film_event(node, event);

@@ -129,7 +129,7 @@ impl Run {
             fps: FPS,
             step_s: 1.0 / 120.0,
             response: sim::ResponseMode::Paper,
-            latency_s: 0.06,
+            latency_s: Some(0.06),
             up: [0.0, 1.0, 0.0],
             floor_m: Some(0.0),
             has_colour: true,
@@ -192,6 +192,9 @@ impl Run {
             foreground: 0.0625,
             silhouette_bytes: 700,
             segment_ms: 1.5,
+            late_ms: Some(21.5),
+            costs_ms: 4.5,
+            left_out: false,
         };
         let progress = Progress {
             film_s: 2.5,
@@ -203,6 +206,7 @@ impl Run {
             samples: 400,
             contacts: 1,
             hull_age_ms: None,
+            latency_ms: 23.5,
             bytes_per_s: 1e5,
             hull_unavailable: Some("no node".into()),
         };
@@ -213,6 +217,7 @@ impl Run {
             frames_expected: 75,
             late_steps: 2,
             blind_steps: 3,
+            reduced_steps: 0,
         };
         self.status.send_replace(Some(Arc::new(status)));
     }

@@ -14,9 +14,6 @@ use cli::{Failure, Outcome, PrecisionName, parse_size};
 use cluster::ClusterFile;
 use coordinator::MemoryUse;
 
-/// From capture to the step that sees it: rendering and segmenting eight cameras on two cores takes
-/// most of a frame's time.
-const DEMO_LATENCY_S: f64 = 0.06;
 /// How long the empty room of a recording is filmed without --seconds.
 const EMPTY_RECORDING_S: f64 = 4.0;
 
@@ -163,10 +160,8 @@ impl StudioArguments {
     fn cluster_text(&self, rig: &Rig, motion: Motion, stage: &StageHint) -> String {
         let (fps, min_views, seed) = (self.fps, self.cameras.min(2), self.seed.unwrap_or(1));
         let StageHint { props, person, .. } = stage;
-        let mut text = format!(
-            "rig = \"rig.toml\"\nscene = \"topple\"\nfps = {fps:?}\nlatency_s = {DEMO_LATENCY_S}\n\
-             min_views = {min_views}\n"
-        );
+        let mut text =
+            format!("rig = \"rig.toml\"\nscene = \"topple\"\nfps = {fps:?}\nmin_views = {min_views}\n");
         for camera in rig.cameras() {
             let name = camera.name();
             text += &format!(

@@ -104,7 +104,7 @@ fn setup(recording: &Recording, arguments: &ReplayArguments) -> Outcome<Setup> {
         scene: SceneChoice::Named(header.scene.name().to_owned()),
         fps: header.fps,
         // What is on the disk need not arrive.
-        latency_s: 0.0,
+        latency_s: None,
         hold_s: header.hold_s,
         going_on: GoingOn { min_cameras: 1, ..GoingOn::default() },
         seed: Some(header.world.seed),

@@ -77,7 +77,9 @@ fn serve_page(
         fps: file.fps,
         step_s: setup.world.dt_s,
         response: setup.world.response,
-        latency_s: file.latency_s + setup.world.hull_time.frames_later() / file.fps,
+        latency_s: file
+            .latency_s
+            .map(|latency_s| latency_s + setup.world.hull_time.frames_later() / file.fps),
         up: setup.scene.up(),
         floor_m: setup.scene.floor().map(|floor| floor.height_m),
         has_colour: source.has_colour,

@@ -29,7 +29,7 @@ pub fn begin(
         rig: setup.file.rig.clone(),
         ignored: cameras.cameras.iter().map(|camera| camera.ignored.clone()).collect(),
         fps: setup.file.fps,
-        latency_s: setup.file.latency_s,
+        latency_s: setup.file.latency_s.unwrap_or_default(),
         hold_s: setup.file.hold_s,
         probes: setup.file.probes,
         scene: setup.scene.clone(),

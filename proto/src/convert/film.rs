@@ -38,9 +38,9 @@ pub fn film_event_to_wire(event: FilmEvent, last_frame: Option<u64>) -> v1::Fram
 fn frame_report_to_wire(report: FrameReport) -> v1::FrameInfo {
     let FrameReport { frame, capture_time_s, captured_unix_s, cameras, skipped } = report;
     let camera = |camera: CameraReport| {
-        let CameraReport { rig_index, admitted, area, silhouette_bytes, segment_ms } = camera;
+        let CameraReport { rig_index, admitted, area, silhouette_bytes, segment_ms, late_s } = camera;
         let (rig_index, admitted) = (rig_index.into(), admitted.map(pixel_rect_to_wire));
-        v1::CameraFrame { rig_index, admitted, area, silhouette_bytes, segment_ms }
+        v1::CameraFrame { rig_index, admitted, area, silhouette_bytes, segment_ms, late_s }
     };
     v1::FrameInfo {
         frame,
@@ -95,7 +95,7 @@ fn camera_report_from_wire(
     camera: &v1::CameraFrame,
     cameras: &[CameraDescription],
 ) -> Result<CameraReport, ConvertError> {
-    let &v1::CameraFrame { rig_index, admitted, area, silhouette_bytes, segment_ms } = camera;
+    let &v1::CameraFrame { rig_index, admitted, area, silhouette_bytes, segment_ms, late_s } = camera;
     let field = |name| Field("CameraFrame", name);
     let described = described(rig_index, cameras, field("rig_index"))?;
     let (width, height) = described.size;
@@ -114,7 +114,8 @@ fn camera_report_from_wire(
         return Err(field("silhouette_bytes").value(what));
     }
     let segment_ms = within(segment_ms, 0.0, MAX_SEGMENT_MS, field("segment_ms"))?;
-    Ok(CameraReport { rig_index: described.rig_index, admitted, area, silhouette_bytes, segment_ms })
+    let late_s = within(late_s, -MAX_TIME_S, MAX_TIME_S, field("late_s"))?;
+    Ok(CameraReport { rig_index: described.rig_index, admitted, area, silhouette_bytes, segment_ms, late_s })
 }
 
 /// The one of a node's cameras that has this place in the rig.
@@ -154,6 +155,7 @@ mod tests {
             area,
             silhouette_bytes: 90,
             segment_ms: 0.5,
+            late_s: 0.02,
         };
         FrameReport {
             frame: 7,

@@ -29,7 +29,7 @@ pub struct RunHeader {
     pub ignored: Vec<Option<Silhouette>>,
     /// Frames of the cluster per second.
     pub fps: f64,
-    /// From capture to use, seconds.
+    /// From capture to use, seconds; 0 if it was measured as the run went.
     pub latency_s: f64,
     /// How long the last frame is held when film ends, seconds.
     pub hold_s: f64,

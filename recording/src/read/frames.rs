@@ -110,6 +110,7 @@ impl RecordedFrames {
                 area: silhouette.area(),
                 silhouette_bytes: *silhouette_bytes,
                 segment_ms: *segment_ms,
+                late_s: 0.0,
             });
         let capture_time_s = number as f64 / self.fps;
         let report = FrameReport {

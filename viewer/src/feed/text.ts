@@ -80,6 +80,11 @@ export interface CameraStatus {
   readonly foreground?: number;
   readonly silhouette_bytes?: number;
   readonly segment_ms?: number;
+  /** How late nearly all its frames are; null if that is not measured. And by how much all others wait for it. */
+  readonly late_ms?: number | null;
+  readonly costs_ms?: number;
+  /** Steps go on without it. */
+  readonly left_out?: boolean;
 }
 
 /** How the run and the feed do, four times a second. Figures that a server leaves out are not shown. */
@@ -96,6 +101,8 @@ export interface Status {
     readonly contacts?: number;
     /** From the capture of the film that bodies collide with to the end of the step; null if no step had a hull. */
     readonly hull_age_ms?: number | null;
+    /** How long after its film time a step is made. */
+    readonly latency_ms?: number;
     readonly bytes_per_s?: number;
     readonly blind?: string | null;
   };
@@ -104,6 +111,8 @@ export interface Status {
   readonly frames_expected?: number;
   readonly late_steps?: number;
   readonly blind_steps?: number;
+  /** Steps that went on without some camera. */
+  readonly reduced_steps?: number;
   readonly blind?: string | null;
   readonly paused?: boolean;
   readonly feed?: {

@@ -5,6 +5,8 @@ import { byId, bytesText, setPressed, setText } from "./dom.ts";
 
 /** Older images are marked late, milliseconds. */
 const OLD_MS = 250;
+/** A camera for which all others wait longer is named. */
+const COSTLY_MS = 5;
 /** Cameras farther from the others' time are marked out of step, or whose time is less certain, as a share of a frame. */
 const UNSYNCED = 0.25;
 
@@ -107,6 +109,7 @@ export class CamerasList {
 
 function health(status: CameraStatus, frameMs: number): readonly ["good" | "warn" | "bad", string] {
   if (status.problem) return ["bad", `gone: ${status.problem}`];
+  if (status.left_out) return ["bad", "left out: its film is late"];
   const time: string[] = [];
   const sight: string[] = [];
   let state: "good" | "warn" = "good";
@@ -120,6 +123,7 @@ function health(status: CameraStatus, frameMs: number): readonly ["good" | "warn
     if (isOff) state = "warn";
     time.push(`${isOff ? "out of step " : "sync "}${status.sync_ms.toFixed(1)} ± ${boundMs.toFixed(1)} ms`);
   }
+  if ((status.costs_ms ?? 0) > COSTLY_MS) time.push(`others wait ${Math.round(status.costs_ms ?? 0)} ms for it`);
   if (status.foreground !== undefined) sight.push(`${(status.foreground * 100).toFixed(1)} % foreground`);
   if (status.silhouette_bytes !== undefined) sight.push(bytesText(status.silhouette_bytes));
   return [state, [time, sight].map((line) => line.join(" · ")).join("\n")];

@@ -26,6 +26,7 @@ export class Figures {
     this.show("Frames shown", `${app.frames.rate.perSecond(now).toFixed(1)} /s`);
     this.show("From lens to screen", ms(app.frames.latency.get(), 0));
     this.show("From lens to step", ms(progress?.hull_age_ms, 0));
+    this.show("Latency", ms(progress?.latency_ms, 0));
     this.show("Link", `${((this.received.perSecond(now) * 8) / 1e6).toFixed(1)} Mbit/s`);
     this.show("Decoding", ms(app.frames.decodeMs.get()));
     this.show("Drawing", ms(app.quality.averageMs || null));
@@ -43,6 +44,7 @@ export class Figures {
     this.show("Frames missed", status?.frames_missed === undefined ? null : `${status.frames_missed} of ${status.frames_expected ?? "?"}`);
     this.show("Late steps", status?.late_steps?.toString() ?? null);
     this.show("Steps without hull", status?.blind_steps?.toString() ?? null);
+    this.show("Steps without a camera", status?.reduced_steps?.toString() ?? null);
     this.show("Film", progress?.film_s === undefined ? null : `${progress.film_s.toFixed(1)} s`);
     this.show("Looking back", `${app.frames.timeline.length} frames, ${bytesText(app.frames.timeline.byteLength)}`);
     this.show("Graphics", this.renderer);
