@@ -11,7 +11,8 @@ use cluster::{InProcess, expected_node};
 use coordinator::hooks::{EndRecord, FrameRecord, Recorder, Schedule, Scheduled, Sees, StepRecord};
 use coordinator::live::{Command, Follower, Outcome, Parameters, WorldState, live};
 use coordinator::{
-    AskEvery, Coordinator, Figures, LocalFrames as _, Progress, RunSettings, Snapshot, Transport, Watcher,
+    AskEvery, Coordinator, Figures, LocalFrames as _, Placement, Progress, RunSettings, Snapshot, Transport,
+    Watcher,
 };
 use hull::{Observer, ProbeSettings, Rig};
 use node_client::Agreement;
@@ -67,8 +68,11 @@ impl Studio {
             nodes.push(expected_node(&self.rig, address, &cameras.collect::<Vec<_>>()));
         }
         let shapes = world.moving_bodies().map(|body| Arc::clone(&body.shape)).collect();
-        let gather = (layout == "gather").then(|| self.observers());
-        Transport::connect(nodes, gather, Agreement::new(ProbeSettings::default(), FPS, shapes))
+        let placement = match layout {
+            "gather" => Placement::Here(self.observers()),
+            _ => Placement::Nodes,
+        };
+        Transport::connect(nodes, placement, Agreement::new(ProbeSettings::default(), FPS, shapes))
     }
 
     fn observers(&self) -> Vec<Arc<Observer>> {

@@ -85,6 +85,8 @@ pub struct Figures {
     pub left_samples: u64,
     /// Passes that asked something.
     pub passes: u64,
+    /// Of these, those that were answered here, of silhouettes that were fetched.
+    pub gathered_passes: u64,
     /// Questions of these passes that the cameras answered, one after the other.
     pub round_trips: u64,
     /// Poses that were asked about.

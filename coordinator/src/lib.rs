@@ -18,4 +18,4 @@ pub use figures::{Figures, Percentiles, Progress, STAGES, stage_of};
 pub use memory::{MemoryUse, WorldBytesError, world_from_bytes, world_to_bytes};
 pub use query::AskEvery;
 pub use run::{Coordinator, GoingOn, GoneOn, RunError, RunSettings, Snapshot, Watcher};
-pub use transport::{BoxError, Fetching, LocalFrames, Silhouettes, Transport, TransportError};
+pub use transport::{BoxError, Fetching, LocalFrames, Placement, Silhouettes, Transport, TransportError};

@@ -52,6 +52,11 @@ impl Agreement {
         Agreement { settings, fps, claim, takes_over: false, terms, counters: Arc::default() }
     }
 
+    /// Frames of the cluster per second.
+    pub fn fps(&self) -> f64 {
+        self.fps
+    }
+
     /// Displaces another that leads the nodes.
     pub fn taking_over(self, takes_over: bool) -> Agreement {
         Agreement { takes_over, ..self }

@@ -13,7 +13,7 @@ use proto::convert::{
     silhouette_from_data, start_to_wire,
 };
 use proto::v1::camera_node_client::CameraNodeClient;
-use proto::{CameraDescription, Claim, FilmEvent, Pace, RunStart, monotonic_s, v1};
+use proto::{CameraDescription, Claim, ClockLine, FilmEvent, Pace, RunStart, monotonic_s, v1};
 use tokio::sync::mpsc;
 use tokio_stream::StreamExt;
 use tokio_stream::wrappers::ReceiverStream;
@@ -125,6 +125,11 @@ impl NodeClient {
     /// The node that is meant.
     pub fn node(&self) -> &ExpectedNode {
         &self.node
+    }
+
+    /// What a short question to it usually takes, seconds.
+    pub fn trip_s(&self) -> f64 {
+        self.state().clock.trip_s()
     }
 
     /// Begins a run at this node.
@@ -331,8 +336,8 @@ impl NodeClient {
             tokio::time::sleep(CLOCK_EVERY).await;
             self.read_clock(&mut client).await?;
             let known = self.state().clock.film_time(0.0, monotonic_s());
-            if let Some(clock) = known {
-                self.report(NodeEvent::Clock(clock.bound_s)).await?;
+            if let Some(ClockLine { bound_s, .. }) = known {
+                self.report(NodeEvent::Clock(bound_s)).await?;
             }
         }
     }

@@ -15,6 +15,8 @@ const BIN_S: f64 = 5.0;
 const MOST_DRIFT: f64 = 5e-4;
 /// Readings are no better than this, seconds: a clock has a resolution.
 const LEAST_HALF_TRIP_S: f64 = 1e-6;
+/// How much a new reading counts in what one usually takes.
+const NEW_SHARE: f64 = 0.2;
 /// Rates are searched so often, each time in two thirds of the range: to a millionth of a millionth.
 const SEARCHES: usize = 60;
 
@@ -23,6 +25,8 @@ const SEARCHES: usize = 60;
 pub(crate) struct ClockEstimate {
     /// The best of each bin, oldest first.
     best: VecDeque<Reading>,
+    /// What a reading usually takes, seconds.
+    trip_s: f64,
 }
 
 /// The node's clock, and ours in the middle of a round trip, seconds.
@@ -43,6 +47,9 @@ impl ClockEstimate {
     /// Takes a reading that was asked for at `sent_s` and came at `received_s`, both by our clock.
     pub fn read(&mut self, sent_s: f64, node_s: f64, received_s: f64) {
         let half_trip_s = (0.5 * (received_s - sent_s)).max(LEAST_HALF_TRIP_S);
+        let trip_s = received_s - sent_s;
+        let usual_s = if self.best.is_empty() { trip_s } else { self.trip_s };
+        self.trip_s = usual_s + NEW_SHARE * (trip_s - usual_s);
         let reading = Reading { node_s, our_s: 0.5 * (sent_s + received_s), half_trip_s };
         match self.best.back_mut() {
             Some(last) if last.bin() == reading.bin() => {
@@ -60,6 +67,11 @@ impl ClockEstimate {
             self.best.clear();
             self.best.push_back(reading);
         }
+    }
+
+    /// What a reading usually takes, seconds.
+    pub fn trip_s(&self) -> f64 {
+        self.trip_s
     }
 
     /// Film time by the node's clock, where ours shows `zero_s` at film time zero; `None` before the first reading.

@@ -7,7 +7,7 @@ mod run;
 use std::time::Duration;
 
 use cluster::expected_node;
-use coordinator::{RunSettings, Transport};
+use coordinator::{Placement, RunSettings, Transport};
 use film::{FPS, Film, all, rig};
 use hull::{Camera, ProbeSettings, Rig};
 use nalgebra::{Matrix3, Vector3};
@@ -128,7 +128,8 @@ async fn bodies_only_fall_once_a_node_is_lost() {
         nodes.push(expected_node(&rig, address, &cameras.collect::<Vec<_>>()));
     }
     let shapes = world(&scene).moving_bodies().flat_map(sim::Body::asked_shapes).collect();
-    let transport = Transport::connect(nodes, None, Agreement::new(ProbeSettings::default(), FPS, shapes));
+    let transport =
+        Transport::connect(nodes, Placement::Nodes, Agreement::new(ProbeSettings::default(), FPS, shapes));
     let observers = node_config(&scene, &rig, 0..4).observers();
     let mut keeper = Keeper::default();
     keeper.tells = Some((SETTLED_S, tell));

@@ -18,8 +18,16 @@ impl Node {
     }
 
     /// Starts one with these cameras, and waits until it listens.
+    #[allow(dead_code, reason = "not every test needs it")]
     pub fn start(mut command: Command, cluster: &Path, cameras: &[String]) -> Node {
-        command.arg("node").arg(cluster).arg("--stop-with-stdin");
+        command.arg("node");
+        Node::start_at(command, cluster, cameras)
+    }
+
+    /// The same of a command that says where it listens.
+    #[allow(dead_code, reason = "not every test needs it")]
+    pub fn start_at(mut command: Command, cluster: &Path, cameras: &[String]) -> Node {
+        command.arg(cluster).arg("--stop-with-stdin");
         for camera in cameras {
             command.args(["--camera", camera.as_str()]);
         }
@@ -38,6 +46,7 @@ impl Drop for Node {
     }
 }
 
+#[allow(dead_code, reason = "not every test needs it")]
 /// So many nodes of two cameras each, filming ten frames a second: a busy machine must not miss one.
 pub fn cluster_file(folder: &Path, nodes: usize) -> PathBuf {
     let rig = stage::studio_rig(2 * nodes, (96, 72)).expect("a rig");

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use coordinator::{Percentiles, Transport};
+use coordinator::{Percentiles, Placement, Transport};
 use hull::cull::WorldBox;
 use hull::pass::Round;
 use node_client::{Agreement, ByteCounts, ExpectedNode};
@@ -101,7 +101,11 @@ impl ClusterClient {
         let (settings, shapes, frames) = (film.settings(), bodies.shapes(), film.plan.frames);
         let (transport, news) = runtime.block_on(async {
             let gather = (answered == AnswerPlace::Coordinator).then(|| film.observers());
-            let mut transport = Transport::connect(nodes, gather, Agreement::new(settings, FPS, shapes));
+            let mut transport = Transport::connect(
+                nodes,
+                gather.map_or(Placement::Nodes, Placement::Here),
+                Agreement::new(settings, FPS, shapes),
+            );
             transport.ready(READY_TIMEOUT).await.map_err(Failure::run)?;
             transport.start(Pace::lock_step(1)).await.map_err(Failure::run)?;
             let before = transport.bytes();
@@ -199,7 +203,7 @@ impl ClusterClient {
                 *trips.entry(round).or_default() += 1;
             };
             transport
-                .run_pass(&mut passes.pass, frame, ROUND_TIMEOUT, &mut took)
+                .run_pass(&mut passes.pass, frame, Some(ROUND_TIMEOUT), &mut took)
                 .await
                 .map_err(Failure::run)?;
             let asked = bodies.iter().map(Asked::point_count).sum();

@@ -103,6 +103,11 @@ impl HullQuery {
         self.bounds_frame == Some(frame)
     }
 
+    /// From the next pass on asks so many groups of cameras.
+    pub fn ask_groups(&mut self, group_count: usize) {
+        self.pass.ask_groups(group_count);
+    }
+
     /// From the next pass on asks nothing of these groups of cameras; what is known of the frame's bounds no longer holds.
     pub fn leave_out(&mut self, is_left_out: impl Fn(usize) -> bool) {
         self.pass.leave_out(is_left_out);

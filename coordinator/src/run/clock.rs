@@ -49,10 +49,10 @@ impl Clock {
         Clock { pace, latency, max_lag_s, kept_s, catches_up: false, slipped_s, passed_s, shifted_s }
     }
 
-    /// The first step is about to be made: what nodes still keep of film is made good.
-    pub fn begin(&mut self, film_s: f64) {
+    /// The first step is about to be made: if there is film, what nodes still keep of it is made good.
+    pub fn begin(&mut self, film_s: f64, has_film: bool) {
         self.latency.begin(self.pace.film_now_s());
-        self.catches_up = true;
+        self.catches_up = has_film;
         self.slip(film_s);
     }
 

@@ -59,7 +59,8 @@ impl Coordinator {
             && (self.clock.latency.is_known() || film_s > MEASURE_S);
         if may_begin {
             // What nodes still keep of film is made good; else the first step itself sees the frame of now.
-            self.clock.begin(self.film_s());
+            let has_film = self.transport.roster().newest_common(wanted).is_some();
+            self.clock.begin(self.film_s(), has_film);
         }
         !may_begin
     }
@@ -112,10 +113,19 @@ impl Coordinator {
         }
     }
 
+    /// Asks those who compute now.
+    pub(super) fn regroup(&mut self) {
+        self.query.ask_groups(self.transport.group_count());
+        self.query.leave_out(|group| self.transport.is_left_out(group));
+    }
+
     /// Takes a frame into use.
     pub(super) async fn use_frame(&mut self, frame: u64) -> Result<(), RunError> {
         self.film.frame = Some(frame);
         self.transport.use_frame(frame);
+        if self.transport.choose_placement() {
+            self.regroup();
+        }
         self.figures.frames += 1;
         let reports = self.transport.roster().reports(frame).unwrap_or_default();
         let cameras = reports.iter().flat_map(|report| &report.cameras);

@@ -1,6 +1,6 @@
 //! The hull's answers for a step: carries the query's pass to the nodes and back.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use hull::Pose;
 use hull::pass::BodyResult;
@@ -15,28 +15,10 @@ use crate::query::MAX_STEPS_AHEAD;
 use crate::roster::{HullUnavailable, LOCK_STEP_TIMEOUT, LeaveOut, StepFilm};
 use crate::transport::TransportError;
 
-/// Live: a round that takes longer has lost its node.
-const LIVE_TIMEOUT: Duration = Duration::from_millis(500);
-
-/// Live: a node that takes three usual round trips and so much longer is silent, milliseconds.
-const SILENT_MS: f64 = 20.0;
 /// After a camera has gone or come back, bodies are moved gently for so long, seconds.
 const GENTLE_S: f64 = 1.0;
-/// What a trip took at the longest is forgotten by so much with every other.
-const FORGET: f64 = 0.995;
-/// What is usual is not known before so many.
-const KNOWN_TRIPS: u64 = 20;
 
 impl Coordinator {
-    /// How long a node may take over a round of a live run.
-    fn live_timeout(&self) -> Duration {
-        let is_known = self.figures.round_trips >= KNOWN_TRIPS;
-        let usual_ms = self.usual_trip_ms.filter(|_| is_known);
-        usual_ms.map_or(LIVE_TIMEOUT, |usual_ms| {
-            Duration::from_secs_f64((3.0 * usual_ms + SILENT_MS) * 1e-3).min(LIVE_TIMEOUT)
-        })
-    }
-
     /// Leaves out who is not there for a step that wants a frame, and takes back who is again; whether that changed.
     pub(super) fn go_on_without(&mut self, wanted: u64) -> bool {
         let whom = if self.settings.lock_step { LeaveOut::Missing } else { LeaveOut::Late };
@@ -130,11 +112,11 @@ impl Coordinator {
         self.figures.add_stage("cull", began.elapsed().as_secs_f64() * 1e3);
         self.figures.passes += u64::from(asks_nodes);
         self.figures.poses_asked += self.query.poses_asked() as u64;
-        let timeout = if self.settings.lock_step { LOCK_STEP_TIMEOUT } else { self.live_timeout() };
-        let (figures, usual_trip_ms) = (&mut self.figures, &mut self.usual_trip_ms);
+        let timeout = self.settings.lock_step.then_some(LOCK_STEP_TIMEOUT);
+        self.figures.gathered_passes += u64::from(asks_nodes && self.transport.gathers());
+        let figures = &mut self.figures;
         let mut took = |round, ms: f64| {
             figures.round_trips += 1;
-            *usual_trip_ms = Some(usual_trip_ms.map_or(ms, |usual_ms| ms.max(FORGET * usual_ms)));
             figures.add_stage(stage_of(round), ms);
         };
         self.transport.run_pass(self.query.pass(), frame, timeout, &mut took).await?;

@@ -155,8 +155,6 @@ pub struct Coordinator {
     log: Log,
     publisher: Publisher,
     recent: RecentFigures,
-    /// What a round trip usually takes, milliseconds: the longest of late; `None` before there were some.
-    usual_trip_ms: Option<f64>,
     memory_use: MemoryUse,
     /// Once the run has begun, if it uses that of its nodes.
     memory: Option<Memory>,
@@ -213,7 +211,6 @@ impl Coordinator {
             log: Log::default(),
             publisher: Publisher::default(),
             recent: RecentFigures::since(0, 0),
-            usual_trip_ms: None,
             memory_use: MemoryUse::Off,
             memory: None,
         };
@@ -264,6 +261,7 @@ impl Coordinator {
         let run = getrandom::u64().map_err(RunError::NoRandom)?;
         self.clock.pace = if lock_step { Pace::lock_step(run) } else { Pace::live(run, LEAD_S) };
         self.transport.start(self.clock.pace).await?;
+        self.regroup();
         let began = Instant::now();
         tokio::pin!(stop);
         let is_stopped = loop {

@@ -1,7 +1,7 @@
 //! Silhouettes travel, one machine computes: the paper's layout.
 
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use hull::pass::{Pass, Round};
 use hull::{Observer, Silhouette, View, ViewSet};
@@ -10,12 +10,11 @@ use proto::convert::SilhouetteEncoding;
 
 use super::TransportError;
 use super::in_process::LocalProbes;
-use super::nodes::{Nodes, fetch};
+use super::nodes::{Nodes, Unfetched, fetch};
 use crate::roster::Roster;
 
-/// Nodes whose silhouettes are fetched, and the frame that was fetched last.
+/// The frame whose silhouettes were fetched last.
 pub(super) struct Gather {
-    pub nodes: Nodes,
     pub encoding: SilhouetteEncoding,
     pub silhouette_bytes: u64,
     observers: Vec<Arc<Observer>>,
@@ -26,10 +25,9 @@ pub(super) struct Gather {
 }
 
 impl Gather {
-    pub fn new(nodes: Nodes, observers: Vec<Arc<Observer>>) -> Gather {
+    pub fn new(nodes: &Nodes, observers: Vec<Arc<Observer>>) -> Gather {
         Gather {
             clients: nodes.clients.clone(),
-            nodes,
             encoding: SilhouetteEncoding::default(),
             silhouette_bytes: 0,
             observers,
@@ -38,30 +36,37 @@ impl Gather {
         }
     }
 
+    /// Answers a pass; returns what fetching the frame took, milliseconds, if it was not there.
     pub async fn run_pass(
         &mut self,
+        nodes: &Nodes,
         pass: &mut Pass,
         frame: u64,
         timeout: Duration,
-        roster: &Roster,
+        roster: &mut Roster,
         took: &mut dyn FnMut(Round, f64),
-    ) -> Result<(), TransportError> {
+    ) -> Result<Option<f64>, TransportError> {
         if pass.question().is_none() {
-            return Ok(());
+            return Ok(None);
         }
-        self.go_on_with(roster);
-        let fetched = tokio::time::timeout(timeout, self.fetch(frame, pass.asks_planes())).await;
-        let late = |_| TransportError::Silhouettes { frame, timeout };
-        fetched.map_err(late)??;
+        self.go_on_with(nodes, roster);
+        let (began, is_there) = (Instant::now(), self.fetched.as_ref().is_some_and(|(at, _)| *at == frame));
+        if let Err(Unfetched { late, error }) = self.fetch(frame, pass.asks_planes(), timeout).await {
+            let late = |client: &Arc<NodeClient>| late.iter().any(|late| Arc::ptr_eq(late, client));
+            let places = nodes.clients.iter().enumerate().filter(|(_, client)| late(client));
+            places.for_each(|(node, _)| roster.silent(node));
+            return Err(error);
+        }
+        let fetched_ms = (!is_there).then(|| began.elapsed().as_secs_f64() * 1e3);
         if let Some((_, views)) = &self.fetched {
             self.probes.run(pass, views, took);
         }
-        Ok(())
+        Ok(fetched_ms)
     }
 
     /// Takes note of who is there. Frames of other cameras are other frames.
-    fn go_on_with(&mut self, roster: &Roster) {
-        let nodes = self.nodes.clients.iter().zip(roster.nodes());
+    fn go_on_with(&mut self, nodes: &Nodes, roster: &Roster) {
+        let nodes = nodes.clients.iter().zip(roster.nodes());
         let clients: Vec<_> =
             nodes.filter(|(_, node)| !node.is_left_out()).map(|(client, _)| Arc::clone(client)).collect();
         let is_same = |(a, b): (&Arc<NodeClient>, &Arc<NodeClient>)| Arc::ptr_eq(a, b);
@@ -73,18 +78,18 @@ impl Gather {
 
     /// Fetches a frame; planes tell how far they moved since the frame before, whether anything was asked about that
     /// or not.
-    async fn fetch(&mut self, frame: u64, needs_before: bool) -> Result<(), TransportError> {
+    async fn fetch(&mut self, frame: u64, needs_before: bool, timeout: Duration) -> Result<(), Unfetched> {
         let fetched = self.fetched.as_ref().map(|(fetched, _)| *fetched);
         if fetched == Some(frame) {
             return Ok(());
         }
         if let Some(before) = frame.checked_sub(1).filter(|&before| needs_before && fetched != Some(before)) {
             // A node that has passed it over tells of an earlier one at best.
-            if let Ok(views) = self.views(before).await {
+            if let Ok(views) = self.views(before, timeout).await {
                 self.fetched = Some((before, views));
             }
         }
-        let views = self.views(frame).await?;
+        let views = self.views(frame, timeout).await?;
         let views = match &self.fetched {
             Some((before, seen)) => views.after(seen, frame.saturating_sub(*before)),
             None => views,
@@ -93,8 +98,8 @@ impl Gather {
         Ok(())
     }
 
-    async fn views(&mut self, frame: u64) -> Result<ViewSet, TransportError> {
-        let (silhouettes, bytes) = fetch(&self.clients, frame, self.encoding).await?;
+    async fn views(&mut self, frame: u64, timeout: Duration) -> Result<ViewSet, Unfetched> {
+        let (silhouettes, bytes) = fetch(&self.clients, frame, self.encoding, timeout).await?;
         self.silhouette_bytes += bytes;
         let view = |(rig_index, seen): &(u16, Silhouette)| {
             let observer = self.observers.iter().find(|observer| observer.rig_index() == *rig_index)?;

@@ -1,11 +1,14 @@
 //! Three layouts behind one face: `cluster` (questions travel, nodes compute), `gather` (silhouettes travel, one
-//! machine computes: the paper's layout) and `in process` (nothing travels). They wait; what is decided from what
+//! machine computes: the paper's layout) and `in process` (nothing travels); and `auto`, the faster of the first two,
+//! measured as a run goes. They wait; what is decided from what
 //! they receive is decided by the [`Roster`] and the pass.
 
+mod choice;
 mod cluster;
 mod gather;
 mod in_process;
 mod nodes;
+mod remote;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -22,10 +25,9 @@ use tokio::sync::mpsc;
 use tokio::time::Instant;
 
 use crate::roster::{Arrival, LeaveOut, Missing, Roster, RosterNode, joined};
-use cluster::Cluster;
-use gather::Gather;
 use in_process::InProcess;
 use nodes::{CALL_TIMEOUT, Nodes};
+use remote::Remote;
 
 pub use in_process::LocalFrames;
 
@@ -77,14 +79,6 @@ pub enum TransportError {
     /// Film failed for good.
     #[error("{0}")]
     FilmFailed(String),
-    /// Silhouettes did not come in time.
-    #[error("silhouettes of frame {frame} did not come within {} ms", timeout.as_millis())]
-    Silhouettes {
-        /// Which frame.
-        frame: u64,
-        /// In which time.
-        timeout: Duration,
-    },
     /// The cameras of this process.
     #[error("{0}")]
     Local(BoxError),
@@ -108,9 +102,18 @@ pub struct Transport {
 }
 
 enum Layout {
-    Cluster(Box<Cluster>),
-    Gather(Box<Gather>),
+    Remote(Box<Remote>),
     InProcess(Box<InProcess>),
+}
+
+/// Where probes about the cameras of nodes are computed; with the observers of the whole rig, in rig order.
+pub enum Placement {
+    /// At the nodes.
+    Nodes,
+    /// Here: silhouettes travel.
+    Here(Vec<Arc<Observer>>),
+    /// At the nodes, or here where that is faster: measured as a run goes.
+    Fastest(Vec<Arc<Observer>>),
 }
 
 /// The first frame of film that a background is learnt from: one that no camera has filmed before the message
@@ -124,13 +127,8 @@ pub(crate) enum FirstFrame {
 }
 
 impl Transport {
-    /// Connects to nodes that are asked, or, given the observers of the whole rig in rig order, whose silhouettes
-    /// are gathered. Must run within a tokio runtime.
-    pub fn connect(
-        nodes: Vec<ExpectedNode>,
-        gather: Option<Vec<Arc<Observer>>>,
-        agreement: Agreement,
-    ) -> Transport {
+    /// Connects to nodes. Must run within a tokio runtime.
+    pub fn connect(nodes: Vec<ExpectedNode>, placement: Placement, agreement: Agreement) -> Transport {
         let agreement = Arc::new(agreement);
         let (sender, events) = mpsc::channel(MAX_EVENTS_PER_NODE * nodes.len().max(1));
         let places = |node: &ExpectedNode| node.cameras.iter().map(|camera| camera.rig_index).collect();
@@ -139,11 +137,7 @@ impl Transport {
         let spawn = |(index, node)| NodeClient::spawn(node, index, Arc::clone(&agreement), sender.clone());
         let clients = nodes.into_iter().enumerate().map(spawn).collect();
         let nodes = Nodes::new(clients, agreement, events);
-        let layout = match gather {
-            None => Layout::Cluster(Box::new(Cluster::new(nodes, Precision::Exact))),
-            Some(observers) => Layout::Gather(Box::new(Gather::new(nodes, observers))),
-        };
-        Transport { roster, layout }
+        Transport { roster, layout: Layout::Remote(Box::new(Remote::new(nodes, placement))) }
     }
 
     /// Cameras of this process.
@@ -153,17 +147,18 @@ impl Transport {
     }
 
     /// Gathers silhouettes in another encoding than runs and LZ4: for measurements.
-    pub fn with_silhouettes_as(mut self, encoding: SilhouetteEncoding) -> Transport {
-        if let Layout::Gather(gather) = &mut self.layout {
-            gather.encoding = encoding;
-        }
-        self
+    pub fn with_silhouettes_as(self, encoding: SilhouetteEncoding) -> Transport {
+        self.remotely(|remote| remote.with_silhouettes_as(encoding))
     }
 
     /// Asks and answers with rounded numbers, or again with exact ones: see [`Precision`].
     pub fn with_precision(self, precision: Precision) -> Transport {
+        self.remotely(|remote| remote.with_precision(precision))
+    }
+
+    fn remotely(self, change: impl FnOnce(Remote) -> Remote) -> Transport {
         let layout = match self.layout {
-            Layout::Cluster(cluster) => Layout::Cluster(Box::new(cluster.with_precision(precision))),
+            Layout::Remote(remote) => Layout::Remote(Box::new(change(*remote))),
             other => other,
         };
         Transport { layout, ..self }
@@ -181,21 +176,37 @@ impl Transport {
 
     /// Whether a group that passes ask is left out.
     pub fn is_left_out(&self, group: usize) -> bool {
-        matches!(self.layout, Layout::Cluster(_)) && self.roster.nodes()[group].is_left_out()
+        let asks = matches!(&self.layout, Layout::Remote(remote) if remote.asks());
+        asks && self.roster.nodes()[group].is_left_out()
+    }
+
+    /// Whether probes are computed here, of silhouettes that nodes send.
+    pub fn gathers(&self) -> bool {
+        matches!(&self.layout, Layout::Remote(remote) if !remote.asks())
     }
 
     /// How many groups a pass asks.
     pub fn group_count(&self) -> usize {
         match &self.layout {
-            Layout::Cluster(cluster) => cluster.nodes.clients.len(),
-            Layout::Gather(_) | Layout::InProcess(_) => 1,
+            Layout::Remote(remote) if remote.asks() => remote.nodes.clients.len(),
+            Layout::Remote(_) | Layout::InProcess(_) => 1,
         }
+    }
+
+    /// Between two frames: goes on where probes are computed faster. True if that is elsewhere: passes ask other groups.
+    pub(crate) fn choose_placement(&mut self) -> bool {
+        let Layout::Remote(remote) = &mut self.layout else { return false };
+        let has_changed = remote.choose();
+        if has_changed {
+            let placement = if remote.asks() { "nodes compute" } else { "silhouettes are gathered" };
+            tracing::info!("{placement}: that is faster now");
+        }
+        has_changed
     }
 
     fn nodes(&self) -> Option<&Nodes> {
         match &self.layout {
-            Layout::Cluster(cluster) => Some(&cluster.nodes),
-            Layout::Gather(gather) => Some(&gather.nodes),
+            Layout::Remote(remote) => Some(&remote.nodes),
             Layout::InProcess(_) => None,
         }
     }
@@ -214,8 +225,7 @@ impl Transport {
     pub fn drain(&mut self) {
         let Transport { roster, layout } = self;
         match layout {
-            Layout::Cluster(cluster) => cluster.nodes.drain(roster),
-            Layout::Gather(gather) => gather.nodes.drain(roster),
+            Layout::Remote(remote) => remote.nodes.drain(roster),
             Layout::InProcess(cameras) => cameras.drain(roster),
         }
     }
@@ -225,8 +235,7 @@ impl Transport {
         let Transport { roster, layout } = self;
         match layout {
             // Replies outside a pass come too late.
-            Layout::Cluster(cluster) => drop(cluster.nodes.next(roster).await),
-            Layout::Gather(gather) => drop(gather.nodes.next(roster).await),
+            Layout::Remote(remote) => drop(remote.nodes.next(roster).await),
             Layout::InProcess(cameras) => cameras.next(roster).await,
         }
     }
@@ -277,16 +286,19 @@ impl Transport {
         }
     }
 
-    /// Begins a run everywhere.
+    /// Begins a run everywhere. From now on passes may ask other groups.
     pub async fn start(&mut self, pace: Pace) -> Result<(), TransportError> {
         self.drain();
         self.roster.begin_run();
         if let Some(nodes) = self.nodes() {
             nodes.begin_run();
         }
-        match &self.layout {
-            Layout::Cluster(cluster) => cluster.nodes.start(pace).await,
-            Layout::Gather(gather) => gather.nodes.start(pace).await,
+        let Transport { roster, layout } = self;
+        match layout {
+            Layout::Remote(remote) => {
+                remote.begin(roster);
+                remote.nodes.start(pace).await
+            }
             Layout::InProcess(cameras) => cameras.frames.start(pace).map_err(TransportError::Local),
         }
     }
@@ -294,8 +306,7 @@ impl Transport {
     /// Lets a lock-step run go on up to a frame.
     pub fn credit(&self, up_to_frame: u64) {
         match &self.layout {
-            Layout::Cluster(cluster) => cluster.nodes.credit(up_to_frame),
-            Layout::Gather(gather) => gather.nodes.credit(up_to_frame),
+            Layout::Remote(remote) => remote.nodes.credit(up_to_frame),
             Layout::InProcess(cameras) => cameras.frames.credit(up_to_frame),
         }
     }
@@ -303,8 +314,7 @@ impl Transport {
     /// Has everybody keep a frame, however old it gets, until another is in use.
     pub(crate) fn use_frame(&self, frame: u64) {
         match &self.layout {
-            Layout::Cluster(cluster) => cluster.nodes.use_frame(frame),
-            Layout::Gather(gather) => gather.nodes.use_frame(frame),
+            Layout::Remote(remote) => remote.nodes.use_frame(frame),
             Layout::InProcess(cameras) => cameras.frames.use_frame(frame),
         }
     }
@@ -314,7 +324,8 @@ impl Transport {
         let Some(nodes) = self.nodes() else { return Ok(()) };
         let new = nodes.agreement.replace_shapes(shapes);
         // Where silhouettes are gathered, no node is asked about shapes.
-        if new.is_empty() || matches!(self.layout, Layout::Gather(_)) {
+        let may_ask = matches!(&self.layout, Layout::Remote(remote) if remote.may_ask());
+        if new.is_empty() || !may_ask {
             return Ok(());
         }
         nodes.register(&new).await
@@ -328,8 +339,7 @@ impl Transport {
         frames: u64,
     ) -> BoxFuture<'static, Result<(), TransportError>> {
         match &self.layout {
-            Layout::Cluster(cluster) => Box::pin(cluster.nodes.take_background(first, frames)),
-            Layout::Gather(gather) => Box::pin(gather.nodes.take_background(first, frames)),
+            Layout::Remote(remote) => Box::pin(remote.nodes.take_background(first, frames)),
             Layout::InProcess(cameras) => {
                 let first = match first {
                     FirstFrame::At(frame) => frame,
@@ -343,17 +353,17 @@ impl Transport {
         }
     }
 
-    /// Answers a pass over a frame; a round may take `timeout`. `took` receives each round and its milliseconds.
+    /// Answers a pass over a frame; a round may take `timeout`, or without one three usual ones and a little. `took`
+    /// receives each round and its milliseconds.
     pub async fn run_pass(
         &mut self,
         pass: &mut Pass,
         frame: u64,
-        timeout: Duration,
+        timeout: Option<Duration>,
         took: &mut dyn FnMut(Round, f64),
     ) -> Result<(), TransportError> {
         match &mut self.layout {
-            Layout::Cluster(cluster) => cluster.run_pass(pass, frame, timeout, &mut self.roster, took).await,
-            Layout::Gather(gather) => gather.run_pass(pass, frame, timeout, &self.roster, took).await,
+            Layout::Remote(remote) => remote.run_pass(pass, frame, timeout, &mut self.roster, took).await,
             Layout::InProcess(cameras) => cameras.run_pass(pass, frame, took),
         }
     }
@@ -367,9 +377,8 @@ impl Transport {
         }
         let clients = self.clients().to_vec();
         Box::pin(async move {
-            let fetching = nodes::fetch(&clients, frame, SilhouetteEncoding::RunsLz4);
-            let late = |_| TransportError::Silhouettes { frame, timeout: CALL_TIMEOUT };
-            let (silhouettes, _) = tokio::time::timeout(CALL_TIMEOUT, fetching).await.map_err(late)??;
+            let fetching = nodes::fetch(&clients, frame, SilhouetteEncoding::RunsLz4, CALL_TIMEOUT);
+            let (silhouettes, _) = fetching.await.map_err(|unfetched| unfetched.error)?;
             Ok(silhouettes.into_iter().map(|(_, silhouette)| Arc::new(silhouette)).collect())
         })
     }
@@ -381,7 +390,7 @@ impl Transport {
 
     /// Bytes of silhouettes fetched to answer probes.
     pub fn silhouette_bytes(&self) -> u64 {
-        if let Layout::Gather(gather) = &self.layout { gather.silhouette_bytes } else { 0 }
+        if let Layout::Remote(remote) = &self.layout { remote.gather.silhouette_bytes } else { 0 }
     }
 }
 

@@ -159,20 +159,39 @@ async fn ask_for_background(
     .await
 }
 
+/// Why silhouettes did not come.
+pub(super) struct Unfetched {
+    /// Who was too slow.
+    pub late: Vec<Arc<NodeClient>>,
+    pub error: TransportError,
+}
+
 /// Silhouettes of nodes by their cameras' places in the rig, ascending, and the bytes they travelled as.
 pub(super) async fn fetch(
     clients: &[Arc<NodeClient>],
     frame: u64,
     encoding: SilhouetteEncoding,
-) -> Result<(Vec<(u16, Silhouette)>, u64), TransportError> {
-    let calls = clients.iter().map(|client| client.silhouettes(frame, encoding));
-    let mut all = Vec::new();
-    let mut bytes = 0;
+    timeout: Duration,
+) -> Result<(Vec<(u16, Silhouette)>, u64), Unfetched> {
+    let calls = clients.iter().map(|client| async move {
+        let call = tokio::time::timeout(timeout, client.silhouettes(frame, encoding));
+        call.await.unwrap_or(Err(NodeError::Timeout(timeout)))
+    });
+    let (mut all, mut bytes, mut late, mut failed) = (Vec::new(), 0, Vec::new(), None);
     for (client, fetched) in clients.iter().zip(futures::future::join_all(calls).await) {
-        let (silhouettes, more) = fetched.map_err(|error| TransportError::of(client, error))?;
-        all.extend(silhouettes);
-        bytes += more;
+        match fetched {
+            Ok((silhouettes, more)) => {
+                all.extend(silhouettes);
+                bytes += more;
+            }
+            Err(error) => {
+                if matches!(error, NodeError::Timeout(_)) {
+                    late.push(Arc::clone(client));
+                }
+                failed.get_or_insert(TransportError::of(client, error));
+            }
+        }
     }
     all.sort_by_key(|(rig_index, _)| *rig_index);
-    Ok((all, bytes))
+    failed.map_or(Ok((all, bytes)), |error| Err(Unfetched { late, error }))
 }

@@ -69,6 +69,11 @@ impl Pass {
         }
     }
 
+    /// From the next pass on, asks so many groups: the same cameras, divided otherwise. None is left out.
+    pub fn ask_groups(&mut self, group_count: usize) {
+        self.groups = vec![Group::default(); group_count];
+    }
+
     /// From the next pass on, asks nothing of these groups, as if their cameras were not in the rig. One must be left.
     pub fn leave_out(&mut self, is_left_out: impl Fn(usize) -> bool) {
         for (index, group) in self.groups.iter_mut().enumerate() {

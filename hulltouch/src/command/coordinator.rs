@@ -23,7 +23,7 @@ pub struct CoordinatorArguments {
     #[arg(long, value_name = "S")]
     seconds: Option<f64>,
     /// Where probes are computed.
-    #[arg(long, value_enum, default_value = "cluster")]
+    #[arg(long, value_enum, default_value = "auto")]
     transport: TransportName,
     #[command(flatten)]
     response: ResponseArguments,
@@ -52,7 +52,7 @@ pub struct CoordinatorArguments {
 pub fn run(arguments: &CoordinatorArguments) -> Outcome {
     let response = arguments.response.checked()?;
     if arguments.transport == TransportName::Inprocess {
-        return Err(Failure::input("--transport inprocess has no nodes, expected cluster or gather"));
+        return Err(Failure::input("--transport inprocess has no nodes, expected auto, cluster or gather"));
     }
     let connect_timeout = Duration::try_from_secs_f64(arguments.patience)
         .map_err(|error| Failure::input(format_args!("--patience {}: {error}", arguments.patience)))?;

@@ -34,7 +34,7 @@ pub struct DemoArguments {
     #[arg(long)]
     unpaced: bool,
     /// Where probes are computed.
-    #[arg(long, value_enum, default_value = "cluster")]
+    #[arg(long, value_enum, default_value = "auto")]
     transport: TransportName,
     /// How often the hull is asked; the run is the same.
     #[arg(long, value_enum, default_value = "frame")]

@@ -64,7 +64,7 @@ pub fn run(arguments: RecordArguments) -> Outcome {
         ),
         file,
         scene,
-        transport: TransportName::Cluster,
+        transport: TransportName::Auto,
         asks: AskName::default().into(),
         lock_step: arguments.unpaced,
         take_over: false,

@@ -17,9 +17,8 @@ use ::recording::ColourSource;
 use camera_node::NodeConfig;
 use cli::{Failure, Outcome};
 use cluster::{InProcess, LocalCluster, Sockets, expected_node};
-use coordinator::Transport;
+use coordinator::{Placement, Transport};
 use feed::pictures::Pictures;
-use hull::Observer;
 use node_client::NodePictures;
 use node_client::{Agreement, ExpectedNode};
 use sim::World;
@@ -97,23 +96,18 @@ fn colour_source<P: Pictures + 'static>(
     setup.record.as_ref().filter(|to| to.colour).map(|_| recording::colour_source(make))
 }
 
-fn connect(
-    setup: &Setup,
-    nodes: Vec<ExpectedNode>,
-    world: &World,
-    gather: Option<Vec<Arc<Observer>>>,
-) -> Transport {
+fn connect(setup: &Setup, nodes: Vec<ExpectedNode>, world: &World, placement: Placement) -> Transport {
     let mut shapes: Vec<Arc<hull::Shape>> = world.moving_bodies().flat_map(sim::Body::asked_shapes).collect();
     shapes.sort_by_key(|shape| shape.digest());
     shapes.dedup_by_key(|shape| shape.digest());
     let agreement = Agreement::new(setup.file.probes, setup.file.fps, shapes).taking_over(setup.take_over);
-    Transport::connect(nodes, gather, agreement).with_precision(setup.file.precision)
+    Transport::connect(nodes, placement, agreement).with_precision(setup.file.precision)
 }
 
 fn run(
     setup: &Setup,
     cameras: &NodeConfig,
-    transport: impl FnOnce(&World, Option<Vec<Arc<Observer>>>) -> Transport,
+    transport: impl FnOnce(&World, Placement) -> Transport,
     page: PageSource,
     colours: Option<ColourSource>,
     connect_timeout: Duration,

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use cli::{Failure, Outcome, write_whole};
 use coordinator::hooks::{Recorder, Schedule};
-use coordinator::{Coordinator, Figures, RunError, RunSettings, Transport};
+use coordinator::{Coordinator, Figures, Placement, RunError, RunSettings, Transport};
 use hull::Observer;
 use recording::{Recorded, RecordingFile, WriteError};
 use serde_json::Value;
@@ -57,7 +57,7 @@ struct Ended {
 pub fn play(
     setup: &Setup,
     plan: RunPlan,
-    transport: impl FnOnce(&World, Option<Vec<Arc<Observer>>>) -> Transport,
+    transport: impl FnOnce(&World, Placement) -> Transport,
 ) -> Outcome<RunOutcome> {
     let RunPlan { observers, recorder, schedule, file, page, connect_timeout } = plan;
     let world = World::new(&setup.scene, setup.world).map_err(Failure::input)?;
@@ -69,9 +69,13 @@ pub fn play(
     };
     let (served, live) = outlets::serve(setup, page)?.unzip();
     let mut console = Console::new(setup, &observers);
-    let gather = (setup.transport == TransportName::Gather).then(|| observers.clone());
+    let placement = match setup.transport {
+        TransportName::Auto if !setup.lock_step => Placement::Fastest(observers.clone()),
+        TransportName::Gather => Placement::Here(observers.clone()),
+        TransportName::Auto | TransportName::Cluster | TransportName::Inprocess => Placement::Nodes,
+    };
     let ended = runtime.block_on(async {
-        let transport = transport(&world, gather);
+        let transport = transport(&world, placement);
         let settings = run_settings(setup, connect_timeout);
         let coordinator = Coordinator::new(transport, world, observers, settings);
         let mut coordinator = coordinator.with_memory(setup.memory);

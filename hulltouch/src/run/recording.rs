@@ -36,7 +36,7 @@ pub fn begin(
         world: setup.world,
         // Only questions to nodes are ever rounded.
         precision: match setup.transport {
-            TransportName::Cluster => setup.file.precision,
+            TransportName::Auto | TransportName::Cluster => setup.file.precision,
             TransportName::Gather | TransportName::Inprocess => Precision::Exact,
         },
         asks: setup.asks,

@@ -48,6 +48,7 @@ pub fn json(setup: &Setup, figures: &Figures, world: &World, overlaps: &[Overlap
         "left_inside": figures.left_inside(),
         "questions": {
             "passes": figures.passes,
+            "gathered": figures.gathered_passes,
             "round_trips": figures.round_trips,
             "poses": figures.poses_asked,
             "steps_without": figures.steps_without_question,

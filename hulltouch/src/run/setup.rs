@@ -12,6 +12,9 @@ use super::options::{Outlets, RecordTo};
 /// Where probes are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum TransportName {
+    /// At the nodes, or here where that is faster: measured as the run goes. With --unpaced and where numbers are rounded
+    /// always at the nodes.
+    Auto,
     /// At the nodes: questions travel, silhouettes stay.
     Cluster,
     /// Here: silhouettes travel (the paper's layout).
@@ -24,6 +27,7 @@ impl TransportName {
     /// As on the command line.
     pub fn name(self) -> &'static str {
         match self {
+            TransportName::Auto => "auto",
             TransportName::Cluster => "cluster",
             TransportName::Gather => "gather",
             TransportName::Inprocess => "inprocess",

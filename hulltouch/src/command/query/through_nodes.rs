@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
-use coordinator::{Transport, TransportError};
+use coordinator::{Placement, Transport, TransportError};
 use hull::pass::{BodyResult, Pass};
 use hull::rule::{NormalWindow, OutOfView};
 use node_client::Agreement;
@@ -34,7 +34,7 @@ pub fn results(query: &Query) -> Outcome<Vec<BodyResult>> {
     runtime.block_on(async {
         let nodes = cluster.nodes().to_vec();
         let mut transport =
-            Transport::connect(nodes, None, Agreement::new(query.settings, file.fps, Vec::new()));
+            Transport::connect(nodes, Placement::Nodes, Agreement::new(query.settings, file.fps, Vec::new()));
         answer(&mut transport, &mut pass).await.map_err(Failure::run)
     })?;
     Ok(pass.into_results())
@@ -45,7 +45,7 @@ async fn answer(transport: &mut Transport, pass: &mut Pass) -> Result<(), Transp
     transport.start(Pace::lock_step(1)).await?;
     transport.credit(FRAME);
     transport.frame(FRAME, START_TIMEOUT).await?;
-    transport.run_pass(pass, FRAME, ROUND_TIMEOUT, &mut |_, _| {}).await
+    transport.run_pass(pass, FRAME, Some(ROUND_TIMEOUT), &mut |_, _| {}).await
 }
 
 /// Writes the rig, copies of the silhouettes under names that no pattern is in, and a cluster file.

@@ -1,0 +1,70 @@
+//! Hosts of a test's own: network namespaces, each with one cable to this one.
+
+use std::net::Ipv4Addr;
+use std::process::Command;
+
+/// A host at the end of a cable. Its namespace ends with the test.
+pub struct Host {
+    name: String,
+    /// The end of the cable here.
+    cable: String,
+    /// Its address.
+    pub address: Ipv4Addr,
+}
+
+impl Host {
+    /// A host, or why this machine makes none. `number` tells a test's hosts apart.
+    pub fn new(number: u8, rate_mbit_s: u32) -> Result<Host, String> {
+        let process = std::process::id();
+        let (name, cable) = (format!("hulltouch{process}-{number}"), format!("ht{process}{number}"));
+        // Four addresses for a cable, chosen by the process: tests of other processes have theirs.
+        let block = (process % 4096) * 16 + u32::from(number) * 4;
+        let network = u32::from(Ipv4Addr::new(10, 213, 0, 0)) + block % (1 << 16);
+        let (ours, address) = (Ipv4Addr::from(network + 1), Ipv4Addr::from(network + 2));
+        ip(&format!("netns add {name}"))?;
+        let host = Host { name, cable, address };
+        let Host { name, cable, .. } = &host;
+        ip(&format!("link add {cable} type veth peer name eth0 netns {name}"))?;
+        ip(&format!("address add {ours}/30 dev {cable}"))?;
+        ip(&format!("link set {cable} up"))?;
+        host.inside(&format!("ip address add {address}/30 dev eth0"))?;
+        host.inside("ip link set eth0 up")?;
+        host.inside("ip link set lo up")?;
+        let limit = format!("root tbf rate {rate_mbit_s}mbit burst 32kbit latency 100ms");
+        run("tc", &format!("qdisc add dev {cable} {limit}"))?;
+        host.inside(&format!("tc qdisc add dev eth0 {limit}"))?;
+        Ok(host)
+    }
+
+    /// The same program there.
+    pub fn command(&self, program: &Command) -> Command {
+        let mut command = Command::new("ip");
+        command.args(["netns", "exec", &self.name]).arg(program.get_program());
+        command
+    }
+
+    fn inside(&self, command: &str) -> Result<(), String> {
+        ip(&format!("netns exec {} {command}", self.name))
+    }
+}
+
+impl Drop for Host {
+    fn drop(&mut self) {
+        // The cable goes with either end; it may not have been laid.
+        let _ = ip(&format!("link delete {}", self.cable));
+        let _ = ip(&format!("netns delete {}", self.name));
+    }
+}
+
+fn ip(arguments: &str) -> Result<(), String> {
+    run("ip", arguments)
+}
+
+fn run(program: &str, arguments: &str) -> Result<(), String> {
+    let output = Command::new(program).args(arguments.split(' ')).output();
+    let output = output.map_err(|error| format!("{program}: {error}"))?;
+    if output.status.success() {
+        return Ok(());
+    }
+    Err(format!("{program} {arguments}: {}", String::from_utf8_lossy(&output.stderr).trim()))
+}
