@@ -35,7 +35,7 @@ struct Film {
 }
 
 /// What a busy machine films with a debug build.
-const SMALL: Film = Film { size: (96, 72), fps: 10.0 };
+const SMALL: Film = Film { size: (96, 72), fps: 5.0 };
 
 impl Room {
     /// `None`, and says why, on a machine that makes no hosts.
@@ -98,8 +98,8 @@ fn what_is_far_is_gathered_and_misses_nothing() {
     let Some(room) = Room::new(&SMALL, Delay { ms: 12.0, jitter_ms: 1.0 }) else { return };
     let figures = room.run("12", &["--fresh"], |_| {});
     assert_eq!(figures["transport"], "auto");
-    assert!(figures["questions"]["gathered"].as_u64().expect("a count") > 20, "{}", figures["questions"]);
-    assert!(missed_share(&figures) < 0.01, "{}", figures["missed"]);
+    assert!(figures["questions"]["gathered"].as_u64().expect("a count") > 10, "{}", figures["questions"]);
+    assert!(missed_share(&figures) < 0.05, "{}", figures["missed"]);
 }
 
 #[test]
@@ -109,7 +109,7 @@ fn a_way_that_becomes_longer_is_followed() {
         std::thread::sleep(Duration::from_secs(4));
         links[1].set_delay(Delay { ms: 21.0, jitter_ms: 0.2 });
     });
-    assert!(missed_share(&figures) < 0.02, "{}", figures["missed"]);
+    assert!(missed_share(&figures) < 0.05, "{}", figures["missed"]);
     let late_steps = figures["missed"]["late_steps"].as_u64().expect("a count");
     assert!(late_steps < 5 * 120, "late until the latency has followed: {late_steps}");
 }

@@ -8,13 +8,19 @@ use std::process::{Child, Command, Stdio};
 use serde_json::Value;
 
 /// A node that ends with its test.
-pub struct Node(Child);
+pub struct Node(Child, String);
 
 impl Node {
     /// Its process.
     #[allow(dead_code, reason = "not every test needs it")]
     pub fn id(&self) -> u32 {
         self.0.id()
+    }
+
+    /// Where it listens.
+    #[allow(dead_code, reason = "not every test needs it")]
+    pub fn address(&self) -> &str {
+        self.1.trim().strip_prefix("listening on ").unwrap_or_else(|| panic!("found {:?}", self.1))
     }
 
     /// Starts one with these cameras, and waits until it listens.
@@ -35,7 +41,7 @@ impl Node {
         let mut line = String::new();
         let stdout = child.stdout.take().expect("piped");
         BufReader::new(stdout).read_line(&mut line).expect("it says that it listens");
-        Node(child)
+        Node(child, line)
     }
 }
 

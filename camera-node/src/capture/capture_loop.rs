@@ -78,6 +78,7 @@ impl CaptureLoop {
             let ended = || CaptureError::Ended { camera: camera.name().into() };
             let reason = outcome.map_or_else(|error| error, |()| ended()).to_string();
             let Failure { pause, is_new } = retry.failed(&reason);
+            self.ring.leave_out(self.index);
             if is_new {
                 tracing::warn!("{reason}; it is opened again until it films");
             }

@@ -97,7 +97,7 @@ impl Film {
         if let Some(before) = run.take() {
             before.stop();
         }
-        self.ring.clear();
+        self.ring.clear(!start.lock_step);
         self.colours.clear();
         let (gate, clock) = (Arc::new(Gate::default()), Arc::new(FilmClock::new(start.clock)));
         *lock(&self.reins) =

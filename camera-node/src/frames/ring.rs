@@ -56,6 +56,10 @@ struct Inner {
     /// Which cameras' films have ended, and the newest frame that each has delivered.
     ended: Vec<bool>,
     delivered: Vec<Option<u64>>,
+    /// The first frame that waits for each camera; none waits for one that is left out.
+    awaited_from: Vec<Option<u64>>,
+    /// Whether frames go on without a camera that does not film.
+    goes_on: bool,
     state: FilmState,
     /// Counts runs: each begins with an empty ring and numbers its frames anew.
     run: u64,
@@ -63,7 +67,35 @@ struct Inner {
 
 impl Inner {
     fn new(camera_count: usize) -> Inner {
-        Inner { ended: vec![false; camera_count], delivered: vec![None; camera_count], ..Inner::default() }
+        let (ended, delivered) = (vec![false; camera_count], vec![None; camera_count]);
+        Inner { ended, delivered, awaited_from: vec![Some(0); camera_count], ..Inner::default() }
+    }
+
+    /// Whether a frame has all cameras that it waits for.
+    fn is_complete(&self, number: u64) -> bool {
+        let awaits = |from: &Option<u64>| from.is_some_and(|from| from <= number);
+        self.pending.get(&number).is_some_and(|parts| {
+            let mut cameras = parts.cameras.iter().zip(&self.awaited_from);
+            cameras.all(|(part, from)| part.is_some() || !awaits(from))
+        })
+    }
+
+    /// Leaves out a camera that is two frames behind all others. One that has yet to begin is waited for.
+    fn leave_out_late(&mut self) {
+        // Film that has ended comes no more, and ends all.
+        if self.ended.contains(&true) {
+            return;
+        }
+        let cameras = self.delivered.iter().zip(&self.awaited_from).enumerate();
+        let awaited = cameras.filter(|(_, (_, from))| from.is_some());
+        let mut newest: Vec<(Option<u64>, usize)> =
+            awaited.map(|(camera, (delivered, _))| (*delivered, camera)).collect();
+        newest.sort_unstable();
+        if let [(Some(last), camera), (Some(next), _), ..] = newest[..]
+            && next >= last + 2
+        {
+            self.awaited_from[camera] = None;
+        }
     }
 
     fn note_end(&mut self) {
@@ -127,11 +159,11 @@ impl FrameRing {
         self.frames
     }
 
-    /// Forgets all frames: a new run begins.
-    pub fn clear(&self) {
+    /// Forgets all frames: a new run begins. It goes on without a camera that does not film, or waits for it.
+    pub fn clear(&self, goes_on: bool) {
         let mut inner = self.lock();
         let run = inner.run + 1;
-        *inner = Inner { run, ..Inner::new(self.camera_count) };
+        *inner = Inner { run, goes_on, ..Inner::new(self.camera_count) };
         drop(inner);
         self.changed();
     }
@@ -149,14 +181,34 @@ impl FrameRing {
         let parts =
             inner.pending.entry(stamp.number).or_insert_with(|| Parts { stamp, cameras: vec![None; count] });
         parts.cameras[camera] = Some(part);
-        if parts.cameras.iter().all(Option::is_some) {
-            self.publish(&mut inner, stamp.number);
-        } else if inner.pending.len() > RING_FRAMES {
+        inner.awaited_from[camera].get_or_insert(stamp.number);
+        if inner.goes_on {
+            inner.leave_out_late();
+        }
+        self.publish_complete(&mut inner);
+        if inner.pending.len() > RING_FRAMES {
             // A camera that missed its frame must not hold the others' parts for ever.
             inner.pending.pop_first();
         }
         drop(inner);
         self.changed();
+    }
+
+    /// A camera films nothing now: frames go on without it, until it delivers again.
+    pub fn leave_out(&self, camera: usize) {
+        let mut inner = self.lock();
+        if inner.goes_on {
+            inner.awaited_from[camera] = None;
+            self.publish_complete(&mut inner);
+        }
+        drop(inner);
+        self.changed();
+    }
+
+    fn publish_complete(&self, inner: &mut Inner) {
+        let complete: Vec<u64> =
+            inner.pending.keys().copied().filter(|&number| inner.is_complete(number)).collect();
+        complete.into_iter().for_each(|number| self.publish(inner, number));
     }
 
     fn publish(&self, inner: &mut Inner, number: u64) {
@@ -306,7 +358,7 @@ mod tests {
         assert_eq!(ring.get(2).map(|frame| frame.number), Ok(2), "what is gone cannot take its place");
         ring.hold(39);
         assert!(matches!(ring.get(2), Err(FrameError::Gone { .. })));
-        ring.clear();
+        ring.clear(false);
         assert!(matches!(ring.get(39), Err(FrameError::Empty)));
     }
 
@@ -321,6 +373,50 @@ mod tests {
         offer(&ring, 1, 5);
         assert_eq!(ring.get(5).expect("complete").skipped, 1);
         assert!(matches!(ring.get(4), Err(FrameError::Gone { .. })));
+    }
+
+    /// What frames hold, by the places of their cameras.
+    fn held(ring: &FrameRing) -> Vec<(u64, Vec<u16>)> {
+        let places = |frame: &Arc<Frame>| frame.cameras.iter().map(|camera| camera.rig_index).collect();
+        ring.since(None).frames.iter().map(|frame| (frame.number, places(frame))).collect()
+    }
+
+    #[test]
+    fn frames_go_on_without_a_camera_that_films_nothing_and_wait_for_it_again_once_it_does() {
+        let ring = FrameRing::new(3);
+        ring.clear(true);
+        (0..3).for_each(|camera| offer(&ring, camera, 0));
+        offer(&ring, 0, 1);
+        offer(&ring, 2, 1);
+        assert_eq!(held(&ring).len(), 1, "it may still come");
+        ring.leave_out(1);
+        assert_eq!(held(&ring)[1], (1, vec![0, 2]), "it will not");
+        offer(&ring, 0, 2);
+        offer(&ring, 2, 2);
+        offer(&ring, 0, 3);
+        offer(&ring, 1, 3);
+        assert_eq!(held(&ring).len(), 3);
+        offer(&ring, 2, 3);
+        offer(&ring, 2, 4);
+        offer(&ring, 0, 4);
+        assert_eq!(held(&ring)[2..], [(2, vec![0, 2]), (3, vec![0, 1, 2])], "the next waits for it");
+    }
+
+    #[test]
+    fn a_camera_two_frames_behind_all_others_is_left_out() {
+        let ring = FrameRing::new(3);
+        ring.clear(true);
+        (0..3).for_each(|camera| offer(&ring, camera, 0));
+        for number in 1..=2 {
+            offer(&ring, 0, number);
+            offer(&ring, 1, number);
+        }
+        assert_eq!(held(&ring)[1..], [(1, vec![0, 1]), (2, vec![0, 1])]);
+        offer(&ring, 2, 1);
+        assert_eq!(held(&ring).len(), 3, "what comes too late is dropped");
+        let waits = FrameRing::new(2);
+        (0..9).for_each(|number| offer(&waits, 0, number));
+        assert!(held(&waits).is_empty(), "a run that waits for all leaves nobody out");
     }
 
     #[test]
@@ -351,7 +447,7 @@ mod tests {
         assert_eq!(ring.state(), FilmState::Running, "the other has yet to deliver frame 0");
         offer(&ring, 1, 0);
         assert_eq!(ring.state(), FilmState::Ended);
-        ring.clear();
+        ring.clear(false);
         ring.fail("no".into());
         ring.end(0);
         ring.end(1);

@@ -58,9 +58,16 @@ pub struct PictureEncoder {
     jobs: SyncSender<Job>,
 }
 
+/// A camera's place in the ring, and in the rig.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Place {
+    index: usize,
+    rig_index: u16,
+}
+
 struct Job {
     frame: Arc<Frame>,
-    cameras: Vec<usize>,
+    cameras: Vec<Place>,
     request: PictureRequest,
     deliver: Box<dyn FnMut(Picture) + Send>,
 }
@@ -94,8 +101,8 @@ impl PictureEncoder {
         for &camera in &cameras {
             match request.kind {
                 PictureKind::Silhouettes => {}
-                PictureKind::Crops => self.colours.request(camera, false),
-                PictureKind::Whole => self.colours.request(camera, true),
+                PictureKind::Crops => self.colours.request(camera.index, false),
+                PictureKind::Whole => self.colours.request(camera.index, true),
             }
         }
         let frame = match request.frame {
@@ -109,15 +116,16 @@ impl PictureEncoder {
     }
 
     /// The places in the ring of cameras; all of them if none is named.
-    fn places(&self, cameras: &[u16]) -> Result<Vec<usize>, PictureError> {
-        if cameras.is_empty() {
-            return Ok((0..self.rig_indices.len()).collect());
-        }
+    fn places(&self, cameras: &[u16]) -> Result<Vec<Place>, PictureError> {
+        let cameras = if cameras.is_empty() { &self.rig_indices } else { cameras };
         let is_twice = |at: usize| cameras[..at].contains(&cameras[at]);
-        let place = |camera| self.rig_indices.iter().position(|index| index == camera);
+        let place = |&rig_index: &u16| {
+            let index = self.rig_indices.iter().position(|&index| index == rig_index)?;
+            Some(Place { index, rig_index })
+        };
         // More than there are cannot all be different: the rest is not looked at.
         let few = &cameras[..cameras.len().min(self.rig_indices.len() + 1)];
-        let places: Option<Vec<usize>> = few.iter().map(place).collect();
+        let places: Option<Vec<Place>> = few.iter().map(place).collect();
         let places = places.filter(|_| !(0..few.len()).any(is_twice));
         places
             .ok_or_else(|| PictureError::Cameras { found: few.to_vec(), expected: self.rig_indices.clone() })
@@ -133,8 +141,10 @@ fn work(colours: &ColourRing, queue: &Receiver<Job>) {
             let picture = kept.get(&key).or_else(|| {
                 let made = std::panic::catch_unwind(|| picture(colours, &job.frame, camera, &job.request));
                 let made = made
-                    .inspect_err(|_| tracing::error!("encoding a picture of camera {camera} panicked"))
-                    .ok()?;
+                    .inspect_err(|_| {
+                        tracing::error!("encoding a picture of camera {} panicked", camera.rig_index);
+                    })
+                    .ok()??;
                 kept.keep(key, made.clone());
                 Some(made)
             });
@@ -145,12 +155,13 @@ fn work(colours: &ColourRing, queue: &Receiver<Job>) {
     }
 }
 
-fn picture(colours: &ColourRing, frame: &Frame, camera: usize, request: &PictureRequest) -> Picture {
-    let part = &frame.cameras[camera];
+/// A camera's picture; `None` of a frame that went on without it.
+fn picture(colours: &ColourRing, frame: &Frame, camera: Place, request: &PictureRequest) -> Option<Picture> {
+    let part = frame.cameras.iter().find(|part| part.rig_index == camera.rig_index)?;
     let &PictureRequest { kind, scale_log2, jpeg_quality, .. } = request;
     let colour = match kind {
         PictureKind::Silhouettes => None,
-        PictureKind::Crops | PictureKind::Whole => colours.get(camera, frame.number),
+        PictureKind::Crops | PictureKind::Whole => colours.get(camera.index, frame.number),
     };
     let encoded = colour.and_then(|colour| match kind {
         PictureKind::Whole => encode::whole(&colour, scale_log2.into(), jpeg_quality),
@@ -164,7 +175,7 @@ fn picture(colours: &ColourRing, frame: &Frame, camera: usize, request: &Picture
     // Sides of images have 15 bits.
     let crop = crop.map(|side| side as u16);
     let camera = CameraPicture { rig_index: part.rig_index, runs, scale_log2, crop, jpeg: jpeg.into() };
-    Picture { frame: frame.number, captured_unix_s: frame.captured_unix_s, camera }
+    Some(Picture { frame: frame.number, captured_unix_s: frame.captured_unix_s, camera })
 }
 
 /// What a picture was made from, and how.
@@ -173,14 +184,14 @@ struct Key {
     frame: u64,
     /// Tells runs apart: each numbers its frames anew.
     captured_bits: u64,
-    camera: usize,
+    camera: Place,
     kind: PictureKind,
     scale_log2: u8,
     jpeg_quality: u8,
 }
 
 impl Key {
-    fn new(job: &Job, camera: usize) -> Key {
+    fn new(job: &Job, camera: Place) -> Key {
         let &PictureRequest { kind, scale_log2, jpeg_quality, .. } = &job.request;
         let captured_bits = job.frame.captured_unix_s.to_bits();
         Key { frame: job.frame.number, captured_bits, camera, kind, scale_log2, jpeg_quality }

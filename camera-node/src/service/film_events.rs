@@ -71,7 +71,7 @@ mod tests {
             seen.push((event.frame, event.ended));
         }
         assert_eq!(seen, [(5, false), (7, false), (7, true)]);
-        ring.clear();
+        ring.clear(false);
         ring.fail("no camera".into());
         let event = events.recv().await.expect("an event").expect("no error");
         assert_eq!((event.frame, event.ended, &event.failure[..]), (0, true, "no camera"));

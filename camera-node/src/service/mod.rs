@@ -198,6 +198,7 @@ impl CameraNode for Service {
         let request = request.into_inner();
         let encoding = SilhouetteEncoding::from(request.encoding());
         let frame = self.ring.get(request.frame).map_err(frame_status)?;
+        let cameras = tokio_stream::iter(0..frame.cameras.len());
         // Encoded one at a time, as they are sent: eight 8K images at once would be 265 MB.
         let silhouette = move |index: usize| {
             let camera = &frame.cameras[index];
@@ -207,7 +208,6 @@ impl CameraNode for Service {
             };
             Ok(v1::Silhouette { rig_index: camera.rig_index.into(), data })
         };
-        let cameras = tokio_stream::iter(0..self.description.cameras.len());
         Ok(Response::new(Box::pin(cameras.map(silhouette))))
     }
 

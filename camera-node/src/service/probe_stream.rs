@@ -42,14 +42,20 @@ impl ProbeStream {
         }
     }
 
-    fn read(&mut self, request: v1::ProbeRequest) -> Result<ProbeJob, Box<v1::ProbeReply>> {
+    fn read(&mut self, mut request: v1::ProbeRequest) -> Result<ProbeJob, Box<v1::ProbeReply>> {
         let (id, frame) = (request.id, request.frame);
         let is_held = self.hold.lock().check(request.holder, Instant::now());
         is_held.map_err(|by| Box::new(refusal(id, RefusalReason::Held, by.to_string())))?;
         let precision = if request.rounded { Precision::Quantised } else { Precision::Exact };
+        let cameras = std::mem::take(&mut request.cameras);
+        let most = self.worker.camera_count();
+        if cameras.len() > most {
+            let message = format!("ProbeRequest.cameras: holds {}, expected at most {most}", cameras.len());
+            return Err(Box::new(refusal(id, RefusalReason::Malformed, message)));
+        }
         let mut question = Question::default();
         let read = self.reader.read(request, |key| self.shapes.get(key), &mut question);
         read.map_err(|error| Box::new(refusal(id, RefusalReason::from(&error), error.to_string())))?;
-        Ok(ProbeJob { id, frame, precision, question })
+        Ok(ProbeJob { id, frame, cameras, precision, question })
     }
 }

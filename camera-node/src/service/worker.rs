@@ -6,6 +6,7 @@ use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
+use hull::ViewSet;
 use hull::question::Question;
 use proto::convert::{Precision, RefusalReason, answer_to_wire, refusal};
 use proto::v1;
@@ -13,7 +14,7 @@ use tokio::sync::mpsc;
 use tonic::Status;
 
 use crate::cores::{Cores, work_ns};
-use crate::frames::{FrameError, FrameRing};
+use crate::frames::{Frame, FrameError, FrameRing};
 
 /// Questions that wait at most, more than a coordinator asks at once; beyond, the node is busy.
 pub(super) const MAX_WAITING: usize = 64;
@@ -26,6 +27,8 @@ const AT_ONCE_NS: usize = 400_000;
 pub(super) struct ProbeJob {
     pub id: u64,
     pub frame: u64,
+    /// Which of its cameras answer, by their places in the rig; none: all.
+    pub cameras: Vec<u32>,
     pub precision: Precision,
     pub question: Question,
 }
@@ -44,6 +47,11 @@ pub(super) struct Worker {
 }
 
 impl Worker {
+    /// How many cameras the node has.
+    pub fn camera_count(&self) -> usize {
+        self.cameras
+    }
+
     /// A worker for a node of so many cameras.
     pub fn new(ring: Arc<FrameRing>, cameras: usize) -> Worker {
         let computation = Arc::new(Mutex::new(Computation { ring, cores: Cores::of_this_machine() }));
@@ -88,6 +96,17 @@ fn run(computation: &Mutex<Computation>, jobs: &Receiver<(ProbeJob, ReplySender)
     }
 }
 
+/// The views of the cameras that are named, if these are not all that the frame has; or the first that it lacks.
+fn named(frame: &Frame, cameras: &[u32]) -> Result<Option<ViewSet>, u32> {
+    let has = |rig_index: u32| frame.cameras.iter().any(|camera| u32::from(camera.rig_index) == rig_index);
+    if let Some(&lacking) = cameras.iter().find(|&&rig_index| !has(rig_index)) {
+        return Err(lacking);
+    }
+    let is_all = cameras.is_empty()
+        || frame.cameras.iter().all(|camera| cameras.contains(&u32::from(camera.rig_index)));
+    Ok((!is_all).then(|| frame.views.only(|rig_index| cameras.contains(&u32::from(rig_index)))))
+}
+
 struct Computation {
     ring: Arc<FrameRing>,
     cores: Cores,
@@ -106,7 +125,7 @@ impl Computation {
 
     fn answer(&mut self, job: &ProbeJob) -> v1::ProbeReply {
         let began = Instant::now();
-        let &ProbeJob { id, frame, precision, ref question } = job;
+        let &ProbeJob { id, frame, ref cameras, precision, ref question } = job;
         let frame = match self.ring.get(frame) {
             Ok(frame) => frame,
             Err(error) => {
@@ -117,8 +136,16 @@ impl Computation {
                 return refusal(id, reason, error.to_string());
             }
         };
-        let answer = self.cores.answer(&frame.views, question);
-        let camera_count = frame.views.views().len();
+        let narrowed = match named(&frame, cameras) {
+            Ok(narrowed) => narrowed,
+            Err(lacking) => {
+                let message = format!("frame {} went on without camera {lacking}", frame.number);
+                return refusal(id, RefusalReason::Gone, message);
+            }
+        };
+        let views = narrowed.as_ref().unwrap_or(&frame.views);
+        let answer = self.cores.answer(views, question);
+        let camera_count = views.views().len();
         answer_to_wire(id, answer, camera_count, precision, began.elapsed().as_secs_f64() * 1e3)
     }
 }

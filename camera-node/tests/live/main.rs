@@ -88,6 +88,7 @@ fn a_camera_that_is_not_there_at_first_films_once_it_is() {
     let none = "echo no such device >&2; exit 1";
     let rig = LiveRig::of([LiveCamera::new(&[none, none, none, WELL]), LiveCamera::new(&[WELL])]);
     rig.film.start(live()).expect("a run does not wait for it");
+    rig.await_cameras(1);
     rig.await_frame(1, SOON);
     assert_eq!(rig.programs(0).len(), 4);
     rig.await_frames_of_a_new_program(0);

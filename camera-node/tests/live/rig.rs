@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use camera_node::capture::Film;
-use camera_node::frames::{FrameId, FrameRing};
+use camera_node::frames::{Frame, FrameId, FrameRing};
 use camera_node::{NodeCamera, NodeConfig, SourceConfig};
 use hull::{Camera, ProbeSettings};
 use nalgebra::{Matrix3, Vector3};
@@ -129,9 +129,16 @@ impl LiveRig {
         self.until(limit, "a program", || self.programs(camera).len() >= count);
     }
 
-    /// Waits until the newest frame has this number or a later one.
+    /// Waits until the newest frame has this number or a later one, and all cameras.
     pub fn await_frame(&self, number: u64, limit: Duration) {
-        self.until(limit, "a frame", || self.ring.newest().is_ok_and(|newest| newest.number >= number));
+        let is_it = |newest: &Frame| newest.number >= number && newest.cameras.len() == self.cameras.len();
+        self.until(limit, "a frame", || self.ring.newest().is_ok_and(|newest| is_it(&newest)));
+    }
+
+    /// Waits until the newest frame has so many cameras.
+    pub fn await_cameras(&self, count: usize) {
+        let is_it = |newest: &Frame| newest.cameras.len() == count;
+        self.until(SOON, "such a frame", || self.ring.newest().is_ok_and(|newest| is_it(&newest)));
     }
 
     /// Waits until a camera has a program, and then for more frames than can have waited.

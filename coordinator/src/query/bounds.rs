@@ -16,17 +16,20 @@ pub(crate) struct HullBounds {
 }
 
 impl HullBounds {
-    /// The bounds of a frame of which nodes reported; `observers` are the whole rig's. A camera without a report
-    /// bounds like one that rejects all it sees.
+    /// The bounds of a frame of which nodes reported; `observers` are the whole rig's. A camera without a report is as if it
+    /// were not in the rig.
     pub fn of(reports: &[&FrameReport], observers: &[Arc<Observer>], rule: HullRule) -> HullBounds {
-        let frustum = |observer: &Arc<Observer>| {
+        let reported = |observer: &Arc<Observer>| {
             let mut cameras = reports.iter().flat_map(|report| &report.cameras);
-            let report = cameras.find(|camera| camera.rig_index == observer.rig_index())?;
-            report.admitted.map(|rect| Frustum::of(observer.camera(), rect))
+            cameras.find(|camera| camera.rig_index == observer.rig_index()).map(|camera| camera.admitted)
         };
-        let frusta: Vec<Option<Frustum>> = observers.iter().map(frustum).collect();
+        let (there, frusta): (Vec<&Arc<Observer>>, Vec<Option<Frustum>>) = observers
+            .iter()
+            .filter_map(|observer| Some((observer, reported(observer)?)))
+            .map(|(observer, admitted)| (observer, admitted.map(|rect| Frustum::of(observer.camera(), rect))))
+            .unzip();
         let hull_box = hull_box(&frusta, rule);
-        let judging = frusta.into_iter().zip(observers).filter(|(_, observer)| observer.always_judges());
+        let judging = frusta.into_iter().zip(there).filter(|(_, observer)| observer.always_judges());
         HullBounds { hull_box, frusta: judging.filter_map(|(frustum, _)| frustum).collect() }
     }
 
@@ -96,6 +99,17 @@ mod tests {
         ] {
             assert_eq!(may_meet(&bounds, position_m), expected, "{position_m:?}");
         }
+    }
+
+    #[test]
+    fn a_camera_without_a_report_is_as_if_it_were_not_there() {
+        let rect = PixelRect { left: 42, top: 42, right: 59, bottom: 59 };
+        let mut first = report(Some(rect));
+        first.cameras.truncate(1);
+        let rule = HullRule { min_views: 1, ..ProbeSettings::default().rule() };
+        let bounds = HullBounds::of(&[&first], &observers(), rule);
+        assert!(may_meet(&bounds, [0.0, 0.0, 0.6]), "the other would reject it");
+        assert!(!may_meet(&bounds, [0.6, 0.0, 0.0]));
     }
 
     #[test]

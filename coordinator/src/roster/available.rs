@@ -40,6 +40,14 @@ pub enum HullUnavailable {
     /// The recorded run had none at this step.
     #[error("there was no hull when this was recorded")]
     Recorded,
+    /// Too few cameras film.
+    #[error("{found} cameras film, expected at least min_cameras, {expected}")]
+    TooFew {
+        /// How many do.
+        found: usize,
+        /// How many there must be.
+        expected: usize,
+    },
     /// The nodes did not answer all questions.
     #[error("{0}")]
     Unanswered(String),

@@ -40,11 +40,6 @@ impl Roster {
         self.nodes.iter().filter(|node| !node.is_left_out)
     }
 
-    /// How many cameras steps go on with; the cameras of this process are one node that knows its own.
-    pub fn cameras_present(&self) -> usize {
-        self.present().map(|node| node.cameras.len()).sum()
-    }
-
     /// Whether steps go on without a node.
     pub fn leaves_out_any(&self) -> bool {
         self.nodes.iter().any(RosterNode::is_left_out)
@@ -63,7 +58,11 @@ impl Roster {
         let common = self.newest_common(wanted);
         let there: Vec<bool> = self.nodes.iter().map(|node| node.is_there(lead, common, whom)).collect();
         let pairs = || self.nodes.iter().zip(&there);
-        let left: usize = pairs().filter(|(_, there)| **there).map(|(node, _)| node.cameras.len()).sum();
+        let films = |node: &RosterNode| match node.newest() {
+            Some(newest) if !newest.cameras.is_empty() => newest.cameras.len(),
+            _ => node.cameras.len(),
+        };
+        let left: usize = pairs().filter(|(_, there)| **there).map(|(node, _)| films(node)).sum();
         let is_enough = left >= least && there.contains(&true);
         let mut changed = Vec::new();
         for (index, (node, there)) in self.nodes.iter_mut().zip(&there).enumerate() {

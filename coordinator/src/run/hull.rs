@@ -24,10 +24,10 @@ impl Coordinator {
         let whom = if self.settings.lock_step { LeaveOut::Missing } else { LeaveOut::Late };
         let changed = self.transport.leave_out(wanted, whom, self.settings.going_on.min_cameras);
         for &(node, is_back) in &changed {
-            let (roster, cameras) = (self.transport.roster(), self.transport.roster().cameras_present());
+            let roster = self.transport.roster();
             match is_back {
-                true => tracing::warn!("{} is back, {cameras} cameras", roster.node_name(node)),
-                false => tracing::error!("going on with {cameras} cameras: {}", roster.why_left_out(node)),
+                true => tracing::info!("{} is back", roster.node_name(node)),
+                false => tracing::error!("going on without {}", roster.why_left_out(node)),
             }
         }
         if !changed.is_empty() {
@@ -35,6 +35,30 @@ impl Coordinator {
             self.query.leave_out(|group| self.transport.is_left_out(group));
         }
         !changed.is_empty()
+    }
+
+    /// A frame of these cameras has come into use.
+    pub(super) fn go_on_with_cameras(&mut self, places: Vec<u16>) {
+        let before = std::mem::replace(&mut self.film.cameras, places);
+        let now = &self.film.cameras;
+        // The first frame has those that film; one that nobody remembers tells nothing.
+        if before == *now || now.is_empty() {
+            return;
+        }
+        let count = now.len();
+        for observer in self.query.observers() {
+            let (name, place) = (observer.camera().name(), observer.rig_index());
+            match (before.contains(&place) || before.is_empty(), now.contains(&place)) {
+                (true, false) => {
+                    tracing::error!("going on with {count} cameras: camera {name:?} films nothing");
+                }
+                (false, true) => tracing::warn!("camera {name:?} is back, {count} cameras"),
+                _ => {}
+            }
+        }
+        if !before.is_empty() {
+            self.film.gentle_until_s = self.film_s() + GENTLE_S;
+        }
     }
 
     /// What the hull answers about every moving body; `None` if there is no hull.
@@ -54,6 +78,12 @@ impl Coordinator {
                 return None;
             }
         };
+        let found = reports.iter().map(|report| report.cameras.len()).sum();
+        let expected = self.settings.going_on.min_cameras.min(self.query.observers().len());
+        if !reports.is_empty() && found < expected {
+            self.lose_hull(HullUnavailable::TooFew { found, expected });
+            return None;
+        }
         let at = self.surfaces.frame_age(frame, film_s);
         let by_contacts = self.world.settings().response == ResponseMode::Contacts;
         let surfaces = &mut self.surfaces;

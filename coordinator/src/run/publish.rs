@@ -202,7 +202,8 @@ impl Coordinator {
                 segment_ms: part.map_or(0.0, |camera| camera.segment_ms),
                 late_ms: own_s.map(|own_s| own_s * 1e3),
                 costs_ms: own_s.map_or(0.0, |own_s| (own_s - others_s).max(0.0) * 1e3),
-                left_out: node.is_some_and(RosterNode::is_left_out),
+                left_out: node.is_some_and(RosterNode::is_left_out)
+                    || !self.film.cameras.is_empty() && !self.film.cameras.contains(&observer.rig_index()),
             }
         });
         status.collect()

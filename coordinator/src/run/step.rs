@@ -28,7 +28,9 @@ impl Coordinator {
         }
         self.transport.drain();
         self.go_on_without(wanted);
-        self.figures.reduced_steps += u64::from(self.transport.roster().leaves_out_any());
+        let lacks_any =
+            !self.film.cameras.is_empty() && self.film.cameras.len() < self.query.observers().len();
+        self.figures.reduced_steps += u64::from(lacks_any || self.transport.roster().leaves_out_any());
         let roster = self.transport.roster();
         let newest = roster.newest_common(wanted);
         let last = roster.last_frame().filter(|_| roster.film(wanted) == FilmState::Ended);

@@ -11,7 +11,7 @@ use tokio::time::Instant as Deadline;
 use super::TransportError;
 use super::nodes::{Nodes, PassEvent};
 use crate::ask_policy::AskPolicy;
-use crate::roster::Roster;
+use crate::roster::{Roster, RosterNode};
 
 /// Nodes that are asked.
 pub(super) struct Cluster {
@@ -27,6 +27,8 @@ pub(super) struct Cluster {
 struct Asking {
     id: u64,
     frame: u64,
+    /// The cameras that each node reported of the frame, by their places in the rig.
+    cameras: Vec<Vec<u32>>,
     written: WrittenQuestion,
     began: Instant,
     deadline: Deadline,
@@ -79,7 +81,7 @@ impl Cluster {
         while let Some(question) = pass.question() {
             let (kind, round, points) = (question.kind, pass.round(), question.len());
             let asks_all = (0..nodes.clients.len()).all(|node| pass.asks(node));
-            let asking = self.asking(question, frame, timeout);
+            let asking = self.asking(question, frame, roster, timeout);
             let answered = self.run_round(nodes, pass, &asking, roster).await;
             if answered.is_err() {
                 self.forget_sent(nodes);
@@ -106,11 +108,16 @@ impl Cluster {
         nodes.clients.iter().for_each(|client| client.forget_sent());
     }
 
-    fn asking(&mut self, question: &Question, frame: u64, timeout: Duration) -> Asking {
+    fn asking(&mut self, question: &Question, frame: u64, roster: &Roster, timeout: Duration) -> Asking {
+        let cameras = |node: &RosterNode| {
+            let reported = node.report(frame).into_iter().flat_map(|report| &report.cameras);
+            reported.map(|camera| camera.rig_index.into()).collect()
+        };
         self.next_id += 1;
         Asking {
             id: self.next_id,
             frame,
+            cameras: roster.nodes().iter().map(cameras).collect(),
             written: self.writer.write(question),
             began: Instant::now(),
             deadline: Deadline::now() + timeout,
@@ -170,7 +177,12 @@ impl Cluster {
 
 fn ask(nodes: &Nodes, node: usize, pass: &Pass, asking: &Asking) -> Result<(), TransportError> {
     let Some(question) = pass.question() else { return Ok(()) };
-    let sent = nodes.clients[node].ask(asking.id, asking.frame, question, &asking.written);
+    let sent = nodes.clients[node].ask(
+        asking.id,
+        (asking.frame, asking.cameras[node].clone()),
+        question,
+        &asking.written,
+    );
     sent.map_err(|error| failed(nodes, node, error))
 }
 

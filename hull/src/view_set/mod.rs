@@ -87,6 +87,12 @@ impl ViewSet {
         self
     }
 
+    /// The same of some cameras, by their places in the rig.
+    pub fn only(&self, is_named: impl Fn(u16) -> bool) -> ViewSet {
+        let named = self.views.iter().filter(|view| is_named(view.observer().rig_index()));
+        ViewSet::new(named.cloned().collect()).with_path(self.path)
+    }
+
     /// The instructions that it answers with.
     pub fn path(&self) -> VectorPath {
         self.path

@@ -53,7 +53,8 @@ fn frame_report_to_wire(report: FrameReport) -> v1::FrameInfo {
     }
 }
 
-/// An event of film of a node with these cameras. A frame must report each of them once and no other.
+/// An event of film of a node with these cameras. A frame must report some of them, each once, and no other: it may have
+/// gone on without one that films nothing.
 pub fn film_event_from_wire(
     info: v1::FrameInfo,
     cameras: &[CameraDescription],
@@ -70,9 +71,9 @@ pub fn film_event_from_wire(
             return Err(field(name).value(format!("is {number}, expected at most {MAX_FRAME}")));
         }
     }
-    if found.len() != cameras.len() {
-        let (found, expected) = (found.len(), cameras.len());
-        return Err(field("cameras").value(format!("holds {found}, expected {expected}")));
+    if !(1..=cameras.len()).contains(&found.len()) {
+        let (found, most) = (found.len(), cameras.len());
+        return Err(field("cameras").value(format!("holds {found}, expected 1 to {most}")));
     }
     let mut reports: Vec<CameraReport> = Vec::with_capacity(cameras.len());
     for camera in &found {
@@ -187,10 +188,10 @@ mod tests {
                 "CameraFrame.rig_index: is 3, expected one of the node's cameras 2, 5",
             ),
             (|info| info.cameras[0].rig_index = 5, "FrameInfo.cameras: holds camera 5 twice"),
-            (|info| info.cameras.truncate(1), "FrameInfo.cameras: holds 1, expected 2"),
+            (|info| info.cameras.clear(), "FrameInfo.cameras: holds 0, expected 1 to 2"),
             (
                 |info| info.cameras = vec![v1::CameraFrame::default(); 1_000_000],
-                "FrameInfo.cameras: holds 1000000, expected 2",
+                "FrameInfo.cameras: holds 1000000, expected 1 to 2",
             ),
             (
                 |info| info.cameras[0].area += 1,

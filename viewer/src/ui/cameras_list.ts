@@ -109,7 +109,7 @@ export class CamerasList {
 
 function health(status: CameraStatus, frameMs: number): readonly ["good" | "warn" | "bad", string] {
   if (status.problem) return ["bad", `gone: ${status.problem}`];
-  if (status.left_out) return ["bad", "left out: its film is late"];
+  if (status.left_out) return ["bad", "left out: it films nothing, or late"];
   const time: string[] = [];
   const sight: string[] = [];
   let state: "good" | "warn" = "good";

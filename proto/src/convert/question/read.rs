@@ -56,6 +56,7 @@ impl QuestionReader {
             hints,
             rounded,
             holder: _,
+            cameras: _,
         } = request;
         let known = self.list.take();
         let mut list = match bodies {

@@ -232,7 +232,7 @@ proptest! {
             id: 0, frame: 0, kind,
             bodies: has_bodies.then_some(bodies),
             points: (mode > 0).then(|| v1::Points { picked: (mode % 2 == 1).then(&mut field), kept: (mode > 1).then(&mut field) }),
-            offsets: field(), directions: Bytes::new(), within: field(), hints: field(), rounded, holder: 0,
+            offsets: field(), directions: Bytes::new(), within: field(), hints: field(), rounded, holder: 0, cameras: vec![],
         };
         if let Ok(question) = stream.read(message) {
             prop_assert!(question.len() <= crate::MAX_POINTS);

@@ -158,6 +158,7 @@ impl QuestionWriter {
         v1::ProbeRequest {
             id: 0,
             frame: 0,
+            cameras: Vec::new(),
             kind: kind_to_wire(*kind).into(),
             bodies: None,
             points: None,
