@@ -3,17 +3,17 @@
 
 use std::path::Path;
 use std::process::Command;
-use std::sync::Arc;
 use std::time::Duration;
 
 use camera_node::source::{SourceConfig, StageConfig};
 use camera_node::{NodeCamera, NodeConfig};
 use cluster::InProcess;
 use coordinator::{
-    AskEvery, BoxError, Coordinator, LocalFrames, Progress, RunSettings, Snapshot, Transport, Watcher,
+    AskEvery, BoxError, Coordinator, LocalFrames, Progress, RunSettings, Silhouettes, Snapshot, Transport,
+    Watcher,
 };
 use hull::vector::VectorPath;
-use hull::{ProbeSettings, Silhouette, ViewSet};
+use hull::{ProbeSettings, ViewSet};
 use proto::{FilmState, FrameReport, Pace};
 use segment::SegmentSettings;
 use serde_json::Value;
@@ -111,7 +111,7 @@ impl LocalFrames for OnPath {
         self.0.with_views(frame, &mut |views| use_views(&views.clone().with_path(self.1)))
     }
 
-    fn silhouettes(&self, frame: u64) -> Option<Vec<Arc<Silhouette>>> {
+    fn silhouettes(&self, frame: u64) -> Option<Silhouettes> {
         self.0.silhouettes(frame)
     }
 }

@@ -7,16 +7,27 @@ use std::path::Path;
 use std::process::Output;
 use std::time::Duration;
 
-use room::{Node, cameras, cluster_file, coordinator, program};
+use room::{Node, cameras, cluster_file, cluster_file_of, coordinator, program};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
+use tempfile::TempDir;
 
 const NODES: usize = 4;
 
 /// What a run says and figures while something happens to its second node.
 fn run(seconds: &str, min_cameras: usize, happens: impl FnOnce(&mut Vec<Node>, &Path)) -> (String, Value) {
     let folder = tempfile::tempdir().expect("a folder");
-    let (cluster, json) = (cluster_file(folder.path(), NODES), folder.path().join("out.json"));
+    run_in(&folder, &cluster_file(folder.path(), NODES), seconds, min_cameras, happens)
+}
+
+fn run_in(
+    folder: &TempDir,
+    cluster: &Path,
+    seconds: &str,
+    min_cameras: usize,
+    happens: impl FnOnce(&mut Vec<Node>, &Path),
+) -> (String, Value) {
+    let (cluster, json) = (cluster.to_owned(), folder.path().join("out.json"));
     let text = std::fs::read_to_string(&cluster).expect("written");
     std::fs::write(&cluster, format!("min_cameras = {min_cameras}\n{text}")).expect("written");
     let mut nodes: Vec<Node> =
@@ -51,6 +62,29 @@ fn a_node_that_is_killed_is_left_out_and_taken_back() {
     let reduced = steps(&figures, "reduced_steps");
     assert!((100..480).contains(&reduced), "{reduced} steps without it: {said}");
     assert!(steps(&figures, "frames") < 5, "{figures}");
+}
+
+#[test]
+fn what_lies_on_a_table_stays_there_without_a_node() {
+    let heights = |happens: fn(&mut Vec<Node>)| {
+        let folder = tempfile::tempdir().expect("a folder");
+        let table = "motion = \"idle\", props = [\"table\"], person = false";
+        let cluster = cluster_file_of(folder.path(), NODES, "rest", table);
+        let (_, figures) = run_in(&folder, &cluster, "5", 3, |nodes, _| happens(nodes));
+        let bodies = figures["bodies"].as_array().expect("bodies").clone();
+        let reduced = steps(&figures, "reduced_steps");
+        (bodies.iter().map(|body| body["end"][1].as_f64().expect("a height")).collect::<Vec<_>>(), reduced)
+    };
+    let (with_all, _) = heights(|_| {});
+    let (without_one, reduced) = heights(|nodes| drop(nodes.remove(1)));
+    assert!(reduced > 120, "{reduced}");
+    assert!(with_all.iter().all(|&height| height > 0.7), "it lies on the table: {with_all:?}");
+    for (with_all, without_one) in with_all.iter().zip(&without_one) {
+        assert!(
+            (with_all - without_one).abs() < 0.1,
+            "{with_all} m with all cameras, {without_one} m without two"
+        );
+    }
 }
 
 #[test]

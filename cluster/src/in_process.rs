@@ -7,10 +7,10 @@ use camera_node::NodeConfig;
 use camera_node::capture::{BackgroundRequest, CaptureError, Film};
 use camera_node::frames::FrameRing;
 use camera_node::pictures::PictureEncoder;
-use coordinator::{BoxError, LocalFrames};
+use coordinator::{BoxError, LocalFrames, Silhouettes};
 use feed::pictures::Pictures;
 use futures::future::BoxFuture;
-use hull::{Silhouette, ViewSet};
+use hull::ViewSet;
 use node_client::FETCH_TIMEOUT;
 use proto::{FilmState, FramePictures, FrameReport, Pace, Picture, PictureRequest, RunStart, ring_frames};
 use tokio::sync::{mpsc, watch};
@@ -102,9 +102,8 @@ impl LocalFrames for InProcess {
         })
     }
 
-    fn silhouettes(&self, frame: u64) -> Option<Vec<Arc<Silhouette>>> {
-        let frame = self.ring.get(frame).ok()?;
-        Some(frame.cameras.iter().map(|camera| Arc::clone(&camera.silhouette)).collect())
+    fn silhouettes(&self, frame: u64) -> Option<Silhouettes> {
+        Some(self.ring.get(frame).ok()?.silhouettes())
     }
 
     fn take_background(&self, first_frame: u64, frames: u64) -> Result<(), BoxError> {

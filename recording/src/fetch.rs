@@ -7,7 +7,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use coordinator::hooks::FrameRecord;
-use coordinator::{BoxError, Fetching};
+use coordinator::{BoxError, Fetching, Silhouettes};
 use hull::Silhouette;
 use proto::convert::{SilhouetteEncoding, silhouette_data};
 use proto::{CameraReport, FrameReport};
@@ -211,30 +211,26 @@ fn colour_entry(frame: u64, crop: ColourCrop, times: Times) -> Entry {
     Entry::new(Channel::Colour(camera.into()), times.log_ns(frame as f64 / times.fps), &message)
 }
 
-fn entries(
-    frame: u64,
-    facts: &[(u16, f64, f64)],
-    silhouettes: &[Arc<Silhouette>],
-    times: Times,
-) -> Vec<Entry> {
+fn entries(frame: u64, facts: &[(u16, f64, f64)], silhouettes: &Silhouettes, times: Times) -> Vec<Entry> {
     let log_ns = times.log_ns(frame as f64 / times.fps);
-    let entry = |(camera, silhouette): (usize, &Arc<Silhouette>)| {
-        let known = facts.iter().find(|(rig_index, ..)| usize::from(*rig_index) == camera);
+    let entry = |(camera, silhouette): &(u16, Arc<Silhouette>)| {
+        let known = facts.iter().find(|(rig_index, ..)| rig_index == camera);
         let (captured_unix_s, segment_ms) = known.map_or((0.0, 0.0), |&(_, unix_s, ms)| (unix_s, ms));
         let message = messages::Silhouette {
             frame,
-            camera: camera as u32,
+            camera: (*camera).into(),
             width: silhouette.width(),
             height: silhouette.height(),
             runs: silhouette_data(silhouette, SilhouetteEncoding::Runs).into(),
             captured_unix_s,
             segment_ms,
+            cameras: silhouettes.len() as u32,
         };
-        let mut entry = Entry::new(Channel::Silhouette(camera), log_ns, &message);
+        let mut entry = Entry::new(Channel::Silhouette((*camera).into()), log_ns, &message);
         if known.is_some() {
             entry.publish_ns = unix_ns(captured_unix_s);
         }
         entry
     };
-    silhouettes.iter().enumerate().map(entry).collect()
+    silhouettes.iter().map(entry).collect()
 }

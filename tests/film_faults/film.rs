@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::sync::{Arc, Mutex};
 
 use camera_node::frames::{CameraFrame, FrameRing, Stamp};
-use coordinator::{BoxError, LocalFrames};
+use coordinator::{BoxError, LocalFrames, Silhouettes};
 use hull::{Camera, Observer, ProbeSettings, Rig, Silhouette, ViewSet};
 use proto::{FilmState, FrameReport, Pace};
 use sim::Scene;
@@ -132,9 +132,8 @@ impl LocalFrames for Film {
         })
     }
 
-    fn silhouettes(&self, frame: u64) -> Option<Vec<Arc<Silhouette>>> {
-        let frame = self.ring.get(frame).ok()?;
-        Some(frame.cameras.iter().map(|camera| Arc::clone(&camera.silhouette)).collect())
+    fn silhouettes(&self, frame: u64) -> Option<Silhouettes> {
+        Some(self.ring.get(frame).ok()?.silhouettes())
     }
 }
 

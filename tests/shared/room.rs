@@ -52,16 +52,22 @@ impl Drop for Node {
     }
 }
 
-#[allow(dead_code, reason = "not every test needs it")]
 /// So many nodes of two cameras each, filming ten frames a second: a busy machine must not miss one.
+#[allow(dead_code, reason = "not every test needs it")]
 pub fn cluster_file(folder: &Path, nodes: usize) -> PathBuf {
+    cluster_file_of(folder, nodes, "topple", "motion = \"sweep\"")
+}
+
+/// The same of a scene, and of what is on the stage.
+#[allow(dead_code, reason = "not every test needs it")]
+pub fn cluster_file_of(folder: &Path, nodes: usize, scene: &str, stage: &str) -> PathBuf {
     let rig = stage::studio_rig(2 * nodes, (96, 72)).expect("a rig");
     fs::write(folder.join("rig.toml"), rig.to_toml()).expect("written");
-    let mut text = "rig = \"rig.toml\"\nscene = \"topple\"\nfps = 10\nlatency_s = 0.4\n".to_owned();
+    let mut text = format!("rig = \"rig.toml\"\nscene = {scene:?}\nfps = 10\nlatency_s = 0.4\n");
     for (at, camera) in rig.cameras().iter().enumerate() {
         let (name, node) = (camera.name(), format!("unix:{}.sock", at / 2));
         text += &format!(
-            "[[camera]]\nname = {name:?}\nnode = {node:?}\nsource = {{ kind = \"stage\", motion = \"sweep\" }}\n"
+            "[[camera]]\nname = {name:?}\nnode = {node:?}\nsource = {{ kind = \"stage\", {stage} }}\n"
         );
     }
     let file = folder.join("room.cluster.toml");

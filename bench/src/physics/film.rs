@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use camera_node::frames::{CameraFrame, FrameRing, Stamp};
-use coordinator::{BoxError, LocalFrames};
+use coordinator::{BoxError, LocalFrames, Silhouettes};
 use hull::{Camera, Observer, ProbeSettings, Silhouette, ViewSet};
 use proto::{FilmState, FrameReport, Pace};
 use stage::{StageSettings, studio_rig, true_silhouette};
@@ -159,9 +159,8 @@ impl LocalFrames for Showing {
         })
     }
 
-    fn silhouettes(&self, frame: u64) -> Option<Vec<Arc<Silhouette>>> {
-        let frame = self.ring.get(frame).ok()?;
-        Some(frame.cameras.iter().map(|camera| Arc::clone(&camera.silhouette)).collect())
+    fn silhouettes(&self, frame: u64) -> Option<Silhouettes> {
+        Some(self.ring.get(frame).ok()?.silhouettes())
     }
 }
 

@@ -59,6 +59,12 @@ pub struct Frame {
 }
 
 impl Frame {
+    /// The silhouettes by their cameras' places in the rig, ascending.
+    pub fn silhouettes(&self) -> Vec<(u16, Arc<Silhouette>)> {
+        let silhouette = |camera: &CameraFrame| (camera.rig_index, Arc::clone(&camera.silhouette));
+        self.cameras.iter().map(silhouette).collect()
+    }
+
     /// What others need to know of it, without its pixels.
     pub fn report(&self) -> FrameReport {
         let camera = |camera: &CameraFrame| CameraReport {

@@ -34,7 +34,7 @@ pub(super) struct FilmInUse {
     pub unavailable: Option<HullUnavailable>,
     /// Frames that nobody expected: film went by while no steps were wanted.
     pub frames_passed: u64,
-    /// The cameras of that frame, by their places in the rig, ascending.
+    /// The cameras that the last step asked, by their places in the rig, ascending.
     pub cameras: Vec<u16>,
     /// A camera has gone or come back: until then the hull pushes gently, film time in seconds.
     pub gentle_until_s: f64,
@@ -131,13 +131,9 @@ impl Coordinator {
         self.figures.frames += 1;
         let reports = self.transport.roster().reports(frame).unwrap_or_default();
         let cameras = reports.iter().flat_map(|report| &report.cameras);
-        let mut places: Vec<u16> = cameras.clone().map(|camera| camera.rig_index).collect();
-        places.sort_unstable();
         if let Some(slowest_ms) = cameras.map(|camera| camera.segment_ms).reduce(f64::max) {
             self.figures.add_stage("segment", slowest_ms);
         }
-        self.go_on_with_cameras(places);
-        let reports = self.transport.roster().reports(frame).unwrap_or_default();
         let Some(recorder) = &mut self.log.recorder else { return Ok(()) };
         recorder.frame(FrameRecord {
             frame,

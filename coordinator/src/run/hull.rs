@@ -31,20 +31,27 @@ impl Coordinator {
             }
         }
         if !changed.is_empty() {
-            self.film.gentle_until_s = self.film_s() + GENTLE_S;
             self.query.leave_out(|group| self.transport.is_left_out(group));
         }
         !changed.is_empty()
     }
 
-    /// A frame of these cameras has come into use.
-    pub(super) fn go_on_with_cameras(&mut self, places: Vec<u16>) {
+    /// A step asks the cameras of a frame that are there, if these are enough.
+    fn go_on_with_cameras(&mut self, frame: u64) -> Result<(), HullUnavailable> {
+        let reports = self.transport.roster().reports(frame).unwrap_or_default();
+        let cameras = reports.iter().flat_map(|report| &report.cameras);
+        let mut places: Vec<u16> = cameras.map(|camera| camera.rig_index).collect();
+        places.sort_unstable();
+        let expected = self.settings.going_on.min_cameras.min(self.query.observers().len());
+        // A frame that nobody remembers tells nothing.
+        if places.is_empty() || places == self.film.cameras {
+            return Ok(());
+        }
+        if places.len() < expected {
+            return Err(HullUnavailable::TooFew { found: places.len(), expected });
+        }
         let before = std::mem::replace(&mut self.film.cameras, places);
         let now = &self.film.cameras;
-        // The first frame has those that film; one that nobody remembers tells nothing.
-        if before == *now || now.is_empty() {
-            return;
-        }
         let count = now.len();
         for observer in self.query.observers() {
             let (name, place) = (observer.camera().name(), observer.rig_index());
@@ -59,6 +66,7 @@ impl Coordinator {
         if !before.is_empty() {
             self.film.gentle_until_s = self.film_s() + GENTLE_S;
         }
+        Ok(())
     }
 
     /// What the hull answers about every moving body; `None` if there is no hull.
@@ -70,6 +78,10 @@ impl Coordinator {
                 return None;
             }
         };
+        if let Err(why) = self.go_on_with_cameras(frame) {
+            self.lose_hull(why);
+            return None;
+        }
         let reports = match self.transport.roster().reports(frame) {
             Some(reports) => reports,
             None if self.query.knows_bounds_of(frame) => vec![],
@@ -78,12 +90,6 @@ impl Coordinator {
                 return None;
             }
         };
-        let found = reports.iter().map(|report| report.cameras.len()).sum();
-        let expected = self.settings.going_on.min_cameras.min(self.query.observers().len());
-        if !reports.is_empty() && found < expected {
-            self.lose_hull(HullUnavailable::TooFew { found, expected });
-            return None;
-        }
         let at = self.surfaces.frame_age(frame, film_s);
         let by_contacts = self.world.settings().response == ResponseMode::Contacts;
         let surfaces = &mut self.surfaces;

@@ -1,16 +1,15 @@
 //! Cameras that are filmed in this very process: one node that is always there.
 
-use std::sync::Arc;
 use std::time::Instant;
 
+use hull::ViewSet;
 use hull::pass::{Pass, Round};
 use hull::question::Answer;
 use hull::view_set::Scratch;
-use hull::{Silhouette, ViewSet};
 use proto::{FilmEvent, FilmState, FrameReport, Pace, monotonic_s};
 use tokio::sync::watch;
 
-use super::{BoxError, TransportError};
+use super::{BoxError, Silhouettes, TransportError};
 use crate::roster::{Arrival, Roster, RosterNode};
 
 /// The place of the one node in the roster.
@@ -36,8 +35,8 @@ pub trait LocalFrames: Send {
     fn film(&self) -> FilmState;
     /// Calls `use_views` with the views of a frame; false if the frame is gone.
     fn with_views(&self, frame: u64, use_views: &mut dyn FnMut(&ViewSet)) -> bool;
-    /// The silhouettes of a frame in rig order.
-    fn silhouettes(&self, frame: u64) -> Option<Vec<Arc<Silhouette>>>;
+    /// The silhouettes of a frame.
+    fn silhouettes(&self, frame: u64) -> Option<Silhouettes>;
     /// Has every camera learn its background anew from so many frames.
     fn take_background(&self, first_frame: u64, frames: u64) -> Result<(), BoxError> {
         let _ = (first_frame, frames);

@@ -368,18 +368,20 @@ impl Transport {
         }
     }
 
-    /// The silhouettes of a frame in rig order, for pictures and not for probes. What is returned holds on to the
+    /// The silhouettes of a frame, for pictures and not for probes. What is returned holds on to the
     /// nodes by itself.
     pub(crate) fn silhouettes(&self, frame: u64) -> Fetching {
         if let Layout::InProcess(cameras) = &self.layout {
             let found = cameras.frames.silhouettes(frame).ok_or(TransportError::Gone { frame });
             return Box::pin(futures::future::ready(found));
         }
-        let clients = self.clients().to_vec();
+        let nodes = self.clients().iter().zip(self.roster.nodes());
+        let there = nodes.filter(|(_, node)| !node.is_left_out());
+        let clients: Vec<_> = there.map(|(client, _)| Arc::clone(client)).collect();
         Box::pin(async move {
             let fetching = nodes::fetch(&clients, frame, SilhouetteEncoding::RunsLz4, CALL_TIMEOUT);
             let (silhouettes, _) = fetching.await.map_err(|unfetched| unfetched.error)?;
-            Ok(silhouettes.into_iter().map(|(_, silhouette)| Arc::new(silhouette)).collect())
+            Ok(silhouettes.into_iter().map(|(place, silhouette)| (place, Arc::new(silhouette))).collect())
         })
     }
 
@@ -394,8 +396,8 @@ impl Transport {
     }
 }
 
-/// Silhouettes of a frame, in rig order.
-pub type Silhouettes = Vec<Arc<Silhouette>>;
+/// Silhouettes of a frame by their cameras' places in the rig, ascending: of those that it has.
+pub type Silhouettes = Vec<(u16, Arc<Silhouette>)>;
 
 /// Silhouettes on their way, or why they did not come.
 pub type Fetching = BoxFuture<'static, Result<Silhouettes, TransportError>>;

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 
-use coordinator::Snapshot;
+use coordinator::{Silhouettes, Snapshot};
 use hull::{Camera, Observer, Rig, Silhouette, View};
 use nalgebra::{Point3, Vector3};
 use sim::Body;
@@ -24,7 +24,7 @@ const SIZE: (u32, u32) = (960, 720);
 struct Moment {
     film_s: f64,
     frame: u64,
-    silhouettes: Vec<Arc<Silhouette>>,
+    silhouettes: Silhouettes,
     bodies: Vec<Body>,
     up: Vector3<f64>,
     inside_world: Vec<Point3<f64>>,
@@ -96,12 +96,11 @@ impl Artist {
     }
 
     fn draw(&mut self, moment: &Moment) -> Outcome<Overlap> {
-        let views: Vec<View> = self
-            .observers
-            .iter()
-            .zip(&moment.silhouettes)
-            .map(|(observer, silhouette)| View::new(Arc::clone(observer), silhouette))
-            .collect();
+        let view = |(place, silhouette): &(u16, Arc<Silhouette>)| {
+            let observer = self.observers.iter().find(|observer| observer.rig_index() == *place)?;
+            Some(View::new(Arc::clone(observer), silhouette))
+        };
+        let views: Vec<View> = moment.silhouettes.iter().filter_map(view).collect();
         let camera = match &self.camera {
             Some(camera) => camera.clone(),
             None => {

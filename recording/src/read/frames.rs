@@ -3,14 +3,14 @@
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use coordinator::{BoxError, LocalFrames};
+use coordinator::{BoxError, LocalFrames, Silhouettes};
 use hull::{Observer, Silhouette, View, ViewSet};
 use proto::convert::{SilhouetteEncoding, silhouette_from_data};
 use proto::{CameraReport, FilmState, FrameReport, Pace};
 use tokio::sync::watch;
 
 use super::unpack::Unpacker;
-use super::{Index, ReadError};
+use super::{Index, NO_CHUNK, ReadError};
 use crate::convert::RunHeader;
 
 /// Frames kept ready: as many as a node keeps.
@@ -34,10 +34,13 @@ struct Inner {
     credited: u64,
 }
 
+/// A camera's observer and silhouette, that one's bytes, and how long it took to segment, milliseconds.
+type Part<'a> = (&'a Arc<Observer>, Silhouette, u32, f64);
+
 struct Frame {
     number: u64,
     views: ViewSet,
-    silhouettes: Vec<Arc<Silhouette>>,
+    silhouettes: Silhouettes,
     report: FrameReport,
 }
 
@@ -84,43 +87,39 @@ impl RecordedFrames {
 
     fn read(&self, inner: &mut Inner, number: u64, cameras: &[u32]) -> Result<Frame, ReadError> {
         let mut parts = Vec::with_capacity(cameras.len());
-        for (camera, &chunk) in cameras.iter().enumerate() {
+        for (camera, &chunk) in cameras.iter().enumerate().filter(|(_, chunk)| **chunk != NO_CHUNK) {
             let found = inner.unpacker.silhouette(chunk, camera, number)?;
-            let size = {
-                let camera = self.observers[camera].camera();
-                (camera.width(), camera.height())
-            };
+            let observer = &self.observers[camera];
+            let size = (observer.camera().width(), observer.camera().height());
             let silhouette = silhouette_from_data(&found.runs, size, SilhouetteEncoding::Runs)
                 .map_err(|error| self.index.refused(error))?;
-            parts.push((silhouette, found.runs.len() as u32, found.captured_unix_s, found.segment_ms));
+            parts.push((observer, silhouette, found.runs.len() as u32, found.segment_ms));
         }
-        let views = self.observers.iter().zip(&parts);
-        let views = ViewSet::new(
-            views.map(|(observer, (silhouette, ..))| View::new(Arc::clone(observer), silhouette)).collect(),
-        );
+        let view = |(observer, silhouette, ..): &Part| View::new(Arc::clone(observer), silhouette);
+        let views = ViewSet::new(parts.iter().map(view).collect());
         let views = match inner.frames.back() {
             Some(before) => views.after(&before.views, number.saturating_sub(before.number)),
             None => views,
         };
-        let parts_of = parts.iter().zip(&self.observers);
-        let cameras =
-            parts_of.map(|((silhouette, silhouette_bytes, _, segment_ms), observer)| CameraReport {
-                rig_index: observer.rig_index(),
-                admitted: observer.admitted(silhouette.bounds()),
-                area: silhouette.area(),
-                silhouette_bytes: *silhouette_bytes,
-                segment_ms: *segment_ms,
-                late_s: 0.0,
-            });
+        let report = |(observer, silhouette, silhouette_bytes, segment_ms): &Part| CameraReport {
+            rig_index: observer.rig_index(),
+            admitted: observer.admitted(silhouette.bounds()),
+            area: silhouette.area(),
+            silhouette_bytes: *silhouette_bytes,
+            segment_ms: *segment_ms,
+            late_s: 0.0,
+        };
+        let cameras = parts.iter().map(report).collect();
         let capture_time_s = number as f64 / self.fps;
         let report = FrameReport {
             frame: number,
             capture_time_s,
             captured_unix_s: inner.epoch_unix_s + capture_time_s,
-            cameras: cameras.collect(),
+            cameras,
             skipped: 0,
         };
-        let silhouettes = parts.into_iter().map(|(silhouette, ..)| Arc::new(silhouette)).collect();
+        let silhouette = |(observer, silhouette, ..): Part| (observer.rig_index(), Arc::new(silhouette));
+        let silhouettes = parts.into_iter().map(silhouette).collect();
         Ok(Frame { number, views, silhouettes, report })
     }
 }
@@ -165,7 +164,7 @@ impl LocalFrames for RecordedFrames {
         })
     }
 
-    fn silhouettes(&self, frame: u64) -> Option<Vec<Arc<Silhouette>>> {
+    fn silhouettes(&self, frame: u64) -> Option<Silhouettes> {
         self.frame(frame).map(|frame| frame.silhouettes.clone())
     }
 }

@@ -50,8 +50,10 @@ struct Index {
     chunks: Vec<Place>,
     /// The chunks that hold steps, in order.
     with_steps: Vec<u32>,
-    /// Of each frame that all cameras have, the chunk of each camera's silhouette.
+    /// Of each frame that is whole, the chunk of each camera's silhouette; none of a camera that it went on without.
     frames: BTreeMap<u64, Vec<u32>>,
+    /// How many cameras a frame has that went on without some.
+    reduced: BTreeMap<u64, usize>,
     /// The same of colours, as far as there are any.
     colours: BTreeMap<u64, Vec<u32>>,
 }
@@ -75,7 +77,12 @@ impl Recording {
         };
         let Scan { mut index, steps, is_complete, .. } = scan;
         let cameras = header.rig.cameras().len();
-        index.frames.retain(|_, chunks| chunks.len() == cameras && !chunks.contains(&NO_CHUNK));
+        let Index { frames, reduced, .. } = &mut index;
+        frames.retain(|frame, chunks| {
+            chunks.resize(cameras.max(chunks.len()), NO_CHUNK);
+            let found = chunks.iter().filter(|chunk| **chunk != NO_CHUNK).count();
+            chunks.len() == cameras && found == reduced.get(frame).copied().unwrap_or(cameras)
+        });
         Ok(Recording { header, index: Arc::new(index), steps, last, is_complete, problem })
     }
 
@@ -198,8 +205,11 @@ impl Scan {
                 }
             }
             Channel::Silhouette(camera) => {
-                let frame = decode::<messages::Silhouette>("Silhouette", data)?.frame;
+                let messages::Silhouette { frame, cameras, .. } = decode("Silhouette", data)?;
                 note(&mut self.index.frames, frame, camera, chunk);
+                if cameras > 0 {
+                    self.index.reduced.insert(frame, cameras as usize);
+                }
             }
             Channel::Colour(camera) => {
                 let frame = decode::<messages::Colour>("Colour", data)?.frame;

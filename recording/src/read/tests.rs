@@ -66,6 +66,9 @@ fn silhouette(frame: u64, camera: usize) -> Silhouette {
     Silhouette::from_mask(SIZE.0, SIZE.1, &mask).expect("size")
 }
 
+/// A frame that went on without its first camera.
+const REDUCED: u64 = 5;
+
 /// A run of four steps a frame. Frame 1 has no hull, and frame 2 is never fetched; at the others the hull moves
 /// the first body a little.
 struct TestRun {
@@ -109,7 +112,9 @@ impl TestRun {
             while !self.recorder.is_ready() {
                 std::thread::yield_now();
             }
-            let silhouettes = (0..2).map(|camera| Arc::new(silhouette(frame, camera))).collect();
+            let there = if frame == REDUCED { 1..2 } else { 0..2 };
+            let silhouettes =
+                there.map(|camera| (camera, Arc::new(silhouette(frame, camera.into())))).collect();
             let silhouettes = Box::pin(std::future::ready(Ok(silhouettes)));
             self.recorder.frame(FrameRecord { frame, reports: &[], silhouettes });
         }
@@ -195,10 +200,18 @@ fn what_is_read_is_what_was_recorded() {
     assert_eq!(frames.frames(), [0, 1, 3]);
     for frame in [0, 49, 7, 48, 3] {
         let found = frames.silhouettes(frame).expect("it is there");
-        assert_eq!((&*found[0], &*found[1]), (&silhouette(frame, 0), &silhouette(frame, 1)));
-        assert_eq!(frames.report(frame).expect("known").cameras[1].area, found[1].area());
+        let expected: Vec<_> =
+            (0..2).map(|camera| (camera, Arc::new(silhouette(frame, camera.into())))).collect();
+        assert_eq!(found, expected);
+        assert_eq!(frames.report(frame).expect("known").cameras[1].area, found[1].1.area());
         assert!(frames.with_views(frame, &mut |views| assert_eq!(views.views().len(), 2)));
     }
+    let reduced = frames.silhouettes(REDUCED).expect("it is there");
+    assert_eq!(reduced, [(1, Arc::new(silhouette(REDUCED, 1)))]);
+    let report = frames.report(REDUCED).expect("known");
+    assert_eq!((report.cameras.len(), report.cameras[0].rig_index), (1, 1));
+    let pictures = recording.pictures().expect("readable").frame(REDUCED).expect("readable").expect("there");
+    assert_eq!(pictures.iter().map(|picture| picture.camera).collect::<Vec<_>>(), [1]);
     assert_eq!((frames.silhouettes(2), frames.silhouettes(50)), (None, None));
     frames.credit(100);
     assert_eq!(frames.frames(), [42, 43, 44, 45, 46, 47, 48, 49]);

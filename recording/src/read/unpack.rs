@@ -51,13 +51,14 @@ impl RecordedPictures {
         Ok(RecordedPictures(Mutex::new(Unpacker::begin(index, true)?)))
     }
 
-    /// Every camera's part of a frame, in rig order; `None` if the recording has it not.
+    /// Every camera's part of a frame, of those that it has, in rig order; `None` if the recording has it not.
     pub fn frame(&self, frame: u64) -> Result<Option<Vec<RecordedPicture>>, ReadError> {
         // What a panic elsewhere left is whole: chunks are added last.
         let mut unpacker = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let index = Arc::clone(&unpacker.index);
         let Some(chunks) = index.frames.get(&frame) else { return Ok(None) };
         let colours = index.colours.get(&frame);
+        let is_there = |(_, chunk): &(usize, &u32)| **chunk != NO_CHUNK;
         let picture = |(camera, &chunk): (usize, &u32)| {
             let messages::Silhouette { runs, captured_unix_s, .. } =
                 unpacker.silhouette(chunk, camera, frame)?.clone();
@@ -66,7 +67,7 @@ impl RecordedPictures {
             let colour = with_colour.map(|&chunk| unpacker.colour(chunk, camera, frame)).transpose()?;
             Ok(RecordedPicture { camera: camera as u16, runs, captured_unix_s, colour })
         };
-        chunks.iter().enumerate().map(picture).collect::<Result<_, _>>().map(Some)
+        chunks.iter().enumerate().filter(is_there).map(picture).collect::<Result<_, _>>().map(Some)
     }
 }
 
