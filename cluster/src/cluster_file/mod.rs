@@ -35,6 +35,7 @@
 //! begins with a variable's value starts where the program was started, as in a shell.
 
 mod check;
+mod latency;
 #[cfg(test)]
 mod tests;
 
@@ -53,6 +54,8 @@ use thiserror::Error;
 use toml::{Table, Value};
 
 use crate::expand::Variables;
+
+pub use latency::LatencyChange;
 
 /// A checked cluster file.
 #[derive(Clone, Debug)]
