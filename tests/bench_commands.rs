@@ -109,6 +109,35 @@ fn bandwidth_counts_the_bytes_of_six_layouts() {
 }
 
 #[test]
+fn sync_tells_how_exactly_planted_offsets_are_found() {
+    let folder = tempfile::tempdir().expect("folder");
+    let json = folder.path().join("sync.json");
+    let output = Command::new(env!("CARGO_BIN_EXE_hulltouch"))
+        .args([
+            "bench",
+            "sync",
+            "--motion",
+            "walk,idle",
+            "--cameras",
+            "3",
+            "--size",
+            "256x192",
+            "--seconds",
+            "3",
+        ])
+        .args(["--runs", "2", "--json"])
+        .arg(&json)
+        .output()
+        .expect("runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let figures: Value = serde_json::from_slice(&std::fs::read(json).expect("written")).expect("JSON");
+    let [walk, idle] = &rows(&figures)[..] else { panic!("two rows: {figures}") };
+    assert_eq!((number(walk, "refused"), number(walk, "named_wrongly")), (0.0, 0.0), "{walk}");
+    assert!((0.0..15.0).contains(&number(walk, "worst_ms")), "{walk}");
+    assert_eq!((number(idle, "refused"), &idle["rms_ms"]), (2.0, &Value::Null), "{idle}");
+}
+
+#[test]
 fn settings_out_of_bounds_are_refused() {
     for (arguments, word) in [
         (["bench", "cluster", "--nodes", "0"], "expected 1 to"),

@@ -30,6 +30,7 @@ const ALLOWED: [(&str, &[&str]); 16] = [
     (
         "bench",
         &[
+            "calib",
             "camera-node",
             "cli",
             "cluster",

@@ -15,6 +15,7 @@ mod random;
 mod response;
 mod scale;
 mod segment;
+mod sync;
 mod table;
 mod usage;
 
@@ -37,6 +38,7 @@ enum BenchCommand {
     Physics(physics::PhysicsBenchArguments),
     Query(query::QueryBenchArguments),
     Segment(segment::SegmentBenchArguments),
+    Sync(sync::SyncBenchArguments),
 }
 
 /// Runs it.
@@ -51,5 +53,6 @@ pub fn run(arguments: &BenchArguments) -> Outcome {
         BenchCommand::Physics(arguments) => physics::run(arguments),
         BenchCommand::Query(arguments) => query::run(arguments),
         BenchCommand::Segment(arguments) => segment::run(arguments),
+        BenchCommand::Sync(arguments) => sync::run(arguments),
     }
 }

@@ -3,3 +3,4 @@
 pub mod check;
 pub mod file;
 pub mod import;
+pub mod sync;

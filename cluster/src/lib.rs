@@ -6,7 +6,7 @@ mod in_process;
 mod local_cluster;
 mod node_config;
 
-pub use crate::cluster_file::{CameraEntry, ClusterFile, ClusterFileError, SceneChoice};
+pub use crate::cluster_file::{CameraEntry, ClusterFile, ClusterFileError, LatencyChange, SceneChoice};
 pub use crate::in_process::{InProcess, LocalPictures};
 pub use crate::local_cluster::{LocalCluster, LocalClusterError, Sockets};
 pub use crate::node_config::{NodeConfigError, expected_node};

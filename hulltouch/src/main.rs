@@ -15,7 +15,7 @@ use clap::{Parser, Subcommand};
 
 use cli::Outcome;
 
-use crate::command::{coordinator, demo, node, query, record, replay, rig};
+use crate::command::{coordinator, demo, node, query, record, replay, rig, sync};
 
 /// Virtual rigid bodies collide with people on film.
 #[derive(Debug, Parser)]
@@ -33,6 +33,7 @@ enum Command {
     Record(record::RecordArguments),
     Replay(replay::ReplayArguments),
     Rig(rig::RigArguments),
+    Sync(sync::SyncArguments),
     Query(query::QueryArguments),
     Bench(bench::BenchArguments),
 }
@@ -47,6 +48,7 @@ fn main() -> ExitCode {
         Command::Record(arguments) => record::run(arguments),
         Command::Replay(arguments) => replay::run(&arguments),
         Command::Rig(arguments) => rig::run(&arguments),
+        Command::Sync(arguments) => sync::run(&arguments),
         Command::Query(arguments) => query::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
     };

@@ -5,6 +5,7 @@ use nalgebra::Point2;
 
 use super::PreparedFrames;
 use super::ray::{Ray, meets_hull};
+use super::refine::Scenery as _;
 
 /// Foreground pixels looked at, and those whose viewing ray meets the hull of all cameras.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -8,7 +8,7 @@ use hull::silhouette::PixelRect;
 
 /// The distance field of one silhouette.
 #[derive(Clone, Debug)]
-pub(super) struct Field {
+pub(crate) struct Field {
     bounds: PixelRect,
     left: f64,
     top: f64,
@@ -20,7 +20,7 @@ pub(super) struct Field {
 
 impl Field {
     /// The field of a silhouette, `None` if it has no foreground.
-    pub(super) fn new(silhouette: &Silhouette, spacing_px: u32, margin_px: u32) -> Option<Field> {
+    pub(crate) fn new(silhouette: &Silhouette, spacing_px: u32, margin_px: u32) -> Option<Field> {
         let bounds = silhouette.bounds()?;
         let (spacing, margin) = (i64::from(spacing_px), i64::from(margin_px));
         let (left, top) = (i64::from(bounds.left) - margin, i64::from(bounds.top) - margin);
@@ -65,7 +65,7 @@ impl Field {
     /// The signed distance at image coordinates; beyond the margin, the distance to the silhouette's
     /// rectangle, which is not more than the true one.
     #[inline]
-    pub(super) fn distance_px(&self, u: f64, v: f64) -> f64 {
+    pub(crate) fn distance_px(&self, u: f64, v: f64) -> f64 {
         let x = (u - self.left) / self.spacing;
         let y = (v - self.top) / self.spacing;
         if !(x >= 0.0 && y >= 0.0 && x < (self.columns - 1) as f64 && y < (self.rows - 1) as f64) {
@@ -81,6 +81,37 @@ impl Field {
         let lower = &self.distances_px[at + self.columns..at + self.columns + 2];
         let mix = |pair: &[f32]| f64::from(pair[0]) * (1.0 - fx) + f64::from(pair[1]) * fx;
         mix(upper) * (1.0 - fy) + mix(lower) * fy
+    }
+}
+
+/// The distance to a silhouette at a moment between two frames: the fields of both, mixed.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Blend<'a> {
+    pub(crate) before: &'a Field,
+    pub(crate) after: &'a Field,
+    /// How far the moment is from the first to the second, 0 to 1.
+    pub(crate) share: f64,
+}
+
+impl<'a> Blend<'a> {
+    /// The silhouette of one frame.
+    pub(crate) fn still(field: &'a Field) -> Blend<'a> {
+        Blend { before: field, after: field, share: 0.0 }
+    }
+
+    /// The signed distance at image coordinates.
+    #[inline]
+    pub(crate) fn distance_px(&self, u: f64, v: f64) -> f64 {
+        let before = self.before.distance_px(u, v);
+        if self.share == 0.0 {
+            return before;
+        }
+        before + self.share * (self.after.distance_px(u, v) - before)
+    }
+
+    /// How the distance at image coordinates changes from the first frame to the second, pixels.
+    pub(crate) fn change_px(&self, u: f64, v: f64) -> f64 {
+        self.after.distance_px(u, v) - self.before.distance_px(u, v)
     }
 }
 

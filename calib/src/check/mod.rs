@@ -3,19 +3,19 @@
 //! The visual hull rule is the default one: off the image and behind the camera count as outside.
 
 mod explained;
-mod field;
-mod ray;
-mod refine;
-mod report;
+pub(crate) mod field;
+pub(crate) mod ray;
+pub(crate) mod refine;
+pub(crate) mod report;
 
 use hull::{Camera, Rig, Silhouette};
 use nalgebra::Point2;
 use thiserror::Error;
 
 use explained::Share;
-use field::Field;
+use field::{Blend, Field};
 use ray::Other;
-use refine::{Gaps, OutlineRay, Refined};
+use refine::{Gaps, OutlineRay, Refined, Scenery};
 
 pub use report::{CameraCheck, CheckReport, Refinement, SIGNIFICANT_COST, SIGNIFICANT_SHARE};
 
@@ -118,7 +118,7 @@ impl<'a> PreparedFrames<'a> {
         let outlines: Vec<Vec<OutlineRay>> =
             in_parallel(&frames, |&frame| outline_rays(self, cameras, frame));
         let subject_m: Vec<f64> = cameras.iter().map(|camera| subject_distance_m(camera, cameras)).collect();
-        let gaps = Gaps { prepared: self, outlines: &outlines, subject_m: &subject_m };
+        let gaps = Gaps { scenery: self, outlines: &outlines, subject_m: &subject_m };
         let cost = gaps.cost(cameras);
         let mut report = CheckReport { cameras: Vec::new(), cost, moved: None };
         for (index, camera) in cameras.iter().enumerate() {
@@ -184,8 +184,9 @@ impl<'a> PreparedFrames<'a> {
         }
         shares
     }
+}
 
-    /// All cameras but one as its rays see them; `None` if one of them sees nothing in that frame.
+impl Scenery for PreparedFrames<'_> {
     fn others<'b>(&'b self, frame: usize, index: usize, cameras: &'b [Camera]) -> Option<Vec<Other<'b>>> {
         (0..cameras.len())
             .filter(|&other| other != index)
@@ -194,16 +195,20 @@ impl<'a> PreparedFrames<'a> {
                     index: other,
                     camera: &cameras[other],
                     silhouette: &self.frames[frame][other],
-                    field: self.fields[frame][other].as_ref()?,
+                    field: Blend::still(self.fields[frame][other].as_ref()?),
                     spacing_px: f64::from(self.spacings_px[other]),
                 })
             })
             .collect()
     }
+
+    fn scale_px(&self) -> f64 {
+        self.scale_px
+    }
 }
 
 /// Evenly chosen outline pixels: foreground with background beside, above or below, on the image.
-fn outline(silhouette: &Silhouette, count: usize) -> Vec<Point2<f64>> {
+pub(crate) fn outline(silhouette: &Silhouette, count: usize) -> Vec<Point2<f64>> {
     let (width, height) = (silhouette.width() as i32, silhouette.height() as i32);
     let mut pixels = Vec::new();
     for row in 0..height {
@@ -239,7 +244,7 @@ fn outline_rays(prepared: &PreparedFrames, cameras: &[Camera], frame: usize) -> 
 }
 
 /// How far the point that all optical axes pass nearest is from a camera, metres.
-fn subject_distance_m(camera: &Camera, cameras: &[Camera]) -> f64 {
+pub(crate) fn subject_distance_m(camera: &Camera, cameras: &[Camera]) -> f64 {
     let mut normal = nalgebra::Matrix3::identity() * 1e-6;
     let mut right = nalgebra::Vector3::zeros();
     for other in cameras {
@@ -253,7 +258,7 @@ fn subject_distance_m(camera: &Camera, cameras: &[Camera]) -> f64 {
 }
 
 /// Maps over jobs on the machine's cores; results are in the order of the jobs, whatever ran where.
-fn in_parallel<J: Sync, T: Send>(jobs: &[J], work: impl Fn(&J) -> T + Sync) -> Vec<T> {
+pub(crate) fn in_parallel<J: Sync, T: Send>(jobs: &[J], work: impl Fn(&J) -> T + Sync) -> Vec<T> {
     let threads = std::thread::available_parallelism().map_or(1, usize::from).min(8);
     let work = &work;
     std::thread::scope(|scope| {

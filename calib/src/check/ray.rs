@@ -4,33 +4,34 @@
 use hull::{Camera, Pixel, Silhouette};
 use nalgebra::{Point2, Point3, Vector2, Vector3};
 
-use super::field::Field;
+use super::field::Blend;
 
-/// One other camera as a ray sees it: the camera, its silhouette and the distance field of that.
+/// One other camera as a ray sees it: the camera, its silhouette and the distance
+/// to that.
 #[derive(Clone, Copy)]
-pub(super) struct Other<'a> {
-    pub(super) index: usize,
-    pub(super) camera: &'a Camera,
-    pub(super) silhouette: &'a Silhouette,
-    pub(super) field: &'a Field,
+pub(crate) struct Other<'a> {
+    pub(crate) index: usize,
+    pub(crate) camera: &'a Camera,
+    pub(crate) silhouette: &'a Silhouette,
+    pub(crate) field: Blend<'a>,
     /// How far apart the field's grid points are, pixels: what bilinear values may be off by.
-    pub(super) spacing_px: f64,
+    pub(crate) spacing_px: f64,
 }
 
 /// A ray in the world; `direction` is a unit vector.
 #[derive(Clone, Copy)]
-pub(super) struct Ray {
-    pub(super) origin: Point3<f64>,
-    pub(super) direction: Vector3<f64>,
+pub(crate) struct Ray {
+    pub(crate) origin: Point3<f64>,
+    pub(crate) direction: Vector3<f64>,
 }
 
 /// Where a ray comes nearest to the hull.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Miss {
+pub(crate) struct Miss {
     /// The least over the ray of the greatest distance to a silhouette, pixels.
-    pub(super) gap_px: f64,
+    pub(crate) gap_px: f64,
     /// Metres along the ray.
-    pub(super) depth_m: f64,
+    pub(crate) depth_m: f64,
 }
 
 /// Nothing is looked at nearer than this to a camera, metres.
@@ -50,7 +51,7 @@ struct Sight {
 }
 
 impl Ray {
-    pub(super) fn at(&self, depth_m: f64) -> Point3<f64> {
+    pub(crate) fn at(&self, depth_m: f64) -> Point3<f64> {
         self.origin + self.direction * depth_m
     }
 
@@ -98,7 +99,7 @@ impl Sight {
 
 /// True if some point of the ray falls on foreground of all the others at once (steps of under half a
 /// pixel wherever an outline is near).
-pub(super) fn meets_hull(ray: &Ray, others: &[Other]) -> bool {
+pub(crate) fn meets_hull(ray: &Ray, others: &[Other]) -> bool {
     let (mut depth_m, end_m) = ray.span(others);
     for _ in 0..MAX_STEPS {
         if depth_m > end_m || depth_m.is_infinite() {
@@ -133,7 +134,7 @@ pub(super) fn meets_hull(ray: &Ray, others: &[Other]) -> bool {
 /// Where the ray comes nearest to the hull of the others. The search ends at the first depth whose gap
 /// is `floor_px` or less, and gaps above `cap_px` are reported as that, with an infinite depth. A good
 /// `hint_m` (a depth that was near before the cameras moved a little) only makes it quicker.
-pub(super) fn nearest(ray: &Ray, others: &[Other], (floor_px, cap_px): (f64, f64), hint_m: f64) -> Miss {
+pub(crate) fn nearest(ray: &Ray, others: &[Other], (floor_px, cap_px): (f64, f64), hint_m: f64) -> Miss {
     let (mut depth_m, end_m) = ray.span(others);
     let mut best = Miss { gap_px: cap_px, depth_m: f64::INFINITY };
     let mut reach_m = 0.0;
@@ -192,7 +193,7 @@ fn refined(ray: &Ray, others: &[Other], best: Miss, reach_m: f64) -> Miss {
 }
 
 /// The signed distance, pixels, of a world point's image to the other camera's silhouette.
-pub(super) fn distance_px(other: &Other, point_world: &Point3<f64>) -> f64 {
+pub(crate) fn distance_px(other: &Other, point_world: &Point3<f64>) -> f64 {
     match other.camera.project(point_world) {
         Some(image) => other.field.distance_px(image.x, image.y),
         None => f64::INFINITY,

@@ -10,43 +10,52 @@ use hull::rotation::matrix_from_rodrigues;
 use hull::{Camera, CameraError};
 use nalgebra::{Matrix6, Vector3, Vector6};
 
-use super::PreparedFrames;
 use super::ray::{Miss, Other, Ray, distance_px, nearest};
 
 /// Turn about the camera's x axis (tilt), y axis (pan) and z axis (roll), radians, then shifts along
 /// its x, y and z, in units of the distance to the subject.
-pub(super) type Correction = Vector6<f64>;
+pub(crate) type Correction = Vector6<f64>;
 
 /// Gaps beyond this many pixels (at 640 pixels a side) count linearly: a wrong limb must not decide.
 const HUBER_PX: f64 = 3.0;
 /// Gaps end here, pixels at 640 a side; 1.5° is some 13 of them for an ordinary lens.
-pub(super) const CAP_PX: f64 = 48.0;
+pub(crate) const CAP_PX: f64 = 48.0;
 /// A correction of this size (radians, or shares of the distance) costs as much as `PRIOR_COST` per ray.
 const PRIOR_SIZE: f64 = 0.05;
 const PRIOR_COST: f64 = 0.02;
 const MAX_ROUNDS: usize = 12;
 
 /// An outline pixel of one camera: its ray in the camera's own frame, which no pose changes.
-pub(super) struct OutlineRay {
-    pub(super) camera: usize,
-    pub(super) direction_camera: Vector3<f64>,
+#[derive(Clone)]
+pub(crate) struct OutlineRay {
+    pub(crate) camera: usize,
+    pub(crate) direction_camera: Vector3<f64>,
     /// Where the ray comes nearest to the hull, or lies deepest in it, as the rig stands; metres.
-    pub(super) depth_m: f64,
+    pub(crate) depth_m: f64,
+}
+
+/// What outline rays are held against.
+pub(crate) trait Scenery: Sync {
+    /// All cameras but `index` as its rays of one frame see them; `None` if one of them sees nothing then.
+    fn others<'b>(&'b self, frame: usize, index: usize, cameras: &'b [Camera]) -> Option<Vec<Other<'b>>>;
+
+    /// Pixels of the largest image that one pixel of an image 640 wide is.
+    fn scale_px(&self) -> f64;
 }
 
 /// The gaps of all outline rays for one set of poses.
-pub(super) struct Gaps<'a> {
-    pub(super) prepared: &'a PreparedFrames<'a>,
-    pub(super) outlines: &'a [Vec<OutlineRay>],
+pub(crate) struct Gaps<'a> {
+    pub(crate) scenery: &'a dyn Scenery,
+    pub(crate) outlines: &'a [Vec<OutlineRay>],
     /// Distance from each camera to the subject, metres.
-    pub(super) subject_m: &'a [f64],
+    pub(crate) subject_m: &'a [f64],
 }
 
 /// The best correction of one camera.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Refined {
-    pub(super) correction: Correction,
-    pub(super) cost: f64,
+pub(crate) struct Refined {
+    pub(crate) correction: Correction,
+    pub(crate) cost: f64,
 }
 
 /// Normal equations of one frame.
@@ -69,7 +78,7 @@ impl System {
 
 impl Gaps<'_> {
     /// The mean cost of an outline ray with these poses, square pixels at 640 a side.
-    pub(super) fn cost(&self, cameras: &[Camera]) -> f64 {
+    pub(crate) fn cost(&self, cameras: &[Camera]) -> f64 {
         self.system(cameras, None).cost / self.ray_count()
     }
 
@@ -78,7 +87,7 @@ impl Gaps<'_> {
     }
 
     /// The best correction of camera `moved` alone.
-    pub(super) fn refine(&self, cameras: &[Camera], moved: usize) -> Result<Refined, CameraError> {
+    pub(crate) fn refine(&self, cameras: &[Camera], moved: usize) -> Result<Refined, CameraError> {
         let rays = self.ray_count();
         let stiffness = PRIOR_COST * rays / (PRIOR_SIZE * PRIOR_SIZE);
         let mut posed = cameras.to_vec();
@@ -139,20 +148,16 @@ impl Gaps<'_> {
     ) -> System {
         let mut system = System::default();
         for index in 0..cameras.len() {
-            let Some(others) = self.prepared.others(frame, index, cameras) else { continue };
+            let Some(others) = self.scenery.others(frame, index, cameras) else { continue };
             for outline in self.outlines[frame].iter().filter(|outline| outline.camera == index) {
                 let ray = ray_of(&cameras[index], outline);
-                let scale = self.prepared.scale_px;
+                let scale = self.scenery.scale_px();
                 let found = nearest(&ray, &others, (0.0, CAP_PX * scale), outline.depth_m);
                 if found.gap_px <= 0.0 {
                     continue;
                 }
                 let gap = found.gap_px / scale;
-                let (cost, weight) = if gap <= HUBER_PX {
-                    (gap * gap, 1.0)
-                } else {
-                    (HUBER_PX * (2.0 * gap - HUBER_PX), HUBER_PX / gap)
-                };
+                let (cost, weight) = huber(gap);
                 system.cost += cost;
                 if let Some(moved) = moved.filter(|_| found.depth_m.is_finite()) {
                     let slope = gap_slope(&ray, outline, &others, &found, moved, nudged) / scale;
@@ -165,11 +170,20 @@ impl Gaps<'_> {
     }
 }
 
+/// What a gap costs, square pixels at 640 a side, and its weight in the normal equations.
+pub(crate) fn huber(gap_px: f64) -> (f64, f64) {
+    if gap_px <= HUBER_PX {
+        (gap_px * gap_px, 1.0)
+    } else {
+        (HUBER_PX * (2.0 * gap_px - HUBER_PX), HUBER_PX / gap_px)
+    }
+}
+
 /// Step of the numeric derivatives: a sixth of a pixel for a long lens.
 const NUDGE: f64 = 1e-4;
 
 /// The ray of an outline pixel from a posed camera.
-pub(super) fn ray_of(camera: &Camera, outline: &OutlineRay) -> Ray {
+pub(crate) fn ray_of(camera: &Camera, outline: &OutlineRay) -> Ray {
     Ray { origin: camera.centre_world(), direction: camera.rotation().tr_mul(&outline.direction_camera) }
 }
 
@@ -206,7 +220,7 @@ fn gap_slope(
 }
 
 /// The one or two silhouettes that hold the gap open, each with its share.
-fn active(ray: &Ray, others: &[Other], found: &Miss) -> [Option<(usize, f64)>; 2] {
+pub(crate) fn active(ray: &Ray, others: &[Other], found: &Miss) -> [Option<(usize, f64)>; 2] {
     let near_m = 1e-4 * found.depth_m;
     let slope = |other: &Other| {
         let (before, after) = (found.depth_m - near_m, found.depth_m + near_m);
@@ -234,7 +248,7 @@ fn active(ray: &Ray, others: &[Other], found: &Miss) -> [Option<(usize, f64)>; 2
 }
 
 /// The camera turned and shifted in its own frame by a correction.
-pub(super) fn corrected(
+pub(crate) fn corrected(
     camera: &Camera,
     correction: &Correction,
     subject_m: f64,

@@ -60,7 +60,7 @@ pub struct CheckReport {
 }
 
 /// A correction in a reader's terms.
-pub(super) fn described(camera: &Camera, refined: &Refined, subject_m: f64) -> Refinement {
+pub(crate) fn described(camera: &Camera, refined: &Refined, subject_m: f64) -> Refinement {
     let [tilt, pan, roll, right, down, ahead] = <[f64; 6]>::from(refined.correction);
     let k = camera.intrinsics();
     Refinement {

@@ -36,6 +36,7 @@
 //! begins with a variable's value starts where the program was started, as in a shell.
 
 mod check;
+mod latency;
 #[cfg(test)]
 mod tests;
 
@@ -55,6 +56,8 @@ use thiserror::Error;
 use toml::{Table, Value};
 
 use crate::expand::Variables;
+
+pub use latency::LatencyChange;
 
 /// A checked cluster file.
 #[derive(Clone, Debug)]

@@ -7,3 +7,4 @@ pub mod query;
 pub mod record;
 pub mod replay;
 pub mod rig;
+pub mod sync;

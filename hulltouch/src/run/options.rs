@@ -50,6 +50,8 @@ pub struct Outlets {
     pub json: Option<PathBuf>,
     /// Where pictures go.
     pub snapshots: Option<PathBuf>,
+    /// Prints no summary at its end: the run only serves another command.
+    pub silent: bool,
 }
 
 impl OutletArguments {
@@ -61,6 +63,7 @@ impl OutletArguments {
             osc: self.osc.as_deref().map(osc_address).transpose()?,
             json: self.json.clone(),
             snapshots: self.snapshot.clone(),
+            silent: false,
         })
     }
 

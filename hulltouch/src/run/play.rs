@@ -166,6 +166,9 @@ impl RunOutcome {
             let text = serde_json::to_string_pretty(&self.json).map_err(Failure::run)?;
             write_whole(path, text.as_bytes())?;
         }
+        if setup.outlets.silent {
+            return Ok(());
+        }
         use std::io::Write as _;
         // A closed standard output is no reason to fail a run that went well.
         let _ = std::io::stdout().write_all(self.summary.as_bytes());

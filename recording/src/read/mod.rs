@@ -121,6 +121,11 @@ impl Recording {
         RecordedPictures::begin(Arc::clone(&self.index))
     }
 
+    /// The frames of which it has every camera's silhouette.
+    pub fn frame_numbers(&self) -> impl Iterator<Item = u64> {
+        self.index.frames.keys().copied()
+    }
+
     /// Whether there are colours.
     pub fn has_colour(&self) -> bool {
         !self.index.colours.is_empty()

@@ -1,0 +1,128 @@
+//! Ten seconds of silhouettes: from a folder, from a recorded run, or filmed now.
+
+use std::path::Path;
+use std::time::Duration;
+
+use calib::sync::TimedSilhouette;
+use cli::{Failure, Outcome, Progress};
+use cluster::ClusterFile;
+use coordinator::MemoryUse;
+use hull::Rig;
+use proto::convert::{SilhouetteEncoding, silhouette_from_data};
+use recording::{RecordedPicture, Recording};
+use sim::{Scene, WorldSettings};
+
+use crate::command::query::masks;
+use crate::run::options::{Outlets, RecordTo};
+use crate::run::setup::{AskName, Setup, TransportName};
+use crate::run::{run_deployed, run_locally};
+
+/// Where film comes from.
+pub enum FilmSource<'a> {
+    /// A folder of numbered silhouettes.
+    Silhouettes { folder: &'a Path, rig: Rig, fps: f64 },
+    /// A recorded run.
+    Recording(&'a Path),
+    /// Cameras.
+    Cluster { cluster: &'a ClusterFile, seconds: f64, patience: Duration, take_over: bool },
+}
+
+/// Silhouettes and their times.
+pub struct Film {
+    pub rig: Rig,
+    /// In rig order.
+    pub cameras: Vec<Vec<TimedSilhouette>>,
+}
+
+impl FilmSource<'_> {
+    /// The file or folder.
+    pub fn name(&self) -> String {
+        let path: &Path = match self {
+            FilmSource::Silhouettes { folder, .. } => folder,
+            FilmSource::Recording(path) => path,
+            FilmSource::Cluster { cluster, .. } => &cluster.path,
+        };
+        path.display().to_string()
+    }
+
+    /// Reads or films it.
+    pub fn film(&self) -> Outcome<Film> {
+        match self {
+            FilmSource::Silhouettes { folder, rig, fps } => of_folder(folder, rig, *fps),
+            FilmSource::Recording(path) => of_recording(path),
+            FilmSource::Cluster { cluster, seconds, patience, take_over } => {
+                let folder = tempfile::tempdir().map_err(Failure::run)?;
+                let path = folder.path().join("sync.mcap");
+                let setup = setup(cluster, *seconds, *take_over, &path)?;
+                if cluster.cameras.iter().all(|camera| camera.node.is_some()) {
+                    run_deployed(&setup, *patience)?;
+                } else {
+                    run_locally(&setup)?;
+                }
+                of_recording(&path)
+            }
+        }
+    }
+}
+
+fn of_folder(folder: &Path, rig: &Rig, fps: f64) -> Outcome<Film> {
+    let paths = masks::paths_of_film(folder, rig)?;
+    let count: usize = paths.iter().map(std::collections::BTreeMap::len).sum();
+    let mut progress = Progress::new("reading silhouettes", count as u64);
+    let mut cameras = Vec::new();
+    for (camera, paths) in rig.cameras().iter().zip(&paths) {
+        let mut frames = Vec::new();
+        for (&number, path) in paths {
+            let silhouette = masks::read(path, camera)?;
+            frames.push(TimedSilhouette { time_s: number as f64 / fps, silhouette });
+            progress.step();
+        }
+        cameras.push(frames);
+    }
+    Ok(Film { rig: rig.clone(), cameras })
+}
+
+/// A recorded live run knows when each frame was captured; a film goes by its numbers.
+fn of_recording(path: &Path) -> Outcome<Film> {
+    let recording = Recording::open(path).map_err(Failure::input)?;
+    let (header, pictures) = (recording.header(), recording.pictures().map_err(Failure::input)?);
+    let rig = header.rig.clone();
+    let mut cameras: Vec<Vec<TimedSilhouette>> = vec![Vec::new(); rig.cameras().len()];
+    for number in recording.frame_numbers() {
+        let Some(frame) = pictures.frame(number).map_err(Failure::input)? else { continue };
+        for RecordedPicture { camera: at, runs, captured_unix_s, .. } in frame {
+            let at = usize::from(at);
+            let camera = &rig.cameras()[at];
+            let silhouette =
+                silhouette_from_data(&runs, (camera.width(), camera.height()), SilhouetteEncoding::Runs)
+                    .map_err(|error| Failure::unreadable(path, error))?;
+            let time_s = match header.lock_step {
+                true => number as f64 / header.fps,
+                false => captured_unix_s - header.began_unix_s,
+            };
+            cameras[at].push(TimedSilhouette { time_s, silhouette });
+        }
+    }
+    Ok(Film { rig, cameras })
+}
+
+/// A run in an empty world, recorded.
+fn setup(cluster: &ClusterFile, seconds: f64, take_over: bool, path: &Path) -> Outcome<Setup> {
+    let is_live = cluster.cameras.iter().any(|camera| camera.source.is_live());
+    let mut file = cluster.clone();
+    file.hold_s = 0.0;
+    Ok(Setup {
+        file,
+        scene: Scene::from_toml("empty", "").map_err(Failure::run)?,
+        world: WorldSettings::default(),
+        transport: TransportName::Cluster,
+        asks: AskName::default().into(),
+        lock_step: !is_live,
+        take_over,
+        empty: false,
+        seconds: Some(seconds),
+        outlets: Outlets { live_line: true, silent: true, ..Outlets::default() },
+        record: Some(RecordTo::checked(path.to_owned(), false, false)?),
+        memory: MemoryUse::Off,
+    })
+}
