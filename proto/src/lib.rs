@@ -14,6 +14,7 @@ mod address;
 mod claim;
 mod clock;
 pub mod convert;
+mod cut;
 mod description;
 mod film;
 mod pictures;
@@ -22,8 +23,12 @@ pub mod text;
 pub use address::{Address, AddressError, MAX_SOCKET_PATH_BYTES};
 pub use claim::Claim;
 pub use clock::{ClockLine, monotonic_s};
+pub use cut::Cut;
 pub use description::{CameraDescription, NodeDescription};
-pub use film::{BACKGROUND_S, CameraReport, FilmEvent, FilmState, FrameReport, Pace, RunStart, unix_now_s};
+pub use film::{
+    BACKGROUND_S, CameraPace, CameraReport, FilmEvent, FilmState, FrameReport, Pace, RunStart, Stamps,
+    unix_now_s,
+};
 pub use pictures::{CameraPicture, FramePictures, MAX_SCALE_LOG2, Picture, PictureKind, PictureRequest};
 
 /// The most points one question may hold: a million body samples are 24 MB once placed in the world,

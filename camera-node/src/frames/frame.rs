@@ -5,7 +5,7 @@ use std::sync::Arc;
 use bytes::Bytes;
 use hull::silhouette::PixelRect;
 use hull::{Observer, Silhouette, View, ViewSet};
-use proto::{CameraReport, FrameReport};
+use proto::{CameraPace, CameraReport, FrameReport, Stamps};
 
 /// One camera's part of a frame.
 #[derive(Clone, Debug)]
@@ -20,6 +20,10 @@ pub struct CameraFrame {
     pub admitted: Option<PixelRect>,
     /// From capture to silhouette, milliseconds.
     pub segment_ms: f64,
+    /// By what its source knows which frame is which.
+    pub stamps: Stamps,
+    /// Of live cameras, once it is known.
+    pub pace: Option<CameraPace>,
     pub(super) view: View,
 }
 
@@ -33,7 +37,14 @@ impl CameraFrame {
             view: View::new(Arc::clone(observer), &silhouette),
             silhouette: Arc::new(silhouette),
             segment_ms,
+            stamps: Stamps::Index,
+            pace: None,
         }
+    }
+
+    /// The same of a camera that films like this.
+    pub fn stamped(self, stamps: Stamps, pace: Option<CameraPace>) -> CameraFrame {
+        CameraFrame { stamps, pace, ..self }
     }
 }
 
@@ -64,6 +75,8 @@ impl Frame {
             area: camera.silhouette.area(),
             silhouette_bytes: camera.bytes.len() as u32,
             segment_ms: camera.segment_ms,
+            stamps: camera.stamps,
+            pace: camera.pace,
         };
         FrameReport {
             frame: self.number,

@@ -7,7 +7,7 @@ use hull::pass::{Pass, Round};
 use hull::question::Answer;
 use hull::view_set::Scratch;
 use hull::{Silhouette, ViewSet};
-use proto::{FilmEvent, FilmState, FrameReport, Pace};
+use proto::{Cut, FilmEvent, FilmState, FrameReport, Pace};
 use tokio::sync::watch;
 
 use super::{BoxError, TransportError};
@@ -25,6 +25,10 @@ pub trait LocalFrames: Send {
     /// Keeps a frame, however old it gets, until another is in use.
     fn use_frame(&self, frame: u64) {
         let _ = frame;
+    }
+    /// Tells where film is cut into frames, in periods from their numbers.
+    fn cut_at(&self, phase: f64) {
+        let _ = phase;
     }
     /// Wakes whenever a frame, an end or a failure has come.
     fn watch(&self) -> watch::Receiver<u64>;
@@ -69,6 +73,7 @@ pub(super) struct InProcess {
     pub frames: Box<dyn LocalFrames>,
     news: watch::Receiver<u64>,
     probes: LocalProbes,
+    cut: Cut,
 }
 
 impl InProcess {
@@ -76,7 +81,7 @@ impl InProcess {
         let mut roster = Roster::new(vec![RosterNode::new("of this process".into(), vec![])]);
         roster.up(NODE);
         let news = frames.watch();
-        (InProcess { frames, news, probes: LocalProbes::default() }, roster)
+        (InProcess { frames, news, probes: LocalProbes::default(), cut: Cut::default() }, roster)
     }
 
     /// Hands the roster what has come.
@@ -88,11 +93,16 @@ impl InProcess {
         let known = roster.newest();
         if known.is_some_and(|known| numbers.last().is_none_or(|last| *last < known)) {
             roster.begin_run();
+            self.cut = Cut::default();
         }
         let known = roster.newest();
         let new = numbers.into_iter().filter(|&number| known.is_none_or(|known| number > known));
         for report in new.filter_map(|number| self.frames.report(number)) {
+            self.cut.heard(&report);
             roster.film_event(NODE, FilmEvent::Frame(report));
+        }
+        if let Some(phase) = self.cut.phase() {
+            self.frames.cut_at(phase);
         }
         match state {
             FilmState::Running => {}

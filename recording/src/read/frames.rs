@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use coordinator::{BoxError, LocalFrames};
 use hull::{Observer, Silhouette, View, ViewSet};
 use proto::convert::{SilhouetteEncoding, silhouette_from_data};
-use proto::{CameraReport, FilmState, FrameReport, Pace};
+use proto::{CameraReport, FilmState, FrameReport, Pace, Stamps};
 use tokio::sync::watch;
 
 use super::unpack::Unpacker;
@@ -110,6 +110,8 @@ impl RecordedFrames {
                 area: silhouette.area(),
                 silhouette_bytes: *silhouette_bytes,
                 segment_ms: *segment_ms,
+                stamps: Stamps::Index,
+                pace: None,
             });
         let capture_time_s = number as f64 / self.fps;
         let report = FrameReport {
