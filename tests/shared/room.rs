@@ -39,6 +39,7 @@ impl Drop for Node {
 }
 
 /// So many nodes of two cameras each, filming ten frames a second: a busy machine must not miss one.
+#[allow(dead_code, reason = "not every test needs it")]
 pub fn cluster_file(folder: &Path, nodes: usize) -> PathBuf {
     let rig = stage::studio_rig(2 * nodes, (96, 72)).expect("a rig");
     fs::write(folder.join("rig.toml"), rig.to_toml()).expect("written");
@@ -60,6 +61,7 @@ pub fn program() -> Command {
 }
 
 /// The names of a node's cameras.
+#[allow(dead_code, reason = "not every test needs it")]
 pub fn cameras(node: usize) -> [String; 2] {
     [2 * node, 2 * node + 1].map(|camera| format!("cam_{camera}"))
 }
