@@ -57,7 +57,7 @@ pub struct PipeSource {
 /// How frames get their numbers.
 enum FrameNumbers {
     Index { numbering: Numbering, fps: f64 },
-    Live { numbers: LiveNumbers, side: Option<SidePipe> },
+    Live { numbers: Box<LiveNumbers>, side: Option<SidePipe> },
 }
 
 enum PipeMessage {
@@ -218,7 +218,7 @@ fn frame_numbers(config: &PipeConfig, fps: f64) -> Result<(FrameNumbers, Vec<Str
         return Ok((FrameNumbers::Index { numbering, fps }, config.command.clone()));
     }
     let stamps = SourceConfig::Pipe(config.clone()).stamps();
-    let numbers = LiveNumbers::new(stamps, fps, config.latency_s);
+    let numbers = Box::new(LiveNumbers::new(stamps, fps, config.latency_s));
     let Some(kind) = config.side() else {
         return Ok((FrameNumbers::Live { numbers, side: None }, config.command.clone()));
     };
@@ -278,7 +278,7 @@ impl PipeReader {
             if !reader.read(&mut planes).map_err(garbage)? {
                 break;
             }
-            let (stamp, pace) = self.stamp(numbers, index, (self.clock)()).map_err(PipeFailure::Garbage)?;
+            let (stamp, pace) = self.stamp(numbers, index, (self.clock)())?;
             if self.mailbox.send(PipeMessage::Frame { format, index, stamp, pace, planes }).is_err() {
                 break;
             }
@@ -292,7 +292,7 @@ impl PipeReader {
         numbers: &mut FrameNumbers,
         index: u64,
         arrival_s: f64,
-    ) -> Result<(Option<SourceFrame>, Option<CameraPace>), String> {
+    ) -> Result<(Option<SourceFrame>, Option<CameraPace>), PipeFailure> {
         let (numbers, side) = match numbers {
             FrameNumbers::Index { numbering, fps } => {
                 let stamp = numbering.number(index).map(|number| SourceFrame::of_film(number, *fps));
@@ -300,8 +300,13 @@ impl PipeReader {
             }
             FrameNumbers::Live { numbers, side } => (numbers, side),
         };
-        let said = side.as_mut().map(SidePipe::next).transpose().map_err(|error| error.to_string())?;
-        let numbered = numbers.push(arrival_s, said, (self.phase)()).map_err(|error| error.to_string())?;
+        let said = side
+            .as_mut()
+            .map(SidePipe::next)
+            .transpose()
+            .map_err(|error| PipeFailure::Garbage(error.to_string()))?;
+        let numbered = numbers.push(arrival_s, said, (self.phase)());
+        let numbered = numbered.map_err(|error| PipeFailure::Garbage(error.to_string()))?;
         if let Some(by) = numbered.anchored_anew {
             let camera = &self.camera;
             tracing::warn!("camera {camera:?}: its counter was off by {by} frames, and is anchored anew");

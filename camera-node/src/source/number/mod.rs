@@ -268,7 +268,8 @@ impl LiveNumbers {
         });
         let Some(&(period_s, _)) = median else { return Ok(()) };
         let found = 1.0 / period_s;
-        if !((found / self.fps - 1.0).abs() <= MOST_OFF) {
+        let is_near = (found / self.fps - 1.0).abs() <= MOST_OFF;
+        if !is_near {
             return Err(NumberFault::Rate { found, expected: self.fps });
         }
         self.period_s = period_s;
