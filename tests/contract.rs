@@ -413,7 +413,7 @@ async fn refuses_absurd_numbers(client: &mut Client) {
         let never = v1::StartRequest { clock, ..start };
         assert_eq!(client.start(never).await.expect_err("no clock").code(), tonic::Code::InvalidArgument);
     }
-    let told = v1::KeepTimeRequest { run: 1, clock: Some(mad), holder: 0 };
+    let told = v1::KeepTimeRequest { run: 1, clock: Some(mad), ..Default::default() };
     assert_eq!(client.keep_time(told).await.expect_err("no clock").code(), tonic::Code::InvalidArgument);
     let read = v1::KeepTimeRequest::default();
     let first = client.keep_time(read).await.expect("a clock").into_inner().node_s;

@@ -78,6 +78,10 @@ impl LocalFrames for InProcess {
         self.ring.hold(frame);
     }
 
+    fn cut_at(&self, phase: f64) {
+        self.film.cut_here(phase);
+    }
+
     fn watch(&self) -> watch::Receiver<u64> {
         self.ring.watch()
     }

@@ -237,6 +237,12 @@ pub struct CameraStatus {
     pub newest_frame: Option<u64>,
     /// From that frame's capture to now, milliseconds.
     pub age_ms: f64,
+    /// By what its frames are numbered: `index`, `counter`, `capture` or `arrival`.
+    pub stamps: &'static str,
+    /// Of a live camera, once it is known: where its captures lie between frames of film, 0 to 1.
+    pub phase: Option<f64>,
+    /// Of a live camera, once it is known.
+    pub frames_per_s: Option<f64>,
     /// How far its captures lie from the median of all cameras', milliseconds.
     pub sync_ms: f64,
     /// How far its film time may be off, milliseconds.

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use hull::{ProbeSettings, Shape};
 use proto::text::{MAX_NAME_CHARS, clean};
-use proto::{Address, CameraDescription, Claim, NodeDescription, Pace, unix_now_s};
+use proto::{Address, CameraDescription, Claim, Cut, NodeDescription, Pace, unix_now_s};
 
 use crate::counting::{ByteCounters, ByteCounts};
 use crate::error::Mismatch;
@@ -34,6 +34,7 @@ pub struct Agreement {
     claim: Claim,
     takes_over: bool,
     terms: Mutex<Terms>,
+    cut: Mutex<Cut>,
     pub(crate) counters: Arc<ByteCounters>,
 }
 
@@ -49,7 +50,15 @@ impl Agreement {
     pub fn new(settings: ProbeSettings, fps: f64, shapes: Vec<Arc<Shape>>) -> Agreement {
         let terms = Mutex::new(Terms { shapes, pace: None });
         let claim = claim_of_this_machine();
-        Agreement { settings, fps, claim, takes_over: false, terms, counters: Arc::default() }
+        Agreement {
+            settings,
+            fps,
+            claim,
+            takes_over: false,
+            terms,
+            cut: Mutex::default(),
+            counters: Arc::default(),
+        }
     }
 
     /// Frames of the cluster per second.
@@ -74,6 +83,12 @@ impl Agreement {
     /// From now on nodes that come back begin a run of this pace.
     pub fn begin_run(&self, pace: Pace) {
         self.terms().pace = Some(pace);
+        *self.cut() = Cut::default();
+    }
+
+    /// Where film is cut into frames, by what nodes have reported of their cameras.
+    pub(crate) fn cut(&self) -> MutexGuard<'_, Cut> {
+        self.cut.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The bytes of all connections so far.

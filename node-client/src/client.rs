@@ -352,6 +352,7 @@ impl NodeClient {
             run: start.map_or(0, |start| start.run),
             clock: start.and_then(|start| start.clock),
             holder: self.holder(),
+            phase: self.agreement.cut().phase(),
         };
         let sent_s = monotonic_s();
         let reply = client.keep_time(request).await?.into_inner();
@@ -387,6 +388,7 @@ impl NodeClient {
             if let FilmEvent::Frame(report) = &event {
                 check_order(before, (report.frame, report.capture_time_s))?;
                 before = Some((report.frame, report.capture_time_s));
+                self.agreement.cut().heard(report);
             }
             self.report(NodeEvent::Film { event, heard_s: monotonic_s() }).await?;
         }

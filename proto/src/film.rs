@@ -85,6 +85,41 @@ pub enum FilmState {
     Failed(String),
 }
 
+/// By what a camera's source knows which frame is which.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Stamps {
+    /// The frame's place in a film.
+    #[default]
+    Index,
+    /// A hardware trigger's count.
+    Counter,
+    /// The time that camera or driver says.
+    Capture,
+    /// When frames arrive.
+    Arrival,
+}
+
+impl Stamps {
+    /// The word of cluster files and status.
+    pub fn word(self) -> &'static str {
+        match self {
+            Stamps::Index => "index",
+            Stamps::Counter => "counter",
+            Stamps::Capture => "capture",
+            Stamps::Arrival => "arrival",
+        }
+    }
+}
+
+/// How a live camera films.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CameraPace {
+    /// Where its captures lie between frames of film, periods: 0 to 1.
+    pub phase: f64,
+    /// Frames per second.
+    pub frames_per_s: f64,
+}
+
 /// One camera's part of a frame, without its pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraReport {
@@ -100,6 +135,10 @@ pub struct CameraReport {
     pub segment_ms: f64,
     /// Live: from the film time of the frame's number to when its silhouette was there, seconds.
     pub late_s: f64,
+    /// By what its source knows which frame is which.
+    pub stamps: Stamps,
+    /// Of live cameras, once it is known.
+    pub pace: Option<CameraPace>,
 }
 
 /// One frame of one node, without its pixels.

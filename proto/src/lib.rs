@@ -15,6 +15,7 @@ mod checkpoint;
 mod claim;
 mod clock;
 pub mod convert;
+mod cut;
 mod description;
 mod film;
 mod pictures;
@@ -24,9 +25,11 @@ pub use address::{Address, AddressError, MAX_SOCKET_PATH_BYTES};
 pub use checkpoint::{CheckpointError, MAX_CHECKPOINT_BYTES, open_checkpoint, seal_checkpoint};
 pub use claim::Claim;
 pub use clock::{ClockLine, monotonic_s};
+pub use cut::Cut;
 pub use description::{CameraDescription, NodeDescription};
 pub use film::{
-    BACKGROUND_S, CameraReport, FilmEvent, FilmState, FrameReport, Pace, RunStart, ring_frames, unix_now_s,
+    BACKGROUND_S, CameraPace, CameraReport, FilmEvent, FilmState, FrameReport, Pace, RunStart, Stamps,
+    ring_frames, unix_now_s,
 };
 pub use pictures::{CameraPicture, FramePictures, MAX_SCALE_LOG2, Picture, PictureKind, PictureRequest};
 

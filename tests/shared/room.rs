@@ -81,6 +81,7 @@ pub fn program() -> Command {
 }
 
 /// The names of a node's cameras.
+#[allow(dead_code, reason = "not every test needs it")]
 pub fn cameras(node: usize) -> [String; 2] {
     [2 * node, 2 * node + 1].map(|camera| format!("cam_{camera}"))
 }

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use proto::{RunStart, unix_now_s};
+use proto::{CameraPace, RunStart, unix_now_s};
 
 use super::CaptureError;
 use super::background::{BackgroundCapture, RequestSlot};
@@ -16,6 +16,9 @@ use super::segmenter::{CutoutError, silhouette};
 use crate::frames::{CameraFrame, FrameRing, Stamp};
 use crate::pictures::ColourRing;
 use crate::source::{Image, OpenContext, Source, SourceFrame};
+
+/// Captures of one camera lie at least so many periods apart.
+const LEAST_PERIODS: f64 = 0.1;
 
 /// A source that was to be opened.
 pub(super) type Opened = Result<Box<dyn Source>, CaptureError>;
@@ -41,6 +44,8 @@ pub(super) struct CaptureLoop {
 struct Progress {
     /// The number after the newest frame.
     next: u64,
+    /// When the newest frame was captured, seconds of film.
+    past_s: Option<f64>,
     image: Image,
     background: BackgroundCapture,
 }
@@ -98,18 +103,30 @@ impl CaptureLoop {
         progress: &mut Progress,
         mut filmed: impl FnMut(&str),
     ) -> Result<(), CaptureError> {
-        let Progress { next, image, background } = progress;
+        let Progress { next, past_s, image, background } = progress;
         while let Some(at_least) = self.await_turn(*next) {
             let frame = source.next(at_least, image);
             let frame =
                 frame.map_err(|error| CaptureError::Source { camera: camera.name().into(), error })?;
             let Some(frame) = frame else { break };
-            self.offer(camera, frame, image)?;
+            let frame = self.after(frame, past_s);
+            self.offer(camera, frame, source.pace(), image)?;
             self.learn(camera, background, frame.number, image);
             *next = frame.number.saturating_add(1);
             filmed(camera.name());
         }
         Ok(())
+    }
+
+    /// A frame that is not captured before the one before it, whatever its source has learnt of its clock since.
+    fn after(&self, frame: SourceFrame, past_s: &mut Option<f64>) -> SourceFrame {
+        if !self.is_live {
+            return frame;
+        }
+        let least_s = past_s.map_or(f64::NEG_INFINITY, |past_s| past_s + LEAST_PERIODS / self.context.fps);
+        let capture_time_s = frame.capture_time_s.max(least_s);
+        *past_s = Some(capture_time_s);
+        SourceFrame { capture_time_s, ..frame }
     }
 
     /// Shows a frame to the background that is being learnt, if any; once it is complete it is used.
@@ -133,7 +150,13 @@ impl CaptureLoop {
     }
 
     /// Makes a frame's silhouette and hands it in.
-    fn offer(&self, camera: &mut ReadyCamera, frame: SourceFrame, image: &Image) -> Result<(), CaptureError> {
+    fn offer(
+        &self,
+        camera: &mut ReadyCamera,
+        frame: SourceFrame,
+        pace: Option<CameraPace>,
+        image: &Image,
+    ) -> Result<(), CaptureError> {
         let began = Instant::now();
         let name = camera.config.camera.name();
         let silhouette = silhouette(camera.segmenter.as_mut(), image, name)
@@ -148,7 +171,8 @@ impl CaptureLoop {
         };
         let segment_ms = began.elapsed().as_secs_f64() * 1e3;
         self.colours.keep(self.index, frame.number, image, &silhouette);
-        let mut part = CameraFrame::new(&camera.observer, silhouette, segment_ms);
+        let part = CameraFrame::new(&camera.observer, silhouette, segment_ms);
+        let mut part = part.stamped(camera.config.source.stamps(), pace);
         if !self.start.lock_step {
             part.late_s = self.clock.now_s() - frame.number as f64 / self.context.fps;
         }

@@ -45,6 +45,7 @@ struct Reins {
     run: u64,
     gate: Arc<Gate>,
     clock: Option<Arc<FilmClock>>,
+    phase: Arc<Mutex<Option<f64>>>,
 }
 
 struct Run {
@@ -100,8 +101,12 @@ impl Film {
         self.ring.clear(!start.lock_step);
         self.colours.clear();
         let (gate, clock) = (Arc::new(Gate::default()), Arc::new(FilmClock::new(start.clock)));
-        *lock(&self.reins) =
-            Reins { run: start.run, gate: Arc::clone(&gate), clock: Some(Arc::clone(&clock)) };
+        *lock(&self.reins) = Reins {
+            run: start.run,
+            gate: Arc::clone(&gate),
+            clock: Some(Arc::clone(&clock)),
+            phase: Arc::default(),
+        };
         // All sources open before any thread begins: one that never will leaves nothing running.
         let loops = self.loops(start, &gate, &clock)?;
         let threads = loops.into_iter().zip(&self.cameras).map(|((capture, opened), camera)| {
@@ -154,10 +159,12 @@ impl Film {
     /// What the sources of a run are opened with.
     fn context(&self, start: RunStart, gate: &Arc<Gate>, clock: &Arc<FilmClock>) -> OpenContext {
         let (gate, clock) = (Arc::clone(gate), Arc::clone(clock));
+        let phase = Arc::clone(&lock(&self.reins).phase);
         let live_silence = if start.lock_step { Duration::MAX } else { silence(self.fps) };
         OpenContext {
             fps: self.fps,
             clock: Arc::new(move || clock.now_s()),
+            phase: Arc::new(move || *lock(&phase)),
             stopped: Arc::new(move || gate.is_stopped()),
             live_silence,
         }
@@ -186,6 +193,19 @@ impl Film {
         let reins = lock(&self.reins);
         if let Some(clock) = reins.clock.as_ref().filter(|_| reins.run == run) {
             clock.follow(line);
+        }
+    }
+
+    /// The same of the run that is on.
+    pub fn cut_here(&self, phase: f64) {
+        *lock(&lock(&self.reins).phase) = Some(phase);
+    }
+
+    /// Tells where a run's film is cut into frames, in periods from their numbers.
+    pub fn cut_at(&self, run: u64, phase: f64) {
+        let reins = lock(&self.reins);
+        if reins.run == run {
+            *lock(&reins.phase) = Some(phase);
         }
     }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use bytes::Bytes;
 use hull::silhouette::PixelRect;
 use hull::{Observer, Silhouette, View, ViewSet};
-use proto::{CameraReport, FrameReport};
+use proto::{CameraPace, CameraReport, FrameReport, Stamps};
 
 /// One camera's part of a frame.
 #[derive(Clone, Debug)]
@@ -22,6 +22,10 @@ pub struct CameraFrame {
     pub segment_ms: f64,
     /// Live: from the film time of the frame's number to when it was there, seconds.
     pub late_s: f64,
+    /// By what its source knows which frame is which.
+    pub stamps: Stamps,
+    /// Of live cameras, once it is known.
+    pub pace: Option<CameraPace>,
     pub(super) view: View,
 }
 
@@ -36,7 +40,14 @@ impl CameraFrame {
             silhouette: Arc::new(silhouette),
             segment_ms,
             late_s: 0.0,
+            stamps: Stamps::Index,
+            pace: None,
         }
+    }
+
+    /// The same of a camera that films like this.
+    pub fn stamped(self, stamps: Stamps, pace: Option<CameraPace>) -> CameraFrame {
+        CameraFrame { stamps, pace, ..self }
     }
 }
 
@@ -74,6 +85,8 @@ impl Frame {
             silhouette_bytes: camera.bytes.len() as u32,
             segment_ms: camera.segment_ms,
             late_s: camera.late_s,
+            stamps: camera.stamps,
+            pace: camera.pace,
         };
         FrameReport {
             frame: self.number,

@@ -180,6 +180,10 @@ impl FrameRing {
         let count = self.camera_count;
         let parts =
             inner.pending.entry(stamp.number).or_insert_with(|| Parts { stamp, cameras: vec![None; count] });
+        // The earliest of them: so later frames are captured later, whichever camera delivers first.
+        if stamp.capture_time_s < parts.stamp.capture_time_s {
+            parts.stamp = stamp;
+        }
         parts.cameras[camera] = Some(part);
         inner.awaited_from[camera].get_or_insert(stamp.number);
         if inner.goes_on {

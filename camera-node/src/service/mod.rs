@@ -16,8 +16,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use proto::convert::{
-    SilhouetteEncoding, claim_from_wire, clock_from_wire, description_to_wire, picture_request_from_wire,
-    picture_to_wire, shape_from_wire, silhouette_data, start_from_wire,
+    SilhouetteEncoding, claim_from_wire, clock_from_wire, description_to_wire, phase_from_wire,
+    picture_request_from_wire, picture_to_wire, shape_from_wire, silhouette_data, start_from_wire,
 };
 use proto::v1::camera_node_server::CameraNode;
 use proto::{CameraDescription, NodeDescription, monotonic_s, ring_frames, v1};
@@ -125,10 +125,13 @@ impl CameraNode for Service {
         request: Request<v1::KeepTimeRequest>,
     ) -> Result<Response<v1::KeepTimeReply>, Status> {
         let node_s = monotonic_s();
-        let v1::KeepTimeRequest { run, clock, holder } = request.into_inner();
+        let v1::KeepTimeRequest { run, clock, holder, phase } = request.into_inner();
         self.hold.check(holder)?;
         if let Some(clock) = clock {
             self.film.keep_time(run, clock_from_wire(&clock).map_err(invalid)?);
+        }
+        if let Some(phase) = phase {
+            self.film.cut_at(run, phase_from_wire(phase).map_err(invalid)?);
         }
         Ok(Response::new(v1::KeepTimeReply { node_s }))
     }

@@ -5,6 +5,7 @@ use std::num::NonZeroU64;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
+use proto::Stamps;
 use serde::{Deserialize, Deserializer, de::Error as _};
 use stage::{Motion, Prop, StageSettings};
 
@@ -85,7 +86,8 @@ pub struct FileConfig {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PipeConfig {
-    /// The program and its arguments; no shell is involved.
+    /// The program and its arguments; no shell is involved. For a live one `{times}` stands for a pipe on which it
+    /// writes a line of milliseconds a frame, `{counts}` for one of a trigger's counts.
     #[serde(deserialize_with = "command")]
     pub command: Vec<String>,
     /// Frames without headers, of the camera's size, instead of YUV4MPEG2: what a camera's driver gives, not
@@ -98,8 +100,8 @@ pub struct PipeConfig {
     /// Where it runs. Not in the file: [`SourceConfig::resolve`] sets it.
     #[serde(skip, default = "here")]
     pub folder: PathBuf,
-    /// A camera and not a film: frames are numbered by arrival, and what is not taken in time is
-    /// dropped.
+    /// A camera and not a film: frames are numbered by when they were captured, as far as that is known, and what is
+    /// not taken in time is dropped.
     #[serde(default)]
     pub live: bool,
     /// From exposure to arrival, seconds; for live sources.
@@ -162,9 +164,70 @@ impl SourceConfig {
         }
     }
 
+    /// By what its frames are numbered.
+    pub fn stamps(&self) -> Stamps {
+        match self {
+            SourceConfig::Pipe(pipe) if pipe.live => match pipe.side() {
+                Some(Side::Times) => Stamps::Capture,
+                Some(Side::Counts) => Stamps::Counter,
+                None => Stamps::Arrival,
+            },
+            _ => Stamps::Index,
+        }
+    }
+
+    /// Why a command's `{times}` or `{counts}` cannot be, if so.
+    pub fn misplaced_side(&self) -> Option<&'static str> {
+        let SourceConfig::Pipe(pipe) = self else { return None };
+        let has = |side: Side| pipe.command.iter().any(|word| word.contains(side.placeholder()));
+        match (has(Side::Times), has(Side::Counts)) {
+            (false, false) => None,
+            (true, true) => Some("found {times} and {counts} in a command, expected one of the two"),
+            _ if !pipe.live => {
+                Some("found {times} or {counts} in a film's command, expected live = true too")
+            }
+            _ => None,
+        }
+    }
+
     /// Whether it runs at its own pace, so that frames which are not taken are lost.
     pub fn is_live(&self) -> bool {
         matches!(self, SourceConfig::Pipe(PipeConfig { live: true, .. }))
+    }
+}
+
+/// What a program says of each frame beside its film.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// When it was captured, milliseconds.
+    Times,
+    /// Which of a trigger's it is.
+    Counts,
+}
+
+impl Side {
+    /// The word of a command that stands for the pipe.
+    pub fn placeholder(self) -> &'static str {
+        match self {
+            Side::Times => "{times}",
+            Side::Counts => "{counts}",
+        }
+    }
+
+    /// What comes on it.
+    pub fn what(self) -> &'static str {
+        match self {
+            Side::Times => "time",
+            Side::Counts => "count",
+        }
+    }
+}
+
+impl PipeConfig {
+    /// What the program says beside its film.
+    pub fn side(&self) -> Option<Side> {
+        let has = |side: &Side| self.command.iter().any(|word| word.contains(side.placeholder()));
+        [Side::Times, Side::Counts].into_iter().find(has)
     }
 }
 

@@ -1,7 +1,8 @@
 //! Where a camera's frames come from: the synthetic studio, numbered files, or a program's pipe.
 //!
 //! A source numbers its frames on the cluster's common count and never renumbers: in a file the
-//! index is the number, a missing file is a missing frame, and a live pipe goes by arrival time.
+//! index is the number, a missing file is a missing frame, and a live pipe goes by what it knows: a count, capture
+//! times, or when its frames arrive.
 //! Sources block; they belong on a thread of their own. They keep no time: the caller decides when a
 //! frame is due, and names the oldest that is still of use.
 
@@ -9,9 +10,11 @@ mod config;
 mod files;
 mod film;
 mod mailbox;
+mod number;
 mod pipe;
 mod program;
 mod raw;
+mod side_pipe;
 mod stage_source;
 mod y4m;
 
@@ -21,6 +24,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use hull::Camera;
+use proto::CameraPace;
 use segment::{Format, Layout, SizeError};
 use thiserror::Error;
 
@@ -104,6 +108,11 @@ pub trait Source: Send {
     /// numbers only grow from call to call. Blocks until there is one. `None`: the film has ended, or the run
     /// is over.
     fn next(&mut self, at_least: u64, image: &mut Image) -> Result<Option<SourceFrame>, SourceError>;
+
+    /// How a live camera films, once that is known.
+    fn pace(&self) -> Option<CameraPace> {
+        None
+    }
 }
 
 /// What every source of a cluster shares.
@@ -113,6 +122,8 @@ pub struct OpenContext {
     pub fps: f64,
     /// Seconds on the common epoch now; only live pipes use it.
     pub clock: Clock,
+    /// Where the cluster cuts film into frames; only live pipes use it.
+    pub phase: Phase,
     /// Whether the run is over: a program that gives no frame is then waited for no longer.
     pub stopped: Stopped,
     /// The longest wait for a frame of a live source that has given one; the first may take as long as its
@@ -123,13 +134,22 @@ pub struct OpenContext {
 /// Tells the time in seconds on the common epoch.
 pub type Clock = Arc<dyn Fn() -> f64 + Send + Sync>;
 
+/// Tells by how many periods of film frames are captured after what their number says, once that is decided.
+pub type Phase = Arc<dyn Fn() -> Option<f64> + Send + Sync>;
+
 /// Tells whether a run is over.
 pub type Stopped = Arc<dyn Fn() -> bool + Send + Sync>;
 
 impl OpenContext {
     /// For a source that is read outside any run: its clock stands at the epoch, and nothing stops it.
     pub fn outside_runs(fps: f64) -> OpenContext {
-        OpenContext { fps, clock: Arc::new(|| 0.0), stopped: Arc::new(|| false), live_silence: Duration::MAX }
+        OpenContext {
+            fps,
+            clock: Arc::new(|| 0.0),
+            phase: Arc::new(|| None),
+            stopped: Arc::new(|| false),
+            live_silence: Duration::MAX,
+        }
     }
 }
 

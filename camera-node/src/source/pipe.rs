@@ -1,8 +1,8 @@
 //! Film from any program that writes YUV4MPEG2 to its standard output: webcams, network cameras
 //! and video files through ffmpeg or GStreamer.
 //!
-//! YUV4MPEG2 has no timestamps. In a film the index is the number; a live camera's frames are
-//! numbered by their arrival minus a configured latency.
+//! YUV4MPEG2 has no timestamps. In a film the index is the number; a live camera's frames are numbered by what its
+//! program writes beside them, or by when they arrive.
 
 use std::io::BufReader;
 use std::process::ChildStdout;
@@ -11,15 +11,18 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
 use hull::Camera;
+use proto::CameraPace;
 use segment::{Format, Range};
 
-use super::config::PipeConfig;
+use super::config::{PipeConfig, SourceConfig};
 use super::film::{Fit, Numbering, check_rate, label};
 use super::mailbox::{Mailbox, WhenFull};
+use super::number::LiveNumbers;
 use super::program::{Ending, Program};
 use super::raw::FrameReader;
+use super::side_pipe::SidePipe;
 use super::y4m::{Header, Reader, Y4mError};
-use super::{Clock, Image, OpenContext, Source, SourceError, SourceFrame, Stopped};
+use super::{Clock, Image, OpenContext, Phase, Source, SourceError, SourceFrame, Stopped};
 
 /// Frames read ahead of use: one being used, one ready, and no more memory than that.
 const FRAMES_AHEAD: usize = 2;
@@ -38,8 +41,8 @@ pub struct PipeSource {
     program: Program,
     mailbox: Arc<Mailbox<PipeMessage>>,
     empties: Sender<Vec<u8>>,
-    numbers: FrameNumbers,
-    fps: f64,
+    /// How a live camera films, as of the newest frame.
+    pace: Option<CameraPace>,
     /// The longest wait for the first frame, and for each later one.
     timeout: Duration,
     silence: Duration,
@@ -52,17 +55,18 @@ pub struct PipeSource {
 }
 
 /// How frames get their numbers.
-#[derive(Clone, Copy, Debug)]
 enum FrameNumbers {
-    Index(Numbering),
-    Arrival { latency_s: f64 },
+    Index { numbering: Numbering, fps: f64 },
+    Live { numbers: Box<LiveNumbers>, side: Option<SidePipe> },
 }
 
 enum PipeMessage {
     Frame {
         format: Format,
         index: u64,
-        arrival_s: f64,
+        /// Its number and capture time, if it has a place in the count.
+        stamp: Option<SourceFrame>,
+        pace: Option<CameraPace>,
         planes: Vec<u8>,
     },
     /// The last one: what is wrong, and the pipe. While it is open the program dies of nothing but
@@ -87,38 +91,36 @@ impl PipeSource {
             // A camera of a rig has a size that frames may have.
             Format::new(raw.layout(range), camera.width(), camera.height()).ok()
         });
-        let (program, stdout) = Program::start(&config.command, &config.folder)?;
-        let numbering = Numbering::new(config.start_frame, config.frame_step);
-        let (numbers, when_full, capacity, film_fps) = if config.live {
-            (FrameNumbers::Arrival { latency_s: config.latency_s }, WhenFull::DropOldest, 1, None)
-        } else {
-            (
-                FrameNumbers::Index(numbering),
-                WhenFull::Wait,
-                FRAMES_AHEAD,
-                Some(numbering.film_fps(context.fps)),
-            )
+        let (numbers, command) = frame_numbers(config, context.fps)?;
+        let (program, stdout) = Program::start(&command, &config.folder)?;
+        let film_fps = match &numbers {
+            FrameNumbers::Index { numbering, fps } => Some(numbering.film_fps(*fps)),
+            FrameNumbers::Live { .. } => None,
         };
-        let mailbox = Arc::new(Mailbox::new(capacity, when_full));
+        let mailbox = Arc::new(match film_fps {
+            Some(_) => Mailbox::new(FRAMES_AHEAD, WhenFull::Wait),
+            None => Mailbox::new(1, WhenFull::DropOldest),
+        });
         let (empties, returned) = channel();
         let reader = PipeReader {
             mailbox: Arc::clone(&mailbox),
             returned,
             clock: Arc::clone(&context.clock),
+            phase: Arc::clone(&context.phase),
             name: format!("the film of {:?}", program.command()),
+            camera: camera.name().to_owned(),
             fit: Fit::new(camera),
             film_fps,
             raw,
         };
         let timeout = Duration::from_secs_f64(config.timeout_s);
         // Ends with the pipe, which ends with the program, which ends with the source.
-        std::thread::spawn(move || reader.run(stdout));
+        std::thread::spawn(move || reader.run(stdout, numbers));
         Ok(PipeSource {
             program,
             mailbox,
             empties,
-            numbers,
-            fps: context.fps,
+            pace: None,
             timeout,
             silence: if config.live { timeout.min(context.live_silence) } else { timeout },
             stopped: Arc::clone(&context.stopped),
@@ -126,21 +128,6 @@ impl PipeSource {
             last: None,
             end: None,
         })
-    }
-
-    /// Number and capture time of a frame; `None` if it has no place in the count.
-    fn number(&self, index: u64, arrival_s: f64) -> Option<SourceFrame> {
-        match self.numbers {
-            FrameNumbers::Index(numbering) => {
-                numbering.number(index).map(|number| SourceFrame::of_film(number, self.fps))
-            }
-            FrameNumbers::Arrival { latency_s } => {
-                let capture_time_s = arrival_s - latency_s;
-                // The nearest tick of the count; before the epoch there is none.
-                let tick = (capture_time_s * self.fps + 0.5).floor();
-                (tick >= 0.0).then_some(SourceFrame { number: tick as u64, capture_time_s })
-            }
-        }
     }
 
     /// The longest wait for the next frame.
@@ -198,14 +185,14 @@ impl Source for PipeSource {
         let at_least = at_least.max(self.last.map_or(0, |last| last.saturating_add(1)));
         loop {
             let Some(received) = self.receive() else { return Ok(None) };
-            let Ok(PipeMessage::Frame { format, index, arrival_s, mut planes }) = received else {
+            let Ok(PipeMessage::Frame { format, index, stamp, pace, mut planes }) = received else {
                 let result = self.ended(received);
                 self.mailbox.close();
                 self.end = Some(result.clone());
                 return result.map(|()| None);
             };
-            self.frames = index + 1;
-            let taken = self.number(index, arrival_s).filter(|frame| frame.number >= at_least);
+            (self.frames, self.pace) = (index + 1, pace);
+            let taken = stamp.filter(|frame| frame.number >= at_least);
             if let Some(frame) = taken {
                 label(format, image);
                 std::mem::swap(&mut image.data, &mut planes);
@@ -218,6 +205,31 @@ impl Source for PipeSource {
             }
         }
     }
+
+    fn pace(&self) -> Option<CameraPace> {
+        self.pace
+    }
+}
+
+/// How the frames of a program are numbered, and its command with a pipe where it writes what it knows of them.
+fn frame_numbers(config: &PipeConfig, fps: f64) -> Result<(FrameNumbers, Vec<String>), SourceError> {
+    if !config.live {
+        let numbering = Numbering::new(config.start_frame, config.frame_step);
+        return Ok((FrameNumbers::Index { numbering, fps }, config.command.clone()));
+    }
+    let stamps = SourceConfig::Pipe(config.clone()).stamps();
+    let numbers = Box::new(LiveNumbers::new(stamps, fps, config.latency_s));
+    let Some(kind) = config.side() else {
+        return Ok((FrameNumbers::Live { numbers, side: None }, config.command.clone()));
+    };
+    let side = SidePipe::make(kind.what()).map_err(|error| SourceError::Start {
+        command: config.command.join(" "),
+        problem: format!("no pipe for {}: {error}", kind.placeholder()),
+        may_pass: false,
+    })?;
+    let path = side.path().display().to_string();
+    let command = config.command.iter().map(|word| word.replace(kind.placeholder(), &path)).collect();
+    Ok((FrameNumbers::Live { numbers, side: Some(side) }, command))
 }
 
 impl Drop for PipeSource {
@@ -231,7 +243,9 @@ struct PipeReader {
     mailbox: Arc<Mailbox<PipeMessage>>,
     returned: Receiver<Vec<u8>>,
     clock: Clock,
+    phase: Phase,
     name: String,
+    camera: String,
     fit: Fit,
     film_fps: Option<f64>,
     /// What frames without headers are.
@@ -239,8 +253,8 @@ struct PipeReader {
 }
 
 impl PipeReader {
-    fn run(self, mut stdout: ChildStdout) {
-        if let Err(failure) = self.frames(&mut stdout) {
+    fn run(self, mut stdout: ChildStdout, mut numbers: FrameNumbers) {
+        if let Err(failure) = self.frames(&mut stdout, &mut numbers) {
             // This fails only if nobody reads any more.
             let _ = self.mailbox.send(PipeMessage::Failed(failure, stdout));
         }
@@ -248,7 +262,7 @@ impl PipeReader {
     }
 
     /// Reads to the film's end, or to what is wrong with it.
-    fn frames(&self, stdout: &mut ChildStdout) -> Result<(), PipeFailure> {
+    fn frames(&self, stdout: &mut ChildStdout, numbers: &mut FrameNumbers) -> Result<(), PipeFailure> {
         let garbage = |error: Y4mError| PipeFailure::Garbage(error.to_string());
         let stdout = BufReader::with_capacity(BUFFER_BYTES, stdout);
         let (mut reader, format) = match self.raw {
@@ -264,12 +278,42 @@ impl PipeReader {
             if !reader.read(&mut planes).map_err(garbage)? {
                 break;
             }
-            let arrival_s = (self.clock)();
-            if self.mailbox.send(PipeMessage::Frame { format, index, arrival_s, planes }).is_err() {
+            let (stamp, pace) = self.stamp(numbers, index, (self.clock)())?;
+            if self.mailbox.send(PipeMessage::Frame { format, index, stamp, pace, planes }).is_err() {
                 break;
             }
         }
         Ok(())
+    }
+
+    /// Number and capture time of a frame, `None` if it has no place in the count; and a live camera's pace.
+    fn stamp(
+        &self,
+        numbers: &mut FrameNumbers,
+        index: u64,
+        arrival_s: f64,
+    ) -> Result<(Option<SourceFrame>, Option<CameraPace>), PipeFailure> {
+        let (numbers, side) = match numbers {
+            FrameNumbers::Index { numbering, fps } => {
+                let stamp = numbering.number(index).map(|number| SourceFrame::of_film(number, *fps));
+                return Ok((stamp, None));
+            }
+            FrameNumbers::Live { numbers, side } => (numbers, side),
+        };
+        let said = side
+            .as_mut()
+            .map(SidePipe::next)
+            .transpose()
+            .map_err(|error| PipeFailure::Garbage(error.to_string()))?;
+        let numbered = numbers.push(arrival_s, said, (self.phase)());
+        let numbered = numbered.map_err(|error| PipeFailure::Garbage(error.to_string()))?;
+        if let Some(by) = numbered.anchored_anew {
+            let camera = &self.camera;
+            tracing::warn!("camera {camera:?}: its counter was off by {by} frames, and is anchored anew");
+        }
+        let capture_time_s = numbered.capture_time_s;
+        let stamp = numbered.number.map(|number| SourceFrame { number, capture_time_s });
+        Ok((stamp, numbers.pace()))
     }
 
     /// The format of a film whose header fits camera and cluster.
@@ -485,11 +529,11 @@ mod tests {
 
     #[test]
     fn live_frames_are_numbered_by_arrival_and_old_ones_dropped() {
-        // The clock moves a tenth of a second a frame: numbers 3 apart, the latency one frame back.
+        // The clock moves by a frame from frame to frame; the latency is three of them.
         let ticks = AtomicU64::new(0);
-        let clock: Clock = Arc::new(move || ticks.fetch_add(1, Ordering::Relaxed) as f64 / 10.0);
+        let clock: Clock = Arc::new(move || ticks.fetch_add(1, Ordering::Relaxed) as f64 / 30.0);
         let context = OpenContext { clock, ..context(30.0) };
-        let script = "printf 'YUV4MPEG2 W2 H1 F30:1 Cmono\\n'; for i in 0 1 2 3 4 5; do printf 'FRAME\\nab'; sleep 0.05; done; sleep 100";
+        let script = "printf 'YUV4MPEG2 W2 H1 F30:1 Cmono\\n'; i=0; while [ $i -lt 20 ]; do printf 'FRAME\\nab'; sleep 0.01; i=$((i+1)); done; sleep 100";
         let live = config(&["sh", "-c", script], "live = true\nlatency_s = 0.1");
         let mut source = PipeSource::open(&live, &camera(2, 1), &context).expect("starts");
         let mut image = Image::default();
@@ -498,8 +542,8 @@ mod tests {
             taken.push(source.next(4, &mut image).expect("reads").expect("a frame"));
         }
         // The frame before the epoch and the one too old are not given.
-        assert!(taken.iter().all(|taken| taken.number % 3 == 0 && taken.number >= 6));
-        assert!(taken.iter().all(|taken| (taken.capture_time_s * 30.0 - taken.number as f64).abs() < 1e-9));
+        assert!(taken.iter().all(|taken| taken.number >= 4));
+        assert!(taken.iter().all(|taken| (taken.capture_time_s * 30.0 - taken.number as f64).abs() < 1e-6));
         assert!(taken.windows(2).all(|pair| pair[0].number < pair[1].number));
     }
 

@@ -35,6 +35,8 @@ while [ ! -e turn_$turn ]; do turn=$((turn - 1)); done
 pub struct LiveCamera {
     folder: TempDir,
     program: String,
+    /// Words of its command after the program.
+    words: Vec<String>,
 }
 
 impl LiveCamera {
@@ -47,7 +49,14 @@ impl LiveCamera {
 
     /// A camera whose program is yet to be written, or somewhere else.
     pub fn of_program(program: &str) -> LiveCamera {
-        LiveCamera { folder: tempfile::tempdir().expect("folder"), program: program.to_owned() }
+        let folder = tempfile::tempdir().expect("folder");
+        LiveCamera { folder, program: program.to_owned(), words: vec![] }
+    }
+
+    /// The same with a word in its command: `$1` of its programs.
+    pub fn with_word(mut self, word: &str) -> LiveCamera {
+        self.words.push(word.to_owned());
+        self
     }
 
     fn write(&self, turns: &[&str]) -> PathBuf {
@@ -70,11 +79,12 @@ impl LiveCamera {
             Vector3::zeros(),
         );
         // By `sh`: a program that another thread's child holds open for writing cannot be started.
-        let command = if self.folder.path().join("camera.sh").exists() {
+        let mut command = if self.folder.path().join("camera.sh").exists() {
             vec!["sh".to_owned(), self.program.clone()]
         } else {
             vec![self.program.clone()]
         };
+        command.extend(self.words.iter().cloned());
         let source = format!("kind = \"pipe\"\nlive = true\ncommand = {command:?}");
         let mut source: SourceConfig = toml::from_str(&source).expect("valid");
         let same = |text: &str| Ok::<_, ()>(text.to_owned());

@@ -117,6 +117,7 @@ impl Checker<'_> {
         let node = keys.node.as_deref().map(|node| self.node(&key("node"), folder, node)).transpose()?;
         let segmentation = self.segmentation(&key("segmentation"), defaults, &keys.segmentation)?;
         let source = self.source(&key("source"), folder, &keys.source)?;
+        self.stamps(&key("stamps"), keys.stamps.as_deref(), &source)?;
         let background = match &keys.background {
             Some(background) => Some(self.background(&key("background"), folder, background)?),
             None => source.empty_room(),
@@ -140,7 +141,21 @@ impl Checker<'_> {
     ) -> Result<SourceConfig, ClusterFileError> {
         let mut config = config.clone();
         config.resolve(folder, |path| self.resolved(key, folder, path), |text| self.text(key, text))?;
-        Ok(config)
+        match config.misplaced_side() {
+            Some(problem) => Err(self.wrong(key, problem)),
+            None => Ok(config),
+        }
+    }
+
+    /// By what frames are numbered follows from the source; a file that says it must say the same.
+    fn stamps(&self, key: &str, said: Option<&str>, source: &SourceConfig) -> Result<(), ClusterFileError> {
+        let known = source.stamps().word();
+        let Some(said) = said.filter(|said| *said != known) else { return Ok(()) };
+        let problem = format!(
+            "found {said:?}, expected {known:?} of this source (the command of a live pipe with {{times}} gives \
+             \"capture\", with {{counts}} \"counter\", with neither \"arrival\"; all else gives \"index\")"
+        );
+        Err(self.wrong(key, problem))
     }
 
     fn background(

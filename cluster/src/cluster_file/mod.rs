@@ -201,6 +201,7 @@ struct CameraKeys {
     name: String,
     node: Option<String>,
     source: SourceConfig,
+    stamps: Option<String>,
     background: Option<SourceConfig>,
     #[serde(default)]
     segmentation: Table,

@@ -65,6 +65,18 @@ source = { kind = "stage", motion = "punch" }
 "#;
 
 #[test]
+fn stamps_follow_from_the_source_and_may_be_said() {
+    let folder = Folder::new();
+    for (word, stamps) in [("times", "capture"), ("counts", "counter")] {
+        let text = TEXT.replace("${DATA}/a.avi\"]", &format!("x\", \"{{{word}}}\"]"));
+        let text = text.replace("background = {", &format!("stamps = {stamps:?}\nbackground = {{"));
+        let cluster = folder.read(&text).expect("valid");
+        let found: Vec<&str> = cluster.cameras.iter().map(|camera| camera.source.stamps().word()).collect();
+        assert_eq!(found, [stamps, "index", "index"]);
+    }
+}
+
+#[test]
 fn a_file_gives_its_cameras_in_rig_order_with_paths_and_defaults() {
     let folder = Folder::new();
     let cluster = folder.read(TEXT).expect("valid");
@@ -249,6 +261,28 @@ fn each_mistake_is_one_line_with_file_key_found_and_expected() {
         ("motion = \"punch\"", "motion = \"dance\"", &["line 22", "motion \"dance\", expected one of idle"]),
         ("latency_s = 0.05", "latency_s = -1", &["line 15", "found -1, expected 0 to 3600 seconds"]),
         ("[\"ffmpeg\", \"-i\", \"${DATA}/a.avi\"]", "[]", &["line 15", "found no program"]),
+        (
+            "\"${DATA}/a.avi\"], live = true",
+            "\"{times}\"]",
+            &[
+                "camera \"a\", source: found {times} or {counts} in a film's command, expected live = true too",
+            ],
+        ),
+        (
+            "\"${DATA}/a.avi\"]",
+            "\"{times}\", \"{counts}\"]",
+            &["camera \"a\", source: found {times} and {counts} in a command, expected one of the two"],
+        ),
+        (
+            "background = {",
+            "stamps = \"counter\"\nbackground = {",
+            &["camera \"a\", stamps: found \"counter\", expected \"arrival\" of this source"],
+        ),
+        (
+            "source = { kind = \"masks\"",
+            "stamps = \"capture\"\nsource = { kind = \"masks\"",
+            &["camera \"c\", stamps: found \"capture\", expected \"index\" of this source"],
+        ),
         ("${DATA}/a.avi", "${DATA", &["camera \"a\", source: found \"${DATA\", expected ${NAME}"]),
     ] {
         let text = TEXT.replacen(from, to, 1);

@@ -53,7 +53,7 @@ mod tests {
     use hull::silhouette::PixelRect;
     use hull::{Camera, ProbeSettings};
     use nalgebra::{Matrix3, Vector3};
-    use proto::CameraReport;
+    use proto::{CameraReport, Stamps};
 
     /// Two cameras at 3 m that look at the origin, along z and along x.
     fn observers() -> Vec<Arc<Observer>> {
@@ -76,6 +76,8 @@ mod tests {
             silhouette_bytes: 0,
             segment_ms: 0.0,
             late_s: 0.0,
+            stamps: Stamps::Index,
+            pace: None,
         };
         let cameras = vec![camera(0), camera(1)];
         FrameReport { frame: 0, capture_time_s: 0.0, captured_unix_s: 0.0, cameras, skipped: 0 }

@@ -7,7 +7,7 @@ use hull::silhouette::PixelRect;
 use hull::view_set::Scratch;
 use hull::{Camera, Silhouette, View, ViewSet};
 use nalgebra::{Matrix3, Vector3};
-use proto::CameraReport;
+use proto::{CameraReport, Stamps};
 
 use super::*;
 
@@ -45,6 +45,8 @@ fn report(frame: u64, admitted: Option<PixelRect>) -> FrameReport {
         silhouette_bytes: 0,
         segment_ms: 0.0,
         late_s: 0.0,
+        stamps: Stamps::Index,
+        pace: None,
     };
     let cameras = vec![camera(0), camera(1)];
     FrameReport { frame, capture_time_s: 0.0, captured_unix_s: 0.0, cameras, skipped: 0 }

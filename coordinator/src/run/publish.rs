@@ -3,13 +3,17 @@
 use std::sync::Arc;
 
 use hull::pass::{BodyResult, Touch};
-use proto::FrameReport;
+use proto::{FrameReport, Stamps};
 use sim::{Body, BodyId, BodyResponse};
 
 use super::Coordinator;
 use crate::figures::Progress;
 use crate::live::{BodyLook, BodyState, CameraStatus, Live, RunStatus, SceneState, TouchPoint, WorldState};
 use crate::roster::RosterNode;
+
+/// A camera whose captures are off by more, periods, films out of step; by less than the other, in step again.
+const UNSYNCED: f64 = 0.25;
+const SYNCED_AGAIN: f64 = 0.2;
 
 /// The end of followers, and what is published there.
 #[derive(Default)]
@@ -20,6 +24,8 @@ pub(super) struct Publisher {
     /// The last step, for followers that come while the world does not move.
     pub view: StepView,
     scene_version: u64,
+    /// Of each camera, whether it was said that it films out of step.
+    unsynced: Vec<bool>,
 }
 
 impl Publisher {
@@ -151,17 +157,34 @@ impl Coordinator {
         })));
     }
 
-    pub(super) fn publish_status(&self, progress: Progress) {
+    pub(super) fn publish_status(&mut self, progress: Progress) {
+        let cameras = self.camera_status();
+        self.warn_unsynced(&cameras);
         let Some(live) = self.publisher.live.as_ref().filter(|live| live.is_watched()) else { return };
         live.status.send_replace(Some(Arc::new(RunStatus {
             progress,
-            cameras: self.camera_status(),
+            cameras,
             frames_missed: self.figures.frames_expected.saturating_sub(self.figures.frames),
             frames_expected: self.figures.frames_expected,
             late_steps: self.figures.late_steps,
             blind_steps: self.figures.blind_steps,
             reduced_steps: self.figures.reduced_steps,
         })));
+    }
+
+    /// Says once of a camera that it films out of step with the others.
+    fn warn_unsynced(&mut self, cameras: &[CameraStatus]) {
+        let period_ms = 1e3 / self.settings.fps;
+        let warned = &mut self.publisher.unsynced;
+        warned.resize(cameras.len(), false);
+        for (camera, warned) in cameras.iter().zip(warned) {
+            let off = camera.sync_ms.abs() / period_ms;
+            if off > UNSYNCED && !*warned {
+                let (name, sync_ms) = (&camera.name, camera.sync_ms);
+                tracing::warn!("camera {name:?} films {sync_ms:.1} ms out of step with the others");
+            }
+            *warned = off > if *warned { SYNCED_AGAIN } else { UNSYNCED };
+        }
     }
 
     fn camera_status(&self) -> Vec<CameraStatus> {
@@ -195,6 +218,9 @@ impl Coordinator {
                 problem: node.and_then(|node| Some(node.missing()?.to_string())),
                 newest_frame: report.map(|report| report.frame),
                 age_ms: report.map_or(0.0, |report| self.clock.age_s(report) * 1e3),
+                stamps: part.map_or(Stamps::Index, |camera| camera.stamps).word(),
+                phase: part.and_then(|camera| Some(camera.pace?.phase)),
+                frames_per_s: part.and_then(|camera| Some(camera.pace?.frames_per_s)),
                 clock_bound_ms: node.map_or(0.0, |node| node.clock_bound_s() * 1e3),
                 sync_ms: report.map_or(0.0, |report| (shift_s(report) - median_s) * 1e3),
                 foreground: part.map_or(0.0, |camera| camera.area as f64 / pixels),

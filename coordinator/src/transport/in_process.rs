@@ -6,7 +6,7 @@ use hull::ViewSet;
 use hull::pass::{Pass, Round};
 use hull::question::Answer;
 use hull::view_set::Scratch;
-use proto::{FilmEvent, FilmState, FrameReport, Pace, monotonic_s};
+use proto::{Cut, FilmEvent, FilmState, FrameReport, Pace, monotonic_s};
 use tokio::sync::watch;
 
 use super::{BoxError, Silhouettes, TransportError};
@@ -24,6 +24,10 @@ pub trait LocalFrames: Send {
     /// Keeps a frame, however old it gets, until another is in use.
     fn use_frame(&self, frame: u64) {
         let _ = frame;
+    }
+    /// Tells where film is cut into frames, in periods from their numbers.
+    fn cut_at(&self, phase: f64) {
+        let _ = phase;
     }
     /// Wakes whenever a frame, an end or a failure has come.
     fn watch(&self) -> watch::Receiver<u64>;
@@ -68,6 +72,7 @@ pub(super) struct InProcess {
     pub frames: Box<dyn LocalFrames>,
     news: watch::Receiver<u64>,
     probes: LocalProbes,
+    cut: Cut,
 }
 
 impl InProcess {
@@ -75,7 +80,7 @@ impl InProcess {
         let mut roster = Roster::new(vec![RosterNode::new("of this process".into(), vec![])]);
         roster.up(NODE);
         let news = frames.watch();
-        (InProcess { frames, news, probes: LocalProbes::default() }, roster)
+        (InProcess { frames, news, probes: LocalProbes::default(), cut: Cut::default() }, roster)
     }
 
     /// Hands the roster what has come.
@@ -87,12 +92,17 @@ impl InProcess {
         let known = roster.newest();
         if known.is_some_and(|known| numbers.last().is_none_or(|last| *last < known)) {
             roster.begin_run();
+            self.cut = Cut::default();
         }
         let known = roster.newest();
         let new = numbers.into_iter().filter(|&number| known.is_none_or(|known| number > known));
         for report in new.filter_map(|number| self.frames.report(number)) {
             roster.heard(Arrival { node: NODE, frame: report.frame, heard_s: monotonic_s() });
+            self.cut.heard(&report);
             roster.film_event(NODE, FilmEvent::Frame(report));
+        }
+        if let Some(phase) = self.cut.phase() {
+            self.frames.cut_at(phase);
         }
         match state {
             FilmState::Running => {}

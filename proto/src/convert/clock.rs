@@ -41,6 +41,11 @@ pub fn clock_from_wire(clock: &v1::ClockLine) -> Result<ClockLine, ConvertError>
     })
 }
 
+/// Where film is cut into frames, periods.
+pub fn phase_from_wire(phase: f64) -> Result<f64, ConvertError> {
+    within(phase, -1.0, 1.0, Field("KeepTimeRequest", "phase"))
+}
+
 /// A reading of a node's clock.
 pub fn node_clock_from_wire(reply: v1::KeepTimeReply) -> Result<f64, ConvertError> {
     within(reply.node_s, -MAX_TIME_S, MAX_TIME_S, Field("KeepTimeReply", "node_s"))
@@ -69,6 +74,7 @@ mod tests {
             let error = clock_from_wire(&wire).expect_err("no clock").to_string();
             assert!(error.contains(expected), "{error}");
         }
+        assert!(phase_from_wire(-0.5).is_ok() && phase_from_wire(f64::NAN).is_err());
         assert!(node_clock_from_wire(v1::KeepTimeReply { node_s: f64::INFINITY }).is_err());
     }
 

@@ -5,7 +5,9 @@ use super::bulk::Field;
 use super::from_wire::pixel_rect_from_wire;
 use super::to_wire::pixel_rect_to_wire;
 use crate::text::{MAX_MESSAGE_CHARS, clean};
-use crate::{CameraDescription, CameraReport, FilmEvent, FrameReport, MAX_MESSAGE_BYTES, v1};
+use crate::{
+    CameraDescription, CameraPace, CameraReport, FilmEvent, FrameReport, MAX_MESSAGE_BYTES, Stamps, v1,
+};
 
 /// The greatest frame number: film of a million years, and exact as a float.
 const MAX_FRAME: u64 = 1 << 53;
@@ -13,6 +15,8 @@ const MAX_FRAME: u64 = 1 << 53;
 pub(super) const MAX_TIME_S: f64 = 1e10;
 /// No camera's segmentation takes longer, milliseconds.
 const MAX_SEGMENT_MS: f64 = 1e7;
+/// No camera films faster, frames per second.
+const MAX_FRAMES_PER_S: f64 = 1e6;
 
 /// A number within a range; NaN is in none.
 pub(super) fn within(value: f64, low: f64, high: f64, field: Field) -> Result<f64, ConvertError> {
@@ -38,9 +42,12 @@ pub fn film_event_to_wire(event: FilmEvent, last_frame: Option<u64>) -> v1::Fram
 fn frame_report_to_wire(report: FrameReport) -> v1::FrameInfo {
     let FrameReport { frame, capture_time_s, captured_unix_s, cameras, skipped } = report;
     let camera = |camera: CameraReport| {
-        let CameraReport { rig_index, admitted, area, silhouette_bytes, segment_ms, late_s } = camera;
+        let CameraReport { rig_index, admitted, area, silhouette_bytes, segment_ms, late_s, stamps, pace } =
+            camera;
         let (rig_index, admitted) = (rig_index.into(), admitted.map(pixel_rect_to_wire));
-        v1::CameraFrame { rig_index, admitted, area, silhouette_bytes, segment_ms, late_s }
+        let stamps = stamps_to_wire(stamps).into();
+        let pace = pace.map(|CameraPace { phase, frames_per_s }| v1::CameraPace { phase, frames_per_s });
+        v1::CameraFrame { rig_index, admitted, area, silhouette_bytes, segment_ms, late_s, stamps, pace }
     };
     v1::FrameInfo {
         frame,
@@ -96,7 +103,8 @@ fn camera_report_from_wire(
     camera: &v1::CameraFrame,
     cameras: &[CameraDescription],
 ) -> Result<CameraReport, ConvertError> {
-    let &v1::CameraFrame { rig_index, admitted, area, silhouette_bytes, segment_ms, late_s } = camera;
+    let &v1::CameraFrame { rig_index, admitted, area, silhouette_bytes, segment_ms, late_s, stamps: _, pace } =
+        camera;
     let field = |name| Field("CameraFrame", name);
     let described = described(rig_index, cameras, field("rig_index"))?;
     let (width, height) = described.size;
@@ -116,7 +124,36 @@ fn camera_report_from_wire(
     }
     let segment_ms = within(segment_ms, 0.0, MAX_SEGMENT_MS, field("segment_ms"))?;
     let late_s = within(late_s, -MAX_TIME_S, MAX_TIME_S, field("late_s"))?;
-    Ok(CameraReport { rig_index: described.rig_index, admitted, area, silhouette_bytes, segment_ms, late_s })
+    let stamps = stamps_from_wire(camera.stamps());
+    let pace = pace.map(pace_from_wire).transpose()?;
+    let rig_index = described.rig_index;
+    Ok(CameraReport { rig_index, admitted, area, silhouette_bytes, segment_ms, late_s, stamps, pace })
+}
+
+fn pace_from_wire(pace: v1::CameraPace) -> Result<CameraPace, ConvertError> {
+    let field = |name| Field("CameraPace", name);
+    Ok(CameraPace {
+        phase: within(pace.phase, 0.0, 1.0, field("phase"))?,
+        frames_per_s: within(pace.frames_per_s, 0.0, MAX_FRAMES_PER_S, field("frames_per_s"))?,
+    })
+}
+
+fn stamps_to_wire(stamps: Stamps) -> v1::Stamps {
+    match stamps {
+        Stamps::Index => v1::Stamps::Index,
+        Stamps::Counter => v1::Stamps::Counter,
+        Stamps::Capture => v1::Stamps::Capture,
+        Stamps::Arrival => v1::Stamps::Arrival,
+    }
+}
+
+fn stamps_from_wire(stamps: v1::Stamps) -> Stamps {
+    match stamps {
+        v1::Stamps::Index => Stamps::Index,
+        v1::Stamps::Counter => Stamps::Counter,
+        v1::Stamps::Capture => Stamps::Capture,
+        v1::Stamps::Arrival => Stamps::Arrival,
+    }
 }
 
 /// The one of a node's cameras that has this place in the rig.
@@ -157,6 +194,8 @@ mod tests {
             silhouette_bytes: 90,
             segment_ms: 0.5,
             late_s: 0.02,
+            stamps: Stamps::Capture,
+            pace: Some(CameraPace { phase: 0.25, frames_per_s: 29.97 }),
         };
         FrameReport {
             frame: 7,
@@ -178,7 +217,7 @@ mod tests {
     #[test]
     fn a_report_that_cannot_be_is_refused_by_field() {
         type Lie = fn(&mut v1::FrameInfo);
-        let lies: [(Lie, &str); 13] = [
+        let lies: [(Lie, &str); 15] = [
             (
                 |info| info.cameras[0].rig_index = 65_538,
                 "CameraFrame.rig_index: is 65538, expected one of the node's cameras 2, 5",
@@ -186,6 +225,14 @@ mod tests {
             (
                 |info| info.cameras[0].rig_index = 3,
                 "CameraFrame.rig_index: is 3, expected one of the node's cameras 2, 5",
+            ),
+            (
+                |info| info.cameras[0].pace = Some(v1::CameraPace { phase: 1.5, frames_per_s: 30.0 }),
+                "CameraPace.phase: is 1.5, expected 0 to 1",
+            ),
+            (
+                |info| info.cameras[0].pace = Some(v1::CameraPace { phase: 0.5, frames_per_s: f64::NAN }),
+                "CameraPace.frames_per_s: is NaN, expected 0 to 1000000",
             ),
             (|info| info.cameras[0].rig_index = 5, "FrameInfo.cameras: holds camera 5 twice"),
             (|info| info.cameras.clear(), "FrameInfo.cameras: holds 0, expected 1 to 2"),

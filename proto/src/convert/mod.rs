@@ -18,7 +18,9 @@ mod to_wire;
 
 pub use answer::{ExpectedAnswer, ProbeAnswer, answer_from_wire, answer_to_wire};
 pub use claim::{claim_from_wire, claim_to_wire};
-pub use clock::{clock_from_wire, clock_to_wire, node_clock_from_wire, start_from_wire, start_to_wire};
+pub use clock::{
+    clock_from_wire, clock_to_wire, node_clock_from_wire, phase_from_wire, start_from_wire, start_to_wire,
+};
 pub use description::{description_from_wire, description_to_wire};
 pub use film::{film_event_from_wire, film_event_to_wire};
 pub use from_wire::{pixel_rect_from_wire, settings_from_wire, shape_from_wire};

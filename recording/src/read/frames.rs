@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use coordinator::{BoxError, LocalFrames, Silhouettes};
 use hull::{Observer, Silhouette, View, ViewSet};
 use proto::convert::{SilhouetteEncoding, silhouette_from_data};
-use proto::{CameraReport, FilmState, FrameReport, Pace};
+use proto::{CameraReport, FilmState, FrameReport, Pace, Stamps};
 use tokio::sync::watch;
 
 use super::unpack::Unpacker;
@@ -108,6 +108,8 @@ impl RecordedFrames {
             silhouette_bytes: *silhouette_bytes,
             segment_ms: *segment_ms,
             late_s: 0.0,
+            stamps: Stamps::Index,
+            pace: None,
         };
         let cameras = parts.iter().map(report).collect();
         let capture_time_s = number as f64 / self.fps;

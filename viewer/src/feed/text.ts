@@ -74,6 +74,8 @@ export interface CameraStatus {
   readonly problem?: string | null;
   readonly newest_frame?: number | null;
   readonly age_ms?: number;
+  /** By what its frames are numbered. */
+  readonly stamps?: string;
   /** How far its captures are from the middle of all cameras', and how far its film time may be off. */
   readonly sync_ms?: number;
   readonly clock_bound_ms?: number;

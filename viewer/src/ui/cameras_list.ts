@@ -124,6 +124,7 @@ function health(status: CameraStatus, frameMs: number): readonly ["good" | "warn
     time.push(`${isOff ? "out of step " : "sync "}${status.sync_ms.toFixed(1)} ± ${boundMs.toFixed(1)} ms`);
   }
   if ((status.costs_ms ?? 0) > COSTLY_MS) time.push(`others wait ${Math.round(status.costs_ms ?? 0)} ms for it`);
+  if (status.stamps !== undefined && status.stamps !== "index") time.push(`by ${status.stamps}`);
   if (status.foreground !== undefined) sight.push(`${(status.foreground * 100).toFixed(1)} % foreground`);
   if (status.silhouette_bytes !== undefined) sight.push(bytesText(status.silhouette_bytes));
   return [state, [time, sight].map((line) => line.join(" · ")).join("\n")];

@@ -1,0 +1,52 @@
+//! Real nodes of live pipes that run freely: the coordinator cuts film where none of them captures.
+
+#[path = "shared/room.rs"]
+mod room;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use room::{Node, coordinator, figures, program};
+
+const CAMERAS: usize = 4;
+const SECONDS: &str = "6";
+
+/// A camera whose frames come at 20 a second, so many hundredths of a period after the second, each up to 6 ms late.
+const CAMERA: &str = r#"use Time::HiRes qw(time sleep); $| = 1; print "YUV4MPEG2 W96 H72 F20:1 C444\n";
+$zero = int(time) + 1 + $ARGV[0] / 2000;
+for ($n = 0; ; $n++) { $left = $zero + $n / 20 + rand(0.006) - time; sleep $left if $left > 0; print "FRAME\n", chr(149) x 6912, chr(43) x 6912, chr(21) x 6912 }"#;
+
+fn cluster_file(folder: &Path) -> PathBuf {
+    let rig = stage::studio_rig(CAMERAS, (96, 72)).expect("a rig");
+    fs::write(folder.join("rig.toml"), rig.to_toml()).expect("written");
+    fs::write(folder.join("camera.pl"), CAMERA).expect("written");
+    let mut text = "rig = \"rig.toml\"\nscene = \"topple\"\nfps = 20\nlatency_s = 0.3\n".to_owned();
+    text += "segmentation = { method = \"chroma\" }\n";
+    for (at, camera) in rig.cameras().iter().enumerate() {
+        let (name, phase) = (camera.name(), 100 * at / CAMERAS);
+        text += &format!(
+            "[[camera]]\nname = {name:?}\nnode = \"unix:{at}.sock\"\nstamps = \"arrival\"\nsource = {{ kind = \"pipe\", \
+             live = true, command = [\"perl\", \"camera.pl\", \"{phase}\"] }}\n"
+        );
+    }
+    let file = folder.join("room.cluster.toml");
+    fs::write(&file, text).expect("written");
+    file
+}
+
+#[test]
+fn nodes_of_cameras_that_run_freely_share_their_frames() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (cluster, json) = (cluster_file(folder.path()), folder.path().join("out.json"));
+    let node = |at: usize| Node::start(program(), &cluster, &[format!("cam_{at}")]);
+    let nodes: Vec<Node> = (0..CAMERAS).map(node).collect();
+    let run = coordinator(program(), &cluster, SECONDS, &json).spawn().expect("starts");
+    let figures = figures(run, &json);
+    let missed = &figures["missed"];
+    let (frames, slipped_s) = (missed["frames"].as_f64(), missed["slipped_s"].as_f64());
+    // What a busy machine has no time for is no fault of the numbers; one frame more may come too late.
+    let most = slipped_s.expect("seconds") * 20.0 + 1.5;
+    assert!(frames.is_some_and(|frames| frames < most), "{missed}");
+    assert!(figures["frames"].as_u64().is_some_and(|frames| frames > 90), "{missed}");
+    drop(nodes);
+}
