@@ -185,6 +185,28 @@ fn number(name: &str, default: u64) -> u64 {
     std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(default)
 }
 
+#[test]
+fn a_camera_that_falls_silent_takes_no_other_with_it() {
+    if program_is_missing("python3") {
+        eprintln!("skipped: python3 is not installed");
+        return;
+    }
+    let room = Room::new();
+    let json = room.folder.path().join("out.json");
+    let mut run = coordinator(program(), &room.cluster(), "7", &json);
+    let run = run.env("RUST_LOG", "info").spawn().expect("starts");
+    thread::sleep(Duration::from_millis(2500));
+    let mark = PathBuf::from(format!("{}.silent", film_of(room.folder.path(), "cam_1").display()));
+    fs::write(&mark, "").expect("written");
+    thread::sleep(Duration::from_millis(1500));
+    fs::remove_file(&mark).expect("removed");
+    let output = run.wait_with_output().expect("ends");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(said.contains("going on with 7 cameras: camera \"cam_1\" films nothing"), "{said}");
+    assert!(said.contains("camera \"cam_1\" is back, 8 cameras"), "{said}");
+    assert!(!said.contains("going on without node"), "{said}");
+}
+
 /// `HULLTOUCH_CHAOS_S` and `HULLTOUCH_CHAOS_SEED` make it longer, and another.
 #[test]
 fn a_run_in_which_everything_fails_goes_on() {

@@ -194,6 +194,10 @@ impl NodeClient {
         let mut state = self.state();
         let State { connection, knows, open, credit: _, clock: _ } = &mut *state;
         let connection = connection.as_ref().ok_or(NodeError::NotConnected)?;
+        let named =
+            |camera: &&CameraDescription| cameras.is_empty() || cameras.contains(&camera.rig_index.into());
+        let asked = self.node.cameras.iter().filter(named);
+        let expected = asked.map(|camera| (camera.rig_index, camera.size)).collect();
         let holder = self.holder();
         let message = v1::ProbeRequest { holder, cameras, ..written.message(knows, id, frame) };
         connection.probes.try_send(message).map_err(|error| match error {
@@ -204,8 +208,8 @@ impl NodeClient {
         if open.len() == MAX_SENDING {
             open.pop_front();
         }
-        let cameras = self.node.cameras.iter().map(|camera| (camera.rig_index, camera.size)).collect();
-        open.push_back((id, ExpectedAnswer { kind: question.kind, points: question.len(), cameras }));
+        let (kind, points) = (question.kind, question.len());
+        open.push_back((id, ExpectedAnswer { kind, points, cameras: expected }));
         Ok(())
     }
 
