@@ -174,7 +174,13 @@ impl FrameRing {
         let mut inner = self.lock();
         inner.delivered[camera] = Some(stamp.number);
         inner.note_end();
-        if inner.ring.back().is_some_and(|newest| stamp.number <= newest.number) {
+        if let Some(newest) =
+            inner.ring.back().map(|newest| newest.number).filter(|newest| stamp.number <= *newest)
+        {
+            // One that is less than a period behind the others is waited for from the next frame on.
+            if stamp.number == newest {
+                inner.awaited_from[camera].get_or_insert(newest + 1);
+            }
             return;
         }
         let count = self.camera_count;
@@ -404,6 +410,19 @@ mod tests {
         offer(&ring, 2, 4);
         offer(&ring, 0, 4);
         assert_eq!(held(&ring)[2..], [(2, vec![0, 2]), (3, vec![0, 1, 2])], "the next waits for it");
+    }
+
+    #[test]
+    fn a_camera_comes_back_though_the_others_are_always_a_little_earlier() {
+        let ring = FrameRing::new(2);
+        ring.clear(true);
+        (0..2).for_each(|camera| offer(&ring, camera, 0));
+        ring.leave_out(1);
+        for number in 1..4 {
+            offer(&ring, 0, number);
+            offer(&ring, 1, number);
+        }
+        assert_eq!(held(&ring)[1..], [(1, vec![0]), (2, vec![0, 1]), (3, vec![0, 1])]);
     }
 
     #[test]
