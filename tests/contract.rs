@@ -391,7 +391,10 @@ async fn obeys_one_coordinator_at_a_time(client: &mut Client, probe: &mut Probe,
     for refused in refused {
         let refused = refused.expect_err("held");
         assert_eq!(refused.code(), tonic::Code::Aborted, "{refused}");
-        assert_eq!(refused.message(), "held by the first for 0 s, expected it to end, or --take-over");
+        assert_eq!(
+            refused.message(),
+            "held by the first for 0 s, expected it to end, --take-over or --observe"
+        );
     }
     assert_eq!(probe.refused(12, question).await, RefusalReason::Held);
     let description = client.describe(v1::DescribeRequest {}).await.expect("anybody may ask").into_inner();

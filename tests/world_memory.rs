@@ -239,3 +239,37 @@ async fn a_killed_coordinator_goes_on_where_it_was_and_with_fresh_begins_anew() 
     assert!(position(&begun, ball).is_none() && step(&begun) < STEPS_PER_S, "the scene's start: {begun}");
     assert_eq!(fresh.gone_on(), None);
 }
+
+#[tokio::test]
+async fn one_that_observes_shows_the_run_of_another_and_steers_nothing() {
+    let studio = Studio::start();
+    let mut leads = Run::start(&studio, &[]).await;
+    let mut observes = Run::start(&studio, &["--observe"]).await;
+    let ball = leads.throw(1).await;
+    let seen = observes.heard(|message| position(message, ball).is_some()).await;
+    let led = leads.heard(|message| message["op"] == "state" && step(message) > step(&seen)).await;
+    let behind_s = (step(&led) - step(&seen)) as f64 / STEPS_PER_S as f64;
+    assert!(behind_s < 3.0, "{behind_s} s behind");
+    let moved_m = position(&led, ball).expect("the ball")[1] - position(&seen, ball).expect("the ball")[1];
+    assert!((moved_m - SPEED_M_S * behind_s).abs() < 1e-3, "where it was: {seen} {led}");
+    // Frames go on while the bodies of one second are shown.
+    let frame = |message: &Value| message["frame"].as_u64().unwrap_or_default();
+    observes.heard(|message| frame(message) > frame(&seen) + 5).await;
+
+    let reset = json!({"op": "command", "id": 2, "command": "reset"});
+    observes.socket.send(Message::text(reset.to_string())).await.expect("sent");
+    let refused = observes.heard(|message| message["id"] == 2).await;
+    assert!(refused.to_string().contains("observes the run of another"), "{refused}");
+    let later = step(&led) + STEPS_PER_S;
+    let on = leads.heard(|message| message["op"] == "state" && step(message) > later).await;
+    assert_eq!(on["generation"], led["generation"], "nothing has happened to it");
+    // The next who leads is observed as well.
+    leads.kill().await;
+    let next = Run::start(&studio, &["--fresh"]).await;
+    observes
+        .heard(|message| {
+            message["op"] == "state" && step(message) < 5 * STEPS_PER_S && position(message, ball).is_none()
+        })
+        .await;
+    drop(next);
+}

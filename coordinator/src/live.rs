@@ -116,6 +116,9 @@ pub enum Refusal {
     /// The run follows a recording.
     #[error("this run follows a recording, which others steered: pause, resume or step")]
     Replay,
+    /// Another coordinator leads the run.
+    #[error("this coordinator observes the run of another, which alone steers it")]
+    Observes,
     /// A recording keeps no more between two steps.
     #[error("{limit} commands since the last step, expected a step before more")]
     TooManyCommands {

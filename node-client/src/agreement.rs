@@ -27,12 +27,24 @@ impl fmt::Display for ExpectedNode {
     }
 }
 
+/// What a coordinator is to its nodes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Role {
+    /// Leads nodes that nobody leads.
+    #[default]
+    Leads,
+    /// Displaces another that leads them.
+    TakesOver,
+    /// Reads what they report, whoever leads them, and changes nothing.
+    Observes,
+}
+
 /// What the nodes of a run and their coordinator agree on.
 pub struct Agreement {
     settings: ProbeSettings,
     fps: f64,
     claim: Claim,
-    takes_over: bool,
+    role: Role,
     terms: Mutex<Terms>,
     cut: Mutex<Cut>,
     pub(crate) counters: Arc<ByteCounters>,
@@ -54,7 +66,7 @@ impl Agreement {
             settings,
             fps,
             claim,
-            takes_over: false,
+            role: Role::Leads,
             terms,
             cut: Mutex::default(),
             counters: Arc::default(),
@@ -66,9 +78,14 @@ impl Agreement {
         self.fps
     }
 
-    /// Displaces another that leads the nodes.
-    pub fn taking_over(self, takes_over: bool) -> Agreement {
-        Agreement { takes_over, ..self }
+    /// The same for a coordinator in this role.
+    pub fn with_role(self, role: Role) -> Agreement {
+        Agreement { role, ..self }
+    }
+
+    /// Whether nodes are only observed.
+    pub(crate) fn observes(&self) -> bool {
+        self.role == Role::Observes
     }
 
     /// Replaces the shapes; nodes that come back receive these. Returns those that are new.
@@ -98,13 +115,13 @@ impl Agreement {
 
     /// Our claim to a node that somebody holds with this term, or nobody.
     pub(crate) fn claim(&self, held_term: u64) -> Claim {
-        let over = if self.takes_over { held_term.saturating_add(1) } else { 0 };
+        let over = if self.role == Role::TakesOver { held_term.saturating_add(1) } else { 0 };
         Claim { term: self.claim.term.max(over), ..self.claim.clone() }
     }
 
-    /// By what nodes know us.
+    /// By what nodes know us: 0, nobody, for one that only observes.
     pub(crate) fn holder(&self) -> u64 {
-        self.claim.id
+        if self.observes() { 0 } else { self.claim.id }
     }
 
     pub(crate) fn terms(&self) -> MutexGuard<'_, Terms> {

@@ -309,21 +309,29 @@ impl NodeClient {
         let mut client = connect(&self.node.address, &self.agreement.counters).await?;
         let description = description_from_wire(client.describe(v1::DescribeRequest {}).await?.into_inner())?;
         self.agreement.check(&self.node, &description)?;
-        client.hold(claim_to_wire(self.claim(description.term))).await?;
-        self.state().clock = ClockEstimate::default();
-        for _ in 0..FIRST_READINGS {
-            self.read_clock(&mut client).await?;
-        }
-        let Terms { shapes, pace } = self.agreement.terms().clone();
-        register(&mut client, &shapes, self.holder()).await?;
-        if let Some(pace) = pace {
-            client.start(self.run_start(pace)?).await?;
+        if !self.agreement.observes() {
+            self.lead(&mut client, description.term).await?;
         }
         let (credits, credit_stream) = mpsc::channel(MAX_SENDING);
         let (probes, probe_stream) = mpsc::channel(MAX_SENDING);
         let frames = client.watch_frames(ReceiverStream::new(credit_stream)).await?.into_inner();
         let replies = client.probe(ReceiverStream::new(probe_stream)).await?.into_inner();
         Ok((Connection { client, probes, credits }, Streams { replies, frames }))
+    }
+
+    /// Claims the node, which somebody holds with this term, and begins the run there, if one is on.
+    async fn lead(&self, client: &mut CameraNodeClient<Channel>, held_term: u64) -> Result<(), NodeError> {
+        client.hold(claim_to_wire(self.claim(held_term))).await?;
+        self.state().clock = ClockEstimate::default();
+        for _ in 0..FIRST_READINGS {
+            self.read_clock(client).await?;
+        }
+        let Terms { shapes, pace } = self.agreement.terms().clone();
+        register(client, &shapes, self.holder()).await?;
+        if let Some(pace) = pace {
+            client.start(self.run_start(pace)?).await?;
+        }
+        Ok(())
     }
 
     /// Reads both streams until one ends; returns why.
@@ -339,6 +347,9 @@ impl NodeClient {
     /// Reads the node's clock again and again, and tells the node what film time that makes.
     async fn keep_time(&self) -> Result<(), NodeError> {
         let mut client = self.client()?;
+        if self.agreement.observes() {
+            return std::future::pending().await;
+        }
         loop {
             tokio::time::sleep(CLOCK_EVERY).await;
             self.read_clock(&mut client).await?;

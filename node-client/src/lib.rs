@@ -11,7 +11,7 @@ mod film_time;
 mod pictures;
 mod world;
 
-pub use agreement::{Agreement, ExpectedNode};
+pub use agreement::{Agreement, ExpectedNode, Role};
 pub use client::{NodeClient, NodeEvent};
 pub use counting::ByteCounts;
 pub use error::{Mismatch, NodeError};

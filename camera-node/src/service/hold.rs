@@ -20,7 +20,7 @@ const MAX_STREAMS: usize = 64;
 
 /// Another holds the node.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("held by {name} for {for_s} s, expected it to end, or --take-over")]
+#[error("held by {name} for {for_s} s, expected it to end, --take-over or --observe")]
 pub(super) struct HeldBy {
     name: String,
     for_s: u64,
@@ -158,7 +158,10 @@ mod tests {
         assert!(hold.stream_began(7));
         let late = after(100, began);
         let refused = hold.claim(claim(8, "second", 1), late).expect_err("held");
-        assert_eq!(refused.to_string(), "held by first for 100 s, expected it to end, or --take-over");
+        assert_eq!(
+            refused.to_string(),
+            "held by first for 100 s, expected it to end, --take-over or --observe"
+        );
         assert!(
             hold.claim(claim(9, "first", 1), late).is_err(),
             "its own name is not enough while it is there"

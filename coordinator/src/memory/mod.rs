@@ -18,11 +18,12 @@ use node_client::{NodeClient, NodeError};
 use proto::text::{MAX_MESSAGE_CHARS, clean};
 use proto::unix_now_s;
 use sim::{Scene, World};
+use thiserror::Error;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::{Instant, timeout};
 
-pub(crate) use checkpoint::Checkpoint;
-use checkpoint::{Moment, Place, newest_of};
+pub(crate) use checkpoint::{Checkpoint, Place};
+use checkpoint::{Moment, ReadError, newest_of};
 
 /// Nodes are handed the world so often. A killed coordinator's successor lacks this and its way to a node: together less
 /// than a second.
@@ -110,18 +111,37 @@ impl Memory {
     }
 }
 
-/// What one node remembers, if it is whole.
+/// The newest whole world of a run of this place that nodes remember, whoever handed it to them.
+pub(crate) async fn newest_world(place: Place, clients: Vec<Arc<NodeClient>>) -> Option<Checkpoint> {
+    let fetched = futures::future::join_all(clients.iter().map(|client| fetch(client))).await;
+    newest_of(place, fetched.into_iter().filter_map(|fetched| fetched.ok().flatten()).collect())
+}
+
+/// What one node remembers, if it is whole; it says so if not.
 async fn recall_from(client: &NodeClient) -> Option<Checkpoint> {
-    let fetched = timeout(FETCH_TIMEOUT, client.fetch_world()).await;
-    let fetched = fetched.unwrap_or(Err(NodeError::Timeout(FETCH_TIMEOUT)));
-    let read = match fetched {
-        Ok(bytes) => {
-            Checkpoint::from_bytes(&bytes?).map_err(|error| clean(&error.to_string(), MAX_MESSAGE_CHARS))
-        }
-        Err(error) => Err(error.to_string()),
-    };
     let node = client.node();
-    read.inspect_err(|why| tracing::warn!("node {node}: no world to go on from: {why}")).ok()
+    let fetched = fetch(client).await;
+    fetched.unwrap_or_else(|why| {
+        let why = clean(&why.to_string(), MAX_MESSAGE_CHARS);
+        tracing::warn!("node {node}: no world to go on from: {why}");
+        None
+    })
+}
+
+/// Why it is not known what a node remembers.
+#[derive(Debug, Error)]
+enum FetchError {
+    #[error(transparent)]
+    Node(#[from] NodeError),
+    #[error(transparent)]
+    Read(#[from] ReadError),
+}
+
+/// What one node remembers.
+async fn fetch(client: &NodeClient) -> Result<Option<Checkpoint>, FetchError> {
+    let fetched = timeout(FETCH_TIMEOUT, client.fetch_world()).await;
+    let bytes = fetched.unwrap_or(Err(NodeError::Timeout(FETCH_TIMEOUT)))?;
+    Ok(bytes.map(|bytes| Checkpoint::from_bytes(&bytes)).transpose()?)
 }
 
 /// Sends a world along the ways that are free.

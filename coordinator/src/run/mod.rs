@@ -13,6 +13,7 @@ mod commands;
 mod frames;
 mod hull;
 mod latency;
+mod observe;
 mod publish;
 mod remember;
 mod step;

@@ -5,17 +5,19 @@ use std::time::Duration;
 
 use clap::Args;
 
-use crate::run::options::{OutletArguments, RecordOptions};
+use crate::run::options::{OutletArguments, Outlets, RecordOptions};
 use crate::run::run_deployed;
 use crate::run::setup::{AskName, ResponseArguments, Setup, TransportName, checked_seconds, world_settings};
 use cli::{Failure, Outcome};
 use cluster::ClusterFile;
 use coordinator::MemoryUse;
+use node_client::Role;
 
 /// Ask the nodes of a cluster file, merge their answers and step the world.
 #[derive(Debug, Args)]
 #[command(after_help = "Example, with nodes running on the camera PCs:\n  \
-    hulltouch coordinator studio.cluster.toml --seconds 60 --json figures.json")]
+    hulltouch coordinator studio.cluster.toml --seconds 60 --json figures.json\n\n\
+    Another, on another screen:\n  hulltouch coordinator studio.cluster.toml --observe --listen 127.0.0.1:8471")]
 pub struct CoordinatorArguments {
     /// The cluster file.
     cluster: PathBuf,
@@ -36,6 +38,10 @@ pub struct CoordinatorArguments {
     /// Displace another coordinator that leads the nodes.
     #[arg(long)]
     take_over: bool,
+    /// Show the run of the coordinator that leads the nodes, and change nothing: cameras as they film, bodies as the nodes
+    /// remember them, once a second.
+    #[arg(long, conflicts_with_all = ["take_over", "fresh", "unpaced", "record", "json", "snapshot", "seed", "transport"])]
+    observe: bool,
     /// Begin with the scene, whatever world the nodes remember of an earlier run.
     #[arg(long)]
     fresh: bool,
@@ -46,6 +52,16 @@ pub struct CoordinatorArguments {
     outlets: OutletArguments,
     #[command(flatten)]
     record: RecordOptions,
+}
+
+impl CoordinatorArguments {
+    fn role(&self) -> Role {
+        match (self.observe, self.take_over) {
+            (true, _) => Role::Observes,
+            (false, true) => Role::TakesOver,
+            (false, false) => Role::Leads,
+        }
+    }
 }
 
 /// Runs until film or time ends.
@@ -65,10 +81,10 @@ pub fn run(arguments: &CoordinatorArguments) -> Outcome {
         transport: arguments.transport,
         asks: AskName::default().into(),
         lock_step: arguments.unpaced,
-        take_over: arguments.take_over,
+        role: arguments.role(),
         empty: false,
         seconds: checked_seconds(arguments.seconds)?,
-        outlets: arguments.outlets.checked()?,
+        outlets: Outlets { silent: arguments.observe, ..arguments.outlets.checked()? },
         record: arguments.record.checked()?,
         memory: if arguments.fresh { MemoryUse::Fresh } else { MemoryUse::GoOn },
     };

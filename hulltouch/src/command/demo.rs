@@ -13,6 +13,7 @@ use crate::run::setup::{AskName, ResponseArguments, Setup, TransportName, checke
 use cli::{Failure, Outcome, PrecisionName, parse_size};
 use cluster::ClusterFile;
 use coordinator::MemoryUse;
+use node_client::Role;
 
 /// How long the empty room of a recording is filmed without --seconds.
 const EMPTY_RECORDING_S: f64 = 4.0;
@@ -102,7 +103,7 @@ pub fn run(arguments: &DemoArguments) -> Outcome {
         transport: arguments.transport,
         asks: arguments.ask.into(),
         lock_step: arguments.unpaced,
-        take_over: false,
+        role: Role::Leads,
         empty: arguments.empty,
         seconds,
         outlets,

@@ -6,6 +6,7 @@ use std::time::Duration;
 use clap::Args;
 use cli::{Failure, Outcome};
 use coordinator::MemoryUse;
+use node_client::Role;
 
 use crate::command::demo::StudioArguments;
 use crate::run::options::{Outlets, RecordTo};
@@ -67,7 +68,7 @@ pub fn run(arguments: RecordArguments) -> Outcome {
         transport: TransportName::Auto,
         asks: AskName::default().into(),
         lock_step: arguments.unpaced,
-        take_over: false,
+        role: Role::Leads,
         empty: false,
         seconds: checked_seconds(arguments.seconds)?,
         outlets: Outlets { live_line: true, json: arguments.json, ..Outlets::default() },

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use clap::Args;
 use coordinator::{GoingOn, MemoryUse, Transport};
+use node_client::Role;
 use recording::{Recording, StepCheck};
 use serde_json::{Value, json};
 
@@ -120,7 +121,7 @@ fn setup(recording: &Recording, arguments: &ReplayArguments) -> Outcome<Setup> {
         transport: TransportName::Inprocess,
         asks: header.asks,
         lock_step: arguments.unpaced,
-        take_over: false,
+        role: Role::Leads,
         empty: false,
         seconds: None,
         outlets: arguments.outlets.checked()?,

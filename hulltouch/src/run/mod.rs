@@ -100,7 +100,7 @@ fn connect(setup: &Setup, nodes: Vec<ExpectedNode>, world: &World, placement: Pl
     let mut shapes: Vec<Arc<hull::Shape>> = world.moving_bodies().flat_map(sim::Body::asked_shapes).collect();
     shapes.sort_by_key(|shape| shape.digest());
     shapes.dedup_by_key(|shape| shape.digest());
-    let agreement = Agreement::new(setup.file.probes, setup.file.fps, shapes).taking_over(setup.take_over);
+    let agreement = Agreement::new(setup.file.probes, setup.file.fps, shapes).with_role(setup.role);
     Transport::connect(nodes, placement, agreement).with_precision(setup.file.precision)
 }
 

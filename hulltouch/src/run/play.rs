@@ -8,6 +8,7 @@ use cli::{Failure, Outcome, write_whole};
 use coordinator::hooks::{Recorder, Schedule};
 use coordinator::{Coordinator, Figures, Placement, RunError, RunSettings, Transport};
 use hull::Observer;
+use node_client::Role;
 use recording::{Recorded, RecordingFile, WriteError};
 use serde_json::Value;
 use sim::World;
@@ -88,7 +89,10 @@ pub fn play(
         if let Some(schedule) = schedule {
             coordinator = coordinator.with_schedule(schedule);
         }
-        let run = coordinator.run(&mut console, stop).await;
+        let run = match setup.role {
+            Role::Observes => coordinator.observe(&mut console, stop).await,
+            Role::Leads | Role::TakesOver => coordinator.run(&mut console, stop).await,
+        };
         // The last frames are still on their way to the file, over connections that live here.
         let recording = match file {
             Some(file) => Some(tokio::task::spawn_blocking(move || file.finish()).await),

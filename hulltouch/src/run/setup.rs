@@ -5,6 +5,7 @@ use cli::{Failure, Outcome, check_writable};
 use cluster::ClusterFile;
 use coordinator::{AskEvery, MemoryUse};
 use hull::surface::HullTime;
+use node_client::Role;
 use sim::{ResponseMode, Scene, WorldSettings};
 
 use super::options::{Outlets, RecordTo};
@@ -120,8 +121,8 @@ pub struct Setup {
     pub asks: AskEvery,
     /// Every frame, as fast as it can be made.
     pub lock_step: bool,
-    /// Displace another coordinator that leads the nodes.
-    pub take_over: bool,
+    /// What it is to nodes that another leads.
+    pub role: Role,
     /// The scene without the person.
     pub empty: bool,
     /// The run ends after so much film.

@@ -8,6 +8,7 @@ use cli::{Failure, Outcome, Progress};
 use cluster::ClusterFile;
 use coordinator::MemoryUse;
 use hull::Rig;
+use node_client::Role;
 use proto::convert::{SilhouetteEncoding, silhouette_from_data};
 use recording::{RecordedPicture, Recording};
 use sim::{Scene, WorldSettings};
@@ -118,7 +119,7 @@ fn setup(cluster: &ClusterFile, seconds: f64, take_over: bool, path: &Path) -> O
         transport: TransportName::Cluster,
         asks: AskName::default().into(),
         lock_step: !is_live,
-        take_over,
+        role: if take_over { Role::TakesOver } else { Role::Leads },
         empty: false,
         seconds: Some(seconds),
         outlets: Outlets { live_line: true, silent: true, ..Outlets::default() },
