@@ -50,7 +50,10 @@ pub fn filmed_room(folder: &Path, nodes: &[SocketAddr]) -> PathBuf {
         let name = camera.name();
         fs::write(film_of(folder, name), film).expect("written");
         fs::write(folder.join(format!("{name}.empty")), empty).expect("written");
-        let command = format!("\"python3\", \"camera.py\", \"{name}.film\", \"{size}\", \"{FPS:?}\"");
+        // A camera's own clock is right, whatever its node's is made to say.
+        let command = format!(
+            "\"env\", \"-u\", \"LD_PRELOAD\", \"python3\", \"camera.py\", \"{name}.film\", \"{size}\", \"{FPS:?}\""
+        );
         write!(
             text,
             "[[camera]]\nname = {name:?}\nnode = \"{}\"\n\
