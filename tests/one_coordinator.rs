@@ -37,7 +37,7 @@ fn a_second_coordinator_ends_with_who_leads_and_the_first_goes_on() {
     assert_eq!(second.status.code(), Some(1), "{}", said(&second));
     assert!(said(&second).contains("held by the coordinator on "), "{}", said(&second));
     assert!(said(&second).contains("--take-over or --observe"), "{}", said(&second));
-    assert!(began.elapsed() < Duration::from_secs(3), "it says so at once");
+    assert!(began.elapsed() < Duration::from_secs(5), "it says so soon");
     let figures = figures(first, &json);
     assert_eq!(figures["missed"]["frames"], 0, "{figures}");
     assert_eq!(figures["missed"]["blind_steps"], 0, "{figures}");

@@ -4,7 +4,7 @@ use std::io::{BufRead as _, BufReader, Read as _};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use camera_node::capture::Film;
+use camera_node::capture::{Film, Filming as _};
 use camera_node::frames::FrameRing;
 use camera_node::pictures::PictureEncoder;
 use camera_node::source::{SourceConfig, StageConfig};

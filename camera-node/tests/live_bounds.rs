@@ -6,6 +6,7 @@ mod rig;
 
 use std::time::{Duration, Instant};
 
+use camera_node::capture::Filming as _;
 use proto::{Pace, RunStart};
 use rig::{LiveCamera, LiveRig, SOON};
 

@@ -4,7 +4,7 @@ use std::io;
 use std::sync::Arc;
 
 use camera_node::NodeConfig;
-use camera_node::capture::{BackgroundRequest, CaptureError, Film};
+use camera_node::capture::{BackgroundRequest, CaptureError, Film, Filming as _};
 use camera_node::frames::FrameRing;
 use camera_node::pictures::PictureEncoder;
 use coordinator::{BoxError, LocalFrames, Silhouettes};

@@ -7,6 +7,7 @@ use hull::{ProbeSettings, Shape};
 use proto::text::{MAX_NAME_CHARS, clean};
 use proto::{Address, CameraDescription, Claim, Cut, NodeDescription, Pace, unix_now_s};
 
+use crate::connection::{Dial, Sockets};
 use crate::counting::{ByteCounters, ByteCounts};
 use crate::error::Mismatch;
 
@@ -48,6 +49,7 @@ pub struct Agreement {
     terms: Mutex<Terms>,
     cut: Mutex<Cut>,
     pub(crate) counters: Arc<ByteCounters>,
+    pub(crate) dial: Arc<dyn Dial>,
 }
 
 /// What changes of it.
@@ -70,6 +72,7 @@ impl Agreement {
             terms,
             cut: Mutex::default(),
             counters: Arc::default(),
+            dial: Arc::new(Sockets),
         }
     }
 
@@ -81,6 +84,11 @@ impl Agreement {
     /// The same for a coordinator in this role.
     pub fn with_role(self, role: Role) -> Agreement {
         Agreement { role, ..self }
+    }
+
+    /// The same over connections that are made like this.
+    pub fn dialling(self, dial: Arc<dyn Dial>) -> Agreement {
+        Agreement { dial, ..self }
     }
 
     /// Whether nodes are only observed.

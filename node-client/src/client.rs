@@ -15,6 +15,7 @@ use proto::convert::{
 use proto::v1::camera_node_client::CameraNodeClient;
 use proto::{CameraDescription, Claim, ClockLine, FilmEvent, Pace, RunStart, monotonic_s, v1};
 use tokio::sync::mpsc;
+use tokio::time::Instant;
 use tokio_stream::StreamExt;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::Channel;
@@ -27,9 +28,13 @@ use crate::film_time::ClockEstimate;
 /// Requests on their way: a pass has one question at a time, and a stalled node must not collect more.
 const MAX_SENDING: usize = 8;
 const FIRST_BACKOFF: Duration = Duration::from_millis(50);
-const LONGEST_BACKOFF: Duration = Duration::from_secs(2);
+const LONGEST_BACKOFF: Duration = Duration::from_secs(1);
 /// All calls of a connection's beginning together: sources open, programs start.
 const BEGIN_TIMEOUT: Duration = Duration::from_secs(30);
+
+/// A node that another holds is asked so often, and for so long: whoever held it may have lost power just now.
+const CLAIM_EVERY: Duration = Duration::from_millis(200);
+const HELD_PATIENCE: Duration = Duration::from_secs(2);
 
 /// How often the clock of a node is read, and first how many times before a run begins there.
 const CLOCK_EVERY: Duration = Duration::from_millis(500);
@@ -306,7 +311,7 @@ impl NodeClient {
     }
 
     async fn begin(&self) -> Result<(Connection, Streams), NodeError> {
-        let mut client = connect(&self.node.address, &self.agreement.counters).await?;
+        let mut client = connect(&self.node.address, &self.agreement.dial, &self.agreement.counters).await?;
         let description = description_from_wire(client.describe(v1::DescribeRequest {}).await?.into_inner())?;
         self.agreement.check(&self.node, &description)?;
         if !self.agreement.observes() {
@@ -321,7 +326,7 @@ impl NodeClient {
 
     /// Claims the node, which somebody holds with this term, and begins the run there, if one is on.
     async fn lead(&self, client: &mut CameraNodeClient<Channel>, held_term: u64) -> Result<(), NodeError> {
-        client.hold(claim_to_wire(self.claim(held_term))).await?;
+        self.hold(client, held_term).await?;
         self.state().clock = ClockEstimate::default();
         for _ in 0..FIRST_READINGS {
             self.read_clock(client).await?;
@@ -332,6 +337,18 @@ impl NodeClient {
             client.start(self.run_start(pace)?).await?;
         }
         Ok(())
+    }
+
+    /// Claims the node. One that holds us off may yet find that who holds it is gone.
+    async fn hold(&self, client: &mut CameraNodeClient<Channel>, held_term: u64) -> Result<(), NodeError> {
+        let claim = claim_to_wire(self.claim(held_term));
+        let until = Instant::now() + HELD_PATIENCE;
+        loop {
+            match client.hold(claim.clone()).await.map_err(NodeError::from) {
+                Err(NodeError::Held(_)) if Instant::now() < until => tokio::time::sleep(CLAIM_EVERY).await,
+                held => return held.map(|_| ()),
+            }
+        }
     }
 
     /// Reads both streams until one ends; returns why.

@@ -3,10 +3,12 @@
 use std::sync::LazyLock;
 use std::time::Instant;
 
+use crate::simulation::simulated_clock;
+
 /// Seconds of this process's clock, which runs on whatever happens to the wall clock.
 pub fn monotonic_s() -> f64 {
     static BEGAN: LazyLock<Instant> = LazyLock::new(Instant::now);
-    BEGAN.elapsed().as_secs_f64()
+    simulated_clock().map_or_else(|| BEGAN.elapsed().as_secs_f64(), |clock| clock())
 }
 
 /// Film time by a node's clock.

@@ -19,6 +19,7 @@ mod cut;
 mod description;
 mod film;
 mod pictures;
+mod simulation;
 pub mod text;
 
 pub use address::{Address, AddressError, MAX_SOCKET_PATH_BYTES};
@@ -32,6 +33,7 @@ pub use film::{
     ring_frames, unix_now_s,
 };
 pub use pictures::{CameraPicture, FramePictures, MAX_SCALE_LOG2, Picture, PictureKind, PictureRequest};
+pub use simulation::{apart, simulate};
 
 /// The most points one question may hold: a million body samples are 24 MB once placed in the world,
 /// and half a second of work for a node.

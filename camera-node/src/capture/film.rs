@@ -11,6 +11,7 @@ use super::background::{BackgroundError, BackgroundRequest, RequestSlot};
 use super::camera::ReadyCamera;
 use super::capture_loop::{CaptureLoop, Opened};
 use super::film_clock::FilmClock;
+use super::filming::Filming;
 use super::gate::Gate;
 use crate::config::{NodeCamera, NodeConfig};
 use crate::frames::FrameRing;
@@ -86,37 +87,6 @@ impl Film {
         Arc::clone(&self.colours)
     }
 
-    /// Begins a run. The run that is on already changes nothing; another one begins film anew. Blocks while
-    /// sources open and an earlier run stops. Refused if a source cannot be opened; but live ones of a run
-    /// that is not in lock-step, which the system may only lack something for, are opened until they film.
-    pub fn start(&self, start: RunStart) -> Result<(), CaptureError> {
-        let mut run = lock(&self.run);
-        if run.as_ref().is_some_and(|run| run.start.run == start.run) {
-            self.keep_time(start.run, start.clock);
-            return Ok(());
-        }
-        if let Some(before) = run.take() {
-            before.stop();
-        }
-        self.ring.clear(!start.lock_step);
-        self.colours.clear();
-        let (gate, clock) = (Arc::new(Gate::default()), Arc::new(FilmClock::new(start.clock)));
-        *lock(&self.reins) = Reins {
-            run: start.run,
-            gate: Arc::clone(&gate),
-            clock: Some(Arc::clone(&clock)),
-            phase: Arc::default(),
-        };
-        // All sources open before any thread begins: one that never will leaves nothing running.
-        let loops = self.loops(start, &gate, &clock)?;
-        let threads = loops.into_iter().zip(&self.cameras).map(|((capture, opened), camera)| {
-            let ready = Arc::clone(&camera.ready);
-            std::thread::spawn(move || film(&capture, opened, &ready))
-        });
-        *run = Some(Run { start, gate, threads: threads.collect() });
-        Ok(())
-    }
-
     fn loops(
         &self,
         start: RunStart,
@@ -145,17 +115,6 @@ impl Film {
         self.cameras.iter().enumerate().map(capture_loop).collect()
     }
 
-    /// Ends the run and closes the cameras, if that is still wanted when no run can begin meanwhile; whether one was on.
-    /// Blocks until its threads have ended.
-    pub fn stop_if(&self, is_wanted: impl FnOnce() -> bool) -> bool {
-        let mut run = lock(&self.run);
-        if !is_wanted() {
-            return false;
-        }
-        *lock(&self.reins) = Reins::default();
-        run.take().map(Run::stop).is_some()
-    }
-
     /// What the sources of a run are opened with.
     fn context(&self, start: RunStart, gate: &Arc<Gate>, clock: &Arc<FilmClock>) -> OpenContext {
         let (gate, clock) = (Arc::clone(gate), Arc::clone(clock));
@@ -170,49 +129,82 @@ impl Film {
         }
     }
 
-    /// Has every camera learn its background anew from frames of the film; until it has, the old one stays in
-    /// use. Refused if a camera has none to learn.
-    pub fn take_background(&self, request: BackgroundRequest) -> Result<(), BackgroundError> {
-        self.check_background(request)?;
-        self.cameras.iter().for_each(|camera| camera.slot.set(Some(request)));
+    /// The same of the run that is on.
+    pub fn cut_here(&self, phase: f64) {
+        *lock(&lock(&self.reins).phase) = Some(phase);
+    }
+}
+
+impl Filming for Film {
+    fn start(&self, start: RunStart) -> Result<(), CaptureError> {
+        let mut run = lock(&self.run);
+        if run.as_ref().is_some_and(|run| run.start.run == start.run) {
+            self.keep_time(start.run, start.clock);
+            return Ok(());
+        }
+        if let Some(before) = run.take() {
+            before.stop();
+        }
+        self.ring.clear(!start.lock_step);
+        self.colours.clear();
+        let (gate, clock) = (Arc::new(Gate::default()), Arc::new(FilmClock::new(start.clock)));
+        *lock(&self.reins) = Reins {
+            run: start.run,
+            gate: Arc::clone(&gate),
+            clock: Some(Arc::clone(&clock)),
+            phase: Arc::default(),
+        };
+        // All sources open before any thread begins: one that never will leaves nothing running.
+        let loops = self.loops(start, &gate, &clock)?;
+        let threads = loops.into_iter().zip(&self.cameras).map(|((capture, opened), camera)| {
+            let ready = Arc::clone(&camera.ready);
+            std::thread::spawn(move || film(&capture, opened, &ready))
+        });
+        *run = Some(Run { start, gate, threads: threads.collect() });
         Ok(())
     }
 
-    /// Whether [`Film::take_background`] would be refused, and why.
-    pub fn check_background(&self, request: BackgroundRequest) -> Result<(), BackgroundError> {
-        request.check(self.cameras.iter().map(|camera| &camera.config), self.fps)
+    fn stop_if(&self, is_wanted: &dyn Fn() -> bool) -> bool {
+        let mut run = lock(&self.run);
+        if !is_wanted() {
+            return false;
+        }
+        *lock(&self.reins) = Reins::default();
+        run.take().map(Run::stop).is_some()
     }
 
-    /// Lets a lock-step run go on up to this frame.
-    pub fn credit(&self, up_to_frame: u64) {
+    fn credit(&self, up_to_frame: u64) {
         lock(&self.reins).gate.credit(up_to_frame);
     }
 
-    /// Tells a run its film time by the node's clock; another run's changes nothing.
-    pub fn keep_time(&self, run: u64, line: ClockLine) {
+    fn keep_time(&self, run: u64, line: ClockLine) {
         let reins = lock(&self.reins);
         if let Some(clock) = reins.clock.as_ref().filter(|_| reins.run == run) {
             clock.follow(line);
         }
     }
 
-    /// The same of the run that is on.
-    pub fn cut_here(&self, phase: f64) {
-        *lock(&lock(&self.reins).phase) = Some(phase);
-    }
-
-    /// Tells where a run's film is cut into frames, in periods from their numbers.
-    pub fn cut_at(&self, run: u64, phase: f64) {
+    fn cut_at(&self, run: u64, phase: f64) {
         let reins = lock(&self.reins);
         if reins.run == run {
             *lock(&reins.phase) = Some(phase);
         }
     }
+
+    fn take_background(&self, request: BackgroundRequest) -> Result<(), BackgroundError> {
+        self.check_background(request)?;
+        self.cameras.iter().for_each(|camera| camera.slot.set(Some(request)));
+        Ok(())
+    }
+
+    fn check_background(&self, request: BackgroundRequest) -> Result<(), BackgroundError> {
+        request.check(self.cameras.iter().map(|camera| &camera.config), self.fps)
+    }
 }
 
 impl Drop for Film {
     fn drop(&mut self) {
-        self.stop_if(|| true);
+        self.stop_if(&|| true);
     }
 }
 

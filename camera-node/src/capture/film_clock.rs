@@ -8,7 +8,7 @@ use proto::{ClockLine, monotonic_s};
 const SLEW: f64 = 0.01;
 
 /// Film time, shared by the film threads of one run.
-pub(super) struct FilmClock(Mutex<State>);
+pub struct FilmClock(Mutex<State>);
 
 struct State {
     line: ClockLine,

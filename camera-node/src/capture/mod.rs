@@ -8,12 +8,15 @@ mod camera;
 mod capture_loop;
 mod film;
 mod film_clock;
+mod filming;
 mod gate;
 mod retry;
 mod segmenter;
 
 pub use background::{BackgroundError, BackgroundRequest};
 pub use film::Film;
+pub use film_clock::FilmClock;
+pub use filming::Filming;
 pub use segmenter::CutoutError;
 
 use thiserror::Error;

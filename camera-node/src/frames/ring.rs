@@ -6,7 +6,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use hull::ViewSet;
 use proto::FilmState;
 use thiserror::Error;
-use tokio::sync::watch;
+use tokio::sync::futures::Notified;
+use tokio::sync::{Notify, watch};
 
 use super::frame::{CameraFrame, Frame, Stamp};
 
@@ -136,6 +137,8 @@ pub struct FrameRing {
     frames: usize,
     inner: Mutex<Inner>,
     version: watch::Sender<u64>,
+    /// The same for streams, in the order in which they began to wait: what they send is then always in one order.
+    streams: Notify,
 }
 
 impl FrameRing {
@@ -146,6 +149,7 @@ impl FrameRing {
             frames: RING_FRAMES,
             inner: Mutex::new(Inner::new(camera_count)),
             version: watch::Sender::new(0),
+            streams: Notify::new(),
         }
     }
 
@@ -314,8 +318,14 @@ impl FrameRing {
         self.version.subscribe()
     }
 
+    /// Wakes at the next frame, end or failure that comes after this call.
+    pub fn changes(&self) -> Notified<'_> {
+        self.streams.notified()
+    }
+
     fn changed(&self) {
         self.version.send_modify(|version| *version += 1);
+        self.streams.notify_waiters();
     }
 
     fn lock(&self) -> std::sync::MutexGuard<'_, Inner> {

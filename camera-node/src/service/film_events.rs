@@ -14,11 +14,11 @@ pub(super) async fn send_film_events(
     ring: Arc<FrameRing>,
     sender: mpsc::Sender<Result<v1::FrameInfo, Status>>,
 ) {
-    let mut changes = ring.watch();
     // The last frame that was sent, and the run whose end was.
     let mut last: Option<FrameId> = None;
     let mut ended_run: Option<u64> = None;
     loop {
+        let changes = ring.changes();
         let News { run, frames, state } = ring.since(last);
         let mut events = Vec::with_capacity(frames.len() + 1);
         for frame in frames {
@@ -39,7 +39,8 @@ pub(super) async fn send_film_events(
             }
         }
         tokio::select! {
-            changed = changes.changed() => if changed.is_err() { return },
+            biased;
+            () = changes => {}
             () = sender.closed() => return,
         }
     }

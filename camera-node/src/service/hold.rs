@@ -5,14 +5,18 @@
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use proto::Claim;
 use thiserror::Error;
+use tokio::time::Instant;
 use tonic::Status;
 
 /// A holder whose stream broke may come back for so long before another takes its place.
 const GRACE: Duration = Duration::from_secs(3);
+/// A holder that is there is heard of twice a second. One that is not may have lost power, with its stream left open: it
+/// may begin anew.
+const HEARD_WITHIN: Duration = Duration::from_millis(1500);
 /// A node that nobody has held for so long stops its cameras.
 pub(super) const DESERTED_AFTER: Duration = Duration::from_secs(10);
 /// Streams of more who say who they are than would ever lead a node are not counted.
@@ -43,8 +47,8 @@ struct Held {
 }
 
 impl Hold {
-    /// Claims the node. A holder that is there is displaced by a higher term alone; one whose stream has ended by itself
-    /// started anew, and after a while by anybody.
+    /// Claims the node. A holder that is there is displaced by a higher term alone; one whose stream has ended, or that is
+    /// silent, by itself started anew, and after a while by anybody.
     pub fn claim(&mut self, claim: Claim, now: Instant) -> Result<(), HeldBy> {
         match &mut self.held {
             Some(held) if held.claim.id == claim.id => {
@@ -52,9 +56,9 @@ impl Hold {
                 return Ok(());
             }
             Some(held) => {
-                let may_follow = claim.term > held.claim.term
-                    || !self.streams.contains_key(&held.claim.id)
-                        && (claim.name == held.claim.name || now - held.heard > GRACE);
+                let (has_stream, silent) = (self.streams.contains_key(&held.claim.id), now - held.heard);
+                let is_itself = claim.name == held.claim.name && (!has_stream || silent > HEARD_WITHIN);
+                let may_follow = claim.term > held.claim.term || is_itself || !has_stream && silent > GRACE;
                 if !may_follow {
                     return Err(held.refusal(now));
                 }
@@ -162,6 +166,7 @@ mod tests {
             refused.to_string(),
             "held by first for 100 s, expected it to end, --take-over or --observe"
         );
+        assert_eq!(hold.check(7, late), Ok(()));
         assert!(
             hold.claim(claim(9, "first", 1), late).is_err(),
             "its own name is not enough while it is there"
@@ -171,6 +176,18 @@ mod tests {
         }
         assert_eq!(hold.check(7, late), Ok(()));
         assert!(!hold.is_deserted(late));
+    }
+
+    #[test]
+    fn one_that_lost_power_begins_anew_though_its_stream_is_open() {
+        let (mut hold, began) = (Hold::default(), Instant::now());
+        hold.claim(claim(7, "first", 1), began).expect("free");
+        hold.stream_began(7);
+        assert_eq!(hold.check(7, after(10, began)), Ok(()));
+        assert!(hold.claim(claim(8, "first", 1), after(11, began)).is_err(), "it may still be there");
+        assert!(hold.claim(claim(9, "second", 1), after(12, began)).is_err(), "another");
+        assert_eq!(hold.claim(claim(8, "first", 1), after(12, began)), Ok(()));
+        assert!(hold.check(7, after(12, began)).is_err());
     }
 
     #[test]

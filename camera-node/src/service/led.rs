@@ -1,20 +1,20 @@
 //! What a coordinator tells of film while its stream lives, and what becomes of the film when nobody is left.
 
 use std::sync::Arc;
-use std::time::Instant;
 
 use proto::v1;
+use tokio::time::Instant;
 use tokio_stream::StreamExt as _;
 use tonic::Streaming;
 
 use super::hold::{DESERTED_AFTER, SharedHold};
-use crate::capture::Film;
+use crate::capture::Filming;
 use crate::frames::FrameRing;
 
 /// Film that is led by whoever holds the node.
 pub(super) struct Led {
     pub hold: SharedHold,
-    pub film: Arc<Film>,
+    pub film: Arc<dyn Filming>,
     pub ring: Arc<FrameRing>,
 }
 
@@ -46,9 +46,9 @@ impl Led {
     async fn stop_if_deserted(self) {
         tokio::time::sleep(DESERTED_AFTER).await;
         // Film threads end between two frames.
-        let stop = move || self.film.stop_if(|| self.hold.lock().is_deserted(Instant::now()));
-        let stopped = tokio::task::spawn_blocking(stop).await;
-        if matches!(stopped, Ok(true)) {
+        let stop = move || self.film.stop_if(&|| self.hold.lock().is_deserted(Instant::now()));
+        let stopped = proto::apart(stop).await;
+        if stopped == Some(true) {
             tracing::info!("no coordinator for {} s: the cameras stop", DESERTED_AFTER.as_secs());
         }
     }

@@ -9,11 +9,10 @@ mod probe_stream;
 mod worker;
 mod world_memory;
 
-pub use node::{Node, ServeError};
+pub use node::{Node, ServeError, serve_film};
 
 use std::pin::Pin;
 use std::sync::Arc;
-use std::time::Instant;
 
 use proto::convert::{
     SilhouetteEncoding, claim_from_wire, clock_from_wire, description_to_wire, phase_from_wire,
@@ -22,11 +21,12 @@ use proto::convert::{
 use proto::v1::camera_node_server::CameraNode;
 use proto::{CameraDescription, NodeDescription, monotonic_s, ring_frames, v1};
 use tokio::sync::mpsc;
+use tokio::time::Instant;
 use tokio_stream::StreamExt;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status, Streaming};
 
-use crate::capture::{BackgroundRequest, Film};
+use crate::capture::{BackgroundRequest, Film, Filming};
 use crate::config::{NodeCamera, NodeConfig};
 use crate::frames::{FrameError, FrameRing};
 use crate::pictures::{PictureEncoder, PictureError};
@@ -40,11 +40,12 @@ use world_memory::WorldMemory;
 /// The state behind every call.
 struct Service {
     description: NodeDescription,
-    film: Arc<Film>,
+    film: Arc<dyn Filming>,
     ring: Arc<FrameRing>,
     shapes: Arc<Shapes>,
     worker: Worker,
-    pictures: PictureEncoder,
+    /// `None`: of a film without colours.
+    pictures: Option<PictureEncoder>,
     hold: SharedHold,
     world: WorldMemory,
 }
@@ -55,16 +56,23 @@ impl Service {
         let ring = Arc::new(FrameRing::new(config.cameras.len()).keeping(ring_frames(config.fps)));
         let film = Arc::new(Film::prepare(config, Arc::clone(&ring))?);
         let pictures = PictureEncoder::new(Arc::clone(&ring), film.colours(), config.rig_indices());
-        Ok(Service {
+        let worker = Worker::new(Arc::clone(&ring), config.cameras.len());
+        let pictures = Some(pictures.map_err(ServeError::Thread)?);
+        Ok(Service { pictures, ..Service::of(config, film, ring, worker) })
+    }
+
+    /// Of film that is ready.
+    fn of(config: &NodeConfig, film: Arc<dyn Filming>, ring: Arc<FrameRing>, worker: Worker) -> Service {
+        Service {
             description: describe(config),
             film,
-            shapes: Arc::default(),
-            hold: SharedHold::default(),
-            worker: Worker::new(Arc::clone(&ring), config.cameras.len()),
-            pictures: pictures.map_err(ServeError::Thread)?,
-            world: WorldMemory::default(),
             ring,
-        })
+            shapes: Arc::default(),
+            worker,
+            pictures: None,
+            hold: SharedHold::default(),
+            world: WorldMemory::default(),
+        }
     }
 }
 
@@ -113,10 +121,9 @@ impl CameraNode for Service {
         let start = start_from_wire(request.get_ref()).map_err(invalid)?;
         let film = Arc::clone(&self.film);
         // Opening sources blocks: programs start, files are read.
-        tokio::task::spawn_blocking(move || film.start(start))
-            .await
-            .map_err(|error| Status::internal(error.to_string()))?
-            .map_err(|error| Status::failed_precondition(error.to_string()))?;
+        let started = proto::apart(move || film.start(start)).await;
+        let started = started.ok_or_else(|| Status::internal("the start of film panicked"))?;
+        started.map_err(|error| Status::failed_precondition(error.to_string()))?;
         Ok(Response::new(v1::StartReply {}))
     }
 
@@ -228,7 +235,9 @@ impl CameraNode for Service {
                 tracing::debug!("a picture found no reader");
             }
         };
-        self.pictures.request(request, deliver).map_err(|error| match error {
+        let pictures =
+            self.pictures.as_ref().ok_or_else(|| Status::unimplemented("there are no pictures"))?;
+        pictures.request(request, deliver).map_err(|error| match error {
             PictureError::Frame(error) => frame_status(error),
             PictureError::Cameras { .. } => invalid(error),
             PictureError::Busy => Status::resource_exhausted(error.to_string()),

@@ -1,17 +1,23 @@
 //! A node on its port: it listens, learns its backgrounds, serves, and ends.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use proto::v1::camera_node_server::CameraNodeServer;
 use proto::{MAX_FRAME_BYTES, MAX_MESSAGE_BYTES, v1};
 use thiserror::Error;
+use tokio::io::{AsyncRead, AsyncWrite};
+use tokio_stream::Stream;
 use tokio_stream::wrappers::UnixListenerStream;
 use tonic::transport::Server;
-use tonic::transport::server::{Router, TcpIncoming};
+use tonic::transport::server::{Connected, Router, TcpIncoming};
 
 use super::Service;
-use crate::capture::CaptureError;
+use super::worker::Worker;
+use crate::capture::{CaptureError, Filming};
 use crate::config::NodeConfig;
+use crate::cores::Cores;
+use crate::frames::FrameRing;
 use crate::listen::{Listen, Listener};
 
 /// A silent peer is noticed within twice this.
@@ -118,6 +124,22 @@ impl Node {
             () = end => Ok(()),
         }
     }
+}
+
+/// Serves film of the caller's over connections of the caller's, until those end. No thread is started: questions are
+/// answered by whoever polls this, and time is the runtime's, so that both may be simulated. There are no pictures.
+pub async fn serve_film<C>(
+    config: &NodeConfig,
+    film: Arc<dyn Filming>,
+    ring: Arc<FrameRing>,
+    connections: impl Stream<Item = std::io::Result<C>>,
+) -> Result<(), ServeError>
+where
+    C: AsyncRead + AsyncWrite + Connected<ConnectInfo: Clone + Send + Sync> + Send + Unpin + 'static,
+{
+    let worker = Worker::without_thread(Arc::clone(&ring), config.cameras.len(), Cores::new(1));
+    let service = Service::of(config, film, ring, worker);
+    Ok(router(service).await.serve_with_incoming(connections).await?)
 }
 
 /// The node's services: its own, health and reflection.

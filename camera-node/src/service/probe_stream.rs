@@ -1,11 +1,11 @@
 //! One probe stream: messages become questions, the worker's answers messages.
 
 use std::sync::Arc;
-use std::time::Instant;
 
 use hull::question::Question;
 use proto::convert::{Precision, QuestionReader, RefusalReason, refusal};
 use proto::v1;
+use tokio::time::Instant;
 use tokio_stream::StreamExt;
 use tonic::Streaming;
 

@@ -4,13 +4,13 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Instant;
 
 use hull::ViewSet;
 use hull::question::Question;
 use proto::convert::{Precision, RefusalReason, answer_to_wire, refusal};
 use proto::v1;
 use tokio::sync::mpsc;
+use tokio::time::Instant;
 use tonic::Status;
 
 use crate::cores::{Cores, work_ns};
@@ -36,13 +36,14 @@ pub(super) struct ProbeJob {
 /// Where the replies of one stream go.
 pub(super) type ReplySender = mpsc::Sender<Result<v1::ProbeReply, Status>>;
 
-/// The worker of a node, shared by its streams. Its thread ends with the last of them.
+/// The worker of a node, shared by its streams. Its thread, if it has one, ends with the last of them.
 #[derive(Clone)]
 pub(super) struct Worker {
     computation: Arc<Mutex<Computation>>,
     /// Jobs that are queued or being answered.
     waiting: Arc<AtomicUsize>,
-    queue: SyncSender<(ProbeJob, ReplySender)>,
+    /// To its thread. Without one all is answered at once.
+    queue: Option<SyncSender<(ProbeJob, ReplySender)>>,
     cameras: usize,
 }
 
@@ -54,17 +55,26 @@ impl Worker {
 
     /// A worker for a node of so many cameras.
     pub fn new(ring: Arc<FrameRing>, cameras: usize) -> Worker {
-        let computation = Arc::new(Mutex::new(Computation { ring, cores: Cores::of_this_machine() }));
-        let waiting = Arc::new(AtomicUsize::new(0));
+        let mut worker = Worker::without_thread(ring, cameras, Cores::of_this_machine());
         let (queue, jobs) = sync_channel(MAX_WAITING);
-        let (shared, count) = (Arc::clone(&computation), Arc::clone(&waiting));
+        let (shared, count) = (Arc::clone(&worker.computation), Arc::clone(&worker.waiting));
         std::thread::spawn(move || run(&shared, &jobs, &count));
-        Worker { computation, waiting, queue, cameras }
+        worker.queue = Some(queue);
+        worker
+    }
+
+    /// One that answers on its callers' threads.
+    pub fn without_thread(ring: Arc<FrameRing>, cameras: usize, cores: Cores) -> Worker {
+        let computation = Arc::new(Mutex::new(Computation { ring, cores }));
+        Worker { computation, waiting: Arc::default(), queue: None, cameras }
     }
 
     /// Answers a small question here and now, if nothing else waits; others are queued, and answered through
     /// the sender. A full queue is a refusal.
     pub fn answer(&self, job: ProbeJob, replies: &ReplySender) -> Option<v1::ProbeReply> {
+        let Some(queue) = &self.queue else {
+            return Some(self.computation.lock().unwrap_or_else(PoisonError::into_inner).reply(&job));
+        };
         let is_idle = self.waiting.load(Ordering::Acquire) == 0;
         if is_idle
             && work_ns(&job.question, self.cameras) <= AT_ONCE_NS
@@ -74,7 +84,7 @@ impl Worker {
         }
         let id = job.id;
         self.waiting.fetch_add(1, Ordering::Release);
-        let full = self.queue.try_send((job, replies.clone())).err()?;
+        let full = queue.try_send((job, replies.clone())).err()?;
         self.waiting.fetch_sub(1, Ordering::Release);
         let message = match full {
             TrySendError::Full(_) => format!("{MAX_WAITING} questions wait"),

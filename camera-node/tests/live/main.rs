@@ -6,6 +6,7 @@ mod rig;
 use std::fs;
 use std::time::{Duration, Instant};
 
+use camera_node::capture::Filming as _;
 use camera_node::frames::FrameId;
 use proto::{FilmState, Pace, RunStart};
 use rig::{FPS, LiveCamera, LiveRig, SOON};

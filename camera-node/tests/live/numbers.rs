@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use camera_node::capture::Filming as _;
 use proto::{FilmState, Stamps};
 
 use super::live;

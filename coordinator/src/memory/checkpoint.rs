@@ -72,7 +72,7 @@ impl Moment {
     /// Whether this is newer than another.
     pub fn is_after(&self, other: &Moment) -> bool {
         let Moment { term, run, sequence, unix_s: _ } = *self;
-        (term, run, sequence) > (other.term, other.run, other.sequence)
+        (term, sequence, run) > (other.term, other.sequence, other.run)
     }
 }
 

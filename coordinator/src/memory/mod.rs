@@ -150,16 +150,16 @@ async fn hand_out(
     ways: Vec<(OwnedSemaphorePermit, Arc<NodeClient>)>,
     is_warned: Arc<AtomicBool>,
 ) {
-    let bytes = match tokio::task::spawn_blocking(move || checkpoint.to_bytes()).await {
-        Ok(Ok(bytes)) => Bytes::from(bytes),
-        Ok(Err(error)) => {
+    let bytes = match proto::apart(move || checkpoint.to_bytes()).await {
+        Some(Ok(bytes)) => Bytes::from(bytes),
+        Some(Err(error)) => {
             if !is_warned.swap(true, Ordering::Relaxed) {
                 tracing::warn!("nodes cannot remember this world: {error}");
             }
             return;
         }
         // The run ends.
-        Err(_) => return,
+        None => return,
     };
     for (way, client) in ways {
         let bytes = bytes.clone();

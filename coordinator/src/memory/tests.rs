@@ -176,7 +176,8 @@ fn the_newest_of_the_same_place_is_gone_on_from() {
     };
     assert_eq!(newest(&[]), None);
     assert_eq!(newest(&[&whole, &later]), Some(later.kept));
-    assert_eq!(newest(&[&whole, &later, &next_run]), Some(next_run.kept));
+    assert_eq!(newest(&[&whole, &next_run]), Some(whole.kept), "which went on for longer");
+    assert_eq!(newest(&[&whole, &later, &next_run]), Some(later.kept));
     assert_eq!(newest(&[&whole, &next_term, &later, &next_run]), Some(next_term.kept));
 }
 

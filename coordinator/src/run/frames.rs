@@ -1,7 +1,9 @@
 //! The frame in use, frames that steps wait for, and what happens when one comes into use.
 
 use std::task::Poll;
-use std::time::{Duration, Instant};
+use std::time::Duration;
+
+use tokio::time::Instant;
 
 use super::clock::frame_at;
 use super::{Coordinator, FRAMES_AHEAD, RunError, Watcher};
@@ -87,7 +89,9 @@ impl Coordinator {
             self.transport.drain();
             let roster = self.transport.roster();
             self.transport.credit(roster.credit(wanted, FRAMES_AHEAD));
-            if let Poll::Ready(waited) = self.film.wait.poll(roster, wanted, began, Instant::now()) {
+            if let Poll::Ready(waited) =
+                self.film.wait.poll(roster, wanted, began.into_std(), Instant::now().into_std())
+            {
                 return Ok(waited?);
             }
             self.transport.next_within(LOOK_EVERY).await;
@@ -107,7 +111,8 @@ impl Coordinator {
 
     async fn await_recorded(&mut self, frame: u64, began: Instant) -> Result<(), RunError> {
         loop {
-            let polled = self.transport.roster().poll_recorded(frame, began, Instant::now());
+            let polled =
+                self.transport.roster().poll_recorded(frame, began.into_std(), Instant::now().into_std());
             if let Poll::Ready(waited) = polled {
                 return Ok(waited?);
             }

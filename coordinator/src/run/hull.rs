@@ -1,11 +1,10 @@
 //! The hull's answers for a step: carries the query's pass to the nodes and back.
 
-use std::time::Instant;
-
 use hull::Pose;
 use hull::pass::BodyResult;
 use hull::surface::FrameAge;
 use sim::ResponseMode;
+use tokio::time::Instant;
 
 use super::Coordinator;
 use super::clock::steps_that_share;

@@ -20,7 +20,7 @@ mod step;
 mod watch;
 
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use ::hull::contact::Eye;
 use ::hull::{Observer, ProbeSettings};
@@ -40,6 +40,7 @@ use commands::Steering;
 use frames::FilmInUse;
 use latency::{FilmLatency, Heard};
 use publish::Publisher;
+use tokio::time::Instant;
 use watch::RecentFigures;
 
 pub use watch::{GoneOn, Snapshot, Watcher};

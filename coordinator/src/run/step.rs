@@ -1,10 +1,9 @@
 //! One step: which frame it sees, the world's step with the hull's answers, and what is reported of it.
 
-use std::time::Instant;
-
 use hull::pass::BodyResult;
 use proto::FilmState;
 use sim::{Body, BodyResponse, FaultKind};
+use tokio::time::Instant;
 
 use super::clock::frame_at;
 use super::frames::FilmPhase;

@@ -1,9 +1,10 @@
 //! What is reported of a run while it goes on: figures four times a second, and pictures.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use hull::pass::BodyResult;
 use sim::World;
+use tokio::time::Instant;
 
 use super::Coordinator;
 use crate::figures::{Percentiles, Progress};

@@ -1,12 +1,12 @@
 //! Questions travel, nodes compute: each question of a pass to the nodes that it asks, each reply to the pass.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use hull::pass::{Pass, Round};
 use hull::question::{Answer, Question, QuestionKind, Standing};
 use node_client::NodeError;
 use proto::convert::{Precision, ProbeAnswer, QuestionWriter, RefusalReason, WrittenQuestion};
-use tokio::time::Instant as Deadline;
+use tokio::time::Instant;
 
 use super::TransportError;
 use super::nodes::{Nodes, PassEvent};
@@ -31,7 +31,7 @@ struct Asking {
     cameras: Vec<Vec<u32>>,
     written: WrittenQuestion,
     began: Instant,
-    deadline: Deadline,
+    deadline: Instant,
     timeout: Duration,
 }
 
@@ -120,7 +120,7 @@ impl Cluster {
             cameras: roster.nodes().iter().map(cameras).collect(),
             written: self.writer.write(question),
             began: Instant::now(),
-            deadline: Deadline::now() + timeout,
+            deadline: Instant::now() + timeout,
             timeout,
         }
     }

@@ -1,12 +1,13 @@
 //! Silhouettes travel, one machine computes: the paper's layout.
 
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use hull::pass::{Pass, Round};
 use hull::{Observer, Silhouette, View, ViewSet};
 use node_client::NodeClient;
 use proto::convert::SilhouetteEncoding;
+use tokio::time::Instant;
 
 use super::TransportError;
 use super::in_process::LocalProbes;

@@ -1,11 +1,12 @@
 //! Cameras behind nodes, and where probes about them are computed.
 
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use hull::pass::{Pass, Round};
 use proto::convert::{Precision, SilhouetteEncoding};
 use tokio::sync::oneshot;
+use tokio::time::Instant;
 
 use super::choice::{Choice, UsualTrip, Way};
 use super::cluster::Cluster;
