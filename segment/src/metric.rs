@@ -115,7 +115,9 @@ mod tests {
             let (ca, cb) = (metric.channels(a), metric.channels(b));
             let difference = std::array::from_fn(|c| i32::from(ca[c]) - i32::from(cb[c]));
             let found = f64::from(metric.square(difference)) / f64::from(metric.unit);
-            prop_assert!((found.sqrt() - expected.sqrt()).abs() < 2.0 + 0.04 * expected.sqrt(),
+            // Each colour is rounded twice: in RGB by half a level a channel, together at most √3 of a distance, and
+            // its grey by half a level, together at most √(65/16). The form itself is 4 % off at most.
+            prop_assert!((found.sqrt() - expected.sqrt()).abs() < 3.75 + 0.04 * expected.sqrt(),
                 "{found} {expected} {a:?} {b:?}");
         }
 
