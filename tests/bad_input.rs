@@ -98,6 +98,26 @@ fn wrong_words_of_node_and_coordinator() {
 }
 
 #[test]
+fn a_host_that_the_cluster_file_lacks() {
+    let folder = tempfile::tempdir().expect("folder");
+    let cluster = write_cluster(folder.path(), "source = { kind = \"stage\" }");
+    check(&["node", &cluster], 2, &["has no [[node]] with a name", "--camera NAME"]);
+    check(&["node", &cluster, "--host", "left"], 2, &["has no [[node]] with a name"]);
+    let text = std::fs::read_to_string(&cluster).expect("written").replace("127.0.0.1:1", "left");
+    let nodes = "[[node]]\nname = \"left\"\naddress = \"127.0.0.1:1\"\n[[camera]]";
+    std::fs::write(&cluster, text.replacen("[[camera]]", nodes, 1)).expect("written");
+    check(&["node", &cluster, "--host", "lfet"], 2, &["--host \"lfet\"", "cluster.toml has the nodes left"]);
+    check(&["node", &cluster], 2, &["this host is ", "has the nodes left", "--host NAME"]);
+    // Found by its name, it listens wherever machines reach it: not without consent.
+    let text = std::fs::read_to_string(&cluster).expect("written");
+    std::fs::write(&cluster, text.replace("address = \"127.0.0.1:1\"", "")).expect("written");
+    check(&["node", &cluster, "--host", "left"], 2, &["0.0.0.0:7001", "--insecure"]);
+    let output =
+        hulltouch().args(["node", &cluster, "--host", "left", "--camera", "cam_0"]).output().expect("runs");
+    assert_eq!(output.status.code(), Some(2), "one of the two: {}", String::from_utf8_lossy(&output.stderr));
+}
+
+#[test]
 fn a_port_in_use_is_named() {
     let folder = tempfile::tempdir().expect("folder");
     let cluster = write_cluster(folder.path(), "source = { kind = \"stage\" }");

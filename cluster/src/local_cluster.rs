@@ -12,7 +12,7 @@ use proto::{Address, AddressError};
 use thiserror::Error;
 use wait_timeout::ChildExt as _;
 
-use crate::cluster_file::ClusterFile;
+use crate::cluster_file::{ClusterFile, NodeEntry};
 use crate::node_config::expected_node;
 
 /// Learning the background of a long clip at 4K takes a while on a slow machine.
@@ -41,26 +41,26 @@ pub enum LocalClusterError {
     #[error("cannot make a folder for sockets: {0}")]
     Folder(io::Error),
     /// A process does not start.
-    #[error("cannot start the node of {cameras}: {source}")]
+    #[error("cannot start node {node}: {source}")]
     Start {
-        /// Names of its cameras.
-        cameras: String,
+        /// Its name and its cameras.
+        node: String,
         /// The system's reason.
         source: io::Error,
     },
     /// A node refuses the cluster file.
-    #[error("node of {cameras}: {problem}")]
+    #[error("node {node}: {problem}")]
     Input {
-        /// Names of its cameras.
-        cameras: String,
+        /// Its name and its cameras.
+        node: String,
         /// Its own message.
         problem: String,
     },
     /// A node ended, or did not listen in time.
-    #[error("node of {cameras}: {problem}")]
+    #[error("node {node}: {problem}")]
     Failed {
-        /// Names of its cameras.
-        cameras: String,
+        /// Its name and its cameras.
+        node: String,
         /// Its own message.
         problem: String,
     },
@@ -77,7 +77,8 @@ pub struct LocalCluster {
 
 struct NodeProcess {
     child: Child,
-    cameras: String,
+    /// Its name, if it has one, and its cameras.
+    node: String,
     stdout_lines: Receiver<String>,
     stderr_tail: Arc<Mutex<VecDeque<String>>>,
 }
@@ -95,17 +96,17 @@ impl LocalCluster {
             Sockets::Unix => Some(tempfile::tempdir().map_err(LocalClusterError::Folder)?),
         };
         let mut cluster = LocalCluster { processes: Vec::new(), nodes: Vec::new(), _folder: folder };
-        let nodes = file.nodes();
-        for (number, (_, indices)) in nodes.iter().enumerate() {
+        for (number, node) in file.nodes.iter().enumerate() {
             let listen = match &cluster._folder {
                 None => "127.0.0.1:0".to_owned(),
                 Some(folder) => format!("unix:{}", folder.path().join(format!("{number}.sock")).display()),
             };
-            cluster.processes.push(NodeProcess::start(file, indices, empty, &listen)?);
+            cluster.processes.push(NodeProcess::start(file, node, empty, &listen)?);
         }
         let deadline = Instant::now() + START_TIMEOUT;
-        for (process, (_, indices)) in cluster.processes.iter_mut().zip(&nodes) {
-            cluster.nodes.push(expected_node(&file.rig, process.address(deadline)?, indices));
+        for (process, node) in cluster.processes.iter_mut().zip(&file.nodes) {
+            let expected = expected_node(&file.rig, process.address(deadline)?, &node.cameras);
+            cluster.nodes.push(ExpectedNode { name: node.name.clone(), ..expected });
         }
         Ok(cluster)
     }
@@ -142,13 +143,17 @@ impl Drop for LocalCluster {
 impl NodeProcess {
     fn start(
         file: &ClusterFile,
-        indices: &[usize],
+        node: &NodeEntry,
         empty: bool,
         listen: &str,
     ) -> Result<NodeProcess, LocalClusterError> {
-        let names: Vec<&str> = indices.iter().map(|&index| &file.cameras[index].name[..]).collect();
+        let names: Vec<&str> = node.cameras.iter().map(|&index| &file.cameras[index].name[..]).collect();
         let cameras = names.join(", ");
-        let refused = |source| LocalClusterError::Start { cameras: cameras.clone(), source };
+        let label = match &node.name {
+            Some(name) => format!("{name} ({cameras})"),
+            None => format!("({cameras})"),
+        };
+        let refused = |source| LocalClusterError::Start { node: label.clone(), source };
         let mut command = Command::new(std::env::current_exe().map_err(refused)?);
         command.arg("node").arg(&file.path).args(["--listen", listen, "--stop-with-stdin"]);
         for name in &names {
@@ -170,21 +175,21 @@ impl NodeProcess {
         }
         let stderr_tail = Arc::default();
         if let Some(stderr) = child.stderr.take() {
-            let (tail, cameras) = (Arc::clone(&stderr_tail), cameras.clone());
-            std::thread::spawn(move || forward_stderr(stderr, &cameras, &tail));
+            let (tail, tag) = (Arc::clone(&stderr_tail), node.name.clone().unwrap_or(cameras));
+            std::thread::spawn(move || forward_stderr(stderr, &tag, &tail));
         }
-        Ok(NodeProcess { child, cameras, stdout_lines, stderr_tail })
+        Ok(NodeProcess { child, node: label, stdout_lines, stderr_tail })
     }
 
     /// Waits for the line that names the address at which the node listens.
     fn address(&mut self, deadline: Instant) -> Result<Address, LocalClusterError> {
         let left = deadline.saturating_duration_since(Instant::now());
-        let cameras = self.cameras.clone();
+        let node = self.node.clone();
         if let Ok(line) = self.stdout_lines.recv_timeout(left)
             && let Some(address) = line.strip_prefix("listening on ")
         {
             let refused =
-                |error: AddressError| LocalClusterError::Failed { cameras, problem: error.to_string() };
+                |error: AddressError| LocalClusterError::Failed { node, problem: error.to_string() };
             return address.parse().map_err(refused);
         }
         let status = self.child.wait_timeout(SHUTDOWN_GRACE).ok().flatten();
@@ -192,9 +197,9 @@ impl NodeProcess {
         std::thread::sleep(Duration::from_millis(50));
         let problem = self.last_message();
         Err(if status.and_then(|status| status.code()) == Some(INPUT_STATUS) {
-            LocalClusterError::Input { cameras, problem }
+            LocalClusterError::Input { node, problem }
         } else {
-            LocalClusterError::Failed { cameras, problem }
+            LocalClusterError::Failed { node, problem }
         })
     }
 
@@ -208,12 +213,12 @@ impl NodeProcess {
 
 /// Forwards a node's standard error, and keeps its last lines. The line with its reason to end is left to the
 /// parent's own message.
-fn forward_stderr(stderr: impl io::Read, cameras: &str, tail: &Mutex<VecDeque<String>>) {
+fn forward_stderr(stderr: impl io::Read, tag: &str, tail: &Mutex<VecDeque<String>>) {
     use io::Write as _;
     for line in BufReader::new(stderr).lines().map_while(Result::ok) {
         if !line.starts_with("hulltouch: ") {
             // A closed standard error is no reason to stop draining the child's.
-            let _ = writeln!(io::stderr(), "[{cameras}] {line}");
+            let _ = writeln!(io::stderr(), "[{tag}] {line}");
         }
         let mut lines = tail.lock().unwrap_or_else(PoisonError::into_inner);
         lines.push_back(line);

@@ -6,11 +6,12 @@ use camera_node::source::{FileConfig, Image, OpenContext, SourceError};
 use camera_node::{NodeCamera, NodeConfig, SourceConfig};
 use hull::silhouette::SilhouetteError;
 use hull::{Camera, Rig, Silhouette};
-use node_client::ExpectedNode;
-use proto::{Address, CameraDescription};
+use node_client::{ExpectedNode, NodePlace};
+use proto::CameraDescription;
 use thiserror::Error;
 
-use crate::cluster_file::{CameraEntry, ClusterFile};
+use crate::cluster_file::{CameraEntry, ClusterFile, NodeEntry};
+use crate::dns_sd::NodeSearch;
 
 /// Why cameras of a cluster file cannot be set up.
 #[derive(Debug, Error)]
@@ -25,6 +26,14 @@ pub enum NodeConfigError {
         path: PathBuf,
         /// Why not.
         source: SilhouetteError,
+    },
+    /// A coordinator cannot reach a camera.
+    #[error("{}, camera {camera:?}: no node, expected a name, \"host:port\" or \"unix:/path\"", path.display())]
+    NoPlace {
+        /// The cluster file.
+        path: PathBuf,
+        /// Its name.
+        camera: String,
     },
     /// A camera cannot film the room without the person.
     #[error("--empty: camera {camera:?} has no background to film instead")]
@@ -47,6 +56,27 @@ impl ClusterFile {
     pub fn rig_config(&self, empty: bool) -> Result<NodeConfig, NodeConfigError> {
         let indices: Vec<usize> = (0..self.cameras.len()).collect();
         self.node_config(&indices, empty)
+    }
+
+    /// What a coordinator must find at each node, in their order; an error if one has neither name nor address. Nodes without an address are looked for by their names.
+    pub fn expected_nodes(&self) -> Result<Vec<ExpectedNode>, NodeConfigError> {
+        let names = self.nodes.iter().filter_map(|node| node.name.clone());
+        let search = NodeSearch::new(&self.name, names);
+        let expected = |node: &NodeEntry| {
+            let place = match (&node.address, &node.name) {
+                (Some(address), _) => NodePlace::At(address.clone()),
+                (None, Some(name)) => search.place(name),
+                (None, None) => return Err(self.no_place(node)),
+            };
+            let expected = expected_node(&self.rig, place, &node.cameras);
+            Ok(ExpectedNode { name: node.name.clone(), ..expected })
+        };
+        self.nodes.iter().map(expected).collect()
+    }
+
+    fn no_place(&self, node: &NodeEntry) -> NodeConfigError {
+        let camera = self.cameras[node.cameras[0]].name.clone();
+        NodeConfigError::NoPlace { path: self.path.clone(), camera }
     }
 
     fn node_camera(&self, index: usize, empty: bool) -> Result<NodeCamera, NodeConfigError> {
@@ -85,8 +115,8 @@ fn ignored(entry: &CameraEntry, camera: &Camera) -> Result<Option<Silhouette>, N
         .map_err(|source| NodeConfigError::Mask { path: path.clone(), source })
 }
 
-/// What a coordinator must find at an address: the cameras at `indices` of the rig.
-pub fn expected_node(rig: &Rig, address: Address, indices: &[usize]) -> ExpectedNode {
+/// What a coordinator must find at a place: the cameras at `indices` of the rig.
+pub fn expected_node(rig: &Rig, place: impl Into<NodePlace>, indices: &[usize]) -> ExpectedNode {
     let camera = |&index: &usize| CameraDescription::new(&rig.cameras()[index], index as u16);
-    ExpectedNode { address, cameras: indices.iter().map(camera).collect() }
+    ExpectedNode { name: None, place: place.into(), cameras: indices.iter().map(camera).collect() }
 }

@@ -5,26 +5,33 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use hull::{ProbeSettings, Shape};
 use proto::text::{MAX_NAME_CHARS, clean};
-use proto::{Address, CameraDescription, Claim, Cut, NodeDescription, Pace, unix_now_s};
+use proto::{CameraDescription, Claim, Cut, NodeDescription, Pace, unix_now_s};
 
 use crate::connection::{Dial, Sockets};
 use crate::counting::{ByteCounters, ByteCounts};
 use crate::error::Mismatch;
+use crate::place::NodePlace;
 
 /// A node that must be there.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct ExpectedNode {
+    /// Its name, if the cluster file gives it one.
+    pub name: Option<String>,
     /// Where it listens.
-    pub address: Address,
+    pub place: NodePlace,
     /// Its cameras in rig order.
     pub cameras: Vec<CameraDescription>,
 }
 
 impl fmt::Display for ExpectedNode {
-    /// The address and the cameras behind it: `unix:/run/a.sock (left, top)`.
+    /// The name, or else the address, and the cameras there: `left (cam_0, cam_1)`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let names: Vec<&str> = self.cameras.iter().map(|camera| &camera.name[..]).collect();
-        write!(f, "{} ({})", self.address, names.join(", "))
+        match &self.name {
+            Some(name) => f.write_str(name)?,
+            None => self.place.fmt(f)?,
+        }
+        write!(f, " ({})", names.join(", "))
     }
 }
 
@@ -185,8 +192,8 @@ mod tests {
     #[test]
     fn another_node_than_the_one_meant_is_refused_with_the_difference() {
         let agreement = Agreement::new(ProbeSettings::default(), 30.0, vec![]);
-        let address = Address::Tcp("127.0.0.1:1".into());
-        let node = ExpectedNode { address, cameras: vec![described("left")] };
+        let place = proto::Address::Tcp("127.0.0.1:1".into()).into();
+        let node = ExpectedNode { name: None, place, cameras: vec![described("left")] };
         let description = || NodeDescription {
             version: "0".into(),
             cameras: vec![described("left")],

@@ -13,7 +13,7 @@ use proto::convert::{
     silhouette_from_data, start_to_wire,
 };
 use proto::v1::camera_node_client::CameraNodeClient;
-use proto::{CameraDescription, Claim, ClockLine, FilmEvent, Pace, RunStart, monotonic_s, v1};
+use proto::{Address, CameraDescription, Claim, ClockLine, FilmEvent, Pace, RunStart, monotonic_s, v1};
 use tokio::sync::mpsc;
 use tokio::time::Instant;
 use tokio_stream::StreamExt;
@@ -31,6 +31,8 @@ const FIRST_BACKOFF: Duration = Duration::from_millis(50);
 const LONGEST_BACKOFF: Duration = Duration::from_secs(1);
 /// All calls of a connection's beginning together: sources open, programs start.
 const BEGIN_TIMEOUT: Duration = Duration::from_secs(30);
+/// Who answers at an address that was only found must say who it is within this.
+const FOUND_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// A node that another holds is asked so often, and for so long: whoever held it may have lost power just now.
 const CLAIM_EVERY: Duration = Duration::from_millis(200);
@@ -311,17 +313,49 @@ impl NodeClient {
     }
 
     async fn begin(&self) -> Result<(Connection, Streams), NodeError> {
-        let mut client = connect(&self.node.address, &self.agreement.dial, &self.agreement.counters).await?;
-        let description = description_from_wire(client.describe(v1::DescribeRequest {}).await?.into_inner())?;
-        self.agreement.check(&self.node, &description)?;
+        let (mut client, held_term) = self.reach().await?;
         if !self.agreement.observes() {
-            self.lead(&mut client, description.term).await?;
+            self.lead(&mut client, held_term).await?;
         }
         let (credits, credit_stream) = mpsc::channel(MAX_SENDING);
         let (probes, probe_stream) = mpsc::channel(MAX_SENDING);
         let frames = client.watch_frames(ReceiverStream::new(credit_stream)).await?.into_inner();
         let replies = client.probe(ReceiverStream::new(probe_stream)).await?.into_inner();
         Ok((Connection { client, probes, credits }, Streams { replies, frames }))
+    }
+
+    /// Connects to the node, and says with which term somebody holds it. All addresses at which it may be are tried
+    /// at once, so that nobody who only says to be the node keeps us from it.
+    async fn reach(&self) -> Result<(CameraNodeClient<Channel>, u64), NodeError> {
+        let addresses = self.node.place.addresses().await;
+        if addresses.is_empty() {
+            return Err(NodeError::NotFound);
+        }
+        let attempts = addresses.iter().map(|address| Box::pin(self.try_address(address)));
+        futures::future::select_ok(attempts).await.map(|(reached, _)| reached)
+    }
+
+    async fn try_address(&self, address: &Address) -> Result<(CameraNodeClient<Channel>, u64), NodeError> {
+        if !self.node.place.is_sought() {
+            return self.connect_checked(address).await;
+        }
+        let tried = tokio::time::timeout(FOUND_TIMEOUT, self.connect_checked(address)).await;
+        let tried = tried.unwrap_or(Err(NodeError::Timeout(FOUND_TIMEOUT)));
+        let place = &self.node.place;
+        tried
+            .inspect(|_| place.set_checked(address))
+            .map_err(|error| NodeError::At { address: address.clone(), error: Box::new(error) })
+    }
+
+    /// Connects, and checks who answers.
+    async fn connect_checked(
+        &self,
+        address: &Address,
+    ) -> Result<(CameraNodeClient<Channel>, u64), NodeError> {
+        let mut client = connect(address, &self.agreement.dial, &self.agreement.counters).await?;
+        let description = description_from_wire(client.describe(v1::DescribeRequest {}).await?.into_inner())?;
+        self.agreement.check(&self.node, &description)?;
+        Ok((client, description.term))
     }
 
     /// Claims the node, which somebody holds with this term, and begins the run there, if one is on.

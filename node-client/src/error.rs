@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use hull::ProbeSettings;
 use hull::rule::{NormalWindow, OutOfView};
+use proto::Address;
 use proto::convert::ConvertError;
 use proto::text::{MAX_MESSAGE_CHARS, clean};
 use thiserror::Error;
@@ -17,6 +18,17 @@ pub enum NodeError {
     /// A connection could not be made.
     #[error("cannot connect: {0}")]
     Unreachable(String),
+    /// Nobody says where it is.
+    #[error("not found by its name (DNS-SD): expected it to run and to announce itself, or an address")]
+    NotFound,
+    /// At an address that was only found.
+    #[error("at {address}: {error}")]
+    At {
+        /// The address.
+        address: Address,
+        /// What happened there.
+        error: Box<NodeError>,
+    },
     /// It did not answer in time.
     #[error("no answer within {} ms", .0.as_millis())]
     Timeout(Duration),

@@ -9,6 +9,7 @@ mod counting;
 mod error;
 mod film_time;
 mod pictures;
+mod place;
 mod world;
 
 pub use agreement::{Agreement, ExpectedNode, Role};
@@ -17,3 +18,4 @@ pub use connection::{Dial, Socket};
 pub use counting::ByteCounts;
 pub use error::{Mismatch, NodeError};
 pub use pictures::{FETCH_TIMEOUT, NodePictures, PicturesError};
+pub use place::{FindNode, NodePlace, Sought};

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use proto::convert::{frame_pictures_from_wire, picture_request_to_wire};
 use proto::v1::camera_node_client::CameraNodeClient;
-use proto::{FramePictures, PictureKind, PictureRequest};
+use proto::{Address, FramePictures, PictureKind, PictureRequest};
 use thiserror::Error;
 use tonic::transport::Channel;
 
@@ -54,7 +54,9 @@ pub struct NodePictures {
 
 struct PictureNode {
     node: ExpectedNode,
-    client: CameraNodeClient<Channel>,
+    counters: Arc<ByteCounters>,
+    /// To the address where the node was found last.
+    client: Mutex<Option<(Address, CameraNodeClient<Channel>)>>,
     rests_until: Mutex<Option<Instant>>,
 }
 
@@ -65,8 +67,8 @@ impl NodePictures {
         // A page's bytes are not the run's.
         let counters = Arc::new(ByteCounters::default());
         let picture_node = |node: ExpectedNode| {
-            let client = connect_lazily(&node.address, &counters);
-            Arc::new(PictureNode { node, client, rests_until: Mutex::default() })
+            let counters = Arc::clone(&counters);
+            Arc::new(PictureNode { node, counters, client: Mutex::default(), rests_until: Mutex::default() })
         };
         NodePictures { nodes: nodes.into_iter().map(picture_node).collect() }
     }
@@ -128,9 +130,10 @@ impl PictureNode {
         }
         let (is_whole, asked_for) = (request.kind == PictureKind::Whole, request.frame);
         let message = picture_request_to_wire(&PictureRequest { cameras, ..request.clone() });
-        let (node, mut client) = (Arc::clone(self), self.client.clone());
+        let node = Arc::clone(self);
         Some(async move {
             let fetch = async {
+                let mut client = node.client().ok_or(NodeError::NotConnected)?;
                 let mut stream = client.fetch_pictures(message).await?.into_inner();
                 let mut pictures = Vec::new();
                 // One more than there are cameras is enough to refuse them.
@@ -163,6 +166,17 @@ impl PictureNode {
                 Err(error) => Err(PicturesError::Node { node: name, error }),
             }
         })
+    }
+
+    /// A client of the node where it is; none while that is not certain: what finds and checks it is the run's own
+    /// connection.
+    fn client(&self) -> Option<CameraNodeClient<Channel>> {
+        let address = self.node.place.checked()?;
+        let mut client = self.client.lock().unwrap_or_else(PoisonError::into_inner);
+        if client.as_ref().is_none_or(|(known, _)| *known != address) {
+            *client = Some((address.clone(), connect_lazily(&address, &self.counters)));
+        }
+        client.as_ref().map(|(_, client)| client.clone())
     }
 
     fn rests_until(&self) -> MutexGuard<'_, Option<Instant>> {

@@ -9,6 +9,7 @@ pub struct Host {
     /// The end of the cable here.
     cable: String,
     /// Its address.
+    #[allow(dead_code, reason = "not every test needs it")]
     pub address: Ipv4Addr,
 }
 

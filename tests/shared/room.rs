@@ -30,6 +30,13 @@ impl Node {
         Node::start_at(command, cluster, cameras)
     }
 
+    /// Starts the node of the cluster file that has this name, and waits until it listens.
+    #[allow(dead_code, reason = "not every test needs it")]
+    pub fn start_named(mut command: Command, cluster: &Path, name: &str) -> Node {
+        command.args(["node", "--host", name]);
+        Node::start_at(command, cluster, &[])
+    }
+
     /// The same of a command that says where it listens.
     #[allow(dead_code, reason = "not every test needs it")]
     pub fn start_at(mut command: Command, cluster: &Path, cameras: &[String]) -> Node {

@@ -181,7 +181,7 @@ mod tests {
     fn nodes_share_the_cameras_and_read_every_frame() {
         let film = Film::make(FilmPlan { cameras: 4, nodes: 2, size: (160, 120), frames: 2, noise: 0.0 })
             .expect("a film");
-        let groups: Vec<Vec<usize>> = film.file.nodes().into_iter().map(|(_, cameras)| cameras).collect();
+        let groups: Vec<Vec<usize>> = film.file.nodes.iter().map(|node| node.cameras.clone()).collect();
         assert_eq!(groups, [vec![0, 1], vec![2, 3]]);
         assert!(film.silhouettes(1).iter().all(|silhouette| silhouette.area() > 100));
     }

@@ -2,6 +2,7 @@
 //! into types before any port opens.
 //!
 //! ```toml
+//! name = "room-a"                      # the room's, a DNS label; left out, "room"
 //! folder = "${STUDIO:-../studio}"      # rig, sources and masks are relative to it; commands run in it
 //! rig = "rig.toml"                     # aniposelib's format
 //! scene = "topple"                     # a name, or a file beside this one
@@ -21,10 +22,14 @@
 //! precision = "exact"                  # or "quantised": about half the bytes, responses to about 0.1 mm
 //! [segmentation]                       # for all cameras; each may override single keys
 //! high = 110
+//! [[node]]                             # a process that serves cameras: `hulltouch node FILE --host left`
+//! name = "left"                        # a DNS label, by default that of the host; no other node has it
+//! address = "left-pc.local:7001"       # "host:port", the host a name or an IP address, or "unix:/path"; left
+//!                                      # out, the node is found by its name (DNS-SD)
 //! [[camera]]
 //! name = "cam1"                        # as in the rig
-//! node = "192.0.2.11:7001"             # or "unix:/path"; cameras of one address share a process; local
-//!                                      # runs need none
+//! node = "left"                        # its node's name. In a file without [[node]]: an address, cameras of one
+//!                                      # share a process; or nothing, for runs on one machine
 //! source = { kind = "pipe", command = ["ffmpeg", "-i", "cam1.mp4", "-f", "yuv4mpegpipe", "-"] }
 //! background = { kind = "images", path = "empty/cam1.png" }
 //! segmentation = { low = 20 }
@@ -32,11 +37,12 @@
 //! ```
 //!
 //! `${NAME}` and `${NAME:-default}` in any text stand for variables of the environment; `$${` is a
-//! plain `${`. A path that is not absolute starts at `folder`, and that at this file; one that
+//! plain `${`. A DNS label is 1 to 63 of a to z, 0 to 9 and `-`, which stands at neither end. A path that is not absolute starts at `folder`, and that at this file; one that
 //! begins with a variable's value starts where the program was started, as in a shell.
 
 mod check;
 mod latency;
+mod node_entry;
 #[cfg(test)]
 mod tests;
 
@@ -47,7 +53,6 @@ use camera_node::source::SourceConfig;
 use coordinator::GoingOn;
 use hull::Rig;
 use hull::rule::ProbeSettings;
-use proto::Address;
 use proto::convert::Precision;
 use segment::SegmentSettings;
 use serde::Deserialize;
@@ -58,12 +63,15 @@ use toml::{Table, Value};
 use crate::expand::Variables;
 
 pub use latency::LatencyChange;
+pub use node_entry::NodeEntry;
 
 /// A checked cluster file.
 #[derive(Clone, Debug)]
 pub struct ClusterFile {
     /// The file, absolute.
     pub path: PathBuf,
+    /// The room's name, a DNS label.
+    pub name: String,
     /// The cameras that take part, in the order of the rig file.
     pub rig: Rig,
     /// What happens in the room.
@@ -84,6 +92,8 @@ pub struct ClusterFile {
     pub probes: ProbeSettings,
     /// How numbers travel between coordinator and nodes.
     pub precision: Precision,
+    /// The processes that serve the cameras, in the order of their first ones in the rig.
+    pub nodes: Vec<NodeEntry>,
     /// One entry per camera of `rig`, in its order.
     pub cameras: Vec<CameraEntry>,
 }
@@ -104,8 +114,6 @@ pub struct CameraEntry {
     pub name: String,
     /// Its place in [`ClusterFile::rig`].
     pub rig_index: usize,
-    /// Where the process listens that serves it.
-    pub node: Option<Address>,
     /// Its film.
     pub source: SourceConfig,
     /// The empty room; `None` only if segmentation needs none.
@@ -154,6 +162,7 @@ pub enum ClusterFileError {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
+    name: Option<String>,
     folder: Option<String>,
     rig: String,
     scene: String,
@@ -177,7 +186,16 @@ struct File {
     #[serde(default)]
     segmentation: Table,
     #[serde(default)]
+    node: Vec<NodeKeys>,
+    #[serde(default)]
     camera: Vec<CameraKeys>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct NodeKeys {
+    name: String,
+    address: Option<String>,
 }
 
 #[derive(Default, Deserialize)]
@@ -257,18 +275,9 @@ impl ClusterFile {
         turned.map_err(|error| refused(path, error.to_string()))
     }
 
-    /// Which cameras each process serves: addresses in file order, each with the places of its
-    /// cameras in the rig. A camera without an address has a process of its own.
-    pub fn nodes(&self) -> Vec<(Option<&Address>, Vec<usize>)> {
-        let mut nodes: Vec<(Option<&Address>, Vec<usize>)> = Vec::new();
-        for entry in &self.cameras {
-            let node = entry.node.as_ref();
-            match nodes.iter_mut().find(|(known, _)| known.is_some() && *known == node) {
-                Some((_, cameras)) => cameras.push(entry.rig_index),
-                None => nodes.push((node, vec![entry.rig_index])),
-            }
-        }
-        nodes
+    /// Whether a coordinator on another machine can reach all nodes.
+    pub fn is_deployed(&self) -> bool {
+        self.nodes.iter().all(NodeEntry::has_place)
     }
 }
 

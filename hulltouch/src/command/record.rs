@@ -56,7 +56,7 @@ pub fn run(arguments: RecordArguments) -> Outcome {
         Some(path) => arguments.studio.cluster(path)?,
         None => arguments.studio.synthetic(studio.path())?,
     };
-    let is_deployed = file.cameras.iter().all(|camera| camera.node.is_some());
+    let is_deployed = file.is_deployed();
     let setup = Setup {
         world: world_settings(
             &scene,

@@ -101,6 +101,7 @@ fn setup(recording: &Recording, arguments: &ReplayArguments) -> Outcome<Setup> {
     let header = recording.header();
     let file = ClusterFile {
         path: arguments.file.clone(),
+        name: "recording".to_owned(),
         rig: header.rig.clone(),
         scene: SceneChoice::Named(header.scene.name().to_owned()),
         fps: header.fps,
@@ -112,6 +113,7 @@ fn setup(recording: &Recording, arguments: &ReplayArguments) -> Outcome<Setup> {
         gravity_m_s2: Some(header.scene.gravity_m_s2()),
         probes: header.probes,
         precision: header.precision,
+        nodes: Vec::new(),
         cameras: Vec::new(),
     };
     Ok(Setup {

@@ -16,7 +16,7 @@ use std::time::Duration;
 use ::recording::ColourSource;
 use camera_node::NodeConfig;
 use cli::{Failure, Outcome};
-use cluster::{InProcess, LocalCluster, Sockets, expected_node};
+use cluster::{InProcess, LocalCluster, Sockets};
 use coordinator::{Placement, Transport};
 use feed::pictures::Pictures;
 use node_client::NodePictures;
@@ -47,19 +47,12 @@ pub fn run_locally(setup: &Setup) -> Outcome {
     run(setup, &cameras, transport, page, colours, LOCAL_CONNECT_TIMEOUT)
 }
 
-/// Runs against the nodes at the addresses of the cluster file, which have so long to connect.
+/// Runs against the nodes of the cluster file, at their addresses or wherever they are found, which have so long to
+/// connect.
 pub fn run_deployed(setup: &Setup, connect_timeout: Duration) -> Outcome {
     setup.prepare_outputs()?;
     let cameras = cameras(setup)?;
-    let mut nodes = Vec::new();
-    for (address, indices) in setup.file.nodes() {
-        let address = address.ok_or_else(|| {
-            let (path, name) = (setup.file.path.display(), &setup.file.cameras[indices[0]].name);
-            let expected = "expected \"host:port\" or \"unix:/path\"";
-            Failure::input(format_args!("{path}, camera {name:?}: no node, {expected}"))
-        })?;
-        nodes.push(expected_node(&setup.file.rig, address.clone(), &indices));
-    }
+    let nodes = setup.file.expected_nodes()?;
     run_over_nodes(setup, &cameras, nodes, connect_timeout)
 }
 

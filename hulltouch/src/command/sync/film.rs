@@ -55,7 +55,7 @@ impl FilmSource<'_> {
                 let folder = tempfile::tempdir().map_err(Failure::run)?;
                 let path = folder.path().join("sync.mcap");
                 let setup = setup(cluster, *seconds, *take_over, &path)?;
-                if cluster.cameras.iter().all(|camera| camera.node.is_some()) {
+                if cluster.is_deployed() {
                     run_deployed(&setup, *patience)?;
                 } else {
                     run_locally(&setup)?;

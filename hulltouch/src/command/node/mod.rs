@@ -1,5 +1,7 @@
 //! `hulltouch node`: one camera PC.
 
+mod part;
+
 use std::io::Write as _;
 use std::path::PathBuf;
 
@@ -7,24 +9,32 @@ use camera_node::listen::Listen;
 use camera_node::service::{Node, ServeError};
 use clap::Args;
 use cli::{Failure, Outcome};
-use cluster::ClusterFile;
-use proto::Address;
+use cluster::{Announcement, ClusterFile};
 use tokio::io::AsyncReadExt as _;
 
+use self::part::Part;
 use crate::interrupt::interrupted;
 
-/// Serve cameras of a cluster file: film them, keep their silhouettes, answer probes.
+/// Serve cameras of a cluster file: film them, keep their silhouettes, answer probes. Without --camera, those of the
+/// [[node]] with this host's name, or with that of --host.
 #[derive(Debug, Args)]
-#[command(after_help = "Example, on the PC of the cameras `left` and `top`:\n  \
-    hulltouch node studio.cluster.toml --camera left --camera top --insecure")]
+#[command(
+    after_help = "Examples, on every PC of a cluster file with [[node]] entries; on the PC of `left` and `top` of \
+    one without:\n  \
+    hulltouch node studio.cluster.toml --insecure\n  \
+    hulltouch node studio.cluster.toml --camera left --camera top --insecure"
+)]
 pub struct NodeArguments {
     /// The cluster file.
     cluster: PathBuf,
+    /// The name of the [[node]] whose cameras this process serves [default: this host's, up to the first dot].
+    #[arg(long, value_name = "NAME", conflicts_with = "cameras")]
+    host: Option<String>,
     /// A camera of the cluster file that this process serves; give it once for each.
-    #[arg(long = "camera", required = true, value_name = "NAME")]
+    #[arg(long = "camera", value_name = "NAME")]
     cameras: Vec<String>,
-    /// Where to listen: IP:PORT, or unix:PATH for a coordinator on this machine [default: the cameras'
-    /// `node` in the cluster file].
+    /// Where to listen: IP:PORT, or unix:PATH for a coordinator on this machine [default: the node's address in
+    /// the cluster file; where that is a host's name, its port on all addresses; without one, 0.0.0.0:7001].
     #[arg(long, value_name = "ADDRESS")]
     listen: Option<Listen>,
     /// Allow an address that other machines reach: there is no encryption and no password.
@@ -41,12 +51,15 @@ pub struct NodeArguments {
 /// Serves until Ctrl-C.
 pub fn run(arguments: &NodeArguments) -> Outcome {
     let file = ClusterFile::open(&arguments.cluster)?;
-    let indices = camera_indices(&file, &arguments.cameras)?;
+    let part = match &arguments.cameras[..] {
+        [] => Part::of_host(&file, arguments.host.as_deref())?,
+        cameras => Part::of_cameras(&file, cameras)?,
+    };
     let address = match &arguments.listen {
         Some(address) => address.clone(),
-        None => address_in_file(&file, &indices)?,
+        None => part.listen(&file)?,
     };
-    let config = file.node_config(&indices, arguments.empty)?;
+    let config = file.node_config(&part.cameras, arguments.empty)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::run)?;
     let served = runtime.block_on(async {
         let node = tokio::select! {
@@ -54,7 +67,8 @@ pub fn run(arguments: &NodeArguments) -> Outcome {
             () = stopped(arguments.stop_with_stdin) => return Ok(()),
         };
         let address = node.address().map_err(Failure::run)?;
-        announce(&address)?;
+        say_address(&address)?;
+        let _announcement = announcement(&file, &part, &address);
         node.serve(stopped(arguments.stop_with_stdin)).await.map_err(serve_failure)
     });
     // A clip that is still being read, or a read of standard input, must not hold the process.
@@ -63,9 +77,30 @@ pub fn run(arguments: &NodeArguments) -> Outcome {
 }
 
 /// Prints the address at which the node listens: a parent that gave port 0 waits for this line.
-fn announce(address: &Listen) -> Outcome {
+fn say_address(address: &Listen) -> Outcome {
     let mut stdout = std::io::stdout().lock();
     writeln!(stdout, "listening on {address}").and_then(|()| stdout.flush()).map_err(Failure::run)
+}
+
+/// Announces a node that must be found by its name. One that cannot be announced still serves.
+fn announcement(file: &ClusterFile, part: &Part, address: &Listen) -> Option<Announcement> {
+    let name = part.name.filter(|_| part.is_sought())?;
+    let listens = match address {
+        Listen::Tcp(listens) if !listens.ip().is_loopback() => *listens,
+        Listen::Tcp(_) | Listen::Unix(_) => {
+            tracing::warn!(
+                "node {name} listens on {address} and has no address in the cluster file: nobody finds it"
+            );
+            return None;
+        }
+    };
+    match Announcement::begin(&file.name, name, listens) {
+        Ok(announcement) => Some(announcement),
+        Err(error) => {
+            tracing::warn!("node {name}: {error}");
+            None
+        }
+    }
 }
 
 fn serve_failure(error: ServeError) -> Failure {
@@ -92,47 +127,5 @@ async fn stopped(with_stdin: bool) {
     tokio::select! {
         () = interrupted() => {},
         () = stdin_ended => {},
-    }
-}
-
-fn camera_indices(file: &ClusterFile, names: &[String]) -> Outcome<Vec<usize>> {
-    let mut indices = Vec::new();
-    for name in names {
-        let index = file.rig.index_of(name).ok_or_else(|| {
-            let known: Vec<&str> = file.cameras.iter().map(|entry| &entry.name[..]).collect();
-            let path = file.path.display();
-            Failure::input(format_args!("--camera {name:?}: {path} has {}", known.join(", ")))
-        })?;
-        if indices.contains(&index) {
-            return Err(Failure::input(format_args!("--camera {name:?} is given twice")));
-        }
-        indices.push(index);
-    }
-    indices.sort_unstable();
-    Ok(indices)
-}
-
-fn address_in_file(file: &ClusterFile, indices: &[usize]) -> Outcome<Listen> {
-    let mut addresses = indices.iter().map(|&index| file.cameras[index].node.as_ref());
-    let first = addresses.next().flatten().ok_or_else(|| {
-        let name = &file.cameras[indices[0]].name;
-        Failure::input(format_args!(
-            "{}, camera {name:?} has no node, expected one or --listen",
-            file.path.display()
-        ))
-    })?;
-    if addresses.any(|address| address != Some(first)) {
-        return Err(Failure::input(
-            "the cameras have different nodes in the cluster file, expected --listen",
-        ));
-    }
-    match first {
-        Address::Unix(path) => Ok(Listen::Unix(path.clone())),
-        Address::Tcp(address) => address.parse().map(Listen::Tcp).map_err(|_| {
-            let port = address.rsplit(':').next().unwrap_or_default();
-            Failure::input(format_args!(
-                "node {address:?} is no IP address with port: give --listen IP:{port}"
-            ))
-        }),
     }
 }

@@ -1,5 +1,7 @@
 //! From the cluster file's keys to values that can be trusted.
 
+mod nodes;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -7,15 +9,18 @@ use camera_node::source::SourceConfig;
 use coordinator::GoingOn;
 use hull::Rig;
 use hull::rule::{HullRule, NormalWindow, OutOfView, ProbeSettings};
-use proto::Address;
 use proto::convert::Precision;
 use segment::{Method, SegmentSettings};
 use toml::{Table, Value};
 
+use self::nodes::{NamedNode, NodeKey};
 use super::{
     CameraEntry, CameraKeys, ClusterFile, ClusterFileError, File, OutOfViewKey, PrecisionKey, SceneChoice,
 };
 use crate::expand::{Variables, expand};
+
+/// The room of a file without `name`.
+const DEFAULT_ROOM: &str = "room";
 
 /// Gives the keys their meaning, and errors their place.
 pub(super) struct Checker<'a> {
@@ -34,10 +39,13 @@ impl Checker<'_> {
         };
         let whole = self.rig(&folder, &file.rig)?;
         let rig = self.used(&whole, &file.unused_cameras)?;
-        let cameras = self.cameras(&folder, &whole, &rig, file)?;
+        let named = self.named_nodes(&folder, file)?;
+        let (cameras, node_keys): (Vec<_>, Vec<_>) =
+            self.cameras(&folder, &whole, &rig, file, &named)?.into_iter().unzip();
         let probes = self.probes(file)?;
         Ok(ClusterFile {
             path: self.absolute.to_owned(),
+            name: self.label("name", file.name.as_deref().unwrap_or(DEFAULT_ROOM))?,
             rig,
             scene: self.scene(beside, &file.scene)?,
             fps: self.within("fps", file.fps, 0.01, 1000.0)?,
@@ -51,35 +59,38 @@ impl Checker<'_> {
                 PrecisionKey::Exact => Precision::Exact,
                 PrecisionKey::Quantised => Precision::Quantised,
             },
+            nodes: self.nodes(&named, &node_keys)?,
             cameras,
         })
     }
 
-    /// An entry for each camera of `rig`, in its order.
+    /// An entry for each camera of `rig`, in its order, and by what it knows its node.
     fn cameras(
         &self,
         folder: &Path,
         whole: &Rig,
         rig: &Rig,
         file: &File,
-    ) -> Result<Vec<CameraEntry>, ClusterFileError> {
-        let mut cameras: Vec<CameraEntry> = Vec::new();
+        named: &[NamedNode],
+    ) -> Result<Vec<(CameraEntry, NodeKey)>, ClusterFileError> {
+        let mut cameras: Vec<(CameraEntry, NodeKey)> = Vec::new();
         for keys in &file.camera {
             let entry = self.camera(folder, whole, rig, &file.segmentation, keys)?;
-            if cameras.iter().any(|other| other.name == entry.name) {
+            if cameras.iter().any(|(other, _)| other.name == entry.name) {
                 return Err(
                     self.wrong("camera", format!("found {:?} twice, expected every name once", entry.name))
                 );
             }
-            cameras.push(entry);
+            let node = self.node_key(&format!("camera {:?}, node", entry.name), folder, named, keys)?;
+            cameras.push((entry, node));
         }
         if let Some(missing) =
-            rig.cameras().iter().find(|camera| cameras.iter().all(|e| e.name != camera.name()))
+            rig.cameras().iter().find(|camera| cameras.iter().all(|(e, _)| e.name != camera.name()))
         {
             let problem = "found no [[camera]] entry, expected one, or its name in unused_cameras";
             return Err(self.wrong(&format!("camera {:?} of the rig", missing.name()), problem));
         }
-        cameras.sort_by_key(|entry| entry.rig_index);
+        cameras.sort_by_key(|(entry, _)| entry.rig_index);
         Ok(cameras)
     }
 
@@ -114,7 +125,6 @@ impl Checker<'_> {
             Some(_) => self.wrong(&key("name"), "found in unused_cameras too, expected one of the two"),
             None => self.wrong(&key("name"), unknown_camera(whole, &name)),
         })?;
-        let node = keys.node.as_deref().map(|node| self.node(&key("node"), folder, node)).transpose()?;
         let segmentation = self.segmentation(&key("segmentation"), defaults, &keys.segmentation)?;
         let source = self.source(&key("source"), folder, &keys.source)?;
         self.stamps(&key("stamps"), keys.stamps.as_deref(), &source)?;
@@ -130,7 +140,7 @@ impl Checker<'_> {
         }
         let mask = |mask| self.existing(&key("ignore_mask"), folder, mask, Path::is_file, "a mask image");
         let ignore_mask = keys.ignore_mask.as_deref().map(mask).transpose()?;
-        Ok(CameraEntry { rig_index, node, source, background, segmentation, ignore_mask, name: name.clone() })
+        Ok(CameraEntry { rig_index, source, background, segmentation, ignore_mask, name: name.clone() })
     }
 
     fn source(
@@ -186,22 +196,6 @@ impl Checker<'_> {
             .map_err(|error: toml::de::Error| self.wrong(key, error.message().replace('\n', ", ")))?;
         settings.validate().map_err(|error| self.wrong(key, error.to_string()))?;
         Ok(settings)
-    }
-
-    fn node(&self, key: &str, folder: &Path, text: &str) -> Result<Address, ClusterFileError> {
-        let expanded = self.text(key, text)?;
-        let refused = |error: proto::AddressError| self.wrong(key, error.to_string());
-        match expanded.parse().map_err(refused)? {
-            // As other paths of this file: from `folder`, unless a variable says where.
-            Address::Unix(path) => {
-                let path = match text.strip_prefix("unix:") {
-                    Some(text) => self.resolved(key, folder, text)?,
-                    None => std::path::absolute(path).map_err(|error| self.wrong(key, error.to_string()))?,
-                };
-                Address::unix(path).map_err(refused)
-            }
-            tcp @ Address::Tcp(_) => Ok(tcp),
-        }
     }
 
     fn scene(&self, beside: &Path, text: &str) -> Result<SceneChoice, ClusterFileError> {
@@ -279,13 +273,13 @@ impl Checker<'_> {
         Err(self.wrong(key, format!("found {found}, expected a number from {low} to {high}")))
     }
 
-    fn text(&self, key: &str, text: &str) -> Result<String, ClusterFileError> {
+    pub(super) fn text(&self, key: &str, text: &str) -> Result<String, ClusterFileError> {
         expand(text, self.variables)
             .map(|expanded| expanded.text)
             .map_err(|error| self.wrong(key, error.to_string()))
     }
 
-    fn resolved(&self, key: &str, folder: &Path, text: &str) -> Result<PathBuf, ClusterFileError> {
+    pub(super) fn resolved(&self, key: &str, folder: &Path, text: &str) -> Result<PathBuf, ClusterFileError> {
         let refused = |problem: String| self.wrong(key, problem);
         let expanded = expand(text, self.variables).map_err(|error| refused(error.to_string()))?;
         if !expanded.starts_with_variable {
@@ -311,7 +305,7 @@ impl Checker<'_> {
             .wrong(key, format!("found {found} at {} (from {text:?}), expected {expected}", path.display())))
     }
 
-    fn wrong(&self, key: &str, problem: impl Into<String>) -> ClusterFileError {
+    pub(super) fn wrong(&self, key: &str, problem: impl Into<String>) -> ClusterFileError {
         ClusterFileError::Value { path: self.path.to_owned(), key: key.to_owned(), problem: problem.into() }
     }
 }

@@ -1,5 +1,7 @@
 //! Values of a cluster file, and the message of each mistake.
 
+mod nodes;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -96,13 +98,7 @@ fn a_file_gives_its_cameras_in_rig_order_with_paths_and_defaults() {
     assert_eq!(plate.path, folder.path("plates/a.png"));
     assert_eq!(b.background, b.source.empty_room(), "the studio knows its own empty room");
     assert!(c.background.is_none());
-    let nodes: Vec<_> = cluster.nodes().into_iter().map(|(node, cameras)| (told(node), cameras)).collect();
-    assert_eq!(nodes, [("192.0.2.2:7001".to_owned(), vec![0]), ("192.0.2.1:7001".to_owned(), vec![1, 2])]);
     assert_eq!(cluster.precision, Precision::Exact);
-}
-
-fn told(node: Option<&Address>) -> String {
-    node.map(Address::to_string).unwrap_or_default()
 }
 
 #[test]
@@ -112,7 +108,7 @@ fn sockets_are_files_beside_the_others_and_numbers_may_be_rounded() {
     let text = text.replace("\"192.0.2.2:7001\"", "\"unix:${HERE}/a.sock\"");
     let text = text.replacen("[[camera]]", "[wire]\nprecision = \"quantised\"\n[[camera]]", 1);
     let cluster = folder.read(&text).expect("valid");
-    let nodes: Vec<String> = cluster.nodes().into_iter().map(|(node, _)| told(node)).collect();
+    let nodes: Vec<String> = cluster.nodes.iter().map(nodes::address).collect();
     let here = std::env::current_dir().expect("a folder");
     let expected = [
         format!("unix:{}/here/a.sock", here.display()),
@@ -230,7 +226,9 @@ fn each_mistake_is_one_line_with_file_key_found_and_expected() {
         (
             "\"192.0.2.2:7001\"",
             "\"192.0.2.2\"",
-            &["camera \"a\", node: found \"192.0.2.2\", expected \"host:port\" or \"unix:/path\""],
+            &[
+                "camera \"a\", node: found \"192.0.2.2\", expected \"host:port\", \"unix:/path\", or the name of a [[node]]",
+            ],
         ),
         ("low = 20", "lwo = 20", &["camera \"a\", segmentation: unknown field `lwo`", "`low`"]),
         ("low = 20", "high = 300", &["camera \"a\", segmentation: high is 300, expected 1 to 255"]),
@@ -331,7 +329,7 @@ fn the_example_for_three_pcs_is_right_for_a_rig_of_three() {
         (name == "HULLTOUCH_STUDIO").then(|| studio.clone())
     });
     let cluster = read.expect("valid");
-    assert_eq!(cluster.nodes().len(), 3);
+    assert_eq!(cluster.nodes.len(), 3);
     cluster.load_scene().expect("a scene");
     assert!(cluster.cameras.iter().all(|camera| camera.source.is_live()));
 }
