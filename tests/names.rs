@@ -60,6 +60,22 @@ fn a_node_serves_what_is_its_own_at_the_address_of_its_name() {
 }
 
 #[test]
+fn the_same_file_runs_on_one_machine() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let cluster = named_room(folder.path(), "", "");
+    let mut demo = program();
+    demo.arg("demo").arg("--recording").arg(&cluster).args([
+        "--headless",
+        "--seconds",
+        "1",
+        "--transport",
+        "cluster",
+    ]);
+    let output = demo.output().expect("runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+#[test]
 fn a_node_that_is_missing_is_called_by_its_name() {
     let folder = tempfile::tempdir().expect("a folder");
     let cluster = named_room(folder.path(), "address = \"unix:left.sock\"", "address = \"unix:right.sock\"");
