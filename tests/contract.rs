@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use camera_node::listen::Listen;
-use camera_node::service::Node;
+use camera_node::service::{Access, Node};
 use camera_node::source::{SourceConfig, StageConfig};
 use camera_node::{NodeCamera, NodeConfig};
 use hull::question::{Answer, Batch, NO_EXIT_M, Points, Question, QuestionKind};
@@ -67,7 +67,7 @@ async fn a_node_on_a_unix_socket_keeps_the_contract() {
 
 async fn in_this_process(listen: Listen) {
     let rig = rig();
-    let node = Node::open(config(&rig), listen, false).await.expect("opens");
+    let node = Node::open(config(&rig), listen, Access::default()).await.expect("opens");
     let address = node.address().expect("bound");
     let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
     let serving = tokio::spawn(node.serve(async { drop(stopped.await) }));

@@ -5,30 +5,19 @@ mod namespace;
 #[path = "shared/room.rs"]
 mod room;
 
-use std::fs;
 use std::net::TcpListener;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 use std::sync::Arc;
 use std::time::Duration;
 
-use camera_node::service::Node as Service;
+use camera_node::service::{Access, Node as Service};
 use cluster::{ClusterFile, expected_node};
 use namespace::Host;
 use node_client::{Agreement, ExpectedNode, NodeClient, NodeEvent, NodePlace};
 use proto::Address;
-use room::{Node, coordinator, figures, program};
+use room::{Node, coordinator, figures, named_room, program};
 use tokio::sync::mpsc;
-
-/// A room of the nodes "left" and "right" with two cameras each; what `[[node]]` says of each besides its name.
-fn named_room(folder: &Path, left: &str, right: &str) -> PathBuf {
-    let file = room::cluster_file(folder, 2);
-    let text = fs::read_to_string(&file).expect("written");
-    let text = text.replace("\"unix:0.sock\"", "\"left\"").replace("\"unix:1.sock\"", "\"right\"");
-    let nodes = format!("[[node]]\nname = \"left\"\n{left}\n[[node]]\nname = \"right\"\n{right}\n[[camera]]");
-    fs::write(&file, text.replacen("[[camera]]", &nodes, 1)).expect("written");
-    file
-}
 
 /// A port of this process's own, below those that systems hand out.
 fn own_port() -> u16 {
@@ -38,7 +27,8 @@ fn own_port() -> u16 {
 /// Runs a coordinator, which must get frames of all nodes.
 fn run(program: Command, cluster: &Path, folder: &Path) {
     let json = folder.join("out.json");
-    let figures = figures(coordinator(program, cluster, "2", &json).spawn().expect("starts"), &json);
+    let mut command = coordinator(program, cluster, "2", &json);
+    let figures = figures(command.arg("--insecure").spawn().expect("starts"), &json);
     assert!(figures["frames"].as_u64().is_some_and(|frames| frames > 10), "{figures}");
     assert_eq!(figures["missed"]["blind_steps"], 0, "{figures}");
 }
@@ -114,7 +104,7 @@ fn nodes_without_addresses_are_found_in_the_network() {
 async fn service(file: &ClusterFile, cameras: &[usize]) -> Address {
     let config = file.node_config(cameras, false).expect("cameras");
     let loopback = std::net::SocketAddr::from(([127, 0, 0, 1], 0));
-    let node = Service::open(config, loopback, false).await.expect("opens");
+    let node = Service::open(config, loopback, Access::default()).await.expect("opens");
     let address = node.address().expect("bound").to_string().parse().expect("an address");
     tokio::spawn(node.serve(std::future::pending()));
     address

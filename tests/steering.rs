@@ -4,7 +4,7 @@ use std::net::SocketAddr;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use camera_node::service::Node;
+use camera_node::service::{Access, Node};
 use camera_node::source::{SourceConfig, StageConfig};
 use camera_node::{NodeCamera, NodeConfig};
 use cluster::{InProcess, expected_node};
@@ -62,7 +62,8 @@ impl Studio {
         let mut nodes = vec![];
         for cameras in [0..2, 2..4] {
             let listen = SocketAddr::from(([127, 0, 0, 1], 0));
-            let node = Node::open(self.config(cameras.clone()), listen, false).await.expect("opens");
+            let node =
+                Node::open(self.config(cameras.clone()), listen, Access::default()).await.expect("opens");
             let address: Address = node.address().expect("bound").to_string().parse().expect("an address");
             tokio::spawn(node.serve(std::future::pending()));
             nodes.push(expected_node(&self.rig, address, &cameras.collect::<Vec<_>>()));

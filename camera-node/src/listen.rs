@@ -2,7 +2,7 @@
 
 use std::fmt;
 use std::io;
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::os::unix::fs::{FileTypeExt as _, MetadataExt as _, PermissionsExt as _};
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use std::str::FromStr;
 
 use proto::{Address, AddressError};
 use thiserror::Error;
-use tokio::net::{TcpListener, UnixListener};
+use tokio::net::{TcpListener, TcpStream, UnixListener};
 
 /// Connections that wait to be accepted: a node has one coordinator, and perhaps an operator looks.
 const BACKLOG: i32 = 128;
@@ -91,11 +91,39 @@ impl Listener {
         }
     }
 
+    /// The next connection. A connection over TCP does not wait to fill packets.
+    pub async fn accept(&self) -> io::Result<Accepted> {
+        match self {
+            Listener::Tcp(listener) => {
+                let (socket, from) = listener.accept().await?;
+                socket.set_nodelay(true)?;
+                Ok(Accepted::Tcp(socket, from.ip().to_canonical()))
+            }
+            Listener::Unix(listener, _) => Ok(Accepted::Unix(listener.accept().await?.0)),
+        }
+    }
+
     /// Where it listens, with the port it found.
     pub fn address(&self) -> io::Result<Listen> {
         match self {
             Listener::Tcp(listener) => listener.local_addr().map(Listen::Tcp),
             Listener::Unix(_, file) => Ok(Listen::Unix(file.path.clone())),
+        }
+    }
+}
+
+/// A connection of which nothing is known.
+pub(crate) enum Accepted {
+    Tcp(TcpStream, IpAddr),
+    Unix(tokio::net::UnixStream),
+}
+
+impl Accepted {
+    /// The machine that it comes from; none over a Unix socket.
+    pub fn from(&self) -> Option<IpAddr> {
+        match self {
+            Accepted::Tcp(_, from) => Some(*from),
+            Accepted::Unix(_) => None,
         }
     }
 }

@@ -15,7 +15,7 @@ use clap::{Parser, Subcommand};
 
 use cli::Outcome;
 
-use crate::command::{coordinator, demo, node, query, record, replay, rig, sync};
+use crate::command::{certs, coordinator, demo, node, query, record, replay, rig, sync};
 
 /// Virtual rigid bodies collide with people on film.
 #[derive(Debug, Parser)]
@@ -33,6 +33,7 @@ enum Command {
     Record(record::RecordArguments),
     Replay(replay::ReplayArguments),
     Rig(rig::RigArguments),
+    Certs(certs::CertsArguments),
     Sync(sync::SyncArguments),
     Query(query::QueryArguments),
     Bench(bench::BenchArguments),
@@ -47,6 +48,7 @@ fn main() -> ExitCode {
         Command::Coordinator(arguments) => coordinator::run(&arguments),
         Command::Record(arguments) => record::run(arguments),
         Command::Replay(arguments) => replay::run(&arguments),
+        Command::Certs(arguments) => certs::run(&arguments),
         Command::Rig(arguments) => rig::run(&arguments),
         Command::Sync(arguments) => sync::run(&arguments),
         Command::Query(arguments) => query::run(&arguments),

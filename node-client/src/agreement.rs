@@ -5,9 +5,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use hull::{ProbeSettings, Shape};
 use proto::text::{MAX_NAME_CHARS, clean};
-use proto::{CameraDescription, Claim, Cut, NodeDescription, Pace, unix_now_s};
+use proto::{Address, CameraDescription, Claim, Cut, NodeDescription, Pace, unix_now_s};
 
-use crate::connection::{Dial, Sockets};
+use crate::connection::{Destination, Dial, Sockets};
 use crate::counting::{ByteCounters, ByteCounts};
 use crate::error::Mismatch;
 use crate::place::NodePlace;
@@ -21,6 +21,13 @@ pub struct ExpectedNode {
     pub place: NodePlace,
     /// Its cameras in rig order.
     pub cameras: Vec<CameraDescription>,
+}
+
+impl ExpectedNode {
+    /// The node where it may be.
+    pub(crate) fn at(&self, address: &Address) -> Destination {
+        Destination { address: address.clone(), node: self.name.clone() }
+    }
 }
 
 impl fmt::Display for ExpectedNode {
@@ -79,7 +86,7 @@ impl Agreement {
             terms,
             cut: Mutex::default(),
             counters: Arc::default(),
-            dial: Arc::new(Sockets),
+            dial: Arc::new(Sockets::default()),
         }
     }
 
@@ -192,7 +199,7 @@ mod tests {
     #[test]
     fn another_node_than_the_one_meant_is_refused_with_the_difference() {
         let agreement = Agreement::new(ProbeSettings::default(), 30.0, vec![]);
-        let place = proto::Address::Tcp("127.0.0.1:1".into()).into();
+        let place = Address::Tcp("127.0.0.1:1".into()).into();
         let node = ExpectedNode { name: None, place, cameras: vec![described("left")] };
         let description = || NodeDescription {
             version: "0".into(),

@@ -5,6 +5,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use futures::future::BoxFuture;
+use futures::stream::FuturesUnordered;
 use hull::question::Question;
 use hull::{Shape, Silhouette};
 use proto::convert::{
@@ -37,6 +39,11 @@ const FOUND_TIMEOUT: Duration = Duration::from_secs(5);
 /// A node that another holds is asked so often, and for so long: whoever held it may have lost power just now.
 const CLAIM_EVERY: Duration = Duration::from_millis(200);
 const HELD_PATIENCE: Duration = Duration::from_secs(2);
+
+/// What is still on its way over an old connection comes within this.
+const LAST_WORDS: Duration = Duration::from_secs(1);
+/// A renewal that fails is tried again after this part of a connection's age.
+const RENEW_AGAIN: f64 = 0.03;
 
 /// How often the clock of a node is read, and first how many times before a run begins there.
 const CLOCK_EVERY: Duration = Duration::from_millis(500);
@@ -83,6 +90,11 @@ struct State {
     /// All that the node may do so far; each message says all of it.
     credit: v1::FrameCredit,
     clock: ClockEstimate,
+    /// How often the connection was renewed since it was made, and when last.
+    renewals: u64,
+    renewed: Option<Instant>,
+    /// The last event of film that was reported of this run.
+    last_of_film: Option<FilmEvent>,
 }
 
 impl State {
@@ -91,6 +103,30 @@ impl State {
         let (credit, clock) = (self.credit, std::mem::take(&mut self.clock));
         *self = State { connection: Some(connection), credit, clock, ..State::default() };
         self.send_credit();
+    }
+
+    /// Goes on over another connection to the same node. Questions that are open are answered over the old one.
+    fn renew(&mut self, connection: Connection) {
+        self.connection = Some(connection);
+        self.knows = StreamKnows::default();
+        self.renewals += 1;
+        self.renewed = Some(Instant::now());
+        self.send_credit();
+    }
+
+    /// Whether an event of film is news: where two connections overlap, both report it.
+    fn is_news(&mut self, event: &FilmEvent) -> bool {
+        let overlaps = self.renewed.is_some_and(|renewed| renewed.elapsed() < 3 * LAST_WORDS);
+        let is_known = match (event, &self.last_of_film) {
+            _ if !overlaps => false,
+            (FilmEvent::Frame(new), Some(FilmEvent::Frame(last))) => new.frame <= last.frame,
+            (new, Some(last)) => new == last,
+            (_, None) => false,
+        };
+        if !is_known {
+            self.last_of_film = Some(event.clone());
+        }
+        !is_known
     }
 
     /// Sends the credit. One that does not fit is dropped: the next includes it.
@@ -142,7 +178,11 @@ impl NodeClient {
     /// Begins a run at this node.
     pub async fn start(&self, pace: Pace) -> Result<(), NodeError> {
         let mut client = self.client()?;
-        self.state().credit = self.no_credit();
+        {
+            let mut state = self.state();
+            state.credit = self.no_credit();
+            state.last_of_film = None;
+        }
         client.start(self.run_start(pace)?).await?;
         Ok(())
     }
@@ -199,7 +239,7 @@ impl NodeClient {
         written: &WrittenQuestion,
     ) -> Result<(), NodeError> {
         let mut state = self.state();
-        let State { connection, knows, open, credit: _, clock: _ } = &mut *state;
+        let State { connection, knows, open, .. } = &mut *state;
         let connection = connection.as_ref().ok_or(NodeError::NotConnected)?;
         let named =
             |camera: &&CameraDescription| cameras.is_empty() || cameras.contains(&camera.rig_index.into());
@@ -317,11 +357,16 @@ impl NodeClient {
         if !self.agreement.observes() {
             self.lead(&mut client, held_term).await?;
         }
-        let (credits, credit_stream) = mpsc::channel(MAX_SENDING);
-        let (probes, probe_stream) = mpsc::channel(MAX_SENDING);
-        let frames = client.watch_frames(ReceiverStream::new(credit_stream)).await?.into_inner();
-        let replies = client.probe(ReceiverStream::new(probe_stream)).await?.into_inner();
-        Ok((Connection { client, probes, credits }, Streams { replies, frames }))
+        open_streams(client).await
+    }
+
+    /// Another connection to a node that we lead already: who answers, and who asks, show certificates anew.
+    async fn begin_anew(&self) -> Result<(Connection, Streams), NodeError> {
+        let (mut client, held_term) = self.reach().await?;
+        if !self.agreement.observes() {
+            self.hold(&mut client, held_term).await?;
+        }
+        open_streams(client).await
     }
 
     /// Connects to the node, and says with which term somebody holds it. All addresses at which it may be are tried
@@ -352,8 +397,14 @@ impl NodeClient {
         &self,
         address: &Address,
     ) -> Result<(CameraNodeClient<Channel>, u64), NodeError> {
-        let mut client = connect(address, &self.agreement.dial, &self.agreement.counters).await?;
-        let description = description_from_wire(client.describe(v1::DescribeRequest {}).await?.into_inner())?;
+        let mut client =
+            connect(&self.node.at(address), &self.agreement.dial, &self.agreement.counters).await?;
+        let described = client.describe(v1::DescribeRequest {}).await;
+        let described = described.map_err(|status| match NodeError::from(status) {
+            NodeError::Lost(why) => NodeError::AtOnce { why, hint: self.agreement.dial.hint() },
+            other => other,
+        });
+        let description = description_from_wire(described?.into_inner())?;
         self.agreement.check(&self.node, &description)?;
         Ok((client, description.term))
     }
@@ -385,25 +436,93 @@ impl NodeClient {
         }
     }
 
-    /// Reads both streams until one ends; returns why.
+    /// Reads streams until one ends; returns why. They are renewed on the way.
     async fn read(&self, streams: Streams) -> NodeError {
-        let reading = async {
-            self.report(NodeEvent::Up).await?;
-            let Streams { replies, frames } = streams;
-            tokio::try_join!(self.read_replies(replies), self.read_film(frames), self.keep_time()).map(|_| ())
+        if let Err(error) = self.report(NodeEvent::Up).await {
+            return error;
+        }
+        let mut parts = FuturesUnordered::new();
+        self.read_parts(&mut parts, streams);
+        let (mut renewal, mut time) = (Box::pin(self.renewed()), Box::pin(self.keep_time()));
+        loop {
+            tokio::select! {
+                ended = parts.next() => match ended {
+                    // Those of an old connection end when nothing more comes over it.
+                    Some((renewals, _)) if renewals != self.state().renewals => {}
+                    Some((_, error)) => return error,
+                    None => return NodeError::Closed,
+                },
+                error = &mut time => return error.err().unwrap_or(NodeError::Closed),
+                (connection, streams) = &mut renewal => {
+                    self.state().renew(connection);
+                    self.read_parts(&mut parts, streams);
+                    renewal.set(self.renewed());
+                    tracing::debug!("the connection to node {} was renewed", self.node);
+                }
+            }
+        }
+    }
+
+    /// Begins to read the streams of the connection that is in use now. A part ends with its stream, or some time after
+    /// another connection is in use.
+    fn read_parts<'a>(
+        &'a self,
+        parts: &mut FuturesUnordered<BoxFuture<'a, (u64, NodeError)>>,
+        streams: Streams,
+    ) {
+        let Streams { replies, frames } = streams;
+        let renewals = self.state().renewals;
+        parts.push(Box::pin(self.part(renewals, self.read_replies(replies))));
+        parts.push(Box::pin(self.part(renewals, self.read_film(frames))));
+    }
+
+    /// Reads one stream to its end: over which connection that was, and why it ended.
+    async fn part(
+        &self,
+        renewals: u64,
+        reading: impl Future<Output = Result<(), NodeError>>,
+    ) -> (u64, NodeError) {
+        let ended = tokio::select! {
+            ended = reading => ended,
+            () = self.replaced(renewals) => Ok(()),
         };
-        reading.await.err().unwrap_or(NodeError::Closed)
+        (renewals, ended.err().unwrap_or(NodeError::Closed))
+    }
+
+    /// Completes some time after the connection was renewed: what was on its way has come by then.
+    async fn replaced(&self, renewals: u64) {
+        loop {
+            tokio::time::sleep(LAST_WORDS).await;
+            if self.state().renewals != renewals {
+                return tokio::time::sleep(LAST_WORDS).await;
+            }
+        }
+    }
+
+    /// Another connection, when it is time for one. One that cannot be made is tried again: the old one is still there.
+    async fn renewed(&self) -> (Connection, Streams) {
+        let Some(age) = self.agreement.dial.renews_after() else { return std::future::pending().await };
+        tokio::time::sleep(age).await;
+        loop {
+            let begun = tokio::time::timeout(BEGIN_TIMEOUT, self.begin_anew()).await;
+            match begun.unwrap_or(Err(NodeError::Timeout(BEGIN_TIMEOUT))) {
+                Ok(begun) => return begun,
+                Err(error) => {
+                    tracing::warn!("the connection to node {} cannot be renewed: {error}", self.node);
+                }
+            }
+            tokio::time::sleep(age.mul_f64(RENEW_AGAIN)).await;
+        }
     }
 
     /// Reads the node's clock again and again, and tells the node what film time that makes.
     async fn keep_time(&self) -> Result<(), NodeError> {
-        let mut client = self.client()?;
         if self.agreement.observes() {
             return std::future::pending().await;
         }
         loop {
             tokio::time::sleep(CLOCK_EVERY).await;
-            self.read_clock(&mut client).await?;
+            self.read_clock(&mut self.client()?).await?;
             let known = self.state().clock.film_time(0.0, monotonic_s());
             if let Some(ClockLine { bound_s, .. }) = known {
                 self.report(NodeEvent::Clock(bound_s)).await?;
@@ -456,10 +575,21 @@ impl NodeClient {
                 before = Some((report.frame, report.capture_time_s));
                 self.agreement.cut().heard(report);
             }
-            self.report(NodeEvent::Film { event, heard_s: monotonic_s() }).await?;
+            let is_news = self.state().is_news(&event);
+            if is_news {
+                self.report(NodeEvent::Film { event, heard_s: monotonic_s() }).await?;
+            }
         }
         Err(NodeError::Closed)
     }
+}
+
+async fn open_streams(mut client: CameraNodeClient<Channel>) -> Result<(Connection, Streams), NodeError> {
+    let (credits, credit_stream) = mpsc::channel(MAX_SENDING);
+    let (probes, probe_stream) = mpsc::channel(MAX_SENDING);
+    let frames = client.watch_frames(ReceiverStream::new(credit_stream)).await?.into_inner();
+    let replies = client.probe(ReceiverStream::new(probe_stream)).await?.into_inner();
+    Ok((Connection { client, probes, credits }, Streams { replies, frames }))
 }
 
 /// Later frames are captured later. A number that is not higher begins another run.

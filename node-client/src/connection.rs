@@ -1,5 +1,5 @@
-//! A connection to a node's address, its bytes counted. Encryption belongs here: every call of the program to a
-//! node goes through these sockets.
+//! A connection to a node's address, its bytes counted, and encrypted if there are certificates: every call of the
+//! program to a node goes through these sockets.
 
 use std::io;
 use std::sync::Arc;
@@ -7,14 +7,16 @@ use std::time::Duration;
 
 use futures::future::BoxFuture;
 use hyper_util::rt::TokioIo;
+use identity::{Credentials, Identity};
 use proto::v1::camera_node_client::CameraNodeClient;
 use proto::{Address, MAX_FRAME_BYTES, MAX_MESSAGE_BYTES};
+use thiserror::Error;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpStream, UnixStream};
 use tonic::transport::{Channel, Endpoint, Uri};
 
 use crate::counting::{ByteCounters, counted};
-use crate::error::NodeError;
+use crate::error::{NodeError, root_cause};
 
 const CONNECT_TIMEOUT: Duration = Duration::from_millis(1500);
 /// A connection over which nothing comes for so long is given up, and made anew: a way that was cut may be open again long
@@ -24,18 +26,21 @@ const SILENT: Duration = Duration::from_secs(2);
 
 /// A client of the node at an address, connected now.
 pub(crate) async fn connect(
-    address: &Address,
+    to: &Destination,
     dial: &Arc<dyn Dial>,
     counters: &Arc<ByteCounters>,
 ) -> Result<CameraNodeClient<Channel>, NodeError> {
-    let connected = endpoint().connect_with_connector(connector(address, dial, counters)).await;
+    let connected = endpoint().connect_with_connector(connector(to, dial, counters)).await;
     connected.map(client).map_err(|error| NodeError::Unreachable(root_cause(&error)))
 }
 
 /// A client that connects when it is first used, and again whenever its connection breaks.
-pub(crate) fn connect_lazily(address: &Address, counters: &Arc<ByteCounters>) -> CameraNodeClient<Channel> {
-    let dial: Arc<dyn Dial> = Arc::new(Sockets);
-    client(endpoint().connect_with_connector_lazy(connector(address, &dial, counters)))
+pub(crate) fn connect_lazily(
+    to: &Destination,
+    dial: &Arc<dyn Dial>,
+    counters: &Arc<ByteCounters>,
+) -> CameraNodeClient<Channel> {
+    client(endpoint().connect_with_connector_lazy(connector(to, dial, counters)))
 }
 
 fn client(channel: Channel) -> CameraNodeClient<Channel> {
@@ -57,23 +62,70 @@ fn endpoint() -> Endpoint {
 pub trait Socket: AsyncRead + AsyncWrite + Send + Unpin {}
 impl<S: AsyncRead + AsyncWrite + Send + Unpin> Socket for S {}
 
-/// Makes connections to nodes.
-pub trait Dial: Send + Sync + 'static {
-    /// A connection to the node at an address.
-    fn dial(&self, address: Address) -> BoxFuture<'static, io::Result<Box<dyn Socket>>>;
+/// Where to connect to, and who must be there.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Destination {
+    /// Where the node listens.
+    pub address: Address,
+    /// Its name, if the cluster file gives it one.
+    pub node: Option<String>,
 }
 
-/// The sockets of the system.
-pub(crate) struct Sockets;
+/// Makes connections to nodes.
+pub trait Dial: Send + Sync + 'static {
+    /// A connection to a node.
+    fn dial(&self, to: Destination) -> BoxFuture<'static, io::Result<Box<dyn Socket>>>;
+
+    /// A connection is replaced by a new one after so long; `None`: never.
+    fn renews_after(&self) -> Option<Duration> {
+        None
+    }
+
+    /// What may be wrong where a node breaks the connection off as soon as it is made.
+    fn hint(&self) -> String;
+}
+
+/// The sockets of the system: encrypted if there are certificates, but for Unix sockets.
+#[derive(Clone, Default)]
+pub struct Sockets {
+    credentials: Option<Arc<Credentials>>,
+}
+
+impl Sockets {
+    /// Those that need a certificate on both sides.
+    pub fn encrypted(credentials: Arc<Credentials>) -> Sockets {
+        Sockets { credentials: Some(credentials) }
+    }
+}
 
 impl Dial for Sockets {
-    fn dial(&self, address: Address) -> BoxFuture<'static, io::Result<Box<dyn Socket>>> {
+    fn renews_after(&self) -> Option<Duration> {
+        // Before the node ends it.
+        self.credentials.as_ref().map(|credentials| credentials.max_connection_age().mul_f64(0.7))
+    }
+
+    fn hint(&self) -> String {
+        match &self.credentials {
+            // Under TLS 1.3 a client is done before the server has looked at its certificate.
+            Some(own) => format!("it was shown the certificate of {}, and its log tells why", own.own()),
+            None => "expected a node that was started without --certs".to_owned(),
+        }
+    }
+
+    fn dial(&self, to: Destination) -> BoxFuture<'static, io::Result<Box<dyn Socket>>> {
+        let credentials = self.credentials.clone();
         Box::pin(async move {
-            let socket: Box<dyn Socket> = match address {
+            let socket: Box<dyn Socket> = match to.address {
                 Address::Tcp(host_port) => {
                     let socket = TcpStream::connect(host_port).await?;
                     socket.set_nodelay(true)?;
-                    Box::new(socket)
+                    let Some(credentials) = credentials else {
+                        return Ok(Box::new(socket) as Box<dyn Socket>);
+                    };
+                    let node = to.node.ok_or_else(|| io::Error::other(Nameless))?;
+                    let meant = Identity::node(&credentials.own().room, &node);
+                    let encrypted = credentials.connect(socket, &meant).await;
+                    Box::new(encrypted.map_err(io::Error::other)?)
                 }
                 Address::Unix(path) => Box::new(UnixStream::connect(path).await?),
             };
@@ -83,16 +135,16 @@ impl Dial for Sockets {
 }
 
 fn connector(
-    address: &Address,
+    to: &Destination,
     dial: &Arc<dyn Dial>,
     counters: &Arc<ByteCounters>,
 ) -> impl tower::Service<Uri, Response = TokioIo<Box<dyn Socket>>, Error = io::Error, Future: Send>
 + Send
 + 'static
 + use<> {
-    let (address, dial, counters) = (address.clone(), Arc::clone(dial), Arc::clone(counters));
+    let (to, dial, counters) = (to.clone(), Arc::clone(dial), Arc::clone(counters));
     tower::service_fn(move |_: Uri| {
-        let (socket, counters) = (dial.dial(address.clone()), Arc::clone(&counters));
+        let (socket, counters) = (dial.dial(to.clone()), Arc::clone(&counters));
         async move {
             let socket: Box<dyn Socket> = Box::new(counted(socket.await?, counters));
             Ok(TokioIo::new(socket))
@@ -100,11 +152,7 @@ fn connector(
     })
 }
 
-/// The innermost cause: tonic's own words alone say only "transport error".
-fn root_cause(error: &dyn std::error::Error) -> String {
-    let mut cause = error;
-    while let Some(inner) = cause.source() {
-        cause = inner;
-    }
-    cause.to_string()
-}
+/// A node that no certificate can be of.
+#[derive(Debug, Error)]
+#[error("it has no name in the cluster file, expected a [[node]] entry: certificates are of names")]
+struct Nameless;

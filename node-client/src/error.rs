@@ -35,6 +35,14 @@ pub enum NodeError {
     /// The connection broke during a call.
     #[error("connection lost: {0}")]
     Lost(String),
+    /// The connection broke before it was of any use.
+    #[error("the connection broke at once ({why}): {hint}")]
+    AtOnce {
+        /// How.
+        why: String,
+        /// What may be wrong.
+        hint: String,
+    },
     /// The node closed a stream that should stay open.
     #[error("it closed the stream")]
     Closed,
@@ -153,7 +161,8 @@ impl Mismatch {
 
 impl From<tonic::Status> for NodeError {
     fn from(status: tonic::Status) -> NodeError {
-        let message = clean(status.message(), MAX_MESSAGE_CHARS);
+        let said = std::error::Error::source(&status).map_or_else(|| status.message().to_owned(), root_cause);
+        let message = clean(&said, MAX_MESSAGE_CHARS);
         match status.code() {
             tonic::Code::Unavailable
             | tonic::Code::Cancelled
@@ -163,6 +172,15 @@ impl From<tonic::Status> for NodeError {
             _ => NodeError::Refused(message),
         }
     }
+}
+
+/// The innermost cause: tonic's own words alone say only "transport error".
+pub(crate) fn root_cause(error: &(dyn std::error::Error + 'static)) -> String {
+    let mut cause = error;
+    while let Some(inner) = cause.source() {
+        cause = inner;
+    }
+    cause.to_string()
 }
 
 #[cfg(test)]

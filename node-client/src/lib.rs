@@ -14,7 +14,7 @@ mod world;
 
 pub use agreement::{Agreement, ExpectedNode, Role};
 pub use client::{NodeClient, NodeEvent};
-pub use connection::{Dial, Socket};
+pub use connection::{Destination, Dial, Socket, Sockets};
 pub use counting::ByteCounts;
 pub use error::{Mismatch, NodeError};
 pub use pictures::{FETCH_TIMEOUT, NodePictures, PicturesError};

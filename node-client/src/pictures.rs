@@ -11,7 +11,7 @@ use thiserror::Error;
 use tonic::transport::Channel;
 
 use crate::agreement::ExpectedNode;
-use crate::connection::connect_lazily;
+use crate::connection::{Dial, connect_lazily};
 use crate::counting::ByteCounters;
 use crate::error::NodeError;
 
@@ -54,6 +54,7 @@ pub struct NodePictures {
 
 struct PictureNode {
     node: ExpectedNode,
+    dial: Arc<dyn Dial>,
     counters: Arc<ByteCounters>,
     /// To the address where the node was found last.
     client: Mutex<Option<(Address, CameraNodeClient<Channel>)>>,
@@ -61,14 +62,20 @@ struct PictureNode {
 }
 
 impl NodePictures {
-    /// Connects when first asked, and again whenever a connection breaks. Must run within the tokio runtime
-    /// that asks.
-    pub fn new(nodes: impl IntoIterator<Item = ExpectedNode>) -> NodePictures {
+    /// Connects over such sockets when first asked, and again whenever a connection breaks. Must run within the tokio
+    /// runtime that asks.
+    pub fn new(nodes: impl IntoIterator<Item = ExpectedNode>, dial: &Arc<dyn Dial>) -> NodePictures {
         // A page's bytes are not the run's.
         let counters = Arc::new(ByteCounters::default());
         let picture_node = |node: ExpectedNode| {
-            let counters = Arc::clone(&counters);
-            Arc::new(PictureNode { node, counters, client: Mutex::default(), rests_until: Mutex::default() })
+            let (dial, counters) = (Arc::clone(dial), Arc::clone(&counters));
+            Arc::new(PictureNode {
+                node,
+                dial,
+                counters,
+                client: Mutex::default(),
+                rests_until: Mutex::default(),
+            })
         };
         NodePictures { nodes: nodes.into_iter().map(picture_node).collect() }
     }
@@ -174,7 +181,10 @@ impl PictureNode {
         let address = self.node.place.checked()?;
         let mut client = self.client.lock().unwrap_or_else(PoisonError::into_inner);
         if client.as_ref().is_none_or(|(known, _)| *known != address) {
-            *client = Some((address.clone(), connect_lazily(&address, &self.counters)));
+            *client = {
+                let to = self.node.at(&address);
+                Some((address, connect_lazily(&to, &self.dial, &self.counters)))
+            };
         }
         client.as_ref().map(|(_, client)| client.clone())
     }

@@ -3,7 +3,7 @@
 use std::net::SocketAddr;
 use std::ops::Range;
 
-use camera_node::service::Node;
+use camera_node::service::{Access, Node};
 use camera_node::source::{SourceConfig, StageConfig};
 use camera_node::{NodeCamera, NodeConfig};
 use hull::{ProbeSettings, Rig};
@@ -37,7 +37,7 @@ pub async fn serve_until(config: NodeConfig, lost: oneshot::Receiver<()>) -> Add
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
         runtime.block_on(async {
             let listen = SocketAddr::from(([127, 0, 0, 1], 0));
-            let node = Node::open(config, listen, false).await.expect("opens");
+            let node = Node::open(config, listen, Access::default()).await.expect("opens");
             opened.send(node.address().expect("bound").to_string()).expect("somebody waits");
             tokio::select! {
                 served = node.serve(std::future::pending()) => served.expect("serves"),

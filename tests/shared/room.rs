@@ -82,6 +82,17 @@ pub fn cluster_file_of(folder: &Path, nodes: usize, scene: &str, stage: &str) ->
     file
 }
 
+/// A room of the nodes "left" and "right" with two cameras each; what `[[node]]` says of each besides its name.
+#[allow(dead_code, reason = "not every test needs it")]
+pub fn named_room(folder: &Path, left: &str, right: &str) -> PathBuf {
+    let file = cluster_file(folder, 2);
+    let text = fs::read_to_string(&file).expect("written");
+    let text = text.replace("\"unix:0.sock\"", "\"left\"").replace("\"unix:1.sock\"", "\"right\"");
+    let nodes = format!("[[node]]\nname = \"left\"\n{left}\n[[node]]\nname = \"right\"\n{right}\n[[camera]]");
+    fs::write(&file, text.replacen("[[camera]]", &nodes, 1)).expect("written");
+    file
+}
+
 /// The program that was built.
 pub fn program() -> Command {
     Command::new(env!("CARGO_BIN_EXE_hulltouch"))

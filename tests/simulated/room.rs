@@ -17,7 +17,7 @@ use coordinator::{
 };
 use futures::future::BoxFuture;
 use hull::ProbeSettings;
-use node_client::{Agreement, Dial, Socket};
+use node_client::{Agreement, Destination, Dial, Socket};
 use proto::{Address, ring_frames};
 use sim::{Scene, World, WorldSettings};
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
@@ -401,9 +401,15 @@ impl FormatTime for SimulatedTime {
 struct SimulatedNetwork;
 
 impl Dial for SimulatedNetwork {
-    fn dial(&self, address: Address) -> BoxFuture<'static, std::io::Result<Box<dyn Socket>>> {
+    fn hint(&self) -> String {
+        "the network is cut".to_owned()
+    }
+
+    fn dial(&self, to: Destination) -> BoxFuture<'static, std::io::Result<Box<dyn Socket>>> {
         Box::pin(async move {
-            let Address::Tcp(address) = address else { return Err(std::io::ErrorKind::Unsupported.into()) };
+            let Address::Tcp(address) = to.address else {
+                return Err(std::io::ErrorKind::Unsupported.into());
+            };
             let socket: Box<dyn Socket> = Box::new(TcpStream::connect(address).await?);
             Ok(socket)
         })

@@ -3,7 +3,7 @@
 use std::net::SocketAddr;
 
 use camera_node::NodeConfig;
-use camera_node::service::Node;
+use camera_node::service::{Access, Node};
 use node_client::ExpectedNode;
 use proto::Address;
 use tokio::runtime::Runtime;
@@ -41,8 +41,10 @@ impl HostedNodes {
 /// Opens all at once, each on a free loopback port, and has them serve for as long as the runtime runs.
 async fn serve(configs: Vec<NodeConfig>) -> Outcome<Vec<Address>> {
     let loopback = SocketAddr::from(([127, 0, 0, 1], 0));
-    let opening: Vec<Task<_>> =
-        configs.into_iter().map(|config| tokio::spawn(Node::open(config, loopback, false))).collect();
+    let opening: Vec<Task<_>> = configs
+        .into_iter()
+        .map(|config| tokio::spawn(Node::open(config, loopback, Access::default())))
+        .collect();
     let mut addresses = Vec::new();
     for opened in opening {
         let node = opened.await.map_err(Failure::run)?.map_err(Failure::run)?;

@@ -3,12 +3,15 @@
 
 mod film_events;
 mod hold;
+mod incoming;
 mod led;
 mod node;
+mod permission;
 mod probe_stream;
 mod worker;
 mod world_memory;
 
+pub use incoming::Access;
 pub use node::{Node, ServeError, serve_film};
 
 use std::pin::Pin;

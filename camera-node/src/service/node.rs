@@ -8,11 +8,13 @@ use proto::{MAX_FRAME_BYTES, MAX_MESSAGE_BYTES, v1};
 use thiserror::Error;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio_stream::Stream;
-use tokio_stream::wrappers::UnixListenerStream;
+use tonic::service::interceptor::InterceptedService;
 use tonic::transport::Server;
-use tonic::transport::server::{Connected, Router, TcpIncoming};
+use tonic::transport::server::{Connected, Router};
 
 use super::Service;
+use super::incoming::{Access, incoming};
+use super::permission::Permission;
 use super::worker::Worker;
 use crate::capture::{CaptureError, Filming};
 use crate::config::NodeConfig;
@@ -22,6 +24,11 @@ use crate::listen::{Listen, Listener};
 
 /// A silent peer is noticed within twice this.
 const KEEP_ALIVE: Duration = Duration::from_secs(5);
+
+/// Streams of one connection: a run has three, and pictures.
+const MAX_STREAMS: u32 = 16;
+/// Far more than any call's.
+const MAX_HEADER_BYTES: u32 = 8 * 1024;
 
 /// A node that is asked to end lets calls finish for so long; streams would go on for ever.
 const SHUTDOWN_GRACE: Duration = Duration::from_millis(300);
@@ -35,7 +42,7 @@ pub enum ServeError {
     /// A port that other machines reach, without consent.
     #[error(
         "listen address {0} is reachable from other machines and the protocol is not encrypted: \
-         expected a loopback address, or --insecure"
+         expected a loopback address, --certs, or --insecure"
     )]
     Exposed(Listen),
     /// The address cannot be had.
@@ -61,24 +68,26 @@ pub enum ServeError {
 pub struct Node {
     listener: Listener,
     service: Service,
+    access: Access,
 }
 
 impl Node {
     /// Binds the address (port 0: any free one) and learns the backgrounds. Must run within a tokio
-    /// runtime. Any address but a loopback one or a Unix socket needs `insecure`.
+    /// runtime. Any address but a loopback one or a Unix socket needs more than [`Access::ThisMachine`].
     pub async fn open(
         config: NodeConfig,
         address: impl Into<Listen>,
-        insecure: bool,
+        access: Access,
     ) -> Result<Node, ServeError> {
         let address = address.into();
         if matches!(address, Listen::Tcp(address) if !address.ip().is_loopback()) {
-            if !insecure {
-                return Err(ServeError::Exposed(address));
+            match access {
+                Access::ThisMachine => return Err(ServeError::Exposed(address)),
+                Access::Anybody => tracing::warn!(
+                    "listening on {address} without encryption or passwords: anyone who reaches it may ask"
+                ),
+                Access::Certified(_) => {}
             }
-            tracing::warn!(
-                "listening on {address} without encryption or passwords: anyone who reaches it may ask"
-            );
         }
         let bound = Listener::bind(&address).await;
         let listener = bound.map_err(|error| ServeError::Listen { address, error })?;
@@ -86,7 +95,7 @@ impl Node {
         let service = tokio::task::spawn_blocking(move || Service::new(&config))
             .await
             .map_err(ServeError::Panicked)??;
-        Ok(Node { listener, service })
+        Ok(Node { listener, service, access })
     }
 
     /// The address it listens on.
@@ -96,24 +105,11 @@ impl Node {
 
     /// Serves until `stop` completes.
     pub async fn serve(self, stop: impl Future<Output = ()>) -> Result<(), ServeError> {
-        let router = router(self.service).await;
+        let router = router(self.service, &self.access).await;
+        let incoming = incoming(self.listener, &self.access);
         let (shut_down, shutting_down) = tokio::sync::oneshot::channel::<()>();
         let shutting_down = async { drop(shutting_down.await) };
-        let serving = async {
-            match self.listener {
-                Listener::Tcp(listener) => {
-                    // The server's own setting does not reach sockets that it is handed.
-                    let incoming = TcpIncoming::from(listener).with_nodelay(Some(true));
-                    router.serve_with_incoming_shutdown(incoming, shutting_down).await
-                }
-                Listener::Unix(listener, file) => {
-                    let incoming = UnixListenerStream::new(listener);
-                    let served = router.serve_with_incoming_shutdown(incoming, shutting_down).await;
-                    drop(file);
-                    served
-                }
-            }
-        };
+        let serving = router.serve_with_incoming_shutdown(incoming, shutting_down);
         let end = async {
             stop.await;
             drop(shut_down);
@@ -139,11 +135,11 @@ where
 {
     let worker = Worker::without_thread(Arc::clone(&ring), config.cameras.len(), Cores::new(1));
     let service = Service::of(config, film, ring, worker);
-    Ok(router(service).await.serve_with_incoming(connections).await?)
+    Ok(router(service, &Access::default()).await.serve_with_incoming(connections).await?)
 }
 
 /// The node's services: its own, health and reflection.
-async fn router(service: Service) -> Router {
+async fn router(service: Service, access: &Access) -> Router {
     let (reporter, health) = tonic_health::server::health_reporter();
     reporter.set_serving::<CameraNodeServer<Service>>().await;
     let reflection = || {
@@ -153,12 +149,20 @@ async fn router(service: Service) -> Router {
     let service = CameraNodeServer::new(service)
         .max_decoding_message_size(MAX_MESSAGE_BYTES)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);
-    Server::builder()
+    let look = Permission::to_look(access);
+    let mut server = Server::builder();
+    if let Access::Certified(credentials) = access {
+        let age = credentials.max_connection_age();
+        server = server.max_connection_age(age.mul_f64(0.9)).max_connection_age_grace(age.mul_f64(0.1));
+    }
+    server
         .max_frame_size(MAX_FRAME_BYTES)
         .http2_keepalive_interval(Some(KEEP_ALIVE))
         .http2_keepalive_timeout(Some(KEEP_ALIVE))
-        .add_service(health)
-        .add_service(reflection().build_v1().expect(describe_error))
-        .add_service(reflection().build_v1alpha().expect(describe_error))
-        .add_service(service)
+        .http2_max_header_list_size(Some(MAX_HEADER_BYTES))
+        .max_concurrent_streams(Some(MAX_STREAMS))
+        .add_service(InterceptedService::new(health, look.clone()))
+        .add_service(InterceptedService::new(reflection().build_v1().expect(describe_error), look.clone()))
+        .add_service(InterceptedService::new(reflection().build_v1alpha().expect(describe_error), look))
+        .add_service(InterceptedService::new(service, Permission::to_lead(access)))
 }

@@ -20,6 +20,7 @@
 //! unused_cameras = ["cam4"]            # cameras of the rig that take no part
 //! [wire]
 //! precision = "exact"                  # or "quantised": about half the bytes, responses to about 0.1 mm
+//! max_connection_age_s = 3600          # with certificates: both sides show them anew this often
 //! [segmentation]                       # for all cameras; each may override single keys
 //! high = 110
 //! [[node]]                             # a process that serves cameras: `hulltouch node FILE --host left`
@@ -92,6 +93,8 @@ pub struct ClusterFile {
     pub probes: ProbeSettings,
     /// How numbers travel between coordinator and nodes.
     pub precision: Precision,
+    /// Connections that show certificates show them anew after so long, seconds.
+    pub max_connection_age_s: f64,
     /// The processes that serve the cameras, in the order of their first ones in the rig.
     pub nodes: Vec<NodeEntry>,
     /// One entry per camera of `rig`, in its order.
@@ -203,6 +206,7 @@ struct NodeKeys {
 struct WireKeys {
     #[serde(default)]
     precision: PrecisionKey,
+    max_connection_age_s: Option<f64>,
 }
 
 #[derive(Clone, Copy, Default, Deserialize)]

@@ -7,6 +7,7 @@ use clap::Args;
 
 use crate::run::options::{OutletArguments, Outlets, RecordOptions};
 use crate::run::run_deployed;
+use crate::run::security::SecurityArguments;
 use crate::run::setup::{AskName, ResponseArguments, Setup, TransportName, checked_seconds, world_settings};
 use cli::{Failure, Outcome};
 use cluster::ClusterFile;
@@ -49,6 +50,8 @@ pub struct CoordinatorArguments {
     #[arg(long, value_name = "S", default_value_t = 60.0)]
     patience: f64,
     #[command(flatten)]
+    security: SecurityArguments,
+    #[command(flatten)]
     outlets: OutletArguments,
     #[command(flatten)]
     record: RecordOptions,
@@ -74,6 +77,7 @@ pub fn run(arguments: &CoordinatorArguments) -> Outcome {
         .map_err(|error| Failure::input(format_args!("--patience {}: {error}", arguments.patience)))?;
     let file = ClusterFile::open(&arguments.cluster)?;
     let scene = file.load_scene().map_err(Failure::input)?;
+    let dial = arguments.security.sockets(&file)?;
     let setup = Setup {
         world: world_settings(&scene, arguments.seed.or(file.seed).unwrap_or(1), response),
         file,
@@ -82,6 +86,7 @@ pub fn run(arguments: &CoordinatorArguments) -> Outcome {
         asks: AskName::default().into(),
         lock_step: arguments.unpaced,
         role: arguments.role(),
+        dial,
         empty: false,
         seconds: checked_seconds(arguments.seconds)?,
         outlets: Outlets { silent: arguments.observe, ..arguments.outlets.checked()? },

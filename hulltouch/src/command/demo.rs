@@ -1,6 +1,7 @@
 //! `hulltouch demo`: a whole cluster on this machine.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use clap::Args;
 use hull::Rig;
@@ -13,7 +14,7 @@ use crate::run::setup::{AskName, ResponseArguments, Setup, TransportName, checke
 use cli::{Failure, Outcome, PrecisionName, parse_size};
 use cluster::ClusterFile;
 use coordinator::MemoryUse;
-use node_client::Role;
+use node_client::{Role, Sockets};
 
 /// How long the empty room of a recording is filmed without --seconds.
 const EMPTY_RECORDING_S: f64 = 4.0;
@@ -104,6 +105,7 @@ pub fn run(arguments: &DemoArguments) -> Outcome {
         asks: arguments.ask.into(),
         lock_step: arguments.unpaced,
         role: Role::Leads,
+        dial: Arc::new(Sockets::default()),
         empty: arguments.empty,
         seconds,
         outlets,

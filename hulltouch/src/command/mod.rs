@@ -1,5 +1,6 @@
 //! One module a subcommand.
 
+pub mod certs;
 pub mod coordinator;
 pub mod demo;
 pub mod node;

@@ -1,15 +1,17 @@
 //! `hulltouch record`.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 
 use clap::Args;
 use cli::{Failure, Outcome};
 use coordinator::MemoryUse;
-use node_client::Role;
+use node_client::{Role, Sockets};
 
 use crate::command::demo::StudioArguments;
 use crate::run::options::{Outlets, RecordTo};
+use crate::run::security::SecurityArguments;
 use crate::run::setup::{AskName, ResponseArguments, Setup, TransportName, checked_seconds, world_settings};
 use crate::run::{run_deployed, run_locally};
 
@@ -40,6 +42,8 @@ pub struct RecordArguments {
     /// Keep the colours around the foreground, too.
     #[arg(long)]
     colour: bool,
+    #[command(flatten)]
+    security: SecurityArguments,
     /// Replace the file if it is there.
     #[arg(long)]
     force: bool,
@@ -57,6 +61,7 @@ pub fn run(arguments: RecordArguments) -> Outcome {
         None => arguments.studio.synthetic(studio.path())?,
     };
     let is_deployed = file.is_deployed();
+    let dial = if is_deployed { arguments.security.sockets(&file)? } else { Arc::new(Sockets::default()) };
     let setup = Setup {
         world: world_settings(
             &scene,
@@ -69,6 +74,7 @@ pub fn run(arguments: RecordArguments) -> Outcome {
         asks: AskName::default().into(),
         lock_step: arguments.unpaced,
         role: Role::Leads,
+        dial,
         empty: false,
         seconds: checked_seconds(arguments.seconds)?,
         outlets: Outlets { live_line: true, json: arguments.json, ..Outlets::default() },

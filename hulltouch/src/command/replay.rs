@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use clap::Args;
 use coordinator::{GoingOn, MemoryUse, Transport};
-use node_client::Role;
+use node_client::{Role, Sockets};
 use recording::{Recording, StepCheck};
 use serde_json::{Value, json};
 
@@ -113,6 +113,7 @@ fn setup(recording: &Recording, arguments: &ReplayArguments) -> Outcome<Setup> {
         gravity_m_s2: Some(header.scene.gravity_m_s2()),
         probes: header.probes,
         precision: header.precision,
+        max_connection_age_s: 3600.0,
         nodes: Vec::new(),
         cameras: Vec::new(),
     };
@@ -124,6 +125,7 @@ fn setup(recording: &Recording, arguments: &ReplayArguments) -> Outcome<Setup> {
         asks: header.asks,
         lock_step: arguments.unpaced,
         role: Role::Leads,
+        dial: Arc::new(Sockets::default()),
         empty: false,
         seconds: None,
         outlets: arguments.outlets.checked()?,

@@ -7,6 +7,7 @@ pub mod play;
 pub mod recorded_pictures;
 mod recording;
 mod report;
+pub mod security;
 pub mod setup;
 mod snapshot;
 
@@ -75,8 +76,9 @@ fn run_over_nodes(
     connect_timeout: Duration,
 ) -> Outcome {
     let (of_recording, of_page) = (nodes.clone(), nodes.clone());
-    let colours = colour_source(setup, || Arc::new(NodePictures::new(of_recording)));
-    let page = PageSource::of_cameras(cameras, || Arc::new(NodePictures::new(of_page)));
+    let (dial, dial_of_page) = (Arc::clone(&setup.dial), Arc::clone(&setup.dial));
+    let colours = colour_source(setup, move || Arc::new(NodePictures::new(of_recording, &dial)));
+    let page = PageSource::of_cameras(cameras, move || Arc::new(NodePictures::new(of_page, &dial_of_page)));
     let transport = |world: &World, gather| connect(setup, nodes, world, gather);
     run(setup, cameras, transport, page, colours, connect_timeout)
 }
@@ -94,6 +96,7 @@ fn connect(setup: &Setup, nodes: Vec<ExpectedNode>, world: &World, placement: Pl
     shapes.sort_by_key(|shape| shape.digest());
     shapes.dedup_by_key(|shape| shape.digest());
     let agreement = Agreement::new(setup.file.probes, setup.file.fps, shapes).with_role(setup.role);
+    let agreement = agreement.dialling(Arc::clone(&setup.dial));
     Transport::connect(nodes, placement, agreement).with_precision(setup.file.precision)
 }
 

@@ -1,11 +1,13 @@
 //! What a run is made from, checked before anything starts.
 
+use std::sync::Arc;
+
 use clap::{Args, ValueEnum};
 use cli::{Failure, Outcome, check_writable};
 use cluster::ClusterFile;
 use coordinator::{AskEvery, MemoryUse};
 use hull::surface::HullTime;
-use node_client::Role;
+use node_client::{Dial, Role};
 use sim::{ResponseMode, Scene, WorldSettings};
 
 use super::options::{Outlets, RecordTo};
@@ -123,6 +125,8 @@ pub struct Setup {
     pub lock_step: bool,
     /// What it is to nodes that another leads.
     pub role: Role,
+    /// The sockets to nodes of other machines.
+    pub dial: Arc<dyn Dial>,
     /// The scene without the person.
     pub empty: bool,
     /// The run ends after so much film.

@@ -59,6 +59,12 @@ impl Checker<'_> {
                 PrecisionKey::Exact => Precision::Exact,
                 PrecisionKey::Quantised => Precision::Quantised,
             },
+            max_connection_age_s: self.within(
+                "wire.max_connection_age_s",
+                file.wire.max_connection_age_s.unwrap_or(3600.0),
+                2.0,
+                86_400.0,
+            )?,
             nodes: self.nodes(&named, &node_keys)?,
             cameras,
         })

@@ -6,14 +6,16 @@ use std::io::Write as _;
 use std::path::PathBuf;
 
 use camera_node::listen::Listen;
-use camera_node::service::{Node, ServeError};
+use camera_node::service::{Access, Node, ServeError};
 use clap::Args;
 use cli::{Failure, Outcome};
 use cluster::{Announcement, ClusterFile};
+use identity::Identity;
 use tokio::io::AsyncReadExt as _;
 
 use self::part::Part;
 use crate::interrupt::interrupted;
+use crate::run::security::SecurityArguments;
 
 /// Serve cameras of a cluster file: film them, keep their silhouettes, answer probes. Without --camera, those of the
 /// [[node]] with this host's name, or with that of --host.
@@ -37,9 +39,8 @@ pub struct NodeArguments {
     /// the cluster file; where that is a host's name, its port on all addresses; without one, 0.0.0.0:7001].
     #[arg(long, value_name = "ADDRESS")]
     listen: Option<Listen>,
-    /// Allow an address that other machines reach: there is no encryption and no password.
-    #[arg(long)]
-    insecure: bool,
+    #[command(flatten)]
+    security: SecurityArguments,
     /// Film the scene without the person: the studio empty, or a recording's background clip.
     #[arg(long)]
     empty: bool,
@@ -60,10 +61,11 @@ pub fn run(arguments: &NodeArguments) -> Outcome {
         None => part.listen(&file)?,
     };
     let config = file.node_config(&part.cameras, arguments.empty)?;
+    let access = access(&file, &part, &arguments.security)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::run)?;
     let served = runtime.block_on(async {
         let node = tokio::select! {
-            node = Node::open(config, address, arguments.insecure) => node.map_err(serve_failure)?,
+            node = Node::open(config, address, access) => node.map_err(serve_failure)?,
             () = stopped(arguments.stop_with_stdin) => return Ok(()),
         };
         let address = node.address().map_err(Failure::run)?;
@@ -74,6 +76,19 @@ pub fn run(arguments: &NodeArguments) -> Outcome {
     // A clip that is still being read, or a read of standard input, must not hold the process.
     runtime.shutdown_background();
     served
+}
+
+/// Who may connect. A node that shows certificates has a name.
+fn access(file: &ClusterFile, part: &Part, security: &SecurityArguments) -> Outcome<Access> {
+    let own = Identity::node(&file.name, part.name.unwrap_or_default());
+    match security.credentials(file, own)? {
+        Some(_) if part.name.is_none() => Err(Failure::input(
+            "--certs is for a [[node]] of the cluster file, expected --host NAME instead of --camera",
+        )),
+        Some(credentials) => Ok(Access::Certified(credentials)),
+        None if security.insecure() => Ok(Access::Anybody),
+        None => Ok(Access::ThisMachine),
+    }
 }
 
 /// Prints the address at which the node listens: a parent that gave port 0 waits for this line.

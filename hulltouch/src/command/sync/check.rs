@@ -10,6 +10,7 @@ use cluster::{ClusterFile, LatencyChange};
 use super::film::{Film, FilmSource};
 use super::report;
 use crate::command::query::read_rig;
+use crate::run::security::SecurityArguments;
 use crate::run::setup::checked_seconds;
 
 /// Says how late each camera is against the others, from film of somebody who moves.
@@ -48,6 +49,8 @@ pub struct SyncCheckArguments {
     /// How long to wait for nodes at the beginning, seconds.
     #[arg(long, value_name = "S", default_value_t = 60.0)]
     patience: f64,
+    #[command(flatten)]
+    security: SecurityArguments,
     /// Displace another coordinator that leads the nodes.
     #[arg(long)]
     take_over: bool,
@@ -113,7 +116,13 @@ fn source<'a>(
     let patience = std::time::Duration::try_from_secs_f64(arguments.patience)
         .map_err(|error| Failure::input(format_args!("--patience {}: {error}", arguments.patience)))?;
     let seconds = checked_seconds(Some(arguments.seconds))?.unwrap_or_default();
-    Ok(FilmSource::Cluster { cluster, seconds, patience, take_over: arguments.take_over })
+    Ok(FilmSource::Cluster {
+        cluster,
+        security: &arguments.security,
+        seconds,
+        patience,
+        take_over: arguments.take_over,
+    })
 }
 
 /// Writes the cluster file; what was changed, a line a camera.

@@ -1,6 +1,7 @@
 //! Ten seconds of silhouettes: from a folder, from a recorded run, or filmed now.
 
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 use calib::sync::TimedSilhouette;
@@ -8,13 +9,14 @@ use cli::{Failure, Outcome, Progress};
 use cluster::ClusterFile;
 use coordinator::MemoryUse;
 use hull::Rig;
-use node_client::Role;
+use node_client::{Role, Sockets};
 use proto::convert::{SilhouetteEncoding, silhouette_from_data};
 use recording::{RecordedPicture, Recording};
 use sim::{Scene, WorldSettings};
 
 use crate::command::query::masks;
 use crate::run::options::{Outlets, RecordTo};
+use crate::run::security::SecurityArguments;
 use crate::run::setup::{AskName, Setup, TransportName};
 use crate::run::{run_deployed, run_locally};
 
@@ -25,7 +27,13 @@ pub enum FilmSource<'a> {
     /// A recorded run.
     Recording(&'a Path),
     /// Cameras.
-    Cluster { cluster: &'a ClusterFile, seconds: f64, patience: Duration, take_over: bool },
+    Cluster {
+        cluster: &'a ClusterFile,
+        security: &'a SecurityArguments,
+        seconds: f64,
+        patience: Duration,
+        take_over: bool,
+    },
 }
 
 /// Silhouettes and their times.
@@ -51,11 +59,14 @@ impl FilmSource<'_> {
         match self {
             FilmSource::Silhouettes { folder, rig, fps } => of_folder(folder, rig, *fps),
             FilmSource::Recording(path) => of_recording(path),
-            FilmSource::Cluster { cluster, seconds, patience, take_over } => {
+            FilmSource::Cluster { cluster, security, seconds, patience, take_over } => {
                 let folder = tempfile::tempdir().map_err(Failure::run)?;
                 let path = folder.path().join("sync.mcap");
-                let setup = setup(cluster, *seconds, *take_over, &path)?;
-                if cluster.is_deployed() {
+                let is_deployed = cluster.is_deployed();
+                let dial =
+                    if is_deployed { security.sockets(cluster)? } else { Arc::new(Sockets::default()) };
+                let setup = Setup { dial, ..setup(cluster, *seconds, *take_over, &path)? };
+                if is_deployed {
                     run_deployed(&setup, *patience)?;
                 } else {
                     run_locally(&setup)?;
@@ -120,6 +131,7 @@ fn setup(cluster: &ClusterFile, seconds: f64, take_over: bool, path: &Path) -> O
         asks: AskName::default().into(),
         lock_step: !is_live,
         role: if take_over { Role::TakesOver } else { Role::Leads },
+        dial: Arc::new(Sockets::default()),
         empty: false,
         seconds: Some(seconds),
         outlets: Outlets { live_line: true, silent: true, ..Outlets::default() },

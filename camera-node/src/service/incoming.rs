@@ -1,0 +1,304 @@
+//! Who gets in: connections are accepted, encrypted where certificates are in use, and counted.
+//!
+//! Strangers hold nothing for long: whoever has not said who it is gives way to the next, oldest first, so that no number of
+//! silent ones keeps a coordinator out.
+
+use std::collections::{HashMap, VecDeque};
+use std::io;
+use std::net::IpAddr;
+use std::pin::Pin;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::task::{Context, Poll};
+use std::time::Duration;
+
+use identity::{Credentials, HandshakeError, Identity, Peer, ServerSocket};
+use thiserror::Error;
+use tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite, ReadBuf};
+use tokio::net::{TcpStream, UnixStream};
+use tokio::sync::mpsc;
+use tokio::task::{AbortHandle, JoinSet};
+use tokio::time::Instant;
+use tokio_stream::Stream;
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::transport::server::Connected;
+
+use crate::listen::{Accepted, Listener};
+
+/// Connections that have said who they are, all together.
+const MAX_CONNECTIONS: usize = 32;
+/// Of them, those of viewers: the others are left for coordinators.
+const MAX_VIEWERS: usize = 16;
+/// Connections of one machine that is not this one.
+const MAX_OF_A_MACHINE: usize = 4;
+/// Connections that have not said yet who they are.
+const MAX_BEGINNING: usize = 64;
+/// A peer that has said nothing of the protocol by then is dropped.
+const BEGIN_TIMEOUT: Duration = Duration::from_secs(5);
+/// What a client of HTTP/2 says first.
+const PREFACE: &[u8; 24] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
+/// The system has no descriptor, or no memory: it is asked again after this.
+const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
+/// Refusals are logged so often at most.
+const LOG_EVERY: Duration = Duration::from_secs(1);
+
+/// Who may connect.
+#[derive(Clone, Default)]
+pub enum Access {
+    /// Whoever is on this machine.
+    #[default]
+    ThisMachine,
+    /// Whoever reaches the address: nothing is encrypted.
+    Anybody,
+    /// Over TCP, whoever has a certificate of the same authority.
+    Certified(Arc<Credentials>),
+}
+
+/// Who is at the other end of a connection; nothing is known of it without certificates.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Caller(pub Option<Peer>);
+
+/// A connection with a seat.
+pub(super) struct Connection {
+    socket: Box<dyn Socket>,
+    /// What was read to see that it speaks the protocol.
+    read_ahead: Option<[u8; PREFACE.len()]>,
+    caller: Caller,
+    _seat: Seat,
+}
+
+trait Socket: AsyncRead + AsyncWrite + Send + Unpin {}
+impl Socket for TcpStream {}
+impl Socket for UnixStream {}
+impl Socket for ServerSocket<TcpStream> {}
+
+/// The connections of a listener, for as long as the stream is read.
+pub(super) fn incoming(
+    listener: Listener,
+    access: &Access,
+) -> impl Stream<Item = io::Result<Connection>> + use<> {
+    let credentials = match access {
+        Access::Certified(credentials) => Some(Arc::clone(credentials)),
+        Access::ThisMachine | Access::Anybody => None,
+    };
+    let (sender, receiver) = mpsc::channel(1);
+    tokio::spawn(accept(listener, Door { credentials, seats: Arc::default(), log: Arc::default() }, sender));
+    ReceiverStream::new(receiver)
+}
+
+/// Accepts until nobody takes what comes.
+async fn accept(listener: Listener, door: Door, sender: mpsc::Sender<io::Result<Connection>>) {
+    let mut beginning = JoinSet::new();
+    let mut by_age: VecDeque<AbortHandle> = VecDeque::new();
+    loop {
+        let accepted = tokio::select! {
+            accepted = listener.accept() => accepted,
+            Some(_) = beginning.join_next() => continue,
+            () = sender.closed() => return,
+        };
+        let accepted = match accepted {
+            Ok(accepted) => accepted,
+            Err(error) => {
+                door.log.refused(None, &error);
+                tokio::time::sleep(ACCEPT_PAUSE).await;
+                continue;
+            }
+        };
+        by_age.retain(|handle| !handle.is_finished());
+        if by_age.len() >= MAX_BEGINNING
+            && let Some(oldest) = by_age.pop_front()
+        {
+            oldest.abort();
+        }
+        let (door, sender) = (door.clone(), sender.clone());
+        by_age.push_back(beginning.spawn(async move {
+            let from = accepted.from();
+            match tokio::time::timeout(BEGIN_TIMEOUT, door.let_in(accepted)).await {
+                Ok(Ok(connection)) => drop(sender.send(Ok(connection)).await),
+                Ok(Err(why)) => door.log.refused(from, &why),
+                Err(_) => door.log.refused(from, &Refusal::Silent),
+            }
+        }));
+    }
+}
+
+/// Why somebody does not get in.
+#[derive(Debug, Error)]
+enum Refusal {
+    #[error(transparent)]
+    Handshake(#[from] HandshakeError),
+    #[error("it left before it said anything")]
+    Left,
+    #[error("it said nothing within {} s", BEGIN_TIMEOUT.as_secs())]
+    Silent,
+    #[error("it speaks TLS, and this node was started without --certs")]
+    Encrypted,
+    #[error("it does not speak gRPC")]
+    Protocol,
+    #[error("it has {MAX_OF_A_MACHINE} connections already")]
+    TooMany,
+    #[error("there are as many connections as a node has")]
+    Full,
+}
+
+/// Decides who gets in.
+#[derive(Clone)]
+struct Door {
+    credentials: Option<Arc<Credentials>>,
+    seats: Arc<Mutex<Seats>>,
+    log: Arc<Log>,
+}
+
+impl Door {
+    async fn let_in(&self, accepted: Accepted) -> Result<Connection, Refusal> {
+        let from = accepted.from();
+        let (mut socket, peer): (Box<dyn Socket>, Option<Peer>) = match (accepted, &self.credentials) {
+            (Accepted::Unix(socket), _) => (Box::new(socket), None),
+            (Accepted::Tcp(socket, _), None) => (Box::new(socket), None),
+            (Accepted::Tcp(socket, _), Some(credentials)) => {
+                let (socket, peer) = credentials.accept(socket).await?;
+                (Box::new(socket), Some(peer))
+            }
+        };
+        let mut preface = [0; PREFACE.len()];
+        let read = socket.read_exact(&mut preface).await;
+        read.map_err(|_| Refusal::Left)?;
+        if preface != *PREFACE {
+            let is_tls = preface[0] == TLS_HANDSHAKE && self.credentials.is_none();
+            return Err(if is_tls { Refusal::Encrypted } else { Refusal::Protocol });
+        }
+        let leads = match (&peer, &self.credentials) {
+            (Some(peer), Some(own)) => peer.is(&Identity::coordinator(&own.own().room)),
+            _ => true,
+        };
+        let seat = Seats::take(&self.seats, from.filter(|from| !from.is_loopback()), leads)?;
+        Ok(Connection { socket, read_ahead: Some(preface), caller: Caller(peer), _seat: seat })
+    }
+}
+
+/// The first byte of TLS.
+const TLS_HANDSHAKE: u8 = 0x16;
+
+/// Connections that are in.
+#[derive(Debug, Default)]
+struct Seats {
+    all: usize,
+    viewers: usize,
+    by_machine: HashMap<IpAddr, usize>,
+}
+
+/// One of them, until it is dropped.
+struct Seat {
+    seats: Arc<Mutex<Seats>>,
+    from: Option<IpAddr>,
+    leads: bool,
+}
+
+impl Seats {
+    fn take(seats: &Arc<Mutex<Seats>>, from: Option<IpAddr>, leads: bool) -> Result<Seat, Refusal> {
+        let mut taken = seats.lock().unwrap_or_else(PoisonError::into_inner);
+        let of_machine = from.map_or(0, |from| taken.by_machine.get(&from).copied().unwrap_or(0));
+        if of_machine >= MAX_OF_A_MACHINE {
+            return Err(Refusal::TooMany);
+        }
+        if taken.all >= MAX_CONNECTIONS || !leads && taken.viewers >= MAX_VIEWERS {
+            return Err(Refusal::Full);
+        }
+        taken.all += 1;
+        taken.viewers += usize::from(!leads);
+        if let Some(from) = from {
+            *taken.by_machine.entry(from).or_default() += 1;
+        }
+        Ok(Seat { seats: Arc::clone(seats), from, leads })
+    }
+}
+
+impl Drop for Seat {
+    fn drop(&mut self) {
+        let mut taken = self.seats.lock().unwrap_or_else(PoisonError::into_inner);
+        taken.all -= 1;
+        taken.viewers -= usize::from(!self.leads);
+        if let Some(from) = self.from
+            && let Some(count) = taken.by_machine.get_mut(&from)
+        {
+            *count -= 1;
+            if *count == 0 {
+                taken.by_machine.remove(&from);
+            }
+        }
+    }
+}
+
+/// Says who was refused, and not for each of thousands.
+#[derive(Default)]
+struct Log(Mutex<Option<(Instant, u64)>>);
+
+impl Log {
+    fn refused(&self, from: Option<IpAddr>, why: &dyn std::fmt::Display) {
+        let mut last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let now = Instant::now();
+        let more = match *last {
+            Some((at, unsaid)) if now - at < LOG_EVERY => {
+                *last = Some((at, unsaid + 1));
+                return;
+            }
+            Some((_, unsaid)) if unsaid > 0 => format!(", and {unsaid} more"),
+            _ => String::new(),
+        };
+        *last = Some((now, 0));
+        let from = from.map_or_else(|| "this machine".to_owned(), |from| from.to_string());
+        tracing::warn!("a connection from {from} was refused: {why}{more}");
+    }
+}
+
+impl Connected for Connection {
+    type ConnectInfo = Caller;
+
+    fn connect_info(&self) -> Caller {
+        self.caller.clone()
+    }
+}
+
+impl AsyncRead for Connection {
+    fn poll_read(
+        self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        let this = self.get_mut();
+        match this.read_ahead.take() {
+            // A reader's first buffer has room for a whole frame.
+            Some(ahead) if buffer.remaining() >= ahead.len() => {
+                buffer.put_slice(&ahead);
+                Poll::Ready(Ok(()))
+            }
+            Some(_) => Poll::Ready(Err(io::Error::other("a buffer too small for HTTP/2"))),
+            None => Pin::new(&mut this.socket).poll_read(context, buffer),
+        }
+    }
+}
+
+impl AsyncWrite for Connection {
+    fn poll_write(self: Pin<&mut Self>, context: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
+        Pin::new(&mut self.get_mut().socket).poll_write(context, bytes)
+    }
+
+    fn poll_write_vectored(
+        self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        slices: &[io::IoSlice<'_>],
+    ) -> Poll<io::Result<usize>> {
+        Pin::new(&mut self.get_mut().socket).poll_write_vectored(context, slices)
+    }
+
+    fn is_write_vectored(&self) -> bool {
+        self.socket.is_write_vectored()
+    }
+
+    fn poll_flush(self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.get_mut().socket).poll_flush(context)
+    }
+
+    fn poll_shutdown(self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.get_mut().socket).poll_shutdown(context)
+    }
+}

@@ -1,0 +1,129 @@
+//! `hulltouch certs`: an authority and a folder of certificates for every machine of a room, where there is no authority.
+
+use std::fs::{self, OpenOptions};
+use std::io::{self, Write as _};
+use std::os::unix::fs::{DirBuilderExt as _, OpenOptionsExt as _};
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use cli::{Failure, Outcome};
+use cluster::ClusterFile;
+use identity::{AUTHORITIES, Authority, CERTIFICATE, Credentials, Identity, KEY, Validity};
+
+/// The folder and the key of the authority itself.
+const AUTHORITY: &str = "authority";
+const AUTHORITY_KEY: &str = "ca.key";
+/// An authority outlives many certificates.
+const AUTHORITY_DAYS: u32 = 3650;
+
+/// Make certificates for a room that has no authority: one, and a folder for each node, the coordinator and viewers. Run
+/// again, it renews certificates; it never replaces a key.
+#[derive(Debug, Args)]
+#[command(after_help = "Example, and then each machine gets the folder of its name:\n  \
+    hulltouch certs studio.cluster.toml --into certs\n  \
+    scp -r certs/nodes/left left-pc:/etc/hulltouch/certs\n\n\
+    Keep certs/authority on a machine of its own: whoever has its key may make himself the coordinator.")]
+pub struct CertsArguments {
+    /// The cluster file.
+    cluster: PathBuf,
+    /// Where the folders are made.
+    #[arg(long, value_name = "FOLDER")]
+    into: PathBuf,
+    /// How long certificates are valid, days.
+    #[arg(long, value_name = "N", default_value_t = 365, value_parser = clap::value_parser!(u32).range(1..=3650))]
+    days: u32,
+    /// Another name or IP address in the coordinator's certificate, as browsers call its machine; give it once for each.
+    #[arg(long = "page-name", value_name = "NAME")]
+    page_names: Vec<String>,
+}
+
+/// Makes what is missing, and renews the rest.
+pub fn run(arguments: &CertsArguments) -> Outcome {
+    let file = ClusterFile::open(&arguments.cluster)?;
+    let named: Option<Vec<&str>> = file.nodes.iter().map(|node| node.name.as_deref()).collect();
+    let named = named.ok_or_else(|| {
+        let path = file.path.display();
+        Failure::input(format_args!(
+            "{path} has nodes without a name, expected [[node]] entries: certificates are of names"
+        ))
+    })?;
+    let room = &file.name;
+    let authority = authority(&arguments.into.join(AUTHORITY), room)?;
+    let nodes = named.iter().map(|name| (format!("nodes/{name}"), Identity::node(room, name), &[][..]));
+    let others = [
+        ("coordinator".to_owned(), Identity::coordinator(room), &arguments.page_names[..]),
+        ("viewer".to_owned(), Identity::viewer(room), &[][..]),
+    ];
+    for (folder, owner, also) in nodes.chain(others) {
+        let folder = arguments.into.join(folder);
+        let done = issue(&folder, &authority, &owner, also, Validity::days(arguments.days))?;
+        writeln!(io::stdout(), "{}: {owner}, {done}", folder.display()).map_err(Failure::run)?;
+    }
+    Ok(())
+}
+
+/// The room's authority: the one that is there, or a new one.
+fn authority(folder: &Path, room: &str) -> Outcome<Authority> {
+    let (certificate, key) = (folder.join(AUTHORITIES), folder.join(AUTHORITY_KEY));
+    if key.exists() {
+        let read = |path: &Path| fs::read_to_string(path).map_err(|error| wrong(path, &error));
+        return Authority::open(room, &read(&certificate)?, &read(&key)?)
+            .map_err(|error| wrong(&key, &error));
+    }
+    let made = Authority::make(room, Validity::days(AUTHORITY_DAYS)).map_err(Failure::run)?;
+    make_folder(folder)?;
+    write(&certificate, made.certificate(), 0o644)?;
+    write_key(&key, &made.key())?;
+    Ok(made)
+}
+
+/// A certificate in a folder of its owner's, for the key that is there or a new one; says which.
+fn issue(
+    folder: &Path,
+    authority: &Authority,
+    owner: &Identity,
+    also: &[String],
+    validity: Validity,
+) -> Outcome<&'static str> {
+    make_folder(folder)?;
+    let path = folder.join(KEY);
+    let known = match fs::read_to_string(&path) {
+        Ok(key) => Some(key),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => None,
+        Err(error) => return Err(wrong(&path, &error)),
+    };
+    let issued =
+        authority.issue(owner, also, validity, known.as_deref()).map_err(|error| wrong(&path, &error))?;
+    if known.is_none() {
+        write_key(&path, &issued.key)?;
+    }
+    write(&folder.join(AUTHORITIES), authority.certificate(), 0o644)?;
+    write(&folder.join(CERTIFICATE), &issued.certificate, 0o644)?;
+    Credentials::open(folder, owner.clone()).map_err(Failure::input)?;
+    Ok(if known.is_some() { "renewed for its key" } else { "new" })
+}
+
+fn make_folder(folder: &Path) -> Outcome {
+    let made = fs::DirBuilder::new().recursive(true).mode(0o700).create(folder);
+    made.map_err(|error| wrong(folder, &error))
+}
+
+/// Replaces the file at once: whoever reads it meanwhile finds the old one or the new one.
+fn write(path: &Path, text: &str, mode: u32) -> Outcome {
+    let beside = path.with_extension("new");
+    let open = |path: &Path| OpenOptions::new().write(true).create(true).truncate(true).mode(mode).open(path);
+    let written =
+        open(&beside).and_then(|mut file| file.write_all(text.as_bytes()).and_then(|()| file.sync_all()));
+    written.and_then(|()| fs::rename(&beside, path)).map_err(|error| wrong(path, &error))
+}
+
+/// Writes a key that is not there yet.
+fn write_key(path: &Path, text: &str) -> Outcome {
+    let opened = OpenOptions::new().write(true).create_new(true).mode(0o600).open(path);
+    let written = opened.and_then(|mut file| file.write_all(text.as_bytes()).and_then(|()| file.sync_all()));
+    written.map_err(|error| wrong(path, &error))
+}
+
+fn wrong(path: &Path, error: &dyn std::fmt::Display) -> Failure {
+    Failure::input(format_args!("{}: {error}", path.display()))
+}

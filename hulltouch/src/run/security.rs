@@ -1,0 +1,102 @@
+//! Options that say with whom this program talks over a network.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+
+use clap::Args;
+use cli::{Failure, Outcome};
+use cluster::ClusterFile;
+use identity::{Credentials, Identity};
+use node_client::{Dial, Sockets};
+use proto::Address;
+
+/// Certificates, or none.
+#[derive(Clone, Debug, Default, Args)]
+pub struct SecurityArguments {
+    /// The folder of this machine's certificates (ca.crt, tls.crt, tls.key): connections over TCP are encrypted, and both
+    /// sides show one.
+    #[arg(long, value_name = "FOLDER", env = "HULLTOUCH_CERTS", conflicts_with = "insecure")]
+    certs: Option<PathBuf>,
+    /// Allow addresses of other machines without certificates: nothing is encrypted, and nobody is asked who he is.
+    #[arg(long)]
+    insecure: bool,
+}
+
+impl SecurityArguments {
+    /// Whether connections without certificates are wanted.
+    pub fn insecure(&self) -> bool {
+        self.insecure
+    }
+
+    /// The certificates of this owner in the room of a cluster file, if there is a folder of them.
+    pub fn credentials(&self, file: &ClusterFile, own: Identity) -> Outcome<Option<Arc<Credentials>>> {
+        let Some(folder) = &self.certs else { return Ok(None) };
+        let credentials = Credentials::open(folder, own)
+            .map_err(|error| Failure::input(format_args!("--certs: {error}")))?;
+        let age = Duration::from_secs_f64(file.max_connection_age_s);
+        Ok(Some(Arc::new(credentials.with_max_connection_age(age))))
+    }
+
+    /// The sockets of a coordinator of this cluster file. Nodes of other machines need certificates, or consent.
+    pub fn sockets(&self, file: &ClusterFile) -> Outcome<Arc<dyn Dial>> {
+        let credentials = self.credentials(file, Identity::coordinator(&file.name))?;
+        let outside = file.nodes.iter().find(|node| node.address.as_ref().is_none_or(leaves_this_machine));
+        match (credentials, outside) {
+            (Some(credentials), _) => {
+                if let Some(node) = file.nodes.iter().find(|node| node.name.is_none()) {
+                    let (path, camera) = (file.path.display(), &file.cameras[node.cameras[0]].name);
+                    return Err(Failure::input(format_args!(
+                        "{path}: the node of camera {camera:?} has no name, and --certs is given: certificates are of \
+                         names, expected [[node]] entries"
+                    )));
+                }
+                Ok(Arc::new(Sockets::encrypted(credentials)))
+            }
+            (None, Some(_)) if self.insecure => {
+                tracing::warn!("nodes are asked without encryption: anyone on the way may read and answer");
+                Ok(Arc::new(Sockets::default()))
+            }
+            (None, Some(node)) => {
+                let found = match (&node.address, &node.name) {
+                    (Some(address), _) => format!("{address} is on another machine"),
+                    (None, name) => {
+                        format!("node {} is found in the network", name.as_deref().unwrap_or_default())
+                    }
+                };
+                Err(Failure::input(format_args!(
+                    "{}: {found} and nothing is encrypted: expected --certs, or --insecure",
+                    file.path.display()
+                )))
+            }
+            (None, None) => Ok(Arc::new(Sockets::default())),
+        }
+    }
+}
+
+/// Whether what is sent there may be seen by others.
+fn leaves_this_machine(address: &Address) -> bool {
+    let Address::Tcp(address) = address else { return false };
+    let host = address.rsplit_once(':').map_or(&address[..], |(host, _)| host);
+    let host = host.trim_start_matches('[').trim_end_matches(']');
+    host != "localhost" && !host.parse::<std::net::IpAddr>().is_ok_and(|ip| ip.is_loopback())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_this_machine_is_trusted() {
+        for (address, expected) in [
+            ("127.0.0.1:7001", false),
+            ("[::1]:7001", false),
+            ("localhost:7001", false),
+            ("unix:left.sock", false),
+            ("192.0.2.1:7001", true),
+            ("left-pc.local:7001", true),
+        ] {
+            assert_eq!(leaves_this_machine(&address.parse().expect("an address")), expected, "{address}");
+        }
+    }
+}

@@ -1,0 +1,148 @@
+//! A folder of certificates, as it is now.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use rustls::pki_types::{ServerName, UnixTime};
+use tokio::io::{AsyncRead, AsyncWrite};
+use tokio_rustls::{TlsAcceptor, TlsConnector};
+
+use crate::error::{CertificateError, HandshakeError};
+use crate::folder::Files;
+use crate::loaded::{Loaded, peer_of};
+use crate::name::{Identity, Peer};
+use crate::socket::{ClientSocket, ServerSocket};
+
+/// A peer that begins and then says nothing is dropped after this.
+const HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(5);
+/// Connections show certificates anew this often, unless told otherwise.
+const MAX_CONNECTION_AGE: Duration = Duration::from_secs(3600);
+
+/// The certificates of one owner, which others may replace at any time: the folder is read at each handshake. What
+/// cannot be used leaves in use what was there before, and is logged.
+pub struct Credentials {
+    folder: PathBuf,
+    own: Identity,
+    max_connection_age: Duration,
+    state: Mutex<State>,
+}
+
+struct State {
+    files: Files,
+    loaded: Arc<Loaded>,
+    /// What was logged last.
+    problem: Option<String>,
+}
+
+impl Credentials {
+    /// Reads `ca.crt`, `tls.crt` and `tls.key`. An error if they do not fit each other, this owner, or the time.
+    pub fn open(folder: &Path, own: Identity) -> Result<Credentials, CertificateError> {
+        let files = Files::read(folder)?;
+        let loaded = Arc::new(Loaded::new(folder, &files, &own, UnixTime::now())?);
+        let state = Mutex::new(State { files, loaded, problem: None });
+        Ok(Credentials { folder: folder.to_owned(), own, max_connection_age: MAX_CONNECTION_AGE, state })
+    }
+
+    /// The same where connections live for so long, and then show certificates anew.
+    pub fn with_max_connection_age(self, max_connection_age: Duration) -> Credentials {
+        Credentials { max_connection_age, ..self }
+    }
+
+    /// How long connections live.
+    pub fn max_connection_age(&self) -> Duration {
+        self.max_connection_age
+    }
+
+    /// Whose they are.
+    pub fn own(&self) -> &Identity {
+        &self.own
+    }
+
+    /// When the certificate in use ends.
+    pub fn not_after(&self) -> SystemTime {
+        UNIX_EPOCH + self.current().not_after
+    }
+
+    /// Makes a server's side of a connection, and says who is on the other.
+    pub async fn accept<S: AsyncRead + AsyncWrite + Unpin>(
+        self: &Arc<Self>,
+        socket: S,
+    ) -> Result<(ServerSocket<S>, Peer), HandshakeError> {
+        let loaded = self.read().await;
+        let accepting = TlsAcceptor::from(Arc::clone(&loaded.server)).accept(socket);
+        let socket = in_time(accepting).await?;
+        let shown = socket.get_ref().1.peer_certificates().and_then(<[_]>::first);
+        let peer = shown.and_then(|shown| peer_of(shown).ok()).unwrap_or_default();
+        Ok((socket, peer))
+    }
+
+    /// Makes a server's side of a connection to a browser, which shows no certificate.
+    pub async fn accept_anybody<S: AsyncRead + AsyncWrite + Unpin>(
+        self: &Arc<Self>,
+        socket: S,
+    ) -> Result<ServerSocket<S>, HandshakeError> {
+        let loaded = self.read().await;
+        in_time(TlsAcceptor::from(Arc::clone(&loaded.page)).accept(socket)).await
+    }
+
+    /// Makes a client's side of a connection to exactly this peer.
+    pub async fn connect<S: AsyncRead + AsyncWrite + Unpin>(
+        self: &Arc<Self>,
+        socket: S,
+        to: &Identity,
+    ) -> Result<ClientSocket<S>, HandshakeError> {
+        let name = ServerName::try_from(to.to_string());
+        let name =
+            name.map_err(|_| HandshakeError::Refused(format!("{to} cannot be a certificate's name")))?;
+        let loaded = self.read().await;
+        let socket = in_time(TlsConnector::from(Arc::clone(&loaded.client)).connect(name, socket)).await;
+        let socket = socket.map_err(HandshakeError::before_a_certificate)?;
+        Ok(ClientSocket(socket))
+    }
+
+    /// What the folder holds now. Reading it blocks.
+    async fn read(self: &Arc<Self>) -> Arc<Loaded> {
+        let credentials = Arc::clone(self);
+        let read = tokio::task::spawn_blocking(move || credentials.current()).await;
+        read.unwrap_or_else(|_| Arc::clone(&self.state().loaded))
+    }
+
+    fn current(&self) -> Arc<Loaded> {
+        let read = Files::read(&self.folder);
+        let mut state = self.state();
+        let loaded = match read {
+            Ok(files) if files == state.files => None,
+            Ok(files) => Some(
+                Loaded::new(&self.folder, &files, &self.own, UnixTime::now()).map(|loaded| (files, loaded)),
+            ),
+            Err(error) => Some(Err(error)),
+        };
+        match loaded {
+            None => state.problem = None,
+            Some(Ok((files, loaded))) => {
+                tracing::info!("certificates of {} were read anew from {}", self.own, self.folder.display());
+                *state = State { files, loaded: Arc::new(loaded), problem: None };
+            }
+            Some(Err(error)) => {
+                let problem = error.to_string();
+                if state.problem.as_ref() != Some(&problem) {
+                    tracing::error!("{problem}; the certificates that were there before stay in use");
+                }
+                state.problem = Some(problem);
+            }
+        }
+        Arc::clone(&state.loaded)
+    }
+
+    fn state(&self) -> std::sync::MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+async fn in_time<T>(handshake: impl Future<Output = std::io::Result<T>>) -> Result<T, HandshakeError> {
+    match tokio::time::timeout(HANDSHAKE_TIMEOUT, handshake).await {
+        Ok(made) => made.map_err(|error| HandshakeError::of(&error)),
+        Err(_) => Err(HandshakeError::Timeout(HANDSHAKE_TIMEOUT)),
+    }
+}

@@ -1,0 +1,20 @@
+//! Who somebody is in a room. A certificate of the room's authority names its owner (an [`Identity`]); a folder of such
+//! certificates ([`Credentials`]) makes TLS 1.3 sockets between those who have one, and [`Authority`] makes the folder
+//! where no other authority does.
+
+mod authority;
+mod credentials;
+mod error;
+mod folder;
+mod loaded;
+mod name;
+mod socket;
+#[cfg(test)]
+mod tests;
+
+pub use authority::{Authority, AuthorityError, Issued, Validity};
+pub use credentials::Credentials;
+pub use error::{CertificateError, HandshakeError};
+pub use folder::{AUTHORITIES, CERTIFICATE, KEY};
+pub use name::{Identity, Peer, Role};
+pub use socket::{ClientSocket, ServerSocket};

@@ -1,0 +1,282 @@
+//! Certificates decide who is who: between processes, over TCP.
+
+#[path = "shared/room.rs"]
+mod room;
+
+use std::fs;
+use std::os::unix::fs::PermissionsExt as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::Arc;
+use std::time::Duration;
+
+use cluster::{ClusterFile, expected_node};
+use identity::{AUTHORITIES, Authority, CERTIFICATE, Credentials, Identity, KEY, Validity};
+use node_client::{Agreement, ExpectedNode, NodeClient, NodeEvent, Sockets};
+use room::{Node, coordinator, figures, named_room, program};
+use tokio::sync::mpsc;
+
+const ROOM: &str = "room";
+
+/// Writes the certificates of somebody into a folder.
+fn issue(folder: &Path, authority: &Authority, owner: &Identity, validity: Validity) {
+    let issued = authority.issue(owner, &[], validity, None).expect("issued");
+    fs::create_dir_all(folder).expect("a folder");
+    fs::write(folder.join(AUTHORITIES), authority.certificate()).expect("written");
+    fs::write(folder.join(CERTIFICATE), &issued.certificate).expect("written");
+    fs::write(folder.join(KEY), &issued.key).expect("written");
+    fs::set_permissions(folder.join(KEY), fs::Permissions::from_mode(0o600)).expect("set");
+}
+
+/// Two nodes with certificates of one authority.
+struct Room {
+    folder: tempfile::TempDir,
+    authority: Authority,
+    /// With the addresses at which they listen.
+    cluster: PathBuf,
+    nodes: [Node; 2],
+}
+
+impl Room {
+    fn new() -> Room {
+        let folder = tempfile::tempdir().expect("a folder");
+        let authority = Authority::make(ROOM, Validity::days(30)).expect("an authority");
+        for name in ["left", "right"] {
+            issue(&folder.path().join(name), &authority, &Identity::node(ROOM, name), Validity::days(30));
+        }
+        let coordinators = Identity::coordinator(ROOM);
+        issue(&folder.path().join("coordinator"), &authority, &coordinators, Validity::days(30));
+        Room::of(folder, authority, "")
+    }
+
+    /// With certificates that are there, and more in the cluster file.
+    fn of(folder: tempfile::TempDir, authority: Authority, more: &str) -> Room {
+        let with_more = |left: &str, right: &str| {
+            let file = named_room(folder.path(), left, right);
+            let text = fs::read_to_string(&file).expect("written");
+            fs::write(&file, text.replacen("[[node]]", &format!("{more}[[node]]"), 1)).expect("written");
+            file
+        };
+        let cluster = with_more("", "");
+        let nodes = ["left", "right"].map(|name| node(folder.path(), &cluster, name, &["--certs", name]));
+        let [left, right] = [&nodes[0], &nodes[1]].map(|node| format!("address = {:?}", node.address()));
+        let cluster = with_more(&left, &right);
+        Room { folder, authority, cluster, nodes }
+    }
+
+    fn json(&self) -> PathBuf {
+        self.folder.path().join("out.json")
+    }
+
+    fn coordinator(&self, seconds: &str) -> Command {
+        let mut command = coordinator(program(), &self.cluster, seconds, &self.json());
+        command.args(["--certs", "coordinator"]).current_dir(self.folder.path());
+        command
+    }
+
+    /// What a client of the node "left" hears first, with the certificates of a folder.
+    async fn first_event(&self, credentials: Credentials) -> NodeEvent {
+        let file = ClusterFile::open(&self.cluster).expect("valid");
+        let address = self.nodes[0].address().parse::<proto::Address>().expect("an address");
+        let left = ExpectedNode { name: Some("left".into()), ..expected_node(&file.rig, address, &[0, 1]) };
+        let agreement = Agreement::new(file.probes, file.fps, Vec::new());
+        let agreement = agreement.dialling(Arc::new(Sockets::encrypted(Arc::new(credentials))));
+        let (sender, mut events) = mpsc::channel(64);
+        let _client = NodeClient::spawn(left, 0, Arc::new(agreement), sender);
+        let event = tokio::time::timeout(Duration::from_secs(20), events.recv()).await;
+        event.expect("in time").expect("an event").1
+    }
+
+    /// What somebody hears who shows another certificate.
+    async fn refusal(&self, authority: &Authority, owner: Identity) -> String {
+        let folder = self.folder.path().join("stranger");
+        issue(&folder, authority, &owner, Validity::days(30));
+        let credentials = Credentials::open(&folder, owner.clone()).expect("its own");
+        // It knows the room's authority: it must be the node that refuses.
+        let both = format!("{}{}", authority.certificate(), self.authority.certificate());
+        fs::write(folder.join(AUTHORITIES), both).expect("written");
+        match self.first_event(credentials).await {
+            NodeEvent::Down(error) => error.to_string(),
+            event => panic!("{owner} got in: {event:?}"),
+        }
+    }
+}
+
+fn node(folder: &Path, cluster: &Path, name: &str, security: &[&str]) -> Node {
+    let mut command = program();
+    command.current_dir(folder).args(["node", "--listen", "127.0.0.1:0", "--host", name]).args(security);
+    Node::start_at(command, cluster, &[])
+}
+
+fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+#[test]
+fn a_room_with_certificates_runs_as_without() {
+    let room = Room::new();
+    let figures = figures(room.coordinator("2").spawn().expect("starts"), &room.json());
+    assert!(figures["frames"].as_u64().is_some_and(|frames| frames > 10), "{figures}");
+    assert_eq!(figures["missed"]["blind_steps"], 0, "{figures}");
+}
+
+#[tokio::test]
+async fn strangers_are_refused_in_one_line_and_the_run_goes_on() {
+    let room = Room::new();
+    let running = room.coordinator("6").spawn().expect("starts");
+    let (ours, other) = (&room.authority, Authority::make(ROOM, Validity::days(30)).expect("another"));
+
+    let refused = room.refusal(ours, Identity::viewer(ROOM)).await;
+    let expected = "this is for coordinator.room.hulltouch, and was asked by viewer.room.hulltouch";
+    assert_eq!(refused, expected);
+    let refused = room.refusal(ours, Identity::node(ROOM, "right")).await;
+    assert_eq!(refused, expected.replace("viewer.room", "right.node.room"));
+    let refused = room.refusal(ours, Identity::coordinator("other")).await;
+    let of_other = "its certificate is of left.node.room.hulltouch, expected left.node.other.hulltouch";
+    assert_eq!(refused, format!("cannot connect: {of_other}"));
+    let refused = room.refusal(&other, Identity::coordinator(ROOM)).await;
+    let expected = "it was shown the certificate of coordinator.room.hulltouch, and its log tells why";
+    assert!(refused.ends_with(expected), "{refused}");
+
+    let mut plain = coordinator(program(), &room.cluster, "1", &room.folder.path().join("plain.json"));
+    let output = plain.args(["--patience", "0.5"]).output().expect("ends");
+    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+    assert!(
+        said(&output).contains("node left (cam_0, cam_1): the connection broke at once ("),
+        "{}",
+        said(&output)
+    );
+    assert!(said(&output).contains("expected a node that was started without --certs"), "{}", said(&output));
+
+    let figures = figures(running, &room.json());
+    assert_eq!(figures["missed"]["blind_steps"], 0, "{figures}");
+}
+
+#[test]
+fn certificates_are_replaced_under_a_run_that_misses_nothing() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let authority = || Authority::make(ROOM, Validity::days(30)).expect("an authority");
+    let (old, new) = (authority(), authority());
+    let owners = [
+        ("left", Identity::node(ROOM, "left")),
+        ("right", Identity::node(ROOM, "right")),
+        ("coordinator", Identity::coordinator(ROOM)),
+    ];
+    // As Kubernetes does it: a link is changed to another folder.
+    let path = folder.path().to_owned();
+    let replace = |step: usize, signer: &Authority, believed: &[&Authority]| {
+        for (name, owner) in &owners {
+            let whole = path.join(format!("{name}-{step}"));
+            issue(&whole, signer, owner, Validity::days(30));
+            let bundle: String = believed.iter().map(|authority| authority.certificate()).collect();
+            fs::write(whole.join(AUTHORITIES), bundle).expect("written");
+            let link = path.join(format!("{name}-next"));
+            std::os::unix::fs::symlink(&whole, &link).expect("linked");
+            fs::rename(&link, path.join(name)).expect("replaced");
+        }
+    };
+    replace(0, &old, &[&old]);
+    let room = Room::of(folder, old, "[wire]\nmax_connection_age_s = 2\n");
+    let running = room.coordinator("14").spawn().expect("starts");
+    let after = |seconds| std::thread::sleep(Duration::from_secs(seconds));
+    after(3);
+    replace(1, &room.authority, &[&room.authority, &new]);
+    after(3);
+    replace(2, &new, &[&room.authority, &new]);
+    after(3);
+    replace(3, &new, &[&new]);
+    let figures = figures(running, &room.json());
+    assert_eq!(figures["missed"]["blind_steps"], 0, "{figures}");
+    assert_eq!(figures["missed"]["reduced_steps"], 0, "no node was left out: {figures}");
+}
+
+#[test]
+fn a_node_without_certificates_is_no_node_of_a_room_that_has_them() {
+    let room = Room::new();
+    let folder = room.folder.path();
+    let plain = named_room(folder, "", "");
+    let plain = node(folder, &plain, "left", &[]);
+    let right = format!("address = {:?}", room.nodes[1].address());
+    let cluster = named_room(folder, &format!("address = {:?}", plain.address()), &right);
+    let mut command = coordinator(program(), &cluster, "1", &room.json());
+    command.current_dir(folder).args(["--certs", "coordinator", "--patience", "0.5"]);
+    let output = command.output().expect("ends");
+    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+    assert!(
+        said(&output).contains(
+            "node left (cam_0, cam_1): cannot connect: it showed no certificate before the connection broke"
+        ),
+        "{}",
+        said(&output)
+    );
+}
+
+#[test]
+fn the_very_node_that_is_meant_must_answer() {
+    let room = Room::new();
+    let [left, right] =
+        [&room.nodes[1], &room.nodes[0]].map(|node| format!("address = {:?}", node.address()));
+    named_room(room.folder.path(), &left, &right);
+    let output = room.coordinator("1").args(["--patience", "0.5"]).output().expect("ends");
+    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+    let expected = "node left (cam_0, cam_1): cannot connect: its certificate is of right.node.room.hulltouch, expected \
+                    left.node.room.hulltouch";
+    assert!(said(&output).contains(expected), "{}", said(&output));
+}
+
+#[test]
+fn certificates_that_cannot_be_used_are_refused_before_anything_runs() {
+    let room = Room::new();
+    let folder = room.folder.path();
+    let refusal = |certs: &str| {
+        let mut command = coordinator(program(), &room.cluster, "1", &room.json());
+        let output = command.current_dir(folder).args(["--certs", certs]).output().expect("ends");
+        assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+        said(&output)
+    };
+    assert_eq!(
+        refusal("nowhere"),
+        "hulltouch: --certs: nowhere/tls.key: No such file or directory (os error 2)\n"
+    );
+    let expected = "hulltouch: --certs: left/tls.crt is of left.node.room.hulltouch, expected coordinator.room.hulltouch\n";
+    assert_eq!(refusal("left"), expected);
+    let ended = Validity::days(1).moved(-3);
+    issue(&folder.join("ended"), &room.authority, &Identity::coordinator(ROOM), ended);
+    assert!(refusal("ended").contains("ended/tls.crt: the certificate has ended on "));
+    fs::set_permissions(folder.join("coordinator").join(KEY), fs::Permissions::from_mode(0o604))
+        .expect("set");
+    let expected = "coordinator/tls.key has mode 0604: others may read it, expected 0600 or 0640";
+    assert!(refusal("coordinator").contains(expected));
+}
+
+#[test]
+fn certs_makes_a_room_that_runs_and_keeps_its_keys() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let cluster = named_room(folder.path(), "", "");
+    let certs = folder.path().join("certs");
+    let make = || {
+        let mut command = program();
+        let output = command.arg("certs").arg(&cluster).arg("--into").arg(&certs).output().expect("ends");
+        assert!(output.status.success(), "{}", said(&output));
+        String::from_utf8(output.stdout).expect("text")
+    };
+    assert!(make().contains("certs/nodes/left: left.node.room.hulltouch, new\n"));
+    let read = |file: &str| fs::read(certs.join("nodes/left").join(file)).expect("there");
+    let before = (read(KEY), read(CERTIFICATE));
+    assert!(make().contains("certs/nodes/left: left.node.room.hulltouch, renewed for its key\n"));
+    assert_eq!(read(KEY), before.0);
+    assert_ne!(read(CERTIFICATE), before.1);
+    let mode = fs::metadata(certs.join("authority/ca.key")).expect("there").permissions().mode() & 0o777;
+    assert_eq!(mode, 0o600);
+
+    let nodes = ["left", "right"].map(|name| {
+        let own = certs.join("nodes").join(name);
+        node(folder.path(), &cluster, name, &["--certs", own.to_str().expect("a path")])
+    });
+    let [left, right] = [&nodes[0], &nodes[1]].map(|node| format!("address = {:?}", node.address()));
+    let (cluster, json) = (named_room(folder.path(), &left, &right), folder.path().join("out.json"));
+    let mut command = coordinator(program(), &cluster, "1", &json);
+    let figures =
+        figures(command.arg("--certs").arg(certs.join("coordinator")).spawn().expect("starts"), &json);
+    assert_eq!(figures["missed"]["blind_steps"], 0, "{figures}");
+}
