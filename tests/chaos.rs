@@ -15,7 +15,7 @@ use std::io::{BufRead as _, BufReader};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -216,26 +216,45 @@ fn number(name: &str, default: u64) -> u64 {
     std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(default)
 }
 
+/// One room at a time: sixteen camera programs would be late of themselves on two cores.
+static ALONE: Mutex<()> = Mutex::new(());
+
+/// Whether this becomes true of the cameras that are lost, before these seconds are over.
+fn comes_true(said: &Mutex<Said>, seconds: u64, is_true: impl Fn(&HashSet<String>) -> bool) -> bool {
+    let asked = Instant::now();
+    while asked.elapsed() < Duration::from_secs(seconds) {
+        if is_true(&said.lock().expect("no panic").lost) {
+            return true;
+        }
+        thread::sleep(Duration::from_millis(5));
+    }
+    false
+}
+
 #[test]
 fn a_camera_that_falls_silent_takes_no_other_with_it() {
     if program_is_missing("python3") {
         eprintln!("skipped: python3 is not installed");
         return;
     }
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
     let room = Room::new();
     let json = room.folder.path().join("out.json");
-    let mut run = coordinator(program(), &room.cluster(), "7", &json);
-    let run = run.env("RUST_LOG", "info").spawn().expect("starts");
+    let mut run = coordinator(program(), &room.cluster(), "100000", &json);
+    let mut run = run.env("RUST_LOG", "info").spawn().expect("starts");
+    let said = listen(&mut run);
     thread::sleep(Duration::from_millis(2500));
     let mark = PathBuf::from(format!("{}.silent", film_of(room.folder.path(), "cam_1").display()));
     fs::write(&mark, "").expect("written");
-    thread::sleep(Duration::from_millis(1500));
+    // Another that is late on a busy machine is back in no time.
+    let alone = comes_true(&said, 10, |lost| lost.len() == 1 && lost.contains("\"cam_1\""));
     fs::remove_file(&mark).expect("removed");
-    let output = run.wait_with_output().expect("ends");
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(said.contains("going on with 7 cameras: camera \"cam_1\" films nothing"), "{said}");
-    assert!(said.contains("camera \"cam_1\" is back, 8 cameras"), "{said}");
-    assert!(!said.contains("going on without node"), "{said}");
+    let back = comes_true(&said, 10, HashSet::is_empty);
+    signal(run.id(), Signal::INT);
+    assert!(run.wait().expect("ends").success());
+    let lines = said.lock().expect("no panic").lines.join("\n");
+    assert!(alone, "cam_1 alone was not lost: {lines}");
+    assert!(back, "cam_1 is not back: {lines}");
 }
 
 /// `HULLTOUCH_CHAOS_S` and `HULLTOUCH_CHAOS_SEED` make it longer, and another.
@@ -245,6 +264,7 @@ fn a_run_in_which_everything_fails_goes_on() {
         eprintln!("skipped: python3 is not installed");
         return;
     }
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
     let (seconds, seed) = (number("HULLTOUCH_CHAOS_S", 60), number("HULLTOUCH_CHAOS_SEED", 1));
     let mut random = Random(seed);
     let mut room = Room::new();

@@ -24,7 +24,7 @@ const LONGEST: Duration = Duration::from_millis(500);
 /// What a trip took at the longest is forgotten by so much with every other.
 const FORGET: f64 = 0.995;
 /// What is usual is not known before so many.
-const KNOWN_TRIPS: usize = 20;
+const KNOWN_TRIPS: usize = 5;
 
 /// Where probes are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
