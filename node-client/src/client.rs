@@ -446,6 +446,8 @@ impl NodeClient {
         let (mut renewal, mut time) = (Box::pin(self.renewed()), Box::pin(self.keep_time()));
         loop {
             tokio::select! {
+                // Of several reasons at once the same is told each time.
+                biased;
                 ended = parts.next() => match ended {
                     // Those of an old connection end when nothing more comes over it.
                     Some((renewals, _)) if renewals != self.state().renewals => {}
@@ -483,6 +485,7 @@ impl NodeClient {
         reading: impl Future<Output = Result<(), NodeError>>,
     ) -> (u64, NodeError) {
         let ended = tokio::select! {
+            biased;
             ended = reading => ended,
             () = self.replaced(renewals) => Ok(()),
         };

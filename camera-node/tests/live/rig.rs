@@ -166,7 +166,7 @@ impl LiveRig {
     /// Numbers only grow, and every number is a frame or counted as skipped.
     pub fn check_numbers(&self) {
         let seen = self.seen.lock().expect("whole");
-        assert!(seen.len() > 4);
+        assert!(seen.len() > 1, "numbers of {} frames say nothing", seen.len());
         for pair in seen.windows(2) {
             let ((before, _), (number, skipped)) = (pair[0], pair[1]);
             assert!(number > before && skipped == number - before - 1, "{seen:?}");
