@@ -7,8 +7,8 @@ use hull::Shape;
 use proto::convert::shape_key;
 use thiserror::Error;
 
-/// Samples kept in all: 48 MB. A studio's scene has tens of thousands.
-const MAX_KEPT_SAMPLES: usize = 4_000_000;
+/// Samples kept in all: 24 MB. A studio's scene has tens of thousands.
+const MAX_KEPT_SAMPLES: usize = 2_000_000;
 
 /// Why shapes are not kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
@@ -111,7 +111,7 @@ mod tests {
     #[test]
     fn the_least_recently_used_shapes_make_room() {
         let shapes = Shapes::default();
-        let large = |x| Shape::new(vec![[x, 0.0, 0.0]; 1 << 20]).expect("finite");
+        let large = |x| Shape::new(vec![[x, 0.0, 0.0]; 1 << 19]).expect("finite");
         let key = |x| shape_key(&large(x).digest());
         for x in 1..=3 {
             assert_eq!(shapes.register(vec![large(x as f32)]), Ok(()));

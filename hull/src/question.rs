@@ -32,6 +32,15 @@ impl Points {
         }
     }
 
+    /// The memory that keeping them alive may hold, bytes: a shape's is shared with all who use it.
+    pub fn held_bytes(&self) -> usize {
+        self.len()
+            * match self {
+                Points::Body { .. } => size_of::<[f32; 3]>(),
+                Points::World(_) => size_of::<[f64; 3]>(),
+            }
+    }
+
     /// True without points.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
@@ -135,6 +144,17 @@ impl Question {
     /// How many points are asked about.
     pub fn len(&self) -> usize {
         self.batches.iter().map(Batch::len).sum()
+    }
+
+    /// The memory that it holds, bytes, with the points that it refers to.
+    pub fn held_bytes(&self) -> usize {
+        let points: usize = self.batches.iter().map(|batch| batch.points.held_bytes()).sum();
+        points
+            + size_of::<Batch>() * self.batches.capacity()
+            + size_of::<u32>() * self.picked.capacity()
+            + size_of::<[f32; 3]>() * self.directions.capacity()
+            + size_of::<Reach>() * self.within.capacity()
+            + size_of::<u16>() * self.hints.capacity()
     }
 
     /// True if nothing is asked.

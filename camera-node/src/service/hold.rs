@@ -82,7 +82,9 @@ impl Hold {
 
     /// Somebody of that id opened a stream; false if it is not counted.
     pub fn stream_began(&mut self, id: u64) -> bool {
-        let has_room = self.streams.len() < MAX_STREAMS || self.streams.contains_key(&id);
+        // Strangers must not keep the holder's own from being counted.
+        let holds = self.held.as_ref().is_some_and(|held| held.claim.id == id);
+        let has_room = holds || self.streams.len() < MAX_STREAMS || self.streams.contains_key(&id);
         if id != 0 && has_room {
             *self.streams.entry(id).or_default() += 1;
         }

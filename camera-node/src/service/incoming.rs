@@ -3,11 +3,10 @@
 //! Strangers hold nothing for long: whoever has not said who it is gives way to the next, oldest first, so that no number of
 //! silent ones keeps a coordinator out.
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::VecDeque;
 use std::io;
-use std::net::IpAddr;
 use std::pin::Pin;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::task::{Context, Poll};
 use std::time::Duration;
 
@@ -17,19 +16,14 @@ use tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite, ReadBuf};
 use tokio::net::{TcpStream, UnixStream};
 use tokio::sync::mpsc;
 use tokio::task::{AbortHandle, JoinSet};
-use tokio::time::Instant;
 use tokio_stream::Stream;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::server::Connected;
 
+use super::seats::{NoSeat, Seat, SharedSeats};
+use super::seldom::Seldom;
 use crate::listen::{Accepted, Listener};
 
-/// Connections that have said who they are, all together.
-const MAX_CONNECTIONS: usize = 32;
-/// Of them, those of viewers: the others are left for coordinators.
-const MAX_VIEWERS: usize = 16;
-/// Connections of one machine that is not this one.
-const MAX_OF_A_MACHINE: usize = 4;
 /// Connections that have not said yet who they are.
 const MAX_BEGINNING: usize = 64;
 /// A peer that has said nothing of the protocol by then is dropped.
@@ -38,8 +32,8 @@ const BEGIN_TIMEOUT: Duration = Duration::from_secs(5);
 const PREFACE: &[u8; 24] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
 /// The system has no descriptor, or no memory: it is asked again after this.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
-/// Refusals are logged so often at most.
-const LOG_EVERY: Duration = Duration::from_secs(1);
+/// Connections without a call are looked for so often.
+const IDLE_CHECK: Duration = Duration::from_secs(5);
 
 /// Who may connect.
 #[derive(Clone, Default)]
@@ -53,9 +47,14 @@ pub enum Access {
     Certified(Arc<Credentials>),
 }
 
-/// Who is at the other end of a connection; nothing is known of it without certificates.
+/// Who is at the other end of a connection.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Caller(pub Option<Peer>);
+pub(super) struct Caller {
+    /// Nothing is known of it without certificates.
+    pub peer: Option<Peer>,
+    /// Where what it holds is counted.
+    pub seat: Option<Arc<Seat>>,
+}
 
 /// A connection with a seat.
 pub(super) struct Connection {
@@ -63,7 +62,8 @@ pub(super) struct Connection {
     /// What was read to see that it speaks the protocol.
     read_ahead: Option<[u8; PREFACE.len()]>,
     caller: Caller,
-    _seat: Seat,
+    /// Completes when the node ends it.
+    ended: Pin<Box<dyn Future<Output = ()> + Send>>,
 }
 
 trait Socket: AsyncRead + AsyncWrite + Send + Unpin {}
@@ -81,7 +81,11 @@ pub(super) fn incoming(
         Access::ThisMachine | Access::Anybody => None,
     };
     let (sender, receiver) = mpsc::channel(1);
-    tokio::spawn(accept(listener, Door { credentials, seats: Arc::default(), log: Arc::default() }, sender));
+    tokio::spawn(accept(
+        listener,
+        Door { credentials, seats: SharedSeats::default(), log: Arc::default() },
+        sender,
+    ));
     ReceiverStream::new(receiver)
 }
 
@@ -89,10 +93,15 @@ pub(super) fn incoming(
 async fn accept(listener: Listener, door: Door, sender: mpsc::Sender<io::Result<Connection>>) {
     let mut beginning = JoinSet::new();
     let mut by_age: VecDeque<AbortHandle> = VecDeque::new();
+    let mut idle_check = tokio::time::interval(IDLE_CHECK);
     loop {
         let accepted = tokio::select! {
             accepted = listener.accept() => accepted,
             Some(_) = beginning.join_next() => continue,
+            _ = idle_check.tick() => {
+                door.seats.end_idle();
+                continue;
+            }
             () = sender.closed() => return,
         };
         let accepted = match accepted {
@@ -134,23 +143,23 @@ enum Refusal {
     Encrypted,
     #[error("it does not speak gRPC")]
     Protocol,
-    #[error("it has {MAX_OF_A_MACHINE} connections already")]
-    TooMany,
-    #[error("there are as many connections as a node has")]
-    Full,
+    #[error(transparent)]
+    NoSeat(#[from] NoSeat),
 }
 
 /// Decides who gets in.
 #[derive(Clone)]
 struct Door {
     credentials: Option<Arc<Credentials>>,
-    seats: Arc<Mutex<Seats>>,
-    log: Arc<Log>,
+    seats: SharedSeats,
+    log: Arc<Seldom>,
 }
 
 impl Door {
     async fn let_in(&self, accepted: Accepted) -> Result<Connection, Refusal> {
         let from = accepted.from();
+        // Only this user has a Unix socket.
+        let metered = from.is_some();
         let (mut socket, peer): (Box<dyn Socket>, Option<Peer>) = match (accepted, &self.credentials) {
             (Accepted::Unix(socket), _) => (Box::new(socket), None),
             (Accepted::Tcp(socket, _), None) => (Box::new(socket), None),
@@ -170,91 +179,32 @@ impl Door {
             (Some(peer), Some(own)) => peer.is(&Identity::coordinator(&own.own().room)),
             _ => true,
         };
-        let seat = Seats::take(&self.seats, from.filter(|from| !from.is_loopback()), leads)?;
-        Ok(Connection { socket, read_ahead: Some(preface), caller: Caller(peer), _seat: seat })
+        let seat = self.seats.take(from.filter(|from| !from.is_loopback()), leads, metered)?;
+        let ended = seat.ended();
+        let ended = Box::pin(async move { ended.notified().await });
+        Ok(Connection { socket, read_ahead: Some(preface), caller: Caller { peer, seat: Some(seat) }, ended })
     }
 }
 
 /// The first byte of TLS.
 const TLS_HANDSHAKE: u8 = 0x16;
 
-/// Connections that are in.
-#[derive(Debug, Default)]
-struct Seats {
-    all: usize,
-    viewers: usize,
-    by_machine: HashMap<IpAddr, usize>,
-}
-
-/// One of them, until it is dropped.
-struct Seat {
-    seats: Arc<Mutex<Seats>>,
-    from: Option<IpAddr>,
-    leads: bool,
-}
-
-impl Seats {
-    fn take(seats: &Arc<Mutex<Seats>>, from: Option<IpAddr>, leads: bool) -> Result<Seat, Refusal> {
-        let mut taken = seats.lock().unwrap_or_else(PoisonError::into_inner);
-        let of_machine = from.map_or(0, |from| taken.by_machine.get(&from).copied().unwrap_or(0));
-        if of_machine >= MAX_OF_A_MACHINE {
-            return Err(Refusal::TooMany);
-        }
-        if taken.all >= MAX_CONNECTIONS || !leads && taken.viewers >= MAX_VIEWERS {
-            return Err(Refusal::Full);
-        }
-        taken.all += 1;
-        taken.viewers += usize::from(!leads);
-        if let Some(from) = from {
-            *taken.by_machine.entry(from).or_default() += 1;
-        }
-        Ok(Seat { seats: Arc::clone(seats), from, leads })
-    }
-}
-
-impl Drop for Seat {
-    fn drop(&mut self) {
-        let mut taken = self.seats.lock().unwrap_or_else(PoisonError::into_inner);
-        taken.all -= 1;
-        taken.viewers -= usize::from(!self.leads);
-        if let Some(from) = self.from
-            && let Some(count) = taken.by_machine.get_mut(&from)
-        {
-            *count -= 1;
-            if *count == 0 {
-                taken.by_machine.remove(&from);
-            }
-        }
-    }
-}
-
-/// Says who was refused, and not for each of thousands.
-#[derive(Default)]
-struct Log(Mutex<Option<(Instant, u64)>>);
-
-impl Log {
-    fn refused(&self, from: Option<IpAddr>, why: &dyn std::fmt::Display) {
-        let mut last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let now = Instant::now();
-        let more = match *last {
-            Some((at, unsaid)) if now - at < LOG_EVERY => {
-                *last = Some((at, unsaid + 1));
-                return;
-            }
-            Some((_, unsaid)) if unsaid > 0 => format!(", and {unsaid} more"),
-            _ => String::new(),
-        };
-        *last = Some((now, 0));
-        let from = from.map_or_else(|| "this machine".to_owned(), |from| from.to_string());
-        tracing::warn!("a connection from {from} was refused: {why}{more}");
-    }
-}
-
 impl Connected for Connection {
     type ConnectInfo = Caller;
 
     fn connect_info(&self) -> Caller {
         self.caller.clone()
+    }
+}
+
+impl Connection {
+    /// Looked at whenever it moves or could: a peer that reads nothing must not stay for that.
+    fn check_ended(&mut self, context: &mut Context<'_>) -> io::Result<()> {
+        if self.ended.as_mut().poll(context).is_pending() {
+            return Ok(());
+        }
+        self.ended = Box::pin(std::future::ready(()));
+        Err(io::Error::other("the node ended it"))
     }
 }
 
@@ -265,6 +215,7 @@ impl AsyncRead for Connection {
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
         let this = self.get_mut();
+        this.check_ended(context)?;
         match this.read_ahead.take() {
             // A reader's first buffer has room for a whole frame.
             Some(ahead) if buffer.remaining() >= ahead.len() => {
@@ -279,7 +230,9 @@ impl AsyncRead for Connection {
 
 impl AsyncWrite for Connection {
     fn poll_write(self: Pin<&mut Self>, context: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
-        Pin::new(&mut self.get_mut().socket).poll_write(context, bytes)
+        let this = self.get_mut();
+        this.check_ended(context)?;
+        Pin::new(&mut this.socket).poll_write(context, bytes)
     }
 
     fn poll_write_vectored(
@@ -287,7 +240,9 @@ impl AsyncWrite for Connection {
         context: &mut Context<'_>,
         slices: &[io::IoSlice<'_>],
     ) -> Poll<io::Result<usize>> {
-        Pin::new(&mut self.get_mut().socket).poll_write_vectored(context, slices)
+        let this = self.get_mut();
+        this.check_ended(context)?;
+        Pin::new(&mut this.socket).poll_write_vectored(context, slices)
     }
 
     fn is_write_vectored(&self) -> bool {
@@ -295,7 +250,9 @@ impl AsyncWrite for Connection {
     }
 
     fn poll_flush(self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.get_mut().socket).poll_flush(context)
+        let this = self.get_mut();
+        this.check_ended(context)?;
+        Pin::new(&mut this.socket).poll_flush(context)
     }
 
     fn poll_shutdown(self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {

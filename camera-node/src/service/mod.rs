@@ -5,9 +5,13 @@ mod film_events;
 mod hold;
 mod incoming;
 mod led;
+mod metered;
 mod node;
 mod permission;
 mod probe_stream;
+mod seats;
+mod seldom;
+mod turns;
 mod worker;
 mod world_memory;
 
@@ -17,6 +21,7 @@ pub use node::{Node, ServeError, serve_film};
 use std::pin::Pin;
 use std::sync::Arc;
 
+use prost::Message as _;
 use proto::convert::{
     SilhouetteEncoding, claim_from_wire, clock_from_wire, description_to_wire, phase_from_wire,
     picture_request_from_wire, picture_to_wire, shape_from_wire, silhouette_data, start_from_wire,
@@ -35,9 +40,11 @@ use crate::frames::{FrameError, FrameRing};
 use crate::pictures::{PictureEncoder, PictureError};
 use crate::shapes::Shapes;
 use hold::{SharedHold, held};
+use incoming::Caller;
 use led::Led;
 use probe_stream::ProbeStream;
-use worker::{MAX_WAITING, Worker};
+use seats::{Seat, Share, Spent};
+use worker::{MAX_WAITING, ReplySender, WaitingReply, Worker};
 use world_memory::WorldMemory;
 
 /// The state behind every call.
@@ -99,6 +106,15 @@ fn frame_status(error: FrameError) -> Status {
 
 fn invalid(error: impl std::fmt::Display) -> Status {
     Status::invalid_argument(error.to_string())
+}
+
+fn spent(spent: Spent) -> Status {
+    Status::resource_exhausted(spent.to_string())
+}
+
+/// Where what the caller holds is counted.
+fn seat<T>(request: &Request<T>) -> Option<Arc<Seat>> {
+    request.extensions().get::<Caller>().and_then(|caller| caller.seat.clone())
 }
 
 type Replies<T> = Pin<Box<dyn tokio_stream::Stream<Item = Result<T, Status>> + Send>>;
@@ -164,8 +180,12 @@ impl CameraNode for Service {
         &self,
         request: Request<v1::RegisterShapesRequest>,
     ) -> Result<Response<v1::RegisterShapesReply>, Status> {
+        let seat = seat(&request);
         let v1::RegisterShapesRequest { shapes, holder } = request.into_inner();
         self.hold.check(holder)?;
+        // The message, and what is made of it.
+        let bytes: usize = shapes.iter().map(|shape| shape.samples.len()).sum();
+        let _share = Share::take(&seat, 2 * bytes).map_err(spent)?;
         let shapes: Result<Vec<_>, _> = shapes.iter().map(shape_from_wire).collect();
         self.shapes
             .register(shapes.map_err(invalid)?)
@@ -179,11 +199,13 @@ impl CameraNode for Service {
         &self,
         request: Request<Streaming<v1::ProbeRequest>>,
     ) -> Result<Response<Self::ProbeStream>, Status> {
+        let seat = seat(&request);
         let (replies, receiver) = mpsc::channel(MAX_WAITING);
-        let stream =
-            ProbeStream::new(Arc::clone(&self.shapes), self.worker.clone(), self.hold.clone(), replies);
+        let stream = ProbeStream::new(self, ReplySender::new(replies, seat.clone()), seat);
         tokio::spawn(stream.serve(request.into_inner()));
-        Ok(Response::new(Box::pin(ReceiverStream::new(receiver))))
+        let replies =
+            ReceiverStream::new(receiver).map(|waiting| waiting.map(|WaitingReply { reply, .. }| reply));
+        Ok(Response::new(Box::pin(replies)))
     }
 
     async fn take_background(
@@ -230,11 +252,15 @@ impl CameraNode for Service {
         &self,
         request: Request<v1::FetchPicturesRequest>,
     ) -> Result<Response<Self::FetchPicturesStream>, Status> {
+        let seat = seat(&request);
         let request = picture_request_from_wire(request.into_inner()).map_err(invalid)?;
         // Room for all of them: the encoder never waits for a reader.
         let (sender, receiver) = mpsc::channel(self.description.cameras.len());
         let deliver = move |picture| {
-            if sender.try_send(Ok(picture_to_wire(picture))).is_err() {
+            let picture = picture_to_wire(picture);
+            let share = Share::take(&seat, picture.encoded_len());
+            let picture = share.map(|share| (picture, share)).map_err(spent);
+            if sender.try_send(picture).is_err() {
                 tracing::debug!("a picture found no reader");
             }
         };
@@ -245,8 +271,10 @@ impl CameraNode for Service {
             PictureError::Cameras { .. } => invalid(error),
             PictureError::Busy => Status::resource_exhausted(error.to_string()),
         })?;
-        Ok(Response::new(Box::pin(ReceiverStream::new(receiver))))
+        let pictures = ReceiverStream::new(receiver).map(|picture| picture.map(|(picture, _)| picture));
+        Ok(Response::new(Box::pin(pictures)))
     }
+
     async fn keep_world(
         &self,
         request: Request<v1::KeepWorldRequest>,

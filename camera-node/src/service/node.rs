@@ -11,9 +11,11 @@ use tokio_stream::Stream;
 use tonic::service::interceptor::InterceptedService;
 use tonic::transport::Server;
 use tonic::transport::server::{Connected, Router};
+use tower::layer::util::{Identity, Stack};
 
 use super::Service;
 use super::incoming::{Access, incoming};
+use super::metered::MeterLayer;
 use super::permission::Permission;
 use super::worker::Worker;
 use crate::capture::{CaptureError, Filming};
@@ -29,6 +31,9 @@ const KEEP_ALIVE: Duration = Duration::from_secs(5);
 const MAX_STREAMS: u32 = 16;
 /// Far more than any call's.
 const MAX_HEADER_BYTES: u32 = 8 * 1024;
+/// What a connection may send before it is read, and each of its streams: a local network has no more under way.
+const CONNECTION_WINDOW_BYTES: u32 = 512 << 10;
+const STREAM_WINDOW_BYTES: u32 = 256 << 10;
 
 /// A node that is asked to end lets calls finish for so long; streams would go on for ever.
 const SHUTDOWN_GRACE: Duration = Duration::from_millis(300);
@@ -139,7 +144,7 @@ where
 }
 
 /// The node's services: its own, health and reflection.
-async fn router(service: Service, access: &Access) -> Router {
+async fn router(service: Service, access: &Access) -> Router<Stack<MeterLayer, Identity>> {
     let (reporter, health) = tonic_health::server::health_reporter();
     reporter.set_serving::<CameraNodeServer<Service>>().await;
     let reflection = || {
@@ -156,6 +161,9 @@ async fn router(service: Service, access: &Access) -> Router {
         server = server.max_connection_age(age.mul_f64(0.9)).max_connection_age_grace(age.mul_f64(0.1));
     }
     server
+        .layer(MeterLayer)
+        .initial_connection_window_size(CONNECTION_WINDOW_BYTES)
+        .initial_stream_window_size(STREAM_WINDOW_BYTES)
         .max_frame_size(MAX_FRAME_BYTES)
         .http2_keepalive_interval(Some(KEEP_ALIVE))
         .http2_keepalive_timeout(Some(KEEP_ALIVE))

@@ -1,15 +1,19 @@
 //! Who may call what: a node obeys the coordinators of its room, and tells viewers its health.
 
+use std::sync::Arc;
+
 use identity::Identity;
 use tonic::{Request, Status};
 
 use super::incoming::{Access, Caller};
+use super::seldom::Seldom;
 
 /// Lets only some callers through.
 #[derive(Clone)]
 pub(super) struct Permission {
     /// `None`: everybody who got in.
     allowed: Option<Vec<Identity>>,
+    log: Arc<Seldom>,
 }
 
 impl Permission {
@@ -24,10 +28,11 @@ impl Permission {
     }
 
     fn of(access: &Access, allowed: impl Fn(&str) -> Vec<Identity>) -> Permission {
-        match access {
-            Access::Certified(credentials) => Permission { allowed: Some(allowed(&credentials.own().room)) },
-            Access::ThisMachine | Access::Anybody => Permission { allowed: None },
-        }
+        let allowed = match access {
+            Access::Certified(credentials) => Some(allowed(&credentials.own().room)),
+            Access::ThisMachine | Access::Anybody => None,
+        };
+        Permission { allowed, log: Arc::default() }
     }
 }
 
@@ -35,7 +40,7 @@ impl tonic::service::Interceptor for Permission {
     fn call(&mut self, request: Request<()>) -> Result<Request<()>, Status> {
         let Some(allowed) = &self.allowed else { return Ok(request) };
         // Over a Unix socket nobody shows a certificate: its file lets this user in alone.
-        let Some(peer) = request.extensions().get::<Caller>().and_then(|caller| caller.0.as_ref()) else {
+        let Some(peer) = request.extensions().get::<Caller>().and_then(|caller| caller.peer.as_ref()) else {
             return Ok(request);
         };
         if allowed.iter().any(|identity| peer.is(identity)) {
@@ -43,7 +48,7 @@ impl tonic::service::Interceptor for Permission {
         }
         let allowed: Vec<String> = allowed.iter().map(Identity::to_string).collect();
         let why = format!("this is for {}, and was asked by {peer}", allowed.join(" or "));
-        tracing::warn!("a call was refused: {why}");
+        self.log.warn("a call was refused", &why);
         Err(Status::permission_denied(why))
     }
 }

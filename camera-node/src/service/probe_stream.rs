@@ -9,7 +9,9 @@ use tokio::time::Instant;
 use tokio_stream::StreamExt;
 use tonic::Streaming;
 
+use super::Service;
 use super::hold::SharedHold;
+use super::seats::{Seat, Share, Spent};
 use super::worker::{ProbeJob, ReplySender, Worker};
 use crate::shapes::Shapes;
 
@@ -20,22 +22,37 @@ pub(super) struct ProbeStream {
     worker: Worker,
     hold: SharedHold,
     replies: ReplySender,
+    seat: Option<Arc<Seat>>,
+    /// What the list of bodies holds.
+    share: Share,
 }
 
 impl ProbeStream {
-    pub fn new(shapes: Arc<Shapes>, worker: Worker, hold: SharedHold, replies: ReplySender) -> ProbeStream {
-        ProbeStream { reader: QuestionReader::default(), shapes, worker, hold, replies }
+    pub fn new(service: &Service, replies: ReplySender, seat: Option<Arc<Seat>>) -> ProbeStream {
+        ProbeStream {
+            reader: QuestionReader::default(),
+            shapes: Arc::clone(&service.shapes),
+            worker: service.worker.clone(),
+            hold: service.hold.clone(),
+            replies,
+            share: Share::of(seat.clone()),
+            seat,
+        }
     }
 
     /// Serves until the stream ends.
     pub async fn serve(mut self, mut requests: Streaming<v1::ProbeRequest>) {
-        while let Some(Ok(request)) = requests.next().await {
+        while let Some(request) = requests.next().await {
+            let request = match request {
+                Ok(request) => request,
+                Err(status) => return self.replies.fail(status).await,
+            };
             let reply = match self.read(request) {
                 Ok(job) => self.worker.answer(job, &self.replies),
                 Err(reply) => Some(*reply),
             };
             if let Some(reply) = reply
-                && self.replies.send(Ok(reply)).await.is_err()
+                && self.replies.send(reply).await.is_err()
             {
                 return;
             }
@@ -56,6 +73,17 @@ impl ProbeStream {
         let mut question = Question::default();
         let read = self.reader.read(request, |key| self.shapes.get(key), &mut question);
         read.map_err(|error| Box::new(refusal(id, RefusalReason::from(&error), error.to_string())))?;
-        Ok(ProbeJob { id, frame, cameras, precision, question })
+        let share = self.count(&question).map_err(|spent| {
+            // What is refused leaves nothing behind.
+            self.reader = QuestionReader::default();
+            let _ = self.share.set(0);
+            Box::new(refusal(id, RefusalReason::Busy, spent.to_string()))
+        })?;
+        Ok(ProbeJob { id, frame, cameras, precision, question, _share: share })
+    }
+
+    fn count(&mut self, question: &Question) -> Result<Share, Spent> {
+        self.share.set(self.reader.held_bytes())?;
+        Share::take(&self.seat, question.held_bytes())
     }
 }

@@ -2,22 +2,27 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use hull::ViewSet;
 use hull::question::Question;
+use prost::Message as _;
 use proto::convert::{Precision, RefusalReason, answer_to_wire, refusal};
 use proto::v1;
 use tokio::sync::mpsc;
 use tokio::time::Instant;
 use tonic::Status;
 
+use super::seats::{Seat, Share};
+use super::turns::{Client, NoTurn, Turns};
 use crate::cores::{Cores, work_ns};
 use crate::frames::{Frame, FrameError, FrameRing};
 
-/// Questions that wait at most, more than a coordinator asks at once; beyond, the node is busy.
+/// Questions of one connection that wait at most, more than a coordinator asks at once; beyond, the node is busy.
 pub(super) const MAX_WAITING: usize = 64;
+
+/// The most that one question may take, nanoseconds: so long others wait for it at worst.
+const MAX_WORK_NS: usize = 1_000_000_000;
 
 /// Up to so much work, nanoseconds, the network thread does itself: waking another one and being woken by it
 /// takes a tenth of a millisecond, in which bytes could as well wait.
@@ -31,10 +36,58 @@ pub(super) struct ProbeJob {
     pub cameras: Vec<u32>,
     pub precision: Precision,
     pub question: Question,
+    /// What it holds while it waits.
+    pub _share: Share,
+}
+
+/// A reply that has not been sent, and what it holds until then.
+pub(super) struct WaitingReply {
+    pub reply: v1::ProbeReply,
+    _share: Share,
 }
 
 /// Where the replies of one stream go.
-pub(super) type ReplySender = mpsc::Sender<Result<v1::ProbeReply, Status>>;
+#[derive(Clone)]
+pub(super) struct ReplySender {
+    replies: mpsc::Sender<Result<WaitingReply, Status>>,
+    seat: Option<Arc<Seat>>,
+}
+
+impl ReplySender {
+    pub fn new(replies: mpsc::Sender<Result<WaitingReply, Status>>, seat: Option<Arc<Seat>>) -> ReplySender {
+        ReplySender { replies, seat }
+    }
+
+    fn client(&self) -> Client {
+        self.seat.as_ref().map_or_else(Client::default, |seat| Client { id: seat.id(), leads: seat.leads() })
+    }
+
+    /// Waits until the peer has read others.
+    pub async fn send(&self, reply: v1::ProbeReply) -> Result<(), Closed> {
+        self.replies.send(self.counted(reply)).await.map_err(|_| Closed)
+    }
+
+    /// The stream ends with that.
+    pub async fn fail(&self, status: Status) {
+        let _ = self.replies.send(Err(status)).await;
+    }
+
+    /// Does not wait: a peer that has gone, or reads nothing, must not hold up the others.
+    fn try_send(&self, reply: v1::ProbeReply) -> Result<(), Closed> {
+        self.replies.try_send(self.counted(reply)).map_err(|_| Closed)
+    }
+
+    fn counted(&self, reply: v1::ProbeReply) -> Result<WaitingReply, Status> {
+        match Share::take(&self.seat, reply.encoded_len()) {
+            Ok(share) => Ok(WaitingReply { reply, _share: share }),
+            Err(spent) => Err(Status::resource_exhausted(spent.to_string())),
+        }
+    }
+}
+
+/// Nobody reads the stream's replies.
+#[derive(Debug)]
+pub(super) struct Closed;
 
 /// The worker of a node, shared by its streams. Its thread, if it has one, ends with the last of them.
 #[derive(Clone)]
@@ -43,8 +96,17 @@ pub(super) struct Worker {
     /// Jobs that are queued or being answered.
     waiting: Arc<AtomicUsize>,
     /// To its thread. Without one all is answered at once.
-    queue: Option<SyncSender<(ProbeJob, ReplySender)>>,
+    queue: Option<Arc<Queue>>,
     cameras: usize,
+}
+
+/// Closes the queue when the last worker is dropped.
+struct Queue(Arc<Turns<(ProbeJob, ReplySender)>>);
+
+impl Drop for Queue {
+    fn drop(&mut self) {
+        self.0.close();
+    }
 }
 
 impl Worker {
@@ -56,10 +118,10 @@ impl Worker {
     /// A worker for a node of so many cameras.
     pub fn new(ring: Arc<FrameRing>, cameras: usize) -> Worker {
         let mut worker = Worker::without_thread(ring, cameras, Cores::of_this_machine());
-        let (queue, jobs) = sync_channel(MAX_WAITING);
+        let jobs = Arc::new(Turns::new(MAX_WAITING));
+        worker.queue = Some(Arc::new(Queue(Arc::clone(&jobs))));
         let (shared, count) = (Arc::clone(&worker.computation), Arc::clone(&worker.waiting));
         std::thread::spawn(move || run(&shared, &jobs, &count));
-        worker.queue = Some(queue);
         worker
     }
 
@@ -70,36 +132,46 @@ impl Worker {
     }
 
     /// Answers a small question here and now, if nothing else waits; others are queued, and answered through
-    /// the sender. A full queue is a refusal.
+    /// the sender. A question that is too much, or one too many, is a refusal.
     pub fn answer(&self, job: ProbeJob, replies: &ReplySender) -> Option<v1::ProbeReply> {
-        let Some(queue) = &self.queue else {
+        let work_ns = work_ns(&job.question, self.cameras);
+        if work_ns > MAX_WORK_NS {
+            let message = format!(
+                "a question of {} points takes about {:.1} s here, expected at most {} s",
+                job.question.len(),
+                work_ns as f64 / 1e9,
+                MAX_WORK_NS / 1_000_000_000
+            );
+            return Some(refusal(job.id, RefusalReason::TooManyPoints, message));
+        }
+        let Some(Queue(queue)) = self.queue.as_deref() else {
             return Some(self.computation.lock().unwrap_or_else(PoisonError::into_inner).reply(&job));
         };
         let is_idle = self.waiting.load(Ordering::Acquire) == 0;
         if is_idle
-            && work_ns(&job.question, self.cameras) <= AT_ONCE_NS
+            && work_ns <= AT_ONCE_NS
             && let Ok(mut computation) = self.computation.try_lock()
         {
             return Some(computation.reply(&job));
         }
         let id = job.id;
         self.waiting.fetch_add(1, Ordering::Release);
-        let full = queue.try_send((job, replies.clone())).err()?;
+        let no_turn = queue.push(replies.client(), (job, replies.clone())).err()?;
         self.waiting.fetch_sub(1, Ordering::Release);
-        let message = match full {
-            TrySendError::Full(_) => format!("{MAX_WAITING} questions wait"),
-            TrySendError::Disconnected(_) => "the node is ending".to_owned(),
+        let message = match no_turn {
+            NoTurn::Full => format!("{MAX_WAITING} questions wait"),
+            NoTurn::Closed => "the node is ending".to_owned(),
         };
         Some(refusal(id, RefusalReason::Busy, message))
     }
 }
 
-/// Answers queued questions in their order.
-fn run(computation: &Mutex<Computation>, jobs: &Receiver<(ProbeJob, ReplySender)>, waiting: &AtomicUsize) {
-    while let Ok((job, replies)) = jobs.recv() {
+/// Answers queued questions, connections by turns.
+fn run(computation: &Mutex<Computation>, jobs: &Turns<(ProbeJob, ReplySender)>, waiting: &AtomicUsize) {
+    while let Some((job, replies)) = jobs.next() {
         let reply = computation.lock().unwrap_or_else(PoisonError::into_inner).reply(&job);
-        // A peer that has gone, or reads nothing, must not hold up the others.
-        if replies.try_send(Ok(reply)).is_err() {
+        drop(job);
+        if replies.try_send(reply).is_err() {
             tracing::debug!("a reply found no reader");
         }
         waiting.fetch_sub(1, Ordering::Release);
@@ -135,7 +207,7 @@ impl Computation {
 
     fn answer(&mut self, job: &ProbeJob) -> v1::ProbeReply {
         let began = Instant::now();
-        let &ProbeJob { id, frame, ref cameras, precision, ref question } = job;
+        let &ProbeJob { id, frame, ref cameras, precision, ref question, _share: _ } = job;
         let frame = match self.ring.get(frame) {
             Ok(frame) => frame,
             Err(error) => {

@@ -24,8 +24,8 @@ pub type BodyId = u32;
 /// Samples of all moving bodies at most, once bodies are added: half of what one question may hold, and a
 /// quarter of a second of a node's work.
 pub const MAX_SAMPLES: usize = 500_000;
-/// Samples of all different shapes at most, those of fixed bodies too: some 50 MB.
-pub(super) const MAX_KEPT_SAMPLES: usize = 4_000_000;
+/// Samples of all different shapes at most, those of fixed bodies too: 24 MB.
+pub(super) const MAX_KEPT_SAMPLES: usize = 2_000_000;
 /// A grip or a push may lie this far off the body's bounding ball, metres: pages point at where it was.
 const BESIDE_M: f64 = 0.5;
 

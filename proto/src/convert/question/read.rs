@@ -35,6 +35,11 @@ struct List {
 }
 
 impl QuestionReader {
+    /// The memory that its list of bodies holds from question to question, bytes.
+    pub fn held_bytes(&self) -> usize {
+        self.list.as_ref().map_or(0, List::held_bytes)
+    }
+
     /// Reads a question into `question`, whose buffers are used again. `shape` finds registered shapes.
     /// After an error the list of bodies is forgotten.
     pub fn read(
@@ -88,6 +93,14 @@ impl QuestionReader {
 }
 
 impl List {
+    fn held_bytes(&self) -> usize {
+        let points: usize = self.bodies.iter().map(Points::held_bytes).sum();
+        points
+            + size_of::<Points>() * self.bodies.capacity()
+            + size_of::<u32>() * (self.kept.capacity() + self.picked.capacity())
+            + size_of::<(usize, Option<Range<usize>>)>() * self.asked.capacity()
+    }
+
     fn read(
         bodies: v1::Bodies,
         rounded: bool,

@@ -237,5 +237,5 @@ fn bodies_and_samples_are_bounded() {
         prepared.map(|prepared| world.spawn(prepared).expect("room")).err()
     });
     let error = error.expect("a bound").to_string();
-    assert!(error.contains("samples of all different shapes, expected at most 4000000"), "{error}");
+    assert!(error.contains("samples of all different shapes, expected at most 2000000"), "{error}");
 }
