@@ -65,12 +65,12 @@ fn main() -> ExitCode {
     }
 }
 
-/// Logs go to standard error; `RUST_LOG` chooses, warnings by default.
+/// Logs go to standard error; `RUST_LOG` chooses, warnings by default. What HTTP/2 says of strangers is ours to say.
 fn log_to_stderr() {
     use tracing_subscriber::filter::{LevelFilter, Targets};
     use tracing_subscriber::layer::SubscriberExt as _;
     use tracing_subscriber::util::SubscriberInitExt as _;
-    let warnings = || Targets::new().with_default(LevelFilter::WARN);
+    let warnings = || Targets::new().with_default(LevelFilter::WARN).with_target("h2", LevelFilter::ERROR);
     let filter = std::env::var("RUST_LOG").ok().and_then(|text| text.parse().ok()).unwrap_or_else(warnings);
     let lines = tracing_subscriber::fmt::layer()
         .with_writer(std::io::stderr)
