@@ -1,112 +1,18 @@
 //! Certificates decide who is who: between processes, over TCP.
 
+#[path = "shared/certified.rs"]
+mod certified;
 #[path = "shared/room.rs"]
 mod room;
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt as _;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
-use std::sync::Arc;
+use std::process::Output;
 use std::time::Duration;
 
-use cluster::{ClusterFile, expected_node};
-use identity::{AUTHORITIES, Authority, CERTIFICATE, Credentials, Identity, KEY, Validity};
-use node_client::{Agreement, ExpectedNode, NodeClient, NodeEvent, Sockets};
-use room::{Node, coordinator, figures, named_room, program};
-use tokio::sync::mpsc;
-
-const ROOM: &str = "room";
-
-/// Writes the certificates of somebody into a folder.
-fn issue(folder: &Path, authority: &Authority, owner: &Identity, validity: Validity) {
-    let issued = authority.issue(owner, &[], validity, None).expect("issued");
-    fs::create_dir_all(folder).expect("a folder");
-    fs::write(folder.join(AUTHORITIES), authority.certificate()).expect("written");
-    fs::write(folder.join(CERTIFICATE), &issued.certificate).expect("written");
-    fs::write(folder.join(KEY), &issued.key).expect("written");
-    fs::set_permissions(folder.join(KEY), fs::Permissions::from_mode(0o600)).expect("set");
-}
-
-/// Two nodes with certificates of one authority.
-struct Room {
-    folder: tempfile::TempDir,
-    authority: Authority,
-    /// With the addresses at which they listen.
-    cluster: PathBuf,
-    nodes: [Node; 2],
-}
-
-impl Room {
-    fn new() -> Room {
-        let folder = tempfile::tempdir().expect("a folder");
-        let authority = Authority::make(ROOM, Validity::days(30)).expect("an authority");
-        for name in ["left", "right"] {
-            issue(&folder.path().join(name), &authority, &Identity::node(ROOM, name), Validity::days(30));
-        }
-        let coordinators = Identity::coordinator(ROOM);
-        issue(&folder.path().join("coordinator"), &authority, &coordinators, Validity::days(30));
-        Room::of(folder, authority, "")
-    }
-
-    /// With certificates that are there, and more in the cluster file.
-    fn of(folder: tempfile::TempDir, authority: Authority, more: &str) -> Room {
-        let with_more = |left: &str, right: &str| {
-            let file = named_room(folder.path(), left, right);
-            let text = fs::read_to_string(&file).expect("written");
-            fs::write(&file, text.replacen("[[node]]", &format!("{more}[[node]]"), 1)).expect("written");
-            file
-        };
-        let cluster = with_more("", "");
-        let nodes = ["left", "right"].map(|name| node(folder.path(), &cluster, name, &["--certs", name]));
-        let [left, right] = [&nodes[0], &nodes[1]].map(|node| format!("address = {:?}", node.address()));
-        let cluster = with_more(&left, &right);
-        Room { folder, authority, cluster, nodes }
-    }
-
-    fn json(&self) -> PathBuf {
-        self.folder.path().join("out.json")
-    }
-
-    fn coordinator(&self, seconds: &str) -> Command {
-        let mut command = coordinator(program(), &self.cluster, seconds, &self.json());
-        command.args(["--certs", "coordinator"]).current_dir(self.folder.path());
-        command
-    }
-
-    /// What a client of the node "left" hears first, with the certificates of a folder.
-    async fn first_event(&self, credentials: Credentials) -> NodeEvent {
-        let file = ClusterFile::open(&self.cluster).expect("valid");
-        let address = self.nodes[0].address().parse::<proto::Address>().expect("an address");
-        let left = ExpectedNode { name: Some("left".into()), ..expected_node(&file.rig, address, &[0, 1]) };
-        let agreement = Agreement::new(file.probes, file.fps, Vec::new());
-        let agreement = agreement.dialling(Arc::new(Sockets::encrypted(Arc::new(credentials))));
-        let (sender, mut events) = mpsc::channel(64);
-        let _client = NodeClient::spawn(left, 0, Arc::new(agreement), sender);
-        let event = tokio::time::timeout(Duration::from_secs(20), events.recv()).await;
-        event.expect("in time").expect("an event").1
-    }
-
-    /// What somebody hears who shows another certificate.
-    async fn refusal(&self, authority: &Authority, owner: Identity) -> String {
-        let folder = self.folder.path().join("stranger");
-        issue(&folder, authority, &owner, Validity::days(30));
-        let credentials = Credentials::open(&folder, owner.clone()).expect("its own");
-        // It knows the room's authority: it must be the node that refuses.
-        let both = format!("{}{}", authority.certificate(), self.authority.certificate());
-        fs::write(folder.join(AUTHORITIES), both).expect("written");
-        match self.first_event(credentials).await {
-            NodeEvent::Down(error) => error.to_string(),
-            event => panic!("{owner} got in: {event:?}"),
-        }
-    }
-}
-
-fn node(folder: &Path, cluster: &Path, name: &str, security: &[&str]) -> Node {
-    let mut command = program();
-    command.current_dir(folder).args(["node", "--listen", "127.0.0.1:0", "--host", name]).args(security);
-    Node::start_at(command, cluster, &[])
-}
+use certified::{ROOM, Room, issue, node};
+use identity::{AUTHORITIES, Authority, CERTIFICATE, Identity, KEY, Validity};
+use room::{coordinator, figures, named_room, program};
 
 fn said(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
