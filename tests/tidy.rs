@@ -24,7 +24,7 @@ const ALLOWED: [(&str, &[&str]); 17] = [
     ("node-client", &["hull", "identity", "proto"]),
     ("camera-node", &["hull", "identity", "proto", "segment", "stage"]),
     ("coordinator", &["hull", "node-client", "proto", "sim"]),
-    ("feed", &["coordinator", "hull", "node-client", "proto", "sim"]),
+    ("feed", &["coordinator", "hull", "identity", "node-client", "proto", "sim"]),
     ("recording", &["coordinator", "hull", "node-client", "proto", "sim"]),
     ("cluster", &["camera-node", "coordinator", "feed", "hull", "node-client", "proto", "segment", "sim"]),
     ("cli", &["camera-node", "cluster", "proto"]),

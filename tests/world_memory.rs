@@ -39,6 +39,7 @@ impl Process {
             .args(arguments)
             .arg(cluster)
             .args(more)
+            .env("HULLTOUCH_TOKEN", "a-token-for-tests")
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
@@ -109,8 +110,7 @@ struct Run {
 impl Run {
     async fn start(studio: &Studio, more: &[&str]) -> Run {
         let began = Instant::now();
-        let mut arguments =
-            vec!["--headless", "--listen", "127.0.0.1:0", "--token", "a-token-for-tests", "--seconds", "600"];
+        let mut arguments = vec!["--headless", "--listen", "127.0.0.1:0", "--seconds", "600"];
         arguments.extend(more);
         let cluster = studio.folder.path().join("studio.toml");
         let mut process = Process::start(&["coordinator"], &cluster, &arguments);

@@ -2,7 +2,7 @@
 """Follows a run over gRPC, drops a ball into it, and kicks the ball up whenever it has come to rest.
 
     pip install -r examples/python/requirements.txt
-    hulltouch demo --token my-own-token &
+    HULLTOUCH_TOKEN=my-own-token hulltouch demo &
     python3 examples/python/follow_and_push.py --token my-own-token
 
 Without a token it only follows. The client's code is generated from the .proto when the program starts, so there

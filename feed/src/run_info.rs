@@ -33,6 +33,8 @@ pub struct RunInfo {
     pub has_colour: bool,
     /// Whether a recording is replayed: then only pause, resume and step are taken.
     pub is_replay: bool,
+    /// What is not encrypted though others may be on the way, in words; `None`: nothing.
+    pub insecure: Option<String>,
 }
 
 /// A box along the axes of the world.
@@ -142,6 +144,7 @@ pub(crate) mod tests {
             floor_m: Some(0.0),
             has_colour: true,
             is_replay: false,
+            insecure: None,
         }
     }
 

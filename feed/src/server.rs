@@ -2,7 +2,6 @@
 
 use std::net::SocketAddr;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -11,19 +10,22 @@ use axum::extract::{Request, State};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use coordinator::live::Follower;
+use identity::Credentials;
 use thiserror::Error;
-use tokio::net::TcpListener;
 use tokio::sync::watch;
 
-use crate::http::{Access, BytesSent, CountingListener, Origin, RandomError, Token, random_hex};
+use crate::http::{Access, Origin, Port, RandomError, Token, random_hex};
 use crate::message_cache::MessageCache;
 use crate::pictures::Pictures;
 use crate::run_info::RunInfo;
-use crate::shared::Shared;
+use crate::shared::{Seats, Shared};
 use crate::{http, page, programs};
 
 /// How long the end waits until pages have their last message.
 const SHUTDOWN_GRACE: Duration = Duration::from_millis(300);
+
+/// Threads that read files of certificates.
+const MAX_BLOCKING_THREADS: usize = 4;
 
 /// Where to serve, and who steers.
 #[derive(Clone, Debug)]
@@ -34,6 +36,8 @@ pub struct FeedSettings {
     pub or_any_port: bool,
     /// The secret that lets its holder steer.
     pub token: Token,
+    /// The certificate that the page is encrypted with, if it is.
+    pub credentials: Option<Arc<Credentials>>,
     /// Where a proxy in front of this server shows it.
     pub origin: Option<Origin>,
 }
@@ -61,7 +65,7 @@ pub enum FeedError {
 #[derive(Debug)]
 pub struct Feed {
     address: SocketAddr,
-    pages: Arc<AtomicUsize>,
+    pages: Seats,
     end: watch::Sender<bool>,
     thread: Option<JoinHandle<()>>,
 }
@@ -79,25 +83,28 @@ impl Feed {
         let address = listener.local_addr()?;
         listener.set_nonblocking(true)?;
         let (end, ending) = watch::channel(false);
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-        let pictures = {
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .max_blocking_threads(MAX_BLOCKING_THREADS)
+            .build()?;
+        let (pictures, port) = {
             let _within = runtime.enter();
-            pictures()
+            (pictures(), Port::new(listener, "the page", settings.credentials.clone())?)
         };
-        let pages: Arc<AtomicUsize> = Arc::default();
+        let pages = Seats::default();
         let shared = Arc::new(Shared {
             messages: MessageCache::new(pictures, info.fps, info.rig.cameras().len()),
             volume: info.volume(),
             info,
             follower,
-            pages: Arc::clone(&pages),
-            programs: Arc::default(),
+            pages: pages.clone(),
+            programs: Seats::default(),
             access: Access::new(settings.token.clone(), address, settings.origin.clone()),
             session: random_hex()?,
             ending,
         });
         let thread = std::thread::Builder::new().name("feed".into()).spawn(move || {
-            runtime.block_on(serve(listener, shared));
+            runtime.block_on(serve(port, shared));
             runtime.shutdown_timeout(SHUTDOWN_GRACE);
         });
         Ok(Feed { address, pages, end, thread: Some(thread?) })
@@ -110,7 +117,7 @@ impl Feed {
 
     /// How many pages look now.
     pub fn pages(&self) -> usize {
-        self.pages.load(Ordering::Relaxed)
+        self.pages.taken()
     }
 }
 
@@ -168,29 +175,20 @@ async fn keep_frozen_frame(shared: Arc<Shared>) {
     }
 }
 
-async fn serve(listener: std::net::TcpListener, shared: Arc<Shared>) {
+async fn serve(port: Port, shared: Arc<Shared>) {
     tokio::spawn(keep_frozen_frame(Arc::clone(&shared)));
-    let listener = match TcpListener::from_std(listener) {
-        Ok(listener) => CountingListener(listener),
-        Err(error) => return tracing::error!("the page cannot be served: {error}"),
-    };
-    let service = router(&shared).await.into_make_service_with_connect_info::<BytesSent>();
-    let mut ending = shared.ending.clone();
-    let mut ended = ending.clone();
-    let serving = axum::serve(listener, service).with_graceful_shutdown(async move {
-        // An end whose sender is gone is an end.
-        let _ = ending.wait_for(|ended| *ended).await;
-    });
+    let mut ended = shared.ending.clone();
     let deadline = async {
+        // An end whose sender is gone is an end.
         let _ = ended.wait_for(|ended| *ended).await;
         tokio::time::sleep(SHUTDOWN_GRACE).await;
     };
     tokio::select! {
-        served = serving => if let Err(error) = served { tracing::error!("serving the page failed: {error}") },
+        () = port.serve(router(&shared).await, shared.ending.clone()) => {}
         () = deadline => {}
     }
     let pages_closed = async {
-        while shared.pages.load(Ordering::Relaxed) > 0 {
+        while shared.pages.taken() > 0 {
             tokio::time::sleep(Duration::from_millis(5)).await;
         }
     };

@@ -21,27 +21,48 @@ pub(crate) struct Shared {
     /// New with every start of a server: a page that connects again notices another run.
     pub session: String,
     /// How many pages are connected.
-    pub pages: Arc<AtomicUsize>,
+    pub pages: Seats,
     /// How many programs follow, over JSON or gRPC.
-    pub programs: Arc<AtomicUsize>,
+    pub programs: Seats,
     /// True once the server ends.
     pub ending: watch::Receiver<bool>,
 }
 
-/// One of a bounded number of connections, given back when dropped.
-pub(crate) struct Seat(Arc<AtomicUsize>);
+/// Pages at once, and programs at once: a hundred megabits a second carry seven pages at full rate, and each program has
+/// states of its own encoded.
+const MAX_SEATS: usize = 64;
+/// Of them, those that only holders of the token get.
+const KEPT_SEATS: usize = 8;
 
-impl Seat {
-    /// A seat, if one is free.
-    pub fn take(taken: &Arc<AtomicUsize>, most: usize) -> Option<Seat> {
-        let before = taken.fetch_add(1, Ordering::AcqRel);
-        let seat = Seat(Arc::clone(taken));
-        (before < most).then_some(seat)
+/// Places for a bounded number of sockets, some of them for holders of the token alone.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Seats(Arc<AtomicUsize>);
+
+/// One of them, given back when dropped.
+#[derive(Debug)]
+pub(crate) struct Seat(Seats);
+
+impl Seats {
+    /// A seat, if one is free for somebody with or without the token.
+    pub fn take(&self, has_token: bool) -> Option<Seat> {
+        let before = self.0.fetch_add(1, Ordering::AcqRel);
+        let seat = Seat(self.clone());
+        (before < Seats::open_to(has_token)).then_some(seat)
+    }
+
+    /// How many seats may be taken when somebody with or without the token comes.
+    pub fn open_to(has_token: bool) -> usize {
+        if has_token { MAX_SEATS } else { MAX_SEATS - KEPT_SEATS }
+    }
+
+    /// How many are taken.
+    pub fn taken(&self) -> usize {
+        self.0.load(Ordering::Relaxed)
     }
 }
 
 impl Drop for Seat {
     fn drop(&mut self) {
-        self.0.fetch_sub(1, Ordering::AcqRel);
+        self.0.0.fetch_sub(1, Ordering::AcqRel);
     }
 }

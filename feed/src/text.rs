@@ -44,6 +44,7 @@ pub fn hello(info: &RunInfo, volume: &Volume, session: &str, is_controller: bool
         "responses": [info.response.name(), "off"],
         "colour": info.has_colour,
         "replay": info.is_replay,
+        "insecure": info.insecure,
     })
     .to_string()
 }

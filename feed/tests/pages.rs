@@ -237,24 +237,6 @@ async fn a_message_that_is_none_closes_the_page_with_one_line_and_nothing_else()
 }
 
 #[tokio::test]
-async fn pages_beyond_the_bound_are_turned_away() {
-    let run = Run::start();
-    let mut pages = Vec::new();
-    for _ in 0..64 {
-        let mut page = run.viewer().await;
-        pages.push(tokio::spawn(async move { while !matches!(page.hear().await, Heard::Close(_)) {} }));
-    }
-    let url = format!("ws://{}/feed", run.feed.address());
-    match connect(&url, None).await {
-        Err(tungstenite::Error::Http(response)) => assert_eq!(response.status(), 503),
-        other => panic!("expected 503, found {other:?}"),
-    }
-    pages.pop().expect("a page").abort();
-    until("a place is free", || run.feed.pages() < 64).await;
-    connect(&url, None).await.expect("there is a place again");
-}
-
-#[tokio::test]
 async fn pages_are_told_when_the_run_ends() {
     let run = Run::start();
     let mut page = run.viewer().await;

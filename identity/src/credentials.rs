@@ -1,5 +1,6 @@
 //! A folder of certificates, as it is now.
 
+use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
@@ -33,6 +34,13 @@ struct State {
     loaded: Arc<Loaded>,
     /// What was logged last.
     problem: Option<String>,
+}
+
+impl fmt::Debug for Credentials {
+    /// Without the key.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Credentials({}, {})", self.own, self.folder.display())
+    }
 }
 
 impl Credentials {

@@ -20,8 +20,9 @@ impl Demo {
     pub fn start(more: &[&str]) -> Demo {
         let mut child = Command::new(env!("CARGO_BIN_EXE_hulltouch"))
             .args(["demo", "--cameras", "3", "--size", "160x120", "--seconds", "600", "--headless"])
-            .args(["--listen", "127.0.0.1:0", "--token", TOKEN])
+            .args(["--listen", "127.0.0.1:0"])
             .args(more)
+            .env("HULLTOUCH_TOKEN", TOKEN)
             .stdout(Stdio::null())
             .stderr(Stdio::piped())
             .spawn()

@@ -1,26 +1,79 @@
-//! Connections that count the bytes sent to their peer.
+//! One connection of a port: encrypted or not, HTTP/1.1 or HTTP/2.
+//!
+//! Whoever has not sent a whole request head within 5 s (a TLS handshake before it included) is dropped, and whoever then
+//! asks nothing for a minute, unless it holds a socket or a stream.
 
-use std::io;
-use std::net::SocketAddr;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::net::IpAddr;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 
-use axum::extract::connect_info::Connected;
-use axum::serve::{IncomingStream, Listener};
-use tokio::net::{TcpListener, TcpStream};
-use tokio_util::io::InspectWriter;
+use axum::Router;
+use axum::body::Body;
+use hyper::Request;
+use hyper::body::Incoming;
+use hyper::service::service_fn;
+use hyper_util::rt::{TokioExecutor, TokioIo, TokioTimer};
+use hyper_util::server::conn::auto::Builder;
+use identity::Credentials;
+use socket2::SockRef;
+use tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite, AsyncWriteExt as _};
+use tokio::net::TcpStream;
+use tokio::sync::watch;
+use tokio::time::{Instant, sleep, sleep_until};
+use tokio_util::io::{InspectReader, InspectWriter};
+use tower::ServiceExt as _;
 
+use super::refusals::{Refusal, Refusals};
+use super::registry::{Registered, Registry, Staying};
+
+/// By then a peer has sent the whole head of its first request.
+const HEAD_TIMEOUT: Duration = Duration::from_secs(5);
+/// A connection is kept so long for another request.
+const IDLE_TIMEOUT: Duration = Duration::from_secs(60);
+/// Whoever takes so much meanwhile is no idle one, but has a slow link. Pings are less.
+const SLOW_LINK_BYTES: u64 = 1 << 10;
+/// The longest head of a request, bytes: browsers send one or two thousand.
+const MAX_HEAD_BYTES: usize = 8 << 10;
+/// Requests at once of one connection of HTTP/2.
+const MAX_STREAMS: u32 = 16;
+/// What a peer may send ahead: the longest message fits.
+const STREAM_WINDOW_BYTES: u32 = 64 << 10;
+const CONNECTION_WINDOW_BYTES: u32 = 256 << 10;
+/// A peer of HTTP/2 that has vanished is noticed by its missing answer to a ping.
+const PING_EVERY: Duration = Duration::from_secs(20);
+const PING_TIMEOUT: Duration = Duration::from_secs(10);
 /// Bytes that the kernel buffers for a slow peer: more would be old when it arrives.
 /// A page in the same building takes hundreds of megabits a second through so much.
 const SEND_BUFFER_BYTES: usize = 128 << 10;
+/// The first byte of TLS.
+const TLS_HANDSHAKE: u8 = 0x16;
 
-/// Accepts connections.
-pub(crate) struct CountingListener(pub TcpListener);
+/// What the connections of a port share.
+#[derive(Debug)]
+pub(super) struct PortShared {
+    /// Encrypts, for whoever comes.
+    pub credentials: Option<Arc<Credentials>>,
+    pub registry: Registry,
+    pub refusals: Refusals,
+}
 
-/// One connection; what the kernel has taken is counted.
-type CountingStream = InspectWriter<TcpStream, Box<dyn FnMut(&[u8]) + Send>>;
+/// One connection, as those see it who answer its requests: an extension of each.
+#[derive(Clone, Debug)]
+pub(crate) struct Connection(Arc<State>);
 
-/// Bytes that the kernel has taken for a peer.
+#[derive(Debug)]
+struct State {
+    port: Arc<PortShared>,
+    registered: Arc<Registered>,
+    from: IpAddr,
+    bytes_sent: BytesSent,
+    /// Whether the peer has begun something that it has not ended.
+    has_begun: AtomicBool,
+    asked: Mutex<Option<Instant>>,
+}
+
+/// Bytes that the kernel has taken for a peer, encrypted ones if the connection is.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct BytesSent(Arc<AtomicU64>);
 
@@ -31,29 +84,184 @@ impl BytesSent {
     }
 }
 
-impl Listener for CountingListener {
-    type Io = CountingStream;
-    /// The peer's address, and the count of its connection.
-    type Addr = (SocketAddr, BytesSent);
+/// What HTTP is spoken over.
+trait Socket: AsyncRead + AsyncWrite + Send + Unpin {}
+impl<S: AsyncRead + AsyncWrite + Send + Unpin> Socket for S {}
 
-    async fn accept(&mut self) -> (CountingStream, (SocketAddr, BytesSent)) {
-        let (stream, address) = Listener::accept(&mut self.0).await;
-        // A socket that takes neither setting still works, only later.
-        let _ = stream.set_nodelay(true);
-        let _ = socket2::SockRef::from(&stream).set_send_buffer_size(SEND_BUFFER_BYTES);
-        let bytes_sent = BytesSent::default();
-        let counter = Arc::clone(&bytes_sent.0);
-        let count = move |bytes: &[u8]| _ = counter.fetch_add(bytes.len() as u64, Ordering::Relaxed);
-        (InspectWriter::new(stream, Box::new(count)), (address, bytes_sent))
+impl Connection {
+    /// A peer that was accepted.
+    pub(super) fn new(port: &Arc<PortShared>, from: IpAddr) -> Connection {
+        Connection(Arc::new(State {
+            port: Arc::clone(port),
+            registered: port.registry.begin(),
+            from,
+            bytes_sent: BytesSent::default(),
+            has_begun: AtomicBool::new(false),
+            asked: Mutex::new(None),
+        }))
     }
 
-    fn local_addr(&self) -> io::Result<(SocketAddr, BytesSent)> {
-        self.0.local_addr().map(|address| (address, BytesSent::default()))
+    /// What was sent to the peer.
+    pub fn bytes_sent(&self) -> BytesSent {
+        self.0.bytes_sent.clone()
+    }
+
+    /// Keeps it from being dropped for another, or as idle, as long as the result lives. Who asks for this bounds how many
+    /// stay.
+    pub fn stay(&self) -> Staying {
+        self.0.registered.stay()
+    }
+
+    /// Answers what is asked until the peer leaves, must leave, or everything ends.
+    pub(super) async fn serve(self, stream: TcpStream, router: Router, ending: watch::Receiver<bool>) {
+        let ended = tokio::select! {
+            ended = self.answer(stream, router, ending) => ended,
+            () = self.0.registered.gives_way() => {
+                Err(if self.last_asked().is_some() { Refusal::Outdated } else { Refusal::GaveWay })
+            }
+            why = self.loses_patience() => Err(why),
+        };
+        self.0.registered.end();
+        if let Err(why) = ended {
+            self.0.port.refusals.log(Some(self.0.from), &why);
+        }
+    }
+
+    async fn answer(
+        &self,
+        stream: TcpStream,
+        router: Router,
+        mut ending: watch::Receiver<bool>,
+    ) -> Result<(), Refusal> {
+        // A socket that takes neither setting still works, only later.
+        let _ = stream.set_nodelay(true);
+        let _ = SockRef::from(&stream).set_send_buffer_size(SEND_BUFFER_BYTES);
+        let socket = self.socket(stream).await?;
+        let service = service_fn(|request: Request<Incoming>| {
+            self.has_asked();
+            let mut request = request.map(Body::new);
+            request.extensions_mut().insert(self.clone());
+            router.clone().oneshot(request)
+        });
+        let builder = builder();
+        let mut serving =
+            std::pin::pin!(builder.serve_connection_with_upgrades(TokioIo::new(socket), service));
+        let served = tokio::select! {
+            served = serving.as_mut() => Some(served),
+            // An end whose sender is gone is an end.
+            () = async { _ = ending.wait_for(|ended| *ended).await } => None,
+        };
+        let served = match served {
+            Some(served) => served,
+            None => {
+                serving.as_mut().graceful_shutdown();
+                serving.await
+            }
+        };
+        match served.map_err(|error| error.downcast::<hyper::Error>()) {
+            // These are hyper's own words, not the peer's.
+            Err(Ok(error)) if error.is_parse() => Err(Refusal::Protocol(error.to_string())),
+            // Peers leave whenever they like.
+            _ => Ok(()),
+        }
+    }
+
+    /// What HTTP is spoken over, once it is clear that the peer speaks what this port does.
+    async fn socket(&self, mut stream: TcpStream) -> Result<Box<dyn Socket>, Refusal> {
+        let mut first = [0];
+        if !matches!(stream.peek(&mut first).await, Ok(1)) {
+            return Err(Refusal::Silent);
+        }
+        self.0.has_begun.store(true, Ordering::Relaxed);
+        let is_tls = first[0] == TLS_HANDSHAKE;
+        let credentials = match &self.0.port.credentials {
+            None if is_tls => return Err(Refusal::Encrypted),
+            Some(_) if !is_tls => {
+                if first[0].is_ascii_uppercase() {
+                    say_https(&mut stream).await;
+                }
+                return Err(Refusal::Plain);
+            }
+            credentials => credentials,
+        };
+        let sent = self.bytes_sent();
+        let count = move |bytes: &[u8]| _ = sent.0.fetch_add(bytes.len() as u64, Ordering::Relaxed);
+        let counted = InspectWriter::new(stream, count);
+        let Some(credentials) = credentials else { return Ok(Box::new(counted)) };
+        let socket = credentials.accept_anybody(counted).await?;
+        // Browsers connect ahead of what they ask.
+        self.0.has_begun.store(false, Ordering::Relaxed);
+        let connection = self.clone();
+        let begin = move |bytes: &[u8]| {
+            if !bytes.is_empty() {
+                connection.0.has_begun.store(true, Ordering::Relaxed);
+            }
+        };
+        Ok(Box::new(InspectReader::new(socket, begin)))
+    }
+
+    /// The head of a request is whole.
+    fn has_asked(&self) {
+        self.0.registered.asked();
+        *self.asked() = Some(Instant::now());
+    }
+
+    fn last_asked(&self) -> Option<Instant> {
+        *self.asked()
+    }
+
+    fn asked(&self) -> std::sync::MutexGuard<'_, Option<Instant>> {
+        self.0.asked.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Ends when the peer has been silent for too long.
+    async fn loses_patience(&self) -> Refusal {
+        sleep(HEAD_TIMEOUT).await;
+        let Some(mut last) = self.last_asked() else {
+            let has_begun = self.0.has_begun.load(Ordering::Relaxed);
+            return if has_begun { Refusal::Slow(HEAD_TIMEOUT) } else { Refusal::Silent };
+        };
+        let mut sent = self.0.bytes_sent.bytes();
+        loop {
+            sleep_until(last + IDLE_TIMEOUT).await;
+            let (asked, taken) = (self.last_asked().unwrap_or(last), self.0.bytes_sent.bytes());
+            if asked > last {
+                last = asked;
+            } else if taken >= sent + SLOW_LINK_BYTES || self.0.registered.stays() {
+                last = Instant::now();
+            } else {
+                return Refusal::Idle;
+            }
+            sent = taken;
+        }
     }
 }
 
-impl Connected<IncomingStream<'_, CountingListener>> for BytesSent {
-    fn connect_info(stream: IncomingStream<'_, CountingListener>) -> BytesSent {
-        stream.remote_addr().1.clone()
-    }
+/// Both versions of HTTP, with bounds.
+fn builder() -> Builder<TokioExecutor> {
+    let mut builder = Builder::new(TokioExecutor::new());
+    builder.http1().max_buf_size(MAX_HEAD_BYTES);
+    builder
+        .http2()
+        .timer(TokioTimer::new())
+        .max_header_list_size(MAX_HEAD_BYTES as u32)
+        .max_concurrent_streams(MAX_STREAMS)
+        .initial_stream_window_size(STREAM_WINDOW_BYTES)
+        .initial_connection_window_size(CONNECTION_WINDOW_BYTES)
+        .keep_alive_interval(PING_EVERY)
+        .keep_alive_timeout(PING_TIMEOUT);
+    // WebSockets over HTTP/2 are not offered: each has a connection of its own, whose bytes are counted.
+    builder
+}
+
+/// Tells a browser that was given the wrong address.
+async fn say_https(stream: &mut TcpStream) {
+    let text = "this port speaks HTTPS, expected https://\n";
+    let head = "HTTP/1.1 400 Bad Request\r\nContent-Type: text/plain\r\nConnection: close";
+    let answer = format!("{head}\r\nContent-Length: {}\r\n\r\n{text}", text.len());
+    // What stays unread breaks the connection before the answer arrives.
+    let mut request = [0; MAX_HEAD_BYTES];
+    let _ = stream.read(&mut request).await;
+    let _ = stream.write_all(answer.as_bytes()).await;
+    let _ = stream.shutdown().await;
 }

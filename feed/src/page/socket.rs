@@ -3,9 +3,10 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use axum::Extension;
 use axum::Router;
+use axum::extract::State;
 use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade, close_code};
-use axum::extract::{ConnectInfo, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
@@ -16,16 +17,14 @@ use tokio::task::JoinHandle;
 use super::outbox::{Item, Outbox};
 use super::state::{Ending, Page};
 use super::{STATUS_EVERY, WRITE_TIMEOUT};
-use crate::http::BytesSent;
-use crate::shared::{Seat, Shared};
+use crate::http::{BytesSent, Connection};
+use crate::shared::{Seats, Shared};
 use crate::text;
 
 /// The subprotocol, with the format's version.
 const PROTOCOL: &str = "hulltouch.feed.v1";
 /// A page offers its token as a subprotocol: browsers print the address of a socket that fails.
 const TOKEN_PREFIX: &str = "hulltouch.token.";
-/// Pages at once: a hundred megabits a second carry seven of them at full rate.
-const MAX_PAGES: usize = 64;
 /// The longest message of a page, bytes: a body of 256 points takes 20 KB.
 const MAX_MESSAGE_BYTES: usize = 64 << 10;
 /// What WebSocket closes may give as a reason, bytes.
@@ -47,21 +46,22 @@ fn offered_token(headers: &HeaderMap) -> Option<&str> {
 async fn upgrade(
     State(shared): State<Arc<Shared>>,
     headers: HeaderMap,
-    ConnectInfo(bytes_sent): ConnectInfo<BytesSent>,
+    Extension(connection): Extension<Connection>,
     upgrade: WebSocketUpgrade,
 ) -> Response {
-    let Some(seat) = Seat::take(&shared.pages, MAX_PAGES) else {
-        let why = format!("{MAX_PAGES} pages look already, expected fewer\n");
+    let is_controller = shared.access.may_steer(offered_token(&headers));
+    let Some(seat) = shared.pages.take(is_controller) else {
+        let why = format!("{} pages look already, expected fewer\n", Seats::open_to(is_controller));
         return (StatusCode::SERVICE_UNAVAILABLE, why).into_response();
     };
-    let is_controller = shared.access.may_steer(offered_token(&headers));
+    let staying = connection.stay();
     upgrade
         .protocols([PROTOCOL])
         .max_message_size(MAX_MESSAGE_BYTES)
         .max_frame_size(MAX_MESSAGE_BYTES)
         .on_upgrade(move |socket| async move {
-            serve(socket, shared, is_controller, bytes_sent).await;
-            drop(seat);
+            serve(socket, shared, is_controller, connection.bytes_sent()).await;
+            drop((seat, staying));
         })
 }
 

@@ -1,7 +1,6 @@
 //! The state of one page: what it wants, what it may get, and whether it still reads.
 
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use coordinator::live::{Follower, Watching};
@@ -257,7 +256,7 @@ impl Page {
             sent,
             dropped,
             tier: self.link.tier().name(),
-            pages: self.shared.pages.load(Ordering::Relaxed),
+            pages: self.shared.pages.taken(),
         };
         let is_paused = self.follower.world.borrow().as_ref().is_some_and(|world| world.paused);
         let status = self.follower.status.borrow().clone();

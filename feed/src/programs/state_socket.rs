@@ -3,20 +3,21 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use axum::Router;
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
 use axum::extract::{Query, State};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
+use axum::{Extension, Router};
 use coordinator::live::{BodyId, SceneState, WorldState};
 use serde::Deserialize;
 use serde_json::json;
 use tokio::time::timeout;
 
-use super::ticks::{DEFAULT_RATE_HZ, MAX_PROGRAMS, Ticks};
+use super::ticks::{DEFAULT_RATE_HZ, Ticks};
+use crate::http::Connection;
 use crate::orders::Orders;
-use crate::shared::{Seat, Shared};
+use crate::shared::{Seats, Shared};
 use crate::{commands, fields, text};
 
 /// The longest message of a program, bytes: a convex hull of 256 points fits.
@@ -39,24 +40,26 @@ pub(crate) fn routes() -> Router<Arc<Shared>> {
 async fn open(
     State(shared): State<Arc<Shared>>,
     Query(query): Query<SocketQuery>,
+    Extension(connection): Extension<Connection>,
     upgrade: WebSocketUpgrade,
 ) -> Response {
-    let Some(seat) = Seat::take(&shared.programs, MAX_PROGRAMS) else {
-        let why = format!("{MAX_PROGRAMS} programs follow already, expected fewer\n");
+    let may_steer = shared.access.may_steer(query.token.as_deref());
+    let Some(seat) = shared.programs.take(may_steer) else {
+        let why = format!("{} programs follow already, expected fewer\n", Seats::open_to(may_steer));
         return (StatusCode::SERVICE_UNAVAILABLE, why).into_response();
     };
     let ticks = match Ticks::new(&shared.follower, query.rate.unwrap_or(DEFAULT_RATE_HZ)) {
         Ok(ticks) => ticks,
         Err(why) => return (StatusCode::BAD_REQUEST, format!("{why}\n")).into_response(),
     };
-    let may_steer = shared.access.may_steer(query.token.as_deref());
+    let staying = connection.stay();
     let refusal = (!may_steer).then_some("add ?token= to the address");
     let upgrade = upgrade.max_message_size(MAX_MESSAGE_BYTES).max_frame_size(MAX_MESSAGE_BYTES);
     upgrade.on_upgrade(async move |socket| {
         let mut orders = Orders::new(shared.follower.clone(), refusal);
         serve(socket, &shared, ticks, &mut orders).await;
         orders.end();
-        drop(seat);
+        drop((seat, staying));
     })
 }
 

@@ -10,8 +10,6 @@ use tokio::time::{Interval, MissedTickBehavior};
 
 /// Rates that can be asked for, a second: none is above the steps'.
 const RATE_HZ: std::ops::RangeInclusive<f64> = 1.0..=120.0;
-/// Programs that follow at once, over JSON and gRPC together: each has states of its own encoded.
-pub(crate) const MAX_PROGRAMS: usize = 64;
 /// The rate of a program that asks for none.
 pub(crate) const DEFAULT_RATE_HZ: f64 = 30.0;
 

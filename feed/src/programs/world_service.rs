@@ -14,10 +14,11 @@ use tokio_stream::wrappers::ReceiverStream;
 use tonic::service::Routes;
 use tonic::{Code, Request, Response, Status};
 
-use super::ticks::{DEFAULT_RATE_HZ, MAX_PROGRAMS, Ticks};
+use super::ticks::{DEFAULT_RATE_HZ, Ticks};
 use crate::fields::InputError;
+use crate::http::Connection;
 use crate::message::MAX_TOUCHES;
-use crate::shared::{Seat, Shared};
+use crate::shared::{Seats, Shared};
 
 /// States that wait for a slow caller; beyond, ticks are left out.
 const MAX_WAITING: usize = 2;
@@ -105,11 +106,14 @@ impl World for Service {
     type FollowStream = WorldStates;
 
     async fn follow(&self, request: Request<v1::FollowRequest>) -> Result<Response<WorldStates>, Status> {
+        let has_token = self.may_steer(&request);
+        let staying = request.extensions().get::<Connection>().map(Connection::stay);
         let v1::FollowRequest { rate_hz, touches } = request.into_inner();
         let rate_hz = if rate_hz == 0.0 { DEFAULT_RATE_HZ } else { rate_hz };
         let mut ticks = Ticks::new(&self.0.follower, rate_hz).map_err(invalid)?;
-        let seat = Seat::take(&self.0.programs, MAX_PROGRAMS).ok_or_else(|| {
-            Status::resource_exhausted(format!("{MAX_PROGRAMS} programs follow already, expected fewer"))
+        let seat = self.0.programs.take(has_token).ok_or_else(|| {
+            let most = Seats::open_to(has_token);
+            Status::resource_exhausted(format!("{most} programs follow already, expected fewer"))
         })?;
         let (sender, receiver) = mpsc::channel(MAX_WAITING);
         let mut ending = self.0.ending.clone();
@@ -130,7 +134,7 @@ impl World for Service {
                 // An end whose sender is gone is an end.
                 _ = ending.wait_for(|ended| *ended) => {}
             }
-            drop(seat);
+            drop((seat, staying));
         });
         Ok(Response::new(Box::pin(ReceiverStream::new(receiver))))
     }

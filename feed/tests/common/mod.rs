@@ -16,6 +16,7 @@ use feed::{Feed, FeedSettings, RunInfo, Token};
 use futures::future::BoxFuture;
 use futures::{SinkExt as _, StreamExt as _};
 use hull::{Camera, Pose, ProbeSettings, Rig};
+use identity::Credentials;
 use nalgebra::{Matrix3, Vector3};
 use proto::{CameraPicture, FramePictures, PictureKind, PictureRequest};
 use serde_json::Value;
@@ -119,6 +120,11 @@ fn rig() -> Rig {
 impl Run {
     /// A run that nobody steps but the test. Orders are recorded and done; a removal of body 99 is refused.
     pub fn start() -> Run {
+        Run::start_with(None)
+    }
+
+    /// The same with a page that is encrypted, if there are certificates.
+    pub fn start_with(credentials: Option<Arc<Credentials>>) -> Run {
         let (live, follower) = live();
         let Live { mut orders, world, scene, status, .. } = live;
         let studio = Arc::new(Studio::default());
@@ -134,11 +140,13 @@ impl Run {
             floor_m: Some(0.0),
             has_colour: true,
             is_replay: false,
+            insecure: None,
         };
         let settings = FeedSettings {
             listen: ([127, 0, 0, 1], 0).into(),
             or_any_port: false,
             token: Token::new(TOKEN).expect("a token"),
+            credentials,
             origin: None,
         };
         let pictures: Arc<dyn Pictures> = studio.clone();

@@ -77,7 +77,8 @@ pub fn run(arguments: &CoordinatorArguments) -> Outcome {
         .map_err(|error| Failure::input(format_args!("--patience {}: {error}", arguments.patience)))?;
     let file = ClusterFile::open(&arguments.cluster)?;
     let scene = file.load_scene().map_err(Failure::input)?;
-    let dial = arguments.security.sockets(&file)?;
+    let security = arguments.security.checked(&file)?;
+    let outlets = Outlets { silent: arguments.observe, ..arguments.outlets.checked(&security)? };
     let setup = Setup {
         world: world_settings(&scene, arguments.seed.or(file.seed).unwrap_or(1), response),
         file,
@@ -86,10 +87,10 @@ pub fn run(arguments: &CoordinatorArguments) -> Outcome {
         asks: AskName::default().into(),
         lock_step: arguments.unpaced,
         role: arguments.role(),
-        dial,
+        dial: security.dial,
         empty: false,
         seconds: checked_seconds(arguments.seconds)?,
-        outlets: Outlets { silent: arguments.observe, ..arguments.outlets.checked()? },
+        outlets,
         record: arguments.record.checked()?,
         memory: if arguments.fresh { MemoryUse::Fresh } else { MemoryUse::GoOn },
     };

@@ -1,7 +1,6 @@
 //! `hulltouch demo`: a whole cluster on this machine.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use clap::Args;
 use hull::Rig;
@@ -10,11 +9,12 @@ use stage::{Motion, Prop, studio_rig};
 
 use crate::run::options::{OutletArguments, RecordOptions};
 use crate::run::run_locally;
+use crate::run::security::ConsentArguments;
 use crate::run::setup::{AskName, ResponseArguments, Setup, TransportName, checked_seconds, world_settings};
 use cli::{Failure, Outcome, PrecisionName, parse_size};
 use cluster::ClusterFile;
 use coordinator::MemoryUse;
-use node_client::{Role, Sockets};
+use node_client::Role;
 
 /// How long the empty room of a recording is filmed without --seconds.
 const EMPTY_RECORDING_S: f64 = 4.0;
@@ -32,6 +32,8 @@ pub struct DemoArguments {
     seconds: Option<f64>,
     #[command(flatten)]
     outlets: OutletArguments,
+    #[command(flatten)]
+    consent: ConsentArguments,
     /// Use every frame, as fast as frames can be made: two runs of one seed are the same run.
     #[arg(long)]
     unpaced: bool,
@@ -80,7 +82,8 @@ pub struct StudioArguments {
 pub fn run(arguments: &DemoArguments) -> Outcome {
     let response = arguments.response.checked()?;
     let seconds = checked_seconds(arguments.seconds)?;
-    let outlets = arguments.outlets.checked()?;
+    let security = arguments.consent.checked();
+    let outlets = arguments.outlets.checked(&security)?;
     let record = arguments.record.checked()?;
     if cfg!(debug_assertions) {
         tracing::warn!("this is a debug build and slow: build with --release, or run `cargo demo`");
@@ -105,7 +108,7 @@ pub fn run(arguments: &DemoArguments) -> Outcome {
         asks: arguments.ask.into(),
         lock_step: arguments.unpaced,
         role: Role::Leads,
-        dial: Arc::new(Sockets::default()),
+        dial: security.dial,
         empty: arguments.empty,
         seconds,
         outlets,

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use clap::Args;
 use coordinator::{GoingOn, MemoryUse, Transport};
-use node_client::{Role, Sockets};
+use node_client::Role;
 use recording::{Recording, StepCheck};
 use serde_json::{Value, json};
 
@@ -14,6 +14,7 @@ use crate::run::options::OutletArguments;
 use crate::run::outlets::PageSource;
 use crate::run::play::{RunPlan, play};
 use crate::run::recorded_pictures::RecordingPictures;
+use crate::run::security::ConsentArguments;
 use crate::run::setup::{Setup, TransportName};
 use cli::{Failure, Outcome};
 use cluster::{ClusterFile, SceneChoice};
@@ -29,6 +30,8 @@ pub struct ReplayArguments {
     unpaced: bool,
     #[command(flatten)]
     outlets: OutletArguments,
+    #[command(flatten)]
+    consent: ConsentArguments,
 }
 
 /// Replays to the end, or Ctrl-C.
@@ -99,6 +102,7 @@ fn summary(recording: &Recording, check: &StepCheck) -> String {
 /// The recorded run's own set-up.
 fn setup(recording: &Recording, arguments: &ReplayArguments) -> Outcome<Setup> {
     let header = recording.header();
+    let security = arguments.consent.checked();
     let file = ClusterFile {
         path: arguments.file.clone(),
         name: "recording".to_owned(),
@@ -125,10 +129,10 @@ fn setup(recording: &Recording, arguments: &ReplayArguments) -> Outcome<Setup> {
         asks: header.asks,
         lock_step: arguments.unpaced,
         role: Role::Leads,
-        dial: Arc::new(Sockets::default()),
+        dial: security.dial,
         empty: false,
         seconds: None,
-        outlets: arguments.outlets.checked()?,
+        outlets: arguments.outlets.checked(&security)?,
         record: None,
         memory: MemoryUse::Off,
     })

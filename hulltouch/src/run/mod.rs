@@ -3,6 +3,7 @@
 mod console;
 pub mod options;
 pub mod outlets;
+pub mod page;
 pub mod play;
 pub mod recorded_pictures;
 mod recording;
@@ -10,6 +11,7 @@ mod report;
 pub mod security;
 pub mod setup;
 mod snapshot;
+pub mod token;
 
 use std::sync::Arc;
 use std::time::Duration;

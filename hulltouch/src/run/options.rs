@@ -1,15 +1,14 @@
 //! Options that several subcommands share, and what they are once checked.
 
-use std::net::{Ipv4Addr, SocketAddr, ToSocketAddrs as _};
+use std::net::{SocketAddr, ToSocketAddrs as _};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use cli::{Failure, Outcome};
-use feed::{FeedSettings, Origin, Token};
 use recording::{Overwrites, WriteError};
 
-/// The default address of the page.
-const LISTEN: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOST), 8470);
+use super::page::{PageArguments, PagePlan};
+use super::security::Security;
 
 /// What is shown and written of a run, who may look, and who may steer.
 #[derive(Clone, Debug, Default, Args)]
@@ -17,15 +16,8 @@ pub struct OutletArguments {
     /// Show nothing while it runs, and serve no page unless --listen says where.
     #[arg(long)]
     headless: bool,
-    /// Serve the page at this address [default: 127.0.0.1:8470, or a free port if that is taken].
-    #[arg(long, value_name = "ADDR")]
-    listen: Option<SocketAddr>,
-    /// What lets a page steer the run, at least 8 letters and digits [default: a new one each run].
-    #[arg(long, value_name = "T", env = "HULLTOUCH_TOKEN", hide_env_values = true)]
-    token: Option<String>,
-    /// Where a proxy with a certificate shows the page, as in https://studio.example: its name is answered too.
-    #[arg(long, value_name = "ORIGIN")]
-    origin: Option<String>,
+    #[command(flatten)]
+    page: PageArguments,
     /// Send the world as Open Sound Control to this address, over UDP.
     #[arg(long, value_name = "HOST:PORT")]
     osc: Option<String>,
@@ -43,7 +35,7 @@ pub struct Outlets {
     /// A live line of figures on a terminal.
     pub live_line: bool,
     /// The page, and what programs use.
-    pub page: Option<FeedSettings>,
+    pub page: Option<PagePlan>,
     /// Who gets OSC.
     pub osc: Option<SocketAddr>,
     /// Where figures go.
@@ -56,29 +48,16 @@ pub struct Outlets {
 
 impl OutletArguments {
     /// What is served where, and for whom. A headless run serves its page only with --listen.
-    pub fn checked(&self) -> Outcome<Outlets> {
+    pub fn checked(&self, security: &Security) -> Outcome<Outlets> {
+        let has_page = !self.headless || self.page.listens();
         Ok(Outlets {
             live_line: !self.headless,
-            page: self.page()?,
+            page: has_page.then(|| self.page.checked(security)).transpose()?,
             osc: self.osc.as_deref().map(osc_address).transpose()?,
             json: self.json.clone(),
             snapshots: self.snapshot.clone(),
             silent: false,
         })
-    }
-
-    fn page(&self) -> Outcome<Option<FeedSettings>> {
-        if self.headless && self.listen.is_none() {
-            return Ok(None);
-        }
-        let token = match &self.token {
-            Some(text) => Token::new(text).map_err(|why| Failure::input(format_args!("--token is {why}")))?,
-            None => Token::random().map_err(Failure::run)?,
-        };
-        let (listen, or_any_port) = (self.listen.unwrap_or(LISTEN), self.listen.is_none());
-        let origin = self.origin.as_deref().map(Origin::new).transpose();
-        let origin = origin.map_err(|why| Failure::input(format_args!("--origin is {why}")))?;
-        Ok(Some(FeedSettings { listen, or_any_port, token, origin }))
     }
 }
 

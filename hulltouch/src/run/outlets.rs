@@ -1,15 +1,16 @@
 //! What others see of a run: serves its page and sends OSC.
 
-use std::io::Write as _;
+use std::io::{IsTerminal as _, Write as _};
 use std::sync::Arc;
 
 use camera_node::NodeConfig;
 use coordinator::live::{Follower, Live, live};
 use feed::pictures::Pictures;
-use feed::{Feed, FeedError, FeedSettings, Osc, RunInfo};
+use feed::{Feed, FeedError, Osc, RunInfo};
 use hull::Silhouette;
 
 use super::options::Outlets;
+use super::page::PagePlan;
 use super::setup::Setup;
 use cli::{Failure, Outcome};
 
@@ -59,16 +60,11 @@ pub fn serve(setup: &Setup, source: Option<PageSource>) -> Outcome<Option<(Serve
     let (live, follower) = live();
     let osc = osc.map(|to| Osc::start(to, follower.clone()));
     let osc = osc.transpose().map_err(|why| Failure::input(format_args!("--osc: {why}")))?;
-    let page = page.map(|(settings, source)| serve_page(setup, settings, follower, source));
+    let page = page.map(|(plan, source)| serve_page(setup, plan, follower, source));
     Ok(Some((Served { _page: page.transpose()?, _osc: osc }, live)))
 }
 
-fn serve_page(
-    setup: &Setup,
-    settings: &FeedSettings,
-    follower: Follower,
-    source: PageSource,
-) -> Outcome<Feed> {
+fn serve_page(setup: &Setup, plan: &PagePlan, follower: Follower, source: PageSource) -> Outcome<Feed> {
     let file = &setup.file;
     let info = RunInfo {
         rig: file.rig.clone(),
@@ -84,17 +80,17 @@ fn serve_page(
         floor_m: setup.scene.floor().map(|floor| floor.height_m),
         has_colour: source.has_colour,
         is_replay: source.is_replay,
+        insecure: plan.insecure.clone(),
     };
-    let feed = Feed::start(settings, info, follower, source.pictures).map_err(|error| match error {
+    let feed = Feed::start(&plan.feed, info, follower, source.pictures).map_err(|error| match error {
         FeedError::Listen { .. } => Failure::input(format_args!("--listen: {error}")),
         FeedError::System(_) | FeedError::Random(_) => Failure::run(error),
     })?;
     let address = feed.address();
-    if !address.ip().is_loopback() {
-        tracing::warn!("the page at {address} is open to everyone who reaches it, without encryption");
-    }
-    let token = settings.token.text();
+    plan.warn(address);
+    let mut stderr = std::io::stderr();
+    let announcement = plan.announcement(address, stderr.is_terminal());
     // A closed standard error is no reason not to run.
-    let _ = writeln!(std::io::stderr(), "page: http://{address}/?token={token}\nviewers: http://{address}/");
+    let _ = stderr.write_all(announcement.as_bytes());
     Ok(feed)
 }

@@ -23,6 +23,48 @@ pub struct SecurityArguments {
     insecure: bool,
 }
 
+/// Consent where there are no certificates to choose.
+#[derive(Clone, Copy, Debug, Default, Args)]
+pub struct ConsentArguments {
+    /// Allow a page that other machines reach without encryption.
+    #[arg(long)]
+    insecure: bool,
+}
+
+impl ConsentArguments {
+    /// The same of a run on this machine.
+    pub fn checked(self) -> Security {
+        Security { insecure: self.insecure, ..Security::default() }
+    }
+}
+
+/// How a run's connections over a network are made; by default those of this machine are.
+#[derive(Clone)]
+pub struct Security {
+    /// Connects to nodes.
+    pub dial: Arc<dyn Dial>,
+    /// The coordinator's own certificates.
+    pub credentials: Option<Arc<Credentials>>,
+    /// Whether certificates could have been given.
+    pub takes_certificates: bool,
+    /// Whether connections without certificates are wanted.
+    pub insecure: bool,
+    /// Whether nodes on other machines are asked without.
+    pub nodes_in_clear: bool,
+}
+
+impl Default for Security {
+    fn default() -> Security {
+        Security {
+            dial: Arc::new(Sockets::default()),
+            credentials: None,
+            takes_certificates: false,
+            insecure: false,
+            nodes_in_clear: false,
+        }
+    }
+}
+
 impl SecurityArguments {
     /// Whether connections without certificates are wanted.
     pub fn insecure(&self) -> bool {
@@ -38,8 +80,14 @@ impl SecurityArguments {
         Ok(Some(Arc::new(credentials.with_max_connection_age(age))))
     }
 
-    /// The sockets of a coordinator of this cluster file. Nodes of other machines need certificates, or consent.
+    /// The sockets of a coordinator of this cluster file.
     pub fn sockets(&self, file: &ClusterFile) -> Outcome<Arc<dyn Dial>> {
+        self.checked(file).map(|security| security.dial)
+    }
+
+    /// What a coordinator of this cluster file may do. Nodes of other machines need certificates, or consent.
+    pub fn checked(&self, file: &ClusterFile) -> Outcome<Security> {
+        let security = Security { takes_certificates: true, insecure: self.insecure, ..Security::default() };
         let credentials = self.credentials(file, Identity::coordinator(&file.name))?;
         let outside = file.nodes.iter().find(|node| node.address.as_ref().is_none_or(leaves_this_machine));
         match (credentials, outside) {
@@ -51,11 +99,12 @@ impl SecurityArguments {
                          names, expected [[node]] entries"
                     )));
                 }
-                Ok(Arc::new(Sockets::encrypted(credentials)))
+                let dial = Arc::new(Sockets::encrypted(Arc::clone(&credentials)));
+                Ok(Security { dial, credentials: Some(credentials), ..security })
             }
             (None, Some(_)) if self.insecure => {
                 tracing::warn!("nodes are asked without encryption: anyone on the way may read and answer");
-                Ok(Arc::new(Sockets::default()))
+                Ok(Security { nodes_in_clear: true, ..security })
             }
             (None, Some(node)) => {
                 let found = match (&node.address, &node.name) {
@@ -69,7 +118,7 @@ impl SecurityArguments {
                     file.path.display()
                 )))
             }
-            (None, None) => Ok(Arc::new(Sockets::default())),
+            (None, None) => Ok(security),
         }
     }
 }

@@ -31,6 +31,8 @@ export interface Hello {
   readonly colour: boolean;
   /** A recorded run made again: it can be held and gone on with, no more. */
   readonly replay: boolean;
+  /** What others on the way may read, in words; null if all is encrypted, or stays on one machine. */
+  readonly insecure: string | null;
 }
 
 export type Shape =
@@ -192,6 +194,7 @@ function hello(value: Record<string, unknown>): Hello {
     responses: list(value.responses ?? [], "responses").map(String),
     colour: value.colour !== false,
     replay: value.replay === true,
+    insecure: typeof value.insecure === "string" ? value.insecure : null,
   };
 }
 

@@ -33,6 +33,9 @@ export class Panel {
     byId<HTMLButtonElement>("reset").disabled = hello.replay;
     byId("viewer-note").hidden = hello.controller;
     byId("replay-note").hidden = !hello.replay;
+    for (const id of ["insecure", "insecure-note"]) byId(id).hidden = hello.insecure === null;
+    byId("insecure").title = hello.insecure ?? "";
+    setText(byId("insecure-note"), hello.insecure === null ? "" : `Not encrypted: ${hello.insecure}`);
     const role = byId("role");
     role.hidden = false;
     setText(role, hello.controller ? "Controller" : "Viewer");

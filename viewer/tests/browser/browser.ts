@@ -121,6 +121,9 @@ export async function picture(page: Page, from: object, width: number, height: n
   return { rgba, depthM, mask, frame };
 }
 
+/** What lets pages steer the runs of these tests. */
+export const TOKEN = "a-token-for-browser-tests";
+
 /** A run of the program, with its page. */
 export class Program {
   readonly child: ChildProcess;
@@ -135,14 +138,15 @@ export class Program {
   /** A run that serves a page: `demo`, unless another subcommand is named. */
   static async start(args: readonly string[], subcommand = "demo"): Promise<Program> {
     assert.ok(PROGRAM, "HULLTOUCH_BIN names no program");
-    const child = spawn(PROGRAM, [subcommand, ...args], { stdio: ["ignore", "ignore", "pipe"] });
+    const child = spawn(PROGRAM, [subcommand, ...args], { stdio: ["ignore", "ignore", "pipe"], env: { ...process.env, HULLTOUCH_TOKEN: TOKEN } });
     const program = new Program(child);
     await new Promise<void>((resolve, reject) => {
       child.stderr!.on("data", (bytes) => {
         program.log += String(bytes);
-        program.page = /^page: (\S+)\n/m.exec(program.log)?.[1] ?? "";
         program.viewers = /^viewers: (\S+)\n/m.exec(program.log)?.[1] ?? "";
-        if (program.page && program.viewers) resolve();
+        // A token is printed to terminals only.
+        program.page = `${program.viewers}?token=${TOKEN}`;
+        if (program.viewers) resolve();
       });
       setTimeout(() => reject(new Error(`the program served no page in time: ${program.log}`)), TIMEOUT_MS).unref();
       child.on("error", reject);

@@ -37,7 +37,7 @@ describe("boxes on a table, under contacts", { skip: PROGRAM ? false : "HULLTOUC
   }
 
   test("the surface under them is drawn, and how old it is told", async () => {
-    const program = await Program.start([...STUDIO, ...LISTEN, "--token", "contacts-of-a-table", "--record", file]);
+    const program = await Program.start([...STUDIO, ...LISTEN, "--record", file]);
     try {
       const { page, complaints } = await open(browser, program.page, { viewport: { width: 960, height: 600 } });
       await showsPatches(page);

@@ -9,7 +9,6 @@ import type { Browser, Page } from "playwright-core";
 import { overlap } from "../feeder/person.ts";
 import { launch, open, picture, PROGRAM, Program, state, steer, until } from "./browser.ts";
 
-const TOKEN = "browsertest2";
 /** Physics steps a second. */
 const STEPS_PER_S = 120;
 /** Everything but the person is blue in the program's pictures, bodies too: a person is where red wins. */
@@ -54,7 +53,7 @@ before(async () => {
   assert.equal(files.length, told.length);
   pictures = told.map((each, index) => ({ ...each, png: readFileSync(join(path("pictures"), files[index])).toString("base64") }));
   browser = await launch();
-  program = await Program.start([path("run.mcap"), "--listen", "127.0.0.1:0", "--token", TOKEN], "replay");
+  program = await Program.start([path("run.mcap"), "--listen", "127.0.0.1:0"], "replay");
   // Before a browser is there: the recording is short.
   await steer(program, "pause");
 });

@@ -5,13 +5,12 @@ import { dirname, join } from "node:path";
 import { after, before, describe, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
 import { overlap } from "../feeder/person.ts";
-import { DIST, launch, open, pauseAtItsFrame, picture, Program, PROGRAM, state, TIMEOUT_MS, until, untilStanding, type Watched, within } from "./browser.ts";
+import { DIST, launch, open, pauseAtItsFrame, picture, Program, PROGRAM, state, TIMEOUT_MS, TOKEN, until, untilStanding, type Watched, within } from "./browser.ts";
 
-const TOKEN = "browsertest1";
 /** What browsers say of a server that is gone on purpose. */
 const GONE = [/WebSocket connection to/, /ERR_CONNECTION_REFUSED/];
 // Contacts ask for more than a debug build answers in time for eight cameras; contacts.test.ts is about them.
-const DEMO = ["--response", "paper", "--cameras", "8", "--size", "640x480", "--token", TOKEN];
+const DEMO = ["--response", "paper", "--cameras", "8", "--size", "640x480"];
 
 /** A port that is free now, for a program that must come back on it. */
 async function freePort(): Promise<number> {
@@ -97,6 +96,8 @@ describe("the page", { skip: PROGRAM ? false : "HULLTOUCH_BIN names no program" 
     assert.equal(now.cameras, 8);
     assert.ok(now.link && now.controller);
     assert.ok(!page.url().includes(TOKEN), page.url());
+    assert.ok(!program.complaints.includes(TOKEN), "a token is printed to terminals only");
+    assert.ok(await page.locator("#insecure").isHidden(), "nothing leaves this machine");
     assert.ok(now.bodies.length > 0 && now.box, "bodies and a person");
   });
 
@@ -392,7 +393,7 @@ describe("a page of somebody who touches a body all the time", { skip: PROGRAM ?
   before(async () => {
     browser = await launch();
     const scene = join(dirname(DIST), "tests/browser/plate.scene.toml");
-    program = await Program.start(["--response", "paper", "--cameras", "3", "--size", "320x240", "--scene", scene, "--token", TOKEN, "--listen", "127.0.0.1:0"]);
+    program = await Program.start(["--response", "paper", "--cameras", "3", "--size", "320x240", "--scene", scene, "--listen", "127.0.0.1:0"]);
   });
   after(async () => {
     await browser?.close();

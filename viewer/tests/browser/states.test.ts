@@ -3,7 +3,7 @@ import assert from "node:assert/strict";
 import { after, before, describe, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
 import type { BodyText } from "../../src/feed/text.ts";
-import { type Feeder, serve } from "../feeder/server.ts";
+import { type Feeder, INSECURE, serve } from "../feeder/server.ts";
 import { DIST, launch, open, state, until } from "./browser.ts";
 import { known } from "./film.ts";
 
@@ -42,6 +42,13 @@ describe("the page says how the run is", () => {
 
   test("live, and nothing else", async () => {
     assert.deepEqual(await said(/^Live/), { behind: "live", live: "true", banner: null });
+  });
+
+  test("what is not encrypted", async () => {
+    assert.equal(await page.locator("#insecure").textContent(), "Not encrypted");
+    assert.ok(await page.locator("#insecure").isVisible());
+    assert.equal(await page.locator("#insecure").getAttribute("title"), INSECURE);
+    assert.equal(await page.locator("#insecure-note").textContent(), `Not encrypted: ${INSECURE}`);
   });
 
   test("paused, beside which Live is not pressed", async () => {

@@ -31,6 +31,8 @@ interface Body extends BodyText {
 }
 
 const TYPES: Record<string, string> = { ".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml", ".json": "application/json" };
+/** What its page says of its encryption. */
+export const INSECURE = "--insecure: cameras are asked without encryption and certificates";
 const TOKEN = process.env.TOKEN ?? "feeder-test";
 const STATE_HZ = 60;
 
@@ -230,7 +232,7 @@ class Page {
     this.film = film;
     this.world = world;
     const { cameras, volume, fps, rule, colour } = film;
-    this.text({ op: "hello", version: 1, program: "test", session: "feeder", controller, fps, dt_s: 1 / 120, latency_s: 0.1, cameras: cameras.map(told), rule, up: film.up ?? [0, 1, 0], floor_m: 0, volume, scenes: ["topple", "lift"], responses: ["paper", "off"], colour });
+    this.text({ op: "hello", version: 1, program: "test", session: "feeder", controller, fps, dt_s: 1 / 120, latency_s: 0.1, cameras: cameras.map(told), rule, up: film.up ?? [0, 1, 0], floor_m: 0, volume, scenes: ["topple", "lift"], responses: ["paper", "off"], colour, insecure: INSECURE });
     this.timers.push(
       setInterval(() => this.sendFrame(sent), 1000 / fps / 4),
       setInterval(() => this.sendWorld(), 1000 / STATE_HZ),

@@ -78,6 +78,9 @@ test("a hello is read, with what it may leave out", () => {
   assert.deepEqual(read.rule, { min_views: 2, out_of_view: "outside" });
   assert.deepEqual(read.up, [0, 1, 0]);
   assert.equal(read.floor_m, null);
+  assert.equal(read.insecure, null);
+  const open = parseText(JSON.stringify({ ...hello, insecure: "--insecure: so" })) as Hello;
+  assert.equal(open.insecure, "--insecure: so");
 });
 
 test("a hello that cannot be drawn is refused by what is wrong with it", () => {

@@ -1,0 +1,79 @@
+//! A port that speaks HTTP, for as long as its program runs.
+
+use std::io;
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::Router;
+use identity::Credentials;
+use socket2::SockRef;
+use tokio::net::TcpListener;
+use tokio::sync::watch;
+use tokio::task::JoinSet;
+
+use super::connection::{Connection, PortShared};
+use super::refusals::{Refusal, Refusals};
+use super::registry::Registry;
+
+/// The system has no descriptor, or no memory: it is asked again after this.
+const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
+/// Connections that the system keeps until they are accepted. The standard library's own bound, 128, is filled by one burst,
+/// and who comes then waits for a second.
+const BACKLOG: i32 = 1024;
+
+/// A port that listens.
+#[derive(Debug)]
+pub(crate) struct Port {
+    listener: TcpListener,
+    shared: Arc<PortShared>,
+}
+
+impl Port {
+    /// Takes over a listener that does not block; `name` is what the log calls it. With credentials it speaks HTTPS, and asks
+    /// nobody for a certificate: browsers have none. Must run within a runtime.
+    pub fn new(
+        listener: std::net::TcpListener,
+        name: &'static str,
+        credentials: Option<Arc<Credentials>>,
+    ) -> io::Result<Port> {
+        SockRef::from(&listener).listen(BACKLOG)?;
+        let shared = PortShared { credentials, registry: Registry::default(), refusals: Refusals::new(name) };
+        Ok(Port { listener: TcpListener::from_std(listener)?, shared: Arc::new(shared) })
+    }
+
+    /// Answers until the end, and then until what was asked is answered. Each request has its [`Connection`] as an
+    /// extension.
+    pub async fn serve(self, router: Router, mut ending: watch::Receiver<bool>) {
+        let mut connections = JoinSet::new();
+        let of_connections = ending.clone();
+        loop {
+            let accepted = tokio::select! {
+                accepted = self.listener.accept() => accepted,
+                Some(_) = connections.join_next() => continue,
+                // An end whose sender is gone is an end.
+                _ = ending.wait_for(|ended| *ended) => break,
+            };
+            match accepted {
+                Ok((stream, from)) => {
+                    let connection = Connection::new(&self.shared, from.ip());
+                    connections.spawn(connection.serve(stream, router.clone(), of_connections.clone()));
+                }
+                Err(error) if is_of_the_peer(&error) => {}
+                Err(error) => {
+                    self.shared.refusals.log(None, &Refusal::System(error));
+                    tokio::time::sleep(ACCEPT_PAUSE).await;
+                }
+            }
+            // Whoever came reads what was sent already before the next one may make it give way.
+            tokio::task::yield_now().await;
+        }
+        drop(self.listener);
+        while connections.join_next().await.is_some() {}
+    }
+}
+
+/// Whether the peer went away before it was accepted.
+fn is_of_the_peer(error: &io::Error) -> bool {
+    use io::ErrorKind::{ConnectionAborted, ConnectionRefused, ConnectionReset};
+    matches!(error.kind(), ConnectionAborted | ConnectionRefused | ConnectionReset)
+}

@@ -1,0 +1,198 @@
+//! The connections of a port, and which of them gives way when there are too many.
+//!
+//! Nobody who only begins, or only asks, keeps others out: the one that came or asked longest ago gives way. Those that stay
+//! (a socket, a stream) are bounded by whoever lets them stay.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use tokio::sync::Notify;
+
+/// Connections whose first request has not come, of all peers together.
+pub(crate) const MAX_BEGINNING: usize = 64;
+/// Connections that have asked something and do not stay.
+pub(crate) const MAX_PASSING: usize = 64;
+
+/// All connections of a port.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Registry(Arc<Mutex<Connections>>);
+
+#[derive(Debug, Default)]
+struct Connections {
+    list: Vec<Entry>,
+    /// Counts arrivals and requests: the lowest turn is the longest ago.
+    turns: u64,
+}
+
+#[derive(Debug)]
+struct Entry {
+    id: u64,
+    stage: Stage,
+    turn: u64,
+    gives_way: Arc<Notify>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stage {
+    Beginning,
+    Passing,
+    /// With so many sockets or streams.
+    Staying(usize),
+}
+
+/// One connection, until it is dropped.
+#[derive(Debug)]
+pub(super) struct Registered {
+    registry: Registry,
+    id: u64,
+    gives_way: Arc<Notify>,
+}
+
+/// Keeps its connection from giving way.
+#[derive(Debug)]
+pub(crate) struct Staying(Arc<Registered>);
+
+impl Registry {
+    /// Another connection.
+    pub fn begin(&self) -> Arc<Registered> {
+        let mut connections = self.lock();
+        connections.make_way(Stage::Beginning, MAX_BEGINNING);
+        let id = connections.next_turn();
+        let gives_way = Arc::new(Notify::new());
+        let entry = Entry { id, stage: Stage::Beginning, turn: id, gives_way: Arc::clone(&gives_way) };
+        connections.list.push(entry);
+        Arc::new(Registered { registry: self.clone(), id, gives_way })
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Connections> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Connections {
+    fn next_turn(&mut self) -> u64 {
+        self.turns += 1;
+        self.turns
+    }
+
+    /// Makes room for one more in a stage.
+    fn make_way(&mut self, stage: Stage, most: usize) {
+        let among = || self.list.iter().enumerate().filter(|(_, entry)| entry.stage == stage);
+        if among().count() < most {
+            return;
+        }
+        if let Some((oldest, _)) = among().min_by_key(|(_, entry)| entry.turn) {
+            self.list.swap_remove(oldest).gives_way.notify_one();
+        }
+    }
+
+    /// Passing from now on, as the newest.
+    fn pass(&mut self, id: u64) {
+        let turn = self.next_turn();
+        let Some(at) = self.list.iter().position(|entry| entry.id == id) else { return };
+        let entry = self.list.swap_remove(at);
+        self.make_way(Stage::Passing, MAX_PASSING);
+        self.list.push(Entry { stage: Stage::Passing, turn, ..entry });
+    }
+
+    fn entry(&mut self, id: u64) -> Option<&mut Entry> {
+        self.list.iter_mut().find(|entry| entry.id == id)
+    }
+}
+
+impl Registered {
+    /// Ends when it must give way.
+    pub async fn gives_way(&self) {
+        self.gives_way.notified().await;
+    }
+
+    /// A request came.
+    pub fn asked(&self) {
+        if !self.stays() {
+            self.registry.lock().pass(self.id);
+        }
+    }
+
+    /// Whether it holds a socket or a stream.
+    pub fn stays(&self) -> bool {
+        let mut connections = self.registry.lock();
+        connections.entry(self.id).is_some_and(|entry| matches!(entry.stage, Stage::Staying(_)))
+    }
+
+    /// Holds a socket or a stream from now on.
+    pub fn stay(self: &Arc<Self>) -> Staying {
+        if let Some(entry) = self.registry.lock().entry(self.id) {
+            let before = if let Stage::Staying(count) = entry.stage { count } else { 0 };
+            entry.stage = Stage::Staying(before + 1);
+        }
+        Staying(Arc::clone(self))
+    }
+
+    /// It is over.
+    pub fn end(&self) {
+        self.registry.lock().list.retain(|entry| entry.id != self.id);
+    }
+}
+
+impl Drop for Staying {
+    fn drop(&mut self) {
+        let mut connections = self.0.registry.lock();
+        let Some(entry) = connections.entry(self.0.id) else { return };
+        match entry.stage {
+            Stage::Staying(count) if count > 1 => entry.stage = Stage::Staying(count - 1),
+            _ => connections.pass(self.0.id),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use futures::FutureExt as _;
+
+    fn gave_way(connection: &Registered) -> bool {
+        connection.gives_way().now_or_never().is_some()
+    }
+
+    #[test]
+    fn whoever_began_longest_ago_gives_way_to_whoever_comes() {
+        let registry = Registry::default();
+        let asked = registry.begin();
+        asked.asked();
+        let silent: Vec<_> = (0..2 * MAX_BEGINNING).map(|_| registry.begin()).collect();
+        let gone = silent.iter().filter(|connection| gave_way(connection)).count();
+        assert_eq!(gone, MAX_BEGINNING);
+        assert!(silent[MAX_BEGINNING..].iter().all(|connection| !gave_way(connection)));
+        assert!(!gave_way(&asked), "silent ones cost those nothing that ask");
+    }
+
+    #[test]
+    fn whoever_asked_longest_ago_gives_way_and_never_one_that_stays() {
+        let registry = Registry::default();
+        let ask = || {
+            let connection = registry.begin();
+            connection.asked();
+            connection
+        };
+        let (page, first, second) = (ask(), ask(), ask());
+        let staying = page.stay();
+        first.asked();
+        let _others: Vec<_> = (0..MAX_PASSING - 1).map(|_| ask()).collect();
+        assert!(gave_way(&second) && !gave_way(&first) && !gave_way(&page));
+        drop(staying);
+        assert!(gave_way(&first), "who stays no more needs a place, as the newest");
+        assert!(!gave_way(&page) && !page.stays());
+    }
+
+    #[test]
+    fn a_connection_with_two_streams_stays_until_both_have_ended() {
+        let registry = Registry::default();
+        let connection = registry.begin();
+        let (one, other) = (connection.stay(), connection.stay());
+        drop(one);
+        assert!(connection.stays());
+        drop(other);
+        assert!(!connection.stays());
+        connection.end();
+        assert!(registry.lock().list.is_empty());
+    }
+}
