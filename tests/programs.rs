@@ -144,6 +144,31 @@ async fn a_follower_gets_states_at_the_rate_it_asked_for() {
 }
 
 #[tokio::test]
+async fn a_program_that_follows_never_gives_way_to_others_that_ask() {
+    use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+    let demo = Demo::start(&[]);
+    let mut client = client(&demo).await;
+    let follow = v1::FollowRequest { rate_hz: 60.0, touches: false };
+    let mut states = client.follow(follow).await.expect("followed").into_inner();
+    let request = format!("GET /nothing HTTP/1.1\r\nHost: {}\r\n\r\n", demo.address);
+    let mut others = Vec::new();
+    for _ in 0..80 {
+        let mut other = tokio::net::TcpStream::connect(&demo.address).await.expect("connects");
+        other.write_all(request.as_bytes()).await.expect("sent");
+        let mut answer = [0; 12];
+        other.read_exact(&mut answer).await.expect("answered");
+        assert_eq!(&answer, b"HTTP/1.1 404");
+        others.push(other);
+    }
+    // The first of them gave way; the program, which came before it, did not.
+    let mut rest = Vec::new();
+    let ended = tokio::time::timeout(TIMEOUT, others[0].read_to_end(&mut rest)).await;
+    assert!(ended.is_ok(), "the first that asked is there still");
+    let now = state(&mut states, |_| true).await;
+    state(&mut states, |state| state.step > now.step + 10).await;
+}
+
+#[tokio::test]
 async fn a_program_follows_and_steers_over_json() {
     let demo = Demo::start(&[]);
     let open = async |query: &str| {
