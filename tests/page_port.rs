@@ -18,7 +18,7 @@ use futures::StreamExt as _;
 use identity::{AUTHORITIES, Authority, CERTIFICATE, Credentials, Identity, KEY, Validity};
 use namespace::Host;
 use room::{Node, named_room, program};
-use rustix::process::{Pid, Resource, Rlimit, Signal, kill_process, prlimit};
+use rustix::process::{Pid, Resource, Rlimit, Signal, getrlimit, kill_process, prlimit};
 use serde_json::Value;
 
 const TIMEOUT: Duration = Duration::from_secs(100);
@@ -28,18 +28,17 @@ const TOKEN: &str = "a-token-for-tests";
 struct Run {
     child: Child,
     said: PathBuf,
-    scheme: &'static str,
     address: SocketAddr,
 }
 
 impl Run {
     /// Starts it, and waits until it has said where its page and its token are.
-    fn start(mut command: Command, folder: &Path, scheme: &'static str) -> Run {
+    fn start(command: &mut Command, folder: &Path, scheme: &'static str) -> Run {
         let said = folder.join("said");
         let file = File::create(&said).expect("created");
         command.stdin(Stdio::null()).stdout(file.try_clone().expect("again")).stderr(file);
         let child = command.spawn().expect("starts");
-        let mut run = Run { child, said, scheme, address: SocketAddr::from(([0; 4], 0)) };
+        let mut run = Run { child, said, address: SocketAddr::from(([0; 4], 0)) };
         let line = run.line("token: ");
         assert!(!line.is_empty(), "{line}");
         let page = run.line("page: ");
@@ -53,7 +52,7 @@ impl Run {
         let mut command = program();
         command.args(["demo", "--cameras", "2", "--size", "96x72", "--seconds", "600", "--headless"]);
         command.args(["--listen", "127.0.0.1:0"]).env("HULLTOUCH_TOKEN", TOKEN);
-        Run::start(command, folder, "http")
+        Run::start(&mut command, folder, "http")
     }
 
     fn said(&self) -> String {
@@ -220,8 +219,8 @@ async fn a_port_without_descriptors_pauses_and_the_run_goes_on() {
     let run = Run::demo(folder.path());
     let process = Pid::from_child(&run.child);
     let open = fs::read_dir(format!("/proc/{}/fd", run.child.id())).expect("listed").count() as u64;
-    let limit = |current| Rlimit { current: Some(current), maximum: None };
-    let before = prlimit(Some(process), Resource::Nofile, limit(open + 16)).expect("set");
+    let limit = Rlimit { current: Some(open + 16), ..getrlimit(Resource::Nofile) };
+    let before = prlimit(Some(process), Resource::Nofile, limit).expect("set");
     let silent: Vec<TcpStream> = (0..60).map(|_| run.connect()).collect();
     run.says("cannot accept it: Too many open files");
     // The silent ones are dropped, and who asks is answered.

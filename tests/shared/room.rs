@@ -105,6 +105,7 @@ pub fn cameras(node: usize) -> [String; 2] {
 }
 
 /// A coordinator of the room that writes its figures.
+#[allow(dead_code, reason = "not every test needs it")]
 pub fn coordinator(mut program: Command, cluster: &Path, seconds: &str, json: &Path) -> Command {
     program.arg("coordinator").arg(cluster).args(["--seconds", seconds, "--json"]).arg(json);
     program.stdout(Stdio::null()).stderr(Stdio::piped());

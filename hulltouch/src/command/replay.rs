@@ -103,6 +103,7 @@ fn summary(recording: &Recording, check: &StepCheck) -> String {
 fn setup(recording: &Recording, arguments: &ReplayArguments) -> Outcome<Setup> {
     let header = recording.header();
     let security = arguments.consent.checked();
+    let outlets = arguments.outlets.checked(&security)?;
     let file = ClusterFile {
         path: arguments.file.clone(),
         name: "recording".to_owned(),
@@ -132,7 +133,7 @@ fn setup(recording: &Recording, arguments: &ReplayArguments) -> Outcome<Setup> {
         dial: security.dial,
         empty: false,
         seconds: None,
-        outlets: arguments.outlets.checked(&security)?,
+        outlets,
         record: None,
         memory: MemoryUse::Off,
     })
