@@ -158,10 +158,11 @@ impl Connection {
                 serving.await
             }
         };
-        match served.map_err(|error| error.downcast::<hyper::Error>()) {
+        // Peers leave whenever they like.
+        let Err(error) = served else { return Ok(()) };
+        match error.downcast::<hyper::Error>() {
             // These are hyper's own words, not the peer's.
-            Err(Ok(error)) if error.is_parse() => Err(Refusal::Protocol(error.to_string())),
-            // Peers leave whenever they like.
+            Ok(error) if error.is_parse() => Err(Refusal::Protocol(error.to_string())),
             _ => Ok(()),
         }
     }
