@@ -46,7 +46,7 @@ impl Owner {
     }
 
     fn problem(&self) -> String {
-        let problem = self.open().err().expect("refused").to_string();
+        let problem = self.open().expect_err("refused").to_string();
         problem.replace(&format!("{}/", self.folder.path().display()), "")
     }
 }
