@@ -1,0 +1,95 @@
+//! HTTP/1.1 for strangers: one request a connection, and few connections.
+
+use std::collections::VecDeque;
+use std::convert::Infallible;
+use std::net::TcpListener;
+use std::sync::Arc;
+use std::time::Duration;
+
+use hyper::body::Incoming;
+use hyper::header::{CONTENT_TYPE, HeaderValue};
+use hyper::server::conn::http1;
+use hyper::service::service_fn;
+use hyper::{Method, Request, Response, StatusCode};
+use hyper_util::rt::{TokioIo, TokioTimer};
+use tokio::net::TcpStream;
+use tokio::task::{AbortHandle, JoinSet};
+
+/// Connections at once: a scraper has one, and probes have theirs. Beyond, the oldest gives way.
+const MAX_CONNECTIONS: usize = 32;
+/// The head of a request comes within this.
+const HEAD_TIMEOUT: Duration = Duration::from_secs(5);
+/// And its answer is read within this, from the beginning.
+const CONNECTION_TIMEOUT: Duration = Duration::from_secs(15);
+/// The longest head.
+const MAX_HEAD_BYTES: usize = 8 * 1024;
+/// The system has no descriptor: it is asked again after this.
+const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
+
+/// What a request is answered with.
+pub(crate) struct Answer {
+    pub status: StatusCode,
+    pub content_type: &'static str,
+    pub text: String,
+}
+
+/// Answers until it is dropped.
+pub(crate) async fn serve<A>(listener: TcpListener, answer: Arc<A>)
+where
+    A: Fn(&Method, &str) -> Answer + Send + Sync + 'static,
+{
+    let listener = match tokio::net::TcpListener::from_std(listener) {
+        Ok(listener) => listener,
+        Err(error) => return tracing::error!("metrics cannot be served: {error}"),
+    };
+    let mut connections = JoinSet::new();
+    let mut by_age: VecDeque<AbortHandle> = VecDeque::new();
+    loop {
+        let accepted = tokio::select! {
+            accepted = listener.accept() => accepted,
+            Some(_) = connections.join_next() => continue,
+        };
+        let Ok((socket, _)) = accepted else {
+            tokio::time::sleep(ACCEPT_PAUSE).await;
+            continue;
+        };
+        by_age.retain(|handle| !handle.is_finished());
+        if by_age.len() >= MAX_CONNECTIONS
+            && let Some(oldest) = by_age.pop_front()
+        {
+            oldest.abort();
+        }
+        by_age.push_back(
+            connections.spawn(tokio::time::timeout(
+                CONNECTION_TIMEOUT,
+                serve_connection(socket, Arc::clone(&answer)),
+            )),
+        );
+    }
+}
+
+async fn serve_connection<A>(socket: TcpStream, answer: Arc<A>)
+where
+    A: Fn(&Method, &str) -> Answer,
+{
+    let service = service_fn(|request: Request<Incoming>| {
+        let response = response(answer(request.method(), request.uri().path()));
+        async move { Ok::<_, Infallible>(response) }
+    });
+    let served = http1::Builder::new()
+        .timer(TokioTimer::new())
+        .header_read_timeout(HEAD_TIMEOUT)
+        .max_buf_size(MAX_HEAD_BYTES)
+        .keep_alive(false)
+        .serve_connection(TokioIo::new(socket), service);
+    if let Err(error) = served.await {
+        tracing::debug!("the metrics port: {error}");
+    }
+}
+
+fn response(answer: Answer) -> Response<String> {
+    let mut response = Response::new(answer.text);
+    *response.status_mut() = answer.status;
+    response.headers_mut().insert(CONTENT_TYPE, HeaderValue::from_static(answer.content_type));
+    response
+}
