@@ -9,6 +9,7 @@ mod config;
 mod cores;
 pub mod frames;
 pub mod listen;
+pub mod metrics;
 pub mod pictures;
 pub mod service;
 mod shapes;

@@ -110,6 +110,28 @@ pub enum QuestionKind {
 }
 
 impl QuestionKind {
+    /// All of them, in their order.
+    pub const ALL: [QuestionKind; 5] = [
+        QuestionKind::Classes,
+        QuestionKind::Edges,
+        QuestionKind::Planes,
+        QuestionKind::Exits,
+        QuestionKind::SharedExits,
+    ];
+
+    /// As figures name it.
+    pub fn word(self) -> &'static str {
+        match self {
+            QuestionKind::Classes => "classes",
+            QuestionKind::Edges => "edges",
+            QuestionKind::Planes => "planes",
+            QuestionKind::Exits => "exits",
+            QuestionKind::SharedExits => "shared_exits",
+        }
+    }
+}
+
+impl QuestionKind {
     /// True if an answer of this kind can be to a question of the other: exits are answered alike, and edges.
     pub fn answers(self, question: QuestionKind) -> bool {
         let plain = |kind| match kind {

@@ -17,6 +17,11 @@ pub fn ring_frames(fps: f64) -> usize {
     (0.5 * fps).ceil().clamp(8.0, 64.0) as usize
 }
 
+/// How old the newest frame of a camera that films may be, seconds: five periods, and a second at least.
+pub fn fresh_s(fps: f64) -> f64 {
+    (5.0 / fps).max(1.0)
+}
+
 /// A run: when film time is zero by the coordinator's clock, and how film is paced.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pace {

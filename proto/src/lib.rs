@@ -18,6 +18,7 @@ pub mod convert;
 mod cut;
 mod description;
 mod film;
+mod histogram;
 mod pictures;
 mod simulation;
 pub mod text;
@@ -30,8 +31,9 @@ pub use cut::Cut;
 pub use description::{CameraDescription, NodeDescription};
 pub use film::{
     BACKGROUND_S, CameraPace, CameraReport, FilmEvent, FilmState, FrameReport, Pace, RunStart, Stamps,
-    ring_frames, unix_now_s,
+    fresh_s, ring_frames, unix_now_s,
 };
+pub use histogram::Histogram;
 pub use pictures::{CameraPicture, FramePictures, MAX_SCALE_LOG2, Picture, PictureKind, PictureRequest};
 pub use simulation::{apart, simulate};
 

@@ -14,6 +14,7 @@ use super::gate::Gate;
 use super::retry::{Failure, Retry};
 use super::segmenter::{CutoutError, silhouette};
 use crate::frames::{CameraFrame, FrameRing, Stamp};
+use crate::metrics::{FilmMeter, FilmedFrame};
 use crate::pictures::ColourRing;
 use crate::source::{Image, OpenContext, Source, SourceFrame};
 
@@ -37,6 +38,7 @@ pub(super) struct CaptureLoop {
     pub colours: Arc<ColourRing>,
     pub gate: Arc<Gate>,
     pub slot: Arc<RequestSlot>,
+    pub meter: Arc<FilmMeter>,
 }
 
 /// How far a camera's film has come; it outlives the source.
@@ -84,6 +86,7 @@ impl CaptureLoop {
             let reason = outcome.map_or_else(|error| error, |()| ended()).to_string();
             let Failure { pause, is_new } = retry.failed(&reason);
             self.ring.leave_out(self.index);
+            self.meter.failed(self.index);
             if is_new {
                 tracing::warn!("{reason}; it is opened again until it films");
             }
@@ -110,7 +113,9 @@ impl CaptureLoop {
                 frame.map_err(|error| CaptureError::Source { camera: camera.name().into(), error })?;
             let Some(frame) = frame else { break };
             let frame = self.after(frame, past_s);
-            self.offer(camera, frame, source.pace(), image)?;
+            // What came before its first frame was not missed.
+            let missed = if *next == 0 { 0 } else { frame.number.saturating_sub(*next) };
+            self.offer(camera, frame, missed, source.pace(), image)?;
             self.learn(camera, background, frame.number, image);
             *next = frame.number.saturating_add(1);
             filmed(camera.name());
@@ -154,6 +159,7 @@ impl CaptureLoop {
         &self,
         camera: &mut ReadyCamera,
         frame: SourceFrame,
+        missed: u64,
         pace: Option<CameraPace>,
         image: &Image,
     ) -> Result<(), CaptureError> {
@@ -173,10 +179,17 @@ impl CaptureLoop {
         self.colours.keep(self.index, frame.number, image, &silhouette);
         let part = CameraFrame::new(&camera.observer, silhouette, segment_ms);
         let mut part = part.stamped(camera.config.source.stamps(), pace);
+        let mut age_s = segment_ms / 1e3;
         if !self.start.lock_step {
-            part.late_s = self.clock.now_s() - frame.number as f64 / self.context.fps;
+            let now_s = self.clock.now_s();
+            part.late_s = now_s - frame.number as f64 / self.context.fps;
+            age_s = (now_s - stamp.capture_time_s).max(0.0);
         }
+        let pixels = f64::from(part.silhouette.width()) * f64::from(part.silhouette.height());
+        let foreground = part.silhouette.area() as f64 / pixels;
         self.ring.offer(self.index, stamp, part);
+        let segment_s = segment_ms / 1e3;
+        self.meter.filmed(self.index, FilmedFrame { missed, foreground, segment_s, age_s });
         Ok(())
     }
 

@@ -15,6 +15,7 @@ use super::filming::Filming;
 use super::gate::Gate;
 use crate::config::{NodeCamera, NodeConfig};
 use crate::frames::FrameRing;
+use crate::metrics::FilmMeter;
 use crate::pictures::ColourRing;
 use crate::source::OpenContext;
 
@@ -29,6 +30,7 @@ pub struct Film {
     ring: Arc<FrameRing>,
     colours: Arc<ColourRing>,
     cameras: Vec<FilmCamera>,
+    meter: Arc<FilmMeter>,
     run: Mutex<Option<Run>>,
     /// Of the run that is on, or begins; apart from it, so that a message never waits for sources to open.
     reins: Mutex<Reins>,
@@ -72,11 +74,13 @@ impl Film {
             let ready = Arc::new(Mutex::new(ready?));
             Ok(FilmCamera { config: config.clone(), ready, slot: Arc::default() })
         });
+        let names = config.cameras.iter().map(|camera| camera.camera.name().to_owned());
         Ok(Film {
             fps: config.fps,
             ring,
             colours: Arc::new(ColourRing::new(config.cameras.len())),
             cameras: cameras.collect::<Result<_, _>>()?,
+            meter: Arc::new(FilmMeter::new(names)),
             run: Mutex::default(),
             reins: Mutex::default(),
         })
@@ -85,6 +89,11 @@ impl Film {
     /// The colours of recent frames, kept while they are requested.
     pub fn colours(&self) -> Arc<ColourRing> {
         Arc::clone(&self.colours)
+    }
+
+    /// What its cameras have filmed.
+    pub fn meter(&self) -> Arc<FilmMeter> {
+        Arc::clone(&self.meter)
     }
 
     fn loops(
@@ -106,6 +115,7 @@ impl Film {
                 colours: Arc::clone(&self.colours),
                 gate: Arc::clone(gate),
                 slot: Arc::clone(&camera.slot),
+                meter: Arc::clone(&self.meter),
             };
             match lock(&camera.ready).open(&context) {
                 Err(error) if !(capture.reopens() && error.may_pass()) => Err(error),
@@ -148,6 +158,7 @@ impl Filming for Film {
         self.ring.clear(!start.lock_step);
         self.colours.clear();
         let (gate, clock) = (Arc::new(Gate::default()), Arc::new(FilmClock::new(start.clock)));
+        self.meter.clock(start.clock.bound_s);
         *lock(&self.reins) = Reins {
             run: start.run,
             gate: Arc::clone(&gate),
@@ -181,6 +192,7 @@ impl Filming for Film {
         let reins = lock(&self.reins);
         if let Some(clock) = reins.clock.as_ref().filter(|_| reins.run == run) {
             clock.follow(line);
+            self.meter.clock(line.bound_s);
         }
     }
 

@@ -1,6 +1,7 @@
 //! The node's gRPC service: the only place of this crate that speaks the protocol. Probes are computed
 //! on a thread of their own; async code moves bytes.
 
+mod counted;
 mod film_events;
 mod hold;
 mod incoming;
@@ -12,11 +13,13 @@ mod probe_stream;
 mod seats;
 mod seldom;
 mod turns;
+mod watch;
 mod worker;
 mod world_memory;
 
 pub use incoming::Access;
 pub use node::{Node, ServeError, serve_film};
+pub use watch::NodeWatch;
 
 use std::pin::Pin;
 use std::sync::Arc;
@@ -62,13 +65,16 @@ struct Service {
 
 impl Service {
     /// Learns the backgrounds. Blocks until done.
-    fn new(config: &NodeConfig) -> Result<Service, ServeError> {
+    fn new(config: &NodeConfig) -> Result<(Service, NodeWatch), ServeError> {
         let ring = Arc::new(FrameRing::new(config.cameras.len()).keeping(ring_frames(config.fps)));
         let film = Arc::new(Film::prepare(config, Arc::clone(&ring))?);
         let pictures = PictureEncoder::new(Arc::clone(&ring), film.colours(), config.rig_indices());
         let worker = Worker::new(Arc::clone(&ring), config.cameras.len());
         let pictures = Some(pictures.map_err(ServeError::Thread)?);
-        Ok(Service { pictures, ..Service::of(config, film, ring, worker) })
+        let meter = film.meter();
+        let service = Service { pictures, ..Service::of(config, film, ring, worker) };
+        let watch = NodeWatch::of(&service, meter);
+        Ok((service, watch))
     }
 
     /// Of film that is ready.

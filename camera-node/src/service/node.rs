@@ -14,9 +14,11 @@ use tonic::transport::server::{Connected, Router};
 use tower::layer::util::{Identity, Stack};
 
 use super::Service;
+use super::counted::counted;
 use super::incoming::{Access, incoming};
 use super::metered::MeterLayer;
 use super::permission::Permission;
+use super::watch::NodeWatch;
 use super::worker::Worker;
 use crate::capture::{CaptureError, Filming};
 use crate::config::NodeConfig;
@@ -74,6 +76,7 @@ pub struct Node {
     listener: Listener,
     service: Service,
     access: Access,
+    watch: NodeWatch,
 }
 
 impl Node {
@@ -97,10 +100,10 @@ impl Node {
         let bound = Listener::bind(&address).await;
         let listener = bound.map_err(|error| ServeError::Listen { address, error })?;
         // Learning reads whole clips; meanwhile the runtime must be able to end.
-        let service = tokio::task::spawn_blocking(move || Service::new(&config))
+        let (service, watch) = tokio::task::spawn_blocking(move || Service::new(&config))
             .await
             .map_err(ServeError::Panicked)??;
-        Ok(Node { listener, service, access })
+        Ok(Node { listener, service, watch: watch.with(&access), access })
     }
 
     /// The address it listens on.
@@ -108,10 +111,15 @@ impl Node {
         self.listener.address()
     }
 
+    /// The node as others watch it, also while it serves.
+    pub fn watch(&self) -> NodeWatch {
+        self.watch.clone()
+    }
+
     /// Serves until `stop` completes.
     pub async fn serve(self, stop: impl Future<Output = ()>) -> Result<(), ServeError> {
         let router = router(self.service, &self.access).await;
-        let incoming = incoming(self.listener, &self.access);
+        let incoming = counted(incoming(self.listener, &self.access), Arc::clone(&self.watch.port));
         let (shut_down, shutting_down) = tokio::sync::oneshot::channel::<()>();
         let shutting_down = async { drop(shutting_down.await) };
         let serving = router.serve_with_incoming_shutdown(incoming, shutting_down);

@@ -51,6 +51,7 @@ impl ProbeStream {
                 Ok(job) => self.worker.answer(job, &self.replies),
                 Err(reply) => Some(*reply),
             };
+            reply.iter().for_each(|reply| self.worker.note_refusal(reply));
             if let Some(reply) = reply
                 && self.replies.send(reply).await.is_err()
             {

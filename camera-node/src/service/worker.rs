@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use hull::ViewSet;
 use hull::question::Question;
 use prost::Message as _;
-use proto::convert::{Precision, RefusalReason, answer_to_wire, refusal};
+use proto::convert::{Precision, RefusalReason, answer_to_wire, refusal, refusal_of};
 use proto::v1;
 use tokio::sync::mpsc;
 use tokio::time::Instant;
@@ -17,6 +17,7 @@ use super::seats::{Seat, Share};
 use super::turns::{Client, NoTurn, Turns};
 use crate::cores::{Cores, work_ns};
 use crate::frames::{Frame, FrameError, FrameRing};
+use crate::metrics::AnswerMeter;
 
 /// Questions of one connection that wait at most, more than a coordinator asks at once; beyond, the node is busy.
 pub(super) const MAX_WAITING: usize = 64;
@@ -95,6 +96,7 @@ pub(super) struct Worker {
     computation: Arc<Mutex<Computation>>,
     /// Jobs that are queued or being answered.
     waiting: Arc<AtomicUsize>,
+    answers: Arc<AnswerMeter>,
     /// To its thread. Without one all is answered at once.
     queue: Option<Arc<Queue>>,
     cameras: usize,
@@ -115,6 +117,16 @@ impl Worker {
         self.cameras
     }
 
+    /// What it counts: answers, and the questions that wait.
+    pub fn meters(&self) -> (Arc<AnswerMeter>, Arc<AtomicUsize>) {
+        (Arc::clone(&self.answers), Arc::clone(&self.waiting))
+    }
+
+    /// Counts a reply that refuses its question, when it is sent.
+    pub fn note_refusal(&self, reply: &v1::ProbeReply) {
+        refusal_of(reply).into_iter().for_each(|reason| self.answers.refused(reason));
+    }
+
     /// A worker for a node of so many cameras.
     pub fn new(ring: Arc<FrameRing>, cameras: usize) -> Worker {
         let mut worker = Worker::without_thread(ring, cameras, Cores::of_this_machine());
@@ -127,8 +139,9 @@ impl Worker {
 
     /// One that answers on its callers' threads.
     pub fn without_thread(ring: Arc<FrameRing>, cameras: usize, cores: Cores) -> Worker {
-        let computation = Arc::new(Mutex::new(Computation { ring, cores }));
-        Worker { computation, waiting: Arc::default(), queue: None, cameras }
+        let answers = Arc::new(AnswerMeter::default());
+        let computation = Arc::new(Mutex::new(Computation { ring, cores, answers: Arc::clone(&answers) }));
+        Worker { computation, waiting: Arc::default(), answers, queue: None, cameras }
     }
 
     /// Answers a small question here and now, if nothing else waits; others are queued, and answered through
@@ -169,7 +182,10 @@ impl Worker {
 /// Answers queued questions, connections by turns.
 fn run(computation: &Mutex<Computation>, jobs: &Turns<(ProbeJob, ReplySender)>, waiting: &AtomicUsize) {
     while let Some((job, replies)) = jobs.next() {
-        let reply = computation.lock().unwrap_or_else(PoisonError::into_inner).reply(&job);
+        let mut computation = computation.lock().unwrap_or_else(PoisonError::into_inner);
+        let reply = computation.reply(&job);
+        refusal_of(&reply).into_iter().for_each(|reason| computation.answers.refused(reason));
+        drop(computation);
         drop(job);
         if replies.try_send(reply).is_err() {
             tracing::debug!("a reply found no reader");
@@ -192,6 +208,7 @@ fn named(frame: &Frame, cameras: &[u32]) -> Result<Option<ViewSet>, u32> {
 struct Computation {
     ring: Arc<FrameRing>,
     cores: Cores,
+    answers: Arc<AnswerMeter>,
 }
 
 impl Computation {
@@ -228,6 +245,8 @@ impl Computation {
         let views = narrowed.as_ref().unwrap_or(&frame.views);
         let answer = self.cores.answer(views, question);
         let camera_count = views.views().len();
-        answer_to_wire(id, answer, camera_count, precision, began.elapsed().as_secs_f64() * 1e3)
+        let took_s = began.elapsed().as_secs_f64();
+        self.answers.answered(question.kind, question.len(), took_s);
+        answer_to_wire(id, answer, camera_count, precision, took_s * 1e3)
     }
 }

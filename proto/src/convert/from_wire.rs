@@ -52,6 +52,14 @@ pub(super) fn reason_from_wire(refusal: &v1::Refusal) -> RefusalReason {
     }
 }
 
+/// Why a reply is no answer, if it is none.
+pub fn refusal_of(reply: &v1::ProbeReply) -> Option<RefusalReason> {
+    match &reply.answer {
+        Some(v1::probe_reply::Answer::Refusal(refusal)) => Some(reason_from_wire(refusal)),
+        _ => None,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::to_wire::shape_to_wire;

@@ -23,7 +23,7 @@ pub use clock::{
 };
 pub use description::{description_from_wire, description_to_wire};
 pub use film::{film_event_from_wire, film_event_to_wire};
-pub use from_wire::{pixel_rect_from_wire, settings_from_wire, shape_from_wire};
+pub use from_wire::{pixel_rect_from_wire, refusal_of, settings_from_wire, shape_from_wire};
 pub use pictures::{
     frame_pictures_from_wire, picture_request_from_wire, picture_request_to_wire, picture_to_wire,
 };
@@ -53,6 +53,34 @@ pub enum RefusalReason {
     UnknownList,
     /// Another client holds the node.
     Held,
+}
+
+impl RefusalReason {
+    /// All of them, in this order.
+    pub const ALL: [RefusalReason; 8] = [
+        RefusalReason::Gone,
+        RefusalReason::NotYet,
+        RefusalReason::UnknownShape,
+        RefusalReason::TooManyPoints,
+        RefusalReason::Malformed,
+        RefusalReason::Busy,
+        RefusalReason::UnknownList,
+        RefusalReason::Held,
+    ];
+
+    /// As metrics name it.
+    pub fn word(self) -> &'static str {
+        match self {
+            RefusalReason::Gone => "gone",
+            RefusalReason::NotYet => "not_yet",
+            RefusalReason::UnknownShape => "unknown_shape",
+            RefusalReason::TooManyPoints => "too_many_points",
+            RefusalReason::Malformed => "malformed",
+            RefusalReason::Busy => "busy",
+            RefusalReason::UnknownList => "unknown_list",
+            RefusalReason::Held => "held",
+        }
+    }
 }
 
 /// Why a message makes no value.
