@@ -1,7 +1,11 @@
 //! What a run measured.
 
 use hull::pass::{BodyResult, Round};
+use hull::question::QuestionKind;
+use proto::Histogram;
 use serde::Serialize;
+
+use crate::roster::HullUnavailable;
 
 /// Figures kept at most: beyond, every second one is dropped, and of what comes only so many are taken.
 const MAX_KEPT: usize = 1 << 16;
@@ -14,6 +18,8 @@ pub struct Percentiles {
     max_ms: Option<f64>,
     /// Every 2ⁿ-th figure is kept.
     halvings: u32,
+    /// All of them.
+    histogram: Histogram,
 }
 
 impl Percentiles {
@@ -24,11 +30,17 @@ impl Percentiles {
             self.values_ms.push(value_ms);
         }
         self.count += 1;
+        self.histogram.add(value_ms / 1e3);
         if self.values_ms.len() >= MAX_KEPT {
             let mut kept = 0..self.values_ms.len();
             self.values_ms.retain(|_| kept.next().is_some_and(|index| index % 2 == 0));
             self.halvings += 1;
         }
+    }
+
+    /// How often which figures came.
+    pub fn histogram(&self) -> &Histogram {
+        &self.histogram
     }
 
     /// How many figures there are.
@@ -73,6 +85,8 @@ pub struct Figures {
     pub frames: u64,
     /// Frames that the film of the run held.
     pub frames_expected: u64,
+    /// Frames passed over between two that were used.
+    pub frames_missed: u64,
     /// Steps made.
     pub steps: u64,
     /// Samples of all moving bodies.
@@ -89,6 +103,12 @@ pub struct Figures {
     pub gathered_passes: u64,
     /// Questions of these passes that the cameras answered, one after the other.
     pub round_trips: u64,
+    /// Points that passes asked about, by kind, in the order of [`QuestionKind::ALL`].
+    pub points: [u64; QuestionKind::ALL.len()],
+    /// What passes took that asked something.
+    pub pass: Histogram,
+    /// How old the film was that bodies collided with, from its capture to the end of each step.
+    pub hull_age: Histogram,
     /// Poses that were asked about.
     pub poses_asked: u64,
     /// Steps with a hull that asked nothing: all answers were known, or no body was near the hull.
@@ -115,6 +135,8 @@ pub struct Figures {
     pub late_steps: u64,
     /// Steps without a hull because a node was not there or refused.
     pub blind_steps: u64,
+    /// The same by cause, in the order of [`HullUnavailable::CAUSES`].
+    pub blind_by_cause: [u64; HullUnavailable::CAUSES.len()],
     /// Steps that went on without a camera that was not there.
     pub reduced_steps: u64,
     /// Film time given up because the first frame was late or steps took longer than real time, seconds.

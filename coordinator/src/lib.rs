@@ -9,6 +9,7 @@ mod figures;
 pub mod hooks;
 pub mod live;
 mod memory;
+pub mod metrics;
 pub mod query;
 pub mod roster;
 mod run;

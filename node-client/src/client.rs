@@ -90,6 +90,8 @@ struct State {
     /// All that the node may do so far; each message says all of it.
     credit: v1::FrameCredit,
     clock: ClockEstimate,
+    /// What it said last: our clock by the node's.
+    clock_line: Option<ClockLine>,
     /// How often the connection was renewed since it was made, and when last.
     renewals: u64,
     renewed: Option<Instant>,
@@ -173,6 +175,16 @@ impl NodeClient {
     /// What a short question to it usually takes, seconds.
     pub fn trip_s(&self) -> f64 {
         self.state().clock.trip_s()
+    }
+
+    /// Our monotonic clock by the node's, once that was read.
+    pub fn clock(&self) -> Option<ClockLine> {
+        self.state().clock_line
+    }
+
+    /// Questions that it has not answered.
+    pub fn open_questions(&self) -> usize {
+        self.state().open.len()
     }
 
     /// Begins a run at this node.
@@ -526,7 +538,11 @@ impl NodeClient {
         loop {
             tokio::time::sleep(CLOCK_EVERY).await;
             self.read_clock(&mut self.client()?).await?;
-            let known = self.state().clock.film_time(0.0, monotonic_s());
+            let known = {
+                let mut state = self.state();
+                state.clock_line = state.clock.film_time(0.0, monotonic_s());
+                state.clock_line
+            };
             if let Some(ClockLine { bound_s, .. }) = known {
                 self.report(NodeEvent::Clock(bound_s)).await?;
             }

@@ -3,7 +3,7 @@
 
 use std::io;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use futures::future::BoxFuture;
 use hyper_util::rt::TokioIo;
@@ -81,6 +81,11 @@ pub trait Dial: Send + Sync + 'static {
         None
     }
 
+    /// When the certificate ends that is shown to nodes, if there is one.
+    fn certificate_ends(&self) -> Option<SystemTime> {
+        None
+    }
+
     /// What may be wrong where a node breaks the connection off as soon as it is made.
     fn hint(&self) -> String;
 }
@@ -102,6 +107,10 @@ impl Dial for Sockets {
     fn renews_after(&self) -> Option<Duration> {
         // Before the node ends it.
         self.credentials.as_ref().map(|credentials| credentials.max_connection_age().mul_f64(0.7))
+    }
+
+    fn certificate_ends(&self) -> Option<SystemTime> {
+        self.credentials.as_ref().map(|credentials| credentials.not_after())
     }
 
     fn hint(&self) -> String {

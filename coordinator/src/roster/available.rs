@@ -54,6 +54,34 @@ pub enum HullUnavailable {
 }
 
 impl HullUnavailable {
+    /// What metrics call each cause.
+    pub const CAUSES: [&str; 9] = [
+        "node_missing",
+        "film_failed",
+        "not_yet",
+        "no_frame",
+        "film_stopped",
+        "frame_forgotten",
+        "recorded",
+        "too_few_cameras",
+        "unanswered",
+    ];
+
+    /// Its place in [`HullUnavailable::CAUSES`].
+    pub fn cause(&self) -> usize {
+        match self {
+            HullUnavailable::Missing(_) => 0,
+            HullUnavailable::FilmFailed(_) => 1,
+            HullUnavailable::NotYet => 2,
+            HullUnavailable::NoFrame => 3,
+            HullUnavailable::Stopped { .. } => 4,
+            HullUnavailable::Forgotten { .. } => 5,
+            HullUnavailable::Recorded => 6,
+            HullUnavailable::TooFew { .. } => 7,
+            HullUnavailable::Unanswered(_) => 8,
+        }
+    }
+
     /// False for what every run begins with.
     pub fn is_fault(&self) -> bool {
         *self != HullUnavailable::NotYet

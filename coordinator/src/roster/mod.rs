@@ -49,6 +49,8 @@ pub struct RosterNode {
     /// Places in the rig.
     cameras: Vec<u16>,
     is_up: bool,
+    /// How often it was.
+    connections: u64,
     /// Why it is, or was last, not there.
     problem: Option<String>,
     film: FilmState,
@@ -72,6 +74,7 @@ impl RosterNode {
             name,
             cameras,
             is_up: false,
+            connections: 0,
             problem: None,
             film,
             reports,
@@ -85,6 +88,11 @@ impl RosterNode {
     /// The places of its cameras in the rig.
     pub fn cameras(&self) -> &[u16] {
         &self.cameras
+    }
+
+    /// How often it was connected.
+    pub fn connections(&self) -> u64 {
+        self.connections
     }
 
     /// Whether steps go on without it.
@@ -176,6 +184,7 @@ impl Roster {
     pub fn up(&mut self, node: usize) {
         let node = &mut self.nodes[node];
         (node.is_up, node.problem, node.is_held, node.is_silent) = (true, None, false, false);
+        node.connections += 1;
         node.forget_film();
     }
 

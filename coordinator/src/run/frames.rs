@@ -36,6 +36,8 @@ pub(super) struct FilmInUse {
     pub unavailable: Option<HullUnavailable>,
     /// Frames that nobody expected: film went by while no steps were wanted.
     pub frames_passed: u64,
+    /// The same when the frame was taken into use.
+    passed_before: u64,
     /// The cameras that the last step asked, by their places in the rig, ascending.
     pub cameras: Vec<u16>,
     /// A camera has gone or come back: until then the hull pushes gently, film time in seconds.
@@ -128,7 +130,12 @@ impl Coordinator {
 
     /// Takes a frame into use.
     pub(super) async fn use_frame(&mut self, frame: u64) -> Result<(), RunError> {
-        self.film.frame = Some(frame);
+        let passed = self.film.frames_passed;
+        if let Some(before) = self.film.frame.replace(frame) {
+            let nobodys = passed.saturating_sub(self.film.passed_before);
+            self.figures.frames_missed += frame.saturating_sub(before + 1).saturating_sub(nobodys);
+        }
+        self.film.passed_before = passed;
         self.transport.use_frame(frame);
         if self.transport.choose_placement() {
             self.regroup();

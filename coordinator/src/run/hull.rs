@@ -154,7 +154,12 @@ impl Coordinator {
             figures.round_trips += 1;
             figures.add_stage(stage_of(round), ms);
         };
-        self.transport.run_pass(self.query.pass(), frame, timeout, &mut took).await?;
+        let asked = self.transport.run_pass(self.query.pass(), frame, timeout, &mut took).await;
+        self.figures.points = *self.query.pass().points_asked();
+        asked?;
+        if asks_nodes {
+            self.figures.pass.add(began.elapsed().as_secs_f64());
+        }
         self.query.answered();
         Ok(())
     }
@@ -175,6 +180,7 @@ impl Coordinator {
     /// Counts a step without a hull; the world goes on.
     pub(super) fn lose_hull(&mut self, why: HullUnavailable) {
         self.figures.blind_steps += 1;
+        self.figures.blind_by_cause[why.cause()] += 1;
         self.note_no_hull(why);
     }
 

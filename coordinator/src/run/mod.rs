@@ -13,6 +13,7 @@ mod commands;
 mod frames;
 mod hull;
 mod latency;
+mod metrics;
 mod observe;
 mod publish;
 mod remember;
@@ -257,7 +258,7 @@ impl Coordinator {
         watcher: &mut dyn Watcher,
         stop: impl Future<Output = ()>,
     ) -> Result<(Figures, World), RunError> {
-        self.transport.ready(self.settings.connect_timeout).await?;
+        self.await_nodes().await?;
         self.begin_memory(watcher).await;
         let lock_step = self.settings.lock_step;
         let run = getrandom::u64().map_err(RunError::NoRandom)?;

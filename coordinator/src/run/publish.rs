@@ -9,6 +9,7 @@ use sim::{Body, BodyId, BodyResponse};
 use super::Coordinator;
 use crate::figures::Progress;
 use crate::live::{BodyLook, BodyState, CameraStatus, Live, RunStatus, SceneState, TouchPoint, WorldState};
+use crate::metrics::MetricsSender;
 use crate::roster::RosterNode;
 
 /// A camera whose captures are off by more, periods, films out of step; by less than the other, in step again.
@@ -19,6 +20,7 @@ const SYNCED_AGAIN: f64 = 0.2;
 #[derive(Default)]
 pub(super) struct Publisher {
     pub live: Option<Live>,
+    pub metrics: Option<MetricsSender>,
     /// Counts worlds.
     pub generation: u32,
     /// The last step, for followers that come while the world does not move.
@@ -160,6 +162,7 @@ impl Coordinator {
     pub(super) fn publish_status(&mut self, progress: Progress) {
         let cameras = self.camera_status();
         self.warn_unsynced(&cameras);
+        self.publish_metrics(Some(&progress), &cameras);
         let Some(live) = self.publisher.live.as_ref().filter(|live| live.is_watched()) else { return };
         live.status.send_replace(Some(Arc::new(RunStatus {
             progress,
@@ -187,7 +190,7 @@ impl Coordinator {
         }
     }
 
-    fn camera_status(&self) -> Vec<CameraStatus> {
+    pub(super) fn camera_status(&self) -> Vec<CameraStatus> {
         let nodes = self.transport.roster().nodes();
         let cameras = self.query.observers().iter().map(|observer| {
             // The cameras of this process are one node.

@@ -79,6 +79,7 @@ impl Coordinator {
         let later_s = self.world.settings().hull_time.frames_later() / self.settings.fps;
         let age_ms = (self.clock.age_s(report) + later_s) * 1e3;
         self.recent.hull_age_ms.add(age_ms);
+        self.figures.hull_age.add(age_ms / 1e3);
         if results.iter().any(|result| result.response_m.is_ok() || !result.touches.is_empty()) {
             self.figures.response_age_ms.add(age_ms);
         }

@@ -390,6 +390,11 @@ impl Transport {
         self.nodes().map_or_else(ByteCounts::default, |nodes| nodes.agreement.bytes())
     }
 
+    /// How many events of nodes wait for the loop, and how many may.
+    pub(crate) fn waiting_events(&self) -> Option<(usize, usize)> {
+        self.nodes().map(Nodes::waiting_events)
+    }
+
     /// Bytes of silhouettes fetched to answer probes.
     pub fn silhouette_bytes(&self) -> u64 {
         if let Layout::Remote(remote) = &self.layout { remote.gather.silhouette_bytes } else { 0 }

@@ -47,6 +47,11 @@ impl Nodes {
         self.next_frame.store(0, Ordering::Relaxed);
     }
 
+    /// How many events wait, and how many may.
+    pub fn waiting_events(&self) -> (usize, usize) {
+        (self.events.len(), self.events.max_capacity())
+    }
+
     /// Hands the roster all events that are there.
     pub fn drain(&mut self, roster: &mut Roster) {
         while let Ok((node, event)) = self.events.try_recv() {

@@ -111,6 +111,7 @@ impl Pass {
     /// Asks the question that stands there, or ends if it is empty.
     pub(super) fn ask(&mut self, round: Round, asks: impl Fn(&Group) -> bool) {
         let count = self.question.len();
+        self.points_asked[self.question.kind as usize] += count as u64;
         self.round = if count == 0 { Round::Done } else { round };
         for group in &mut self.groups {
             group.is_asked = !group.is_left_out && asks(group);

@@ -102,6 +102,8 @@ pub struct Pass {
     /// Few exits are asked for, each not far, at the price of rounds.
     saves_bytes: bool,
     changes_sorted: bool,
+    /// Points that were asked about since it was made, by kind.
+    points_asked: [u64; QuestionKind::ALL.len()],
 }
 
 #[derive(Clone, Debug)]
@@ -154,6 +156,7 @@ impl Pass {
             only_planes: false,
             saves_bytes: false,
             changes_sorted: true,
+            points_asked: [0; QuestionKind::ALL.len()],
         };
         let unknown = Reaches::default();
         let asked = |points| AskedBody::plain(points, &unknown);
@@ -255,6 +258,11 @@ impl Pass {
     /// The question of this round; `None` when the pass is done.
     pub fn question(&self) -> Option<&Question> {
         (self.round != Round::Done).then_some(&self.question)
+    }
+
+    /// How many points were asked about since it was made, by kind, in the order of [`QuestionKind::ALL`].
+    pub fn points_asked(&self) -> &[u64; QuestionKind::ALL.len()] {
+        &self.points_asked
     }
 
     /// What was found for each body, in the order given. Complete once there is no question.

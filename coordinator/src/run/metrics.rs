@@ -1,0 +1,120 @@
+//! What the loop hands out of what it counts.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::watch::REPORT_EVERY;
+use super::{Coordinator, RunError};
+use crate::figures::{Figures, Progress};
+use crate::live::{CameraStatus, MAX_WAITING};
+use crate::metrics::{MetricsSender, NodeMetrics, Queue, RunCounts, RunMetrics, RunTimes};
+use crate::roster::{HullUnavailable, RosterNode};
+use crate::transport::TransportError;
+
+impl Coordinator {
+    /// Hands out metrics from now on.
+    pub fn with_metrics(mut self, metrics: MetricsSender) -> Coordinator {
+        self.publisher.metrics = Some(metrics);
+        self.publish_waiting();
+        self
+    }
+
+    /// Waits until all nodes are there.
+    pub(super) async fn await_nodes(&mut self) -> Result<(), RunError> {
+        let deadline = tokio::time::Instant::now() + self.settings.connect_timeout;
+        loop {
+            let left = deadline - tokio::time::Instant::now();
+            match self.transport.ready(left.min(REPORT_EVERY)).await {
+                Err(TransportError::Missing(_)) if left > REPORT_EVERY => self.publish_waiting(),
+                ready => return Ok(ready?),
+            }
+        }
+    }
+
+    fn publish_waiting(&mut self) {
+        if self.publisher.metrics.is_some() {
+            let cameras = self.camera_status();
+            self.publish_metrics(None, &cameras);
+        }
+    }
+
+    /// Hands out what is known now; `progress` once the loop turns.
+    pub(super) fn publish_metrics(&mut self, progress: Option<&Progress>, cameras: &[CameraStatus]) {
+        if self.publisher.metrics.is_none() {
+            return;
+        }
+        let unavailable = self.film.unavailable.as_ref();
+        let metrics = RunMetrics {
+            at: Instant::now(),
+            hull_frame: self.publisher.view.frame,
+            hull_unavailable: unavailable.map(HullUnavailable::to_string),
+            progress: progress.cloned(),
+            cameras: cameras.to_vec(),
+            nodes: self.node_metrics(),
+            counts: self.counts(),
+            times: times(&self.figures),
+            queues: self.queues(),
+        };
+        if let Some(sender) = &self.publisher.metrics {
+            sender.send_replace(Some(Arc::new(metrics)));
+        }
+    }
+
+    fn node_metrics(&self) -> Vec<NodeMetrics> {
+        let nodes = self.transport.roster().nodes().iter().enumerate();
+        let node = |(index, node): (usize, &RosterNode)| {
+            let client = self.transport.clients().get(index);
+            NodeMetrics {
+                cameras: node.cameras().to_vec(),
+                is_up: node.missing().is_none(),
+                is_left_out: node.is_left_out(),
+                connections: node.connections(),
+                clock: client.and_then(|client| client.clock()),
+                trip_s: client.map(|client| client.trip_s()),
+                open_questions: client.map_or(0, |client| client.open_questions()),
+            }
+        };
+        nodes.map(node).collect()
+    }
+
+    fn counts(&self) -> RunCounts {
+        let (figures, bytes) = (&self.figures, self.transport.bytes());
+        RunCounts {
+            steps: figures.steps,
+            frames: figures.frames,
+            frames_missed: figures.frames_missed,
+            passes: figures.passes,
+            gathered_passes: figures.gathered_passes,
+            round_trips: figures.round_trips,
+            points: figures.points,
+            inside_samples: figures.inside_samples,
+            contacts: figures.contacts,
+            late_steps: figures.late_steps,
+            reduced_steps: figures.reduced_steps,
+            blind_steps: figures.blind_by_cause,
+            faults: figures.faults,
+            slipped_s: self.clock.slipped_s,
+            bytes_to_nodes: bytes.to_nodes,
+            bytes_from_nodes: bytes.from_nodes,
+            bytes_silhouettes: self.transport.silhouette_bytes(),
+        }
+    }
+
+    fn queues(&self) -> Vec<Queue> {
+        let orders = self.publisher.live.as_ref().map_or(0, |live| live.orders.len());
+        let commands = Queue { name: "commands", length: orders, capacity: MAX_WAITING };
+        let events = self.transport.waiting_events();
+        let events = events.map(|(length, capacity)| Queue { name: "node_events", length, capacity });
+        [commands].into_iter().chain(events).collect()
+    }
+}
+
+fn times(figures: &Figures) -> RunTimes {
+    RunTimes {
+        stages: std::array::from_fn(|stage| *figures.stage_ms[stage].histogram()),
+        step: *figures.step_ms.histogram(),
+        pass: figures.pass,
+        response_age: *figures.response_age_ms.histogram(),
+        hull_age: figures.hull_age,
+    }
+}
