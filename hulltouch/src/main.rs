@@ -15,7 +15,7 @@ use clap::{Parser, Subcommand};
 
 use cli::Outcome;
 
-use crate::command::{certs, coordinator, demo, node, query, record, replay, rig, sync};
+use crate::command::{certs, coordinator, demo, node, query, ready, record, replay, rig, sync};
 
 /// Virtual rigid bodies collide with people on film.
 #[derive(Debug, Parser)]
@@ -36,6 +36,7 @@ enum Command {
     Certs(certs::CertsArguments),
     Sync(sync::SyncArguments),
     Query(query::QueryArguments),
+    Ready(ready::ReadyArguments),
     Bench(bench::BenchArguments),
 }
 
@@ -52,6 +53,7 @@ fn main() -> ExitCode {
         Command::Rig(arguments) => rig::run(&arguments),
         Command::Sync(arguments) => sync::run(&arguments),
         Command::Query(arguments) => query::run(&arguments),
+        Command::Ready(arguments) => ready::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
     };
     match outcome {

@@ -5,6 +5,7 @@ pub mod coordinator;
 pub mod demo;
 pub mod node;
 pub mod query;
+pub mod ready;
 pub mod record;
 pub mod replay;
 pub mod rig;

@@ -12,6 +12,7 @@ pub mod security;
 pub mod setup;
 mod snapshot;
 pub mod token;
+pub mod telemetry;
 
 use std::sync::Arc;
 use std::time::Duration;

@@ -21,6 +21,9 @@ pub struct OutletArguments {
     /// Send the world as Open Sound Control to this address, over UDP.
     #[arg(long, value_name = "HOST:PORT")]
     osc: Option<String>,
+    /// Serve metrics of the run at this address by plain HTTP: /metrics, /live and /ready.
+    #[arg(long, value_name = "ADDRESS")]
+    metrics: Option<SocketAddr>,
     /// Write the run's figures.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -38,6 +41,8 @@ pub struct Outlets {
     pub page: Option<PagePlan>,
     /// Who gets OSC.
     pub osc: Option<SocketAddr>,
+    /// Where metrics are served.
+    pub metrics: Option<SocketAddr>,
     /// Where figures go.
     pub json: Option<PathBuf>,
     /// Where pictures go.
@@ -54,6 +59,7 @@ impl OutletArguments {
             live_line: !self.headless,
             page: has_page.then(|| self.page.checked(security)).transpose()?,
             osc: self.osc.as_deref().map(osc_address).transpose()?,
+            metrics: self.metrics,
             json: self.json.clone(),
             snapshots: self.snapshot.clone(),
             silent: false,

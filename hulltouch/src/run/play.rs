@@ -6,9 +6,11 @@ use std::time::Duration;
 
 use cli::{Failure, Outcome, write_whole};
 use coordinator::hooks::{Recorder, Schedule};
+use coordinator::metrics::MetricsSender;
 use coordinator::{Coordinator, Figures, Placement, RunError, RunSettings, Transport};
 use hull::Observer;
 use node_client::Role;
+use port::TelemetryPort;
 use recording::{Recorded, RecordingFile, WriteError};
 use serde_json::Value;
 use sim::World;
@@ -20,6 +22,7 @@ use super::recording::failure as recording_failure;
 use super::report::{self, Overlap};
 use super::setup::{Setup, TransportName};
 use super::snapshot::Album;
+use super::telemetry;
 use crate::interrupt::interrupted;
 
 /// What a run needs besides its set-up.
@@ -69,6 +72,7 @@ pub fn play(
         interrupted()
     };
     let (served, live) = outlets::serve(setup, page)?.unzip();
+    let (metrics, telemetry) = serve_metrics(setup, schedule.is_some())?.unzip();
     let mut console = Console::new(setup, &observers);
     let placement = match setup.transport {
         TransportName::Auto if !setup.lock_step => Placement::Fastest(observers.clone()),
@@ -82,6 +86,9 @@ pub fn play(
         let mut coordinator = coordinator.with_memory(setup.memory);
         if let Some(live) = live {
             coordinator = coordinator.with_live(live);
+        }
+        if let Some(metrics) = metrics {
+            coordinator = coordinator.with_metrics(metrics);
         }
         if let Some(recorder) = recorder {
             coordinator = coordinator.with_recorder(recorder);
@@ -102,11 +109,20 @@ pub fn play(
     });
     // Pages hear of the end before figures are written.
     drop(served);
+    drop(telemetry);
     let overlaps = match console.finish() {
         Some(album) => runtime.block_on(finish(album))?,
         None => Vec::new(),
     };
     ended.outcome(setup, &overlaps)
+}
+
+/// Serves metrics where the outlets say. What is returned beside the port belongs to the run.
+fn serve_metrics(setup: &Setup, is_replay: bool) -> Outcome<Option<(MetricsSender, TelemetryPort)>> {
+    let Some(listen) = setup.outlets.metrics else { return Ok(None) };
+    let (sender, telemetry) = telemetry::metrics(setup, !setup.lock_step && !is_replay);
+    let port = telemetry::serve(listen, &[("room", setup.file.name.clone())], Arc::new(telemetry))?;
+    Ok(Some((sender, port)))
 }
 
 fn run_settings(setup: &Setup, connect_timeout: Duration) -> RunSettings {

@@ -3,7 +3,9 @@
 mod part;
 
 use std::io::Write as _;
+use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use camera_node::listen::Listen;
 use camera_node::service::{Access, Node, ServeError};
@@ -11,11 +13,13 @@ use clap::Args;
 use cli::{Failure, Outcome};
 use cluster::{Announcement, ClusterFile};
 use identity::Identity;
+use port::{Telemetry, TelemetryPort};
 use tokio::io::AsyncReadExt as _;
 
 use self::part::Part;
 use crate::interrupt::interrupted;
 use crate::run::security::SecurityArguments;
+use crate::run::telemetry::{self, NodeTelemetry, node_label};
 
 /// Serve cameras of a cluster file: film them, keep their silhouettes, answer probes. Without --camera, those of the
 /// [[node]] with this host's name, or with that of --host.
@@ -41,6 +45,9 @@ pub struct NodeArguments {
     listen: Option<Listen>,
     #[command(flatten)]
     security: SecurityArguments,
+    /// Serve metrics of this node at this address by plain HTTP: /metrics, /live and /ready.
+    #[arg(long, value_name = "ADDRESS")]
+    metrics: Option<SocketAddr>,
     /// Film the scene without the person: the studio empty, or a recording's background clip.
     #[arg(long)]
     empty: bool,
@@ -62,12 +69,16 @@ pub fn run(arguments: &NodeArguments) -> Outcome {
     };
     let config = file.node_config(&part.cameras, arguments.empty)?;
     let access = access(&file, &part, &arguments.security)?;
+    let telemetry = Arc::new(NodeTelemetry::default());
+    let _port =
+        arguments.metrics.map(|listen| serve_metrics(listen, &file, &part, &telemetry)).transpose()?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::run)?;
     let served = runtime.block_on(async {
         let node = tokio::select! {
             node = Node::open(config, address, access) => node.map_err(serve_failure)?,
             () = stopped(arguments.stop_with_stdin) => return Ok(()),
         };
+        telemetry.watch(node.watch());
         let address = node.address().map_err(Failure::run)?;
         say_address(&address)?;
         let _announcement = announcement(&file, &part, &address);
@@ -76,6 +87,18 @@ pub fn run(arguments: &NodeArguments) -> Outcome {
     // A clip that is still being read, or a read of standard input, must not hold the process.
     runtime.shutdown_background();
     served
+}
+
+/// Serves metrics, also while backgrounds are still being learnt.
+fn serve_metrics(
+    listen: SocketAddr,
+    file: &ClusterFile,
+    part: &Part,
+    telemetry: &Arc<NodeTelemetry>,
+) -> Outcome<TelemetryPort> {
+    let node = part.name.map_or_else(|| node_label(file, &part.cameras), ToOwned::to_owned);
+    let telemetry: Arc<dyn Telemetry> = Arc::<NodeTelemetry>::clone(telemetry);
+    telemetry::serve(listen, &[("room", file.name.clone()), ("node", node)], telemetry)
 }
 
 /// Who may connect. A node that shows certificates has a name.

@@ -1,0 +1,62 @@
+//! `hulltouch ready`: whether a node or a run does its work, for what looks after processes.
+
+use std::io::{Read as _, Write as _};
+use std::net::{SocketAddr, TcpStream};
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use cli::{Failure, Outcome};
+
+/// A service that does not answer within this is not ready.
+const TIMEOUT: Duration = Duration::from_secs(3);
+/// The longest answer.
+const MAX_ANSWER_BYTES: u64 = 16 * 1024;
+
+/// Ask a node or a coordinator that was started with --metrics whether it does its work: all its cameras film, and of a
+/// coordinator, a hull is in use. Exit status 0: it does; 1: it does not, with one line that says what it lacks.
+#[derive(Debug, Args)]
+#[command(after_help = "Example, as a container's health check:\n  hulltouch ready 127.0.0.1:9465")]
+pub struct ReadyArguments {
+    /// The address of its --metrics.
+    #[arg(default_value = "127.0.0.1:9464")]
+    address: SocketAddr,
+}
+
+/// Asks once.
+pub fn run(arguments: &ReadyArguments) -> Outcome {
+    let address = arguments.address;
+    let answer = ask(address).map_err(|error| Failure::run(format_args!("{address}: {error}")))?;
+    let (head, body) = answer.split_once("\r\n\r\n").unwrap_or((&answer, ""));
+    let status = head.strip_prefix("HTTP/1.1 ").and_then(|rest| rest.get(..3));
+    let line = proto::text::clean(body.lines().next().unwrap_or_default(), 300);
+    match status {
+        Some("200") => {
+            // A closed standard output is no reason to fail.
+            let _ = writeln!(std::io::stdout(), "{line}");
+            Ok(())
+        }
+        Some("503") => Err(Failure::run(format_args!("not ready: {line}"))),
+        _ => Err(Failure::run(format_args!("{address}: its answer is not that of a port of --metrics"))),
+    }
+}
+
+/// The whole answer, which must come in time.
+fn ask(address: SocketAddr) -> std::io::Result<String> {
+    let by = Instant::now() + TIMEOUT;
+    let mut socket = TcpStream::connect_timeout(&address, TIMEOUT)?;
+    socket.set_write_timeout(Some(TIMEOUT))?;
+    write!(socket, "GET /ready HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n")?;
+    let (mut answer, mut part) = (Vec::new(), [0; 1024]);
+    while answer.len() < MAX_ANSWER_BYTES as usize {
+        let left = by.saturating_duration_since(Instant::now()).max(Duration::from_millis(1));
+        socket.set_read_timeout(Some(left))?;
+        match socket.read(&mut part)? {
+            0 => break,
+            count => answer.extend_from_slice(&part[..count]),
+        }
+        if Instant::now() >= by {
+            return Err(std::io::ErrorKind::TimedOut.into());
+        }
+    }
+    Ok(String::from_utf8_lossy(&answer).into_owned())
+}
