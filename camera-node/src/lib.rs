@@ -11,6 +11,7 @@ pub mod frames;
 pub mod listen;
 pub mod metrics;
 pub mod pictures;
+pub mod pulse;
 pub mod service;
 mod shapes;
 pub mod source;

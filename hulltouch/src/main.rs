@@ -7,6 +7,7 @@ mod command;
 mod interrupt;
 mod picture;
 mod run;
+mod systemd;
 
 use std::io::IsTerminal as _;
 use std::process::ExitCode;

@@ -16,6 +16,7 @@ use super::segmenter::{CutoutError, silhouette};
 use crate::frames::{CameraFrame, FrameRing, Stamp};
 use crate::metrics::{FilmMeter, FilmedFrame};
 use crate::pictures::ColourRing;
+use crate::pulse::Beat;
 use crate::source::{Image, OpenContext, Source, SourceFrame};
 
 /// Captures of one camera lie at least so many periods apart.
@@ -39,6 +40,7 @@ pub(super) struct CaptureLoop {
     pub gate: Arc<Gate>,
     pub slot: Arc<RequestSlot>,
     pub meter: Arc<FilmMeter>,
+    pub beat: Arc<Beat>,
 }
 
 /// How far a camera's film has come; it outlives the source.
@@ -90,9 +92,11 @@ impl CaptureLoop {
             if is_new {
                 tracing::warn!("{reason}; it is opened again until it films");
             }
+            self.beat.waits();
             if !self.gate.sleep(pause) {
                 return;
             }
+            self.beat.works();
             opened = camera.open(&self.context);
         }
     }
@@ -108,6 +112,7 @@ impl CaptureLoop {
     ) -> Result<(), CaptureError> {
         let Progress { next, past_s, image, background } = progress;
         while let Some(at_least) = self.await_turn(*next) {
+            self.beat.works();
             let frame = source.next(at_least, image);
             let frame =
                 frame.map_err(|error| CaptureError::Source { camera: camera.name().into(), error })?;
@@ -195,6 +200,7 @@ impl CaptureLoop {
 
     /// Waits until frame `next` is due; the oldest frame that is still of use, or `None` if the run stops.
     fn await_turn(&self, next: u64) -> Option<u64> {
+        self.beat.waits();
         if self.start.lock_step {
             return self.gate.wait_for(next).then_some(next);
         }

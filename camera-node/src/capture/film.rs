@@ -17,6 +17,7 @@ use crate::config::{NodeCamera, NodeConfig};
 use crate::frames::FrameRing;
 use crate::metrics::FilmMeter;
 use crate::pictures::ColourRing;
+use crate::pulse::{Beat, Pulse};
 use crate::source::OpenContext;
 
 /// A live camera that misses so many frames, and for so long, has failed. Dim light makes some cameras slow, and no
@@ -31,6 +32,7 @@ pub struct Film {
     colours: Arc<ColourRing>,
     cameras: Vec<FilmCamera>,
     meter: Arc<FilmMeter>,
+    pulse: Pulse,
     run: Mutex<Option<Run>>,
     /// Of the run that is on, or begins; apart from it, so that a message never waits for sources to open.
     reins: Mutex<Reins>,
@@ -40,6 +42,8 @@ struct FilmCamera {
     config: NodeCamera,
     ready: Arc<Mutex<ReadyCamera>>,
     slot: Arc<RequestSlot>,
+    /// Of its film thread.
+    beat: Arc<Beat>,
 }
 
 /// What a run is led by.
@@ -70,9 +74,11 @@ impl Film {
             let threads: Vec<_> = config.cameras.iter().zip(observers).map(begin).collect();
             threads.into_iter().map(|thread| thread.join().unwrap_or(Err(CaptureError::Panicked))).collect()
         });
+        let pulse = Pulse::default();
         let cameras = config.cameras.iter().zip(prepared).map(|(config, ready)| {
             let ready = Arc::new(Mutex::new(ready?));
-            Ok(FilmCamera { config: config.clone(), ready, slot: Arc::default() })
+            let beat = pulse.beat(format!("camera {:?}", config.camera.name()));
+            Ok(FilmCamera { config: config.clone(), ready, slot: Arc::default(), beat })
         });
         let names = config.cameras.iter().map(|camera| camera.camera.name().to_owned());
         Ok(Film {
@@ -81,6 +87,7 @@ impl Film {
             colours: Arc::new(ColourRing::new(config.cameras.len())),
             cameras: cameras.collect::<Result<_, _>>()?,
             meter: Arc::new(FilmMeter::new(names)),
+            pulse,
             run: Mutex::default(),
             reins: Mutex::default(),
         })
@@ -96,14 +103,19 @@ impl Film {
         Arc::clone(&self.meter)
     }
 
+    /// Whether the film threads get on.
+    pub fn pulse(&self) -> Pulse {
+        self.pulse.clone()
+    }
+
     fn loops(
         &self,
         start: RunStart,
         gate: &Arc<Gate>,
         clock: &Arc<FilmClock>,
     ) -> Result<Vec<(CaptureLoop, Opened)>, CaptureError> {
-        let context = self.context(start, gate, clock);
         let capture_loop = |(index, camera): (usize, &FilmCamera)| {
+            let context = self.context(start, gate, clock, &camera.beat);
             camera.slot.set(None);
             let capture = CaptureLoop {
                 index,
@@ -116,8 +128,12 @@ impl Film {
                 gate: Arc::clone(gate),
                 slot: Arc::clone(&camera.slot),
                 meter: Arc::clone(&self.meter),
+                beat: Arc::clone(&camera.beat),
             };
-            match lock(&camera.ready).open(&context) {
+            camera.beat.works();
+            let opened = lock(&camera.ready).open(&context);
+            camera.beat.waits();
+            match opened {
                 Err(error) if !(capture.reopens() && error.may_pass()) => Err(error),
                 opened => Ok((capture, opened)),
             }
@@ -126,15 +142,25 @@ impl Film {
     }
 
     /// What the sources of a run are opened with.
-    fn context(&self, start: RunStart, gate: &Arc<Gate>, clock: &Arc<FilmClock>) -> OpenContext {
-        let (gate, clock) = (Arc::clone(gate), Arc::clone(clock));
+    fn context(
+        &self,
+        start: RunStart,
+        gate: &Arc<Gate>,
+        clock: &Arc<FilmClock>,
+        beat: &Arc<Beat>,
+    ) -> OpenContext {
+        let (gate, clock, beat) = (Arc::clone(gate), Arc::clone(clock), Arc::clone(beat));
         let phase = Arc::clone(&lock(&self.reins).phase);
         let live_silence = if start.lock_step { Duration::MAX } else { silence(self.fps) };
         OpenContext {
             fps: self.fps,
             clock: Arc::new(move || clock.now_s()),
             phase: Arc::new(move || *lock(&phase)),
-            stopped: Arc::new(move || gate.is_stopped()),
+            stopped: Arc::new(move || {
+                // Who asks while it waits for a frame is not stuck in it.
+                beat.works();
+                gate.is_stopped()
+            }),
             live_silence,
         }
     }
@@ -234,7 +260,9 @@ impl Run {
 fn film(capture: &CaptureLoop, opened: Opened, camera: &Mutex<ReadyCamera>) {
     let mut camera = lock(camera);
     let run = std::panic::AssertUnwindSafe(|| capture.run(&mut camera, opened));
-    match std::panic::catch_unwind(run).unwrap_or(Err(CaptureError::Panicked)) {
+    let filmed = std::panic::catch_unwind(run).unwrap_or(Err(CaptureError::Panicked));
+    capture.beat.waits();
+    match filmed {
         Ok(()) => capture.ring.end(capture.index),
         Err(error) => {
             tracing::error!("{error}");

@@ -41,6 +41,7 @@ use crate::capture::{BackgroundRequest, Film, Filming};
 use crate::config::{NodeCamera, NodeConfig};
 use crate::frames::{FrameError, FrameRing};
 use crate::pictures::{PictureEncoder, PictureError};
+use crate::pulse::Pulse;
 use crate::shapes::Shapes;
 use hold::{SharedHold, held};
 use incoming::Caller;
@@ -61,6 +62,7 @@ struct Service {
     pictures: Option<PictureEncoder>,
     hold: SharedHold,
     world: WorldMemory,
+    pulse: Pulse,
 }
 
 impl Service {
@@ -69,10 +71,11 @@ impl Service {
         let ring = Arc::new(FrameRing::new(config.cameras.len()).keeping(ring_frames(config.fps)));
         let film = Arc::new(Film::prepare(config, Arc::clone(&ring))?);
         let pictures = PictureEncoder::new(Arc::clone(&ring), film.colours(), config.rig_indices());
-        let worker = Worker::new(Arc::clone(&ring), config.cameras.len());
+        let pulse = film.pulse();
+        let worker = Worker::new(Arc::clone(&ring), config.cameras.len(), pulse.beat("answering questions"));
         let pictures = Some(pictures.map_err(ServeError::Thread)?);
         let meter = film.meter();
-        let service = Service { pictures, ..Service::of(config, film, ring, worker) };
+        let service = Service { pictures, pulse, ..Service::of(config, film, ring, worker) };
         let watch = NodeWatch::of(&service, meter);
         Ok((service, watch))
     }
@@ -88,6 +91,7 @@ impl Service {
             pictures: None,
             hold: SharedHold::default(),
             world: WorldMemory::default(),
+            pulse: Pulse::default(),
         }
     }
 }

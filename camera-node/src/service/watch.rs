@@ -14,6 +14,7 @@ use super::incoming::Access;
 use super::worker::MAX_WAITING;
 use crate::frames::FrameRing;
 use crate::metrics::{AnswerFigures, AnswerMeter, CameraFigures, FilmMeter, TrafficFigures, TrafficMeter};
+use crate::pulse::Pulse;
 
 /// A node as seen from outside its threads. Copies are cheap, and hold none of its work up.
 #[derive(Clone)]
@@ -26,6 +27,7 @@ pub struct NodeWatch {
     pub(super) port: Arc<TrafficMeter>,
     waiting: Arc<AtomicUsize>,
     credentials: Option<Arc<Credentials>>,
+    pulse: Pulse,
 }
 
 impl NodeWatch {
@@ -40,6 +42,7 @@ impl NodeWatch {
             port: Arc::default(),
             waiting,
             credentials: None,
+            pulse: service.pulse.clone(),
         }
     }
 
@@ -49,6 +52,11 @@ impl NodeWatch {
             Access::ThisMachine | Access::Anybody => None,
         };
         NodeWatch { credentials, ..self }
+    }
+
+    /// Whether its film and its answers get on.
+    pub fn pulse(&self) -> &Pulse {
+        &self.pulse
     }
 
     /// Each camera of the node.

@@ -18,6 +18,7 @@ use super::turns::{Client, NoTurn, Turns};
 use crate::cores::{Cores, work_ns};
 use crate::frames::{Frame, FrameError, FrameRing};
 use crate::metrics::AnswerMeter;
+use crate::pulse::Beat;
 
 /// Questions of one connection that wait at most, more than a coordinator asks at once; beyond, the node is busy.
 pub(super) const MAX_WAITING: usize = 64;
@@ -128,12 +129,12 @@ impl Worker {
     }
 
     /// A worker for a node of so many cameras.
-    pub fn new(ring: Arc<FrameRing>, cameras: usize) -> Worker {
+    pub fn new(ring: Arc<FrameRing>, cameras: usize, beat: Arc<Beat>) -> Worker {
         let mut worker = Worker::without_thread(ring, cameras, Cores::of_this_machine());
         let jobs = Arc::new(Turns::new(MAX_WAITING));
         worker.queue = Some(Arc::new(Queue(Arc::clone(&jobs))));
         let (shared, count) = (Arc::clone(&worker.computation), Arc::clone(&worker.waiting));
-        std::thread::spawn(move || run(&shared, &jobs, &count));
+        std::thread::spawn(move || run(&shared, &jobs, &count, &beat));
         worker
     }
 
@@ -180,8 +181,14 @@ impl Worker {
 }
 
 /// Answers queued questions, connections by turns.
-fn run(computation: &Mutex<Computation>, jobs: &Turns<(ProbeJob, ReplySender)>, waiting: &AtomicUsize) {
+fn run(
+    computation: &Mutex<Computation>,
+    jobs: &Turns<(ProbeJob, ReplySender)>,
+    waiting: &AtomicUsize,
+    beat: &Beat,
+) {
     while let Some((job, replies)) = jobs.next() {
+        beat.works();
         let mut computation = computation.lock().unwrap_or_else(PoisonError::into_inner);
         let reply = computation.reply(&job);
         refusal_of(&reply).into_iter().for_each(|reason| computation.answers.refused(reason));
@@ -191,6 +198,7 @@ fn run(computation: &Mutex<Computation>, jobs: &Turns<(ProbeJob, ReplySender)>, 
             tracing::debug!("a reply found no reader");
         }
         waiting.fetch_sub(1, Ordering::Release);
+        beat.waits();
     }
 }
 

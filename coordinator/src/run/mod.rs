@@ -258,7 +258,15 @@ impl Coordinator {
         watcher: &mut dyn Watcher,
         stop: impl Future<Output = ()>,
     ) -> Result<(Figures, World), RunError> {
-        self.await_nodes().await?;
+        tokio::pin!(stop);
+        tokio::select! {
+            biased;
+            () = &mut stop => {
+                self.finish(true);
+                return Ok((self.figures, self.world));
+            }
+            there = self.await_nodes() => there?,
+        }
         self.begin_memory(watcher).await;
         let lock_step = self.settings.lock_step;
         let run = getrandom::u64().map_err(RunError::NoRandom)?;
@@ -266,7 +274,6 @@ impl Coordinator {
         self.transport.start(self.clock.pace).await?;
         self.regroup();
         let began = Instant::now();
-        tokio::pin!(stop);
         let is_stopped = loop {
             let goes_on = tokio::select! {
                 biased;
@@ -276,6 +283,7 @@ impl Coordinator {
             if !goes_on {
                 break false;
             }
+            watcher.turned();
             // A step may not wait at all; let the connections breathe.
             tokio::task::yield_now().await;
         };

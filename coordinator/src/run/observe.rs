@@ -53,6 +53,7 @@ impl Coordinator {
             self.refuse_orders();
             self.publish_world();
             self.report(watcher, None);
+            watcher.turned();
         }
         Ok((self.figures, self.world))
     }

@@ -45,6 +45,8 @@ pub struct GoneOn {
 pub trait Watcher {
     /// Once at the beginning, if the run goes on from a world that its nodes remember.
     fn gone_on(&mut self, _from: &GoneOn) {}
+    /// The loop has gone round once more: a step was made, or waited for as long as it may be.
+    fn turned(&mut self) {}
     /// Four times a second.
     fn progress(&mut self, progress: &Progress);
     /// Whether a picture of the step is wanted; called after every step.

@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
+use camera_node::pulse::Pulse;
 use cli::{Failure, Outcome, write_whole};
 use coordinator::hooks::{Recorder, Schedule};
 use coordinator::metrics::MetricsSender;
@@ -24,6 +25,7 @@ use super::setup::{Setup, TransportName};
 use super::snapshot::Album;
 use super::telemetry;
 use crate::interrupt::interrupted;
+use crate::systemd;
 
 /// What a run needs besides its set-up.
 pub struct RunPlan {
@@ -73,13 +75,16 @@ pub fn play(
     };
     let (served, live) = outlets::serve(setup, page)?.unzip();
     let (metrics, telemetry) = serve_metrics(setup, schedule.is_some())?.unzip();
-    let mut console = Console::new(setup, &observers);
+    let pulse = Pulse::default();
+    let beat = pulse.beat("the run");
+    let mut console = Console::new(setup, &observers, Arc::clone(&beat));
     let placement = match setup.transport {
         TransportName::Auto if !setup.lock_step => Placement::Fastest(observers.clone()),
         TransportName::Gather => Placement::Here(observers.clone()),
         TransportName::Auto | TransportName::Cluster | TransportName::Inprocess => Placement::Nodes,
     };
-    let ended = runtime.block_on(async {
+    let run = async {
+        systemd::ready("waits for its cameras");
         let transport = transport(&world, placement);
         let settings = run_settings(setup, connect_timeout);
         let coordinator = Coordinator::new(transport, world, observers, settings);
@@ -100,13 +105,16 @@ pub fn play(
             Role::Observes => coordinator.observe(&mut console, stop).await,
             Role::Leads | Role::TakesOver => coordinator.run(&mut console, stop).await,
         };
+        beat.waits();
+        systemd::stopping();
         // The last frames are still on their way to the file, over connections that live here.
         let recording = match file {
             Some(file) => Some(tokio::task::spawn_blocking(move || file.finish()).await),
             None => None,
         };
         Ended { run, recording }
-    });
+    };
+    let ended = runtime.block_on(systemd::watched(&pulse, run));
     // Pages hear of the end before figures are written.
     drop(served);
     drop(telemetry);

@@ -20,6 +20,7 @@ use self::part::Part;
 use crate::interrupt::interrupted;
 use crate::run::security::SecurityArguments;
 use crate::run::telemetry::{self, NodeTelemetry, node_label};
+use crate::systemd;
 
 /// Serve cameras of a cluster file: film them, keep their silhouettes, answer probes. Without --camera, those of the
 /// [[node]] with this host's name, or with that of --host.
@@ -78,11 +79,17 @@ pub fn run(arguments: &NodeArguments) -> Outcome {
             node = Node::open(config, address, access) => node.map_err(serve_failure)?,
             () = stopped(arguments.stop_with_stdin) => return Ok(()),
         };
-        telemetry.watch(node.watch());
+        let watch = node.watch();
+        telemetry.watch(watch.clone());
         let address = node.address().map_err(Failure::run)?;
         say_address(&address)?;
         let _announcement = announcement(&file, &part, &address);
-        node.serve(stopped(arguments.stop_with_stdin)).await.map_err(serve_failure)
+        systemd::ready(&format!("serves {} at {address}", part.camera_names(&file).join(", ")));
+        let stop = async {
+            stopped(arguments.stop_with_stdin).await;
+            systemd::stopping();
+        };
+        systemd::watched(watch.pulse(), node.serve(stop)).await.map_err(serve_failure)
     });
     // A clip that is still being read, or a read of standard input, must not hold the process.
     runtime.shutdown_background();

@@ -62,6 +62,11 @@ impl Part<'_> {
         Ok(Part { node: Some(node), name: node.name.as_deref(), cameras: node.cameras.clone() })
     }
 
+    /// The names of its cameras.
+    pub fn camera_names<'a>(&self, file: &'a ClusterFile) -> Vec<&'a str> {
+        self.cameras.iter().map(|&camera| &file.cameras[camera].name[..]).collect()
+    }
+
     /// Whether it must be found by its name.
     pub fn is_sought(&self) -> bool {
         self.name.is_some() && self.node.is_some_and(|node| node.address.is_none())

@@ -58,7 +58,9 @@ impl Telemetry for NodeTelemetry {
 
     fn stuck(&self) -> Option<String> {
         let silence = self.heartbeat.silence();
-        (silence > STUCK).then(|| format!("the node's network has not turned for {} s", silence.as_secs()))
+        let network = (silence > STUCK)
+            .then(|| format!("the node's network has not turned for {} s", silence.as_secs()));
+        network.or_else(|| Some(self.node.get()?.pulse().stuck(STUCK)?.to_string()))
     }
 
     fn lacks(&self) -> Option<String> {
