@@ -71,7 +71,7 @@ const ALLOWED: [(&str, &[&str]); 18] = [
 ];
 
 /// The documents whose names are looked up.
-const DOCUMENTS: [&str; 12] = [
+const DOCUMENTS: [&str; 13] = [
     "ARCHITECTURE.md",
     "README.md",
     "CONTRIBUTING.md",
@@ -83,6 +83,7 @@ const DOCUMENTS: [&str; 12] = [
     "docs/recording.md",
     "docs/wire.md",
     "deploy/README.md",
+    "deploy/containers/README.md",
     "viewer/README.md",
 ];
 
