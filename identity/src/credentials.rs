@@ -72,6 +72,11 @@ impl Credentials {
         UNIX_EPOCH + self.current().not_after
     }
 
+    /// When the certificate ends that the last handshake used: the folder is not read anew.
+    pub fn not_after_in_use(&self) -> SystemTime {
+        UNIX_EPOCH + self.state().loaded.not_after
+    }
+
     /// Makes a server's side of a connection, and says who is on the other.
     pub async fn accept<S: AsyncRead + AsyncWrite + Unpin>(
         self: &Arc<Self>,

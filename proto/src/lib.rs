@@ -21,6 +21,7 @@ mod film;
 mod histogram;
 mod pictures;
 mod simulation;
+mod status;
 pub mod text;
 
 pub use address::{Address, AddressError, MAX_SOCKET_PATH_BYTES};
@@ -36,6 +37,7 @@ pub use film::{
 pub use histogram::Histogram;
 pub use pictures::{CameraPicture, FramePictures, MAX_SCALE_LOG2, Picture, PictureKind, PictureRequest};
 pub use simulation::{apart, simulate};
+pub use status::{CameraStatus, CameraTrouble, HolderStatus, NewestFrame, NodeStatus, TroubleKind};
 
 /// The most points one question may hold: a million body samples are 24 MB once placed in the world,
 /// and half a second of work for a node.

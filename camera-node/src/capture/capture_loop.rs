@@ -85,7 +85,9 @@ impl CaptureLoop {
                 return;
             }
             let ended = || CaptureError::Ended { camera: camera.name().into() };
-            let reason = outcome.map_or_else(|error| error, |()| ended()).to_string();
+            let error = outcome.map_or_else(|error| error, |()| ended());
+            let reason = error.to_string();
+            self.ring.note_trouble(self.index, error.kind(), &reason);
             let Failure { pause, is_new } = retry.failed(&reason);
             self.ring.leave_out(self.index);
             self.meter.failed(self.index);

@@ -19,6 +19,7 @@ pub use film_clock::FilmClock;
 pub use filming::Filming;
 pub use segmenter::CutoutError;
 
+use proto::TroubleKind;
 use thiserror::Error;
 
 use crate::source::SourceError;
@@ -62,6 +63,14 @@ pub enum CaptureError {
 }
 
 impl CaptureError {
+    /// What kind of thing is wrong, for who looks.
+    fn kind(&self) -> TroubleKind {
+        match self {
+            CaptureError::Source { error, .. } => error.kind(),
+            _ => TroubleKind::Source,
+        }
+    }
+
     /// Whether a source that could not be opened may open later by itself.
     fn may_pass(&self) -> bool {
         matches!(self, CaptureError::Source { error, .. } if error.may_pass())

@@ -2,6 +2,7 @@
 //! the node. It is the only thing that film and service share.
 
 mod frame;
+mod health;
 mod ring;
 
 pub use frame::{CameraFrame, Frame, Stamp};

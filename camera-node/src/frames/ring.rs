@@ -4,12 +4,13 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use hull::ViewSet;
-use proto::FilmState;
+use proto::{CameraStatus, FilmState, TroubleKind, monotonic_s};
 use thiserror::Error;
 use tokio::sync::futures::Notified;
 use tokio::sync::{Notify, watch};
 
 use super::frame::{CameraFrame, Frame, Stamp};
+use super::health::CameraHealth;
 
 /// How many frames are kept if nothing else is said.
 pub const RING_FRAMES: usize = 8;
@@ -62,6 +63,8 @@ struct Inner {
     /// Whether frames go on without a camera that does not film.
     goes_on: bool,
     state: FilmState,
+    /// How each camera films.
+    health: Vec<CameraHealth>,
     /// Counts runs: each begins with an empty ring and numbers its frames anew.
     run: u64,
 }
@@ -69,7 +72,8 @@ struct Inner {
 impl Inner {
     fn new(camera_count: usize) -> Inner {
         let (ended, delivered) = (vec![false; camera_count], vec![None; camera_count]);
-        Inner { ended, delivered, awaited_from: vec![Some(0); camera_count], ..Inner::default() }
+        let (awaited_from, health) = (vec![Some(0); camera_count], vec![CameraHealth::default(); camera_count]);
+        Inner { ended, delivered, awaited_from, health, ..Inner::default() }
     }
 
     /// Whether a frame has all cameras that it waits for.
@@ -177,6 +181,7 @@ impl FrameRing {
     pub fn offer(&self, camera: usize, stamp: Stamp, part: CameraFrame) {
         let mut inner = self.lock();
         inner.delivered[camera] = Some(stamp.number);
+        inner.health[camera].note(stamp, &part, monotonic_s());
         inner.note_end();
         if let Some(newest) =
             inner.ring.back().map(|newest| newest.number).filter(|newest| stamp.number <= *newest)
@@ -206,6 +211,17 @@ impl FrameRing {
         }
         drop(inner);
         self.changed();
+    }
+
+    /// How each camera films now, for who looks; `rig_indices` are their places in the rig.
+    pub fn status(&self, rig_indices: &[u16]) -> Vec<CameraStatus> {
+        let (inner, now_s) = (self.lock(), monotonic_s());
+        rig_indices.iter().zip(&inner.health).map(|(place, health)| health.status(*place, now_s)).collect()
+    }
+
+    /// Remembers, for who looks, why a camera's film has failed.
+    pub fn note_trouble(&self, camera: usize, kind: TroubleKind, why: &str) {
+        self.lock().health[camera].fail(kind, why, monotonic_s());
     }
 
     /// A camera films nothing now: frames go on without it, until it delivers again.

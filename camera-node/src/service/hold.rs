@@ -7,7 +7,7 @@ use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use proto::Claim;
+use proto::{Claim, HolderStatus};
 use thiserror::Error;
 use tokio::time::Instant;
 use tonic::Status;
@@ -108,6 +108,17 @@ impl Hold {
     pub fn is_deserted(&self, now: Instant) -> bool {
         self.held.as_ref().is_none_or(|held| {
             !self.streams.contains_key(&held.claim.id) && now - held.heard >= DESERTED_AFTER
+        })
+    }
+
+    /// Who holds it, for who looks.
+    pub fn holder(&self, now: Instant) -> Option<HolderStatus> {
+        let Held { claim, since, heard: _ } = self.held.as_ref()?;
+        Some(HolderStatus {
+            name: claim.name.clone(),
+            term: claim.term,
+            held_s: (now - *since).as_secs_f64(),
+            is_there: self.streams.contains_key(&claim.id),
         })
     }
 

@@ -14,6 +14,7 @@ mod seats;
 mod seldom;
 mod turns;
 mod watch;
+mod status;
 mod worker;
 mod world_memory;
 

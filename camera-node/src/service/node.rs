@@ -19,6 +19,7 @@ use super::incoming::{Access, incoming};
 use super::metered::MeterLayer;
 use super::permission::Permission;
 use super::watch::NodeWatch;
+use super::status::StatusService;
 use super::worker::Worker;
 use crate::capture::{CaptureError, Filming};
 use crate::config::NodeConfig;
@@ -159,6 +160,7 @@ async fn router(service: Service, access: &Access) -> Router<Stack<MeterLayer, I
         tonic_reflection::server::Builder::configure().register_encoded_file_descriptor_set(v1::DESCRIPTORS)
     };
     let describe_error = "the protocol's own description is valid";
+    let status = StatusService::of(&service, access);
     let service = CameraNodeServer::new(service)
         .max_decoding_message_size(MAX_MESSAGE_BYTES)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);
@@ -178,6 +180,7 @@ async fn router(service: Service, access: &Access) -> Router<Stack<MeterLayer, I
         .http2_max_header_list_size(Some(MAX_HEADER_BYTES))
         .max_concurrent_streams(Some(MAX_STREAMS))
         .add_service(InterceptedService::new(health, look.clone()))
+        .add_service(InterceptedService::new(status, look.clone()))
         .add_service(InterceptedService::new(reflection().build_v1().expect(describe_error), look.clone()))
         .add_service(InterceptedService::new(reflection().build_v1alpha().expect(describe_error), look))
         .add_service(InterceptedService::new(service, Permission::to_lead(access)))

@@ -24,7 +24,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use hull::Camera;
-use proto::CameraPace;
+use proto::{CameraPace, TroubleKind};
 use segment::{Format, Layout, SizeError};
 use thiserror::Error;
 
@@ -210,9 +210,26 @@ pub enum SourceError {
         /// The last lines of its standard error, in one line.
         stderr_tail: String,
     },
+    /// A live camera's frames come at another rate, or with times or counts that cannot be.
+    #[error("{error}")]
+    Numbers {
+        /// What the program did.
+        error: Box<SourceError>,
+        /// Which of the two.
+        kind: TroubleKind,
+    },
 }
 
 impl SourceError {
+    /// What kind of thing is wrong, for who looks.
+    pub fn kind(&self) -> TroubleKind {
+        match self {
+            SourceError::Rate { .. } => TroubleKind::Rate,
+            SourceError::Numbers { kind, .. } => *kind,
+            _ => TroubleKind::Source,
+        }
+    }
+
     /// Whether a source that cannot be opened for this reason may open later with nothing changed by hand. A
     /// program that is not there will not come by itself.
     pub fn may_pass(&self) -> bool {

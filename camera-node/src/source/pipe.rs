@@ -11,7 +11,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
 use hull::Camera;
-use proto::CameraPace;
+use proto::{CameraPace, TroubleKind};
 use segment::{Format, Range};
 
 use super::config::{PipeConfig, SourceConfig};
@@ -77,6 +77,8 @@ enum PipeMessage {
 enum PipeFailure {
     Mismatch(SourceError),
     Garbage(String),
+    /// Of a live camera's times, counts or rate.
+    Numbers(TroubleKind, String),
 }
 
 impl PipeSource {
@@ -155,6 +157,10 @@ impl PipeSource {
                 let error = match failure {
                     PipeFailure::Mismatch(error) => error,
                     PipeFailure::Garbage(problem) => self.program.failure(problem, GARBAGE_GRACE),
+                    PipeFailure::Numbers(kind, problem) => {
+                        let error = Box::new(self.program.failure(problem, GARBAGE_GRACE));
+                        SourceError::Numbers { error, kind }
+                    }
                 };
                 self.program.finish(Duration::ZERO);
                 Err(error)
@@ -304,9 +310,9 @@ impl PipeReader {
             .as_mut()
             .map(SidePipe::next)
             .transpose()
-            .map_err(|error| PipeFailure::Garbage(error.to_string()))?;
+            .map_err(|error| PipeFailure::Numbers(TroubleKind::Stamps, error.to_string()))?;
         let numbered = numbers.push(arrival_s, said, (self.phase)());
-        let numbered = numbered.map_err(|error| PipeFailure::Garbage(error.to_string()))?;
+        let numbered = numbered.map_err(|fault| PipeFailure::Numbers(fault.kind(), fault.to_string()))?;
         if let Some(by) = numbered.anchored_anew {
             let camera = &self.camera;
             tracing::warn!("camera {camera:?}: its counter was off by {by} frames, and is anchored anew");

@@ -10,13 +10,13 @@ use crate::{
 };
 
 /// The greatest frame number: film of a million years, and exact as a float.
-const MAX_FRAME: u64 = 1 << 53;
+pub(super) const MAX_FRAME: u64 = 1 << 53;
 /// Times lie within this, seconds: the year 2286.
 pub(super) const MAX_TIME_S: f64 = 1e10;
 /// No camera's segmentation takes longer, milliseconds.
 const MAX_SEGMENT_MS: f64 = 1e7;
 /// No camera films faster, frames per second.
-const MAX_FRAMES_PER_S: f64 = 1e6;
+pub(super) const MAX_FRAMES_PER_S: f64 = 1e6;
 
 /// A number within a range; NaN is in none.
 pub(super) fn within(value: f64, low: f64, high: f64, field: Field) -> Result<f64, ConvertError> {
@@ -46,7 +46,7 @@ fn frame_report_to_wire(report: FrameReport) -> v1::FrameInfo {
             camera;
         let (rig_index, admitted) = (rig_index.into(), admitted.map(pixel_rect_to_wire));
         let stamps = stamps_to_wire(stamps).into();
-        let pace = pace.map(|CameraPace { phase, frames_per_s }| v1::CameraPace { phase, frames_per_s });
+        let pace = pace.map(pace_to_wire);
         v1::CameraFrame { rig_index, admitted, area, silhouette_bytes, segment_ms, late_s, stamps, pace }
     };
     v1::FrameInfo {
@@ -130,7 +130,11 @@ fn camera_report_from_wire(
     Ok(CameraReport { rig_index, admitted, area, silhouette_bytes, segment_ms, late_s, stamps, pace })
 }
 
-fn pace_from_wire(pace: v1::CameraPace) -> Result<CameraPace, ConvertError> {
+pub(super) fn pace_to_wire(CameraPace { phase, frames_per_s }: CameraPace) -> v1::CameraPace {
+    v1::CameraPace { phase, frames_per_s }
+}
+
+pub(super) fn pace_from_wire(pace: v1::CameraPace) -> Result<CameraPace, ConvertError> {
     let field = |name| Field("CameraPace", name);
     Ok(CameraPace {
         phase: within(pace.phase, 0.0, 1.0, field("phase"))?,
@@ -138,7 +142,7 @@ fn pace_from_wire(pace: v1::CameraPace) -> Result<CameraPace, ConvertError> {
     })
 }
 
-fn stamps_to_wire(stamps: Stamps) -> v1::Stamps {
+pub(super) fn stamps_to_wire(stamps: Stamps) -> v1::Stamps {
     match stamps {
         Stamps::Index => v1::Stamps::Index,
         Stamps::Counter => v1::Stamps::Counter,
@@ -147,7 +151,7 @@ fn stamps_to_wire(stamps: Stamps) -> v1::Stamps {
     }
 }
 
-fn stamps_from_wire(stamps: v1::Stamps) -> Stamps {
+pub(super) fn stamps_from_wire(stamps: v1::Stamps) -> Stamps {
     match stamps {
         v1::Stamps::Index => Stamps::Index,
         v1::Stamps::Counter => Stamps::Counter,

@@ -14,6 +14,7 @@ mod pictures;
 mod question;
 mod rounded;
 mod silhouette;
+mod status;
 mod to_wire;
 
 pub use answer::{ExpectedAnswer, ProbeAnswer, answer_from_wire, answer_to_wire};
@@ -30,6 +31,7 @@ pub use pictures::{
 pub use question::{QuestionReader, QuestionWriter, StreamKnows, WrittenQuestion};
 pub use rounded::Precision;
 pub use silhouette::{SilhouetteEncoding, silhouette_data, silhouette_from_data};
+pub use status::{status_from_wire, status_to_wire};
 pub use to_wire::{pixel_rect_to_wire, refusal, settings_to_wire, shape_key, shape_to_wire};
 
 use thiserror::Error;

@@ -7,7 +7,7 @@
 
 use std::collections::VecDeque;
 
-use proto::{CameraPace, Stamps};
+use proto::{CameraPace, Stamps, TroubleKind};
 use thiserror::Error;
 
 /// So far off, periods, a number no longer follows from the one before.
@@ -57,6 +57,16 @@ pub enum NumberFault {
         /// By how much it is off.
         by_s: f64,
     },
+}
+
+impl NumberFault {
+    /// For who looks.
+    pub fn kind(&self) -> TroubleKind {
+        match self {
+            NumberFault::Rate { .. } => TroubleKind::Rate,
+            NumberFault::Backwards { .. } | NumberFault::Jump { .. } => TroubleKind::Stamps,
+        }
+    }
 }
 
 /// Number and capture time of a frame.
