@@ -1,7 +1,11 @@
 //! Compiles the protocol without `protoc`.
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let files = ["proto/hulltouch/v1/node.proto", "proto/hulltouch/v1/status.proto", "proto/hulltouch/v1/world.proto"];
+    let files = [
+        "proto/hulltouch/v1/node.proto",
+        "proto/hulltouch/v1/status.proto",
+        "proto/hulltouch/v1/world.proto",
+    ];
     println!("cargo:rerun-if-changed=proto");
     let descriptors = protox::compile(files, ["proto"])?;
     let out = std::path::PathBuf::from(std::env::var("OUT_DIR")?);

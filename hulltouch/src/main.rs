@@ -16,7 +16,7 @@ use clap::{Parser, Subcommand};
 
 use cli::Outcome;
 
-use crate::command::{certs, coordinator, demo, node, query, ready, record, replay, rig, sync};
+use crate::command::{certs, coordinator, demo, node, query, ready, record, replay, rig, status, sync};
 
 /// Virtual rigid bodies collide with people on film.
 #[derive(Debug, Parser)]
@@ -35,6 +35,7 @@ enum Command {
     Replay(replay::ReplayArguments),
     Rig(rig::RigArguments),
     Certs(certs::CertsArguments),
+    Status(status::StatusArguments),
     Sync(sync::SyncArguments),
     Query(query::QueryArguments),
     Ready(ready::ReadyArguments),
@@ -52,6 +53,7 @@ fn main() -> ExitCode {
         Command::Replay(arguments) => replay::run(&arguments),
         Command::Certs(arguments) => certs::run(&arguments),
         Command::Rig(arguments) => rig::run(&arguments),
+        Command::Status(arguments) => status::run(&arguments),
         Command::Sync(arguments) => sync::run(&arguments),
         Command::Query(arguments) => query::run(&arguments),
         Command::Ready(arguments) => ready::run(&arguments),

@@ -151,7 +151,7 @@ impl Agreement {
     }
 
     /// Is this the node that the cluster file means?
-    pub(crate) fn check(&self, expected: &ExpectedNode, found: &NodeDescription) -> Result<(), Mismatch> {
+    pub fn check(&self, expected: &ExpectedNode, found: &NodeDescription) -> Result<(), Mismatch> {
         if found.settings != self.settings {
             return Err(Mismatch::of_settings(&found.settings, &self.settings));
         }

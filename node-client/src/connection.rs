@@ -30,8 +30,17 @@ pub(crate) async fn connect(
     dial: &Arc<dyn Dial>,
     counters: &Arc<ByteCounters>,
 ) -> Result<CameraNodeClient<Channel>, NodeError> {
+    channel(to, dial, counters).await.map(client)
+}
+
+/// A connection to the node at an address, made now.
+pub(crate) async fn channel(
+    to: &Destination,
+    dial: &Arc<dyn Dial>,
+    counters: &Arc<ByteCounters>,
+) -> Result<Channel, NodeError> {
     let connected = endpoint().connect_with_connector(connector(to, dial, counters)).await;
-    connected.map(client).map_err(|error| NodeError::Unreachable(root_cause(&error)))
+    connected.map_err(|error| NodeError::Unreachable(root_cause(&error)))
 }
 
 /// A client that connects when it is first used, and again whenever its connection breaks.

@@ -21,6 +21,9 @@ pub enum NodeError {
     /// Nobody says where it is.
     #[error("not found by its name (DNS-SD): expected it to run and to announce itself, or an address")]
     NotFound,
+    /// Its version has no [`StatusClient`](crate::StatusClient)'s call.
+    #[error("it does not tell how it is: expected a node of this version of hulltouch")]
+    NoStatus,
     /// At an address that was only found.
     #[error("at {address}: {error}")]
     At {

@@ -10,6 +10,7 @@ mod error;
 mod film_time;
 mod pictures;
 mod place;
+mod status;
 mod world;
 
 pub use agreement::{Agreement, ExpectedNode, Role};
@@ -19,3 +20,4 @@ pub use counting::ByteCounts;
 pub use error::{Mismatch, NodeError};
 pub use pictures::{FETCH_TIMEOUT, NodePictures, PicturesError};
 pub use place::{FindNode, NodePlace, Sought};
+pub use status::{NodeReport, StatusClient};

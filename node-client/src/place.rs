@@ -36,7 +36,7 @@ impl NodePlace {
     }
 
     /// Where to try; none if the node is not found.
-    pub(crate) async fn addresses(&self) -> Vec<Address> {
+    pub async fn addresses(&self) -> Vec<Address> {
         match self {
             NodePlace::At(address) => vec![address.clone()],
             NodePlace::Sought(sought) => {
@@ -48,7 +48,7 @@ impl NodePlace {
     }
 
     /// Whether addresses are only what somebody said.
-    pub(crate) fn is_sought(&self) -> bool {
+    pub fn is_sought(&self) -> bool {
         matches!(self, NodePlace::Sought(_))
     }
 

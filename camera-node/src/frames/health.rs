@@ -89,29 +89,29 @@ impl CameraHealth {
     /// Between the frames of about the last second, as they came.
     fn period_s(&self) -> Option<f64> {
         let last = self.recent.back()?;
-        let counts = |(behind, came): &(usize, &Came)| {
-            last.at_s - came.at_s <= MEASURED_S || *behind <= LEAST_FRAMES
-        };
+        let counts =
+            |(behind, came): &(usize, &Came)| last.at_s - came.at_s <= MEASURED_S || *behind <= LEAST_FRAMES;
         let (behind, first) = self.recent.iter().rev().enumerate().take_while(counts).last()?;
         let took_s = last.at_s - first.at_s;
         (behind > 0 && took_s > 0.0).then(|| took_s / behind as f64)
     }
 
-    /// The standard deviation of capture times from a pace that is steady over all recent frames.
+    /// The standard deviation of capture times from the steady pace that fits all recent frames best.
     fn jitter_s(&self) -> f64 {
-        let (Some(first), Some(last)) = (self.recent.front(), self.recent.back()) else { return 0.0 };
-        let count = last.number.saturating_sub(first.number);
-        if self.recent.len() < 2 * LEAST_FRAMES || count == 0 {
+        let Some(first) = self.recent.front().filter(|_| self.recent.len() >= 2 * LEAST_FRAMES) else {
             return 0.0;
-        }
-        let period_s = (last.capture_time_s - first.capture_time_s) / count as f64;
-        let off_s = |came: &Came| {
-            let periods = came.number.saturating_sub(first.number) as f64;
-            came.capture_time_s - first.capture_time_s - periods * period_s
         };
+        let point = |came: &Came| {
+            let periods = came.number.saturating_sub(first.number) as f64;
+            (periods, came.capture_time_s - first.capture_time_s)
+        };
+        let points = || self.recent.iter().map(point);
         let frames = self.recent.len() as f64;
-        let mean_s = self.recent.iter().map(off_s).sum::<f64>() / frames;
-        let squares = self.recent.iter().map(|came| (off_s(came) - mean_s) * (off_s(came) - mean_s));
+        let mean = points().fold((0.0, 0.0), |sum, at| (sum.0 + at.0 / frames, sum.1 + at.1 / frames));
+        let about = || points().map(|at| (at.0 - mean.0, at.1 - mean.1));
+        let (spread, slope) = about().fold((0.0, 0.0), |sum, at| (sum.0 + at.0 * at.0, sum.1 + at.0 * at.1));
+        let period_s = if spread > 0.0 { slope / spread } else { 0.0 };
+        let squares = about().map(|at| at.1 - at.0 * period_s).map(|off_s| off_s * off_s);
         (squares.sum::<f64>() / frames).sqrt()
     }
 }
@@ -166,7 +166,8 @@ mod tests {
         let silent = health.status(0, 13.1);
         assert_eq!(silent.frames_per_s, 0.0);
         assert!(silent.newest.expect("one").age_s > 1.0);
-        let slower = (60..80).map(|number| (number, 2.0 + (number - 60) as f64 / 10.0, 12.0 + (number - 60) as f64 / 10.0));
+        let slower = (60..80)
+            .map(|number| (number, 2.0 + (number - 60) as f64 / 10.0, 12.0 + (number - 60) as f64 / 10.0));
         let health = filmed(steady(30.0, 60).chain(slower));
         assert!((health.status(0, 13.95).frames_per_s - 10.0).abs() < 1e-6);
         let none = CameraHealth::default().status(0, 5.0);
@@ -175,7 +176,7 @@ mod tests {
 
     #[test]
     fn unsteady_stamps_are_jitter_and_missed_frames_are_not() {
-        let wobble = |number: u64| if number % 2 == 0 { 0.004 } else { -0.004 };
+        let wobble = |number: u64| if number.is_multiple_of(2) { 0.004 } else { -0.004 };
         let unsteady = filmed(steady(20.0, 80).map(|(number, s, at_s)| (number, s + wobble(number), at_s)));
         let jitter_s = unsteady.status(0, 14.0).jitter_s;
         assert!((jitter_s - 0.004).abs() < 2e-4, "{jitter_s}");

@@ -72,7 +72,8 @@ struct Inner {
 impl Inner {
     fn new(camera_count: usize) -> Inner {
         let (ended, delivered) = (vec![false; camera_count], vec![None; camera_count]);
-        let (awaited_from, health) = (vec![Some(0); camera_count], vec![CameraHealth::default(); camera_count]);
+        let (awaited_from, health) =
+            (vec![Some(0); camera_count], vec![CameraHealth::default(); camera_count]);
         Inner { ended, delivered, awaited_from, health, ..Inner::default() }
     }
 

@@ -9,4 +9,5 @@ pub mod ready;
 pub mod record;
 pub mod replay;
 pub mod rig;
+pub mod status;
 pub mod sync;

@@ -89,6 +89,21 @@ impl SecurityArguments {
     pub fn checked(&self, file: &ClusterFile) -> Outcome<Security> {
         let security = Security { takes_certificates: true, insecure: self.insecure, ..Security::default() };
         let credentials = self.credentials(file, Identity::coordinator(&file.name))?;
+        self.sockets_of(file, credentials)
+    }
+
+    /// The sockets of somebody who only looks: with the certificates of viewers, or the coordinator's.
+    pub fn looking(&self, file: &ClusterFile) -> Outcome<Arc<dyn Dial>> {
+        let viewer = self.credentials(file, Identity::viewer(&file.name));
+        let credentials = viewer.or_else(|_| self.credentials(file, Identity::coordinator(&file.name)))?;
+        self.sockets_of(file, credentials)
+    }
+
+    fn sockets_of(
+        &self,
+        file: &ClusterFile,
+        credentials: Option<Arc<Credentials>>,
+    ) -> Outcome<Arc<dyn Dial>> {
         let outside = file.nodes.iter().find(|node| node.address.as_ref().is_none_or(leaves_this_machine));
         match (credentials, outside) {
             (Some(credentials), _) => {
