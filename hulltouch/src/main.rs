@@ -16,7 +16,7 @@ use clap::{Parser, Subcommand};
 
 use cli::Outcome;
 
-use crate::command::{certs, coordinator, demo, node, query, ready, record, replay, rig, status, sync};
+use crate::command::{certs, coordinator, demo, doctor, node, query, ready, record, replay, rig, status, sync};
 
 /// Virtual rigid bodies collide with people on film.
 #[derive(Debug, Parser)]
@@ -35,6 +35,7 @@ enum Command {
     Replay(replay::ReplayArguments),
     Rig(rig::RigArguments),
     Certs(certs::CertsArguments),
+    Doctor(doctor::DoctorArguments),
     Status(status::StatusArguments),
     Sync(sync::SyncArguments),
     Query(query::QueryArguments),
@@ -53,6 +54,7 @@ fn main() -> ExitCode {
         Command::Replay(arguments) => replay::run(&arguments),
         Command::Certs(arguments) => certs::run(&arguments),
         Command::Rig(arguments) => rig::run(&arguments),
+        Command::Doctor(arguments) => doctor::run(&arguments),
         Command::Status(arguments) => status::run(&arguments),
         Command::Sync(arguments) => sync::run(&arguments),
         Command::Query(arguments) => query::run(&arguments),

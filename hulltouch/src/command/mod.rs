@@ -3,6 +3,7 @@
 pub mod certs;
 pub mod coordinator;
 pub mod demo;
+pub mod doctor;
 pub mod node;
 pub mod query;
 pub mod ready;

@@ -1,6 +1,6 @@
 //! Options that say with whom this program talks over a network.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -71,6 +71,11 @@ impl SecurityArguments {
         self.insecure
     }
 
+    /// The folder of this machine's certificates.
+    pub fn folder(&self) -> Option<&Path> {
+        self.certs.as_deref()
+    }
+
     /// The certificates of this owner in the room of a cluster file, if there is a folder of them.
     pub fn credentials(&self, file: &ClusterFile, own: Identity) -> Outcome<Option<Arc<Credentials>>> {
         let Some(folder) = &self.certs else { return Ok(None) };
@@ -139,7 +144,7 @@ impl SecurityArguments {
 }
 
 /// Whether what is sent there may be seen by others.
-fn leaves_this_machine(address: &Address) -> bool {
+pub fn leaves_this_machine(address: &Address) -> bool {
     let Address::Tcp(address) = address else { return false };
     let host = address.rsplit_once(':').map_or(&address[..], |(host, _)| host);
     let host = host.trim_start_matches('[').trim_end_matches(']');

@@ -1,6 +1,6 @@
 //! `hulltouch node`: one camera PC.
 
-mod part;
+pub mod part;
 
 use std::io::Write as _;
 use std::net::SocketAddr;

@@ -103,7 +103,7 @@ fn listen_address(address: &str) -> SocketAddr {
 }
 
 /// Up to its first dot, in lower case.
-fn name_of_this_host() -> String {
+pub fn name_of_this_host() -> String {
     let host = rustix::system::uname();
     let name = host.nodename().to_string_lossy().to_lowercase();
     name.split('.').next().unwrap_or_default().to_owned()

@@ -1,0 +1,176 @@
+//! Small rooms of real nodes, each with something of its own.
+
+use std::fs;
+use std::os::unix::fs::PermissionsExt as _;
+use std::path::{Path, PathBuf};
+use std::process::Output;
+
+use identity::{AUTHORITIES, Authority, CERTIFICATE, Identity, KEY, Validity};
+use serde_json::Value;
+
+use crate::processes::{Node, program};
+
+/// The nodes, each of two cameras.
+pub const NODES: [&str; 2] = ["left", "right"];
+
+/// A camera that films a grey bar before green: its phase, its rate, what it says of each frame (nothing, counts or times,
+/// or times that are set back), and where.
+const CAMERA: &str = r#"use Time::HiRes qw(time sleep); $| = 1; my ($phase, $fps, $says, $side) = @ARGV;
+if ($side) { open(SIDE, '>', $side) or die; select(SIDE); $| = 1; select(STDOUT); }
+print "YUV4MPEG2 W96 H72 C444\n"; my $zero = int(time) + 1 + $phase / 20;
+for (my $n = 0; ; $n++) { my $at = $zero + $n / $fps; my $left = $at - time; sleep $left if $left > 0;
+  print SIDE "$n\n" if $says eq 'counts';
+  printf SIDE "%.3f\n", 1000 * ($at - ($says eq 'back' && $n > 30 ? 5 : 0)) if $says eq 'times' || $says eq 'back';
+  print "FRAME\n", map { chr(128) x 691 . chr($_) x 6221 } (149, 43, 21); }"#;
+
+/// A room and its nodes; what the doctor is told of it besides.
+pub struct Room {
+    pub folder: tempfile::TempDir,
+    /// With the addresses at which the nodes listen.
+    pub cluster: PathBuf,
+    pub nodes: Vec<Node>,
+    pub more: Vec<String>,
+    text: String,
+    is_certified: bool,
+}
+
+/// A room before its nodes run.
+pub struct Plan {
+    pub folder: tempfile::TempDir,
+    /// The cluster file without nodes.
+    pub text: String,
+    pub is_certified: bool,
+}
+
+impl Plan {
+    /// Cameras of the studio, ten frames a second.
+    pub fn of_stage() -> Plan {
+        Plan::of(10, |_| "source = { kind = \"stage\", motion = \"sweep\" }".to_owned())
+    }
+
+    /// Live cameras, twenty frames a second: phase, rate, and what each says; and a device's name that it ignores.
+    pub fn of_live(cameras: [(f64, u32, &str); 4], devices: [&str; 4]) -> Plan {
+        let plan = Plan::of(20, |at| {
+            let (phase, fps, says) = cameras[at];
+            let side = match says {
+                "counts" => "{counts}",
+                "times" | "back" => "{times}",
+                _ => "",
+            };
+            let words = ["perl", "camera.pl", &phase.to_string(), &fps.to_string(), says, side, devices[at]];
+            format!(
+                "source = {{ kind = \"pipe\", live = true, command = {words:?} }}\nsegmentation = {{ method = \"chroma\" }}"
+            )
+        });
+        fs::write(plan.folder.path().join("camera.pl"), CAMERA).expect("written");
+        plan
+    }
+
+    fn of(fps: u32, camera: impl Fn(usize) -> String) -> Plan {
+        let folder = tempfile::tempdir().expect("a folder");
+        let rig = stage::studio_rig(4, (96, 72)).expect("a rig");
+        fs::write(folder.path().join("rig.toml"), rig.to_toml()).expect("written");
+        let mut text = format!("rig = \"rig.toml\"\nscene = \"topple\"\nfps = {fps}\nlatency_s = 0.4\n");
+        for (at, rigged) in rig.cameras().iter().enumerate() {
+            let (name, node) = (rigged.name(), NODES[at / 2]);
+            text += &format!("[[camera]]\nname = {name:?}\nnode = {node:?}\n{}\n", camera(at));
+        }
+        Plan { folder, text, is_certified: true }
+    }
+
+    /// Starts the nodes.
+    pub fn run(self) -> Room {
+        let Plan { folder, text, is_certified } = self;
+        let path = folder.path();
+        if is_certified {
+            let authority = Authority::make("room", Validity::days(30)).expect("an authority");
+            let owners = NODES.map(|name| (name, Identity::node("room", name)));
+            for (name, owner) in owners.into_iter().chain([("coordinator", Identity::coordinator("room"))]) {
+                issue(&path.join(name), &authority, &owner, Validity::days(30));
+            }
+        }
+        let cluster = path.join("room.cluster.toml");
+        let mut room = Room { folder, cluster, nodes: Vec::new(), more: Vec::new(), text, is_certified };
+        room.write(["", ""]);
+        room.nodes = NODES.map(|name| room.start(name)).into();
+        room.set_addresses();
+        room
+    }
+}
+
+impl Room {
+    /// Starts a node by the cluster file as it is now.
+    pub fn start(&self, name: &str) -> Node {
+        let mut command = program();
+        command.current_dir(self.folder.path()).args(["node", "--listen", "127.0.0.1:0", "--host", name]);
+        if self.is_certified {
+            command.args(["--certs", name]);
+        }
+        Node::start_at(command, &self.cluster, &[])
+    }
+
+    /// Writes the addresses of the nodes into the cluster file.
+    pub fn set_addresses(&self) {
+        let [left, right] = [&self.nodes[0], &self.nodes[1]].map(Node::address);
+        self.write([left, right]);
+    }
+
+    /// The cluster file with these addresses.
+    pub fn write(&self, addresses: [&str; 2]) {
+        let mut nodes = String::new();
+        for (name, address) in NODES.iter().zip(addresses) {
+            let address = if address.is_empty() { String::new() } else { format!("address = {address:?}\n") };
+            nodes += &format!("[[node]]\nname = {name:?}\n{address}");
+        }
+        let text = self.text.replacen("[[camera]]", &format!("{nodes}[[camera]]"), 1);
+        fs::write(&self.cluster, text).expect("written");
+    }
+
+    /// What the doctor says.
+    pub fn doctor(&self) -> Output {
+        let mut command = program();
+        command
+            .current_dir(self.folder.path())
+            .arg("doctor")
+            .arg(&self.cluster)
+            .arg("--json")
+            .args(&self.more);
+        if self.is_certified && !self.more.iter().any(|word| word == "--certs") {
+            command.args(["--certs", "coordinator"]);
+        }
+        command.output().expect("ends")
+    }
+
+    /// A file of an empty root that the doctor looks at for devices.
+    pub fn plant(&mut self, files: &[(&str, &str)]) -> PathBuf {
+        let root = self.folder.path().join("root");
+        fs::create_dir_all(&root).expect("made");
+        for (path, text) in files {
+            let path = root.join(path);
+            fs::create_dir_all(path.parent().expect("a folder")).expect("made");
+            fs::write(path, text).expect("written");
+        }
+        self.more.extend(["--root".to_owned(), root.display().to_string()]);
+        root
+    }
+}
+
+/// Writes the certificates of somebody into a folder.
+pub fn issue(folder: &Path, authority: &Authority, owner: &Identity, validity: Validity) {
+    let issued = authority.issue(owner, &[], validity, None).expect("issued");
+    fs::create_dir_all(folder).expect("a folder");
+    fs::write(folder.join(AUTHORITIES), authority.certificate()).expect("written");
+    fs::write(folder.join(CERTIFICATE), &issued.certificate).expect("written");
+    fs::write(folder.join(KEY), &issued.key).expect("written");
+    fs::set_permissions(folder.join(KEY), fs::Permissions::from_mode(0o600)).expect("set");
+}
+
+/// What is wrong: check, level and text of each line that is neither ok nor skipped.
+pub fn wrong(output: &Output) -> Vec<(String, String, String)> {
+    let report: Value = serde_json::from_slice(&output.stdout)
+        .unwrap_or_else(|error| panic!("{error}: {}", String::from_utf8_lossy(&output.stderr)));
+    let line =
+        |line: &Value| ["check", "level", "what"].map(|key| line[key].as_str().expect("text").to_owned());
+    let lines = report["checks"].as_array().expect("checks").iter().map(line);
+    lines.filter(|[_, level, _]| level == "warn" || level == "fail").map(Into::into).collect()
+}
