@@ -11,6 +11,9 @@ use toml::{Table, Value};
 use crate::camera::{Camera, CameraError};
 use crate::text::{MAX_MESSAGE_CHARS, MAX_QUOTED_CHARS, shortened};
 
+/// The most cameras of a rig: their places travel in 16 bits, and no room has a quarter as many.
+pub const MAX_CAMERAS: usize = 1024;
+
 /// The calibrated cameras of one room.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rig {
@@ -43,6 +46,12 @@ pub enum RigError {
         /// What is wrong.
         error: CameraError,
     },
+    /// More cameras than a rig may have.
+    #[error("{found} cameras, expected at most {MAX_CAMERAS}")]
+    TooMany {
+        /// How many.
+        found: usize,
+    },
     /// Two cameras share a name.
     #[error("camera name {0:?} is used twice, expected unique names")]
     Duplicate(String),
@@ -52,10 +61,13 @@ pub enum RigError {
 }
 
 impl Rig {
-    /// A rig of at least one camera with unique names.
+    /// A rig of at least one camera and at most [`MAX_CAMERAS`], with unique names.
     pub fn new(cameras: Vec<Camera>) -> Result<Rig, RigError> {
         if cameras.is_empty() {
             return Err(RigError::Empty);
+        }
+        if cameras.len() > MAX_CAMERAS {
+            return Err(RigError::TooMany { found: cameras.len() });
         }
         let mut names = BTreeSet::new();
         if let Some(twice) = cameras.iter().find(|camera| !names.insert(camera.name())) {
@@ -224,6 +236,21 @@ adjusted = false
         assert_ne!(text, TEXT);
         let error = Rig::from_toml(&text).expect_err("refused").to_string();
         assert_eq!(error, message);
+    }
+
+    #[test]
+    fn a_rig_has_no_more_cameras_than_places() {
+        let camera = |index| {
+            TEXT.split("\n\n")
+                .next()
+                .expect("a camera")
+                .replace("_9", &format!("_{index}"))
+                .replace("zebra", &format!("zebra {index}"))
+        };
+        let rig = |count| Rig::from_toml(&(0..count).map(camera).collect::<String>());
+        assert_eq!(rig(MAX_CAMERAS).expect("the most").cameras().len(), MAX_CAMERAS);
+        let error = rig(MAX_CAMERAS + 1).expect_err("one more").to_string();
+        assert_eq!(error, "1025 cameras, expected at most 1024");
     }
 
     #[test]
