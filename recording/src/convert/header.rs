@@ -1,5 +1,6 @@
 //! All that a run needs besides its film.
 
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 use coordinator::AskEvery;
@@ -11,10 +12,16 @@ use sim::{ResponseMode, Scene, WorldSettings};
 
 use super::ConvertError;
 use super::command::{scene_of_text, scene_text};
+use super::numbers::{UNIX_S, within};
 use crate::messages::Header;
 
 const NAME: &str = "Header";
 const VERSION: u32 = 1;
+
+const FRAMES_PER_S: RangeInclusive<f64> = 0.1..=10_000.0;
+// That of the cluster file; film is held for as long as a run is told to last.
+const LATENCY_S: RangeInclusive<f64> = 0.0..=60.0;
+const HOLD_S: RangeInclusive<f64> = 0.0..=1e9;
 
 /// All that a run needs besides its film.
 #[derive(Clone, Debug, PartialEq)]
@@ -113,17 +120,14 @@ impl RunHeader {
         }
         let rig = Rig::from_toml(&header.rig_toml).map_err(|error| ConvertError::new(NAME, error))?;
         let scene = header.scene.as_ref().ok_or_else(|| ConvertError::missing(NAME, "scene"))?;
-        if !(header.frames_per_s >= 0.1 && header.frames_per_s <= 10_000.0) {
-            return Err(wrong(format!("frames_per_s is {}, expected 0.1 to 10000", header.frames_per_s)));
-        }
         Ok(RunHeader {
             program: header.program.clone(),
-            began_unix_s: header.began_unix_s,
+            began_unix_s: within(NAME, "began_unix_s", header.began_unix_s, UNIX_S)?,
             ignored: ignored(&rig, &header.ignored_runs)?,
             rig,
-            fps: header.frames_per_s,
-            latency_s: header.latency_s,
-            hold_s: header.hold_s,
+            fps: within(NAME, "frames_per_s", header.frames_per_s, FRAMES_PER_S)?,
+            latency_s: within(NAME, "latency_s", header.latency_s, LATENCY_S)?,
+            hold_s: within(NAME, "hold_s", header.hold_s, HOLD_S)?,
             probes: probes(header)?,
             scene: scene_of_text(scene)?,
             world: world(header)?,
@@ -170,7 +174,7 @@ fn world(header: &Header) -> Result<WorldSettings, ConvertError> {
             return Err(ConvertError::new(NAME, problem));
         }
     };
-    Ok(WorldSettings {
+    let settings = WorldSettings {
         dt_s: header.dt_s,
         seed: header.seed,
         response,
@@ -178,7 +182,9 @@ fn world(header: &Header) -> Result<WorldSettings, ConvertError> {
         mirror_restitution: header.mirror_restitution,
         hull_friction: header.hull_friction,
         covering_radius_m: header.covering_radius_m,
-    })
+    };
+    settings.check().map_err(|error| ConvertError::new(NAME, error))?;
+    Ok(settings)
 }
 
 fn ignored(rig: &Rig, masks: &[Vec<u8>]) -> Result<Vec<Option<Silhouette>>, ConvertError> {

@@ -10,7 +10,7 @@ mod world;
 pub(crate) use command::{command_from_message, command_to_message};
 pub(crate) use contacts::{contacts_from_bytes, contacts_to_bytes};
 pub use header::RunHeader;
-pub(crate) use numbers::{finite, vector};
+pub(crate) use numbers::{SEGMENT_MS, UNIX_S, finite, vector, within};
 pub(crate) use world::{bodies, patches, scene, touches};
 
 use thiserror::Error;

@@ -50,9 +50,12 @@ pub enum ReadProblem {
     /// A step at a film time that no run reaches, seconds.
     #[error("a step at {0} s, expected 0 to 1e9 s")]
     FilmTime(f64),
-    /// A step of a frame that no run reaches.
-    #[error("a step of frame {0}, expected at most 2^40")]
+    /// A frame that no run reaches.
+    #[error("frame {0}, expected at most 2^40")]
     FrameNumber(u64),
+    /// More frames than can be looked through.
+    #[error("more frames than a recording can have: {0}, and it goes on")]
+    TooManyFrames(usize),
     /// A step that does not follow the one before it.
     #[error("steps are out of order at {0:.3} s")]
     Order(f64),

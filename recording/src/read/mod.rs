@@ -21,15 +21,20 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use prost::Message;
+use proto::MAX_SCALE_LOG2;
 
 use crate::channels::Channel;
-use crate::convert::RunHeader;
+use crate::convert::{ConvertError, RunHeader, SEGMENT_MS, UNIX_S, within};
 use crate::messages;
 use chunk::{Chunks, Place, Record};
 
 /// Film of longer runs, and frames beyond these, are no run's.
 const FILM_S: std::ops::RangeInclusive<f64> = 0.0..=1e9;
 const MAX_FRAME: u64 = 1 << 40;
+/// What the index of a file may take, in numbers of four bytes, each frame counted with [`FRAME_SIZE`] more: a day of
+/// eight cameras, two hours of 256. A hostile file could name a frame in every few bytes.
+const MAX_INDEX: usize = 1 << 27;
+const FRAME_SIZE: usize = 16;
 
 /// A recording that has been read through once.
 #[derive(Debug)]
@@ -148,8 +153,12 @@ struct Scan {
     steps: u64,
     last: Option<messages::Step>,
     is_complete: bool,
-    /// Topics by number, until the header names the cameras.
+    /// Topics by number.
     topics: HashMap<u16, String>,
+    /// Channels by topic, once the header has named the cameras.
+    by_topic: HashMap<String, Channel>,
+    /// What the index has taken of [`MAX_INDEX`].
+    index_size: usize,
 }
 
 impl Scan {
@@ -159,8 +168,10 @@ impl Scan {
         for found in found {
             match found {
                 Record::Channel(id, topic) => {
+                    if let Some(&channel) = self.by_topic.get(&topic) {
+                        self.index.channels.insert(id, channel);
+                    }
                     self.topics.insert(id, topic);
-                    self.name_channels();
                 }
                 Record::Message(header, data) => {
                     let topic = self.topics.get(&header.channel_id).map(String::as_str);
@@ -168,8 +179,7 @@ impl Scan {
                         Some(&channel) => self.message(chunk, channel, &data)?,
                         None if topic == Some("/header") => {
                             let message = decode::<messages::Header>("Header", &data)?;
-                            self.header = Some(RunHeader::from_message(&message)?);
-                            self.name_channels();
+                            self.name_channels(RunHeader::from_message(&message)?);
                         }
                         None => {}
                     }
@@ -179,15 +189,13 @@ impl Scan {
         Ok(())
     }
 
-    /// Finds the channels of the topics that are known.
-    fn name_channels(&mut self) {
-        let Some(header) = &self.header else { return };
+    /// Finds the channels of the topics that are known; those that follow are found as they come.
+    fn name_channels(&mut self, header: RunHeader) {
         let names = header.names();
-        for channel in Channel::all(names.len()) {
-            let topic = channel.topic(&names);
-            let ids = self.topics.iter().filter(|(_, found)| **found == topic).map(|(&id, _)| id);
-            self.index.channels.extend(ids.map(|id| (id, channel)));
-        }
+        self.by_topic = Channel::all(names.len()).map(|channel| (channel.topic(&names), channel)).collect();
+        let known = |(&id, topic): (&u16, &String)| self.by_topic.get(topic).map(|&channel| (id, channel));
+        self.index.channels.extend(self.topics.iter().filter_map(known));
+        self.header = Some(header);
     }
 
     fn message(&mut self, chunk: u32, channel: Channel, data: &[u8]) -> Result<(), ReadProblem> {
@@ -210,29 +218,68 @@ impl Scan {
                 }
             }
             Channel::Silhouette(camera) => {
-                let messages::Silhouette { frame, cameras, .. } = decode("Silhouette", data)?;
-                note(&mut self.index.frames, frame, camera, chunk);
+                let found = decode("Silhouette", data)?;
+                self.check_silhouette(&found)?;
+                let messages::Silhouette { frame, cameras, .. } = found;
+                self.index_size += note(&mut self.index.frames, frame, camera, chunk);
                 if cameras > 0 {
                     self.index.reduced.insert(frame, cameras as usize);
                 }
             }
             Channel::Colour(camera) => {
-                let frame = decode::<messages::Colour>("Colour", data)?.frame;
-                note(&mut self.index.colours, frame, camera, chunk);
+                let found = decode("Colour", data)?;
+                self.check_colour(&found, camera)?;
+                self.index_size += note(&mut self.index.colours, found.frame, camera, chunk);
             }
             Channel::End => self.is_complete = true,
             _ => {}
+        }
+        if self.index_size > MAX_INDEX {
+            return Err(ReadProblem::TooManyFrames(self.index.frames.len().max(self.index.colours.len())));
+        }
+        Ok(())
+    }
+
+    fn check_silhouette(&self, found: &messages::Silhouette) -> Result<(), ReadProblem> {
+        if found.frame > MAX_FRAME {
+            return Err(ReadProblem::FrameNumber(found.frame));
+        }
+        within("Silhouette", "captured_unix_s", found.captured_unix_s, UNIX_S)?;
+        within("Silhouette", "segment_ms", found.segment_ms, SEGMENT_MS)?;
+        Ok(())
+    }
+
+    fn check_colour(&self, found: &messages::Colour, camera: usize) -> Result<(), ReadProblem> {
+        if found.frame > MAX_FRAME {
+            return Err(ReadProblem::FrameNumber(found.frame));
+        }
+        let camera = self.header.as_ref().and_then(|header| header.rig.cameras().get(camera));
+        let (across, down) = camera.map_or((0, 0), |camera| (camera.width(), camera.height()));
+        let ends_at = (found.left.saturating_add(found.width), found.top.saturating_add(found.height));
+        if ends_at.0 > across || ends_at.1 > down {
+            let problem =
+                format_args!("ends at {} x {}, expected within {across} x {down}", ends_at.0, ends_at.1);
+            return Err(ConvertError::new("Colour", problem).into());
+        }
+        if found.scale_log2 > MAX_SCALE_LOG2.into() {
+            let problem =
+                format_args!("scale_log2 is {}, expected at most {MAX_SCALE_LOG2}", found.scale_log2);
+            return Err(ConvertError::new("Colour", problem).into());
         }
         Ok(())
     }
 }
 
-fn note(frames: &mut BTreeMap<u64, Vec<u32>>, frame: u64, camera: usize, chunk: u32) {
+/// Notes where a frame's part is; how much larger the index has become.
+fn note(frames: &mut BTreeMap<u64, Vec<u32>>, frame: u64, camera: usize, chunk: u32) -> usize {
+    let is_new = !frames.contains_key(&frame);
     let cameras = frames.entry(frame).or_default();
-    if cameras.len() <= camera {
+    let before = cameras.len();
+    if before <= camera {
         cameras.resize(camera + 1, NO_CHUNK);
     }
     cameras[camera] = chunk;
+    cameras.len() - before + if is_new { FRAME_SIZE } else { 0 }
 }
 
 impl Index {

@@ -56,6 +56,25 @@ fn a_header_of_no_moment_has_the_newest_and_one_of_a_strange_moment_is_refused()
     assert!(refused.contains("hull_time is \"later\", expected newest or between"), "{refused}");
 }
 
+#[test]
+fn a_header_with_a_number_that_cannot_be_is_refused() {
+    type Spoil = fn(&mut Header);
+    let cases: [(Spoil, &str); 6] = [
+        (|header| header.began_unix_s = f64::NAN, "began_unix_s is NaN, expected 0 to 10000000000"),
+        (|header| header.frames_per_s = 0.0, "frames_per_s is 0, expected 0.1 to 10000"),
+        (|header| header.latency_s = -1.0, "latency_s is -1, expected 0 to 60"),
+        (|header| header.hold_s = f64::INFINITY, "hold_s is inf, expected 0 to 1000000000"),
+        (|header| header.dt_s = f64::NAN, "dt_s is NaN, expected 0.0001 to 0.1"),
+        (|header| header.covering_radius_m = 0.0, "covering_radius_m is 0, expected 0.005 to 0.5"),
+    ];
+    for (spoil, expected) in cases {
+        let mut message = header(Precision::Exact).to_message();
+        spoil(&mut message);
+        let refused = RunHeader::from_message(&message).expect_err(expected).to_string();
+        assert_eq!(refused, format!("Header: {expected}"));
+    }
+}
+
 /// A bar that moves with the frame.
 fn silhouette(frame: u64, camera: usize) -> Silhouette {
     let mut mask = vec![0; (SIZE.0 * SIZE.1) as usize];

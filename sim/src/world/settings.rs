@@ -47,7 +47,7 @@ impl WorldSettings {
     }
 
     /// Whether the numbers are possible.
-    pub(super) fn check(&self) -> Result<(), WorldError> {
+    pub fn check(&self) -> Result<(), WorldError> {
         for (key, found, allowed) in [
             ("dt_s", self.dt_s, 1e-4..=0.1),
             ("mirror_restitution", self.mirror_restitution, RESTITUTION),
