@@ -17,6 +17,10 @@ pub const FRICTION: RangeInclusive<f64> = 0.0..=10.0;
 pub const RESTITUTION: RangeInclusive<f64> = 0.0..=1.0;
 const DEFAULT_FRICTION: f64 = 0.6;
 const DEFAULT_RESTITUTION: f64 = 0.1;
+/// No name in a file or a request is longer, bytes: a body's OSC messages fit into one datagram.
+pub(crate) const MAX_NAME_BYTES: usize = 100;
+/// Of several bodies of one name each has a number behind it: `_999`.
+pub(crate) const MAX_NUMBERED_BYTES: usize = MAX_NAME_BYTES + 4;
 /// No position, height or spacing is farther from the origin, metres: `f32` keeps a tenth of a
 /// millimetre there.
 pub(crate) const MAX_POSITION_M: f64 = 1000.0;
@@ -54,8 +58,10 @@ fn floor(file: &FloorFile) -> Result<Option<Floor>, ValueError> {
 }
 
 fn group(file: BodyFile) -> Result<Group, ValueError> {
-    if file.name.is_empty() || file.name.chars().any(char::is_control) {
-        return Err(wrong("bodies.name", format_args!("{:?}", file.name), "a printable name"));
+    let is_printable = !file.name.is_empty() && !file.name.chars().any(char::is_control);
+    if !is_printable || file.name.len() > MAX_NAME_BYTES {
+        let expected = format_args!("1 to {MAX_NAME_BYTES} bytes of printable characters");
+        return Err(wrong("bodies.name", format_args!("{:?}", file.name), expected));
     }
     let key = |key: &str| key_of(&file.name, key);
     let count = file.count.unwrap_or(1);

@@ -17,6 +17,9 @@ const CLEARANCE_M: f64 = 0.01;
 const DRAWS_PER_HEIGHT: usize = 8;
 /// How much higher it then starts, metres.
 const HEIGHT_STEP_M: f64 = 0.03;
+/// After so many heights, 30 m, it stands above all others instead: a pile of large bodies would be looked for for
+/// hours.
+const MAX_HEIGHTS: usize = 1000;
 
 /// Bodies that name no colour take these in turn, sRGB.
 pub(super) const PALETTE: [[f32; 3]; 6] = [
@@ -55,7 +58,7 @@ struct Placer {
 
 impl Placer {
     fn group(&mut self, group: &Group) {
-        let mut stack_height_m = 0.0;
+        let (mut stack_height_m, mut is_full) = (0.0, false);
         for (index, name) in group.names().enumerate() {
             let mut seeded = Seeded::new(self.seed, &name);
             let (origin, turn) = match group.place {
@@ -77,7 +80,13 @@ impl Placer {
                     };
                     let low_m = spacing_m * index as f64 + self.reaches(&group.solid, &turn).0;
                     let foot = Vector3::from(foot_m) + self.up * low_m;
-                    (self.free_place(foot, radius_m, group.solid.radius_m(), &mut seeded), turn)
+                    let body_radius_m = group.solid.radius_m();
+                    // A column that had no place for one has none for the next.
+                    let place =
+                        (!is_full).then(|| self.free_place(foot, radius_m, body_radius_m, &mut seeded));
+                    let place = place.flatten();
+                    is_full = place.is_none();
+                    (place.unwrap_or_else(|| self.above_all(foot, body_radius_m)), turn)
                 }
             };
             self.push(group, name, origin, &turn);
@@ -125,30 +134,44 @@ impl Placer {
         (solid.reach_m(-up_body), solid.reach_m(up_body))
     }
 
-    /// A place over the disc, at the foot's height or as little above as bodies leave room.
+    /// A place over the foot, higher than every body.
+    fn above_all(&self, foot: Vector3<f64>, body_radius_m: f64) -> Vector3<f64> {
+        let top_m = |(centre, radius_m): &(Vector3<f64>, f64)| {
+            (centre - foot).dot(&self.up) + radius_m + body_radius_m + CLEARANCE_M
+        };
+        foot + self.up * self.occupied.iter().map(top_m).fold(0.0, f64::max)
+    }
+
+    /// A place over the disc, at the foot's height or as little above as bodies leave room; `None` if that is far above.
     fn free_place(
         &self,
         foot: Vector3<f64>,
         disc_radius_m: f64,
         body_radius_m: f64,
         seeded: &mut Seeded,
-    ) -> Vector3<f64> {
+    ) -> Option<Vector3<f64>> {
         let [a, b] = rotation::level_axes(self.up);
-        let mut height_m = 0.0;
-        loop {
+        let (mut height_m, mut in_way) = (0.0, 0);
+        for _ in 0..MAX_HEIGHTS {
             for _ in 0..DRAWS_PER_HEIGHT {
                 let (sine, cosine) = libm::sincos(core::f64::consts::TAU * seeded.unit());
                 let distance_m = disc_radius_m * seeded.unit().sqrt();
                 let place = foot + (a * cosine + b * sine) * distance_m + self.up * height_m;
-                let free = self.occupied.iter().all(|(centre, radius_m)| {
-                    (centre - place).norm() >= radius_m + body_radius_m + CLEARANCE_M
-                });
-                if free {
-                    return place;
+                let is_in_way = |(centre, radius_m): &(Vector3<f64>, f64)| {
+                    (centre - place).norm() < radius_m + body_radius_m + CLEARANCE_M
+                };
+                // What was in the way is the likeliest to be it again.
+                if self.occupied.get(in_way).is_some_and(is_in_way) {
+                    continue;
+                }
+                match self.occupied.iter().position(is_in_way) {
+                    Some(found) => in_way = found,
+                    None => return Some(place),
                 }
             }
             height_m += HEIGHT_STEP_M;
         }
+        None
     }
 }
 
@@ -158,6 +181,20 @@ mod tests {
 
     fn bodies_of(text: &str, seed: u64) -> Vec<BodySpec> {
         Scene::from_toml("test", text).expect("a scene").bodies(seed)
+    }
+
+    #[test]
+    fn a_pile_of_many_large_bodies_is_placed_at_once() {
+        let text = "[[bodies]]
+            name = 'house'
+            shape.box.size = [5.0, 5.0, 5.0]
+            count = 1000
+            place.pile = { foot = [0.0, 0.0, 0.0], radius = 0.0 }";
+        let bodies = bodies_of(text, 1);
+        for (index, body) in bodies.iter().enumerate() {
+            let above = |other: &BodySpec| body.pose.position_m()[1] - other.pose.position_m()[1];
+            assert!(bodies[..index].last().is_none_or(|other| above(other) >= 2.0 * body.solid.radius_m()));
+        }
     }
 
     const STACK: &str = "

@@ -36,7 +36,7 @@ mod file;
 mod request;
 
 pub use check::{FRICTION, RESTITUTION};
-pub(crate) use check::{MAX_GRAVITY_M_S2, MAX_POSITION_M, all_within, within, wrong};
+pub(crate) use check::{MAX_GRAVITY_M_S2, MAX_NUMBERED_BYTES, MAX_POSITION_M, all_within, within, wrong};
 pub(crate) use request::check_speed;
 pub use request::{BodyRequest, MAX_SPEED_M_S, ShapeRequest};
 

@@ -1,6 +1,6 @@
 //! One body as a program asks for it, while the world runs.
 
-use super::check::{self, MAX_POSITION_M};
+use super::check::{self, MAX_NAME_BYTES, MAX_POSITION_M};
 use super::expand::PALETTE;
 pub use super::file::ShapeFile as ShapeRequest;
 use super::{BodySpec, ValueError};
@@ -54,8 +54,9 @@ impl BodyRequest {
     /// The body, if all its numbers can be: the same checks as a scene's bodies get.
     pub fn check(self) -> Result<BodySpec, ValueError> {
         let name = self.name.unwrap_or_default();
-        if name.chars().any(char::is_control) || name.len() > 100 {
-            return Err(check::wrong("name", format!("{name:?}"), "at most 100 printable characters"));
+        if name.chars().any(char::is_control) || name.len() > MAX_NAME_BYTES {
+            let expected = format_args!("at most {MAX_NAME_BYTES} bytes of printable characters");
+            return Err(check::wrong("name", format_args!("{name:?}"), expected));
         }
         check::all_within("position", &self.position, -MAX_POSITION_M..=MAX_POSITION_M)?;
         let velocity_m_s = self.velocity.unwrap_or_default();

@@ -3,7 +3,9 @@
 
 use super::commands::MAX_KEPT_SAMPLES;
 use super::{Body, BodyId, CommandError, Parameters, World, WorldError};
-use crate::scene::{BodySpec, MAX_BODIES, MAX_GRAVITY_M_S2, Scene, ValueError, all_within, within, wrong};
+use crate::scene::{
+    BodySpec, MAX_BODIES, MAX_GRAVITY_M_S2, MAX_NUMBERED_BYTES, Scene, ValueError, all_within, within, wrong,
+};
 use crate::scene::{FRICTION, RESTITUTION};
 use std::collections::BTreeSet;
 
@@ -112,8 +114,10 @@ fn check_parameters(parameters: &Parameters) -> Result<(), ValueError> {
 
 fn check_body(body: &BodySnapshot) -> Result<(), ValueError> {
     let BodySnapshot { id: _, spec, spin_rad_s } = body;
-    if spec.name.is_empty() || spec.name.chars().any(char::is_control) {
-        return Err(wrong("bodies.name", format_args!("{:?}", spec.name), "a printable name"));
+    let is_printable = !spec.name.is_empty() && !spec.name.chars().any(char::is_control);
+    if !is_printable || spec.name.len() > MAX_NUMBERED_BYTES {
+        let expected = format_args!("1 to {MAX_NUMBERED_BYTES} bytes of printable characters");
+        return Err(wrong("bodies.name", format_args!("{:?}", spec.name), expected));
     }
     let key = |key: &str| format!("body `{}`, {key}", spec.name);
     all_within(&key("position"), &spec.pose.position_m(), -MAX_FALLEN_M..=MAX_FALLEN_M)?;
