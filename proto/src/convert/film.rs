@@ -70,7 +70,12 @@ pub fn film_event_from_wire(
         info;
     if ended {
         let why = clean(&failure, MAX_MESSAGE_CHARS);
-        return Ok(if failure.is_empty() { FilmEvent::Ended } else { FilmEvent::Failed(why) });
+        return Ok(match (failure.is_empty(), why.is_empty()) {
+            (true, _) => FilmEvent::Ended,
+            // It failed, even if nothing printable is left of its reason.
+            (false, true) => FilmEvent::Failed("it gave no reason".into()),
+            (false, false) => FilmEvent::Failed(why),
+        });
     }
     let field = |name| Field("FrameInfo", name);
     for (name, number) in [("frame", frame), ("skipped", skipped)] {
@@ -208,6 +213,13 @@ mod tests {
             cameras: vec![camera(2, Some(rect), 61 * 44), camera(5, None, 0)],
             skipped: 1,
         }
+    }
+
+    #[test]
+    fn a_failure_without_a_printable_reason_is_no_end() {
+        let wire = film_event_to_wire(FilmEvent::Failed("\u{0}".into()), None);
+        let expected = FilmEvent::Failed("it gave no reason".into());
+        assert_eq!(film_event_from_wire(wire, &cameras()), Ok(expected));
     }
 
     #[test]
