@@ -1,10 +1,11 @@
 //! Numbered image files: colour frames, or masks that are silhouettes already.
 
-use std::fs;
+use std::fs::{self, File};
+use std::io::{BufRead, BufReader, Seek};
 use std::path::{Path, PathBuf};
 
 use hull::Camera;
-use image::{DynamicImage, ImageDecoder, ImageReader};
+use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
 use segment::Layout;
 
 use super::config::FileConfig;
@@ -73,11 +74,22 @@ impl Source for FileFrames {
 
 /// Reads one image file that must have the camera's size; colours become RGB.
 fn load(path: &Path, kind: ImageKind, fit: &Fit, image: &mut Image) -> Result<(), SourceError> {
-    let decoder = ImageReader::open(path)
-        .and_then(ImageReader::with_guessed_format)
-        .map_err(|error| SourceError::file(path, error))?
-        .into_decoder()
-        .map_err(|error| SourceError::file(path, error))?;
+    let file = File::open(path).map_err(|error| SourceError::file(path, error))?;
+    decode(BufReader::new(file), path, kind, fit, image)
+}
+
+/// The same of a file's bytes; `path` is its name in messages.
+pub(super) fn decode(
+    bytes: impl BufRead + Seek,
+    path: &Path,
+    kind: ImageKind,
+    fit: &Fit,
+    image: &mut Image,
+) -> Result<(), SourceError> {
+    let mut reader =
+        ImageReader::new(bytes).with_guessed_format().map_err(|error| SourceError::file(path, error))?;
+    reader.limits(limits(fit.size()));
+    let decoder = reader.into_decoder().map_err(|error| SourceError::file(path, error))?;
     // Checked before anything of that size is decoded.
     fit.check(&path.display().to_string(), decoder.dimensions())?;
     let decoded = DynamicImage::from_decoder(decoder).map_err(|error| SourceError::file(path, error))?;
@@ -87,6 +99,15 @@ fn load(path: &Path, kind: ImageKind, fit: &Fit, image: &mut Image) -> Result<()
         ImageKind::Mask => (ImageKind::Mask, decoded.into_luma8().into_raw()),
     };
     Ok(())
+}
+
+/// What decoding an image of this size may take: a colour profile may unpack to a thousand times its bytes.
+pub fn limits((width, height): (u32, u32)) -> Limits {
+    const BYTES_A_PIXEL: u64 = 16;
+    const BYTES_BESIDE: u64 = 4 << 20;
+    let mut limits = Limits::no_limits();
+    limits.max_alloc = Some(BYTES_A_PIXEL * u64::from(width) * u64::from(height) + BYTES_BESIDE);
+    limits
 }
 
 /// Files and their numbers, ascending.
@@ -167,6 +188,8 @@ impl<'a> Pattern<'a> {
 
 #[cfg(test)]
 mod tests {
+    use std::io::Cursor;
+
     use super::super::tests::{camera, context, numbers};
     use super::*;
 
@@ -226,6 +249,19 @@ mod tests {
         ] {
             assert_eq!(plain_number(name), expected, "{name}");
         }
+    }
+
+    #[test]
+    fn a_colour_profile_takes_no_more_than_an_image_may() {
+        let bomb = include_bytes!("../../../fuzz/regressions/image/profile-of-32-MiB");
+        let profile_bytes = |limits: Limits| {
+            let mut reader = ImageReader::new(Cursor::new(&bomb[..])).with_guessed_format().expect("a PNG");
+            reader.limits(limits);
+            let profile = reader.into_decoder().and_then(|mut decoder| decoder.icc_profile());
+            profile.ok().flatten().map(|profile| profile.len())
+        };
+        assert_eq!(profile_bytes(Limits::default()), Some(32 << 20));
+        assert_eq!(profile_bytes(limits((16, 12))), None);
     }
 
     #[test]

@@ -50,6 +50,11 @@ impl Fit {
         Fit { camera: camera.name().to_owned(), size: (camera.width(), camera.height()) }
     }
 
+    /// The camera's width and height, pixels.
+    pub fn size(&self) -> (u32, u32) {
+        self.size
+    }
+
     /// Refuses another size, naming both.
     pub fn check(&self, source_name: &str, found: (u32, u32)) -> Result<(), SourceError> {
         if found == self.size {

@@ -31,6 +31,8 @@ use thiserror::Error;
 pub use config::{FileConfig, PipeConfig, SourceConfig, StageConfig};
 pub use raw::RawLayout;
 
+pub use files::limits as image_limits;
+
 use files::FileFrames;
 use film::FileFilm;
 use pipe::PipeSource;

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use camera_node::source::image_limits;
 use hull::{Camera, Rig, Silhouette};
 use image::{ColorType, DynamicImage, ImageDecoder, ImageReader};
 
@@ -41,11 +42,11 @@ pub fn paths_of_film(folder: &Path, rig: &Rig) -> Outcome<Vec<BTreeMap<u64, Path
 /// Reads one silhouette: an 8-bit PNG of the camera's size; over 127 is foreground.
 pub fn read(path: &Path, camera: &Camera) -> Outcome<Silhouette> {
     let refused = |problem: String| Failure::unreadable(path, problem);
-    let decoder = ImageReader::open(path)
+    let mut reader = ImageReader::open(path)
         .and_then(ImageReader::with_guessed_format)
-        .map_err(|error| refused(error.to_string()))?
-        .into_decoder()
         .map_err(|error| refused(error.to_string()))?;
+    reader.limits(image_limits((camera.width(), camera.height())));
+    let decoder = reader.into_decoder().map_err(|error| refused(error.to_string()))?;
     // Checked before anything of that size is decoded.
     let (found, expected) = (decoder.dimensions(), (camera.width(), camera.height()));
     if found != expected {
