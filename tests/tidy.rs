@@ -84,6 +84,7 @@ const DOCUMENTS: [&str; 13] = [
     "docs/wire.md",
     "deploy/README.md",
     "deploy/containers/README.md",
+    "fuzz/README.md",
     "viewer/README.md",
 ];
 
@@ -332,6 +333,38 @@ fn what_documents_name_is_there() {
             .extend(paths.chain(names).chain(items).chain(map).map(|missing| format!("{name}: {missing}")));
     }
     none(missing, "a document names what is not there");
+}
+
+#[test]
+fn every_fuzz_target_has_a_corpus_and_a_test() {
+    let folders = |kind: &str| -> BTreeSet<String> {
+        let entries = std::fs::read_dir(root().join("fuzz").join(kind)).into_iter().flatten().flatten();
+        entries.map(|entry| entry.file_name().to_string_lossy().into_owned()).collect()
+    };
+    let manifest = manifest("fuzz");
+    let bins = manifest["bin"].as_array().expect("a list").iter();
+    let bins: BTreeSet<&str> = bins.map(|bin| bin["name"].as_str().expect("a name")).collect();
+    let mut targets = BTreeSet::new();
+    let mut offences = Vec::new();
+    for file in files("fuzz/fuzz_targets", ".rs") {
+        let name = file.path.rsplit('/').next().unwrap_or_default().trim_end_matches(".rs").to_owned();
+        let library = file.text.split_once("&[u8]| ").and_then(|(_, call)| call.split_once("::fuzz::"));
+        let (library, function) = library.unwrap_or_default();
+        if function != format!("{name}(bytes));\n") {
+            offences.push(format!("{}: it calls no function {name} of a module fuzz", file.path));
+        }
+        // Tests of a library's own module run the corpus through the same function.
+        let tests = files(&format!("{}/src", library.replace('_', "-")), "/fuzz/tests.rs");
+        let run = format!("corpora::run(\"{name}\",");
+        if !tests.iter().any(|file| file.text.split_whitespace().collect::<String>().contains(&run)) {
+            offences.push(format!("{library}: no test runs the corpus of {name}"));
+        }
+        targets.insert(name);
+    }
+    assert_eq!(targets.iter().map(|name| &name[..]).collect::<BTreeSet<_>>(), bins, "fuzz/Cargo.toml");
+    assert_eq!(folders("corpus"), targets, "a corpus a target, and no other");
+    let stray = folders("regressions").into_iter().filter(|name| !targets.contains(name));
+    none(offences.into_iter().chain(stray), "a fuzz target is not whole");
 }
 
 #[test]

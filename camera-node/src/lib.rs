@@ -8,6 +8,7 @@ pub mod capture;
 mod config;
 mod cores;
 pub mod frames;
+pub mod fuzz;
 pub mod listen;
 pub mod metrics;
 pub mod pictures;

@@ -4,6 +4,7 @@
 mod cluster_file;
 mod dns_sd;
 mod expand;
+pub mod fuzz;
 mod in_process;
 mod local_cluster;
 mod node_config;

@@ -6,6 +6,7 @@
 
 mod ask_policy;
 mod figures;
+pub mod fuzz;
 pub mod hooks;
 pub mod live;
 mod memory;

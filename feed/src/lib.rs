@@ -7,6 +7,7 @@
 
 mod commands;
 mod fields;
+pub mod fuzz;
 mod http;
 pub mod message;
 mod message_cache;

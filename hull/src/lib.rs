@@ -15,6 +15,7 @@ pub mod contact;
 pub mod coordinates;
 pub mod cull;
 pub mod faces;
+pub mod fuzz;
 pub mod lens;
 pub mod merge;
 pub mod oracle;

@@ -28,6 +28,7 @@ pub use address::{Address, AddressError, MAX_SOCKET_PATH_BYTES};
 pub use checkpoint::{CheckpointError, MAX_CHECKPOINT_BYTES, open_checkpoint, seal_checkpoint};
 pub use claim::Claim;
 pub use clock::{ClockLine, monotonic_s};
+pub use convert::fuzz;
 pub use cut::Cut;
 pub use description::{CameraDescription, NodeDescription};
 pub use film::{

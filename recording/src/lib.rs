@@ -7,6 +7,7 @@
 mod channels;
 mod convert;
 mod fetch;
+pub mod fuzz;
 mod messages;
 mod queue;
 mod read;

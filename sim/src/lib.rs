@@ -8,6 +8,7 @@
 //! solver computes in `f32`; poses that leave are those numbers widened to `f64`. One scene, one seed
 //! and one series of responses give the same poses, bit for bit, on every machine.
 
+pub mod fuzz;
 pub mod response;
 mod rotation;
 pub mod samples;

@@ -9,6 +9,7 @@
 mod config;
 mod files;
 mod film;
+pub(crate) mod fuzz;
 mod mailbox;
 mod number;
 mod pipe;

@@ -25,11 +25,19 @@ impl ClusterFile {
         &self,
         late_s: impl Fn(&str) -> f64,
     ) -> Result<(String, Vec<LatencyChange>), ClusterFileError> {
+        let text = std::fs::read_to_string(&self.path).map_err(|error| self.refused(error.to_string()))?;
+        self.with_latencies(&text, late_s)
+    }
+
+    /// The same of the file's text.
+    pub(crate) fn with_latencies(
+        &self,
+        text: &str,
+        late_s: impl Fn(&str) -> f64,
+    ) -> Result<(String, Vec<LatencyChange>), ClusterFileError> {
         let changes = self.latency_changes(late_s)?;
-        let refused = |problem: String| ClusterFileError::Read { path: self.path.clone(), problem };
-        let text = std::fs::read_to_string(&self.path).map_err(|error| refused(error.to_string()))?;
         let mut document: DocumentMut =
-            text.parse().map_err(|error: toml_edit::TomlError| refused(error.message().to_owned()))?;
+            text.parse().map_err(|error: toml_edit::TomlError| self.refused(error.message().to_owned()))?;
         let mut cameras = document.get_mut("camera").map(tables).unwrap_or_default();
         for change in changes.iter().filter(|change| change.from_s != change.to_s) {
             let camera = cameras.iter_mut().find(|camera| is_called(&***camera, &change.camera));
@@ -40,6 +48,10 @@ impl ClusterFile {
             set(source, change.to_s);
         }
         Ok((document.to_string(), changes))
+    }
+
+    fn refused(&self, problem: String) -> ClusterFileError {
+        ClusterFileError::Read { path: self.path.clone(), problem }
     }
 
     fn latency_changes(&self, late_s: impl Fn(&str) -> f64) -> Result<Vec<LatencyChange>, ClusterFileError> {

@@ -251,8 +251,18 @@ impl ClusterFile {
         };
         let absolute = std::path::absolute(path).map_err(refused)?;
         let text = fs::read_to_string(path).map_err(refused)?;
-        let file: File = toml::from_str(&text).map_err(|error| text_error(path, &text, &error))?;
-        check::Checker { path, absolute: &absolute, variables }.cluster(&file)
+        ClusterFile::from_text(path, &absolute, &text, variables)
+    }
+
+    /// The same of a file's text; `path` is its name in messages.
+    pub(crate) fn from_text(
+        path: &Path,
+        absolute: &Path,
+        text: &str,
+        variables: Variables<'_>,
+    ) -> Result<ClusterFile, ClusterFileError> {
+        let file: File = toml::from_str(text).map_err(|error| text_error(path, text, &error))?;
+        check::Checker { path, absolute, variables }.cluster(&file)
     }
 
     /// The same with the variables of this process's environment.

@@ -1,7 +1,7 @@
 //! The page's socket: what a page gets, and when.
 
 mod frames;
-mod incoming;
+pub(crate) mod incoming;
 mod link;
 mod outbox;
 mod socket;

@@ -1,9 +1,9 @@
 //! Interfaces for programs: the world as JSON, over gRPC and as Open Sound Control.
 
-mod osc;
+pub(crate) mod osc;
 mod state_socket;
 mod ticks;
-mod world_service;
+pub(crate) mod world_service;
 
 pub use osc::{Osc, OscError};
 pub(crate) use state_socket::routes as json_routes;

@@ -16,7 +16,7 @@ use thiserror::Error;
 /// Ticks a second.
 const RATE_HZ: f64 = 60.0;
 /// No bundle is larger, bytes: many receivers read into 8 KiB.
-const MAX_BUNDLE_BYTES: usize = 8000;
+pub(crate) const MAX_BUNDLE_BYTES: usize = 8000;
 /// Bundles that could not be sent are logged this often.
 const LOG_EVERY: Duration = Duration::from_secs(10);
 /// "At once": bundles are for now, and clocks of machines differ.

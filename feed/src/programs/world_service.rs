@@ -4,6 +4,7 @@ use std::pin::Pin;
 use std::sync::Arc;
 
 use coordinator::live::{BodyLook, BodyState, Command, Outcome, Parameters, SceneState, WorldState};
+use prost::Message;
 use proto::text::{MAX_MESSAGE_CHARS, clean};
 use proto::v1;
 use proto::v1::world_server::{World, WorldServer};
@@ -151,38 +152,19 @@ impl World for Service {
     }
 
     async fn push(&self, request: Request<v1::PushRequest>) -> Result<Response<v1::Done>, Status> {
-        self.apply(request, |v1::PushRequest { body, impulse, at }| {
-            let impulse_n_s = needed("impulse", impulse)?;
-            Ok(Command::Push { body, impulse_n_s, at_m: at.map(numbers) })
-        })
-        .await
+        self.apply(request, push).await
     }
 
     async fn grab(&self, request: Request<v1::GrabRequest>) -> Result<Response<v1::Done>, Status> {
-        self.apply(request, |v1::GrabRequest { body, grip, target }| {
-            let grip_body_m = grip.map(numbers).unwrap_or_default();
-            Ok(Command::Grab { body, grip_body_m, target_m: needed("target", target)? })
-        })
-        .await
+        self.apply(request, grab).await
     }
 
     async fn release(&self, request: Request<v1::ReleaseRequest>) -> Result<Response<v1::Done>, Status> {
-        self.apply(request, |v1::ReleaseRequest { body, velocity }| {
-            Ok(Command::Release { body, velocity_m_s: velocity.map(numbers) })
-        })
-        .await
+        self.apply(request, release).await
     }
 
     async fn set_parameters(&self, request: Request<v1::Parameters>) -> Result<Response<v1::Done>, Status> {
-        self.apply(request, |v1::Parameters { answers_hull, hull_restitution, hull_friction, gravity }| {
-            let gravity_m_s2 = gravity.map(numbers);
-            let set = Parameters { answers_hull, hull_restitution, hull_friction, gravity_m_s2 };
-            if set == Parameters::default() {
-                return Err(InputError::NothingToSet);
-            }
-            Ok(Command::Set(set))
-        })
-        .await
+        self.apply(request, set).await
     }
 
     async fn pause(&self, request: Request<v1::PauseRequest>) -> Result<Response<v1::Done>, Status> {
@@ -236,6 +218,47 @@ fn missing(field: &str, expected: &str) -> InputError {
 
 fn needed(field: &str, found: Option<v1::Vector>) -> Result<[f64; 3], InputError> {
     found.map(numbers).ok_or_else(|| missing(field, "a vector"))
+}
+
+/// The command of a call that takes numbers, by its place among these; `None` if the message is none of that call.
+pub(crate) fn command_of_call(call: u8, message: &[u8]) -> Option<Result<Command, InputError>> {
+    fn read<M: Message + Default>(
+        message: &[u8],
+        command: impl FnOnce(M) -> Result<Command, InputError>,
+    ) -> Option<Result<Command, InputError>> {
+        M::decode(message).ok().map(command)
+    }
+    match call % 5 {
+        0 => read(message, spawn),
+        1 => read(message, push),
+        2 => read(message, grab),
+        3 => read(message, release),
+        _ => read(message, set),
+    }
+}
+
+fn push(v1::PushRequest { body, impulse, at }: v1::PushRequest) -> Result<Command, InputError> {
+    let impulse_n_s = needed("impulse", impulse)?;
+    Ok(Command::Push { body, impulse_n_s, at_m: at.map(numbers) })
+}
+
+fn grab(v1::GrabRequest { body, grip, target }: v1::GrabRequest) -> Result<Command, InputError> {
+    let grip_body_m = grip.map(numbers).unwrap_or_default();
+    Ok(Command::Grab { body, grip_body_m, target_m: needed("target", target)? })
+}
+
+fn release(v1::ReleaseRequest { body, velocity }: v1::ReleaseRequest) -> Result<Command, InputError> {
+    Ok(Command::Release { body, velocity_m_s: velocity.map(numbers) })
+}
+
+fn set(parameters: v1::Parameters) -> Result<Command, InputError> {
+    let v1::Parameters { answers_hull, hull_restitution, hull_friction, gravity } = parameters;
+    let gravity_m_s2 = gravity.map(numbers);
+    let set = Parameters { answers_hull, hull_restitution, hull_friction, gravity_m_s2 };
+    if set == Parameters::default() {
+        return Err(InputError::NothingToSet);
+    }
+    Ok(Command::Set(set))
 }
 
 /// A body to spawn, with the checks of a scene's bodies.
@@ -349,8 +372,35 @@ fn body_state(body: &BodyState) -> v1::BodyState {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
+
+    /// One of each call that [`command_of_call`] reads.
+    pub fn calls() -> Vec<Vec<u8>> {
+        let at = vector([0.0, 1.5, 0.25]);
+        let spawn = |solid: &Solid| v1::SpawnRequest {
+            name: "can".into(),
+            shape: Some(shape(solid)),
+            position: at,
+            mass: Some(2.0),
+            color: Some(v1::Color { red: 1.0, green: 0.5, blue: 0.0 }),
+            ..v1::SpawnRequest::default()
+        };
+        let gravity = vector([0.0; 3]);
+        let messages = [
+            (0, spawn(&Solid::Box { size_m: [0.1, 0.2, 0.3] }).encode_to_vec()),
+            (0, spawn(&Solid::Cone { radius_m: 0.1, height_m: 0.2 }).encode_to_vec()),
+            (1, v1::PushRequest { body: 0, impulse: at, at }.encode_to_vec()),
+            (2, v1::GrabRequest { body: 0, grip: None, target: at }.encode_to_vec()),
+            (3, v1::ReleaseRequest { body: 0, velocity: at }.encode_to_vec()),
+            (
+                4,
+                v1::Parameters { gravity, hull_friction: Some(0.5), ..v1::Parameters::default() }
+                    .encode_to_vec(),
+            ),
+        ];
+        messages.into_iter().map(|(call, message)| [&[call][..], &message].concat()).collect()
+    }
 
     #[test]
     fn shapes_go_out_as_they_come_in() {

@@ -9,6 +9,7 @@ mod clock;
 mod description;
 mod film;
 mod from_wire;
+pub mod fuzz;
 mod packed;
 mod pictures;
 mod question;

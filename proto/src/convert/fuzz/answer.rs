@@ -1,0 +1,30 @@
+//! Answers of nodes.
+
+use hull::question::QuestionKind;
+use prost::Message;
+
+use super::super::{ExpectedAnswer, Precision, ProbeAnswer, answer_from_wire, answer_to_wire};
+use crate::v1;
+
+/// A reply, after what was asked (a byte) and of how many points (two bytes): one that is accepted is of that kind and has an
+/// answer a point, and written anew it is the same.
+pub fn answer(bytes: &[u8]) {
+    let Some((&[kind, a, b], message)) = bytes.split_first_chunk() else { return };
+    let Ok(reply) = v1::ProbeReply::decode(message) else { return };
+    let kind = [
+        QuestionKind::Classes,
+        QuestionKind::Edges,
+        QuestionKind::Planes,
+        QuestionKind::Exits,
+        QuestionKind::SharedExits,
+    ][usize::from(kind % 5)];
+    let points = usize::from(u16::from_le_bytes([a, b]));
+    let cameras = vec![(0, (64, 48)), (1, (64, 48)), (7, (16_384, 16_384))];
+    let expected = ExpectedAnswer { kind, points, cameras };
+    let Ok((ProbeAnswer::Answer(answer), compute_ms)) = answer_from_wire(reply, &expected) else { return };
+    assert_eq!(answer.len(), points, "an answer a point");
+    assert!(answer.kind.answers(kind));
+    let reply = answer_to_wire(0, &answer, expected.cameras.len(), Precision::Exact, compute_ms);
+    let again = answer_from_wire(reply, &expected);
+    assert_eq!(again, Ok((ProbeAnswer::Answer(answer), compute_ms)), "what was written anew");
+}
