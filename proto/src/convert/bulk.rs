@@ -36,11 +36,12 @@ pub(super) fn pack_f64(numbers: impl IntoIterator<Item = f64>) -> Bytes {
 }
 
 /// Numbers of `N` bytes each.
+#[inline]
 pub(super) fn unpack<const N: usize, T>(
     bytes: &[u8],
     count: usize,
     field: Field,
-    read: fn([u8; N]) -> T,
+    read: impl Fn([u8; N]) -> T,
 ) -> Result<Vec<T>, ConvertError> {
     field.check_length(bytes.len(), count.saturating_mul(N))?;
     Ok(bytes.as_chunks::<N>().0.iter().map(|&chunk| read(chunk)).collect())
@@ -54,10 +55,13 @@ pub(super) fn unpack_f32x3(bytes: &[u8], field: Field) -> Result<Vec<[f32; 3]>, 
         [number(0), number(4), number(8)]
     };
     let triples: Vec<[f32; 3]> = bytes.as_chunks::<12>().0.iter().map(triple).collect();
-    match triples.iter().flatten().find(|number| !number.is_finite()) {
-        Some(number) => Err(field.value(format!("holds {number}, expected finite numbers"))),
-        None => Ok(triples),
+    // All at once, without branches; which one it is matters only if there is one.
+    let are_finite = triples.as_flattened().iter().fold(true, |all, number| all & number.is_finite());
+    if are_finite {
+        return Ok(triples);
     }
+    let wrong = triples.as_flattened().iter().find(|number| !number.is_finite()).copied();
+    Err(field.value(format!("holds {}, expected finite numbers", wrong.unwrap_or_default())))
 }
 
 /// Finite `f64` triples.

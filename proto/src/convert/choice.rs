@@ -1,6 +1,8 @@
 //! Some of `n` things: a bit a thing, or the lengths of runs, whichever is shorter; and LZ4 where that is
 //! shorter still. The first byte says which.
 
+use std::ops::Range;
+
 use bytes::Bytes;
 
 use super::ConvertError;
@@ -85,12 +87,12 @@ impl ChoiceWriter {
     }
 }
 
-/// Calls `take` with every thing taken of `count`, ascending. `count` must be trusted.
+/// Calls `take` with every run of things taken of `count`, ascending. `count` must be trusted.
 pub(super) fn read_choice(
     bytes: &[u8],
     count: usize,
     field: Field,
-    mut take: impl FnMut(usize),
+    take: impl FnMut(Range<usize>),
 ) -> Result<(), ConvertError> {
     let (&tag, rest) = bytes.split_first().ok_or_else(|| field.value("is empty, expected a choice"))?;
     let length = count.div_ceil(8);
@@ -105,15 +107,31 @@ pub(super) fn read_choice(
         return read_runs(plain, count, field, take);
     }
     field.check_length(plain.len(), length)?;
-    for (at, &byte) in plain.iter().enumerate() {
-        let mut byte = byte;
-        while byte != 0 {
-            let index = at * 8 + byte.trailing_zeros() as usize;
-            if index >= count {
-                return Err(field.value(format!("takes thing {index} of {count}")));
+    read_bits(plain, count, field, take)
+}
+
+/// The runs of ones, those that go on in the next 64 bits in two.
+fn read_bits(
+    plain: &[u8],
+    count: usize,
+    field: Field,
+    mut take: impl FnMut(Range<usize>),
+) -> Result<(), ConvertError> {
+    for (at, chunk) in plain.chunks(8).enumerate() {
+        let mut eight = [0; 8];
+        eight[..chunk.len()].copy_from_slice(chunk);
+        let (mut bits, mut from) = (u64::from_le_bytes(eight), at * 64);
+        while bits != 0 {
+            let gap = bits.trailing_zeros();
+            let length = (bits >> gap).trailing_ones();
+            let run = from + gap as usize..from + (gap + length) as usize;
+            if run.end > count {
+                return Err(field.value(format!("takes thing {} of {count}", run.start.max(count))));
             }
-            take(index);
-            byte &= byte - 1;
+            from = run.end;
+            take(run);
+            // Both together shift by 64 at most.
+            bits = (bits >> gap).checked_shr(length).unwrap_or(0);
         }
     }
     Ok(())
@@ -123,7 +141,7 @@ fn read_runs(
     plain: &[u8],
     count: usize,
     field: Field,
-    mut take: impl FnMut(usize),
+    mut take: impl FnMut(Range<usize>),
 ) -> Result<(), ConvertError> {
     let mut rest = plain;
     let mut at = 0;
@@ -134,7 +152,7 @@ fn read_runs(
             return Err(field.value(format!("takes {length} things from {from} of {count}")));
         }
         at = from + length;
-        (from..at).for_each(&mut take);
+        take(from..at);
     }
     Ok(())
 }
@@ -148,7 +166,19 @@ pub(super) fn push_number(bytes: &mut Vec<u8>, mut number: usize) {
 }
 
 /// A number of at most 32 bits.
+#[inline]
 pub(super) fn take_number(rest: &mut &[u8], field: Field) -> Result<usize, ConvertError> {
+    match rest.split_first() {
+        // Most are short.
+        Some((&byte, left)) if byte < 0x80 => {
+            *rest = left;
+            Ok(usize::from(byte))
+        }
+        _ => take_long_number(rest, field),
+    }
+}
+
+fn take_long_number(rest: &mut &[u8], field: Field) -> Result<usize, ConvertError> {
     let mut number = 0u64;
     for shift in [0, 7, 14, 21, 28] {
         let (&byte, left) = rest.split_first().ok_or_else(|| field.value("ends within a number"))?;
@@ -182,7 +212,7 @@ mod tests {
         let bytes = writer.finish(taken.len());
         assert_eq!(choice(taken, |&taken| taken), bytes, "both ways to write it");
         let mut back = vec![false; taken.len()];
-        read_choice(&bytes, taken.len(), FIELD, |index| back[index] = true).expect("valid");
+        read_choice(&bytes, taken.len(), FIELD, |run| back[run].fill(true)).expect("valid");
         (bytes.len(), back)
     }
 
@@ -205,7 +235,7 @@ mod tests {
         ) {
             let bytes: Vec<u8> = std::iter::once(tag).chain(bytes).collect();
             let mut taken = Vec::new();
-            let read = read_choice(&bytes, count, FIELD, |index| taken.push(index));
+            let read = read_choice(&bytes, count, FIELD, |run| taken.extend(run));
             prop_assert!(taken.is_sorted_by(|a, b| a < b));
             prop_assert!(taken.iter().all(|&index| index < count));
             drop(read);

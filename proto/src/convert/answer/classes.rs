@@ -35,7 +35,7 @@ pub(super) fn classes_from_wire(
     let mut standings = vec![Standing::OUTSIDE; count];
     if inside_counts.is_empty() {
         let all = Standing::inside(*cameras as usize);
-        read_choice(not_outside, count, field("not_outside"), |index| standings[index] = all)?;
+        read_choice(not_outside, count, field("not_outside"), |run| standings[run].fill(all))?;
     } else {
         let set = chosen(not_outside, count, field("not_outside"))?;
         let counts = unpack_exactly(inside_counts, set.len(), field("inside_counts"))?;

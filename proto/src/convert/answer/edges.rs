@@ -137,15 +137,13 @@ pub(super) fn edges_from_wire(
         let places = set.iter().map(|&index| index as usize);
         places.zip(codes).for_each(|(index, code)| exits_within[index] = Reach::from_code(code));
     }
+    let parts = EdgeParts { distances, normals, cameras, pixels, moved };
+    let unchecked = if parts.fit(expected) { set.len() } else { 0 };
     for (at, index) in set.into_iter().enumerate() {
-        let edge = Edge {
-            distance_m: distances[at],
-            camera: cameras[if cameras.len() == 1 { 0 } else { at }],
-            pixel: pixels[at],
-            normal_world: normals[at],
-            moved_m: Some(moved[at]).filter(|&moved_m| moved_m != f32::INFINITY),
-        };
-        expected.check_edge(&edge, field)?;
+        let edge = parts.edge(at);
+        if at >= unchecked {
+            expected.check_edge(&edge, field)?;
+        }
         edges[index as usize] = Some(edge);
     }
     let is_of_planes = expected.kind == QuestionKind::Planes;
@@ -153,18 +151,85 @@ pub(super) fn edges_from_wire(
     Ok(Answer { kind, edges, exits_within, ..Answer::default() })
 }
 
+/// The numbers of edges, each kind in an array.
+struct EdgeParts {
+    distances: Vec<f32>,
+    normals: Vec<[f32; 3]>,
+    /// One for each, or one for all.
+    cameras: Vec<u16>,
+    pixels: Vec<Pixel>,
+    moved: Vec<f32>,
+}
+
+impl EdgeParts {
+    #[inline]
+    fn edge(&self, at: usize) -> Edge {
+        Edge {
+            distance_m: self.distances[at],
+            camera: self.camera(at),
+            pixel: self.pixels[at],
+            normal_world: self.normals[at],
+            moved_m: Some(self.moved[at]).filter(|&moved_m| moved_m != f32::INFINITY),
+        }
+    }
+
+    /// Whether all is in order, array by array. False says nothing: each edge is to be looked at.
+    fn fit(&self, expected: &ExpectedAnswer) -> bool {
+        let EdgeParts { distances, normals, cameras: _, pixels: _, moved } = self;
+        let least_m = if expected.kind == QuestionKind::Planes { f32::MIN } else { 0.0 };
+        let is_way = |m: f32| (m.abs() <= MAX_MOVED_M) | (m == f32::INFINITY);
+        // Without branches.
+        distances.iter().fold(true, |all, &m| all & (m >= least_m) & (m <= f32::MAX))
+            && moved.iter().fold(true, |all, &m| all & is_way(m))
+            && normals.iter().fold(true, |all, normal| all & is_unit(normal))
+            && self.pixels_fit(expected)
+    }
+
+    fn pixels_fit(&self, expected: &ExpectedAnswer) -> bool {
+        let mut known: Option<(u16, (u32, u32))> = None;
+        self.pixels.iter().enumerate().all(|(at, pixel)| {
+            let camera = self.camera(at);
+            if known.is_none_or(|(place, _)| place != camera) {
+                known = expected.size_of(camera).map(|size| (camera, size));
+            }
+            known.is_some_and(|(_, size)| is_near(*pixel, size))
+        })
+    }
+
+    #[inline]
+    fn camera(&self, at: usize) -> u16 {
+        self.cameras[if self.cameras.len() == 1 { 0 } else { at }]
+    }
+}
+
+/// On the image or right beside it: under "outside" the nearest background may be the first pixel off it.
+#[inline]
+fn is_near(pixel: Pixel, (width, height): (u32, u32)) -> bool {
+    let is_near = |at: i32, side: u32| (-1..=i64::from(side)).contains(&i64::from(at));
+    is_near(pixel.column, width) && is_near(pixel.row, height)
+}
+
+/// Of length one, as exactly as unit vectors travel.
+#[inline]
+fn is_unit([x, y, z]: &[f32; 3]) -> bool {
+    let length = (x * x + y * y + z * z).sqrt();
+    (length >= 1.0 - UNIT_TOLERANCE) & (length <= 1.0 + UNIT_TOLERANCE)
+}
+
 impl ExpectedAnswer {
+    /// Width and height of one of the node's cameras, pixels.
+    fn size_of(&self, camera: u16) -> Option<(u32, u32)> {
+        self.cameras.iter().find(|(place, _)| *place == camera).map(|(_, size)| *size)
+    }
+
     /// Refuses edges of cameras that the node has not, or beside their images. Those whose pixel was not sent
     /// pass.
     fn check_edge(&self, edge: &Edge, field: impl Fn(&'static str) -> Field) -> Result<(), ConvertError> {
         let Edge { camera, pixel, distance_m, normal_world, moved_m } = *edge;
-        let size = self.cameras.iter().find(|(place, _)| *place == camera).map(|(_, size)| *size);
-        let (width, height) = size.ok_or_else(|| {
+        let (width, height) = self.size_of(camera).ok_or_else(|| {
             field("cameras").value(format!("holds camera {camera}, not one of the node's own"))
         })?;
-        // Under "outside" the nearest background may be the first pixel off the image.
-        let is_near = |at: i32, side: u32| (-1..=i64::from(side)).contains(&i64::from(at));
-        if !is_near(pixel.column, width) || !is_near(pixel.row, height) {
+        if !is_near(pixel, (width, height)) {
             let Pixel { column, row } = pixel;
             return Err(field("pixels")
                 .value(format!("holds pixel ({column}, {row}) of camera {camera}, {width} x {height}")));
@@ -178,8 +243,8 @@ impl ExpectedAnswer {
             return Err(field("moved")
                 .value(format!("holds a way of {moved_m} a frame, expected at most {MAX_MOVED_M} metres")));
         }
-        let length = normal_world.iter().map(|n| n * n).sum::<f32>().sqrt();
-        if !(1.0 - UNIT_TOLERANCE..=1.0 + UNIT_TOLERANCE).contains(&length) {
+        if !is_unit(&normal_world) {
+            let length = normal_world.iter().map(|n| n * n).sum::<f32>().sqrt();
             return Err(field("normals").value(format!("holds a normal of length {length}, expected 1")));
         }
         Ok(())

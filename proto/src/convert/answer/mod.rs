@@ -97,7 +97,7 @@ pub fn answer_from_wire(
 }
 fn chosen(bytes: &[u8], count: usize, field: Field) -> Result<Vec<u32>, ConvertError> {
     let mut indices = Vec::new();
-    read_choice(bytes, count, field, |index| indices.push(index as u32))?;
+    read_choice(bytes, count, field, |run| indices.extend(run.start as u32..run.end as u32))?;
     Ok(indices)
 }
 

@@ -160,7 +160,9 @@ impl List {
     fn keep(&mut self, bytes: &[u8]) -> Result<(), ConvertError> {
         self.kept.clear();
         let kept = &mut self.kept;
-        read_choice(bytes, self.point_count, Field("Points", "kept"), |index| kept.push(index as u32))
+        read_choice(bytes, self.point_count, Field("Points", "kept"), |run| {
+            kept.extend(run.map(|index| index as u32));
+        })
     }
 
     fn pick(&mut self, bytes: &[u8]) -> Result<(), ConvertError> {
@@ -169,8 +171,8 @@ impl List {
         picked.clear();
         // The body that the choice has come to, and the points before it and before its end.
         let (mut body, mut start, mut end) = (0, 0, bodies.first().map_or(0, Points::len));
-        read_choice(bytes, kept.len(), Field("Points", "picked"), |place| {
-            let index = kept[place] as usize;
+        let mut pick = |index: u32| {
+            let index = index as usize;
             while index >= end {
                 body += 1;
                 (start, end) = (end, end + bodies[body].len());
@@ -181,6 +183,9 @@ impl List {
                 _ => asked.push((body, Some(at..at + 1))),
             }
             picked.push((index - start) as u32);
+        };
+        read_choice(bytes, kept.len(), Field("Points", "picked"), |run| {
+            kept[run].iter().for_each(|&index| pick(index));
         })
     }
 
