@@ -40,6 +40,12 @@ mod tests {
         assert_eq!(inside_count(inside(1).and(inside(2)), TWO), Some(3));
         assert_eq!(inside_count(inside(1).and(inside(0)), TWO), None);
         assert_eq!(inside_count(inside(5).and(Standing::OUTSIDE), TWO), None);
+        for cameras in [65, 128, 254, 255, 256, 1000] {
+            let one_by_one = (0..cameras).fold(inside(0), |all, _| all.and(inside(1)));
+            assert_eq!(inside_count(one_by_one, TWO), Some(cameras));
+            assert_eq!(one_by_one, inside(cameras));
+            assert_eq!(inside_count(one_by_one.and(Standing::OUTSIDE), TWO), None);
+        }
     }
 
     #[test]

@@ -234,15 +234,17 @@ impl Question {
 
 /// What a group of cameras says of a point: how many say inside, or that one says outside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Standing(u8);
+pub struct Standing(u16);
 
 impl Standing {
     /// Some camera says outside.
-    pub const OUTSIDE: Standing = Standing(u8::MAX);
+    pub const OUTSIDE: Standing = Standing(u16::MAX);
+    /// More cameras than a rig can have: their places are 16 bits.
+    const MOST: u16 = u16::MAX - 1;
 
     /// No camera says outside and `count` say inside.
     pub fn inside(count: usize) -> Standing {
-        Standing(count.min(254) as u8)
+        Standing(count.min(usize::from(Standing::MOST)) as u16)
     }
 
     /// How many cameras say inside; `None` if one says outside.
@@ -255,7 +257,7 @@ impl Standing {
     pub fn and(self, other: Standing) -> Standing {
         // Without branches: many are merged at once.
         let is_outside = (self == Standing::OUTSIDE) | (other == Standing::OUTSIDE);
-        let count = self.0.saturating_add(other.0).min(254);
+        let count = self.0.saturating_add(other.0).min(Standing::MOST);
         if is_outside { Standing::OUTSIDE } else { Standing(count) }
     }
 }
@@ -278,6 +280,10 @@ pub struct Edge {
 impl Edge {
     /// True if it is the nearer of two; ties go to the lower camera.
     pub fn is_nearer(&self, other: &Edge) -> bool {
+        // Almost never equal, and never not a number.
+        if self.distance_m < other.distance_m || self.distance_m > other.distance_m {
+            return self.distance_m < other.distance_m;
+        }
         self.distance_m.total_cmp(&other.distance_m).then(self.camera.cmp(&other.camera)).is_lt()
     }
 }

@@ -9,10 +9,15 @@ use super::super::packed::{pack, unpack_exactly};
 use super::{ExpectedAnswer, chosen};
 use crate::v1;
 
+/// Of so many cameras a node says in one byte how many see a point, of more in two.
+const ONE_BYTE: usize = 255;
+
 pub(super) fn classes_to_wire(standings: &[Standing], camera_count: usize) -> v1::ClassesAnswer {
     let counts = standings.iter().filter_map(|standing| standing.inside_count());
     let all = counts.clone().all(|count| count == camera_count);
-    let counts: Vec<u8> = if all { Vec::new() } else { counts.map(|count| count as u8).collect() };
+    let width = width_of(camera_count);
+    let bytes = |count: usize| (count as u16).to_le_bytes().into_iter().take(width);
+    let counts: Vec<u8> = if all { Vec::new() } else { counts.flat_map(bytes).collect() };
     v1::ClassesAnswer {
         count: standings.len() as u32,
         not_outside: choice(standings, |&standing| standing != Standing::OUTSIDE),
@@ -35,18 +40,29 @@ pub(super) fn classes_from_wire(
     let mut standings = vec![Standing::OUTSIDE; count];
     if inside_counts.is_empty() {
         let all = Standing::inside(*cameras as usize);
-        read_choice(not_outside, count, field("not_outside"), |run| standings[run].fill(all))?;
+        read_choice(not_outside, count, field("not_outside"), |run| {
+            // Most runs are short.
+            run.for_each(|index| standings[index] = all);
+        })?;
     } else {
         let set = chosen(not_outside, count, field("not_outside"))?;
-        let counts = unpack_exactly(inside_counts, set.len(), field("inside_counts"))?;
-        if let Some(count) = counts.iter().find(|count| usize::from(**count) > most) {
+        let width = width_of(most);
+        let bytes = unpack_exactly(inside_counts, set.len() * width, field("inside_counts"))?;
+        let count = |bytes: &[u8]| bytes.iter().rev().fold(0, |count, &byte| count << 8 | usize::from(byte));
+        let counts: Vec<usize> = bytes.chunks_exact(width).map(count).collect();
+        if let Some(count) = counts.iter().find(|count| **count > most) {
             return Err(field("inside_counts").value(format!("holds {count}, expected at most {most}")));
         }
         for (index, count) in set.into_iter().zip(counts) {
-            standings[index as usize] = Standing::inside(usize::from(count));
+            standings[index as usize] = Standing::inside(count);
         }
     }
     Ok(Answer { kind: QuestionKind::Classes, standings, ..Answer::default() })
+}
+
+/// Bytes of a count.
+fn width_of(camera_count: usize) -> usize {
+    if camera_count <= ONE_BYTE { 1 } else { 2 }
 }
 
 #[cfg(test)]
@@ -65,6 +81,23 @@ mod tests {
         ] {
             let answer = Answer { standings, ..of(QuestionKind::Classes) };
             assert_eq!(there_and_back(&answer, Precision::Exact), answer);
+        }
+    }
+
+    #[test]
+    fn many_cameras_are_counted_to_the_last() {
+        for cameras in [65, 128, 255, 256, 1024] {
+            let inside = [Some(cameras), None, Some(cameras - 1), Some(1), Some(0)];
+            let standings: Vec<Standing> =
+                inside.map(|count| count.map_or(Standing::OUTSIDE, Standing::inside)).to_vec();
+            let expected = ExpectedAnswer {
+                kind: QuestionKind::Classes,
+                points: standings.len(),
+                cameras: (0..cameras as u16).map(|place| (place, (160, 120))).collect(),
+            };
+            let wire = classes_to_wire(&standings, cameras);
+            let answer = classes_from_wire(&wire, &expected).expect("valid");
+            assert_eq!(answer.standings, standings, "{cameras} cameras");
         }
     }
 
