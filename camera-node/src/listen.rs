@@ -8,6 +8,7 @@ use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
+use identity::UnixSocket;
 use proto::{Address, AddressError};
 use thiserror::Error;
 use tokio::net::{TcpListener, TcpStream, UnixListener};
@@ -99,7 +100,7 @@ impl Listener {
                 socket.set_nodelay(true)?;
                 Ok(Accepted::Tcp(socket, from.ip().to_canonical()))
             }
-            Listener::Unix(listener, _) => Ok(Accepted::Unix(listener.accept().await?.0)),
+            Listener::Unix(listener, _) => UnixSocket::new(listener.accept().await?.0).map(Accepted::Unix),
         }
     }
 
@@ -115,7 +116,7 @@ impl Listener {
 /// A connection of which nothing is known.
 pub(crate) enum Accepted {
     Tcp(TcpStream, IpAddr),
-    Unix(tokio::net::UnixStream),
+    Unix(UnixSocket),
 }
 
 impl Accepted {

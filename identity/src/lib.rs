@@ -11,6 +11,7 @@ mod name;
 mod socket;
 #[cfg(test)]
 mod tests;
+mod unix_socket;
 
 pub use authority::{Authority, AuthorityError, Issued, Validity};
 pub use credentials::Credentials;
@@ -18,3 +19,4 @@ pub use error::{CertificateError, HandshakeError};
 pub use folder::{AUTHORITIES, CERTIFICATE, KEY};
 pub use name::{Identity, Peer, Role};
 pub use socket::{ClientSocket, ServerSocket};
+pub use unix_socket::UnixSocket;

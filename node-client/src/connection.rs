@@ -7,7 +7,7 @@ use std::time::{Duration, SystemTime};
 
 use futures::future::BoxFuture;
 use hyper_util::rt::TokioIo;
-use identity::{Credentials, Identity};
+use identity::{Credentials, Identity, UnixSocket};
 use proto::v1::camera_node_client::CameraNodeClient;
 use proto::{Address, MAX_FRAME_BYTES, MAX_MESSAGE_BYTES};
 use thiserror::Error;
@@ -145,7 +145,7 @@ impl Dial for Sockets {
                     let encrypted = credentials.connect(socket, &meant).await;
                     Box::new(encrypted.map_err(io::Error::other)?)
                 }
-                Address::Unix(path) => Box::new(UnixStream::connect(path).await?),
+                Address::Unix(path) => Box::new(UnixSocket::new(UnixStream::connect(path).await?)?),
             };
             Ok(socket)
         })

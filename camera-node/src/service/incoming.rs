@@ -10,10 +10,10 @@ use std::sync::Arc;
 use std::task::{Context, Poll};
 use std::time::Duration;
 
-use identity::{Credentials, HandshakeError, Identity, Peer, ServerSocket};
+use identity::{Credentials, HandshakeError, Identity, Peer, ServerSocket, UnixSocket};
 use thiserror::Error;
 use tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite, ReadBuf};
-use tokio::net::{TcpStream, UnixStream};
+use tokio::net::TcpStream;
 use tokio::sync::mpsc;
 use tokio::task::{AbortHandle, JoinSet};
 use tokio_stream::Stream;
@@ -68,7 +68,7 @@ pub(super) struct Connection {
 
 trait Socket: AsyncRead + AsyncWrite + Send + Unpin {}
 impl Socket for TcpStream {}
-impl Socket for UnixStream {}
+impl Socket for UnixSocket {}
 impl Socket for ServerSocket<TcpStream> {}
 
 /// The connections of a listener, for as long as the stream is read.
