@@ -38,7 +38,7 @@ fn write_cluster(folder: &Path, source: &str) -> String {
 #[test]
 fn wrong_words_of_demo() {
     check(&["demo", "--scene", "nosuch"], 2, &["--scene", "nosuch", "topple, lift, crowd"]);
-    check(&["demo", "--cameras", "0"], 2, &["--cameras is 0", "1 to 64"]);
+    check(&["demo", "--cameras", "0"], 2, &["--cameras is 0", "1 to 1024"]);
     check(&["demo", "--size", "0x480"], 2, &["--size", "0 x 480"]);
     check(
         &["demo", "--response", "paper", "--hull-time", "between"],

@@ -81,7 +81,7 @@ fn begin(kind: MessageKind, count: usize, seq: u32, total: usize) -> BytesMut {
     bytes.put_u8(VERSION);
     bytes.put_u16_le(count as u16);
     bytes.put_u32_le(seq);
-    // 64 cameras' images are far below 4 GB.
+    // The images of a thousand cameras are below 4 GB.
     bytes.put_u32_le(total as u32);
     bytes
 }

@@ -18,6 +18,10 @@ use node_client::Role;
 
 /// How long the empty room of a recording is filmed without --seconds.
 const EMPTY_RECORDING_S: f64 = 4.0;
+/// Cameras of the studio: as many as one node may describe.
+const MAX_CAMERAS: usize = 1024;
+/// Processes that film; more cameras share them.
+const MAX_NODES: usize = 64;
 
 /// A whole cluster on this machine: camera nodes as processes, coordinator, physics.
 #[derive(Debug, Args)]
@@ -132,9 +136,9 @@ impl StudioArguments {
     /// Writes the studio's cluster file into a folder of its own, for the node processes to read.
     pub fn synthetic(&self, folder: &Path) -> Outcome<(ClusterFile, Scene)> {
         let scene = load_scene(self.scene.as_deref().unwrap_or("topple"))?;
-        if !(1..=64).contains(&self.cameras) {
+        if !(1..=MAX_CAMERAS).contains(&self.cameras) {
             let found = self.cameras;
-            return Err(Failure::input(format_args!("--cameras is {found}, expected 1 to 64")));
+            return Err(Failure::input(format_args!("--cameras is {found}, expected 1 to {MAX_CAMERAS}")));
         }
         if !(self.fps >= 1.0 && self.fps <= 1000.0) {
             return Err(Failure::input(format_args!("--fps is {}, expected 1 to 1000", self.fps)));
@@ -168,10 +172,16 @@ impl StudioArguments {
         let StageHint { props, person, .. } = stage;
         let mut text =
             format!("rig = \"rig.toml\"\nscene = \"topple\"\nfps = {fps:?}\nmin_views = {min_views}\n");
-        for camera in rig.cameras() {
+        let nodes = self.cameras.min(MAX_NODES);
+        for (index, camera) in rig.cameras().iter().enumerate() {
             let name = camera.name();
+            text += &format!("[[camera]]\nname = {name:?}\n");
+            if self.cameras > MAX_NODES {
+                // Cameras of one address share a process, which finds a port of its own.
+                text += &format!("node = \"node{}.invalid:7001\"\n", index * nodes / self.cameras);
+            }
             text += &format!(
-                "[[camera]]\nname = {name:?}\nsource = {{ kind = \"stage\", motion = \"{motion}\", \
+                "source = {{ kind = \"stage\", motion = \"{motion}\", \
                  props = {props:?}, person = {person}, seed = {seed} }}\n"
             );
         }
