@@ -67,7 +67,10 @@ pub fn play(
 ) -> Outcome<RunOutcome> {
     let RunPlan { observers, recorder, schedule, file, page, connect_timeout } = plan;
     let world = World::new(&setup.scene, setup.world).map_err(Failure::input)?;
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::run)?;
+    // In one process there are no connections to nodes.
+    let asks_nodes = setup.transport != TransportName::Inprocess;
+    let threads = if asks_nodes { coordinator::threads_for(setup.file.nodes.len()) } else { 0 };
+    let runtime = coordinator::runtime(threads).map_err(Failure::run)?;
     // Before the page is announced: from then on a signal may come.
     let stop = {
         let _within = runtime.enter();
