@@ -29,6 +29,23 @@ pub fn process_memory_mb(process: u32) -> Option<(f64, f64)> {
     Some((mb("VmRSS:")?, mb("VmHWM:")?))
 }
 
+/// The system's numbers of this process's threads of a name.
+pub fn threads_named(name: &str) -> Vec<u32> {
+    let threads = fs::read_dir("/proc/self/task").into_iter().flatten().flatten();
+    let is_named = |thread: &fs::DirEntry| {
+        fs::read_to_string(thread.path().join("comm")).is_ok_and(|found| found.trim_end() == name)
+    };
+    let named = threads.filter(is_named);
+    named.filter_map(|thread| thread.file_name().to_str()?.parse().ok()).collect()
+}
+
+/// Processor time of a thread of this process, seconds; none where the system does not tell.
+pub fn thread_s(thread: u32) -> f64 {
+    let told = fs::read_to_string(format!("/proc/self/task/{thread}/schedstat")).unwrap_or_default();
+    let ns: Option<f64> = told.split_whitespace().next().and_then(|ns| ns.parse().ok());
+    ns.unwrap_or(0.0) * 1e-9
+}
+
 /// Processor time of this thread, seconds.
 pub fn thread_cpu_s() -> f64 {
     clock_s(ClockId::ThreadCPUTime)
@@ -47,6 +64,20 @@ fn clock_s(clock: ClockId) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn threads_are_found_by_their_names() {
+        let (end, ended) = std::sync::mpsc::channel::<()>();
+        let thread = std::thread::Builder::new().name("of a name".to_owned());
+        let waiting = thread.spawn(move || ended.recv()).expect("a thread");
+        while threads_named("of a name").is_empty() {
+            std::thread::yield_now();
+        }
+        assert!(thread_s(threads_named("of a name")[0]) < 10.0 && threads_named("of none").is_empty());
+        drop(end);
+        assert!(waiting.join().is_ok());
+    }
 
     #[test]
     #[cfg(target_os = "linux")]

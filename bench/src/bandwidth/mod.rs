@@ -103,7 +103,14 @@ pub fn run(arguments: &BandwidthBenchArguments) -> Outcome {
 /// Every combination of what is given; without anything given, sizes and noises together, and cameras.
 fn plans(arguments: &BandwidthBenchArguments) -> Vec<FilmPlan> {
     let BandwidthBenchArguments { size, cameras, noise, .. } = arguments;
-    let plan = |size, cameras, noise| FilmPlan { cameras, nodes: cameras, size, frames: FRAMES, noise };
+    let plan = |size, cameras, noise| FilmPlan {
+        cameras,
+        nodes: cameras,
+        size,
+        frames: FRAMES,
+        noise,
+        abstain: false,
+    };
     let mut plans = Vec::new();
     let mut add = |sizes: &[(u32, u32)], cameras: &[usize], noises: &[f64]| {
         for &size in sizes {

@@ -240,7 +240,7 @@ mod tests {
 
     #[test]
     fn about_a_twentieth_of_the_samples_is_inside_and_every_pass_is_another() {
-        let plan = FilmPlan { cameras: 8, nodes: 8, size: (320, 240), frames: 1, noise: 0.0 };
+        let plan = FilmPlan { cameras: 8, nodes: 8, size: (320, 240), frames: 1, noise: 0.0, abstain: false };
         let film = Film::make(plan).expect("a film");
         let views = film.views();
         let bodies = Bodies::place(12, SAMPLES, &views, &film.person_world).expect("places");

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use coordinator::{Percentiles, Placement, Transport};
+use coordinator::{Percentiles, Placement, SERVING_THREADS, Transport};
 use hull::cull::WorldBox;
 use hull::pass::Round;
 use node_client::{Agreement, ByteCounts, ExpectedNode};
@@ -14,7 +14,7 @@ use tokio::runtime::Runtime;
 use super::bodies::Bodies;
 use super::film::{FPS, Film};
 use crate::passes::{Asked, Passes};
-use crate::usage::{this_process_cpu_s, thread_cpu_s};
+use crate::usage::{this_process_cpu_s, thread_cpu_s, thread_s, threads_named};
 use cli::{Failure, Outcome};
 
 /// How long nodes may take to connect, and to read their films.
@@ -52,6 +52,8 @@ pub struct ClusterClient {
     runtime: Runtime,
     transport: Transport,
     passes: Passes,
+    /// The system's numbers of the threads that serve connections.
+    serving: Vec<u32>,
     frames: u64,
     /// Bytes that the news of one frame took, over all nodes.
     pub news_bytes_per_frame: f64,
@@ -72,10 +74,13 @@ pub struct PassCosts {
     pub bytes: ByteCounts,
     /// The share of all samples, and feelers if they were asked about, that was inside.
     pub inside_share: f64,
-    /// Processor time of the coordinator, milliseconds a pass.
+    /// Processor time of the coordinator's thread, milliseconds a pass.
     pub coordinator_cpu_ms: f64,
-    /// Processor time of everything else in this process, milliseconds a pass: of nodes that live in it.
+    /// Processor time of everything else in this process, milliseconds a pass: of threads that serve connections, or of
+    /// nodes that live in it.
     pub hosted_cpu_ms: f64,
+    /// Processor time of the busiest of all these threads, milliseconds a pass.
+    pub busiest_thread_ms: f64,
 }
 
 /// What gathering the silhouettes of one frame costs.
@@ -95,9 +100,9 @@ impl ClusterClient {
         nodes: Vec<ExpectedNode>,
         bodies: &Bodies,
         answered: AnswerPlace,
+        threads: usize,
     ) -> Outcome<ClusterClient> {
-        let runtime =
-            tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::run)?;
+        let runtime = coordinator::runtime(threads).map_err(Failure::run)?;
         let (settings, shapes, frames) = (film.settings(), bodies.shapes(), film.plan.frames);
         let (transport, news) = runtime.block_on(async {
             let gather = (answered == AnswerPlace::Coordinator).then(|| film.observers());
@@ -116,46 +121,92 @@ impl ClusterClient {
         })?;
         let news_bytes_per_frame = (news.to_nodes + news.from_nodes) as f64 / frames as f64;
         let passes = Passes::new(settings, transport.group_count());
-        Ok(ClusterClient { runtime, transport, passes, frames, news_bytes_per_frame })
+        let serving = threads_named(SERVING_THREADS);
+        Ok(ClusterClient { runtime, transport, passes, serving, frames, news_bytes_per_frame })
     }
 
     /// Asks so many passes.
     pub fn passes(&mut self, bodies: &Bodies, asked: PointForm, passes: u64) -> Outcome<PassCosts> {
         let mut costs = PassCosts::default();
-        let mut began = Counters::now(&self.transport);
-        let (mut found, mut coordinator_s) = (Found::default(), 0.0);
+        let (mut found, mut used) = (Found::default(), Used::default());
         for pass in 0..WARM_UP + passes {
             if pass == WARM_UP {
                 costs = PassCosts { passes, ..PassCosts::default() };
-                (found, coordinator_s) = (Found::default(), 0.0);
-                began = Counters::now(&self.transport);
+                (found, used) = (Found::default(), Used::default());
             }
-            let frame = pass / PASSES_PER_FRAME % self.frames;
-            let began_s;
-            let of_pass = match asked {
-                PointForm::Registered | PointForm::RawPoints => {
-                    let is_raw = asked == PointForm::RawPoints;
-                    let points = if is_raw { bodies.world_at_pass(pass) } else { bodies.at_pass(pass) };
-                    began_s = thread_cpu_s();
-                    self.pass(&points, frame, &mut costs)?
-                }
-                PointForm::Contacts => {
-                    let points = bodies.contacts_at_pass(pass, pass.is_multiple_of(PASSES_PER_FRAME));
-                    began_s = thread_cpu_s();
-                    self.pass(&points, frame, &mut costs)?
-                }
-            };
-            found.add(of_pass);
-            coordinator_s += thread_cpu_s() - began_s;
+            found.add(self.pass_about(bodies, asked, pass, &mut costs, &mut used)?);
         }
-        let ended = Counters::now(&self.transport);
         let a_pass_ms = |seconds: f64| seconds * 1e3 / passes.max(1) as f64;
-        costs.bytes = ended.bytes.since(began.bytes);
+        costs.bytes = used.bytes;
         costs.inside_share = found.inside as f64 / found.asked.max(1) as f64;
-        costs.coordinator_cpu_ms = a_pass_ms(coordinator_s);
-        let others_s = |at: &Counters| at.process_s - at.thread_s;
-        costs.hosted_cpu_ms = a_pass_ms(others_s(&ended) - others_s(&began));
+        costs.coordinator_cpu_ms = a_pass_ms(used.thread_s);
+        costs.hosted_cpu_ms = a_pass_ms(used.process_s - used.thread_s);
+        costs.busiest_thread_ms = a_pass_ms(used.busiest_s());
         Ok(costs)
+    }
+
+    /// Asks passes, each followed by its own messages with nothing in them: what both took, milliseconds.
+    pub fn fan_outs(
+        &mut self,
+        bodies: &Bodies,
+        asked: PointForm,
+        passes: u64,
+    ) -> Outcome<(Percentiles, Percentiles)> {
+        let (mut costs, mut empty_ms) = (PassCosts::default(), Percentiles::default());
+        for pass in 0..passes {
+            self.pass_about(bodies, asked, pass, &mut costs, &mut Used::default())?;
+            let ClusterClient { runtime, transport, .. } = self;
+            let began = Instant::now();
+            let frame = pass / PASSES_PER_FRAME % self.frames;
+            runtime.block_on(transport.fan_out(frame, ROUND_TIMEOUT)).map_err(Failure::run)?;
+            empty_ms.add(began.elapsed().as_secs_f64() * 1e3);
+        }
+        Ok((costs.pass_ms, empty_ms))
+    }
+
+    fn pass_about(
+        &mut self,
+        bodies: &Bodies,
+        asked: PointForm,
+        pass: u64,
+        costs: &mut PassCosts,
+        used: &mut Used,
+    ) -> Outcome<Found> {
+        let frame = pass / PASSES_PER_FRAME % self.frames;
+        match asked {
+            PointForm::Registered => self.counted(&bodies.at_pass(pass), frame, costs, used),
+            PointForm::RawPoints => self.counted(&bodies.world_at_pass(pass), frame, costs, used),
+            PointForm::Contacts => {
+                let points = bodies.contacts_at_pass(pass, pass.is_multiple_of(PASSES_PER_FRAME));
+                self.counted(&points, frame, costs, used)
+            }
+        }
+    }
+
+    /// One pass, and what it used.
+    fn counted<B: Asked>(
+        &mut self,
+        bodies: &[B],
+        frame: u64,
+        costs: &mut PassCosts,
+        used: &mut Used,
+    ) -> Outcome<Found> {
+        // Reading what other threads used takes longer than reading the clocks: before and after these.
+        let serving_s = self.serving_s();
+        let before = Counters::now(&self.transport);
+        let found = self.pass(bodies, frame, costs)?;
+        used.add(&before, &Counters::now(&self.transport));
+        used.serving_s.resize(serving_s.len(), 0.0);
+        let now_s = self.serving_s();
+        for ((used_s, before_s), now_s) in used.serving_s.iter_mut().zip(serving_s).zip(now_s) {
+            *used_s += now_s - before_s;
+        }
+        Ok(found)
+    }
+
+    /// Processor time of each thread that serves connections, seconds.
+    fn serving_s(&self) -> Vec<f64> {
+        self.serving.iter().map(|&thread| thread_s(thread)).collect()
     }
 
     /// The same cluster, whose silhouettes travel in an encoding.
@@ -259,5 +310,28 @@ struct Counters {
 impl Counters {
     fn now(transport: &Transport) -> Counters {
         Counters { bytes: transport.bytes(), process_s: this_process_cpu_s(), thread_s: thread_cpu_s() }
+    }
+}
+
+/// What passes used.
+#[derive(Default)]
+struct Used {
+    bytes: ByteCounts,
+    process_s: f64,
+    thread_s: f64,
+    serving_s: Vec<f64>,
+}
+
+impl Used {
+    fn add(&mut self, before: &Counters, after: &Counters) {
+        let bytes = after.bytes.since(before.bytes);
+        self.bytes.to_nodes += bytes.to_nodes;
+        self.bytes.from_nodes += bytes.from_nodes;
+        self.process_s += after.process_s - before.process_s;
+        self.thread_s += after.thread_s - before.thread_s;
+    }
+
+    fn busiest_s(&self) -> f64 {
+        self.serving_s.iter().copied().fold(self.thread_s, f64::max)
     }
 }

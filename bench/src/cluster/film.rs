@@ -36,6 +36,8 @@ pub struct FilmPlan {
     pub frames: u64,
     /// The share of pixels that are inverted, each independently.
     pub noise: f64,
+    /// Cameras abstain about what they do not see, instead of rejecting it.
+    pub abstain: bool,
 }
 
 /// Silhouettes of a person who waves, in files and here.
@@ -63,15 +65,15 @@ impl Film {
         let silhouettes = frames.map(|frame| of_cameras.iter().map(|film| film[frame].clone()).collect());
         let silhouettes = silhouettes.collect();
         let (low, high) = settings.bounds_world(START_S).ok_or_else(|| Failure::run("nobody is there"))?;
-        let file = ClusterFile::open(&write_cluster(folder.path(), &rig, plan.nodes)?)?;
+        let file = ClusterFile::open(&write_cluster(folder.path(), &rig, &plan)?)?;
         let person_world = WorldBox { min: low.into(), max: high.into() };
         Ok(Film { plan, file, person_world, silhouettes, folder })
     }
 
     /// The same film for another number of nodes.
     pub fn spread_over(&mut self, nodes: usize) -> Outcome {
-        self.file = ClusterFile::open(&write_cluster(self.folder.path(), &self.file.rig, nodes)?)?;
         self.plan.nodes = nodes;
+        self.file = ClusterFile::open(&write_cluster(self.folder.path(), &self.file.rig, &self.plan)?)?;
         Ok(())
     }
 
@@ -146,8 +148,11 @@ fn write_mask(path: &Path, camera: &Camera, mask: &[u8]) -> Outcome {
     written.map_err(|error| Failure::unwritable(path, error))
 }
 
-fn write_cluster(folder: &Path, rig: &Rig, nodes: usize) -> Outcome<PathBuf> {
+fn write_cluster(folder: &Path, rig: &Rig, &FilmPlan { nodes, abstain, .. }: &FilmPlan) -> Outcome<PathBuf> {
     let mut text = format!("rig = \"rig.toml\"\nscene = \"topple\"\nfps = {FPS:?}\n");
+    if abstain {
+        text += "out_of_view = \"abstain\"\n";
+    }
     for (index, camera) in rig.cameras().iter().enumerate() {
         // Cameras of one address share a process; a local process finds a port of its own.
         let (name, node) = (camera.name(), index * nodes / rig.cameras().len());
@@ -179,8 +184,9 @@ mod tests {
 
     #[test]
     fn nodes_share_the_cameras_and_read_every_frame() {
-        let film = Film::make(FilmPlan { cameras: 4, nodes: 2, size: (160, 120), frames: 2, noise: 0.0 })
-            .expect("a film");
+        let plan = FilmPlan { cameras: 4, nodes: 2, size: (160, 120), frames: 2, noise: 0.0, abstain: true };
+        let film = Film::make(plan).expect("a film");
+        assert_eq!(film.settings().rule().out_of_view, hull::OutOfView::Abstain);
         let groups: Vec<Vec<usize>> = film.file.nodes.iter().map(|node| node.cameras.clone()).collect();
         assert_eq!(groups, [vec![0, 1], vec![2, 3]]);
         assert!(film.silhouettes(1).iter().all(|silhouette| silhouette.area() > 100));

@@ -20,6 +20,12 @@ const LEAST_CAMERAS: usize = 8;
 pub struct Setting {
     /// Node processes.
     pub nodes: usize,
+    /// Cameras of each; `None`: one, and eight of all at least.
+    pub node_cameras: Option<usize>,
+    /// Whether cameras abstain about what they do not see.
+    pub abstain: bool,
+    /// Threads of the coordinator that serve connections.
+    pub threads: usize,
     /// Of every camera's images, pixels.
     pub size: (u32, u32),
     /// Numbers of bodies.
@@ -43,8 +49,9 @@ pub struct Scene {
 impl Scene {
     /// The scene of a setting: the one before if it has the same cameras, for filming takes long.
     pub fn prepared<'a>(before: &'a mut Option<Scene>, setting: &Setting) -> Outcome<&'a Scene> {
-        let cameras = setting.nodes.max(LEAST_CAMERAS);
-        let plan = FilmPlan { cameras, nodes: setting.nodes, size: setting.size, frames: FRAMES, noise: 0.0 };
+        let &Setting { nodes, size, abstain, .. } = setting;
+        let cameras = setting.node_cameras.map_or(nodes.max(LEAST_CAMERAS), |cameras| nodes * cameras);
+        let plan = FilmPlan { cameras, nodes, size, frames: FRAMES, noise: 0.0, abstain };
         let most = setting.bodies.iter().copied().max().unwrap_or_default();
         let mut scene = match before.take() {
             Some(scene) if (FilmPlan { nodes: plan.nodes, ..scene.film.plan }) == plan => scene,
@@ -63,7 +70,8 @@ impl Scene {
 pub fn measured(scene: &Scene, setting: &Setting, sockets: SocketName, passes: u64) -> Outcome<Vec<Row>> {
     let Scene { film, bodies, .. } = scene;
     let cluster = LocalCluster::start(&film.file, sockets.sockets(), false)?;
-    let mut connected = ClusterClient::to(film, cluster.nodes().to_vec(), bodies, AnswerPlace::Nodes)?;
+    let mut connected =
+        ClusterClient::to(film, cluster.nodes().to_vec(), bodies, AnswerPlace::Nodes, setting.threads)?;
     let mut rows = Vec::new();
     let each = setting
         .responses
@@ -83,8 +91,11 @@ pub fn measured(scene: &Scene, setting: &Setting, sockets: SocketName, passes: u
             let asked = (costs.passes_with_warm_up() * setting.nodes as u64) as f64;
             let node_cpu_ms =
                 cpu_s(&cluster).zip(before).map(|(after, before)| (after - before) * 1e3 / asked);
-            let row = row(scene, count, &costs, node_cpu_ms, memory_mb(&cluster));
+            let empty = connected.fan_outs(&bodies.first(count), form, passes)?;
+            let row = row(scene, (count, setting.threads), &costs, node_cpu_ms, &cluster);
             rows.push(Row {
+                beside_empty_p50_ms: empty.0.p50().unwrap_or_default(),
+                empty_p50_ms: empty.1.p50().unwrap_or_default(),
                 response: response.name(),
                 precision: precision.name(),
                 sockets: sockets.name(),
@@ -97,11 +108,12 @@ pub fn measured(scene: &Scene, setting: &Setting, sockets: SocketName, passes: u
 
 fn row(
     Scene { film, samples, .. }: &Scene,
-    bodies: usize,
+    (bodies, threads): (usize, usize),
     costs: &PassCosts,
     node_cpu_ms: Option<f64>,
-    memory_mb: Option<(f64, f64)>,
+    cluster: &LocalCluster,
 ) -> Row {
+    let memory_mb = memory_mb(cluster);
     let FilmPlan { cameras, nodes, size, .. } = film.plan;
     let (to_nodes, from_nodes) = costs.bytes_per_node_pass(nodes);
     let ms = |share| costs.pass_ms.at(share).unwrap_or_default();
@@ -124,7 +136,11 @@ fn row(
         bytes_from_node_pass: from_nodes,
         inside_share: costs.inside_share,
         node_cpu_ms,
-        coordinator_cpu_ms: costs.coordinator_cpu_ms,
+        threads,
+        coordinator_cpu_ms: costs.coordinator_cpu_ms + costs.hosted_cpu_ms,
+        busiest_thread_ms: costs.busiest_thread_ms,
+        empty_p50_ms: 0.0,
+        beside_empty_p50_ms: 0.0,
         node_rss_mb: memory_mb.map(|(now_mb, _)| now_mb),
         node_peak_rss_mb: memory_mb.map(|(_, most_mb)| most_mb),
         trips_per_pass: costs.trips_per_pass(),

@@ -4,6 +4,7 @@ pub mod bodies;
 mod charts;
 pub mod connection;
 pub mod film;
+mod limits;
 mod measure;
 mod model;
 pub mod names;
@@ -13,6 +14,7 @@ use clap::Args;
 use serde::Serialize;
 
 use self::bodies::SAMPLES;
+use self::limits::Limits;
 use self::measure::{Scene, Setting, measured};
 use self::model::model_of;
 use self::names::SocketName;
@@ -46,12 +48,29 @@ and, of bodies that no plane faces, the exits against their faces (exits) and th
 passes share a frame; the first of them asks for planes of 192 points around every body too.
 Without --nodes, --bodies and --size each of them is varied about 8 nodes, 30 bodies, 3840x2160; with
 any of them every combination of what is given is measured. Up to 8 nodes share 8 cameras; more have one
-each. The tables of scale are a model that starts from the figures of this run, of the response and the
-precision that are named first.")]
+each, or as many as --node-cameras says. The tables of scale are a model that starts from the figures of
+this run, of the response and the precision that are named first. Of several numbers of nodes the largest
+is printed beside what the model makes of the others.
+
+After the passes as many more are made, each followed by its own messages with nothing in them: the column
+pass/empty compares their medians. Of the coordinator's processor time the table tells all threads together,
+and per node these and the busiest.
+
+  hulltouch bench cluster --nodes 4,8,16,32 --node-cameras 8 --size 160x120 --abstain")]
 pub struct ClusterBenchArguments {
     /// Numbers of node processes.
     #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = parse_nodes)]
     nodes: Vec<usize>,
+    /// Cameras of every node.
+    #[arg(long, value_name = "K", value_parser = parse_nodes)]
+    node_cameras: Option<usize>,
+    /// Cameras abstain about what they do not see.
+    #[arg(long)]
+    abstain: bool,
+    /// Threads of the coordinator that serve connections; 0: the one that makes passes does. Otherwise as many as
+    /// runs have.
+    #[arg(long, value_name = "T", value_parser = parse_threads)]
+    threads: Option<usize>,
     /// Numbers of bodies.
     #[arg(long, value_name = "B,…", value_delimiter = ',', value_parser = parse_bodies)]
     bodies: Vec<usize>,
@@ -83,6 +102,7 @@ struct Report {
     #[serde(flatten)]
     table: Table<Row>,
     scale: Option<ScaleReport>,
+    limits: Option<Limits>,
 }
 
 /// A whole number from 1 to 64.
@@ -93,6 +113,11 @@ pub fn parse_nodes(text: &str) -> Result<usize, ArgumentError> {
 /// A whole number from 1 to 1000.
 pub fn parse_bodies(text: &str) -> Result<usize, ArgumentError> {
     within(text, 1, 1000)
+}
+
+/// A whole number from 0 to 64.
+fn parse_threads(text: &str) -> Result<usize, ArgumentError> {
+    within(text, 0, 64)
 }
 
 /// A whole number from 20 to 5000.
@@ -119,11 +144,15 @@ pub fn run(arguments: &ClusterBenchArguments) -> Outcome {
         }
     }
     print_stages(&rows);
-    let scale = model_of(&rows).map(|measured| report(&measured, cores()));
+    let scale = model_of(&rows.iter().collect::<Vec<_>>()).map(|measured| report(&measured, cores()));
     if let Some(scale) = &scale {
         scale.print();
     }
-    let report = Report { table: Table { bench: "cluster", machine, rows }, scale };
+    let limits = Limits::of(&rows, cores());
+    if let Some(limits) = &limits {
+        limits.print();
+    }
+    let report = Report { table: Table { bench: "cluster", machine, rows }, scale, limits };
     arguments.outputs.write(&report, |folder| charts::draw(&report.table.rows, folder))
 }
 
@@ -132,6 +161,9 @@ fn settings(arguments: &ClusterBenchArguments) -> Vec<Setting> {
     let ClusterBenchArguments { nodes, bodies, size, .. } = arguments;
     let setting = |nodes, size, bodies| Setting {
         nodes,
+        node_cameras: arguments.node_cameras,
+        abstain: arguments.abstain,
+        threads: arguments.threads.unwrap_or_else(|| coordinator::threads_for(nodes)),
         size,
         bodies,
         samples: arguments.samples,

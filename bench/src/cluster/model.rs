@@ -4,15 +4,16 @@ use super::rows::Row;
 use super::{BASE_BODIES, BASE_SIZE};
 use crate::scale::PassMeasurement;
 
-/// What the model starts from: the row nearest the middle of all with a camera a node, and how the
+/// What the model starts from: the row nearest the middle of all with a camera a node, or of all, and how the
 /// coordinator's time grows with the nodes if that was measured.
-pub fn model_of(rows: &[Row]) -> Option<PassMeasurement> {
-    let alone: Vec<&Row> = rows.iter().filter(|row| row.nodes == row.cameras).collect();
+pub fn model_of(rows: &[&Row]) -> Option<PassMeasurement> {
+    let alone: Vec<&Row> = rows.iter().copied().filter(|row| row.nodes == row.cameras).collect();
+    let alone = if alone.is_empty() { rows.to_vec() } else { alone };
     let is_base = |row: &&&Row| row.bodies == BASE_BODIES && (row.width, row.height) == BASE_SIZE;
     let base = *alone.iter().find(is_base).or(alone.first())?;
     let key = |row: &Row| (row.bodies, row.width, row.height, row.response, row.precision, row.sockets);
-    let alike = |row: &&&Row| key(row) == key(base);
-    let others = alone.iter().filter(alike).map(|row| (row.nodes as f64, row.coordinator_cpu_ms));
+    let alike = |row: &&&Row| key(row) == key(base) && row.cameras / row.nodes == base.cameras / base.nodes;
+    let others = alone.iter().filter(alike).map(|row| (row.nodes as f64, row.busiest_thread_ms));
     let (fixed_ms, per_node_ms) = line(&others.collect::<Vec<_>>());
     Some(PassMeasurement {
         rounds: (base.trips_per_pass.round() as u32).max(1),

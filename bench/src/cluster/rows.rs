@@ -46,8 +46,16 @@ pub struct Row {
     pub inside_share: f64,
     /// Processor time of a node, milliseconds a pass.
     pub node_cpu_ms: Option<f64>,
-    /// Processor time of the coordinator, milliseconds a pass.
+    /// Threads of the coordinator that serve connections, beside the one that makes passes.
+    pub threads: usize,
+    /// Processor time of the coordinator, all its threads, milliseconds a pass.
     pub coordinator_cpu_ms: f64,
+    /// Of its busiest thread.
+    pub busiest_thread_ms: f64,
+    /// The median of passes with nothing in their messages, milliseconds.
+    pub empty_p50_ms: f64,
+    /// The median of the passes that these took turns with.
+    pub beside_empty_p50_ms: f64,
     /// Resident memory of the largest node with a full ring, MB.
     pub node_rss_mb: Option<f64>,
     /// The most it ever was, MB.
@@ -142,6 +150,12 @@ pub const TABLE: Columns<Row> = Columns {
         number("trips", 5, |row| format!("{:.1}", row.trips_per_pass)),
         number("node cpu", 8, |row| or_dash(row.node_cpu_ms, 3)),
         number("coord.cpu", 9, |row| format!("{:.3}", row.coordinator_cpu_ms)),
+        number("a node", 6, |row| format!("{:.3}", row.coordinator_cpu_ms / row.nodes as f64)),
+        number("busiest", 7, |row| format!("{:.3}", row.busiest_thread_ms / row.nodes as f64)),
+        number("empty p50", 9, |row| format!("{:.2}", row.empty_p50_ms)),
+        number("pass/empty", 10, |row| {
+            format!("{:.2}", row.beside_empty_p50_ms / row.empty_p50_ms.max(1e-9))
+        }),
         number("node MB", 8, |row| or_dash(row.node_rss_mb, 0)),
     ],
 };

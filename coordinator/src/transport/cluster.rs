@@ -21,17 +21,19 @@ pub(super) struct Cluster {
     /// and for edges and exits.
     distances: AskPolicy,
     next_id: u64,
+    /// Which nodes each question of the last pass asked.
+    pub(super) asked: Vec<Vec<bool>>,
 }
 
 /// A question on its way to several nodes.
-struct Asking {
-    id: u64,
-    frame: u64,
+pub(super) struct Asking {
+    pub id: u64,
+    pub frame: u64,
     /// The cameras that each node reported of the frame, by their places in the rig.
-    cameras: Vec<Vec<u32>>,
-    written: WrittenQuestion,
+    pub cameras: Vec<Vec<u32>>,
+    pub written: WrittenQuestion,
     began: Instant,
-    deadline: Instant,
+    pub deadline: Instant,
     timeout: Duration,
 }
 
@@ -48,7 +50,7 @@ impl Cluster {
         let count = nodes.clients.len();
         let (classes, distances) =
             (AskPolicy::of_classes(count, precision), AskPolicy::of_distances(count, precision));
-        Cluster { writer: QuestionWriter::new(precision), classes, distances, next_id: 0 }
+        Cluster { writer: QuestionWriter::new(precision), classes, distances, next_id: 0, asked: Vec::new() }
     }
 
     /// The same nodes, asked with numbers of another precision.
@@ -70,6 +72,7 @@ impl Cluster {
     ) -> Result<f64, TransportError> {
         // What came before these questions is no answer to them.
         nodes.drain(roster);
+        self.asked.clear();
         pass.ask_in_two_phases(self.distances.asks_in_two_phases());
         pass.save_bytes(self.writer.precision() == Precision::Quantised);
         if pass.question().is_none() {
@@ -108,7 +111,13 @@ impl Cluster {
         nodes.clients.iter().for_each(|client| client.forget_sent());
     }
 
-    fn asking(&mut self, question: &Question, frame: u64, roster: &Roster, timeout: Duration) -> Asking {
+    pub(super) fn asking(
+        &mut self,
+        question: &Question,
+        frame: u64,
+        roster: &Roster,
+        timeout: Duration,
+    ) -> Asking {
         let cameras = |node: &RosterNode| {
             let reported = node.report(frame).into_iter().flat_map(|report| &report.cameras);
             reported.map(|camera| camera.rig_index.into()).collect()
@@ -139,6 +148,7 @@ impl Cluster {
         for node in (0..waiting.len()).filter(|&node| waiting[node]) {
             ask(nodes, node, pass, asking)?;
         }
+        self.asked.push(waiting.clone());
         while let Some(slowest) = waiting.iter().position(|&waits| waits) {
             let event = tokio::time::timeout_at(asking.deadline, nodes.next(roster)).await;
             if event.is_err() {
@@ -170,7 +180,9 @@ impl Cluster {
 
     fn note_classes(&mut self, node: usize, answer: &Answer, asking: &Asking, compute_ms: f64) {
         let took_ms = asking.began.elapsed().as_secs_f64() * 1e3;
-        let rejected = answer.standings.iter().filter(|standing| **standing == Standing::OUTSIDE).count();
+        // Without branches.
+        let is_outside = |standing: &Standing| u32::from(*standing == Standing::OUTSIDE);
+        let rejected = answer.standings.iter().map(is_outside).sum::<u32>() as usize;
         self.classes.answered(node, answer.len(), rejected, took_ms, compute_ms);
     }
 }
@@ -214,10 +226,10 @@ async fn answer_or_ask_again(
     ask(nodes, node, pass, asking).map(|()| None)
 }
 
-fn failed(nodes: &Nodes, node: usize, error: NodeError) -> TransportError {
+pub(super) fn failed(nodes: &Nodes, node: usize, error: NodeError) -> TransportError {
     TransportError::of(&nodes.clients[node], error)
 }
 
-fn late(nodes: &Nodes, node: usize, asking: &Asking) -> TransportError {
+pub(super) fn late(nodes: &Nodes, node: usize, asking: &Asking) -> TransportError {
     failed(nodes, node, NodeError::Timeout(asking.timeout))
 }

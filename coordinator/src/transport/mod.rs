@@ -5,6 +5,7 @@
 
 mod choice;
 mod cluster;
+mod fan_out;
 mod gather;
 mod in_process;
 mod nodes;
@@ -383,6 +384,16 @@ impl Transport {
             let (silhouettes, _) = fetching.await.map_err(|unfetched| unfetched.error)?;
             Ok(silhouettes.into_iter().map(|(place, silhouette)| (place, Arc::new(silhouette))).collect())
         })
+    }
+
+    /// Sends the messages of the last pass once more with nothing in them, where nodes are asked: what a pass is
+    /// measured against. A trip may take `timeout`.
+    pub async fn fan_out(&mut self, frame: u64, timeout: Duration) -> Result<(), TransportError> {
+        let Transport { roster, layout } = self;
+        match layout {
+            Layout::Remote(remote) => remote.fan_out(frame, timeout, roster).await,
+            Layout::InProcess(_) => Ok(()),
+        }
     }
 
     /// Bytes at the sockets so far.

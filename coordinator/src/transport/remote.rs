@@ -86,6 +86,16 @@ impl Remote {
         self.choice.change()
     }
 
+    /// The messages of the last pass with nothing in them.
+    pub async fn fan_out(
+        &mut self,
+        frame: u64,
+        timeout: Duration,
+        roster: &mut Roster,
+    ) -> Result<(), TransportError> {
+        self.cluster.fan_out(&mut self.nodes, frame, timeout, roster).await
+    }
+
     /// Answers a pass; a round may take `timeout`, or without one what is usual.
     pub async fn run_pass(
         &mut self,
