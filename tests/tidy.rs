@@ -71,7 +71,7 @@ const ALLOWED: [(&str, &[&str]); 18] = [
 ];
 
 /// The documents whose names are looked up.
-const DOCUMENTS: [&str; 13] = [
+const DOCUMENTS: [&str; 14] = [
     "ARCHITECTURE.md",
     "README.md",
     "CONTRIBUTING.md",

@@ -281,7 +281,7 @@ impl Edge {
     /// True if it is the nearer of two; ties go to the lower camera.
     pub fn is_nearer(&self, other: &Edge) -> bool {
         // Almost never equal, and never not a number.
-        if self.distance_m < other.distance_m || self.distance_m > other.distance_m {
+        if self.distance_m != other.distance_m {
             return self.distance_m < other.distance_m;
         }
         self.distance_m.total_cmp(&other.distance_m).then(self.camera.cmp(&other.camera)).is_lt()

@@ -16,7 +16,9 @@ use clap::{Parser, Subcommand};
 
 use cli::Outcome;
 
-use crate::command::{certs, coordinator, demo, doctor, node, query, ready, record, replay, rig, status, sync};
+use crate::command::{
+    certs, coordinator, demo, doctor, node, query, ready, record, replay, rig, status, sync,
+};
 
 /// Virtual rigid bodies collide with people on film.
 #[derive(Debug, Parser)]

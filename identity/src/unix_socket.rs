@@ -46,8 +46,7 @@ impl UnixSocket {
                     let again = self.socket.get_ref().try_clone()?;
                     self.full = Some(watched(again, Interest::WRITABLE)?);
                 }
-                (written, room) => {
-                    drop(room);
+                (written, _) => {
                     self.full = None;
                     return Poll::Ready(written);
                 }

@@ -12,9 +12,9 @@ mod permission;
 mod probe_stream;
 mod seats;
 mod seldom;
+mod status;
 mod turns;
 mod watch;
-mod status;
 mod worker;
 mod world_memory;
 

@@ -105,19 +105,21 @@ impl Seats {
             self.held_bytes -= seat.held_bytes;
             seat.ended.notify_one();
             let from = seat.from.map_or_else(|| "this machine".to_owned(), |from| from.to_string());
+            let mib = |bytes: usize| bytes >> 20;
             match why {
-                Ended::Idle => tracing::info!(
-                    "a connection from {from} ended: nothing was asked for {} s",
-                    IDLE.as_secs()
-                ),
-                Ended::GaveWay => {
-                    tracing::warn!("a connection from {from} ended: it was silent, and another came")
+                Ended::Idle => {
+                    let seconds = IDLE.as_secs();
+                    tracing::info!("a connection from {from} ended: nothing was asked for {seconds} s");
                 }
-                Ended::HeldMost => tracing::warn!(
-                    "a connection from {from} ended: it held {} MiB, most of the {} that all share",
-                    seat.held_bytes >> 20,
-                    MAX_HELD_BYTES >> 20
-                ),
+                Ended::GaveWay => {
+                    tracing::warn!("a connection from {from} ended: it was silent, and another came");
+                }
+                Ended::HeldMost => {
+                    let (held, all) = (mib(seat.held_bytes), mib(MAX_HELD_BYTES));
+                    tracing::warn!(
+                        "a connection from {from} ended: it held {held} MiB, most of the {all} that all share"
+                    );
+                }
             }
         }
     }

@@ -11,8 +11,8 @@ mod report;
 pub mod security;
 pub mod setup;
 mod snapshot;
-pub mod token;
 pub mod telemetry;
+pub mod token;
 
 use std::sync::Arc;
 use std::time::Duration;

@@ -92,23 +92,19 @@ impl SecurityArguments {
 
     /// What a coordinator of this cluster file may do. Nodes of other machines need certificates, or consent.
     pub fn checked(&self, file: &ClusterFile) -> Outcome<Security> {
-        let security = Security { takes_certificates: true, insecure: self.insecure, ..Security::default() };
-        let credentials = self.credentials(file, Identity::coordinator(&file.name))?;
-        self.sockets_of(file, credentials)
+        self.among(file, self.credentials(file, Identity::coordinator(&file.name))?)
     }
 
     /// The sockets of somebody who only looks: with the certificates of viewers, or the coordinator's.
     pub fn looking(&self, file: &ClusterFile) -> Outcome<Arc<dyn Dial>> {
         let viewer = self.credentials(file, Identity::viewer(&file.name));
         let credentials = viewer.or_else(|_| self.credentials(file, Identity::coordinator(&file.name)))?;
-        self.sockets_of(file, credentials)
+        self.among(file, credentials).map(|security| security.dial)
     }
 
-    fn sockets_of(
-        &self,
-        file: &ClusterFile,
-        credentials: Option<Arc<Credentials>>,
-    ) -> Outcome<Arc<dyn Dial>> {
+    /// Connections to the nodes of a file with these certificates, or with consent.
+    fn among(&self, file: &ClusterFile, credentials: Option<Arc<Credentials>>) -> Outcome<Security> {
+        let security = Security { takes_certificates: true, insecure: self.insecure, ..Security::default() };
         let outside = file.nodes.iter().find(|node| node.address.as_ref().is_none_or(leaves_this_machine));
         match (credentials, outside) {
             (Some(credentials), _) => {

@@ -213,7 +213,7 @@ fn is_near(pixel: Pixel, (width, height): (u32, u32)) -> bool {
 #[inline]
 fn is_unit([x, y, z]: &[f32; 3]) -> bool {
     let length = (x * x + y * y + z * z).sqrt();
-    (length >= 1.0 - UNIT_TOLERANCE) & (length <= 1.0 + UNIT_TOLERANCE)
+    (1.0 - UNIT_TOLERANCE..=1.0 + UNIT_TOLERANCE).contains(&length)
 }
 
 impl ExpectedAnswer {

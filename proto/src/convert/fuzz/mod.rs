@@ -33,15 +33,15 @@ pub fn packed(bytes: &[u8]) {
 pub fn choice(bytes: &[u8]) {
     let Some((count, choice)) = bytes.split_first_chunk() else { return };
     let count = usize::from(u16::from_le_bytes(*count));
-    let mut taken = Vec::new();
-    let read = read_choice(choice, count, FIELD, |index| taken.push(index));
+    let mut taken: Vec<usize> = Vec::new();
+    let read = read_choice(choice, count, FIELD, |run| taken.extend(run));
     assert!(taken.is_sorted_by(|a, b| a < b), "ascending: {taken:?}");
     assert!(taken.last().is_none_or(|&last| last < count), "of {count}: {taken:?}");
     if read.is_ok() {
         let mut writer = ChoiceWriter::default();
         taken.iter().for_each(|&index| writer.take(index));
-        let mut again = Vec::new();
-        let read = read_choice(&writer.finish(count), count, FIELD, |index| again.push(index));
+        let mut again: Vec<usize> = Vec::new();
+        let read = read_choice(&writer.finish(count), count, FIELD, |run| again.extend(run));
         assert_eq!((read, again), (Ok(()), taken), "what was written anew");
     }
 }

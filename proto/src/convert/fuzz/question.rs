@@ -71,7 +71,7 @@ fn check(question: &Question) {
                     assert_eq!(read, as_read(&found), "the answer on the wire");
                 }
                 Ok((ProbeAnswer::Answer(read), _)) => {
-                    assert_eq!(read.len(), found.len(), "an answer a point")
+                    assert_eq!(read.len(), found.len(), "an answer a point");
                 }
                 other => panic!("the coordinator refuses the answer: {other:?}"),
             }

@@ -28,8 +28,8 @@ fn after(numbers: &[u16], bytes: &[u8]) -> Vec<u8> {
 
 #[test]
 fn packed_fields() {
-    let noise: Vec<u8> = (0..200u32).map(|at| (at * at * 7 >> 3) as u8).collect();
-    let few: Vec<u8> = (0..200u32).map(|at| (at * at >> 2) as u8 % 5 * 40).collect();
+    let noise: Vec<u8> = (0..200u32).map(|at| ((at * at * 7) >> 3) as u8).collect();
+    let few: Vec<u8> = (0..200u32).map(|at| ((at * at) >> 2) as u8 % 5 * 40).collect();
     let plain = [&[][..], &[7], &noise, &few, &[9; 3000]];
     let seeds = plain.map(|plain| after(&[plain.len() as u16], &pack(plain)));
     corpora::run("packed", packed, &seeds);
@@ -137,7 +137,7 @@ fn questions() {
             ));
         }
     }
-    corpora::run("question", question::question, &seeds);
+    corpora::run("question", question, &seeds);
 }
 
 #[test]
@@ -154,7 +154,7 @@ fn answers() {
             seeds.push([&[at as u8, a, b][..], &message].concat());
         }
     }
-    corpora::run("answer", answer::answer, &seeds);
+    corpora::run("answer", answer, &seeds);
 }
 
 #[test]
@@ -219,5 +219,5 @@ fn messages() {
         (8, claim.encode_to_vec()),
     ];
     let seeds = messages.map(|(kind, message)| [&[kind][..], &message].concat());
-    corpora::run("node_messages", node::node_messages, &seeds);
+    corpora::run("node_messages", node_messages, &seeds);
 }
