@@ -5,7 +5,7 @@ use std::io::{Read as _, Seek as _, SeekFrom};
 
 use mcap::records::{MessageHeader, Record as McapRecord, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
-use mcap::{MAGIC, parse_record};
+use mcap::{MAGIC, McapError, parse_record};
 
 use super::error::ReadProblem;
 
@@ -82,6 +82,25 @@ impl Chunks {
     }
 }
 
+/// Refuses a chunk that is not compressed and whose last record goes on beyond it: `mcap` would count its bytes below
+/// zero. All else that can be wrong with a chunk it finds itself.
+fn check_plain(chunk: &[u8]) -> Result<(), ReadProblem> {
+    /// The record's head, two times, a size and a checksum.
+    const BEFORE_COMPRESSION: usize = HEAD_BYTES as usize + 3 * 8 + 4;
+    let rest = chunk.get(BEFORE_COMPRESSION..).and_then(<[u8]>::split_first_chunk);
+    let Some((&[0, 0, 0, 0], rest)) = rest else { return Ok(()) };
+    let Some((size, rest)) = rest.split_first_chunk() else { return Ok(()) };
+    let mut records = usize::try_from(u64::from_le_bytes(*size)).ok().and_then(|size| rest.get(..size));
+    while let Some((&[_, length @ ..], rest)) = records.and_then(<[u8]>::split_first_chunk::<9>) {
+        let length = usize::try_from(u64::from_le_bytes(length)).ok();
+        records = Some(length.and_then(|length| rest.get(length..)).ok_or(McapError::UnexpectedEoc)?);
+    }
+    match records {
+        Some([_, ..]) => Err(McapError::UnexpectedEoc.into()),
+        _ => Ok(()),
+    }
+}
+
 /// The channels and messages of a chunk; all of it, or why not.
 pub(super) fn read(file: &mut File, place: Place) -> Result<Vec<Record>, ReadProblem> {
     if place.bytes > MAX_RECORD_BYTES {
@@ -93,6 +112,7 @@ pub(super) fn read(file: &mut File, place: Place) -> Result<Vec<Record>, ReadPro
     if bytes.len() as u64 != place.bytes {
         return Err(ReadProblem::CutOff);
     }
+    check_plain(&bytes)?;
     // The chunk alone, as if it were the whole file: checked before anything of it is used.
     let options = LinearReaderOptions::default()
         .with_skip_start_magic(true)
