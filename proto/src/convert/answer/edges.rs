@@ -15,6 +15,8 @@ use crate::v1;
 /// Up to here 16 bits for each part of a normal are enough: ways of that length end a few micrometres off.
 const SHORT_NORMALS_M: f32 = 0.12;
 
+/// No point is farther below a plane, metres: bodies that fell beside the floor may be far.
+const MAX_BELOW_M: f32 = 1e10;
 /// No plane moves farther in a frame, metres.
 const MAX_MOVED_M: f32 = 1.0;
 /// Unit vectors of single precision, or rounded, differ from length 1 by less.
@@ -95,7 +97,9 @@ pub(super) fn edges_from_wire(
     let mut edges = vec![None; expected.check_count(*count, field("count"))?];
     let set = chosen(present, edges.len(), field("present"))?;
     check_step(*step_m, field("step_m"))?;
-    check_step(-*least_m, field("least_m"))?;
+    if !(-MAX_BELOW_M..=0.0).contains(least_m) {
+        return Err(field("least_m").value(format!("is {least_m}, expected metres below a plane")));
+    }
     let rounded = *step_m > 0.0;
     let distances = if rounded {
         let mut above = on_scale_of(distances, set.len(), *step_m, field("distances"))?;

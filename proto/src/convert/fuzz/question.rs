@@ -3,6 +3,7 @@
 use std::f64::consts::TAU;
 use std::sync::{Arc, OnceLock};
 
+use hull::coordinates::Coordinates;
 use hull::question::{Answer, Edge, Question, QuestionKind};
 use hull::rule::ProbeSettings;
 use hull::view_set::Scratch;
@@ -59,6 +60,9 @@ fn check(question: &Question) {
         let mut plain = Answer::default();
         views.clone().with_path(VectorPath::Portable).answer(question, &mut Scratch::default(), &mut plain);
         assert_eq!(found, plain, "the same bits on every machine");
+        if !is_near(question) {
+            continue;
+        }
         let expected = ExpectedAnswer {
             kind: question.kind,
             points: question.len(),
@@ -77,6 +81,13 @@ fn check(question: &Question) {
             }
         }
     }
+}
+
+/// Whether bodies can be where it asks: no coordinator asks about points beyond, and distances are no `f32` there.
+fn is_near(question: &Question) -> bool {
+    let mut points = Coordinates::default();
+    question.batches.iter().for_each(|batch| question.append_world(batch, &mut points));
+    [&points.x, &points.y, &points.z].into_iter().flatten().all(|part| part.abs() < 1e9)
 }
 
 /// An answer as the wire carries it: exits are exits, and of a point without an edge nobody asks how far one matters.
