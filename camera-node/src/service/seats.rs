@@ -311,7 +311,8 @@ mod tests {
         assert!(!seats.lock().taken.contains_key(&greedy.id()));
         assert!(Share::take(&Some(Arc::clone(&greedy)), 1).is_err(), "it has ended");
         drop((held, two, greedy, other, small));
-        assert_eq!((seats.lock().held_bytes, seats.lock().taken.len()), (0, 0));
+        let seats = seats.lock();
+        assert_eq!((seats.held_bytes, seats.taken.len()), (0, 0));
     }
 
     #[test]
@@ -321,7 +322,8 @@ mod tests {
         let mut share = Share::of(Some(Arc::clone(&seat)));
         share.set(50 * MIB).expect("room");
         assert!(share.set(MAX_HELD_BYTES + 1).is_err());
-        assert_eq!((share.bytes(), seats.lock().held_bytes), (50 * MIB, 50 * MIB));
+        let held = seats.lock().held_bytes;
+        assert_eq!((share.bytes(), held), (50 * MIB, 50 * MIB));
         share.set(MIB).expect("less");
         assert_eq!(seats.lock().held_bytes, MIB);
         let free = seats.take(None, true, false).expect("room");
