@@ -16,18 +16,19 @@ use proto::v1::{self, camera_node_client::CameraNodeClient};
 use room::{Node, coordinator, figures, named_room, program};
 use tokio::io::AsyncWriteExt as _;
 use tokio::net::TcpStream;
+use tokio::sync::Mutex;
 use tokio::task::JoinSet;
 use tokio::time::{Instant, sleep};
 
 /// How long, seconds; more by this variable.
-const SECONDS: &str = "20";
+const SECONDS: &str = "60";
 const SECONDS_VARIABLE: &str = "HULLTOUCH_STRANGERS_S";
 /// What a node may grow by.
 const MOST_GROWN_MIB: u64 = 100;
-/// What a run may miss of its frames where it is measured, on a machine that does nothing else. The attack itself takes a core:
-/// beside other work a short run may miss more.
+/// The share of its frames that a run may miss.
 const MOST_MISSED: f64 = 0.01;
-const MOST_MISSED_BESIDE_OTHERS: f64 = 0.06;
+/// One attack at a time: they would take each other's processor.
+static ATTACK: Mutex<()> = Mutex::const_new(());
 
 fn seconds() -> u64 {
     let text = std::env::var(SECONDS_VARIABLE).unwrap_or_else(|_| SECONDS.into());
@@ -44,6 +45,7 @@ fn memory_mib(process: u32, line: &str) -> u64 {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_room_goes_on_under_attack() {
+    let _alone = ATTACK.lock().await;
     let folder = tempfile::tempdir().expect("a folder");
     let unbound = named_room(folder.path(), "", "");
     let nodes = ["left", "right"].map(|name| node(&unbound, name));
@@ -69,22 +71,21 @@ async fn a_room_goes_on_under_attack() {
     let figures = tokio::task::spawn_blocking(move || figures(running, &json)).await.expect("ends well");
     let frames = figures["frames"].as_u64().expect("a count");
     let missed = figures["missed"]["frames"].as_u64().expect("a count");
-    let is_measured = std::env::var_os(SECONDS_VARIABLE).is_some();
-    let most = if is_measured { MOST_MISSED } else { MOST_MISSED_BESIDE_OTHERS };
     eprintln!("{missed} of {frames} frames missed; the nodes grew by {grown:?} MiB");
     assert!(frames as f64 >= 9.0 * attack.as_secs_f64(), "{figures}");
-    assert!(missed as f64 <= most * frames as f64, "{missed} of {frames} frames missed: {figures}");
+    assert!(missed as f64 <= MOST_MISSED * frames as f64, "{missed} of {frames} frames missed: {figures}");
     assert!(grown.iter().all(|&mib| mib <= MOST_GROWN_MIB), "the nodes grew by {grown:?} MiB");
 }
 
 /// Nobody leads this node, so that dear questions are read.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_node_that_nobody_leads_stays_small() {
+    let _alone = ATTACK.lock().await;
     let folder = tempfile::tempdir().expect("a folder");
     let node = node(&named_room(folder.path(), "", ""), "left");
     let address: SocketAddr = node.address().parse().expect("an address");
     let before = memory_mib(node.id(), "VmRSS:");
-    let until = Instant::now() + Duration::from_secs(seconds() / 2);
+    let until = Instant::now() + Duration::from_secs(seconds() / 4);
     let mut strangers = JoinSet::new();
     attack_from_all_sides(&mut strangers, address, until);
     strangers.join_all().await;
