@@ -13,7 +13,7 @@ use rust_files::{File, files, root};
 
 /// Which of our crates a crate may depend on: dependencies point inward. Crates that only cross-crate tests may
 /// need stand in no list: those tests belong to hulltouch, which sees everything.
-const ALLOWED: [(&str, &[&str]); 18] = [
+const ALLOWED: [(&str, &[&str]); 19] = [
     ("hull", &[]),
     ("calib", &["hull"]),
     ("segment", &["hull"]),
@@ -22,12 +22,16 @@ const ALLOWED: [(&str, &[&str]); 18] = [
     ("proto", &["hull"]),
     ("identity", &[]),
     ("port", &[]),
+    ("traces", &["proto"]),
     ("node-client", &["hull", "identity", "proto"]),
-    ("camera-node", &["hull", "identity", "proto", "segment", "stage"]),
-    ("coordinator", &["hull", "node-client", "proto", "sim"]),
+    ("camera-node", &["hull", "identity", "proto", "segment", "stage", "traces"]),
+    ("coordinator", &["hull", "node-client", "proto", "sim", "traces"]),
     ("feed", &["coordinator", "hull", "identity", "node-client", "proto", "sim"]),
     ("recording", &["coordinator", "hull", "node-client", "proto", "sim"]),
-    ("cluster", &["camera-node", "coordinator", "feed", "hull", "node-client", "proto", "segment", "sim"]),
+    (
+        "cluster",
+        &["camera-node", "coordinator", "feed", "hull", "node-client", "proto", "segment", "sim", "traces"],
+    ),
     ("cli", &["camera-node", "cluster", "proto"]),
     (
         "bench",
@@ -66,6 +70,7 @@ const ALLOWED: [(&str, &[&str]); 18] = [
             "segment",
             "sim",
             "stage",
+            "traces",
         ],
     ),
 ];

@@ -14,5 +14,5 @@ pub use crate::cluster_file::{
 };
 pub use crate::dns_sd::{AnnounceError, Announcement, NodeSearch};
 pub use crate::in_process::{InProcess, LocalPictures};
-pub use crate::local_cluster::{LocalCluster, LocalClusterError, Sockets};
+pub use crate::local_cluster::{LocalCluster, LocalClusterError, LocalNodes, Sockets};
 pub use crate::node_config::{NodeConfigError, expected_node};

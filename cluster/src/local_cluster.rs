@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use node_client::ExpectedNode;
 use proto::{Address, AddressError};
 use thiserror::Error;
+use traces::Endpoint;
 use wait_timeout::ChildExt as _;
 
 use crate::cluster_file::{ClusterFile, NodeEntry};
@@ -32,6 +33,15 @@ pub enum Sockets {
     /// Unix sockets in a folder of this user's own: measured a tenth faster than TCP.
     #[default]
     Unix,
+}
+
+/// What every node of a local cluster is told.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LocalNodes<'a> {
+    /// The scene without the person.
+    pub empty: bool,
+    /// Where their traces go, if anywhere.
+    pub otlp: Option<&'a Endpoint>,
 }
 
 /// Why a local cluster does not start.
@@ -84,12 +94,11 @@ struct NodeProcess {
 }
 
 impl LocalCluster {
-    /// Starts a process for each of the cluster file's nodes and waits until all listen. `empty`: the scene
-    /// without the person.
+    /// Starts a process for each of the cluster file's nodes and waits until all listen.
     pub fn start(
         file: &ClusterFile,
         sockets: Sockets,
-        empty: bool,
+        told: LocalNodes<'_>,
     ) -> Result<LocalCluster, LocalClusterError> {
         let folder = match sockets {
             Sockets::Tcp => None,
@@ -101,7 +110,7 @@ impl LocalCluster {
                 None => "127.0.0.1:0".to_owned(),
                 Some(folder) => format!("unix:{}", folder.path().join(format!("{number}.sock")).display()),
             };
-            cluster.processes.push(NodeProcess::start(file, node, empty, &listen)?);
+            cluster.processes.push(NodeProcess::start(file, node, told, &listen)?);
         }
         let deadline = Instant::now() + START_TIMEOUT;
         for (process, node) in cluster.processes.iter_mut().zip(&file.nodes) {
@@ -144,7 +153,7 @@ impl NodeProcess {
     fn start(
         file: &ClusterFile,
         node: &NodeEntry,
-        empty: bool,
+        told: LocalNodes<'_>,
         listen: &str,
     ) -> Result<NodeProcess, LocalClusterError> {
         let names: Vec<&str> = node.cameras.iter().map(|&index| &file.cameras[index].name[..]).collect();
@@ -159,8 +168,11 @@ impl NodeProcess {
         for name in &names {
             command.args(["--camera", name]);
         }
-        if empty {
+        if told.empty {
             command.arg("--empty");
+        }
+        if let Some(otlp) = told.otlp {
+            command.args(["--otlp", &otlp.to_string()]);
         }
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().map_err(refused)?;

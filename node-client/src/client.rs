@@ -15,7 +15,9 @@ use proto::convert::{
     silhouette_from_data, start_to_wire,
 };
 use proto::v1::camera_node_client::CameraNodeClient;
-use proto::{Address, CameraDescription, Claim, ClockLine, FilmEvent, Pace, RunStart, monotonic_s, v1};
+use proto::{
+    Address, CameraDescription, Claim, ClockLine, FilmEvent, Pace, RunStart, TraceParent, monotonic_s, v1,
+};
 use tokio::sync::mpsc;
 use tokio::time::Instant;
 use tokio_stream::StreamExt;
@@ -241,14 +243,15 @@ impl NodeClient {
         }
     }
 
-    /// Puts a question about a frame's cameras (places in the rig; none: all that it has) on its way; an error if the node
-    /// is not there, or does not read.
+    /// Puts a question about a frame's cameras (places in the rig; none: all that it has) on its way, as a part of a trace;
+    /// an error if the node is not there, or does not read.
     pub fn ask(
         &self,
         id: u64,
         (frame, cameras): (u64, Vec<u32>),
         question: &Question,
         written: &WrittenQuestion,
+        trace: Option<TraceParent>,
     ) -> Result<(), NodeError> {
         let mut state = self.state();
         let State { connection, knows, open, .. } = &mut *state;
@@ -258,7 +261,8 @@ impl NodeClient {
         let asked = self.node.cameras.iter().filter(named);
         let expected = asked.map(|camera| (camera.rig_index, camera.size)).collect();
         let holder = self.holder();
-        let message = v1::ProbeRequest { holder, cameras, ..written.message(knows, id, frame) };
+        let traceparent = trace_field(trace);
+        let message = v1::ProbeRequest { holder, cameras, traceparent, ..written.message(knows, id, frame) };
         connection.probes.try_send(message).map_err(|error| match error {
             mpsc::error::TrySendError::Full(_) => NodeError::Stalled,
             mpsc::error::TrySendError::Closed(_) => NodeError::NotConnected,
@@ -306,9 +310,11 @@ impl NodeClient {
         &self,
         frame: u64,
         encoding: SilhouetteEncoding,
+        trace: Option<TraceParent>,
     ) -> Result<(Vec<(u16, Silhouette)>, u64), NodeError> {
         let encoding_wire = v1::SilhouetteEncoding::from(encoding).into();
-        let request = v1::FetchSilhouettesRequest { frame, encoding: encoding_wire };
+        let request =
+            v1::FetchSilhouettesRequest { frame, encoding: encoding_wire, traceparent: trace_field(trace) };
         let mut stream = self.client()?.fetch_silhouettes(request).await?.into_inner();
         let expected = self.node.cameras.len();
         let mut bytes = 0;
@@ -609,6 +615,11 @@ async fn open_streams(mut client: CameraNodeClient<Channel>) -> Result<(Connecti
     let frames = client.watch_frames(ReceiverStream::new(credit_stream)).await?.into_inner();
     let replies = client.probe(ReceiverStream::new(probe_stream)).await?.into_inner();
     Ok((Connection { client, probes, credits }, Streams { replies, frames }))
+}
+
+/// As messages name a span; empty: none.
+fn trace_field(trace: Option<TraceParent>) -> String {
+    trace.map_or_else(String::new, |parent| parent.to_string())
 }
 
 /// Later frames are captured later. A number that is not higher begins another run.

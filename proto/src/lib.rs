@@ -23,6 +23,7 @@ mod pictures;
 mod simulation;
 mod status;
 pub mod text;
+mod trace;
 
 pub use address::{Address, AddressError, MAX_SOCKET_PATH_BYTES};
 pub use checkpoint::{CheckpointError, MAX_CHECKPOINT_BYTES, open_checkpoint, seal_checkpoint};
@@ -39,6 +40,7 @@ pub use histogram::Histogram;
 pub use pictures::{CameraPicture, FramePictures, MAX_SCALE_LOG2, Picture, PictureKind, PictureRequest};
 pub use simulation::{apart, simulate};
 pub use status::{CameraStatus, CameraTrouble, HolderStatus, NewestFrame, NodeStatus, TroubleKind};
+pub use trace::TraceParent;
 
 /// The most points one question may hold: a million body samples are 24 MB once placed in the world,
 /// and half a second of work for a node.

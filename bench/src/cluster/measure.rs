@@ -8,7 +8,7 @@ use super::rows::{Row, stages};
 use crate::response::Response;
 use crate::usage::{process_cpu_s, process_memory_mb};
 use cli::{Outcome, PrecisionName};
-use cluster::LocalCluster;
+use cluster::{LocalCluster, LocalNodes};
 
 /// Frames of the film: the ring of every node is full.
 const FRAMES: u64 = camera_node::frames::RING_FRAMES as u64;
@@ -69,7 +69,7 @@ impl Scene {
 /// The rows of one cluster.
 pub fn measured(scene: &Scene, setting: &Setting, sockets: SocketName, passes: u64) -> Outcome<Vec<Row>> {
     let Scene { film, bodies, .. } = scene;
-    let cluster = LocalCluster::start(&film.file, sockets.sockets(), false)?;
+    let cluster = LocalCluster::start(&film.file, sockets.sockets(), LocalNodes::default())?;
     let mut connected =
         ClusterClient::to(film, cluster.nodes().to_vec(), bodies, AnswerPlace::Nodes, setting.threads)?;
     let mut rows = Vec::new();

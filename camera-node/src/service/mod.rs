@@ -29,6 +29,7 @@ use prost::Message as _;
 use proto::convert::{
     SilhouetteEncoding, claim_from_wire, clock_from_wire, description_to_wire, phase_from_wire,
     picture_request_from_wire, picture_to_wire, shape_from_wire, silhouette_data, start_from_wire,
+    trace_parent_from_wire,
 };
 use proto::v1::camera_node_server::CameraNode;
 use proto::{CameraDescription, NodeDescription, monotonic_s, ring_frames, v1};
@@ -37,6 +38,7 @@ use tokio::time::Instant;
 use tokio_stream::StreamExt;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status, Streaming};
+use traces::Span;
 
 use crate::capture::{BackgroundRequest, Film, Filming};
 use crate::config::{NodeCamera, NodeConfig};
@@ -242,11 +244,14 @@ impl CameraNode for Service {
         request: Request<v1::FetchSilhouettesRequest>,
     ) -> Result<Response<Self::FetchSilhouettesStream>, Status> {
         let request = request.into_inner();
+        let span = Span::answer("silhouettes", trace_parent_from_wire(&request.traceparent));
         let encoding = SilhouetteEncoding::from(request.encoding());
         let frame = self.ring.get(request.frame).map_err(frame_status)?;
         let cameras = tokio_stream::iter(0..frame.cameras.len());
         // Encoded one at a time, as they are sent: eight 8K images at once would be 265 MB.
         let silhouette = move |index: usize| {
+            // It ends when the last of them is on its way.
+            let _of = &span;
             let camera = &frame.cameras[index];
             let data = match encoding {
                 SilhouetteEncoding::RunsLz4 => camera.bytes.clone(),

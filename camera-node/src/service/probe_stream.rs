@@ -3,11 +3,12 @@
 use std::sync::Arc;
 
 use hull::question::Question;
-use proto::convert::{Precision, QuestionReader, RefusalReason, refusal};
+use proto::convert::{Precision, QuestionReader, RefusalReason, refusal, trace_parent_from_wire};
 use proto::v1;
 use tokio::time::Instant;
 use tokio_stream::StreamExt;
 use tonic::Streaming;
+use traces::Span;
 
 use super::Service;
 use super::hold::SharedHold;
@@ -62,6 +63,7 @@ impl ProbeStream {
 
     fn read(&mut self, mut request: v1::ProbeRequest) -> Result<ProbeJob, Box<v1::ProbeReply>> {
         let (id, frame) = (request.id, request.frame);
+        let span = Span::answer("answer", trace_parent_from_wire(&request.traceparent));
         let is_held = self.hold.lock().check(request.holder, Instant::now());
         is_held.map_err(|by| Box::new(refusal(id, RefusalReason::Held, by.to_string())))?;
         let precision = if request.rounded { Precision::Quantised } else { Precision::Exact };
@@ -80,7 +82,9 @@ impl ProbeStream {
             let _ = self.share.set(0);
             Box::new(refusal(id, RefusalReason::Busy, spent.to_string()))
         })?;
-        Ok(ProbeJob { id, frame, cameras, precision, question, _share: share })
+        span.count("hulltouch.points", question.len());
+        span.count("hulltouch.bytes", question.held_bytes());
+        Ok(ProbeJob { id, frame, cameras, precision, question, span, _share: share })
     }
 
     fn count(&mut self, question: &Question) -> Result<Share, Spent> {

@@ -12,6 +12,7 @@ use proto::v1;
 use tokio::sync::mpsc;
 use tokio::time::Instant;
 use tonic::Status;
+use traces::Span;
 
 use super::seats::{Seat, Share};
 use super::turns::{Client, NoTurn, Turns};
@@ -38,6 +39,8 @@ pub(super) struct ProbeJob {
     pub cameras: Vec<u32>,
     pub precision: Precision,
     pub question: Question,
+    /// From its arrival to its answer.
+    pub span: Span,
     /// What it holds while it waits.
     pub _share: Share,
 }
@@ -104,7 +107,10 @@ pub(super) struct Worker {
 }
 
 /// Closes the queue when the last worker is dropped.
-struct Queue(Arc<Turns<(ProbeJob, ReplySender)>>);
+struct Queue(Arc<Turns<WaitingJob>>);
+
+/// A question that waits, where its answer goes, and the span of its waiting.
+type WaitingJob = (ProbeJob, ReplySender, Span);
 
 impl Drop for Queue {
     fn drop(&mut self) {
@@ -170,7 +176,8 @@ impl Worker {
         }
         let id = job.id;
         self.waiting.fetch_add(1, Ordering::Release);
-        let no_turn = queue.push(replies.client(), (job, replies.clone())).err()?;
+        let waits = job.span.part("wait");
+        let no_turn = queue.push(replies.client(), (job, replies.clone(), waits)).err()?;
         self.waiting.fetch_sub(1, Ordering::Release);
         let message = match no_turn {
             NoTurn::Full => format!("{MAX_WAITING} questions wait"),
@@ -181,13 +188,9 @@ impl Worker {
 }
 
 /// Answers queued questions, connections by turns.
-fn run(
-    computation: &Mutex<Computation>,
-    jobs: &Turns<(ProbeJob, ReplySender)>,
-    waiting: &AtomicUsize,
-    beat: &Beat,
-) {
-    while let Some((job, replies)) = jobs.next() {
+fn run(computation: &Mutex<Computation>, jobs: &Turns<WaitingJob>, waiting: &AtomicUsize, beat: &Beat) {
+    while let Some((job, replies, waits)) = jobs.next() {
+        drop(waits);
         beat.works();
         let mut computation = computation.lock().unwrap_or_else(PoisonError::into_inner);
         let reply = computation.reply(&job);
@@ -232,7 +235,8 @@ impl Computation {
 
     fn answer(&mut self, job: &ProbeJob) -> v1::ProbeReply {
         let began = Instant::now();
-        let &ProbeJob { id, frame, ref cameras, precision, ref question, _share: _ } = job;
+        let &ProbeJob { id, frame, ref cameras, precision, ref question, ref span, _share: _ } = job;
+        let _span = span.part("compute");
         let frame = match self.ring.get(frame) {
             Ok(frame) => frame,
             Err(error) => {

@@ -7,10 +7,13 @@ use hull::question::{Answer, Question, QuestionKind, Standing};
 use node_client::NodeError;
 use proto::convert::{Precision, ProbeAnswer, QuestionWriter, RefusalReason, WrittenQuestion};
 use tokio::time::Instant;
+use traces::Span;
 
 use super::TransportError;
 use super::nodes::{Nodes, PassEvent};
+use super::trace::question_span;
 use crate::ask_policy::AskPolicy;
+use crate::figures::stage_of;
 use crate::roster::{Roster, RosterNode};
 
 /// Nodes that are asked.
@@ -85,8 +88,11 @@ impl Cluster {
             let (kind, round, points) = (question.kind, pass.round(), question.len());
             let asks_all = (0..nodes.clients.len()).all(|node| pass.asks(node));
             let asking = self.asking(question, frame, roster, timeout);
-            let answered = self.run_round(nodes, pass, &asking, roster).await;
-            if answered.is_err() {
+            let span = nodes.trace.part(stage_of(round));
+            span.count("hulltouch.points", points);
+            let answered = self.run_round(nodes, pass, &asking, (roster, &span)).await;
+            if let Err(error) = &answered {
+                span.fail(error);
                 self.forget_sent(nodes);
             }
             computed_ms += answered?;
@@ -141,12 +147,17 @@ impl Cluster {
         nodes: &mut Nodes,
         pass: &mut Pass,
         asking: &Asking,
-        roster: &mut Roster,
+        (roster, span): (&mut Roster, &Span),
     ) -> Result<f64, TransportError> {
         let (round, mut computed_ms) = (pass.round(), 0.0);
         let mut waiting: Vec<bool> = (0..nodes.clients.len()).map(|node| pass.asks(node)).collect();
-        for node in (0..waiting.len()).filter(|&node| waiting[node]) {
-            ask(nodes, node, pass, asking)?;
+        let mut spans = Vec::with_capacity(waiting.len());
+        for (node, &is_asked) in waiting.iter().enumerate() {
+            let client = &nodes.clients[node];
+            spans.push(if is_asked { question_span(span, "ask a node", client) } else { Span::NONE });
+            if is_asked {
+                ask(nodes, node, pass, asking, &spans[node])?;
+            }
         }
         self.asked.push(waiting.clone());
         while let Some(slowest) = waiting.iter().position(|&waits| waits) {
@@ -163,10 +174,11 @@ impl Cluster {
                 }
                 Some(PassEvent::Reply(..) | PassEvent::Down(..)) | None => continue,
             };
-            let Some(answer) = answer_or_ask_again(nodes, node, answer, pass, asking).await? else {
+            let Some(answer) = answer_or_ask_again(nodes, node, answer, (pass, &spans[node]), asking).await?
+            else {
                 continue;
             };
-            waiting[node] = false;
+            (waiting[node], spans[node]) = (false, Span::NONE);
             computed_ms += compute_ms;
             if round == Round::Classes {
                 self.note_classes(node, &answer, asking, compute_ms);
@@ -187,13 +199,14 @@ impl Cluster {
     }
 }
 
-fn ask(nodes: &Nodes, node: usize, pass: &Pass, asking: &Asking) -> Result<(), TransportError> {
+fn ask(nodes: &Nodes, node: usize, pass: &Pass, asking: &Asking, span: &Span) -> Result<(), TransportError> {
     let Some(question) = pass.question() else { return Ok(()) };
     let sent = nodes.clients[node].ask(
         asking.id,
         (asking.frame, asking.cameras[node].clone()),
         question,
         &asking.written,
+        span.parent(),
     );
     sent.map_err(|error| failed(nodes, node, error))
 }
@@ -203,7 +216,7 @@ async fn answer_or_ask_again(
     nodes: &Nodes,
     node: usize,
     answer: ProbeAnswer,
-    pass: &Pass,
+    (pass, span): (&Pass, &Span),
     asking: &Asking,
 ) -> Result<Option<Answer>, TransportError> {
     let (reason, message) = match answer {
@@ -223,7 +236,7 @@ async fn answer_or_ask_again(
         RefusalReason::Held => return Err(failed(nodes, node, NodeError::Held(message))),
         _ => return Err(failed(nodes, node, NodeError::Refused(message))),
     }
-    ask(nodes, node, pass, asking).map(|()| None)
+    ask(nodes, node, pass, asking, span).map(|()| None)
 }
 
 pub(super) fn failed(nodes: &Nodes, node: usize, error: NodeError) -> TransportError {

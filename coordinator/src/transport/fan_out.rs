@@ -26,7 +26,7 @@ impl Cluster {
             let asking = self.asking(&question, frame, roster, timeout);
             for node in (0..waiting.len()).filter(|&node| waiting[node]) {
                 let to = (asking.frame, asking.cameras[node].clone());
-                let sent = nodes.clients[node].ask(asking.id, to, &question, &asking.written);
+                let sent = nodes.clients[node].ask(asking.id, to, &question, &asking.written, None);
                 sent.map_err(|error| failed(nodes, node, error))?;
             }
             answered(nodes, waiting.clone(), &asking, roster).await?;

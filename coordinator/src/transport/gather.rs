@@ -8,6 +8,7 @@ use hull::{Observer, Silhouette, View, ViewSet};
 use node_client::NodeClient;
 use proto::convert::SilhouetteEncoding;
 use tokio::time::Instant;
+use traces::Span;
 
 use super::TransportError;
 use super::in_process::LocalProbes;
@@ -52,13 +53,16 @@ impl Gather {
         }
         self.go_on_with(nodes, roster);
         let (began, is_there) = (Instant::now(), self.fetched.as_ref().is_some_and(|(at, _)| *at == frame));
-        if let Err(Unfetched { late, error }) = self.fetch(frame, pass.asks_planes(), timeout).await {
+        let span = if is_there { Span::NONE } else { nodes.trace.part("fetch") };
+        if let Err(Unfetched { late, error }) = self.fetch(frame, pass.asks_planes(), timeout, &span).await {
             let late = |client: &Arc<NodeClient>| late.iter().any(|late| Arc::ptr_eq(late, client));
             let places = nodes.clients.iter().enumerate().filter(|(_, client)| late(client));
             places.for_each(|(node, _)| roster.silent(node));
             return Err(error);
         }
         let fetched_ms = (!is_there).then(|| began.elapsed().as_secs_f64() * 1e3);
+        drop(span);
+        let _span = nodes.trace.part("compute");
         if let Some((_, views)) = &self.fetched {
             self.probes.run(pass, views, took);
         }
@@ -79,18 +83,24 @@ impl Gather {
 
     /// Fetches a frame; planes tell how far they moved since the frame before, whether anything was asked about that
     /// or not.
-    async fn fetch(&mut self, frame: u64, needs_before: bool, timeout: Duration) -> Result<(), Unfetched> {
+    async fn fetch(
+        &mut self,
+        frame: u64,
+        needs_before: bool,
+        timeout: Duration,
+        span: &Span,
+    ) -> Result<(), Unfetched> {
         let fetched = self.fetched.as_ref().map(|(fetched, _)| *fetched);
         if fetched == Some(frame) {
             return Ok(());
         }
         if let Some(before) = frame.checked_sub(1).filter(|&before| needs_before && fetched != Some(before)) {
             // A node that has passed it over tells of an earlier one at best.
-            if let Ok(views) = self.views(before, timeout).await {
+            if let Ok(views) = self.views(before, timeout, span).await {
                 self.fetched = Some((before, views));
             }
         }
-        let views = self.views(frame, timeout).await?;
+        let views = self.views(frame, timeout, span).await?;
         let views = match &self.fetched {
             Some((before, seen)) => views.after(seen, frame.saturating_sub(*before)),
             None => views,
@@ -99,8 +109,8 @@ impl Gather {
         Ok(())
     }
 
-    async fn views(&mut self, frame: u64, timeout: Duration) -> Result<ViewSet, Unfetched> {
-        let (silhouettes, bytes) = fetch(&self.clients, frame, self.encoding, timeout).await?;
+    async fn views(&mut self, frame: u64, timeout: Duration, span: &Span) -> Result<ViewSet, Unfetched> {
+        let (silhouettes, bytes) = fetch(&self.clients, frame, self.encoding, timeout, span).await?;
         self.silhouette_bytes += bytes;
         let view = |(rig_index, seen): &(u16, Silhouette)| {
             let observer = self.observers.iter().find(|observer| observer.rig_index() == *rig_index)?;

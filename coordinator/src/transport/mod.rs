@@ -10,6 +10,7 @@ mod gather;
 mod in_process;
 mod nodes;
 mod remote;
+mod trace;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -24,11 +25,13 @@ use proto::{FilmState, Pace};
 use thiserror::Error;
 use tokio::sync::mpsc;
 use tokio::time::Instant;
+use traces::Span;
 
 use crate::roster::{Arrival, LeaveOut, Missing, Roster, RosterNode, joined};
 use in_process::InProcess;
 use nodes::{CALL_TIMEOUT, Nodes};
 use remote::Remote;
+use trace::pass_span;
 
 pub use in_process::LocalFrames;
 
@@ -364,8 +367,17 @@ impl Transport {
         took: &mut dyn FnMut(Round, f64),
     ) -> Result<(), TransportError> {
         match &mut self.layout {
-            Layout::Remote(remote) => remote.run_pass(pass, frame, timeout, &mut self.roster, took).await,
-            Layout::InProcess(cameras) => cameras.run_pass(pass, frame, took),
+            Layout::Remote(remote) => {
+                let layout = if remote.asks() { "cluster" } else { "gather" };
+                remote.nodes.trace = pass_span(pass, frame, layout);
+                let answered = remote.run_pass(pass, frame, timeout, &mut self.roster, took).await;
+                let span = std::mem::take(&mut remote.nodes.trace);
+                answered.inspect_err(|error| span.fail(error))
+            }
+            Layout::InProcess(cameras) => {
+                let _span = pass_span(pass, frame, "inprocess");
+                cameras.run_pass(pass, frame, took)
+            }
         }
     }
 
@@ -380,7 +392,8 @@ impl Transport {
         let there = nodes.filter(|(_, node)| !node.is_left_out());
         let clients: Vec<_> = there.map(|(client, _)| Arc::clone(client)).collect();
         Box::pin(async move {
-            let fetching = nodes::fetch(&clients, frame, SilhouetteEncoding::RunsLz4, CALL_TIMEOUT);
+            let fetching =
+                nodes::fetch(&clients, frame, SilhouetteEncoding::RunsLz4, CALL_TIMEOUT, &Span::NONE);
             let (silhouettes, _) = fetching.await.map_err(|unfetched| unfetched.error)?;
             Ok(silhouettes.into_iter().map(|(place, silhouette)| (place, Arc::new(silhouette))).collect())
         })

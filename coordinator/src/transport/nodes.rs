@@ -9,7 +9,9 @@ use node_client::{Agreement, NodeClient, NodeError, NodeEvent};
 use proto::convert::{ProbeAnswer, SilhouetteEncoding};
 use proto::{FilmEvent, Pace};
 use tokio::sync::mpsc;
+use traces::Span;
 
+use super::trace::question_span;
 use super::{FirstFrame, TransportError};
 use crate::roster::{Arrival, Roster};
 
@@ -23,6 +25,8 @@ pub(super) struct Nodes {
     events: mpsc::Receiver<(usize, NodeEvent)>,
     /// The frame after the newest that any node reported in this run; for who no longer sees the roster.
     next_frame: Arc<AtomicU64>,
+    /// Of the pass in flight.
+    pub trace: Span,
 }
 
 /// What concerns the pass in flight.
@@ -39,7 +43,7 @@ impl Nodes {
         agreement: Arc<Agreement>,
         events: mpsc::Receiver<(usize, NodeEvent)>,
     ) -> Nodes {
-        Nodes { clients, agreement, events, next_frame: Arc::default() }
+        Nodes { clients, agreement, events, next_frame: Arc::default(), trace: Span::NONE }
     }
 
     /// Counts the frames of a new run.
@@ -171,16 +175,20 @@ pub(super) struct Unfetched {
     pub error: TransportError,
 }
 
-/// Silhouettes of nodes by their cameras' places in the rig, ascending, and the bytes they travelled as.
+/// Silhouettes of nodes by their cameras' places in the rig, ascending, and the bytes they travelled as; a part of a
+/// trace.
 pub(super) async fn fetch(
     clients: &[Arc<NodeClient>],
     frame: u64,
     encoding: SilhouetteEncoding,
     timeout: Duration,
+    trace: &Span,
 ) -> Result<(Vec<(u16, Silhouette)>, u64), Unfetched> {
     let calls = clients.iter().map(|client| async move {
-        let call = tokio::time::timeout(timeout, client.silhouettes(frame, encoding));
-        call.await.unwrap_or(Err(NodeError::Timeout(timeout)))
+        let span = question_span(trace, "fetch from a node", client);
+        let call = tokio::time::timeout(timeout, client.silhouettes(frame, encoding, span.parent()));
+        let fetched = call.await.unwrap_or(Err(NodeError::Timeout(timeout)));
+        fetched.inspect_err(|error| span.fail(error))
     });
     let (mut all, mut bytes, mut late, mut failed) = (Vec::new(), 0, Vec::new(), None);
     for (client, fetched) in clients.iter().zip(futures::future::join_all(calls).await) {

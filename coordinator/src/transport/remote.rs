@@ -7,6 +7,7 @@ use hull::pass::{Pass, Round};
 use proto::convert::{Precision, SilhouetteEncoding};
 use tokio::sync::oneshot;
 use tokio::time::Instant;
+use traces::Span;
 
 use super::choice::{Choice, UsualTrip, Way};
 use super::cluster::Cluster;
@@ -168,7 +169,8 @@ impl Trial {
         let clients: Vec<_> = nodes.clients.iter().map(Arc::clone).collect();
         tokio::spawn(async move {
             let began = Instant::now();
-            if fetch(&clients, frame, SilhouetteEncoding::default(), CALL_TIMEOUT).await.is_ok() {
+            if fetch(&clients, frame, SilhouetteEncoding::default(), CALL_TIMEOUT, &Span::NONE).await.is_ok()
+            {
                 // The run may have ended.
                 let _ = tell.send(began.elapsed().as_secs_f64() * 1e3);
             }

@@ -20,7 +20,7 @@ use std::time::Duration;
 use ::recording::ColourSource;
 use camera_node::NodeConfig;
 use cli::{Failure, Outcome};
-use cluster::{InProcess, LocalCluster, Sockets};
+use cluster::{InProcess, LocalCluster, LocalNodes, Sockets};
 use coordinator::{Placement, Transport};
 use feed::pictures::Pictures;
 use node_client::NodePictures;
@@ -39,7 +39,8 @@ pub fn run_locally(setup: &Setup) -> Outcome {
     setup.prepare_outputs()?;
     let cameras = cameras(setup)?;
     if setup.transport != TransportName::Inprocess {
-        let cluster = LocalCluster::start(&setup.file, Sockets::default(), setup.empty)?;
+        let told = LocalNodes { empty: setup.empty, otlp: setup.outlets.otlp.as_ref() };
+        let cluster = LocalCluster::start(&setup.file, Sockets::default(), told)?;
         return run_over_nodes(setup, &cameras, cluster.nodes().to_vec(), LOCAL_CONNECT_TIMEOUT);
     }
     let frames = InProcess::prepare(&cameras)?;

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use cli::{Failure, Outcome};
 use recording::{Overwrites, WriteError};
+use traces::Endpoint;
 
 use super::page::{PageArguments, PagePlan};
 use super::security::Security;
@@ -24,6 +25,10 @@ pub struct OutletArguments {
     /// Serve metrics of the run at this address by plain HTTP: /metrics, /live and /ready.
     #[arg(long, value_name = "ADDRESS")]
     metrics: Option<SocketAddr>,
+    /// Send traces of some passes, a span each round, question and answer, to this collector (OTLP over gRPC). One pass of a
+    /// hundred; OTEL_TRACES_SAMPLER chooses others.
+    #[arg(long, value_name = "http://HOST:PORT")]
+    otlp: Option<Endpoint>,
     /// Write the run's figures.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -43,6 +48,8 @@ pub struct Outlets {
     pub osc: Option<SocketAddr>,
     /// Where metrics are served.
     pub metrics: Option<SocketAddr>,
+    /// Where traces go.
+    pub otlp: Option<Endpoint>,
     /// Where figures go.
     pub json: Option<PathBuf>,
     /// Where pictures go.
@@ -60,6 +67,7 @@ impl OutletArguments {
             page: has_page.then(|| self.page.checked(security)).transpose()?,
             osc: self.osc.as_deref().map(osc_address).transpose()?,
             metrics: self.metrics,
+            otlp: self.otlp.clone(),
             json: self.json.clone(),
             snapshots: self.snapshot.clone(),
             silent: false,

@@ -78,6 +78,7 @@ pub fn play(
     };
     let (served, live) = outlets::serve(setup, page)?.unzip();
     let (metrics, telemetry) = serve_metrics(setup, schedule.is_some())?.unzip();
+    let _traces = telemetry::send_traces(setup.outlets.otlp.as_ref(), "coordinator", (&setup.file.name, ""))?;
     let pulse = Pulse::default();
     let beat = pulse.beat("the run");
     let mut console = Console::new(setup, &observers, Arc::clone(&beat));

@@ -17,6 +17,7 @@ mod rounded;
 mod silhouette;
 mod status;
 mod to_wire;
+mod trace;
 
 pub use answer::{ExpectedAnswer, ProbeAnswer, answer_from_wire, answer_to_wire};
 pub use claim::{claim_from_wire, claim_to_wire};
@@ -34,6 +35,7 @@ pub use rounded::Precision;
 pub use silhouette::{SilhouetteEncoding, silhouette_data, silhouette_from_data};
 pub use status::{status_from_wire, status_to_wire};
 pub use to_wire::{pixel_rect_to_wire, refusal, settings_to_wire, shape_key, shape_to_wire};
+pub use trace::trace_parent_from_wire;
 
 use thiserror::Error;
 

@@ -15,6 +15,7 @@ use cluster::{Announcement, ClusterFile};
 use identity::Identity;
 use port::{Telemetry, TelemetryPort};
 use tokio::io::AsyncReadExt as _;
+use traces::Endpoint;
 
 use self::part::Part;
 use crate::interrupt::interrupted;
@@ -49,6 +50,9 @@ pub struct NodeArguments {
     /// Serve metrics of this node at this address by plain HTTP: /metrics, /live and /ready.
     #[arg(long, value_name = "ADDRESS")]
     metrics: Option<SocketAddr>,
+    /// Send what this node does for the passes that its coordinator traces to this collector (OTLP over gRPC).
+    #[arg(long, value_name = "http://HOST:PORT")]
+    otlp: Option<Endpoint>,
     /// Film the scene without the person: the studio empty, or a recording's background clip.
     #[arg(long)]
     empty: bool,
@@ -73,6 +77,8 @@ pub fn run(arguments: &NodeArguments) -> Outcome {
     let telemetry = Arc::new(NodeTelemetry::default());
     let _port =
         arguments.metrics.map(|listen| serve_metrics(listen, &file, &part, &telemetry)).transpose()?;
+    let _traces =
+        telemetry::send_traces(arguments.otlp.as_ref(), "node", (&file.name, &label(&file, &part)))?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::run)?;
     let served = runtime.block_on(async {
         let node = tokio::select! {
@@ -96,6 +102,11 @@ pub fn run(arguments: &NodeArguments) -> Outcome {
     served
 }
 
+/// What the node is called where it is watched.
+fn label(file: &ClusterFile, part: &Part) -> String {
+    part.name.map_or_else(|| node_label(file, &part.cameras), ToOwned::to_owned)
+}
+
 /// Serves metrics, also while backgrounds are still being learnt.
 fn serve_metrics(
     listen: SocketAddr,
@@ -103,7 +114,7 @@ fn serve_metrics(
     part: &Part,
     telemetry: &Arc<NodeTelemetry>,
 ) -> Outcome<TelemetryPort> {
-    let node = part.name.map_or_else(|| node_label(file, &part.cameras), ToOwned::to_owned);
+    let node = label(file, part);
     let telemetry: Arc<dyn Telemetry> = Arc::<NodeTelemetry>::clone(telemetry);
     telemetry::serve(listen, &[("room", file.name.clone()), ("node", node)], telemetry)
 }

@@ -13,7 +13,7 @@ use toml::Value;
 
 use super::Query;
 use cli::{Failure, Outcome};
-use cluster::{ClusterFile, LocalCluster, Sockets};
+use cluster::{ClusterFile, LocalCluster, LocalNodes, Sockets};
 
 /// How long nodes may take to answer to their addresses, and to read a silhouette.
 const START_TIMEOUT: Duration = Duration::from_secs(30);
@@ -28,7 +28,7 @@ pub fn results(query: &Query) -> Outcome<Vec<BodyResult>> {
     let path = folder.path().join("query.cluster.toml");
     write_cluster(query, folder.path(), &path).map_err(|error| Failure::unwritable(folder.path(), error))?;
     let file = ClusterFile::open(&path)?;
-    let cluster = LocalCluster::start(&file, Sockets::default(), false)?;
+    let cluster = LocalCluster::start(&file, Sockets::default(), LocalNodes::default())?;
     let mut pass = query.pass(&query.view_set(), cluster.nodes().len());
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::run)?;
     runtime.block_on(async {

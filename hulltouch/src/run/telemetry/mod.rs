@@ -12,6 +12,7 @@ use cli::{Failure, Outcome};
 use cluster::ClusterFile;
 use port::{Buckets, Labels, PortError, Telemetry, TelemetryPort};
 use proto::Histogram;
+use traces::{Endpoint, Exporter, Process};
 
 pub use node::NodeTelemetry;
 pub use run::metrics;
@@ -29,6 +30,17 @@ pub fn serve(
     // A closed standard error is no reason not to run.
     let _ = writeln!(std::io::stderr(), "metrics: http://{}/metrics", port.address());
     Ok(port)
+}
+
+/// Sends traces of this process, if they are to go anywhere, until what is returned is dropped. Of a room, and by a name
+/// there; either may be empty.
+pub fn send_traces(
+    to: Option<&Endpoint>,
+    role: &'static str,
+    (room, name): (&str, &str),
+) -> Outcome<Option<Exporter>> {
+    let process = Process { role, room, name };
+    to.map(|to| Exporter::begin(to, process)).transpose().map_err(Failure::run)
 }
 
 /// What a node is called: by its name in the cluster file, or without one by its cameras.

@@ -15,7 +15,7 @@ use prost::Message;
 
 use super::super::{
     ExpectedAnswer, Precision, ProbeAnswer, QuestionReader, QuestionWriter, StreamKnows, answer_from_wire,
-    answer_to_wire,
+    answer_to_wire, trace_parent_from_wire,
 };
 use crate::{MAX_POINTS, v1};
 
@@ -36,6 +36,9 @@ pub fn question(bytes: &[u8]) {
         let (message, left) = left.split_at(usize::from(u16::from_le_bytes(*length)).min(left.len()));
         rest = left;
         let Ok(request) = v1::ProbeRequest::decode(message) else { continue };
+        if let Some(parent) = trace_parent_from_wire(&request.traceparent) {
+            assert_eq!(trace_parent_from_wire(&parent.to_string()), Some(parent));
+        }
         let mut question = Question::default();
         if reader.read(request, shape, &mut question).is_ok() {
             assert!(question.len() <= MAX_POINTS, "a question of {} points", question.len());

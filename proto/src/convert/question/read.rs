@@ -62,6 +62,7 @@ impl QuestionReader {
             rounded,
             holder: _,
             cameras: _,
+            traceparent: _,
         } = request;
         let known = self.list.take();
         let mut list = match bodies {

@@ -159,6 +159,7 @@ impl QuestionWriter {
             id: 0,
             frame: 0,
             cameras: Vec::new(),
+            traceparent: String::new(),
             kind: kind_to_wire(*kind).into(),
             bodies: None,
             points: None,
