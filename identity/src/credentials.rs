@@ -27,6 +27,8 @@ pub struct Credentials {
     own: Identity,
     max_connection_age: Duration,
     state: Mutex<State>,
+    /// The folder is read by one at a time: what was read before is not put in use after.
+    reading: Mutex<()>,
 }
 
 struct State {
@@ -49,7 +51,13 @@ impl Credentials {
         let files = Files::read(folder)?;
         let loaded = Arc::new(Loaded::new(folder, &files, &own, UnixTime::now())?);
         let state = Mutex::new(State { files, loaded, problem: None });
-        Ok(Credentials { folder: folder.to_owned(), own, max_connection_age: MAX_CONNECTION_AGE, state })
+        Ok(Credentials {
+            folder: folder.to_owned(),
+            own,
+            max_connection_age: MAX_CONNECTION_AGE,
+            state,
+            reading: Mutex::default(),
+        })
     }
 
     /// The same where connections live for so long, and then show certificates anew.
@@ -122,6 +130,7 @@ impl Credentials {
     }
 
     fn current(&self) -> Arc<Loaded> {
+        let _reading = self.reading.lock().unwrap_or_else(PoisonError::into_inner);
         let read = Files::read(&self.folder);
         let mut state = self.state();
         let loaded = match read {

@@ -18,7 +18,7 @@ use proto::v1::camera_node_client::CameraNodeClient;
 use proto::{
     Address, CameraDescription, Claim, ClockLine, FilmEvent, Pace, RunStart, TraceParent, monotonic_s, v1,
 };
-use tokio::sync::mpsc;
+use tokio::sync::{Notify, mpsc};
 use tokio::time::Instant;
 use tokio_stream::StreamExt;
 use tokio_stream::wrappers::ReceiverStream;
@@ -80,6 +80,8 @@ pub struct NodeClient {
     /// The term of our claim to this node.
     term: AtomicU64,
     state: Mutex<State>,
+    /// The connection in use is of no use.
+    given_up: Notify,
 }
 
 #[derive(Default)]
@@ -163,7 +165,8 @@ impl NodeClient {
         events: mpsc::Sender<(usize, NodeEvent)>,
     ) -> Arc<NodeClient> {
         let (term, state) = (AtomicU64::new(0), Mutex::default());
-        let client = Arc::new(NodeClient { node, index, agreement, events, term, state });
+        let client =
+            Arc::new(NodeClient { node, index, agreement, events, term, state, given_up: Notify::new() });
         client.state().credit = client.no_credit();
         tokio::spawn(Arc::clone(&client).keep_connected());
         client
@@ -182,6 +185,11 @@ impl NodeClient {
     /// Our monotonic clock by the node's, once that was read.
     pub fn clock(&self) -> Option<ClockLine> {
         self.state().clock_line
+    }
+
+    /// Gives up the connection in use, if there is one, for another: the node does not answer.
+    pub fn connect_anew(&self) {
+        self.given_up.notify_waiters();
     }
 
     /// Questions that it has not answered.
@@ -357,7 +365,11 @@ impl NodeClient {
                     backoff = FIRST_BACKOFF;
                     self.state().connect(connection);
                     tracing::debug!("node {} is up", self.node);
-                    let error = self.read(streams).await;
+                    let error = tokio::select! {
+                        biased;
+                        error = self.read(streams) => error,
+                        () = self.given_up.notified() => NodeError::NotConnected,
+                    };
                     self.state().connection = None;
                     error
                 }

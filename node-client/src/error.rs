@@ -99,6 +99,32 @@ pub enum NodeError {
     Mismatch(#[from] Mismatch),
 }
 
+impl NodeError {
+    /// Whether the node is away, rather than there and another than is expected: its PC, its program or its cable.
+    pub fn is_absence(&self) -> bool {
+        match self {
+            NodeError::NotConnected
+            | NodeError::Unreachable(_)
+            | NodeError::NotFound
+            | NodeError::Timeout(_)
+            | NodeError::Lost(_)
+            | NodeError::Closed
+            | NodeError::Stalled => true,
+            NodeError::At { error, .. } => error.is_absence(),
+            NodeError::NoStatus
+            | NodeError::AtOnce { .. }
+            | NodeError::Refused(_)
+            | NodeError::Held(_)
+            | NodeError::Invalid(_)
+            | NodeError::Cameras { .. }
+            | NodeError::NoPictures
+            | NodeError::OtherFrame { .. }
+            | NodeError::Backwards { .. }
+            | NodeError::Mismatch(_) => false,
+        }
+    }
+}
+
 /// How a node differs from the one that the cluster file means.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum Mismatch {

@@ -14,6 +14,7 @@ mod address;
 mod checkpoint;
 mod claim;
 mod clock;
+pub mod codec;
 pub mod convert;
 mod cut;
 mod description;

@@ -91,17 +91,16 @@ impl Hold {
         id != 0 && has_room
     }
 
-    /// A stream that was counted ended.
-    pub fn stream_ended(&mut self, id: u64, now: Instant) {
+    /// A stream that was counted ended; whether it was of who holds the node.
+    pub fn stream_ended(&mut self, id: u64, now: Instant) -> bool {
         if let Some(count) = self.streams.get_mut(&id) {
             *count -= 1;
             if *count == 0 {
                 self.streams.remove(&id);
             }
         }
-        if let Some(held) = self.held.as_mut().filter(|held| held.claim.id == id) {
-            held.heard = now;
-        }
+        let held = self.held.as_mut().filter(|held| held.claim.id == id);
+        held.map(|held| held.heard = now).is_some()
     }
 
     /// Whether nobody has held the node for so long that its cameras may stop.

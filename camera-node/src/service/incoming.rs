@@ -1,10 +1,12 @@
 //! Who gets in: connections are accepted, encrypted where certificates are in use, and counted.
 //!
-//! Strangers hold nothing for long: whoever has not said who it is gives way to the next, oldest first, so that no number of
-//! silent ones keeps a coordinator out.
+//! Strangers hold nothing for long: whoever has not said who it is gives way to the next, oldest first of the machine that
+//! has most of them, so that no number of silent ones keeps a coordinator out.
 
-use std::collections::VecDeque;
+use std::cmp::Reverse;
+use std::collections::{HashMap, VecDeque};
 use std::io;
+use std::net::IpAddr;
 use std::pin::Pin;
 use std::sync::Arc;
 use std::task::{Context, Poll};
@@ -33,7 +35,7 @@ const PREFACE: &[u8; 24] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
 /// The system has no descriptor, or no memory: it is asked again after this.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
 /// Connections without a call are looked for so often.
-const IDLE_CHECK: Duration = Duration::from_secs(5);
+const IDLE_CHECK: Duration = Duration::from_secs(1);
 
 /// Who may connect.
 #[derive(Clone, Default)]
@@ -92,7 +94,7 @@ pub(super) fn incoming(
 /// Accepts until nobody takes what comes.
 async fn accept(listener: Listener, door: Door, sender: mpsc::Sender<io::Result<Connection>>) {
     let mut beginning = JoinSet::new();
-    let mut by_age: VecDeque<AbortHandle> = VecDeque::new();
+    let mut by_age: VecDeque<(Option<IpAddr>, AbortHandle)> = VecDeque::new();
     let mut idle_check = tokio::time::interval(IDLE_CHECK);
     loop {
         let accepted = tokio::select! {
@@ -112,22 +114,32 @@ async fn accept(listener: Listener, door: Door, sender: mpsc::Sender<io::Result<
                 continue;
             }
         };
-        by_age.retain(|handle| !handle.is_finished());
+        by_age.retain(|(_, handle)| !handle.is_finished());
         if by_age.len() >= MAX_BEGINNING
-            && let Some(oldest) = by_age.pop_front()
+            && let Some(place) = gives_way(by_age.iter().map(|(from, _)| *from))
+            && let Some((_, oldest)) = by_age.remove(place)
         {
             oldest.abort();
         }
-        let (door, sender) = (door.clone(), sender.clone());
-        by_age.push_back(beginning.spawn(async move {
-            let from = accepted.from();
+        let (door, sender, from) = (door.clone(), sender.clone(), accepted.from());
+        let begun = beginning.spawn(async move {
             match tokio::time::timeout(BEGIN_TIMEOUT, door.let_in(accepted)).await {
                 Ok(Ok(connection)) => drop(sender.send(Ok(connection)).await),
                 Ok(Err(why)) => door.log.refused(from, &why),
                 Err(_) => door.log.refused(from, &Refusal::Silent),
             }
-        }));
+        });
+        by_age.push_back((from, begun));
     }
+}
+
+/// Of connections in the order in which they came: the place of the first of the machine that has most.
+fn gives_way(machines: impl Iterator<Item = Option<IpAddr>>) -> Option<usize> {
+    let mut count_and_first: HashMap<Option<IpAddr>, (usize, Reverse<usize>)> = HashMap::new();
+    for (place, machine) in machines.enumerate() {
+        count_and_first.entry(machine).or_insert((0, Reverse(place))).0 += 1;
+    }
+    count_and_first.into_values().max().map(|(_, Reverse(first))| first)
 }
 
 /// Why somebody does not get in.
@@ -257,5 +269,19 @@ impl AsyncWrite for Connection {
 
     fn poll_shutdown(self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
         Pin::new(&mut self.get_mut().socket).poll_shutdown(context)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_oldest_of_the_machine_with_most_gives_way() {
+        let machine = |last| Some(IpAddr::from([10, 0, 0, last]));
+        assert_eq!(gives_way([1, 2, 3, 2, 1, 2].into_iter().map(machine)), Some(1));
+        assert_eq!(gives_way([3, 2, 1, 2, 1].into_iter().map(machine)), Some(1), "of two the older");
+        assert_eq!(gives_way([None, machine(1)].into_iter()), Some(0));
+        assert_eq!(gives_way(std::iter::empty()), None);
     }
 }

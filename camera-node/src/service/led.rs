@@ -37,8 +37,11 @@ impl Led {
             }
         }
         if let Some(holder) = counted {
-            self.hold.lock().stream_ended(holder, Instant::now());
-            self.stop_if_deserted().await;
+            let led = self.hold.lock().stream_ended(holder, Instant::now());
+            // What others begin and end costs nothing.
+            if led {
+                self.stop_if_deserted().await;
+            }
         }
     }
 

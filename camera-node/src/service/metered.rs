@@ -23,16 +23,31 @@ const MAX_SHORT_BYTES: usize = 64 << 10;
 const WHOLE_WITHIN: Duration = Duration::from_secs(20);
 /// Before each message: whether it is compressed, and its length.
 const PREFIX_BYTES: usize = 5;
+/// The calls whose clients send messages one after the other; of all others they send one.
+const STREAMS: [&str; 3] = ["Probe", "WatchFrames", "ServerReflectionInfo"];
 /// Shorter parts of replies are not counted: of each stream one waits at most.
 const UNCOUNTED_BYTES: usize = 4096;
 
-/// The longest message that a call takes, by its path.
-fn max_message_bytes(path: &str) -> usize {
-    match path.rsplit('/').next() {
-        Some("RegisterShapes" | "Probe") => MAX_MESSAGE_BYTES,
-        // The checkpoint, and who sends it.
-        Some("KeepWorld") => MAX_CHECKPOINT_BYTES + 64,
-        _ => MAX_SHORT_BYTES,
+/// What a call takes.
+#[derive(Clone, Copy, Debug)]
+struct Takes {
+    /// The longest message.
+    max_message_bytes: usize,
+    /// Messages one after the other.
+    is_stream: bool,
+}
+
+impl Takes {
+    /// By the call's path.
+    fn of(path: &str) -> Takes {
+        let name = path.rsplit('/').next().unwrap_or_default();
+        let max_message_bytes = match name {
+            "RegisterShapes" | "Probe" => MAX_MESSAGE_BYTES,
+            // The checkpoint, and who sends it.
+            "KeepWorld" => MAX_CHECKPOINT_BYTES + 64,
+            _ => MAX_SHORT_BYTES,
+        };
+        Takes { max_message_bytes, is_stream: STREAMS.contains(&name) }
     }
 }
 
@@ -70,8 +85,8 @@ where
     fn call(&mut self, request: http::Request<Body>) -> Self::Future {
         let seat = request.extensions().get::<Caller>().and_then(|caller| caller.seat.clone());
         let call = Call::begin(seat.clone());
-        let most = max_message_bytes(request.uri().path());
-        let request = request.map(|body| Body::new(Received::new(body, most, seat.clone())));
+        let takes = Takes::of(request.uri().path());
+        let request = request.map(|body| Body::new(Received::new(body, takes, seat.clone())));
         let reply = self.service.call(request);
         Box::pin(async move {
             let reply = reply.await?;
@@ -100,30 +115,56 @@ impl Drop for Call {
 struct Received {
     body: Body,
     seat: Option<Arc<Seat>>,
+    takes: Takes,
     messages: Messages,
     share: Share,
-    /// For the message that has begun.
+    /// What is held beside the message that has begun: of a stream the buffer of its longest message, which stays with it;
+    /// of other calls the message, until the client has ended.
+    kept_bytes: usize,
+    /// For the message that has begun, and for all that a call which is no stream is sent.
     whole_by: Option<Pin<Box<Sleep>>>,
 }
 
 impl Received {
-    fn new(body: Body, most: usize, seat: Option<Arc<Seat>>) -> Received {
-        let (share, messages) = (Share::of(seat.clone()), Messages::of_at_most(most));
-        Received { body, seat, messages, share, whole_by: None }
+    fn new(body: Body, takes: Takes, seat: Option<Arc<Seat>>) -> Received {
+        let (share, messages) = (Share::of(seat.clone()), Messages::of_at_most(takes.max_message_bytes));
+        let whole_by = (!takes.is_stream).then(whole_by);
+        Received { body, seat, takes, messages, share, kept_bytes: 0, whole_by }
+    }
+
+    /// What is held while more is waited for: whole messages have been read.
+    fn held_bytes(&self) -> usize {
+        self.messages.partial.max(self.kept_bytes)
     }
 
     fn count(&mut self, data: &[u8]) -> Result<(), Status> {
-        if self.messages.read(data)? > 0 {
-            self.whole_by = None;
+        let held = (self.messages.partial + data.len()).max(self.kept_bytes);
+        let whole = self.messages.read(data)?;
+        if self.takes.is_stream {
+            if self.messages.longest > MAX_SHORT_BYTES {
+                self.kept_bytes = self.messages.longest;
+            }
+            if whole > 0 {
+                self.whole_by = None;
+            }
+            if self.messages.partial > 0 && self.whole_by.is_none() {
+                self.whole_by = Some(whole_by());
+            }
+        } else {
+            if self.messages.count > 1 || self.messages.count == 1 && self.messages.partial > 0 {
+                return Err(Status::invalid_argument("a second message, expected one of this call"));
+            }
+            self.kept_bytes = held;
+        }
+        if whole > 0 {
             self.seat.iter().for_each(|seat| seat.heard());
         }
-        let held = self.share.bytes() + data.len();
-        self.share.set(held).map_err(|spent| Status::resource_exhausted(spent.to_string()))?;
-        if self.messages.partial > 0 && self.whole_by.is_none() {
-            self.whole_by = Some(Box::pin(tokio::time::sleep_until(Instant::now() + WHOLE_WITHIN)));
-        }
-        Ok(())
+        self.share.set(held).map_err(|spent| Status::resource_exhausted(spent.to_string()))
     }
+}
+
+fn whole_by() -> Pin<Box<Sleep>> {
+    Box::pin(tokio::time::sleep_until(Instant::now() + WHOLE_WITHIN))
 }
 
 impl http_body::Body for Received {
@@ -135,8 +176,7 @@ impl http_body::Body for Received {
         context: &mut Context<'_>,
     ) -> Poll<Option<Result<Frame<Bytes>, Status>>> {
         let this = self.get_mut();
-        // More is wanted: whole messages have been read.
-        let _ = this.share.set(this.messages.partial);
+        let _ = this.share.set(this.held_bytes());
         if let Some(whole_by) = &mut this.whole_by
             && whole_by.as_mut().poll(context).is_ready()
         {
@@ -172,11 +212,14 @@ struct Messages {
     partial: usize,
     /// Its whole length, once it is known.
     length: usize,
+    /// Of those that were whole: the longest, and how many there were.
+    longest: usize,
+    count: usize,
 }
 
 impl Messages {
     fn of_at_most(most: usize) -> Messages {
-        Messages { most, prefix: [0; PREFIX_BYTES], partial: 0, length: 0 }
+        Messages { most, prefix: [0; PREFIX_BYTES], partial: 0, length: 0, longest: 0, count: 0 }
     }
 
     /// Reads on; how many messages have become whole.
@@ -198,9 +241,11 @@ impl Messages {
             self.partial += take;
             data = &data[take..];
             if self.partial == self.length {
+                self.longest = self.longest.max(self.length);
                 (self.partial, whole) = (0, whole + 1);
             }
         }
+        self.count += whole;
         Ok(whole)
     }
 
@@ -269,6 +314,11 @@ impl AsRef<[u8]> for Unsent {
 
 #[cfg(test)]
 mod tests {
+    use tokio::sync::mpsc;
+    use tokio_stream::StreamExt as _;
+    use tokio_stream::wrappers::ReceiverStream;
+
+    use super::super::seats::SharedSeats;
     use super::*;
 
     fn message(length: usize) -> Vec<u8> {
@@ -295,7 +345,76 @@ mod tests {
     fn a_long_message_is_refused_before_it_comes() {
         let refused = Messages::of_at_most(64).read(&message(65)[..5]).expect_err("too long");
         assert_eq!(refused.message(), "a message of 65 bytes, expected at most 64 of this call");
-        assert_eq!(max_message_bytes("/hulltouch.v1.CameraNode/Start"), 64 << 10);
-        assert_eq!(max_message_bytes("/hulltouch.v1.CameraNode/Probe"), 48 << 20);
+        assert_eq!(Takes::of("/hulltouch.v1.CameraNode/Start").max_message_bytes, 64 << 10);
+        assert_eq!(Takes::of("/hulltouch.v1.CameraNode/Probe").max_message_bytes, 48 << 20);
+    }
+
+    /// What a call is sent, as a connection would.
+    fn received(call: &str, seats: &SharedSeats) -> (mpsc::Sender<Bytes>, Received) {
+        let seat = seats.take(Some([10, 0, 0, 1].into()), true, true).expect("room");
+        let (sender, receiver) = mpsc::channel::<Bytes>(8);
+        let frames = ReceiverStream::new(receiver).map(|data| Ok::<_, Status>(Frame::data(data)));
+        let body = Body::new(StreamBody { frames: Box::pin(frames) });
+        (sender, Received::new(body, Takes::of(call), Some(seat)))
+    }
+
+    struct StreamBody {
+        frames: Pin<Box<dyn tokio_stream::Stream<Item = Result<Frame<Bytes>, Status>> + Send>>,
+    }
+
+    impl http_body::Body for StreamBody {
+        type Data = Bytes;
+        type Error = Status;
+
+        fn poll_frame(
+            mut self: Pin<&mut Self>,
+            context: &mut Context<'_>,
+        ) -> Poll<Option<Result<Frame<Bytes>, Status>>> {
+            self.frames.as_mut().poll_next(context)
+        }
+    }
+
+    async fn next(received: &mut Received) -> Option<Result<Frame<Bytes>, Status>> {
+        use http_body::Body as _;
+        std::future::poll_fn(|context| Pin::new(&mut *received).poll_frame(context)).await
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_message_whose_call_is_never_ended_counts_and_is_given_up() {
+        let seats = SharedSeats::default();
+        let (sender, mut received) = received("/hulltouch.v1.CameraNode/RegisterShapes", &seats);
+        sender.send(message(1 << 20).into()).await.expect("open");
+        assert!(next(&mut received).await.is_some_and(|frame| frame.is_ok()));
+        // It is whole; the client does not say that it was all.
+        let began = Instant::now();
+        let ended = next(&mut received).await.expect("an end").expect_err("late");
+        assert_eq!(ended.code(), tonic::Code::DeadlineExceeded);
+        assert!(began.elapsed() <= WHOLE_WITHIN + Duration::from_millis(10));
+        assert_eq!(seats.held_bytes(), (1 << 20) + PREFIX_BYTES, "until the call is over");
+        drop(received);
+        assert_eq!(seats.held_bytes(), 0);
+    }
+
+    #[tokio::test]
+    async fn a_call_takes_one_message_and_no_second() {
+        let seats = SharedSeats::default();
+        let (sender, mut received) = received("/hulltouch.v1.CameraNode/Hold", &seats);
+        sender.send([message(9), message(9)].concat().into()).await.expect("open");
+        let refused = next(&mut received).await.expect("a frame").expect_err("two messages");
+        assert_eq!(refused.message(), "a second message, expected one of this call");
+    }
+
+    #[tokio::test]
+    async fn a_stream_goes_on_holding_the_buffer_of_its_longest_message() {
+        let seats = SharedSeats::default();
+        let (sender, mut received) = received("/hulltouch.v1.CameraNode/Probe", &seats);
+        for (bytes, held) in [(1000, 0), (1 << 20, (1 << 20) + PREFIX_BYTES), (10, (1 << 20) + PREFIX_BYTES)]
+        {
+            sender.send(message(bytes).into()).await.expect("open");
+            assert!(next(&mut received).await.is_some_and(|frame| frame.is_ok()));
+            // It asks for more once it has read that.
+            assert!(tokio::time::timeout(Duration::ZERO, next(&mut received)).await.is_err());
+            assert_eq!(seats.held_bytes(), held, "after a message of {bytes} bytes");
+        }
     }
 }

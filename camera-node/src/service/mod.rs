@@ -25,11 +25,13 @@ pub use watch::NodeWatch;
 use std::pin::Pin;
 use std::sync::Arc;
 
+use bytes::Bytes;
+use hull::Silhouette;
 use prost::Message as _;
 use proto::convert::{
     SilhouetteEncoding, claim_from_wire, clock_from_wire, description_to_wire, phase_from_wire,
-    picture_request_from_wire, picture_to_wire, shape_from_wire, silhouette_data, start_from_wire,
-    trace_parent_from_wire,
+    picture_request_from_wire, picture_to_wire, shape_from_wire, silhouette_data, silhouette_from_data,
+    start_from_wire, trace_parent_from_wire,
 };
 use proto::v1::camera_node_server::CameraNode;
 use proto::{CameraDescription, NodeDescription, monotonic_s, ring_frames, v1};
@@ -42,7 +44,7 @@ use traces::Span;
 
 use crate::capture::{BackgroundRequest, Film, Filming};
 use crate::config::{NodeCamera, NodeConfig};
-use crate::frames::{FrameError, FrameRing};
+use crate::frames::{CameraFrame, FrameError, FrameRing};
 use crate::pictures::{PictureEncoder, PictureError};
 use crate::pulse::Pulse;
 use crate::shapes::Shapes;
@@ -201,7 +203,7 @@ impl CameraNode for Service {
         let _share = Share::take(&seat, 2 * bytes).map_err(spent)?;
         let shapes: Result<Vec<_>, _> = shapes.iter().map(shape_from_wire).collect();
         self.shapes
-            .register(shapes.map_err(invalid)?)
+            .register(shapes.map_err(invalid)?, holder)
             .map_err(|error| Status::resource_exhausted(error.to_string()))?;
         Ok(Response::new(v1::RegisterShapesReply {}))
     }
@@ -243,23 +245,33 @@ impl CameraNode for Service {
         &self,
         request: Request<v1::FetchSilhouettesRequest>,
     ) -> Result<Response<Self::FetchSilhouettesStream>, Status> {
+        let seat = seat(&request);
         let request = request.into_inner();
         let span = Span::answer("silhouettes", trace_parent_from_wire(&request.traceparent));
         let encoding = SilhouetteEncoding::from(request.encoding());
         let frame = self.ring.get(request.frame).map_err(frame_status)?;
-        let cameras = tokio_stream::iter(0..frame.cameras.len());
+        let size = |silhouette: &Silhouette| (silhouette.width(), silhouette.height());
+        // Compact bytes alone: a reader that is slow keeps no frame.
+        let compact =
+            |camera: &CameraFrame| (camera.rig_index, size(&camera.silhouette), camera.bytes.clone());
+        let cameras: Vec<_> = frame.cameras.iter().map(compact).collect();
+        let bytes = cameras.iter().map(|(_, _, bytes)| bytes.len()).sum();
+        let share = Share::take(&seat, bytes).map_err(spent)?;
         // Encoded one at a time, as they are sent: eight 8K images at once would be 265 MB.
-        let silhouette = move |index: usize| {
-            // It ends when the last of them is on its way.
-            let _of = &span;
-            let camera = &frame.cameras[index];
+        let silhouette = move |(rig_index, size, compact): (u16, _, Bytes)| {
+            // They end when the last silhouette is on its way.
+            let _until = (&span, &share);
             let data = match encoding {
-                SilhouetteEncoding::RunsLz4 => camera.bytes.clone(),
-                other => silhouette_data(&camera.silhouette, other),
+                SilhouetteEncoding::RunsLz4 => compact,
+                other => {
+                    let silhouette = silhouette_from_data(&compact, size, SilhouetteEncoding::RunsLz4);
+                    let silhouette = silhouette.map_err(|error| Status::internal(error.to_string()))?;
+                    silhouette_data(&silhouette, other)
+                }
             };
-            Ok(v1::Silhouette { rig_index: camera.rig_index.into(), data })
+            Ok(v1::Silhouette { rig_index: rig_index.into(), data })
         };
-        Ok(Response::new(Box::pin(cameras.map(silhouette))))
+        Ok(Response::new(Box::pin(tokio_stream::iter(cameras).map(silhouette))))
     }
 
     type FetchPicturesStream = Replies<v1::Picture>;

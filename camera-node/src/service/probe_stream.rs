@@ -75,9 +75,12 @@ impl ProbeStream {
         }
         let mut question = Question::default();
         let read = self.reader.read(request, |key| self.shapes.get(key), &mut question);
-        read.map_err(|error| Box::new(refusal(id, RefusalReason::from(&error), error.to_string())))?;
-        let share = self.count(&question).map_err(|spent| {
+        read.map_err(|error| {
             // What is refused leaves nothing behind.
+            let _ = self.share.set(self.reader.held_bytes());
+            Box::new(refusal(id, RefusalReason::from(&error), error.to_string()))
+        })?;
+        let share = self.count(&question).map_err(|spent| {
             self.reader = QuestionReader::default();
             let _ = self.share.set(0);
             Box::new(refusal(id, RefusalReason::Busy, spent.to_string()))

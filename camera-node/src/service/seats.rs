@@ -1,8 +1,8 @@
 //! The connections that are in, and the memory that each of them holds: half-received messages, lists, questions that
 //! wait, answers that are not sent yet. All of them share one budget.
 //!
-//! Whoever holds most gives way when it is spent, and whoever has said nothing for longest when the seats are: so nobody
-//! keeps a coordinator out, and none of them has to be known for that.
+//! The machine that holds most gives way when it is spent, and whoever has said nothing for longest when the seats are: so
+//! nobody keeps a coordinator out, and none of them has to be known for that.
 
 use std::collections::HashMap;
 use std::net::IpAddr;
@@ -24,6 +24,8 @@ const MAX_VIEWERS: usize = 16;
 const MAX_OF_A_MACHINE: usize = 4;
 /// A connection without a call ends after this.
 const IDLE: Duration = Duration::from_secs(60);
+/// One that has never called anything ends after this.
+const SILENT: Duration = Duration::from_secs(5);
 /// One that has said nothing for so long gives way to another. A coordinator is heard twice a second.
 const GIVES_WAY_AFTER: Duration = Duration::from_secs(5);
 
@@ -39,7 +41,7 @@ pub(super) enum NoSeat {
 /// The budget is spent, and nobody holds more than who asks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[error(
-    "no connection holds more of the {} MiB that all of them share than this one, expected it to ask for less",
+    "nobody holds more of the {} MiB that all connections share than this one, expected it to ask for less",
     MAX_HELD_BYTES >> 20
 )]
 pub(super) struct Spent;
@@ -58,6 +60,7 @@ struct Taken {
     leads: bool,
     held_bytes: usize,
     calls: usize,
+    has_called: bool,
     heard: Instant,
     ended: Arc<Notify>,
 }
@@ -65,6 +68,7 @@ struct Taken {
 /// Why a connection was ended by the node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Ended {
+    Silent,
     Idle,
     GaveWay,
     HeldMost,
@@ -94,7 +98,15 @@ impl Seats {
             self.end(oldest, Ended::GaveWay);
         }
         self.next += 1;
-        let seat = Taken { from, leads, held_bytes: 0, calls: 0, heard: now, ended: Arc::default() };
+        let seat = Taken {
+            from,
+            leads,
+            held_bytes: 0,
+            calls: 0,
+            has_called: false,
+            heard: now,
+            ended: Arc::default(),
+        };
         self.taken.insert(self.next, seat);
         Ok(self.next)
     }
@@ -107,6 +119,10 @@ impl Seats {
             let from = seat.from.map_or_else(|| "this machine".to_owned(), |from| from.to_string());
             let mib = |bytes: usize| bytes >> 20;
             match why {
+                Ended::Silent => {
+                    let seconds = SILENT.as_secs();
+                    tracing::info!("a connection from {from} ended: it called nothing within {seconds} s");
+                }
                 Ended::Idle => {
                     let seconds = IDLE.as_secs();
                     tracing::info!("a connection from {from} ended: nothing was asked for {seconds} s");
@@ -126,17 +142,32 @@ impl Seats {
 
     /// Ends connections without a call.
     fn end_idle(&mut self, now: Instant) {
-        let idle = |seat: &Taken| seat.calls == 0 && now.saturating_duration_since(seat.heard) >= IDLE;
-        let idle: Vec<u64> = self.taken.iter().filter(|(_, seat)| idle(seat)).map(|(&id, _)| id).collect();
-        idle.into_iter().for_each(|id| self.end(id, Ended::Idle));
+        let idle = |(&id, seat): (&u64, &Taken)| {
+            let (within, why) = if seat.has_called { (IDLE, Ended::Idle) } else { (SILENT, Ended::Silent) };
+            let is_idle = seat.calls == 0 && now.saturating_duration_since(seat.heard) >= within;
+            is_idle.then_some((id, why))
+        };
+        let idle: Vec<_> = self.taken.iter().filter_map(idle).collect();
+        idle.into_iter().for_each(|(id, why)| self.end(id, why));
+    }
+
+    /// What all connections of a connection's machine hold; of this machine each stands for itself.
+    fn held_with(&self, id: u64) -> usize {
+        let Some(seat) = self.taken.get(&id) else { return 0 };
+        let same = |other: &&Taken| seat.from.is_some() && other.from == seat.from;
+        let together: usize = self.taken.values().filter(same).map(|seat| seat.held_bytes).sum();
+        together.max(seat.held_bytes)
     }
 
     fn hold(&mut self, id: u64, bytes: usize) -> Result<(), Spent> {
-        let own = self.taken.get(&id).ok_or(Spent)?.held_bytes;
+        if !self.taken.contains_key(&id) {
+            return Err(Spent);
+        }
         while self.held_bytes + bytes > MAX_HELD_BYTES {
-            let (&richest, seat) =
-                self.taken.iter().max_by_key(|(id, seat)| (seat.held_bytes, **id)).ok_or(Spent)?;
-            if richest == id || seat.held_bytes <= own + bytes {
+            let most = |(id, seat): &(&u64, &Taken)| (self.held_with(**id), seat.held_bytes, **id);
+            let (&richest, seat) = self.taken.iter().max_by_key(most).ok_or(Spent)?;
+            let is_own = seat.from.is_some() && self.taken.get(&id).is_some_and(|own| own.from == seat.from);
+            if richest == id || is_own || self.held_with(richest) <= self.held_with(id) + bytes {
                 return Err(Spent);
             }
             self.end(richest, Ended::HeldMost);
@@ -170,7 +201,13 @@ impl SharedSeats {
     /// A seat for a connection from that machine; `None` is this one. What it holds counts if it is metered.
     pub fn take(&self, from: Option<IpAddr>, leads: bool, metered: bool) -> Result<Arc<Seat>, NoSeat> {
         let id = self.lock().sit(from, leads, Instant::now())?;
-        Ok(Arc::new(Seat { seats: self.clone(), id, leads, metered }))
+        Ok(Arc::new(Seat { seats: self.clone(), id, metered }))
+    }
+
+    /// What all of them hold.
+    #[cfg(test)]
+    pub fn held_bytes(&self) -> usize {
+        self.lock().held_bytes
     }
 
     /// Ends connections without a call.
@@ -184,7 +221,6 @@ impl SharedSeats {
 pub(super) struct Seat {
     seats: SharedSeats,
     id: u64,
-    leads: bool,
     metered: bool,
 }
 
@@ -192,11 +228,6 @@ impl Seat {
     /// Names the connection.
     pub fn id(&self) -> u64 {
         self.id
-    }
-
-    /// Whether it has shown a coordinator's certificate.
-    pub fn leads(&self) -> bool {
-        self.leads
     }
 
     /// Completes when the node has ended it.
@@ -215,6 +246,7 @@ impl Seat {
     pub fn call(&self, begins: bool) {
         if let Some(seat) = self.seats.lock().taken.get_mut(&self.id) {
             seat.calls = if begins { seat.calls + 1 } else { seat.calls - 1 };
+            seat.has_called = true;
             seat.heard = Instant::now();
         }
     }
@@ -268,10 +300,6 @@ impl Share {
         self.bytes = bytes;
         Ok(())
     }
-
-    pub fn bytes(&self) -> usize {
-        self.bytes
-    }
 }
 
 impl Drop for Share {
@@ -299,7 +327,7 @@ mod tests {
         let (seats, now) = (SharedSeats::default(), Instant::now());
         let seat = |last| {
             let id = seats.lock().sit(machine(last), true, now).expect("room");
-            Arc::new(Seat { seats: seats.clone(), id, leads: true, metered: true })
+            Arc::new(Seat { seats: seats.clone(), id, metered: true })
         };
         let [greedy, other, small] = [1, 2, 3].map(seat);
         let held = [(&greedy, 40), (&other, 31)]
@@ -316,6 +344,21 @@ mod tests {
     }
 
     #[test]
+    fn what_a_machine_holds_over_several_connections_counts_together() {
+        let seats = SharedSeats::default();
+        let seat = |last| seats.take(machine(last), true, true).expect("room");
+        let (leader, strangers) = (seat(1), [seat(2), seat(2), seat(2)]);
+        let take = |seat: &Arc<Seat>, mib| Share::take(&Some(Arc::clone(seat)), mib * MIB);
+        let led = take(&leader, 20).expect("room");
+        let held = strangers.each_ref().map(|seat| take(seat, 17).expect("room"));
+        assert!(take(&strangers[0], 2).is_err(), "the leader holds less than they do together");
+        let more = take(&leader, 10).expect("one of them gives way");
+        assert_eq!(seats.lock().held_bytes, 64 * MIB);
+        assert!(seats.lock().taken.contains_key(&leader.id()));
+        drop((led, held, more));
+    }
+
+    #[test]
     fn a_share_grows_and_shrinks() {
         let seats = SharedSeats::default();
         let seat = seats.take(machine(1), true, true).expect("room");
@@ -323,7 +366,7 @@ mod tests {
         share.set(50 * MIB).expect("room");
         assert!(share.set(MAX_HELD_BYTES + 1).is_err());
         let held = seats.lock().held_bytes;
-        assert_eq!((share.bytes(), held), (50 * MIB, 50 * MIB));
+        assert_eq!((share.bytes, held), (50 * MIB, 50 * MIB));
         share.set(MIB).expect("less");
         assert_eq!(seats.lock().held_bytes, MIB);
         let free = seats.take(None, true, false).expect("room");
@@ -361,9 +404,15 @@ mod tests {
     fn a_connection_without_a_call_ends() {
         let (mut seats, began) = (Seats::default(), Instant::now());
         let [busy, silent] = [began; 2].map(|began| seats.sit(machine(1), true, began).expect("room"));
+        let never = seats.sit(machine(1), true, began + Duration::from_secs(50)).expect("room");
         seats.taken.get_mut(&busy).expect("there").calls = 1;
+        for id in [busy, silent] {
+            seats.taken.get_mut(&id).expect("there").has_called = true;
+        }
+        seats.end_idle(began + Duration::from_secs(54));
+        assert_eq!(seats.taken.len(), 3);
         seats.end_idle(began + Duration::from_secs(59));
-        assert_eq!(seats.taken.len(), 2);
+        assert!(seats.taken.len() == 2 && !seats.taken.contains_key(&never), "it never called anything");
         seats.end_idle(began + IDLE);
         assert!(seats.taken.contains_key(&busy) && !seats.taken.contains_key(&silent));
     }

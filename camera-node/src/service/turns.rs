@@ -1,17 +1,8 @@
-//! Questions that wait for the worker: those of coordinators first, and connections by turns, so that nobody waits longer
-//! for another's many questions than for one of them.
+//! Questions that wait for the worker: connections have turns, so that nobody waits longer for another's many questions
+//! than for one of them.
 
 use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
-
-/// Of whom a question is.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Client {
-    /// The connection; 0 where there is but one.
-    pub id: u64,
-    /// It has shown a coordinator's certificate.
-    pub leads: bool,
-}
 
 /// Why a question may not wait.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,7 +25,7 @@ pub(super) struct Turns<T> {
 #[derive(Debug)]
 struct Waiting<T> {
     /// In the order in which connections have their turns; none is empty.
-    queues: VecDeque<(Client, VecDeque<T>)>,
+    queues: VecDeque<(u64, VecDeque<T>)>,
     closed: bool,
 }
 
@@ -50,16 +41,25 @@ impl<T> Turns<T> {
         self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Has something wait.
-    pub fn push(&self, client: Client, item: T) -> Result<(), NoTurn> {
+    /// Forgets what nobody wants any more, and how much that was.
+    pub fn forget(&self, is_unwanted: impl Fn(&T) -> bool) -> usize {
+        let mut waiting = self.lock();
+        let before: usize = waiting.queues.iter().map(|(_, queue)| queue.len()).sum();
+        waiting.queues.iter_mut().for_each(|(_, queue)| queue.retain(|item| !is_unwanted(item)));
+        waiting.queues.retain(|(_, queue)| !queue.is_empty());
+        before - waiting.queues.iter().map(|(_, queue)| queue.len()).sum::<usize>()
+    }
+
+    /// Has something of a connection wait.
+    pub fn push(&self, connection: u64, item: T) -> Result<(), NoTurn> {
         let mut waiting = self.lock();
         if waiting.closed {
             return Err(NoTurn::Closed);
         }
-        match waiting.queues.iter_mut().find(|(known, _)| *known == client) {
+        match waiting.queues.iter_mut().find(|(known, _)| *known == connection) {
             Some((_, queue)) if queue.len() >= self.most => return Err(NoTurn::Full),
             Some((_, queue)) => queue.push_back(item),
-            None => waiting.queues.push_back((client, VecDeque::from([item]))),
+            None => waiting.queues.push_back((connection, VecDeque::from([item]))),
         }
         self.changed.notify_one();
         Ok(())
@@ -69,11 +69,10 @@ impl<T> Turns<T> {
     pub fn next(&self) -> Option<T> {
         let mut waiting = self.lock();
         loop {
-            let first = waiting.queues.iter().position(|(client, _)| client.leads).unwrap_or(0);
-            if let Some((client, mut queue)) = waiting.queues.remove(first) {
+            if let Some((connection, mut queue)) = waiting.queues.pop_front() {
                 let item = queue.pop_front();
                 if !queue.is_empty() {
-                    waiting.queues.push_back((client, queue));
+                    waiting.queues.push_back((connection, queue));
                 }
                 return item;
             }
@@ -95,25 +94,29 @@ impl<T> Turns<T> {
 mod tests {
     use super::*;
 
-    const LEADER: Client = Client { id: 9, leads: true };
-
-    fn client(id: u64) -> Client {
-        Client { id, leads: false }
+    #[test]
+    fn connections_have_turns() {
+        let turns = Turns::new(3);
+        for item in ["a1", "a2", "a3"] {
+            turns.push(1, item).expect("room");
+        }
+        assert_eq!(turns.push(1, "a4"), Err(NoTurn::Full));
+        turns.push(2, "b1").expect("room");
+        turns.close();
+        assert_eq!(turns.push(3, "c1"), Err(NoTurn::Closed));
+        let order: Vec<_> = std::iter::from_fn(|| turns.next()).collect();
+        assert_eq!(order, ["a1", "b1", "a2", "a3"]);
     }
 
     #[test]
-    fn connections_have_turns_and_coordinators_go_first() {
+    fn what_nobody_wants_any_more_does_not_wait() {
         let turns = Turns::new(3);
-        for item in ["a1", "a2", "a3"] {
-            turns.push(client(1), item).expect("room");
+        for (connection, item) in [(1, "a1"), (1, "a2"), (2, "b1"), (3, "c1")] {
+            turns.push(connection, item).expect("room");
         }
-        assert_eq!(turns.push(client(1), "a4"), Err(NoTurn::Full));
-        turns.push(client(2), "b1").expect("room");
-        turns.push(LEADER, "l1").expect("room");
-        turns.push(LEADER, "l2").expect("room");
+        assert_eq!(turns.forget(|item| *item == "a1" || *item == "b1"), 2);
         turns.close();
-        assert_eq!(turns.push(client(3), "c1"), Err(NoTurn::Closed));
         let order: Vec<_> = std::iter::from_fn(|| turns.next()).collect();
-        assert_eq!(order, ["l1", "l2", "a1", "b1", "a2", "a3"]);
+        assert_eq!(order, ["a2", "c1"]);
     }
 }

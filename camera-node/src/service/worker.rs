@@ -15,7 +15,7 @@ use tonic::Status;
 use traces::Span;
 
 use super::seats::{Seat, Share};
-use super::turns::{Client, NoTurn, Turns};
+use super::turns::{NoTurn, Turns};
 use crate::cores::{Cores, work_ns};
 use crate::frames::{Frame, FrameError, FrameRing};
 use crate::metrics::AnswerMeter;
@@ -63,8 +63,14 @@ impl ReplySender {
         ReplySender { replies, seat }
     }
 
-    fn client(&self) -> Client {
-        self.seat.as_ref().map_or_else(Client::default, |seat| Client { id: seat.id(), leads: seat.leads() })
+    /// Names the connection; 0 where there is but one.
+    fn connection(&self) -> u64 {
+        self.seat.as_ref().map_or(0, |seat| seat.id())
+    }
+
+    /// Nobody will read what is sent: the connection or its stream has ended.
+    fn is_closed(&self) -> bool {
+        self.replies.is_closed()
     }
 
     /// Waits until the peer has read others.
@@ -176,8 +182,11 @@ impl Worker {
         }
         let id = job.id;
         self.waiting.fetch_add(1, Ordering::Release);
+        // Those of connections that have ended hold memory and turns.
+        let forgotten = queue.forget(|(_, replies, _)| replies.is_closed());
+        self.waiting.fetch_sub(forgotten, Ordering::Release);
         let waits = job.span.part("wait");
-        let no_turn = queue.push(replies.client(), (job, replies.clone(), waits)).err()?;
+        let no_turn = queue.push(replies.connection(), (job, replies.clone(), waits)).err()?;
         self.waiting.fetch_sub(1, Ordering::Release);
         let message = match no_turn {
             NoTurn::Full => format!("{MAX_WAITING} questions wait"),
@@ -191,6 +200,10 @@ impl Worker {
 fn run(computation: &Mutex<Computation>, jobs: &Turns<WaitingJob>, waiting: &AtomicUsize, beat: &Beat) {
     while let Some((job, replies, waits)) = jobs.next() {
         drop(waits);
+        if replies.is_closed() {
+            waiting.fetch_sub(1, Ordering::Release);
+            continue;
+        }
         beat.works();
         let mut computation = computation.lock().unwrap_or_else(PoisonError::into_inner);
         let reply = computation.reply(&job);

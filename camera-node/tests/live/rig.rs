@@ -173,8 +173,9 @@ impl LiveRig {
         }
     }
 
+    /// Waits until something is so.
     #[track_caller]
-    fn until(&self, limit: Duration, what: &str, done: impl Fn() -> bool) {
+    pub fn until(&self, limit: Duration, what: &str, mut done: impl FnMut() -> bool) {
         let deadline = Instant::now() + limit;
         let mut done_now = false;
         while !done_now {

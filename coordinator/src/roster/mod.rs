@@ -62,6 +62,8 @@ pub struct RosterNode {
     is_left_out: bool,
     /// Another coordinator leads it.
     is_held: bool,
+    /// It answered, and is not what is expected.
+    is_wrong: bool,
     /// How far film time may be off there, seconds; nothing of cameras of this process.
     clock_bound_s: f64,
 }
@@ -81,6 +83,7 @@ impl RosterNode {
             is_silent: false,
             is_left_out: false,
             is_held: false,
+            is_wrong: false,
             clock_bound_s: 0.0,
         }
     }
@@ -184,6 +187,7 @@ impl Roster {
     pub fn up(&mut self, node: usize) {
         let node = &mut self.nodes[node];
         (node.is_up, node.problem, node.is_held, node.is_silent) = (true, None, false, false);
+        node.is_wrong = false;
         node.connections += 1;
         node.forget_film();
     }
@@ -191,7 +195,13 @@ impl Roster {
     /// A node is not there.
     pub fn down(&mut self, node: usize, problem: String) {
         let node = &mut self.nodes[node];
-        (node.is_up, node.problem) = (false, Some(problem));
+        (node.is_up, node.problem, node.is_wrong) = (false, Some(problem), false);
+    }
+
+    /// A node that is down is there, and is not what is expected.
+    pub fn wrong(&mut self, node: usize, problem: String) {
+        self.down(node, problem);
+        self.nodes[node].is_wrong = true;
     }
 
     /// A node's clock was read: film time may be off by so much there, seconds.

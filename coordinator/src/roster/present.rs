@@ -75,6 +75,13 @@ impl Roster {
         changed
     }
 
+    /// Whether a run may begin without the nodes that are missing: these are away and not wrong, and so many cameras are
+    /// there.
+    pub fn may_begin_without_missing(&self, least: usize) -> bool {
+        let there: usize = self.nodes.iter().filter(|node| node.is_up).map(|node| node.cameras.len()).sum();
+        there >= least.max(1) && !self.nodes.iter().any(|node| node.is_wrong || node.is_held)
+    }
+
     /// The name of a node and its cameras.
     pub fn node_name(&self, node: usize) -> &str {
         &self.nodes[node].name

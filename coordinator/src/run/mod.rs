@@ -265,14 +265,8 @@ impl Coordinator {
                 self.finish(true);
                 return Ok((self.figures, self.world));
             }
-            there = self.await_nodes() => there?,
+            begun = self.begin(watcher) => begun?,
         }
-        self.begin_memory(watcher).await;
-        let lock_step = self.settings.lock_step;
-        let run = getrandom::u64().map_err(RunError::NoRandom)?;
-        self.clock.pace = if lock_step { Pace::lock_step(run) } else { Pace::live(run, LEAD_S) };
-        self.transport.start(self.clock.pace).await?;
-        self.regroup();
         let began = Instant::now();
         let is_stopped = loop {
             let goes_on = tokio::select! {
@@ -290,6 +284,18 @@ impl Coordinator {
         self.figures.wall_s = began.elapsed().as_secs_f64();
         self.finish(is_stopped);
         Ok((self.figures, self.world))
+    }
+
+    /// Waits for the nodes, takes up what they remember, and has them film.
+    async fn begin(&mut self, watcher: &mut dyn Watcher) -> Result<(), RunError> {
+        self.await_nodes().await?;
+        self.begin_memory(watcher).await;
+        let run = getrandom::u64().map_err(RunError::NoRandom)?;
+        let lock_step = self.settings.lock_step;
+        self.clock.pace = if lock_step { Pace::lock_step(run) } else { Pace::live(run, LEAD_S) };
+        self.transport.start(self.clock.pace).await?;
+        self.regroup();
+        Ok(())
     }
 
     /// Adds what is known at the end alone.

@@ -18,6 +18,9 @@ use crate::roster::{Arrival, Roster};
 /// A picture, or a message to the cameras, is not worth more of a step's time.
 pub(super) const CALL_TIMEOUT: Duration = Duration::from_secs(2);
 
+/// Sources open and programs start within this, or the node hangs.
+const START_TIMEOUT: Duration = Duration::from_secs(30);
+
 /// Clients of all nodes, in the order of the roster.
 pub(super) struct Nodes {
     pub clients: Vec<Arc<NodeClient>>,
@@ -86,7 +89,8 @@ impl Nodes {
             NodeEvent::Down(error) => {
                 match &error {
                     NodeError::Held(by) => roster.held(node, by.clone()),
-                    other => roster.down(node, other.to_string()),
+                    away if away.is_absence() => roster.down(node, away.to_string()),
+                    wrong => roster.wrong(node, wrong.to_string()),
                 }
                 return Some(PassEvent::Down(node, error));
             }
@@ -116,10 +120,25 @@ impl Nodes {
         }
     }
 
-    /// Begins a run everywhere, also at nodes that come back later.
+    /// Begins a run everywhere, also at nodes that come back later. A live run goes on without those that are away, or do
+    /// not answer: these are connected anew.
     pub async fn start(&self, pace: Pace) -> Result<(), TransportError> {
         self.agreement.begin_run(pace);
-        each(&self.clients, |client| async move { client.start(pace).await }).await
+        let begin = |client: &'_ Arc<NodeClient>| {
+            let client = Arc::clone(client);
+            async move {
+                let started = tokio::time::timeout(START_TIMEOUT, client.start(pace)).await;
+                match started.unwrap_or(Err(NodeError::Timeout(START_TIMEOUT))) {
+                    Err(error) if error.is_absence() && !pace.lock_step => {
+                        tracing::debug!("node {} does not begin: {error}", client.node());
+                        client.connect_anew();
+                        Ok(())
+                    }
+                    started => started,
+                }
+            }
+        };
+        each(&self.clients, begin).await
     }
 
     pub fn credit(&self, up_to_frame: u64) {

@@ -5,11 +5,9 @@ use super::bulk::{Field, unpack};
 use super::film::within;
 use super::from_wire::settings_from_wire;
 use super::to_wire::settings_to_wire;
+use crate::codec::MAX_CAMERAS;
 use crate::text::{MAX_NAME_CHARS, clean};
 use crate::{CameraDescription, NodeDescription, v1};
-
-/// The most cameras that a node describes: a rig's places have 16 bits, a PC has a dozen.
-const MAX_CAMERAS: usize = 1024;
 
 /// A description.
 pub fn description_to_wire(description: &NodeDescription) -> v1::DescribeReply {

@@ -17,6 +17,7 @@ use super::super::{
     ExpectedAnswer, Precision, ProbeAnswer, QuestionReader, QuestionWriter, StreamKnows, answer_from_wire,
     answer_to_wire, trace_parent_from_wire,
 };
+use crate::codec::counts;
 use crate::{MAX_POINTS, v1};
 
 /// Questions of one stream are read up to here: more take long, and find nothing else.
@@ -36,6 +37,9 @@ pub fn question(bytes: &[u8]) {
         let (message, left) = left.split_at(usize::from(u16::from_le_bytes(*length)).min(left.len()));
         rest = left;
         let Ok(request) = v1::ProbeRequest::decode(message) else { continue };
+        let counted: Vec<usize> = counts::<v1::ProbeRequest>(message).map(|(_, found)| found).collect();
+        let world = request.bodies.as_ref().map_or(0, |bodies| bodies.world.len());
+        assert!(request.cameras.len() <= counted[0] && world <= counted[1], "counted {counted:?}");
         if let Some(parent) = trace_parent_from_wire(&request.traceparent) {
             assert_eq!(trace_parent_from_wire(&parent.to_string()), Some(parent));
         }

@@ -233,6 +233,7 @@ proptest! {
             bodies: has_bodies.then_some(bodies),
             points: (mode > 0).then(|| v1::Points { picked: (mode % 2 == 1).then(&mut field), kept: (mode > 1).then(&mut field) }),
             offsets: field(), directions: Bytes::new(), within: field(), hints: field(), rounded, holder: 0, cameras: vec![],
+            traceparent: String::new(),
         };
         if let Ok(question) = stream.read(message) {
             prop_assert!(question.len() <= crate::MAX_POINTS);
