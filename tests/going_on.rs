@@ -3,11 +3,12 @@
 #[path = "shared/room.rs"]
 mod room;
 
+use std::io::{BufRead as _, BufReader};
 use std::path::Path;
 use std::process::Output;
 use std::time::Duration;
 
-use room::{Node, cameras, cluster_file, cluster_file_of, coordinator, program};
+use room::{Node, cameras, cluster_file, cluster_file_of, coordinator, figures, program};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 use tempfile::TempDir;
@@ -62,6 +63,44 @@ fn a_node_that_is_killed_is_left_out_and_taken_back() {
     let reduced = steps(&figures, "reduced_steps");
     assert!((100..480).contains(&reduced), "{reduced} steps without it: {said}");
     assert!(steps(&figures, "frames") < 5, "{figures}");
+}
+
+#[test]
+fn a_run_begins_without_a_node_that_is_away_and_takes_it_in_later() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (cluster, json) = (cluster_file(folder.path(), NODES), folder.path().join("out.json"));
+    let start = |node| Node::start(program(), &cluster, &cameras(node));
+    let mut nodes: Vec<Node> = [0, 2, 3].map(start).into();
+    let mut run = coordinator(program(), &cluster, "600", &json);
+    let mut run = run.args(["--patience", "2"]).env("RUST_LOG", "info").spawn().expect("starts");
+    let mut said = String::new();
+    let mut lines = BufReader::new(run.stderr.take().expect("piped"));
+    let mut until = |sought: &str| {
+        while !said.lines().any(|line| line.contains(sought)) {
+            assert!(lines.read_line(&mut said).is_ok_and(|read| read > 0), "no {sought:?}: {said}");
+        }
+    };
+    until("it begins without node");
+    until("going on with 6 cameras");
+    nodes.push(start(1));
+    until("is back, 8 cameras");
+    let process = Pid::from_raw(run.id().cast_signed()).expect("a number");
+    kill_process(process, Signal::INT).expect("asked to end");
+    let figures = figures(run, &json);
+    assert!(steps(&figures, "reduced_steps") > 0, "{}", figures["missed"]);
+    assert_eq!(figures["cameras"], 8);
+}
+
+#[test]
+fn a_run_that_lacks_too_many_cameras_does_not_begin() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (cluster, json) = (cluster_file(folder.path(), NODES), folder.path().join("out.json"));
+    let _node = Node::start(program(), &cluster, &cameras(0));
+    let output = coordinator(program(), &cluster, "1", &json).args(["--patience", "1"]).output();
+    let output = output.expect("ends");
+    assert_eq!(output.status.code(), Some(1));
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(said.contains("(cam_2, cam_3)") && !said.contains("it begins without"), "{said}");
 }
 
 #[test]

@@ -30,6 +30,8 @@ export class Frames {
   count = 0;
   /** How often credit hung and was given back. */
   stalls = 0;
+  /** Screen refreshes so far. */
+  looks = 0;
   shown: ShownFrame | null = null;
   private readonly decoder = new Decoder();
   private readonly credit: Credit;
@@ -55,6 +57,9 @@ export class Frames {
   /** A connection: how its sets are to be understood. */
   setup(hello: Hello): void {
     this.whole.setup(hello.cameras.length);
+    // Of the connection before.
+    if (this.ready) closeImages(this.ready);
+    this.ready = null;
     this.decoder.setup({ cameras: hello.cameras, volume: hello.volume, offImageIsOutside: hello.rule.out_of_view === "outside" });
   }
 
@@ -65,11 +70,10 @@ export class Frames {
     this.shown = null;
   }
 
-  /** The connection went: nothing is owed to anybody. */
+  /** The connection went: nothing is owed to anybody. What it brought last is still shown: no other set follows it. */
   disconnected(): void {
     this.drawing = null;
-    if (this.ready) closeImages(this.ready);
-    this.ready = null;
+    if (this.playout.live && !this.ready) this.showNewest();
   }
 
   /** A set came. One that cannot be drawn now is only kept. */
@@ -112,6 +116,7 @@ export class Frames {
 
   /** Decodes what the timeline shows now, if that is another set than before. */
   look(now: number): void {
+    this.looks++;
     const wasLive = this.playout.live;
     const kept = this.playout.step(now);
     if (!wasLive && this.playout.live) this.showNewest();
@@ -152,6 +157,11 @@ export class Frames {
       if (this.playout.live && !this.ready && this.shown === shown) this.ready = outcome;
       else closeImages(outcome);
     });
+  }
+
+  /** Whether a set is being decoded. */
+  get isDecoding(): boolean {
+    return this.decoder.isBusy;
   }
 
   get isReady(): boolean {

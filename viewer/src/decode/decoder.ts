@@ -25,6 +25,11 @@ export class Decoder {
     this.worker.postMessage({ op: "setup", ...setup } satisfies Setup);
   }
 
+  /** Whether a message is being decoded. */
+  get isBusy(): boolean {
+    return this.running !== null;
+  }
+
   /** Decodes a message. The buffer is copied: the caller keeps it. */
   decode(job: Omit<Job, "id" | "op">): Promise<Outcome> {
     return new Promise((done) => {
