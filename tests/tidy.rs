@@ -43,6 +43,7 @@ const ALLOWED: [(&str, &[&str]); 19] = [
             "coordinator",
             "feed",
             "hull",
+            "identity",
             "node-client",
             "proto",
             "segment",

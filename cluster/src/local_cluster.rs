@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 use std::io::{self, BufRead as _, BufReader};
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -42,6 +43,8 @@ pub struct LocalNodes<'a> {
     pub empty: bool,
     /// Where their traces go, if anywhere.
     pub otlp: Option<&'a Endpoint>,
+    /// A folder with one for each named node, of its certificates; without, connections are not encrypted.
+    pub certs: Option<&'a Path>,
 }
 
 /// Why a local cluster does not start.
@@ -165,8 +168,13 @@ impl NodeProcess {
         let refused = |source| LocalClusterError::Start { node: label.clone(), source };
         let mut command = Command::new(std::env::current_exe().map_err(refused)?);
         command.arg("node").arg(&file.path).args(["--listen", listen, "--stop-with-stdin"]);
-        for name in &names {
-            command.args(["--camera", name]);
+        match (told.certs, &node.name) {
+            (Some(certs), Some(name)) => {
+                command.args(["--host", name, "--certs"]).arg(certs.join(name));
+            }
+            _ => names.iter().for_each(|name| {
+                command.args(["--camera", name]);
+            }),
         }
         if told.empty {
             command.arg("--empty");

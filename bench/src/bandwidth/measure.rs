@@ -5,6 +5,8 @@ use std::slice;
 use hull::cull::WorldBox;
 use proto::convert::SilhouetteEncoding;
 
+use std::sync::Arc;
+
 use super::hosted::HostedNodes;
 use super::layout::{Cost, Layout};
 use crate::cluster::bodies::{Bodies, SAMPLES};
@@ -68,7 +70,8 @@ pub fn measured(
     step_done();
     let gathered = gathered(&film, &bodies.first(1), step_done)?;
     let hosted = HostedNodes::start(&film)?;
-    let mut nodes = ClusterClient::to(&film, hosted.nodes().to_vec(), &bodies, AnswerPlace::Nodes, 0)?;
+    let mut nodes =
+        ClusterClient::to(&film, hosted.nodes().to_vec(), &bodies, (AnswerPlace::Nodes, Arc::default()), 0)?;
     let mut at = Vec::new();
     let mut here = Passes::new(film.settings(), 1);
     for &count in counts {
@@ -100,7 +103,8 @@ pub fn measured(
 /// What each encoding of the silhouettes costs.
 fn gathered(film: &Film, few: &Bodies, step_done: &mut dyn FnMut()) -> Outcome<Vec<(Layout, FrameCosts)>> {
     let hosted = HostedNodes::start(film)?;
-    let mut connected = ClusterClient::to(film, hosted.nodes().to_vec(), few, AnswerPlace::Coordinator, 0)?;
+    let mut connected =
+        ClusterClient::to(film, hosted.nodes().to_vec(), few, (AnswerPlace::Coordinator, Arc::default()), 0)?;
     let mut gathered = Vec::new();
     for (layout, encoding) in Layout::GATHERED.into_iter().zip(ENCODINGS) {
         connected = connected.encoded_as(encoding);

@@ -1,12 +1,13 @@
 //! A cluster that is asked passes, and what they cost.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use coordinator::{Percentiles, Placement, SERVING_THREADS, Transport};
 use hull::cull::WorldBox;
 use hull::pass::Round;
-use node_client::{Agreement, ByteCounts, ExpectedNode};
+use node_client::{Agreement, ByteCounts, ExpectedNode, Sockets};
 use proto::Pace;
 use proto::convert::{Precision, SilhouetteEncoding};
 use tokio::runtime::Runtime;
@@ -99,7 +100,7 @@ impl ClusterClient {
         film: &Film,
         nodes: Vec<ExpectedNode>,
         bodies: &Bodies,
-        answered: AnswerPlace,
+        (answered, dial): (AnswerPlace, Arc<Sockets>),
         threads: usize,
     ) -> Outcome<ClusterClient> {
         let runtime = coordinator::runtime(threads).map_err(Failure::run)?;
@@ -109,7 +110,7 @@ impl ClusterClient {
             let mut transport = Transport::connect(
                 nodes,
                 gather.map_or(Placement::Nodes, Placement::Here),
-                Agreement::new(settings, FPS, shapes),
+                Agreement::new(settings, FPS, shapes).dialling(dial),
             );
             transport.ready(READY_TIMEOUT).await.map_err(Failure::run)?;
             transport.start(Pace::lock_step(1)).await.map_err(Failure::run)?;

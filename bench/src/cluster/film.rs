@@ -20,6 +20,8 @@ use cluster::ClusterFile;
 
 /// Frames of the film a second.
 pub const FPS: f64 = 30.0;
+/// The room of its nodes.
+pub const ROOM: &str = "bench";
 /// The instant of the stage's film that is frame 0, seconds: an arm waves.
 const START_S: f64 = 2.0;
 
@@ -149,15 +151,18 @@ fn write_mask(path: &Path, camera: &Camera, mask: &[u8]) -> Outcome {
 }
 
 fn write_cluster(folder: &Path, rig: &Rig, &FilmPlan { nodes, abstain, .. }: &FilmPlan) -> Outcome<PathBuf> {
-    let mut text = format!("rig = \"rig.toml\"\nscene = \"topple\"\nfps = {FPS:?}\n");
+    let mut text = format!("name = {ROOM:?}\nrig = \"rig.toml\"\nscene = \"topple\"\nfps = {FPS:?}\n");
     if abstain {
         text += "out_of_view = \"abstain\"\n";
     }
+    for node in 0..nodes {
+        // A local process finds a port of its own.
+        text += &format!("[[node]]\nname = \"node{node}\"\naddress = \"node{node}.invalid:7001\"\n");
+    }
     for (index, camera) in rig.cameras().iter().enumerate() {
-        // Cameras of one address share a process; a local process finds a port of its own.
         let (name, node) = (camera.name(), index * nodes / rig.cameras().len());
         text += &format!(
-            "[[camera]]\nname = {name:?}\nnode = \"node{node}.invalid:7001\"\n\
+            "[[camera]]\nname = {name:?}\nnode = \"node{node}\"\n\
              source = {{ kind = \"masks\", path = \"{name}/%d.png\" }}\n"
         );
     }

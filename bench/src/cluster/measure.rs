@@ -1,6 +1,9 @@
 //! One cluster of node processes, asked about several numbers of bodies.
 
+use std::sync::Arc;
+
 use super::bodies::Bodies;
+use super::certificates::Certificates;
 use super::connection::{AnswerPlace, ClusterClient, PassCosts, PointForm};
 use super::film::{Film, FilmPlan};
 use super::names::SocketName;
@@ -69,9 +72,12 @@ impl Scene {
 /// The rows of one cluster.
 pub fn measured(scene: &Scene, setting: &Setting, sockets: SocketName, passes: u64) -> Outcome<Vec<Row>> {
     let Scene { film, bodies, .. } = scene;
-    let cluster = LocalCluster::start(&film.file, sockets.sockets(), LocalNodes::default())?;
-    let mut connected =
-        ClusterClient::to(film, cluster.nodes().to_vec(), bodies, AnswerPlace::Nodes, setting.threads)?;
+    let certificates = (sockets == SocketName::Tls).then(|| Certificates::make(setting.nodes)).transpose()?;
+    let told = LocalNodes { certs: certificates.as_ref().map(Certificates::folder), ..LocalNodes::default() };
+    let cluster = LocalCluster::start(&film.file, sockets.sockets(), told)?;
+    let dial = certificates.as_ref().map_or_else(|| Ok(Arc::default()), Certificates::dial)?;
+    let place = (AnswerPlace::Nodes, dial);
+    let mut connected = ClusterClient::to(film, cluster.nodes().to_vec(), bodies, place, setting.threads)?;
     let mut rows = Vec::new();
     let each = setting
         .responses

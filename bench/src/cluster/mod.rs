@@ -1,6 +1,7 @@
 //! `hulltouch bench cluster`: what a pass takes over real node processes of this machine.
 
 pub mod bodies;
+mod certificates;
 mod charts;
 pub mod connection;
 pub mod film;

@@ -10,6 +10,8 @@ pub enum SocketName {
     Tcp,
     /// Unix sockets.
     Unix,
+    /// Loopback TCP with certificates: TLS 1.3, both sides show one.
+    Tls,
 }
 
 impl SocketName {
@@ -18,13 +20,14 @@ impl SocketName {
         match self {
             SocketName::Tcp => "tcp",
             SocketName::Unix => "unix",
+            SocketName::Tls => "tls",
         }
     }
 
     /// As a local cluster has them.
     pub fn sockets(self) -> Sockets {
         match self {
-            SocketName::Tcp => Sockets::Tcp,
+            SocketName::Tcp | SocketName::Tls => Sockets::Tcp,
             SocketName::Unix => Sockets::Unix,
         }
     }

@@ -39,7 +39,7 @@ pub fn run_locally(setup: &Setup) -> Outcome {
     setup.prepare_outputs()?;
     let cameras = cameras(setup)?;
     if setup.transport != TransportName::Inprocess {
-        let told = LocalNodes { empty: setup.empty, otlp: setup.outlets.otlp.as_ref() };
+        let told = LocalNodes { empty: setup.empty, otlp: setup.outlets.otlp.as_ref(), certs: None };
         let cluster = LocalCluster::start(&setup.file, Sockets::default(), told)?;
         return run_over_nodes(setup, &cameras, cluster.nodes().to_vec(), LOCAL_CONNECT_TIMEOUT);
     }
