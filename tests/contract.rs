@@ -311,8 +311,11 @@ async fn silhouettes(client: &mut Client, rig: &Rig) -> Vec<Silhouette> {
         SilhouetteEncoding::Mask,
         SilhouetteEncoding::Grey,
     ] {
-        let request =
-            v1::FetchSilhouettesRequest { frame: 1, encoding: v1::SilhouetteEncoding::from(encoding).into() };
+        let request = v1::FetchSilhouettesRequest {
+            frame: 1,
+            encoding: v1::SilhouetteEncoding::from(encoding).into(),
+            ..v1::FetchSilhouettesRequest::default()
+        };
         let told = client.fetch_silhouettes(request).await.expect("fetches").into_inner();
         let told: Vec<v1::Silhouette> = told.collect::<Result<_, _>>().await.expect("no error");
         assert_eq!(told.len(), rig.cameras().len());

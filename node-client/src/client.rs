@@ -50,6 +50,10 @@ const RENEW_AGAIN: f64 = 0.03;
 /// How often the clock of a node is read, and first how many times before a run begins there.
 const CLOCK_EVERY: Duration = Duration::from_millis(500);
 const FIRST_READINGS: usize = 4;
+/// A node that answers nothing else for so long is connected anew: film time there would go astray.
+const CLOCK_TIMEOUT: Duration = Duration::from_secs(5);
+/// The longest description that is read.
+const MAX_DESCRIPTION_BYTES: usize = 1 << 20;
 
 /// What a node reports.
 #[derive(Debug)]
@@ -427,9 +431,10 @@ impl NodeClient {
         &self,
         address: &Address,
     ) -> Result<(CameraNodeClient<Channel>, u64), NodeError> {
-        let mut client =
-            connect(&self.node.at(address), &self.agreement.dial, &self.agreement.counters).await?;
-        let described = client.describe(v1::DescribeRequest {}).await;
+        let client = connect(&self.node.at(address), &self.agreement.dial, &self.agreement.counters).await?;
+        // Whoever answers: a thousand cameras are a quarter of that.
+        let mut asked = client.clone().max_decoding_message_size(MAX_DESCRIPTION_BYTES);
+        let described = asked.describe(v1::DescribeRequest {}).await;
         let described = described.map_err(|status| match NodeError::from(status) {
             NodeError::Lost(why) => NodeError::AtOnce { why, hint: self.agreement.dial.hint() },
             other => other,
@@ -577,7 +582,8 @@ impl NodeClient {
             phase: self.agreement.cut().phase(),
         };
         let sent_s = monotonic_s();
-        let reply = client.keep_time(request).await?.into_inner();
+        let reply = tokio::time::timeout(CLOCK_TIMEOUT, client.keep_time(request)).await;
+        let reply = reply.map_err(|_| NodeError::Timeout(CLOCK_TIMEOUT))??.into_inner();
         let received_s = monotonic_s();
         self.state().clock.read(sent_s, node_clock_from_wire(reply)?, received_s);
         Ok(())
