@@ -113,7 +113,7 @@ impl<D: Bounded> Decoder for BoundedDecoder<D> {
 
     fn decode(&mut self, message: &mut DecodeBuf<'_>) -> Result<Option<D>, Status> {
         // A whole message, in one piece.
-        check::<D>(message.chunk()).map_err(|error| Status::out_of_range(error.to_string()))?;
+        check::<D>(message.chunk()).map_err(|error| Status::invalid_argument(error.to_string()))?;
         self.0.decode(message)
     }
 }
