@@ -12,7 +12,7 @@ use std::process::Output;
 use std::time::Duration;
 
 use certified::{ROOM, Room, issue, node};
-use identity::{AUTHORITIES, Authority, CERTIFICATE, Identity, KEY, Validity};
+use identity::{AUTHORITIES, Authority, CERTIFICATE, CertificateNames, Identity, KEY, Validity};
 use room::{coordinator, figures, named_room, program};
 
 fn said(output: &Output) -> String {
@@ -224,4 +224,35 @@ fn an_authority_whose_key_is_gone_is_not_replaced() {
     is_refused();
     let after = fs::read(folder.path().join("certs/coordinator/tls.crt")).expect("there");
     assert_eq!(before, after, "nothing was issued");
+}
+
+#[test]
+fn names_of_the_page_stay_when_a_certificate_is_renewed() {
+    let (_folder, cluster) = made_room();
+    let names = || {
+        let own = cluster.with_file_name("certs").join("coordinator");
+        CertificateNames::read(&own).expect("names").names
+    };
+    let issued = |more: &[&str]| {
+        let output = certs(&cluster, more);
+        assert!(output.status.success() && output.stderr.is_empty(), "{}", said(&output));
+        names()
+    };
+    let own = "coordinator.room.hulltouch";
+    assert_eq!(names(), [own]);
+    let given = ["--page-name", "studio.example", "--page-name", "192.0.2.7"];
+    assert_eq!(issued(&given), [own, "studio.example", "192.0.2.7"]);
+    assert_eq!(issued(&[]), [own, "studio.example", "192.0.2.7"]);
+    let more = ["--page-name", "studio.example", "--page-name", "fd00::7"];
+    assert_eq!(issued(&more), [own, "studio.example", "192.0.2.7", "fd00::7"]);
+    // One that cannot be read goes, and is named.
+    assert!(certs(&cluster, &["--page-name", "fe80:0:0:0:1::"]).status.success());
+    let output = certs(&cluster, &[]);
+    assert!(output.status.success(), "{}", said(&output));
+    assert!(
+        said(&output).contains("coordinator/tls.crt: these names go: IpAddress(fe80::1); "),
+        "{}",
+        said(&output)
+    );
+    assert_eq!(names(), [own, "studio.example", "192.0.2.7", "fd00::7"]);
 }
