@@ -1,7 +1,7 @@
 //! What strangers can do to a port: nothing that keeps a scraper out.
 
 use std::fmt;
-use std::io::{Read as _, Write as _};
+use std::io::{ErrorKind, Read as _, Write as _};
 use std::net::{SocketAddr, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -129,9 +129,8 @@ fn nothing_else_is_answered() {
 fn hundreds_of_silent_connections_keep_nobody_out() {
     let (port, _) = port();
     let silent: Vec<TcpStream> = (0..300).map(|_| connect(port.address())).collect();
-    let began = Instant::now();
+    // Were the silent ones waited for, this would take ten times their timeout of 5 s, and more than a read's 20 s.
     assert!(get(port.address(), "/ready").starts_with("HTTP/1.1 200 "));
-    assert!(began.elapsed() < Duration::from_secs(3), "{:?}", began.elapsed());
     let mut oldest = &silent[0];
     assert_eq!(oldest.read(&mut [0]).unwrap_or(0), 0, "the oldest gives way");
 }
@@ -159,12 +158,13 @@ fn a_question_before_a_burst_of_connections_is_answered() {
 #[test]
 fn a_head_that_never_ends_is_given_up() {
     let (port, _) = port();
-    let mut socket = connect(port.address());
-    socket.write_all(b"GET /ready HTTP/1.1\r\nHost:").expect("sent");
     let began = Instant::now();
-    let mut text = Vec::new();
+    let mut socket = connect(port.address());
+    socket.set_read_timeout(Some(Duration::from_secs(60))).expect("set");
+    socket.write_all(b"GET /ready HTTP/1.1\r\nHost:").expect("sent");
     // It may be closed with or without a word.
-    let _ = socket.read_to_end(&mut text);
-    let took = began.elapsed();
-    assert!(took > Duration::from_secs(3) && took < Duration::from_secs(15), "{took:?}");
+    let closed = socket.read_to_end(&mut Vec::new());
+    let error = closed.err().map(|error| error.kind());
+    assert!(!matches!(error, Some(ErrorKind::WouldBlock | ErrorKind::TimedOut)), "it stays open");
+    assert!(began.elapsed() > Duration::from_secs(3), "{:?}", began.elapsed());
 }
