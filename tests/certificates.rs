@@ -7,11 +7,12 @@ mod room;
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt as _;
+use std::path::{Path, PathBuf};
 use std::process::Output;
 use std::time::Duration;
 
 use certified::{ROOM, Room, issue, node};
-use identity::{AUTHORITIES, Authority, CERTIFICATE, Identity, KEY, Validity};
+use identity::{AUTHORITIES, Authority, CERTIFICATE, CertificateNames, Identity, KEY, Validity};
 use room::{coordinator, figures, named_room, program};
 
 fn said(output: &Output) -> String {
@@ -185,4 +186,73 @@ fn certs_makes_a_room_that_runs_and_keeps_its_keys() {
     let figures =
         figures(command.arg("--certs").arg(certs.join("coordinator")).spawn().expect("starts"), &json);
     assert_eq!(figures["missed"]["blind_steps"], 0, "{figures}");
+}
+
+/// A folder with certificates of a room that `hulltouch certs` made there.
+fn made_room() -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let cluster = named_room(folder.path(), "", "");
+    let output = certs(&cluster, &[]);
+    assert!(output.status.success(), "{}", said(&output));
+    (folder, cluster)
+}
+
+/// Runs `hulltouch certs` into the folder beside the cluster file.
+fn certs(cluster: &Path, more: &[&str]) -> Output {
+    let mut command = program();
+    command.arg("certs").arg(cluster).arg("--into").arg(cluster.with_file_name("certs")).args(more);
+    command.output().expect("ends")
+}
+
+#[test]
+fn an_authority_whose_key_is_gone_is_not_replaced() {
+    let (folder, cluster) = made_room();
+    let authority = folder.path().join("certs/authority");
+    let key = authority.join("ca.key");
+    let before = fs::read(folder.path().join("certs/coordinator/tls.crt")).expect("there");
+    let is_refused = || {
+        let output = certs(&cluster, &[]);
+        let expected =
+            format!("hulltouch: {} is not there: put it back, or choose another folder\n", key.display());
+        assert_eq!((output.status.code(), said(&output)), (Some(2), expected));
+        assert!(!key.exists());
+    };
+    fs::remove_file(&key).expect("removed");
+    is_refused();
+    // Only the folders of the machines are left.
+    fs::remove_dir_all(&authority).expect("removed");
+    is_refused();
+    let after = fs::read(folder.path().join("certs/coordinator/tls.crt")).expect("there");
+    assert_eq!(before, after, "nothing was issued");
+}
+
+#[test]
+fn names_of_the_page_stay_when_a_certificate_is_renewed() {
+    let (_folder, cluster) = made_room();
+    let names = || {
+        let own = cluster.with_file_name("certs").join("coordinator");
+        CertificateNames::read(&own).expect("names").names
+    };
+    let issued = |more: &[&str]| {
+        let output = certs(&cluster, more);
+        assert!(output.status.success() && output.stderr.is_empty(), "{}", said(&output));
+        names()
+    };
+    let own = "coordinator.room.hulltouch";
+    assert_eq!(names(), [own]);
+    let given = ["--page-name", "studio.example", "--page-name", "192.0.2.7"];
+    assert_eq!(issued(&given), [own, "studio.example", "192.0.2.7"]);
+    assert_eq!(issued(&[]), [own, "studio.example", "192.0.2.7"]);
+    let more = ["--page-name", "studio.example", "--page-name", "fd00::7"];
+    assert_eq!(issued(&more), [own, "studio.example", "192.0.2.7", "fd00::7"]);
+    // One that cannot be read goes, and is named.
+    assert!(certs(&cluster, &["--page-name", "fe80:0:0:0:1::"]).status.success());
+    let output = certs(&cluster, &[]);
+    assert!(output.status.success(), "{}", said(&output));
+    assert!(
+        said(&output).contains("coordinator/tls.crt: these names go: IpAddress(fe80::1); "),
+        "{}",
+        said(&output)
+    );
+    assert_eq!(names(), [own, "studio.example", "192.0.2.7", "fd00::7"]);
 }

@@ -1,32 +1,40 @@
 //! What systemd hears of this process: that it serves, how it is, that it works, that it ends. Says nothing where there is
-//! no NOTIFY_SOCKET.
+//! no NOTIFY_SOCKET. A manager that reads nothing holds nobody up: what it has no room for is dropped.
 
+use std::ffi::OsStr;
+use std::io;
+use std::os::unix::net::{SocketAddr, UnixDatagram};
 use std::time::Duration;
 
 use camera_node::pulse::Pulse;
 use sd_notify::NotifyState;
 use tokio::time::{MissedTickBehavior, interval};
 
+/// Where systemd listens.
+const SOCKET: &str = "NOTIFY_SOCKET";
+/// That it serves is said once, and a unit that never says it is restarted: it is worth a wait, while nothing is served yet.
+const READY_TIMEOUT: Duration = Duration::from_secs(2);
+
 /// It serves from now on.
 pub fn ready(status: &str) {
-    tell(&[NotifyState::Ready, NotifyState::Status(&one_line(status))]);
+    tell(&[NotifyState::Ready, NotifyState::Status(&one_line(status))], Some(READY_TIMEOUT));
 }
 
 /// How it is, in a short line.
 pub fn status(status: &str) {
-    tell(&[NotifyState::Status(&one_line(status))]);
+    tell(&[NotifyState::Status(&one_line(status))], None);
 }
 
 /// It was asked to end, and does.
 pub fn stopping() {
-    tell(&[NotifyState::Stopping]);
+    tell(&[NotifyState::Stopping], None);
 }
 
 /// Does the work of this process, and feeds the watchdog at half its time while all of it gets on. Both on one thread: if
 /// that is blocked, the watchdog hears nothing either.
 pub async fn watched<T>(pulse: &Pulse, work: impl Future<Output = T>) -> T {
     match sd_notify::watchdog_enabled() {
-        Some(period) => fed(pulse, period / 2, || tell(&[NotifyState::Watchdog]), work).await,
+        Some(period) => fed(pulse, period / 2, || tell(&[NotifyState::Watchdog], None), work).await,
         None => work.await,
     }
 }
@@ -53,10 +61,33 @@ async fn fed<T>(pulse: &Pulse, every: Duration, feed: impl Fn(), work: impl Futu
     }
 }
 
-fn tell(states: &[NotifyState<'_>]) {
-    if let Err(error) = sd_notify::notify(states) {
+fn tell(states: &[NotifyState<'_>], wait: Option<Duration>) {
+    let Some(place) = std::env::var_os(SOCKET) else { return };
+    let message: String = states.iter().map(|state| format!("{state}\n")).collect();
+    if let Err(error) = send(&place, &message, wait) {
         tracing::debug!("systemd cannot be told: {error}");
     }
+}
+
+/// Sends a datagram to a path or an abstract name (`@…`). While the receiver's queue is full it waits so long, or not at all.
+fn send(place: &OsStr, message: &str, wait: Option<Duration>) -> io::Result<()> {
+    let address = address(place)?;
+    let socket = UnixDatagram::unbound()?;
+    socket.set_nonblocking(wait.is_none())?;
+    socket.set_write_timeout(wait)?;
+    socket.send_to_addr(message.as_bytes(), &address).map(drop)
+}
+
+fn address(place: &OsStr) -> io::Result<SocketAddr> {
+    #[cfg(target_os = "linux")]
+    {
+        use std::os::linux::net::SocketAddrExt as _;
+        use std::os::unix::ffi::OsStrExt as _;
+        if let Some(name) = place.as_bytes().strip_prefix(b"@") {
+            return SocketAddr::from_abstract_name(name);
+        }
+    }
+    SocketAddr::from_pathname(place)
 }
 
 /// What is sent ends at a line's end.
@@ -87,5 +118,27 @@ mod tests {
     async fn work_that_waits_feeds_the_watchdog_and_work_that_is_stuck_does_not() {
         assert!(feeds(false).await > 1);
         assert_eq!(feeds(true).await, 0);
+    }
+
+    #[test]
+    fn a_manager_that_reads_nothing_holds_nobody_up() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("notify");
+        let _manager = UnixDatagram::bind(&path).expect("a socket");
+        let full = (0..100_000).find_map(|_| send(path.as_os_str(), "WATCHDOG=1\n", None).err());
+        assert_eq!(full.map(|error| error.kind()), Some(io::ErrorKind::WouldBlock));
+        let late = send(path.as_os_str(), "READY=1\n", Some(Duration::from_millis(10)));
+        assert_eq!(late.map_err(|error| error.kind()), Err(io::ErrorKind::WouldBlock));
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_manager_may_have_an_abstract_name() {
+        let name = format!("@hulltouch-test-{}", std::process::id());
+        let manager = UnixDatagram::bind_addr(&address(name.as_ref()).expect("a name")).expect("a socket");
+        send(name.as_ref(), "READY=1\n", None).expect("sent");
+        let mut bytes = [0; 64];
+        let count = manager.recv(&mut bytes).expect("received");
+        assert_eq!(bytes[..count], *b"READY=1\n");
     }
 }

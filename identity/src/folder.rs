@@ -44,7 +44,8 @@ impl Files {
     }
 }
 
-fn read(path: PathBuf) -> Result<Vec<u8>, CertificateError> {
+/// A file of a folder; refuses what is longer than any.
+pub(crate) fn read(path: PathBuf) -> Result<Vec<u8>, CertificateError> {
     let mut bytes = Vec::new();
     let file = File::open(&path).map_err(|error| CertificateError::read(&path, error))?;
     let read = file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes);

@@ -8,6 +8,7 @@ mod error;
 mod folder;
 mod loaded;
 mod name;
+mod names;
 mod socket;
 #[cfg(test)]
 mod tests;
@@ -18,5 +19,6 @@ pub use credentials::Credentials;
 pub use error::{CertificateError, HandshakeError};
 pub use folder::{AUTHORITIES, CERTIFICATE, KEY};
 pub use name::{Identity, Peer, Role};
+pub use names::CertificateNames;
 pub use socket::{ClientSocket, ServerSocket};
 pub use unix_socket::UnixSocket;

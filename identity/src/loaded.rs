@@ -114,7 +114,11 @@ pub(crate) fn peer_of(certificate: &CertificateDer<'_>) -> Result<Peer, Reason> 
     Ok(Peer::of(parsed.valid_dns_names()))
 }
 
-fn certificates(path: &Path, pem: &[u8]) -> Result<Vec<CertificateDer<'static>>, CertificateError> {
+/// What a file holds: one at least.
+pub(crate) fn certificates(
+    path: &Path,
+    pem: &[u8],
+) -> Result<Vec<CertificateDer<'static>>, CertificateError> {
     let content = |found: String| CertificateError::Content {
         path: path.to_owned(),
         found,

@@ -222,3 +222,22 @@ fn an_authority_is_opened_again() {
         opened.issue(&left(), &["localhost".into()], Validity::days(90), Some(&key)).expect("issued");
     assert_eq!(renewed.key, key, "a key that is there is kept");
 }
+
+#[test]
+fn a_certificate_says_by_which_names_its_owner_is_known_too() {
+    let also = ["studio.example", "*.studio.example", "192.0.2.7", "fd00::7", "::1", "fe80:0:0:0:1::"];
+    let also = also.map(str::to_owned);
+    let issued = authority().issue(&left(), &also, Validity::days(1).moved(-3), None).expect("issued");
+    let folder = tempfile::tempdir().expect("a folder");
+    write(folder.path(), CERTIFICATE, &issued.certificate);
+    let found = CertificateNames::read(folder.path()).expect("names");
+    let expected =
+        ["left.node.room-a.hulltouch", "studio.example", "*.studio.example", "192.0.2.7", "fd00::7", "::1"];
+    assert_eq!(found.names, expected);
+    // It is written as another address, fe80::1, and is not taken for that.
+    assert_eq!(found.unreadable, ["IpAddress(fe80::1)"]);
+
+    write(folder.path(), CERTIFICATE, "");
+    let error = CertificateNames::read(folder.path()).expect_err("none").to_string();
+    assert!(error.ends_with("tls.crt: found none, expected certificates as PEM"), "{error}");
+}

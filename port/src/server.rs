@@ -65,6 +65,8 @@ where
                 serve_connection(socket, Arc::clone(&answer)),
             )),
         );
+        // Whoever came reads what was sent already before the next one may make it give way.
+        tokio::task::yield_now().await;
     }
 }
 

@@ -14,7 +14,7 @@ use identity::{Authority, Identity, Validity};
 use link::{Delay, Link};
 use processes::program;
 use replacing::Replacing;
-use room::{Plan, Room, issue, wrong};
+use room::{Plan, Room, is_well_and_films, issue, wrong};
 
 const STEADY: (f64, u32, &str) = (0.0, 20, "counts");
 
@@ -184,10 +184,7 @@ fn shared_bus() -> (Room, Guard) {
 #[test]
 fn a_room_in_which_all_is_well_gets_no_complaint() {
     for plan in [Plan::of_stage(), Plan::of_live([STEADY; 4], [""; 4])] {
-        let room = plan.run();
-        let output = room.doctor();
-        assert_eq!(wrong(&output), [], "{}", String::from_utf8_lossy(&output.stdout));
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        is_well_and_films(&plan.run().doctor());
     }
 }
 
@@ -231,8 +228,7 @@ fn a_run_that_is_on_goes_on() {
     let run =
         command.current_dir(room.folder.path()).args(["--certs", "coordinator"]).spawn().expect("starts");
     std::thread::sleep(Duration::from_secs(3));
-    let output = room.doctor();
-    assert_eq!(wrong(&output), [], "{}", String::from_utf8_lossy(&output.stdout));
+    is_well_and_films(&room.doctor());
     let figures = processes::figures(run, &json);
     assert_eq!(figures["missed"]["reduced_steps"], 0, "no node was left out: {figures}");
     assert!(figures["frames"].as_u64().is_some_and(|frames| frames > 70), "{figures}");

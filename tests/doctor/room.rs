@@ -167,10 +167,29 @@ pub fn issue(folder: &Path, authority: &Authority, owner: &Identity, validity: V
 
 /// What is wrong: check, level and text of each line that is neither ok nor skipped.
 pub fn wrong(output: &Output) -> Vec<(String, String, String)> {
+    let all = lines(output).into_iter();
+    all.filter(|(_, level, _)| level == "warn" || level == "fail").collect()
+}
+
+/// Nothing is wrong, and the cameras were looked at: what is skipped is not well.
+#[track_caller]
+pub fn is_well_and_films(output: &Output) {
+    let lines = lines(output);
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert_eq!(wrong(output), [], "{said}");
+    for check in ["rates", "stamps", "phases", "backgrounds"] {
+        let levels: Vec<&str> =
+            lines.iter().filter(|(of, _, _)| of == check).map(|(_, level, _)| &level[..]).collect();
+        assert_eq!(levels, ["ok"], "{check}: {said}");
+    }
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// Check, level and text of each line.
+fn lines(output: &Output) -> Vec<(String, String, String)> {
     let report: Value = serde_json::from_slice(&output.stdout)
         .unwrap_or_else(|error| panic!("{error}: {}", String::from_utf8_lossy(&output.stderr)));
     let line =
         |line: &Value| ["check", "level", "what"].map(|key| line[key].as_str().expect("text").to_owned());
-    let lines = report["checks"].as_array().expect("checks").iter().map(line);
-    lines.filter(|[_, level, _]| level == "warn" || level == "fail").map(Into::into).collect()
+    report["checks"].as_array().expect("checks").iter().map(line).map(Into::into).collect()
 }

@@ -7,6 +7,7 @@ use std::os::unix::fs::OpenOptionsExt as _;
 use std::os::unix::net::UnixDatagram;
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -19,10 +20,10 @@ pub const SILENCE: Duration = Duration::from_secs(4);
 /// All that is waited for comes sooner.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// A service, and the socket on which it tells how it is. It ends with its test.
+/// A service, and what it tells of itself. It ends with its test.
 pub struct Service {
     child: Child,
-    socket: UnixDatagram,
+    messages: Receiver<String>,
     /// What it writes to standard error.
     errors: BufReader<std::io::PipeReader>,
     /// The other end of that pipe.
@@ -33,12 +34,12 @@ impl Service {
     /// Starts a program whose socket is in a folder of its own.
     pub fn start(mut command: Command, folder: &Path) -> Service {
         let path = folder.join("notify");
-        let socket = UnixDatagram::bind(&path).expect("a socket");
+        let messages = messages(UnixDatagram::bind(&path).expect("a socket"));
         let (errors, pipe) = std::io::pipe().expect("a pipe");
         command.env("NOTIFY_SOCKET", &path).env("WATCHDOG_USEC", WATCHDOG.as_micros().to_string());
         command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(pipe.try_clone().expect("a pipe"));
         let child = command.spawn().expect("starts");
-        Service { child, socket, errors: BufReader::new(errors), pipe }
+        Service { child, messages, errors: BufReader::new(errors), pipe }
     }
 
     pub fn id(&self) -> u32 {
@@ -47,10 +48,7 @@ impl Service {
 
     /// What it says next, if it does within this time.
     pub fn hear(&self, within: Duration) -> Option<String> {
-        self.socket.set_read_timeout(Some(within.max(Duration::from_millis(1)))).expect("set");
-        let mut bytes = [0; 4096];
-        let count = self.socket.recv(&mut bytes).ok()?;
-        Some(String::from_utf8_lossy(&bytes[..count]).into_owned())
+        self.messages.recv_timeout(within).ok()
     }
 
     /// Hears what it says until this is in it, and returns that.
@@ -140,6 +138,20 @@ impl Service {
         errors.read_to_string(&mut rest).expect("text");
         (status, rest)
     }
+}
+
+/// All that comes to a socket, read at once: what finds its queue full is dropped.
+fn messages(socket: UnixDatagram) -> Receiver<String> {
+    let (sender, messages) = channel();
+    std::thread::spawn(move || {
+        let mut bytes = [0; 4096];
+        while let Ok(count) = socket.recv(&mut bytes) {
+            if sender.send(String::from_utf8_lossy(&bytes[..count]).into_owned()).is_err() {
+                return;
+            }
+        }
+    });
+    messages
 }
 
 impl Drop for Service {

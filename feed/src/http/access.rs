@@ -99,6 +99,13 @@ impl Origin {
     }
 }
 
+impl fmt::Display for Origin {
+    /// As it was given.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}
+
 /// 128 bits from the system, as hexadecimal digits.
 pub(crate) fn random_hex() -> Result<String, RandomError> {
     let mut bytes = [0u8; 16];

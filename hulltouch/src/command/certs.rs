@@ -8,11 +8,16 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use cli::{Failure, Outcome};
 use cluster::ClusterFile;
-use identity::{AUTHORITIES, Authority, CERTIFICATE, Credentials, Identity, KEY, Validity};
+use identity::{
+    AUTHORITIES, Authority, CERTIFICATE, CertificateError, CertificateNames, Credentials, Identity, KEY,
+    Role, Validity,
+};
 
 /// The folder and the key of the authority itself.
 const AUTHORITY: &str = "authority";
 const AUTHORITY_KEY: &str = "ca.key";
+/// The folder of the coordinator.
+const COORDINATOR: &str = "coordinator";
 /// An authority outlives many certificates.
 const AUTHORITY_DAYS: u32 = 3650;
 
@@ -32,7 +37,8 @@ pub struct CertsArguments {
     /// How long certificates are valid, days.
     #[arg(long, value_name = "N", default_value_t = 365, value_parser = clap::value_parser!(u32).range(1..=3650))]
     days: u32,
-    /// Another name or IP address in the coordinator's certificate, as browsers call its machine; give it once for each.
+    /// Another name or IP address in the coordinator's certificate, as browsers call its machine; give it once for each. Those
+    /// of the certificate that is renewed stay.
     #[arg(long = "page-name", value_name = "NAME")]
     page_names: Vec<String>,
 }
@@ -48,27 +54,65 @@ pub fn run(arguments: &CertsArguments) -> Outcome {
         ))
     })?;
     let room = &file.name;
-    let authority = authority(&arguments.into.join(AUTHORITY), room)?;
-    let nodes = named.iter().map(|name| (format!("nodes/{name}"), Identity::node(room, name), &[][..]));
+    let nodes = named.iter().map(|name| (format!("nodes/{name}"), Identity::node(room, name)));
     let others = [
-        ("coordinator".to_owned(), Identity::coordinator(room), &arguments.page_names[..]),
-        ("viewer".to_owned(), Identity::viewer(room), &[][..]),
+        (COORDINATOR.to_owned(), Identity::coordinator(room)),
+        ("viewer".to_owned(), Identity::viewer(room)),
     ];
-    for (folder, owner, also) in nodes.chain(others) {
-        let folder = arguments.into.join(folder);
+    let owners: Vec<(PathBuf, Identity)> =
+        nodes.chain(others).map(|(folder, owner)| (arguments.into.join(folder), owner)).collect();
+    let authority = authority(&arguments.into.join(AUTHORITY), room, &owners)?;
+    let page_names = page_names(&arguments.into.join(COORDINATOR), &Identity::coordinator(room), arguments)?;
+    for (folder, owner) in owners {
+        let also = if owner.role == Role::Coordinator { &page_names[..] } else { &[] };
         let done = issue(&folder, &authority, &owner, also, Validity::days(arguments.days))?;
         writeln!(io::stdout(), "{}: {owner}, {done}", folder.display()).map_err(Failure::run)?;
     }
     Ok(())
 }
 
-/// The room's authority: the one that is there, or a new one.
-fn authority(folder: &Path, room: &str) -> Outcome<Authority> {
+/// The names of the coordinator's certificate besides its own: those of the one that is there, and those that are given.
+fn page_names(folder: &Path, owner: &Identity, arguments: &CertsArguments) -> Outcome<Vec<String>> {
+    let mut before = match CertificateNames::read(folder) {
+        Ok(before) => before,
+        Err(CertificateError::Read { error, .. }) if error.kind() == io::ErrorKind::NotFound => {
+            CertificateNames::default()
+        }
+        Err(error) => return Err(Failure::input(error)),
+    };
+    if !before.unreadable.is_empty() {
+        tracing::warn!(
+            "{}: these names go: {}; give them again with --page-name",
+            folder.join(CERTIFICATE).display(),
+            before.unreadable.join(", ")
+        );
+    }
+    before.names.retain(|name| *name != owner.to_string());
+    for name in &arguments.page_names {
+        if !before.names.contains(name) {
+            before.names.push(name.clone());
+        }
+    }
+    Ok(before.names)
+}
+
+/// The room's authority: the one that is there, or a new one where there was none.
+fn authority(folder: &Path, room: &str, owners: &[(PathBuf, Identity)]) -> Outcome<Authority> {
     let (certificate, key) = (folder.join(AUTHORITIES), folder.join(AUTHORITY_KEY));
-    if key.exists() {
+    let is_there = |path: &Path| path.try_exists().map_err(|error| wrong(path, &error));
+    if is_there(&key)? {
         let read = |path: &Path| fs::read_to_string(path).map_err(|error| wrong(path, &error));
         return Authority::open(room, &read(&certificate)?, &read(&key)?)
             .map_err(|error| wrong(&key, &error));
+    }
+    // Nodes that have copies of their folders would know nobody whom a new authority signs for.
+    for path in owners.iter().map(|(folder, _)| folder.join(KEY)).chain([certificate.clone()]) {
+        if is_there(&path)? {
+            return Err(Failure::input(format_args!(
+                "{} is not there: put it back, or choose another folder",
+                key.display()
+            )));
+        }
     }
     let made = Authority::make(room, Validity::days(AUTHORITY_DAYS)).map_err(Failure::run)?;
     make_folder(folder)?;

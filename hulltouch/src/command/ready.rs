@@ -1,6 +1,6 @@
 //! `hulltouch ready`: whether a node or a run does its work, for what looks after processes.
 
-use std::io::{Read as _, Write as _};
+use std::io::{self, ErrorKind, Read as _, Write as _};
 use std::net::{SocketAddr, TcpStream};
 use std::time::{Duration, Instant};
 
@@ -25,7 +25,13 @@ pub struct ReadyArguments {
 /// Asks once.
 pub fn run(arguments: &ReadyArguments) -> Outcome {
     let address = arguments.address;
-    let answer = ask(address).map_err(|error| Failure::run(format_args!("{address}: {error}")))?;
+    let answer = ask(address).map_err(|error| match error.kind() {
+        // A socket whose time is over says that it would block.
+        ErrorKind::TimedOut | ErrorKind::WouldBlock => {
+            Failure::run(format_args!("{address}: no answer within {} s", TIMEOUT.as_secs()))
+        }
+        _ => Failure::run(format_args!("{address}: {error}")),
+    })?;
     let (head, body) = answer.split_once("\r\n\r\n").unwrap_or((&answer, ""));
     let status = head.strip_prefix("HTTP/1.1 ").and_then(|rest| rest.get(..3));
     let line = proto::text::clean(body.lines().next().unwrap_or_default(), 300);
@@ -41,7 +47,7 @@ pub fn run(arguments: &ReadyArguments) -> Outcome {
 }
 
 /// The whole answer, which must come in time.
-fn ask(address: SocketAddr) -> std::io::Result<String> {
+fn ask(address: SocketAddr) -> io::Result<String> {
     let by = Instant::now() + TIMEOUT;
     let mut socket = TcpStream::connect_timeout(&address, TIMEOUT)?;
     socket.set_write_timeout(Some(TIMEOUT))?;
@@ -50,13 +56,31 @@ fn ask(address: SocketAddr) -> std::io::Result<String> {
     while answer.len() < MAX_ANSWER_BYTES as usize {
         let left = by.saturating_duration_since(Instant::now()).max(Duration::from_millis(1));
         socket.set_read_timeout(Some(left))?;
-        match socket.read(&mut part)? {
-            0 => break,
-            count => answer.extend_from_slice(&part[..count]),
+        match socket.read(&mut part) {
+            Ok(0) => break,
+            Ok(count) => answer.extend_from_slice(&part[..count]),
+            Err(error) if error.kind() == ErrorKind::Interrupted => {}
+            Err(error) => return Err(error),
         }
         if Instant::now() >= by {
-            return Err(std::io::ErrorKind::TimedOut.into());
+            return Err(ErrorKind::TimedOut.into());
         }
     }
     Ok(String::from_utf8_lossy(&answer).into_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::net::TcpListener;
+
+    use super::*;
+
+    #[test]
+    fn who_says_nothing_is_named_with_the_time_it_had() {
+        // It connects by itself, and nobody answers.
+        let silent = TcpListener::bind("127.0.0.1:0").expect("a port");
+        let address = silent.local_addr().expect("bound");
+        let refused = run(&ReadyArguments { address }).expect_err("refused").to_string();
+        assert_eq!(refused, format!("{address}: no answer within 3 s"));
+    }
 }

@@ -90,13 +90,29 @@ impl PagePlan {
 
     /// Where the page is. The token is for terminals only: what is piped is kept, in journals and elsewhere.
     pub fn announcement(&self, address: SocketAddr, is_terminal: bool) -> String {
-        let scheme = if self.feed.credentials.is_some() { "https" } else { "http" };
-        let address = format!("{scheme}://{address}/");
+        let own = self.own_origin(address);
+        let (page, proxied) = match &self.feed.origin {
+            Some(origin) => (format!("{origin}/"), format!("proxy: from {origin}/ to {own}/\n")),
+            None => (format!("{own}/"), String::new()),
+        };
         if is_terminal {
-            return format!("page: {address}?token={}\nviewers: {address}\n", self.feed.token.text());
+            return format!("page: {page}?token={}\nviewers: {page}\n{proxied}", self.feed.token.text());
         }
-        format!("page: {address}\nviewers: {address}\ntoken: {}\n", self.token_from)
+        format!("page: {page}\nviewers: {page}\n{proxied}token: {}\n", self.token_from)
     }
+
+    /// This server itself. That it listens on all addresses is no address: then by this machine's name.
+    fn own_origin(&self, address: SocketAddr) -> String {
+        let scheme = if self.feed.credentials.is_some() { "https" } else { "http" };
+        if address.ip().is_unspecified() {
+            return format!("{scheme}://{}:{}", host_name(), address.port());
+        }
+        format!("{scheme}://{address}")
+    }
+}
+
+fn host_name() -> String {
+    rustix::system::uname().nodename().to_string_lossy().to_lowercase()
 }
 
 #[cfg(test)]
@@ -150,5 +166,21 @@ mod tests {
             plan.announcement(address, false),
             "page: http://127.0.0.1:8470/\nviewers: http://127.0.0.1:8470/\ntoken: that of /run/token\n"
         );
+    }
+
+    #[test]
+    fn the_page_is_announced_where_browsers_find_it() {
+        let open = Security { insecure: true, ..Security::default() };
+        let address = "0.0.0.0:8470".parse().expect("an address");
+        let all = plan("0.0.0.0:0", None, &open).expect("allowed").announcement(address, false);
+        let of_host = format!("http://{}:8470/", host_name());
+        assert!(all.starts_with(&format!("page: {of_host}\nviewers: {of_host}\ntoken: ")), "{all}");
+        let origin = Some("https://studio.example");
+        let proxied = plan("0.0.0.0:0", origin, &open).expect("allowed").announcement(address, false);
+        let expected = format!(
+            "page: https://studio.example/\nviewers: https://studio.example/\n\
+             proxy: from https://studio.example/ to {of_host}\ntoken: "
+        );
+        assert!(proxied.starts_with(&expected), "{proxied}");
     }
 }

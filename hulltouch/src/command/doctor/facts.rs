@@ -21,7 +21,7 @@ pub struct Facts {
     /// The certificates of this machine.
     pub certificates: Certificates,
     /// What the cameras did while they were looked at, or why nothing is known.
-    pub film: Result<Vec<CameraFacts>, String>,
+    pub film: Result<Vec<CameraFacts>, NoFilm>,
     /// Devices of this machine's cameras.
     pub devices: Vec<DeviceFacts>,
     /// Films of empty rooms that are not there: of which camera, and where they should be.
@@ -97,6 +97,15 @@ pub enum Certificates {
         /// Whose they are and when they end, unix seconds; or what is wrong with them.
         found: Result<(Identity, f64), CertificateError>,
     },
+}
+
+/// Why nothing is known of what cameras film.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum NoFilm {
+    /// Nobody tried: it was not asked for, or what it needs is missing, which other checks name.
+    NotTried(String),
+    /// It was tried, and failed.
+    Failed(String),
 }
 
 /// A camera, looked at several times while it filmed.

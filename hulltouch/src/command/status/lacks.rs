@@ -18,7 +18,12 @@ pub fn lacks(samples: &[NodeSample], fps: f64) -> Vec<String> {
     }
     let statuses =
         || samples.iter().filter_map(|sample| sample.found.as_ref().ok()).map(|found| &found.status);
-    if statuses().all(|status| status.holder.is_none()) && statuses().next().is_some() {
+    if statuses().any(|status| status.holder.is_some()) {
+        let without = samples
+            .iter()
+            .filter(|sample| sample.found.as_ref().is_ok_and(|report| report.status.holder.is_none()));
+        found.extend(without.map(|sample| format!("node {}: nobody leads it", sample.name())));
+    } else if statuses().next().is_some() {
         found.push("nobody leads the nodes: no camera films".to_owned());
     }
     let mut holders: Vec<&str> =
@@ -115,12 +120,13 @@ mod tests {
     #[test]
     fn what_is_missing_is_named() {
         type Spoil = fn(&mut [NodeSample; 2]);
-        let spoils: [(Spoil, &str); 6] = [
+        let spoils: [(Spoil, &str); 7] = [
             (|room| room[1].found = Err(NodeError::NotFound), "node right: not found by its name"),
             (
                 |room| *room = [sample("left", 0, None, 0.0), sample("right", 1, None, 0.0)],
                 "nobody leads the nodes: no camera films",
             ),
+            (|room| room[1] = sample("right", 1, None, 0.0), "node right: nobody leads it"),
             (
                 |room| room[1] = sample("right", 1, Some("another"), 30.0),
                 "the nodes are led by different coordinators: another, one",

@@ -19,7 +19,7 @@ mod versions;
 
 use proto::{CameraStatus, CameraTrouble};
 
-use super::facts::{CameraFacts, Facts, NodeFacts};
+use super::facts::{CameraFacts, Facts, NoFilm, NodeFacts};
 use super::finding::Finding;
 
 /// A camera that films well for so long has got over what was wrong, seconds.
@@ -59,5 +59,8 @@ fn trouble(look: &CameraStatus) -> Option<&CameraTrouble> {
 
 /// The cameras that were looked at; or why none were.
 fn filmed(facts: &Facts) -> Result<&[CameraFacts], Finding> {
-    facts.film.as_deref().map_err(|why| Finding::skip(why.clone()))
+    facts.film.as_deref().map_err(|none| match none {
+        NoFilm::NotTried(why) => Finding::skip(why.clone()),
+        NoFilm::Failed(why) => Finding::skip(format!("no camera could be looked at: {why}")),
+    })
 }

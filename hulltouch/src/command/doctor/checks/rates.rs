@@ -2,15 +2,21 @@
 
 use proto::TroubleKind;
 
-use super::super::facts::{CameraFacts, Facts};
+use super::super::facts::{CameraFacts, Facts, NoFilm};
 use super::super::finding::{Finding, or_ok};
 use super::{filmed, trouble};
 
 /// A camera that gives fewer frames than this share of the cluster's is too slow.
 const LEAST_SHARE: f64 = 0.9;
 
-/// Fails for cameras that film at another rate, or nothing.
+/// Fails for cameras that film at another rate, or nothing; and if they were to be filmed and could not be.
 pub fn check(facts: &Facts) -> Vec<Finding> {
+    if let Err(NoFilm::Failed(why)) = &facts.film {
+        return vec![Finding::fail(
+            format!("cameras could not be filmed: {why}"),
+            "run it again while no coordinator starts or ends; if it stays so, the logs of the nodes tell why",
+        )];
+    }
     let cameras = match filmed(facts) {
         Ok(cameras) => cameras,
         Err(skipped) => return vec![skipped],

@@ -8,7 +8,7 @@ use proto::{
 };
 
 use super::super::facts::{
-    Certificates, Device, DeviceFacts, DiskFacts, Facts, NodeFacts, Place, Reach, Usb,
+    Certificates, Device, DeviceFacts, DiskFacts, Facts, NoFilm, NodeFacts, Place, Reach, Usb,
 };
 use super::super::finding::Level;
 use super::*;
@@ -88,7 +88,7 @@ fn healthy() -> Facts {
 fn refused(facts: &mut Facts, error: NodeError) {
     facts.nodes[1].found = Some(Err(error));
     facts.nodes[1].agrees = None;
-    facts.film = Err("a node does not answer".into());
+    facts.film = Err(NoFilm::NotTried("a node does not answer".into()));
 }
 
 fn looks(facts: &mut Facts, change: impl Fn(&mut CameraStatus)) {
@@ -119,18 +119,18 @@ fn nowhere(facts: &mut Facts, place: Option<Place>, reach: Reach) {
     let node = &mut facts.nodes[1];
     (node.found, node.agrees, node.reach) = (None, None, reach);
     node.place = place.unwrap_or(Place::At(vec!["192.0.2.2:7001".into()]));
-    facts.film = Err("a node does not answer".into());
+    facts.film = Err(NoFilm::NotTried("a node does not answer".into()));
 }
 
 fn own(facts: &mut Facts, error: CertificateError) {
     facts.certificates = Certificates::Folder { folder: "certs".into(), found: Err(error) };
     facts.nodes.iter_mut().for_each(|node| (node.found, node.agrees) = (None, None));
-    facts.film = Err("nodes cannot be asked".into());
+    facts.film = Err(NoFilm::NotTried("nodes cannot be asked".into()));
 }
 
 type Plant = fn(&mut Facts);
 
-const FAULTS: [(&str, Level, Plant, &str); 31] = [
+const FAULTS: [(&str, Level, Plant, &str); 32] = [
     (
         "names",
         Level::Fail,
@@ -268,6 +268,12 @@ const FAULTS: [(&str, Level, Plant, &str); 31] = [
         |facts| looks(facts, |look| look.frames_per_s = 9.0),
         "camera cam_1 films 9.0 frames/s, expected 20",
     ),
+    (
+        "rates",
+        Level::Fail,
+        |facts| facts.film = Err(NoFilm::Failed("node node1: the connection broke".into())),
+        "cameras could not be filmed: node node1: the connection broke",
+    ),
     ("stamps", Level::Fail, |facts| trouble(facts, TroubleKind::Stamps), "camera \"cam_1\": it does so"),
     (
         "stamps",
@@ -350,7 +356,7 @@ fn each_fault_is_named_by_its_check_and_by_no_other() {
 fn nothing_runs_yet_and_nothing_panics() {
     let facts = Facts {
         nodes: vec![],
-        film: Err("nobody films".into()),
+        film: Err(NoFilm::NotTried("nobody films".into())),
         devices: vec![],
         disks: vec![],
         ..healthy()

@@ -5,12 +5,12 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use cluster::ClusterFile;
-use node_client::{Agreement, ExpectedNode, NodeClient, NodeEvent, StatusClient};
+use node_client::{Agreement, Dial, ExpectedNode, NodeClient, NodeEvent, StatusClient};
 use proto::{CameraStatus, CameraTrouble, Pace, TroubleKind, unix_now_s};
 use tokio::sync::mpsc;
 use tokio::time::{Instant, sleep, timeout};
 
-use super::super::facts::{CameraFacts, NodeFacts};
+use super::super::facts::{CameraFacts, NoFilm, NodeFacts};
 use super::trust::Trust;
 
 /// Between two looks.
@@ -31,7 +31,37 @@ pub async fn look(
     nodes: &mut [NodeFacts],
     trust: &Trust,
     may_film: bool,
-) -> Result<Vec<CameraFacts>, String> {
+) -> Result<Vec<CameraFacts>, NoFilm> {
+    let (dial, films) = preparation(nodes, trust, may_film).map_err(NoFilm::NotTried)?;
+    let is_live = file.cameras.iter().any(|camera| camera.source.is_live());
+    let lasts = if is_live { LIVE } else { FILM };
+    let clients = expected.iter().map(|node| StatusClient::new(node.clone(), Arc::clone(dial)));
+    let looks = Looks { clients: clients.collect(), cameras: Vec::new() };
+    let looked = match films {
+        Films::Led => looks.watch(nodes, lasts).await,
+        Films::Ours => {
+            say_that_it_films(lasts);
+            let agreement = Agreement::new(file.probes, file.fps, Vec::new()).dialling(Arc::clone(dial));
+            looks.film(expected, nodes, agreement, lasts).await
+        }
+    };
+    looked.map_err(NoFilm::Failed)
+}
+
+/// In whose run cameras film.
+enum Films {
+    /// In that of whoever leads them.
+    Led,
+    /// In one of our own.
+    Ours,
+}
+
+/// Over which sockets nodes are asked, and in whose run; or why cameras cannot be looked at.
+fn preparation<'a>(
+    nodes: &[NodeFacts],
+    trust: &'a Trust,
+    may_film: bool,
+) -> Result<(&'a Arc<dyn Dial>, Films), String> {
     if nodes.is_empty() {
         return Err("no node to ask".to_owned());
     }
@@ -45,29 +75,15 @@ pub async fn look(
         ));
     }
     let Some(dial) = &trust.dial else { return Err("nodes cannot be asked".to_owned()) };
-    let clients = expected.iter().map(|node| StatusClient::new(node.clone(), Arc::clone(dial)));
-    let mut looks = Looks { clients: clients.collect(), cameras: Vec::new() };
-    let is_live = file.cameras.iter().any(|camera| camera.source.is_live());
-    let lasts = if is_live { LIVE } else { FILM };
-    let is_led = nodes
-        .iter()
-        .filter_map(NodeFacts::report)
-        .any(|report| report.status.holder.as_ref().is_some_and(|holder| holder.is_there));
-    if is_led {
-        looks.go_on(nodes, lasts).await?;
-        return Ok(looks.cameras);
+    let mut holders = nodes.iter().filter_map(|node| node.report()?.status.holder.as_ref());
+    if holders.any(|holder| holder.is_there) {
+        return Ok((dial, Films::Led));
     }
     if !may_film || !trust.may_lead {
         let why = if may_film { "this certificate may not lead them" } else { "--no-film is given" };
         return Err(format!("nobody leads the nodes, so that no camera films, and {why}"));
     }
-    say_that_it_films(lasts);
-    let agreement = Agreement::new(file.probes, file.fps, Vec::new()).dialling(Arc::clone(dial));
-    let run = Run::begin(expected, Arc::new(agreement)).await?;
-    looks.begin(nodes).await?;
-    looks.go_on(nodes, lasts).await?;
-    looks.note_refused(&run.refused);
-    Ok(looks.cameras)
+    Ok((dial, Films::Ours))
 }
 
 fn say_that_it_films(lasts: Duration) {
@@ -134,6 +150,27 @@ struct Looks {
 }
 
 impl Looks {
+    /// Looks at what films already.
+    async fn watch(mut self, nodes: &mut [NodeFacts], lasts: Duration) -> Result<Vec<CameraFacts>, String> {
+        self.go_on(nodes, lasts).await?;
+        Ok(self.cameras)
+    }
+
+    /// Looks while a run of our own films.
+    async fn film(
+        mut self,
+        expected: &[ExpectedNode],
+        nodes: &mut [NodeFacts],
+        agreement: Agreement,
+        lasts: Duration,
+    ) -> Result<Vec<CameraFacts>, String> {
+        let run = Run::begin(expected, Arc::new(agreement)).await?;
+        self.begin(nodes).await?;
+        self.go_on(nodes, lasts).await?;
+        self.note_refused(&run.refused);
+        Ok(self.cameras)
+    }
+
     /// Waits until all cameras have given a frame, or told why they do not.
     async fn begin(&mut self, nodes: &mut [NodeFacts]) -> Result<(), String> {
         let until = Instant::now() + BEGINS_WITHIN;

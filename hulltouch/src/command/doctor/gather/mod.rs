@@ -14,7 +14,7 @@ use node_client::Agreement;
 use proto::unix_now_s;
 
 use self::trust::Trust;
-use super::facts::Facts;
+use super::facts::{Facts, NoFilm};
 use crate::run::security::SecurityArguments;
 
 /// What is looked at, and how.
@@ -44,7 +44,10 @@ pub async fn gather(scope: &Scope<'_>) -> Outcome<Facts> {
         nodes::forget_refusals(&mut nodes);
     }
     let film = match host {
-        Some(_) => Err("cameras film when the room does: run it without --host, too".to_owned()),
+        Some(_) => {
+            let why = "cameras film when the room does: run it without --host, too";
+            Err(NoFilm::NotTried(why.to_owned()))
+        }
         None => film::look(file, &expected, &mut nodes, &trust, scope.may_film).await,
     };
     let local = local::cameras(file, host);
