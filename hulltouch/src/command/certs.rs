@@ -26,7 +26,7 @@ const AUTHORITY_DAYS: u32 = 3650;
 #[derive(Debug, Args)]
 #[command(after_help = "Example, and then each machine gets the folder of its name:\n  \
     hulltouch certs studio.cluster.toml --into certs\n  \
-    scp -r certs/nodes/left left-pc:/etc/hulltouch/certs\n\n\
+    scp certs/nodes/left/* root@left-pc:/etc/hulltouch/certs/\n\n\
     Keep certs/authority on a machine of its own: whoever has its key may make himself the coordinator.")]
 pub struct CertsArguments {
     /// The cluster file.

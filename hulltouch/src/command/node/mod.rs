@@ -29,7 +29,7 @@ use crate::systemd;
 #[command(
     after_help = "Examples, on every PC of a cluster file with [[node]] entries; on the PC of `left` and `top` of \
     one without:\n  \
-    hulltouch node studio.cluster.toml --insecure\n  \
+    hulltouch node studio.cluster.toml --certs /etc/hulltouch/certs\n  \
     hulltouch node studio.cluster.toml --camera left --camera top --insecure"
 )]
 pub struct NodeArguments {

@@ -20,7 +20,7 @@ use crate::run::setup::checked_seconds;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  hulltouch sync check studio.cluster.toml --write
+  hulltouch sync check studio.cluster.toml --certs /etc/hulltouch/certs --write
   hulltouch sync check --recording run.mcap
   hulltouch sync check --rig rig.toml --silhouettes masks --fps 30
 

@@ -14,7 +14,8 @@ pub fn check(facts: &Facts) -> Vec<Finding> {
         )),
         Place::NotAnnounced => Some(Finding::fail(
             format!("node {}: nobody announces it in this network (DNS-SD)", node.name),
-            "start it, allow UDP port 5353 on both machines, or give it an address in the cluster file",
+            "look at its power and its cable, start its node, allow UDP port 5353 on both machines, or give it an address \
+             in the cluster file",
         )),
     });
     let well = || match &facts.nodes[..] {

@@ -32,11 +32,14 @@ fn of_node(node: &NodeFacts, facts: &Facts) -> Option<Finding> {
         Reach::Refused(_) if is_own => None,
         Reach::Refused(at) => Some(Finding::fail(
             format!("node {name}: nothing listens at {at}"),
-            format!("start it there: hulltouch node FILE --host {name}"),
+            format!(
+                "start it there: systemctl start hulltouch-node, or hulltouch node FILE --host {name} --certs FOLDER"
+            ),
         )),
         Reach::Timeout(at) => Some(Finding::fail(
             format!("node {name}: nothing comes back from {at}, as if a firewall took it"),
-            "switch that PC on, and allow the port there: ufw allow from THIS-PC to any port PORT proto tcp",
+            "look at its power and its cable (ping it); then allow the port there: ufw allow from THIS-PC to any port \
+             PORT proto tcp",
         )),
         Reach::Failed(at, why) => Some(Finding::fail(
             format!("node {name}: no connection to {at}: {why}"),
