@@ -13,7 +13,8 @@ use std::time::Duration;
 
 use certified::{ROOM, Room, issue, node};
 use identity::{AUTHORITIES, Authority, CERTIFICATE, CertificateNames, Identity, KEY, Validity};
-use room::{coordinator, figures, named_room, program};
+use node_client::{NodeError, NodeEvent};
+use room::{Running, coordinator, figures, named_room, program};
 
 fn said(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
@@ -22,7 +23,7 @@ fn said(output: &Output) -> String {
 #[test]
 fn a_room_with_certificates_runs_as_without() {
     let room = Room::new();
-    let figures = figures(room.coordinator("2").spawn().expect("starts"), &room.json());
+    let figures = figures(Running::start(&mut room.coordinator("2")), &room.json());
     assert!(figures["frames"].as_u64().is_some_and(|frames| frames > 10), "{figures}");
     assert_eq!(figures["missed"]["blind_steps"], 0, "{figures}");
 }
@@ -30,7 +31,7 @@ fn a_room_with_certificates_runs_as_without() {
 #[tokio::test]
 async fn strangers_are_refused_in_one_line_and_the_run_goes_on() {
     let room = Room::new();
-    let running = room.coordinator("6").spawn().expect("starts");
+    let running = Running::start(&mut room.coordinator("6"));
     let (ours, other) = (&room.authority, Authority::make(ROOM, Validity::days(30)).expect("another"));
 
     let refused = room.refusal(ours, Identity::viewer(ROOM)).await;
@@ -46,7 +47,7 @@ async fn strangers_are_refused_in_one_line_and_the_run_goes_on() {
     assert!(refused.ends_with(expected), "{refused}");
 
     let mut plain = coordinator(program(), &room.cluster, "1", &room.folder.path().join("plain.json"));
-    let output = plain.args(["--patience", "0.5"]).output().expect("ends");
+    let output = plain.args(["--patience", "5"]).output().expect("ends");
     assert_eq!(output.status.code(), Some(1), "{}", said(&output));
     assert!(
         said(&output).contains("node left (cam_0, cam_1): the connection broke at once ("),
@@ -84,7 +85,7 @@ fn certificates_are_replaced_under_a_run_that_misses_nothing() {
     };
     replace(0, &old, &[&old]);
     let room = Room::of(folder, old, "[wire]\nmax_connection_age_s = 2\n");
-    let running = room.coordinator("14").spawn().expect("starts");
+    let running = Running::start(&mut room.coordinator("14"));
     let after = |seconds| std::thread::sleep(Duration::from_secs(seconds));
     after(3);
     replace(1, &room.authority, &[&room.authority, &new]);
@@ -92,6 +93,12 @@ fn certificates_are_replaced_under_a_run_that_misses_nothing() {
     replace(2, &new, &[&room.authority, &new]);
     after(3);
     replace(3, &new, &[&new]);
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().expect("a runtime");
+    // Another leads it: who gets in hears that, who does not hears of certificates.
+    let of_new = runtime.block_on(room.first_event_of(&new));
+    assert!(matches!(of_new, NodeEvent::Down(NodeError::Held(_))), "{of_new:?}");
+    let of_old = runtime.block_on(room.first_event_of(&room.authority));
+    assert!(matches!(of_old, NodeEvent::Down(NodeError::Unreachable(_))), "{of_old:?}");
     let figures = figures(running, &room.json());
     assert_eq!(figures["missed"]["blind_steps"], 0, "{figures}");
     assert_eq!(figures["missed"]["reduced_steps"], 0, "no node was left out: {figures}");
@@ -106,7 +113,7 @@ fn a_node_without_certificates_is_no_node_of_a_room_that_has_them() {
     let right = format!("address = {:?}", room.nodes[1].address());
     let cluster = named_room(folder, &format!("address = {:?}", plain.address()), &right);
     let mut command = coordinator(program(), &cluster, "1", &room.json());
-    command.current_dir(folder).args(["--certs", "coordinator", "--patience", "0.5"]);
+    command.current_dir(folder).args(["--certs", "coordinator", "--patience", "5"]);
     let output = command.output().expect("ends");
     assert_eq!(output.status.code(), Some(1), "{}", said(&output));
     assert!(
@@ -124,7 +131,7 @@ fn the_very_node_that_is_meant_must_answer() {
     let [left, right] =
         [&room.nodes[1], &room.nodes[0]].map(|node| format!("address = {:?}", node.address()));
     named_room(room.folder.path(), &left, &right);
-    let output = room.coordinator("1").args(["--patience", "0.5"]).output().expect("ends");
+    let output = room.coordinator("1").args(["--patience", "5"]).output().expect("ends");
     assert_eq!(output.status.code(), Some(1), "{}", said(&output));
     let expected = "node left (cam_0, cam_1): cannot connect: its certificate is of right.node.room.hulltouch, expected \
                     left.node.room.hulltouch";
@@ -183,8 +190,7 @@ fn certs_makes_a_room_that_runs_and_keeps_its_keys() {
     let [left, right] = [&nodes[0], &nodes[1]].map(|node| format!("address = {:?}", node.address()));
     let (cluster, json) = (named_room(folder.path(), &left, &right), folder.path().join("out.json"));
     let mut command = coordinator(program(), &cluster, "1", &json);
-    let figures =
-        figures(command.arg("--certs").arg(certs.join("coordinator")).spawn().expect("starts"), &json);
+    let figures = figures(Running::start(command.arg("--certs").arg(certs.join("coordinator"))), &json);
     assert_eq!(figures["missed"]["blind_steps"], 0, "{figures}");
 }
 

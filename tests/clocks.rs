@@ -7,7 +7,7 @@ mod wall_clock;
 
 use std::time::Duration;
 
-use room::{Node, cameras, cluster_file, coordinator, figures, program};
+use room::{Node, Running, cameras, cluster_file, coordinator, figures, program};
 use wall_clock::{WallClock, faketime};
 
 const SECONDS: &str = "5";
@@ -23,8 +23,7 @@ fn wall_clocks_that_are_off_and_are_set_in_mid_run_change_nothing() {
     let node = |at: usize| Node::start(clocks[at].lies_to(program(), &library), &cluster, &cameras(at));
     let nodes: Vec<Node> = (0..4).map(node).collect();
     let ours = WallClock::new(folder.path(), "coordinator", "+0");
-    let live =
-        coordinator(ours.lies_to(program(), &library), &cluster, SECONDS, &json).spawn().expect("starts");
+    let live = Running::start(&mut coordinator(ours.lies_to(program(), &library), &cluster, SECONDS, &json));
     let steps = [(&ours, "-30"), (&clocks[1], "+3"), (&ours, "+5"), (&clocks[1], "-3"), (&clocks[3], "+0")];
     for (clock, off) in steps {
         std::thread::sleep(Duration::from_millis(900));
@@ -34,7 +33,7 @@ fn wall_clocks_that_are_off_and_are_set_in_mid_run_change_nothing() {
     let missed = &live["missed"];
     assert_eq!((&missed["frames"], &missed["blind_steps"]), (&0.into(), &0.into()), "{live}");
     assert_eq!(missed["late_steps"], 0, "{live}");
-    let again = coordinator(program(), &cluster, SECONDS, &json).arg("--unpaced").spawn().expect("starts");
+    let again = Running::start(coordinator(program(), &cluster, SECONDS, &json).arg("--unpaced"));
     let lock_step = figures(again, &json);
     assert!(lock_step["contacts"].as_u64().is_some_and(|contacts| contacts > 20), "{lock_step}");
     assert_eq!(live["trajectory_digest"], lock_step["trajectory_digest"]);

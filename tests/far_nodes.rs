@@ -14,7 +14,7 @@ use std::time::Duration;
 
 use link::{Delay, Link};
 use namespace::Host;
-use room::{Node, cameras, coordinator, figures, program};
+use room::{Node, Running, cameras, coordinator, figures, program};
 use serde_json::Value;
 
 const NODES: usize = 4;
@@ -69,7 +69,7 @@ impl Room {
 
     fn run(&self, seconds: &str, more: &[&str], meanwhile: impl FnOnce(&[Link])) -> Value {
         let json = self.folder.path().join("out.json");
-        let run = coordinator(program(), &self.cluster(), seconds, &json).args(more).spawn().expect("starts");
+        let run = Running::start(coordinator(program(), &self.cluster(), seconds, &json).args(more));
         meanwhile(&self.links);
         figures(run, &json)
     }

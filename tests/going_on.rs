@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::Output;
 use std::time::Duration;
 
-use room::{Node, cameras, cluster_file, cluster_file_of, coordinator, figures, program};
+use room::{Node, Running, cameras, cluster_file, cluster_file_of, coordinator, figures, program};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 use tempfile::TempDir;
@@ -33,8 +33,7 @@ fn run_in(
     std::fs::write(&cluster, format!("min_cameras = {min_cameras}\n{text}")).expect("written");
     let mut nodes: Vec<Node> =
         (0..NODES).map(|node| Node::start(program(), &cluster, &cameras(node))).collect();
-    let run =
-        coordinator(program(), &cluster, seconds, &json).env("RUST_LOG", "info").spawn().expect("starts");
+    let run = Running::start(coordinator(program(), &cluster, seconds, &json).env("RUST_LOG", "info"));
     std::thread::sleep(Duration::from_millis(2500));
     happens(&mut nodes, &cluster);
     let output: Output = run.wait_with_output().expect("ends");
@@ -72,9 +71,9 @@ fn a_run_begins_without_a_node_that_is_away_and_takes_it_in_later() {
     let start = |node| Node::start(program(), &cluster, &cameras(node));
     let mut nodes: Vec<Node> = [0, 2, 3].map(start).into();
     let mut run = coordinator(program(), &cluster, "600", &json);
-    let mut run = run.args(["--patience", "2"]).env("RUST_LOG", "info").spawn().expect("starts");
+    let mut run = Running::start(run.args(["--patience", "2"]).env("RUST_LOG", "info"));
     let mut said = String::new();
-    let mut lines = BufReader::new(run.stderr.take().expect("piped"));
+    let mut lines = BufReader::new(run.child().stderr.take().expect("piped"));
     let mut until = |sought: &str| {
         while !said.lines().any(|line| line.contains(sought)) {
             assert!(lines.read_line(&mut said).is_ok_and(|read| read > 0), "no {sought:?}: {said}");
@@ -84,7 +83,7 @@ fn a_run_begins_without_a_node_that_is_away_and_takes_it_in_later() {
     until("going on with 6 cameras");
     nodes.push(start(1));
     until("is back, 8 cameras");
-    let process = Pid::from_raw(run.id().cast_signed()).expect("a number");
+    let process = Pid::from_raw(run.child().id().cast_signed()).expect("a number");
     kill_process(process, Signal::INT).expect("asked to end");
     let figures = figures(run, &json);
     assert!(steps(&figures, "reduced_steps") > 0, "{}", figures["missed"]);

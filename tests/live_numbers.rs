@@ -6,7 +6,7 @@ mod room;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use room::{Node, coordinator, figures, program};
+use room::{Node, Running, coordinator, figures, program};
 
 const CAMERAS: usize = 4;
 const SECONDS: &str = "6";
@@ -40,7 +40,7 @@ fn nodes_of_cameras_that_run_freely_share_their_frames() {
     let (cluster, json) = (cluster_file(folder.path()), folder.path().join("out.json"));
     let node = |at: usize| Node::start(program(), &cluster, &[format!("cam_{at}")]);
     let nodes: Vec<Node> = (0..CAMERAS).map(node).collect();
-    let run = coordinator(program(), &cluster, SECONDS, &json).spawn().expect("starts");
+    let run = Running::start(&mut coordinator(program(), &cluster, SECONDS, &json));
     let figures = figures(run, &json);
     let missed = &figures["missed"];
     let (frames, slipped_s) = (missed["frames"].as_f64(), missed["slipped_s"].as_f64());

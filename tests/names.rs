@@ -16,7 +16,7 @@ use cluster::{ClusterFile, expected_node};
 use namespace::Host;
 use node_client::{Agreement, ExpectedNode, NodeClient, NodeEvent, NodePlace};
 use proto::Address;
-use room::{Node, coordinator, figures, named_room, program};
+use room::{Node, Running, coordinator, figures, named_room, program};
 use tokio::sync::mpsc;
 
 /// A port of this process's own, below those that systems hand out.
@@ -28,7 +28,7 @@ fn own_port() -> u16 {
 fn run(program: Command, cluster: &Path, folder: &Path) {
     let json = folder.join("out.json");
     let mut command = coordinator(program, cluster, "2", &json);
-    let figures = figures(command.arg("--insecure").spawn().expect("starts"), &json);
+    let figures = figures(Running::start(command.arg("--insecure")), &json);
     assert!(figures["frames"].as_u64().is_some_and(|frames| frames > 10), "{figures}");
     assert_eq!(figures["missed"]["blind_steps"], 0, "{figures}");
 }
@@ -72,7 +72,7 @@ fn a_node_that_is_missing_is_called_by_its_name() {
     let _left = Node::start_named(program(), &cluster, "left");
     let json = folder.path().join("out.json");
     let mut command = coordinator(program(), &cluster, "1", &json);
-    let output = command.args(["--patience", "0.5"]).output().expect("ends");
+    let output = command.args(["--patience", "5"]).output().expect("ends");
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{said}");
     assert!(said.contains("node right (cam_2, cam_3): cannot connect"), "{said}");

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
 use certified::{Room, node};
-use room::{coordinator, figures, named_room, program};
+use room::{Running, coordinator, figures, named_room, program};
 use rustix::process::{Pid, Signal, kill_process};
 
 /// A corner of the scene's boxes, body frame: a sample of the shape that every node is told.
@@ -79,7 +79,7 @@ fn holds_known_body(packets: &[u8]) -> bool {
 fn packets_hold_a_body_in_clear_text_and_none_with_certificates() {
     let room = Room::new();
     let Some(capture) = Capture::begin(room.folder.path(), room.nodes[0].address()) else { return };
-    figures(room.coordinator("2").spawn().expect("starts"), &room.json());
+    figures(Running::start(&mut room.coordinator("2")), &room.json());
     let encrypted = capture.end();
 
     let folder = tempfile::tempdir().expect("a folder");
@@ -88,7 +88,7 @@ fn packets_hold_a_body_in_clear_text_and_none_with_certificates() {
     let [left, right] = [&nodes[0], &nodes[1]].map(|node| format!("address = {:?}", node.address()));
     let (cluster, json) = (named_room(folder.path(), &left, &right), folder.path().join("out.json"));
     let Some(capture) = Capture::begin(folder.path(), nodes[0].address()) else { return };
-    figures(coordinator(program(), &cluster, "2", &json).spawn().expect("starts"), &json);
+    figures(Running::start(&mut coordinator(program(), &cluster, "2", &json)), &json);
     let plain = capture.end();
 
     assert!(encrypted.len() > 10_000 && plain.len() > 10_000, "{}, {} bytes", encrypted.len(), plain.len());

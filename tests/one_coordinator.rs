@@ -4,16 +4,16 @@
 mod room;
 
 use std::path::Path;
-use std::process::{Child, Output};
+use std::process::Output;
 use std::time::{Duration, Instant};
 
 use proto::{Pace, v1};
-use room::{Node, cameras, cluster_file, coordinator, figures, program};
+use room::{Node, Running, cameras, cluster_file, coordinator, figures, program};
 
 const NODES: usize = 2;
 
-fn start(cluster: &Path, seconds: &str, json: &Path, more: &[&str]) -> Child {
-    coordinator(program(), cluster, seconds, json).args(more).spawn().expect("starts")
+fn start(cluster: &Path, seconds: &str, json: &Path, more: &[&str]) -> Running {
+    Running::start(coordinator(program(), cluster, seconds, json).args(more))
 }
 
 fn nodes(cluster: &Path) -> Vec<Node> {
@@ -63,10 +63,10 @@ fn one_that_was_killed_is_followed_at_once() {
     let folder = tempfile::tempdir().expect("a folder");
     let (cluster, json) = (cluster_file(folder.path(), NODES), folder.path().join("out.json"));
     let _nodes = nodes(&cluster);
-    let mut first = start(&cluster, "60", &folder.path().join("first.json"), &[]);
+    let first = start(&cluster, "60", &folder.path().join("first.json"), &[]);
     std::thread::sleep(Duration::from_secs(2));
-    first.kill().expect("killed");
-    first.wait().expect("reaped");
+    // Killed.
+    drop(first);
     let began = Instant::now();
     let figures = figures(start(&cluster, "1", &json, &[]), &json);
     assert!(figures["frames"].as_u64().is_some_and(|frames| frames >= 9), "{figures}");

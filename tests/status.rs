@@ -8,7 +8,8 @@ use std::path::Path;
 use std::process::Output;
 use std::time::{Duration, Instant};
 
-use room::{Node, coordinator, figures, named_room, program};
+use room::{Node, Running, coordinator, figures, named_room, program};
+use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 
 fn status(cluster: &Path, more: &[&str]) -> Output {
@@ -34,8 +35,8 @@ fn a_run_is_seen_and_does_not_notice() {
     assert_eq!(idle.status.code(), Some(1), "{}", text(&idle.stderr));
     assert!(text(&idle.stdout).ends_with("lacks: nobody leads the nodes: no camera films\n"));
 
-    let run = coordinator(program(), &cluster, "8", &json).spawn().expect("starts");
-    let deadline = Instant::now() + Duration::from_secs(15);
+    let mut run = Running::start(&mut coordinator(program(), &cluster, "600", &json));
+    let deadline = Instant::now() + Duration::from_secs(60);
     let well = loop {
         let found = status(&cluster, &["--json"]);
         if found.status.success() {
@@ -45,6 +46,8 @@ fn a_run_is_seen_and_does_not_notice() {
         std::thread::sleep(Duration::from_millis(300));
     };
     let table = text(&status(&cluster, &[]).stdout);
+    let process = Pid::from_raw(run.child().id().cast_signed()).expect("a number");
+    kill_process(process, Signal::INT).expect("asked to end");
     let figures = figures(run, &json);
     assert_eq!(figures["missed"]["blind_steps"], 0, "{figures}");
 
@@ -127,20 +130,14 @@ fn watching_prints_again_and_again() {
     let (cluster, _nodes) = nodes(folder.path());
     let out = folder.path().join("watched");
     let file = fs::File::create(&out).expect("made");
-    let mut watching = program()
-        .arg("status")
-        .arg(&cluster)
-        .args(["--watch", "--json"])
-        .stdout(file)
-        .spawn()
-        .expect("starts");
-    let deadline = Instant::now() + Duration::from_secs(20);
+    let watching =
+        Running::start(program().arg("status").arg(&cluster).args(["--watch", "--json"]).stdout(file));
+    let deadline = Instant::now() + Duration::from_secs(60);
     while fs::read_to_string(&out).expect("text").lines().count() < 3 {
         assert!(Instant::now() < deadline, "it prints once a second");
         std::thread::sleep(Duration::from_millis(100));
     }
-    watching.kill().expect("runs still");
-    watching.wait().expect("ends");
+    drop(watching);
     for line in fs::read_to_string(&out).expect("text").lines() {
         let look: Value = serde_json::from_str(line).expect("one object a line");
         assert_eq!(look["nodes"].as_array().map(Vec::len), Some(2), "{look}");

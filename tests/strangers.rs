@@ -6,14 +6,15 @@ mod room;
 
 use std::net::SocketAddr;
 use std::path::Path;
-use std::process::Stdio;
+use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use bytes::Bytes;
 use h2::client::SendRequest;
 use proto::convert::{shape_key, shape_to_wire};
 use proto::v1::{self, camera_node_client::CameraNodeClient};
-use room::{Node, coordinator, figures, named_room, program};
+use room::{Node, Running, await_leader, coordinator, figures, named_room, program};
 use tokio::io::AsyncWriteExt as _;
 use tokio::net::TcpStream;
 use tokio::sync::Mutex;
@@ -27,6 +28,46 @@ const SECONDS_VARIABLE: &str = "HULLTOUCH_STRANGERS_S";
 const MOST_GROWN_MIB: u64 = 100;
 /// The share of its frames that a run may miss.
 const MOST_MISSED: f64 = 0.01;
+/// What strangers did, so that no attack is one in name alone.
+struct Done {
+    half_message_bytes: AtomicU64,
+    silent_sockets: AtomicU64,
+    slow_bytes: AtomicU64,
+    resets: AtomicU64,
+    announced: AtomicU64,
+    questions: AtomicU64,
+}
+
+static DONE: Done = Done {
+    half_message_bytes: AtomicU64::new(0),
+    silent_sockets: AtomicU64::new(0),
+    slow_bytes: AtomicU64::new(0),
+    resets: AtomicU64::new(0),
+    announced: AtomicU64::new(0),
+    questions: AtomicU64::new(0),
+};
+
+fn did(what: &AtomicU64, much: usize) {
+    what.fetch_add(much as u64, Ordering::Relaxed);
+}
+
+/// Each kind of attack was made since the last look; questions are read by a node that nobody leads.
+fn check_done(is_led: bool) {
+    let Done { half_message_bytes, silent_sockets, slow_bytes, resets, announced, questions } = &DONE;
+    let kinds = [
+        ("half message bytes", half_message_bytes),
+        ("silent sockets", silent_sockets),
+        ("slow bytes", slow_bytes),
+        ("resets", resets),
+        ("lengths announced", announced),
+        ("questions", questions),
+    ];
+    let done = kinds.map(|(kind, count)| (kind, count.swap(0, Ordering::Relaxed)));
+    eprintln!("{done:?}");
+    let is_made = |(kind, count): &(&str, u64)| *count > 0 || (is_led && *kind == "questions");
+    assert!(done.iter().all(is_made), "{done:?}");
+}
+
 /// One attack at a time: they would take each other's processor.
 static ATTACK: Mutex<()> = Mutex::const_new(());
 
@@ -54,8 +95,9 @@ async fn a_room_goes_on_under_attack() {
     let json = folder.path().join("out.json");
     let attack = Duration::from_secs(seconds());
     let lasts = (attack + Duration::from_secs(6)).as_secs().to_string();
-    let running = coordinator(program(), &cluster, &lasts, &json).spawn().expect("starts");
-    sleep(Duration::from_secs(3)).await;
+    let running = Running::start(&mut coordinator(program(), &cluster, &lasts, &json));
+    let led = tokio::task::spawn_blocking(move || await_leader(|| status(&cluster)));
+    led.await.expect("led");
 
     let before = nodes.each_ref().map(|node| memory_mib(node.id(), "VmRSS:"));
     let until = Instant::now() + attack;
@@ -66,6 +108,7 @@ async fn a_room_goes_on_under_attack() {
         attack_from_all_sides(&mut strangers, address, until);
     }
     strangers.join_all().await;
+    check_done(true);
     let grown: Vec<u64> =
         nodes.iter().zip(before).map(|(node, before)| memory_mib(node.id(), "VmHWM:") - before).collect();
     let figures = tokio::task::spawn_blocking(move || figures(running, &json)).await.expect("ends well");
@@ -89,6 +132,7 @@ async fn a_node_that_nobody_leads_stays_small() {
     let mut strangers = JoinSet::new();
     attack_from_all_sides(&mut strangers, address, until);
     strangers.join_all().await;
+    check_done(false);
     let grown = memory_mib(node.id(), "VmHWM:") - before;
     eprintln!("the node grew by {grown} MiB");
     assert!(grown <= MOST_GROWN_MIB, "the node grew by {grown} MiB");
@@ -96,6 +140,12 @@ async fn a_node_that_nobody_leads_stays_small() {
     let mut client = CameraNodeClient::connect(format!("http://{address}")).await.expect("gets in");
     let described = client.describe(v1::DescribeRequest {}).await.expect("answers");
     assert_eq!(described.get_ref().cameras.len(), 2);
+}
+
+fn status(cluster: &Path) -> Command {
+    let mut command = program();
+    command.arg("status").arg(cluster);
+    command
 }
 
 fn node(cluster: &Path, name: &str) -> Node {
@@ -153,6 +203,7 @@ async fn half_messages(address: SocketAddr, until: Instant) -> Option<()> {
                     std::future::poll_fn(|context| stream.poll_capacity(context)).await?.ok()?;
                 }
                 stream.send_data(part.clone(), false).ok()?;
+                did(&DONE.half_message_bytes, part.len());
             }
             tokio::time::sleep_until(until).await;
             Some(())
@@ -169,6 +220,7 @@ async fn silent_sockets(address: SocketAddr, count: usize) -> Option<()> {
     let mut sockets = Vec::with_capacity(count);
     for _ in 0..count {
         sockets.push(TcpStream::connect(address).await.ok()?);
+        did(&DONE.silent_sockets, 1);
         sleep(Duration::from_millis(2)).await;
     }
     sleep(Duration::from_secs(2)).await;
@@ -179,6 +231,7 @@ async fn a_byte_a_second(address: SocketAddr) -> Option<()> {
     let mut socket = TcpStream::connect(address).await.ok()?;
     for byte in b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" {
         socket.write_all(&[*byte]).await.ok()?;
+        did(&DONE.slow_bytes, 1);
         sleep(Duration::from_secs(1)).await;
     }
     Some(())
@@ -191,6 +244,7 @@ async fn resets(address: SocketAddr) -> Option<()> {
         requests = requests.ready().await.ok()?;
         let (_, mut stream) = requests.send_request(call(address, "Describe"), false).ok()?;
         stream.send_reset(h2::Reason::CANCEL);
+        did(&DONE.resets, 1);
     }
     Some(())
 }
@@ -202,7 +256,9 @@ async fn too_long(address: SocketAddr) -> Option<()> {
         requests = requests.ready().await.ok()?;
         let (reply, mut stream) = requests.send_request(call(address, name), false).ok()?;
         stream.send_data(Bytes::from_static(&[0, 0xff, 0xff, 0xff, 0xff]), false).ok()?;
-        let _ = reply.await;
+        // Refused at the announcement: nothing else is sent.
+        reply.await.ok()?;
+        did(&DONE.announced, 1);
     }
     Some(())
 }
@@ -223,7 +279,10 @@ async fn dear_questions(address: SocketAddr, until: Instant) -> Option<()> {
         let mut client = client.clone();
         streams.spawn(async move {
             let questions = (0..200).map(move |id| dear_question(id, key));
-            let replies = client.probe(tokio_stream::iter(questions)).await.ok()?;
+            let mut replies = client.probe(tokio_stream::iter(questions)).await.ok()?.into_inner();
+            // The first is read, so that one was answered; no other is.
+            replies.message().await.ok()??;
+            did(&DONE.questions, 1);
             tokio::time::sleep_until(until).await;
             drop(replies);
             Some(())

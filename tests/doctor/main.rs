@@ -8,7 +8,6 @@ mod replacing;
 mod room;
 
 use std::os::unix::fs::symlink;
-use std::time::Duration;
 
 use identity::{Authority, Identity, Validity};
 use link::{Delay, Link};
@@ -224,10 +223,18 @@ fn each_planted_fault_is_named_and_no_other_3() {
 fn a_run_that_is_on_goes_on() {
     let room = Plan::of_stage().run();
     let json = room.folder.path().join("out.json");
-    let mut command = processes::coordinator(program(), &room.cluster, "10", &json);
+    let mut command = processes::coordinator(program(), &room.cluster, "12", &json);
     let run =
-        command.current_dir(room.folder.path()).args(["--certs", "coordinator"]).spawn().expect("starts");
-    std::thread::sleep(Duration::from_secs(3));
+        processes::Running::start(command.current_dir(room.folder.path()).args(["--certs", "coordinator"]));
+    processes::await_leader(|| {
+        let mut status = program();
+        status
+            .current_dir(room.folder.path())
+            .arg("status")
+            .arg(&room.cluster)
+            .args(["--certs", "coordinator"]);
+        status
+    });
     is_well_and_films(&room.doctor());
     let figures = processes::figures(run, &json);
     assert_eq!(figures["missed"]["reduced_steps"], 0, "no node was left out: {figures}");

@@ -94,6 +94,13 @@ impl Room {
         event.expect("in time").expect("an event").1
     }
 
+    /// What a coordinator hears whose certificates are of this authority, and who believes no other.
+    pub async fn first_event_of(&self, authority: &Authority) -> NodeEvent {
+        let (folder, owner) = (self.folder.path().join("believer"), Identity::coordinator(ROOM));
+        issue(&folder, authority, &owner, Validity::days(30));
+        self.first_event(Credentials::open(&folder, owner).expect("its own")).await
+    }
+
     /// What somebody hears who shows another certificate.
     pub async fn refusal(&self, authority: &Authority, owner: Identity) -> String {
         let folder = self.folder.path().join("stranger");

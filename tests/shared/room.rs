@@ -3,7 +3,8 @@
 use std::fs;
 use std::io::{BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
@@ -112,10 +113,56 @@ pub fn coordinator(mut program: Command, cluster: &Path, seconds: &str, json: &P
     program
 }
 
+/// A process that ends with its test, also if that fails.
+pub struct Running(Option<Child>);
+
+#[allow(dead_code, reason = "not every test needs it")]
+impl Running {
+    /// Starts it.
+    pub fn start(command: &mut Command) -> Running {
+        Running(Some(command.spawn().expect("starts")))
+    }
+
+    /// The process.
+    pub fn child(&mut self) -> &mut Child {
+        self.0.as_mut().expect("it was not waited for")
+    }
+
+    /// Waits until it has ended by itself.
+    pub fn wait_with_output(mut self) -> std::io::Result<Output> {
+        self.0.take().expect("it was not waited for").wait_with_output()
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        if let Some(child) = &mut self.0 {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+/// Waits until all nodes of a room are led by somebody who is there.
+#[allow(dead_code, reason = "not every test needs it")]
+pub fn await_leader(status: impl Fn() -> Command) {
+    let by = Instant::now() + Duration::from_secs(60);
+    loop {
+        let output = status().arg("--json").output().expect("runs");
+        let found: Value = serde_json::from_slice(&output.stdout).unwrap_or_default();
+        let nodes = found["nodes"].as_array().cloned().unwrap_or_default();
+        if !nodes.is_empty() && nodes.iter().all(|node| node["leader"]["is_there"] == true) {
+            return;
+        }
+        assert!(Instant::now() < by, "nobody leads: {found} {}", String::from_utf8_lossy(&output.stderr));
+        std::thread::sleep(Duration::from_millis(100));
+    }
+}
+
 /// The figures of a run that went well.
 #[allow(dead_code, reason = "not every test needs it")]
-pub fn figures(child: Child, json: &Path) -> Value {
-    let output = child.wait_with_output().expect("ends");
+pub fn figures(running: Running, json: &Path) -> Value {
+    let output = running.wait_with_output().expect("ends");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     serde_json::from_slice(&fs::read(json).expect("figures")).expect("JSON")
 }

@@ -38,7 +38,7 @@ pub fn run(arguments: &ReadyArguments) -> Outcome {
     match status {
         Some("200") => {
             // A closed standard output is no reason to fail.
-            let _ = writeln!(std::io::stdout(), "{line}");
+            let _ = writeln!(io::stdout(), "{line}");
             Ok(())
         }
         Some("503") => Err(Failure::run(format_args!("not ready: {line}"))),
