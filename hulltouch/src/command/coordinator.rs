@@ -47,7 +47,8 @@ pub struct CoordinatorArguments {
     /// Begin with the scene, whatever world the nodes remember of an earlier run.
     #[arg(long)]
     fresh: bool,
-    /// How long to wait for nodes at the beginning, and then for their first frame, seconds.
+    /// How long to wait for all nodes at the beginning, and then for their first frame, seconds. A live run then begins
+    /// without those that are away, if min_cameras are there.
     #[arg(long, value_name = "S", default_value_t = 60.0)]
     patience: f64,
     #[command(flatten)]
