@@ -1,36 +1,28 @@
-//! One node: connects with backoff, checks who answers, keeps its streams open and hands on what it reports.
+//! Keeps a node connected: finds it, checks who answers, leads it, reads what it reports, and renews the connection.
 
-use std::collections::VecDeque;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
 use futures::future::BoxFuture;
 use futures::stream::FuturesUnordered;
-use hull::question::Question;
-use hull::{Shape, Silhouette};
 use proto::convert::{
-    ExpectedAnswer, ProbeAnswer, SilhouetteEncoding, StreamKnows, WrittenQuestion, answer_from_wire,
-    claim_to_wire, description_from_wire, film_event_from_wire, node_clock_from_wire, shape_to_wire,
-    silhouette_from_data, start_to_wire,
+    answer_from_wire, claim_to_wire, description_from_wire, film_event_from_wire, node_clock_from_wire,
 };
 use proto::v1::camera_node_client::CameraNodeClient;
-use proto::{
-    Address, CameraDescription, Claim, ClockLine, FilmEvent, Pace, RunStart, TraceParent, monotonic_s, v1,
-};
-use tokio::sync::{Notify, mpsc};
+use proto::{Address, ClockLine, FilmEvent, monotonic_s, v1};
+use tokio::sync::mpsc;
 use tokio::time::Instant;
 use tokio_stream::StreamExt;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::Channel;
 
-use crate::agreement::{Agreement, ExpectedNode, Terms};
+use super::state::{Connection, LAST_WORDS, Streams};
+use super::{MAX_SENDING, NodeClient, NodeEvent, register};
+use crate::agreement::Terms;
 use crate::connection::connect;
 use crate::error::NodeError;
 use crate::film_time::ClockEstimate;
 
-/// Requests on their way: a pass has one question at a time, and a stalled node must not collect more.
-const MAX_SENDING: usize = 8;
 const FIRST_BACKOFF: Duration = Duration::from_millis(50);
 const LONGEST_BACKOFF: Duration = Duration::from_secs(1);
 /// All calls of a connection's beginning together: sources open, programs start.
@@ -41,9 +33,6 @@ const FOUND_TIMEOUT: Duration = Duration::from_secs(5);
 /// A node that another holds is asked so often, and for so long: whoever held it may have lost power just now.
 const CLAIM_EVERY: Duration = Duration::from_millis(200);
 const HELD_PATIENCE: Duration = Duration::from_secs(2);
-
-/// What is still on its way over an old connection comes within this.
-const LAST_WORDS: Duration = Duration::from_secs(1);
 /// A renewal that fails is tried again after this part of a connection's age.
 const RENEW_AGAIN: f64 = 0.03;
 
@@ -55,312 +44,12 @@ const CLOCK_TIMEOUT: Duration = Duration::from_secs(5);
 /// The longest description that is read.
 const MAX_DESCRIPTION_BYTES: usize = 1 << 20;
 
-/// What a node reports.
-#[derive(Debug)]
-pub enum NodeEvent {
-    /// It is connected, checked, and has received shapes and pace. What it reported before no longer holds.
-    Up,
-    /// The connection broke, or could not be made.
-    Down(NodeError),
-    /// Of its film.
-    Film {
-        /// What.
-        event: FilmEvent,
-        /// When it came, by this process's monotonic clock, seconds.
-        heard_s: f64,
-    },
-    /// Film time there may be off by so much, seconds.
-    Clock(f64),
-    /// The answer to the question of that id, and the milliseconds that it computed.
-    Reply(u64, ProbeAnswer, f64),
-}
-
-/// The client of one node.
-pub struct NodeClient {
-    node: ExpectedNode,
-    index: usize,
-    agreement: Arc<Agreement>,
-    events: mpsc::Sender<(usize, NodeEvent)>,
-    /// The term of our claim to this node.
-    term: AtomicU64,
-    state: Mutex<State>,
-    /// The connection in use is of no use.
-    given_up: Notify,
-}
-
-#[derive(Default)]
-struct State {
-    connection: Option<Connection>,
-    /// What the probe stream has received.
-    knows: StreamKnows,
-    /// Questions without an answer; the oldest is forgotten first.
-    open: VecDeque<(u64, ExpectedAnswer)>,
-    /// All that the node may do so far; each message says all of it.
-    credit: v1::FrameCredit,
-    clock: ClockEstimate,
-    /// What it said last: our clock by the node's.
-    clock_line: Option<ClockLine>,
-    /// How often the connection was renewed since it was made, and when last.
-    renewals: u64,
-    renewed: Option<Instant>,
-    /// The last event of film that was reported of this run.
-    last_of_film: Option<FilmEvent>,
-}
-
-impl State {
-    /// Begins anew over another connection; what the node may do stays.
-    fn connect(&mut self, connection: Connection) {
-        let (credit, clock) = (self.credit, std::mem::take(&mut self.clock));
-        *self = State { connection: Some(connection), credit, clock, ..State::default() };
-        self.send_credit();
-    }
-
-    /// Goes on over another connection to the same node. Questions that are open are answered over the old one.
-    fn renew(&mut self, connection: Connection) {
-        self.connection = Some(connection);
-        self.knows = StreamKnows::default();
-        self.renewals += 1;
-        self.renewed = Some(Instant::now());
-        self.send_credit();
-    }
-
-    /// Whether an event of film is news: where two connections overlap, both report it.
-    fn is_news(&mut self, event: &FilmEvent) -> bool {
-        let overlaps = self.renewed.is_some_and(|renewed| renewed.elapsed() < 3 * LAST_WORDS);
-        let is_known = match (event, &self.last_of_film) {
-            _ if !overlaps => false,
-            (FilmEvent::Frame(new), Some(FilmEvent::Frame(last))) => new.frame <= last.frame,
-            (new, Some(last)) => new == last,
-            (_, None) => false,
-        };
-        if !is_known {
-            self.last_of_film = Some(event.clone());
-        }
-        !is_known
-    }
-
-    /// Sends the credit. One that does not fit is dropped: the next includes it.
-    fn send_credit(&self) {
-        if let Some(connection) = &self.connection {
-            let _ = connection.credits.try_send(self.credit);
-        }
-    }
-}
-
-struct Connection {
-    client: CameraNodeClient<Channel>,
-    probes: mpsc::Sender<v1::ProbeRequest>,
-    credits: mpsc::Sender<v1::FrameCredit>,
-}
-
-/// The streams that a connection is read from.
-struct Streams {
-    replies: tonic::Streaming<v1::ProbeReply>,
-    frames: tonic::Streaming<v1::FrameInfo>,
-}
-
 impl NodeClient {
-    /// Begins to connect, and does so again whenever the connection breaks, until nobody receives events. They
-    /// carry `index`. Must run within a tokio runtime.
-    pub fn spawn(
-        node: ExpectedNode,
-        index: usize,
-        agreement: Arc<Agreement>,
-        events: mpsc::Sender<(usize, NodeEvent)>,
-    ) -> Arc<NodeClient> {
-        let (term, state) = (AtomicU64::new(0), Mutex::default());
-        let client =
-            Arc::new(NodeClient { node, index, agreement, events, term, state, given_up: Notify::new() });
-        client.state().credit = client.no_credit();
-        tokio::spawn(Arc::clone(&client).keep_connected());
-        client
-    }
-
-    /// The node that is meant.
-    pub fn node(&self) -> &ExpectedNode {
-        &self.node
-    }
-
-    /// What a short question to it usually takes, seconds.
-    pub fn trip_s(&self) -> f64 {
-        self.state().clock.trip_s()
-    }
-
-    /// Our monotonic clock by the node's, once that was read.
-    pub fn clock(&self) -> Option<ClockLine> {
-        self.state().clock_line
-    }
-
-    /// Gives up the connection in use, if there is one, for another: the node does not answer.
-    pub fn connect_anew(&self) {
-        self.given_up.notify_waiters();
-    }
-
-    /// Questions that it has not answered.
-    pub fn open_questions(&self) -> usize {
-        self.state().open.len()
-    }
-
-    /// Begins a run at this node.
-    pub async fn start(&self, pace: Pace) -> Result<(), NodeError> {
-        let mut client = self.client()?;
-        {
-            let mut state = self.state();
-            state.credit = self.no_credit();
-            state.last_of_film = None;
-        }
-        client.start(self.run_start(pace)?).await?;
-        Ok(())
-    }
-
-    /// A run as this node is told of it: its clock has been read.
-    fn run_start(&self, pace: Pace) -> Result<v1::StartRequest, NodeError> {
-        let clock = self.state().clock.film_time(pace.zero_s, monotonic_s());
-        let start = start_to_wire(RunStart::of(pace, clock.ok_or(NodeError::NotConnected)?));
-        Ok(v1::StartRequest { holder: self.holder(), ..start })
-    }
-
-    /// Our claim to the node, which somebody holds with this term, or nobody: the same for as long as we live, so that
-    /// whoever displaces us is not displaced again.
-    fn claim(&self, held_term: u64) -> Claim {
-        let claim = self.agreement.claim(held_term);
-        let kept = self.term.compare_exchange(0, claim.term, Ordering::Relaxed, Ordering::Relaxed);
-        Claim { term: kept.err().unwrap_or(claim.term), ..claim }
-    }
-
-    /// By what the node knows us.
-    pub(crate) fn holder(&self) -> u64 {
-        self.agreement.holder()
-    }
-
-    fn no_credit(&self) -> v1::FrameCredit {
-        v1::FrameCredit { holder: self.holder(), ..v1::FrameCredit::default() }
-    }
-
-    /// Lets a lock-step node go on up to a frame.
-    pub fn credit(&self, up_to_frame: u64) {
-        let mut state = self.state();
-        if state.credit.up_to_frame < up_to_frame {
-            state.credit.up_to_frame = up_to_frame;
-            state.send_credit();
-        }
-    }
-
-    /// Has the node keep a frame, however old it gets, until another is in use.
-    pub fn use_frame(&self, frame: u64) {
-        let mut state = self.state();
-        if state.credit.in_use != Some(frame) {
-            state.credit.in_use = Some(frame);
-            state.send_credit();
-        }
-    }
-
-    /// Puts a question about a frame's cameras (places in the rig; none: all that it has) on its way, as a part of a trace;
-    /// an error if the node is not there, or does not read.
-    pub fn ask(
-        &self,
-        id: u64,
-        (frame, cameras): (u64, Vec<u32>),
-        question: &Question,
-        written: &WrittenQuestion,
-        trace: Option<TraceParent>,
-    ) -> Result<(), NodeError> {
-        let mut state = self.state();
-        let State { connection, knows, open, .. } = &mut *state;
-        let connection = connection.as_ref().ok_or(NodeError::NotConnected)?;
-        let named =
-            |camera: &&CameraDescription| cameras.is_empty() || cameras.contains(&camera.rig_index.into());
-        let asked = self.node.cameras.iter().filter(named);
-        let expected = asked.map(|camera| (camera.rig_index, camera.size)).collect();
-        let holder = self.holder();
-        let traceparent = trace_field(trace);
-        let message = v1::ProbeRequest { holder, cameras, traceparent, ..written.message(knows, id, frame) };
-        connection.probes.try_send(message).map_err(|error| match error {
-            mpsc::error::TrySendError::Full(_) => NodeError::Stalled,
-            mpsc::error::TrySendError::Closed(_) => NodeError::NotConnected,
-        })?;
-        knows.learn(written);
-        if open.len() == MAX_SENDING {
-            open.pop_front();
-        }
-        let (kind, points) = (question.kind, question.len());
-        open.push_back((id, ExpectedAnswer { kind, points, cameras: expected }));
-        Ok(())
-    }
-
-    /// Sends everything anew with the next question: one was refused, so what the node has is unknown.
-    pub fn forget_sent(&self) {
-        self.state().knows = StreamKnows::default();
-    }
-
-    /// Registers the run's shapes once more.
-    pub async fn register_again(&self) -> Result<(), NodeError> {
-        let shapes = self.agreement.terms().shapes.clone();
-        self.register(&shapes).await
-    }
-
-    /// Registers shapes.
-    pub async fn register(&self, shapes: &[Arc<Shape>]) -> Result<(), NodeError> {
-        register(&mut self.client()?, shapes, self.holder()).await
-    }
-
-    /// Has the node's cameras learn their backgrounds anew from so many frames; or only asks whether they can.
-    pub async fn take_background(
-        &self,
-        first_frame: u64,
-        frames: u64,
-        check_only: bool,
-    ) -> Result<(), NodeError> {
-        let holder = self.holder();
-        let request = v1::TakeBackgroundRequest { first_frame, frames, check_only, holder };
-        self.client()?.take_background(request).await?;
-        Ok(())
-    }
-
-    /// The silhouettes of a frame by place in the rig, and how many bytes they travelled as.
-    pub async fn silhouettes(
-        &self,
-        frame: u64,
-        encoding: SilhouetteEncoding,
-        trace: Option<TraceParent>,
-    ) -> Result<(Vec<(u16, Silhouette)>, u64), NodeError> {
-        let encoding_wire = v1::SilhouetteEncoding::from(encoding).into();
-        let request =
-            v1::FetchSilhouettesRequest { frame, encoding: encoding_wire, traceparent: trace_field(trace) };
-        let mut stream = self.client()?.fetch_silhouettes(request).await?.into_inner();
-        let expected = self.node.cameras.len();
-        let mut bytes = 0;
-        let mut found: Vec<(u16, Silhouette)> = Vec::with_capacity(expected);
-        while let Some(v1::Silhouette { rig_index, data }) = stream.message().await? {
-            let camera = self.node.cameras.iter().find(|camera| u32::from(camera.rig_index) == rig_index);
-            let is_new =
-                |camera: &&CameraDescription| found.iter().all(|(known, _)| *known != camera.rig_index);
-            let wrong = NodeError::Cameras { found: found.len() + 1, expected };
-            let camera = camera.filter(is_new).ok_or(wrong)?;
-            bytes += data.len() as u64;
-            found.push((camera.rig_index, silhouette_from_data(&data, camera.size, encoding)?));
-        }
-        // A frame may have gone on without some camera.
-        if found.is_empty() {
-            return Err(NodeError::Cameras { found: 0, expected });
-        }
-        Ok((found, bytes))
-    }
-
-    fn state(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    pub(crate) fn client(&self) -> Result<CameraNodeClient<Channel>, NodeError> {
-        let state = self.state();
-        state.connection.as_ref().map(|connection| connection.client.clone()).ok_or(NodeError::NotConnected)
-    }
-
     async fn report(&self, event: NodeEvent) -> Result<(), NodeError> {
         self.events.send((self.index, event)).await.map_err(|_| NodeError::Closed)
     }
 
-    async fn keep_connected(self: Arc<NodeClient>) {
+    pub(super) async fn keep_connected(self: Arc<NodeClient>) {
         let mut backoff = FIRST_BACKOFF;
         while !self.events.is_closed() {
             let begun = tokio::time::timeout(BEGIN_TIMEOUT, self.begin()).await;
@@ -635,11 +324,6 @@ async fn open_streams(mut client: CameraNodeClient<Channel>) -> Result<(Connecti
     Ok((Connection { client, probes, credits }, Streams { replies, frames }))
 }
 
-/// As messages name a span; empty: none.
-fn trace_field(trace: Option<TraceParent>) -> String {
-    trace.map_or_else(String::new, |parent| parent.to_string())
-}
-
 /// Later frames are captured later. A number that is not higher begins another run.
 fn check_order(before: Option<(u64, f64)>, found: (u64, f64)) -> Result<(), NodeError> {
     match before {
@@ -648,16 +332,6 @@ fn check_order(before: Option<(u64, f64)>, found: (u64, f64)) -> Result<(), Node
         }
         _ => Ok(()),
     }
-}
-
-async fn register(
-    client: &mut CameraNodeClient<Channel>,
-    shapes: &[Arc<Shape>],
-    holder: u64,
-) -> Result<(), NodeError> {
-    let shapes = shapes.iter().map(|shape| shape_to_wire(shape)).collect();
-    client.register_shapes(v1::RegisterShapesRequest { shapes, holder }).await?;
-    Ok(())
 }
 
 #[cfg(test)]

@@ -1,0 +1,272 @@
+//! One node: asks it and tells it things. `keeping` connects with backoff, checks who answers, keeps its streams open and
+//! hands on what it reports.
+
+mod keeping;
+mod state;
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use hull::question::Question;
+use hull::{Shape, Silhouette};
+use proto::convert::{
+    ExpectedAnswer, ProbeAnswer, SilhouetteEncoding, StreamKnows, WrittenQuestion, shape_to_wire,
+    silhouette_from_data, start_to_wire,
+};
+use proto::v1::camera_node_client::CameraNodeClient;
+use proto::{CameraDescription, Claim, ClockLine, FilmEvent, Pace, RunStart, TraceParent, monotonic_s, v1};
+use tokio::sync::{Notify, mpsc};
+use tonic::transport::Channel;
+
+use self::state::State;
+use crate::agreement::{Agreement, ExpectedNode};
+use crate::error::NodeError;
+
+/// Requests on their way: a pass has one question at a time, and a stalled node must not collect more.
+const MAX_SENDING: usize = 8;
+
+/// What a node reports.
+#[derive(Debug)]
+pub enum NodeEvent {
+    /// It is connected, checked, and has received shapes and pace. What it reported before no longer holds.
+    Up,
+    /// The connection broke, or could not be made.
+    Down(NodeError),
+    /// Of its film.
+    Film {
+        /// What.
+        event: FilmEvent,
+        /// When it came, by this process's monotonic clock, seconds.
+        heard_s: f64,
+    },
+    /// Film time there may be off by so much, seconds.
+    Clock(f64),
+    /// The answer to the question of that id, and the milliseconds that it computed.
+    Reply(u64, ProbeAnswer, f64),
+}
+
+/// The client of one node.
+pub struct NodeClient {
+    node: ExpectedNode,
+    index: usize,
+    agreement: Arc<Agreement>,
+    events: mpsc::Sender<(usize, NodeEvent)>,
+    /// The term of our claim to this node.
+    term: AtomicU64,
+    state: Mutex<State>,
+    /// The connection in use is of no use.
+    given_up: Notify,
+}
+
+impl NodeClient {
+    /// Begins to connect, and does so again whenever the connection breaks, until nobody receives events. They
+    /// carry `index`. Must run within a tokio runtime.
+    pub fn spawn(
+        node: ExpectedNode,
+        index: usize,
+        agreement: Arc<Agreement>,
+        events: mpsc::Sender<(usize, NodeEvent)>,
+    ) -> Arc<NodeClient> {
+        let (term, state) = (AtomicU64::new(0), Mutex::default());
+        let client =
+            Arc::new(NodeClient { node, index, agreement, events, term, state, given_up: Notify::new() });
+        client.state().credit = client.no_credit();
+        tokio::spawn(Arc::clone(&client).keep_connected());
+        client
+    }
+
+    /// The node that is meant.
+    pub fn node(&self) -> &ExpectedNode {
+        &self.node
+    }
+
+    /// What a short question to it usually takes, seconds.
+    pub fn trip_s(&self) -> f64 {
+        self.state().clock.trip_s()
+    }
+
+    /// Our monotonic clock by the node's, once that was read.
+    pub fn clock(&self) -> Option<ClockLine> {
+        self.state().clock_line
+    }
+
+    /// Gives up the connection in use, if there is one, for another: the node does not answer.
+    pub fn connect_anew(&self) {
+        self.given_up.notify_waiters();
+    }
+
+    /// Questions that it has not answered.
+    pub fn open_questions(&self) -> usize {
+        self.state().open.len()
+    }
+
+    /// Begins a run at this node.
+    pub async fn start(&self, pace: Pace) -> Result<(), NodeError> {
+        let mut client = self.client()?;
+        {
+            let mut state = self.state();
+            state.credit = self.no_credit();
+            state.last_of_film = None;
+        }
+        client.start(self.run_start(pace)?).await?;
+        Ok(())
+    }
+
+    /// A run as this node is told of it: its clock has been read.
+    fn run_start(&self, pace: Pace) -> Result<v1::StartRequest, NodeError> {
+        let clock = self.state().clock.film_time(pace.zero_s, monotonic_s());
+        let start = start_to_wire(RunStart::of(pace, clock.ok_or(NodeError::NotConnected)?));
+        Ok(v1::StartRequest { holder: self.holder(), ..start })
+    }
+
+    /// Our claim to the node, which somebody holds with this term, or nobody: the same for as long as we live, so that
+    /// whoever displaces us is not displaced again.
+    fn claim(&self, held_term: u64) -> Claim {
+        let claim = self.agreement.claim(held_term);
+        let kept = self.term.compare_exchange(0, claim.term, Ordering::Relaxed, Ordering::Relaxed);
+        Claim { term: kept.err().unwrap_or(claim.term), ..claim }
+    }
+
+    /// By what the node knows us.
+    pub(crate) fn holder(&self) -> u64 {
+        self.agreement.holder()
+    }
+
+    fn no_credit(&self) -> v1::FrameCredit {
+        v1::FrameCredit { holder: self.holder(), ..v1::FrameCredit::default() }
+    }
+
+    /// Lets a lock-step node go on up to a frame.
+    pub fn credit(&self, up_to_frame: u64) {
+        let mut state = self.state();
+        if state.credit.up_to_frame < up_to_frame {
+            state.credit.up_to_frame = up_to_frame;
+            state.send_credit();
+        }
+    }
+
+    /// Has the node keep a frame, however old it gets, until another is in use.
+    pub fn use_frame(&self, frame: u64) {
+        let mut state = self.state();
+        if state.credit.in_use != Some(frame) {
+            state.credit.in_use = Some(frame);
+            state.send_credit();
+        }
+    }
+
+    /// Puts a question about a frame's cameras (places in the rig; none: all that it has) on its way, as a part of a trace;
+    /// an error if the node is not there, or does not read.
+    pub fn ask(
+        &self,
+        id: u64,
+        (frame, cameras): (u64, Vec<u32>),
+        question: &Question,
+        written: &WrittenQuestion,
+        trace: Option<TraceParent>,
+    ) -> Result<(), NodeError> {
+        let mut state = self.state();
+        let State { connection, knows, open, .. } = &mut *state;
+        let connection = connection.as_ref().ok_or(NodeError::NotConnected)?;
+        let named =
+            |camera: &&CameraDescription| cameras.is_empty() || cameras.contains(&camera.rig_index.into());
+        let asked = self.node.cameras.iter().filter(named);
+        let expected = asked.map(|camera| (camera.rig_index, camera.size)).collect();
+        let holder = self.holder();
+        let traceparent = trace_field(trace);
+        let message = v1::ProbeRequest { holder, cameras, traceparent, ..written.message(knows, id, frame) };
+        connection.probes.try_send(message).map_err(|error| match error {
+            mpsc::error::TrySendError::Full(_) => NodeError::Stalled,
+            mpsc::error::TrySendError::Closed(_) => NodeError::NotConnected,
+        })?;
+        knows.learn(written);
+        if open.len() == MAX_SENDING {
+            open.pop_front();
+        }
+        let (kind, points) = (question.kind, question.len());
+        open.push_back((id, ExpectedAnswer { kind, points, cameras: expected }));
+        Ok(())
+    }
+
+    /// Sends everything anew with the next question: one was refused, so what the node has is unknown.
+    pub fn forget_sent(&self) {
+        self.state().knows = StreamKnows::default();
+    }
+
+    /// Registers the run's shapes once more.
+    pub async fn register_again(&self) -> Result<(), NodeError> {
+        let shapes = self.agreement.terms().shapes.clone();
+        self.register(&shapes).await
+    }
+
+    /// Registers shapes.
+    pub async fn register(&self, shapes: &[Arc<Shape>]) -> Result<(), NodeError> {
+        register(&mut self.client()?, shapes, self.holder()).await
+    }
+
+    /// Has the node's cameras learn their backgrounds anew from so many frames; or only asks whether they can.
+    pub async fn take_background(
+        &self,
+        first_frame: u64,
+        frames: u64,
+        check_only: bool,
+    ) -> Result<(), NodeError> {
+        let holder = self.holder();
+        let request = v1::TakeBackgroundRequest { first_frame, frames, check_only, holder };
+        self.client()?.take_background(request).await?;
+        Ok(())
+    }
+
+    /// The silhouettes of a frame by place in the rig, and how many bytes they travelled as.
+    pub async fn silhouettes(
+        &self,
+        frame: u64,
+        encoding: SilhouetteEncoding,
+        trace: Option<TraceParent>,
+    ) -> Result<(Vec<(u16, Silhouette)>, u64), NodeError> {
+        let encoding_wire = v1::SilhouetteEncoding::from(encoding).into();
+        let request =
+            v1::FetchSilhouettesRequest { frame, encoding: encoding_wire, traceparent: trace_field(trace) };
+        let mut stream = self.client()?.fetch_silhouettes(request).await?.into_inner();
+        let expected = self.node.cameras.len();
+        let mut bytes = 0;
+        let mut found: Vec<(u16, Silhouette)> = Vec::with_capacity(expected);
+        while let Some(v1::Silhouette { rig_index, data }) = stream.message().await? {
+            let camera = self.node.cameras.iter().find(|camera| u32::from(camera.rig_index) == rig_index);
+            let is_new =
+                |camera: &&CameraDescription| found.iter().all(|(known, _)| *known != camera.rig_index);
+            let wrong = NodeError::Cameras { found: found.len() + 1, expected };
+            let camera = camera.filter(is_new).ok_or(wrong)?;
+            bytes += data.len() as u64;
+            found.push((camera.rig_index, silhouette_from_data(&data, camera.size, encoding)?));
+        }
+        // A frame may have gone on without some camera.
+        if found.is_empty() {
+            return Err(NodeError::Cameras { found: 0, expected });
+        }
+        Ok((found, bytes))
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(crate) fn client(&self) -> Result<CameraNodeClient<Channel>, NodeError> {
+        let state = self.state();
+        state.connection.as_ref().map(|connection| connection.client.clone()).ok_or(NodeError::NotConnected)
+    }
+}
+
+/// As messages name a span; empty: none.
+fn trace_field(trace: Option<TraceParent>) -> String {
+    trace.map_or_else(String::new, |parent| parent.to_string())
+}
+
+async fn register(
+    client: &mut CameraNodeClient<Channel>,
+    shapes: &[Arc<Shape>],
+    holder: u64,
+) -> Result<(), NodeError> {
+    let shapes = shapes.iter().map(|shape| shape_to_wire(shape)).collect();
+    client.register_shapes(v1::RegisterShapesRequest { shapes, holder }).await?;
+    Ok(())
+}
