@@ -25,8 +25,8 @@ use segment::SegmentSettings;
 use tokio::sync::mpsc;
 use tokio_stream::StreamExt as _;
 use tokio_stream::wrappers::ReceiverStream;
-use tonic::Streaming;
 use tonic::transport::Channel;
+use tonic::{Request, Streaming};
 
 /// Nodes keep eight frames of it.
 const FPS: f64 = 16.0;
@@ -217,6 +217,7 @@ async fn suite(address: Listen, rig: &Rig) {
     let channel = connect(&address).await;
     let mut client = CameraNodeClient::new(channel).max_encoding_message_size(proto::MAX_MESSAGE_BYTES);
     describes_its_cameras(&mut client, rig).await;
+    refuses_another_major_version(connect(&address).await).await;
     let mut probe = Probe::open(&mut client, rig).await;
     let one = world_points(vec![[0.0, 1.0, 0.0]]);
     assert_eq!(probe.refused(0, &one).await, RefusalReason::NotYet, "before film");
@@ -406,6 +407,16 @@ async fn obeys_one_coordinator_at_a_time(client: &mut Client, probe: &mut Probe,
     let late = client.keep_time(v1::KeepTimeRequest { holder: 7, ..Default::default() }).await;
     assert_eq!(late.expect_err("displaced").code(), tonic::Code::Aborted);
     client.start(start).await.expect("it leads now");
+}
+
+async fn refuses_another_major_version(channel: tonic::transport::Channel) {
+    let mut client = tonic::client::Grpc::new(channel);
+    client.ready().await.expect("connected");
+    let path = "/hulltouch.v2.CameraNode/Describe".parse().expect("a path");
+    let codec = proto::codec::BoundedCodec::<v1::DescribeRequest, v1::DescribeReply>::default();
+    let refused = client.unary(Request::new(v1::DescribeRequest {}), path, codec).await.expect_err("refused");
+    assert_eq!(refused.code(), tonic::Code::Unimplemented);
+    assert_eq!(refused.message(), "hulltouch.v2: this node speaks hulltouch.v1");
 }
 
 async fn refuses_absurd_numbers(client: &mut Client) {

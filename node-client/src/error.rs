@@ -198,6 +198,10 @@ impl From<tonic::Status> for NodeError {
             | tonic::Code::Unknown
             | tonic::Code::Internal => NodeError::Lost(message),
             tonic::Code::Aborted => NodeError::Held(message),
+            // Of a server that says no more.
+            tonic::Code::Unimplemented if message.is_empty() => {
+                NodeError::Refused("it has no such call: expected a node of this version of hulltouch".into())
+            }
             _ => NodeError::Refused(message),
         }
     }

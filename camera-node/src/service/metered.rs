@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use bytes::Bytes;
 use http_body::{Frame, SizeHint};
+use proto::text::{MAX_NAME_CHARS, clean};
 use proto::{MAX_CHECKPOINT_BYTES, MAX_MESSAGE_BYTES};
 use tokio::time::{Instant, Sleep};
 use tonic::Status;
@@ -16,6 +17,7 @@ use tower::{Layer, Service};
 
 use super::incoming::Caller;
 use super::seats::{Seat, Share};
+use super::seldom::Seldom;
 
 /// A message of most calls.
 const MAX_SHORT_BYTES: usize = 64 << 10;
@@ -51,15 +53,27 @@ impl Takes {
     }
 }
 
-/// Counts the calls of all services.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct MeterLayer;
+/// The package of all of this program's calls, with its major version.
+const PACKAGE: &str = "hulltouch.v1";
+
+/// Why a call is refused by its path: it is of another major version.
+fn other_version(path: &str) -> Option<String> {
+    let package = path.strip_prefix('/')?.split('/').next()?.rsplit_once('.')?.0;
+    let is_other = package.starts_with("hulltouch.") && package != PACKAGE;
+    is_other.then(|| format!("{}: this node speaks {PACKAGE}", clean(package, MAX_NAME_CHARS)))
+}
+
+/// Counts the calls of all services, and refuses those of another major version.
+#[derive(Clone, Debug, Default)]
+pub(super) struct MeterLayer {
+    log: Arc<Seldom>,
+}
 
 impl<S> Layer<S> for MeterLayer {
     type Service = Metered<S>;
 
     fn layer(&self, service: S) -> Metered<S> {
-        Metered { service }
+        Metered { service, log: Arc::clone(&self.log) }
     }
 }
 
@@ -67,6 +81,7 @@ impl<S> Layer<S> for MeterLayer {
 #[derive(Clone, Debug)]
 pub(super) struct Metered<S> {
     service: S,
+    log: Arc<Seldom>,
 }
 
 impl<S> Service<http::Request<Body>> for Metered<S>
@@ -83,6 +98,10 @@ where
     }
 
     fn call(&mut self, request: http::Request<Body>) -> Self::Future {
+        if let Some(why) = other_version(request.uri().path()) {
+            self.log.warn("a call was refused", &why);
+            return Box::pin(async move { Ok(Status::unimplemented(why).into_http()) });
+        }
         let seat = request.extensions().get::<Caller>().and_then(|caller| caller.seat.clone());
         let call = Call::begin(seat.clone());
         let takes = Takes::of(request.uri().path());
@@ -339,6 +358,15 @@ mod tests {
         let mut messages = Messages::of_at_most(1000);
         assert_eq!(messages.read(&stream[..20]).expect("short"), 2);
         assert_eq!(messages.partial, 20 - 13);
+    }
+
+    #[test]
+    fn calls_of_another_major_version_are_told_apart() {
+        for path in ["/hulltouch.v1.CameraNode/Probe", "/grpc.health.v1.Health/Check", "/", "", "/x"] {
+            assert_eq!(other_version(path), None, "{path}");
+        }
+        let why = other_version("/hulltouch.v2.CameraNode/Probe").expect("another");
+        assert_eq!(why, "hulltouch.v2: this node speaks hulltouch.v1");
     }
 
     #[test]

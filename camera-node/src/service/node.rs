@@ -171,7 +171,7 @@ async fn router(service: Service, access: &Access) -> Router<Stack<MeterLayer, I
         server = server.max_connection_age(age.mul_f64(0.9)).max_connection_age_grace(age.mul_f64(0.1));
     }
     server
-        .layer(MeterLayer)
+        .layer(MeterLayer::default())
         .initial_connection_window_size(CONNECTION_WINDOW_BYTES)
         .initial_stream_window_size(STREAM_WINDOW_BYTES)
         .max_frame_size(MAX_FRAME_BYTES)
