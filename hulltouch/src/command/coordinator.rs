@@ -17,9 +17,9 @@ use node_client::Role;
 /// Ask the nodes of a cluster file, merge their answers and step the world.
 #[derive(Debug, Args)]
 #[command(after_help = "Example, with nodes running on the camera PCs:\n  \
-    hulltouch coordinator studio.cluster.toml --certs /etc/hulltouch/certs --seconds 60 --json figures.json\n\n\
+    hulltouch coordinator studio.cluster.toml --certs /etc/hulltouch/certs --json figures.json\n\n\
     Another, on another screen:\n  \
-    hulltouch coordinator studio.cluster.toml --certs /etc/hulltouch/certs --observe --listen 127.0.0.1:8471")]
+    hulltouch coordinator studio.cluster.toml --certs /etc/hulltouch/certs --observe")]
 pub struct CoordinatorArguments {
     /// The cluster file.
     cluster: PathBuf,
