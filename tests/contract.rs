@@ -409,7 +409,7 @@ async fn obeys_one_coordinator_at_a_time(client: &mut Client, probe: &mut Probe,
     client.start(start).await.expect("it leads now");
 }
 
-async fn refuses_another_major_version(channel: tonic::transport::Channel) {
+async fn refuses_another_major_version(channel: Channel) {
     let mut client = tonic::client::Grpc::new(channel);
     client.ready().await.expect("connected");
     let path = "/hulltouch.v2.CameraNode/Describe".parse().expect("a path");

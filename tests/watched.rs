@@ -14,7 +14,7 @@ use std::fs;
 use std::io::{BufRead as _, BufReader};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
@@ -22,14 +22,14 @@ use certified::{ROOM, issue};
 use http::get;
 use identity::{Authority, Identity, Validity};
 use prometheus::Prometheus;
-use room::{named_room, program};
+use room::{Running, named_room, program};
 use rustix::process::{Pid, Signal, kill_process};
 
 const TIMEOUT: Duration = Duration::from_secs(60);
 
 /// A process of the room that serves metrics; it ends with its test.
 struct Service {
-    child: Child,
+    running: Running,
     metrics: SocketAddr,
     /// Where a node listens.
     listens: Option<String>,
@@ -37,25 +37,21 @@ struct Service {
 
 impl Service {
     fn start(folder: &Path, arguments: &[&str]) -> Service {
-        let mut child = program()
-            .current_dir(folder)
-            .args(arguments)
-            .args(["--metrics", "127.0.0.1:0"])
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .expect("starts");
+        let mut command = program();
+        command.current_dir(folder).args(arguments).args(["--metrics", "127.0.0.1:0"]);
+        command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut running = Running::start(&mut command);
+        let child = running.child();
         let lines = lines(child.stderr.take().expect("piped"));
         let address = told(&lines, "metrics: http://", "/metrics");
         let metrics = address.parse().expect("an address");
         let listens = (arguments[0] == "node")
             .then(|| told(&self::lines(child.stdout.take().expect("piped")), "listening on ", ""));
-        Service { child, metrics, listens }
+        Service { running, metrics, listens }
     }
 
     fn signal(&self, signal: Signal) {
-        let process = Pid::from_raw(self.child.id().cast_signed()).expect("a number");
+        let process = Pid::from_raw(self.running.id().cast_signed()).expect("a number");
         kill_process(process, signal).expect("sent");
     }
 
@@ -104,13 +100,6 @@ impl Service {
             assert!(Instant::now() < by, "{name} is {found}, expected {expected}");
             std::thread::sleep(Duration::from_millis(100));
         }
-    }
-}
-
-impl Drop for Service {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
     }
 }
 

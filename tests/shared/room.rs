@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 
 /// A node that ends with its test.
-pub struct Node(Child, String);
+pub struct Node(Running, String);
 
 impl Node {
     /// Its process.
@@ -45,18 +45,11 @@ impl Node {
         for camera in cameras {
             command.args(["--camera", camera.as_str()]);
         }
-        let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("starts");
+        let mut running = Running::start(command.stdin(Stdio::piped()).stdout(Stdio::piped()));
         let mut line = String::new();
-        let stdout = child.stdout.take().expect("piped");
+        let stdout = running.child().stdout.take().expect("piped");
         BufReader::new(stdout).read_line(&mut line).expect("it says that it listens");
-        Node(child, line)
-    }
-}
-
-impl Drop for Node {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
+        Node(running, line)
     }
 }
 
@@ -126,6 +119,11 @@ impl Running {
     /// The process.
     pub fn child(&mut self) -> &mut Child {
         self.0.as_mut().expect("it was not waited for")
+    }
+
+    /// Its number.
+    pub fn id(&self) -> u32 {
+        self.0.as_ref().expect("it was not waited for").id()
     }
 
     /// Waits until it has ended by itself.
