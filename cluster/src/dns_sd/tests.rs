@@ -88,7 +88,7 @@ async fn two_that_say_to_be_the_same_node_are_both_found() {
     assert_eq!(at, [ADDRESS, "127.0.0.1:7125"]);
 }
 
-#[tokio::test(start_paused = true)]
+#[tokio::test]
 async fn nodes_are_looked_for_together_and_silence_takes_no_longer_than_one() {
     let search = search(&room("silence"));
     let began = tokio::time::Instant::now();
