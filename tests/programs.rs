@@ -17,8 +17,17 @@ use tonic::{Code, Request};
 
 const TIMEOUT: Duration = Duration::from_secs(60);
 
+/// A client of a run that has begun: the page's port answers a little earlier.
 async fn client(demo: &Demo) -> WorldClient<Channel> {
-    WorldClient::connect(format!("http://{}", demo.address)).await.expect("connects")
+    let mut client = WorldClient::connect(format!("http://{}", demo.address)).await.expect("connects");
+    let begins = async {
+        while let Err(status) = client.describe(v1::DescribeWorldRequest {}).await {
+            assert_eq!(status.code(), Code::Unavailable, "{status}");
+            tokio::time::sleep(Duration::from_millis(5)).await;
+        }
+    };
+    tokio::time::timeout(TIMEOUT, begins).await.expect("in time");
+    client
 }
 
 fn steering<T>(message: T) -> Request<T> {
