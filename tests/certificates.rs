@@ -233,6 +233,29 @@ fn an_authority_whose_key_is_gone_is_not_replaced() {
 }
 
 #[test]
+fn a_page_name_that_no_browser_can_use_is_refused_before_anything_is_written() {
+    let (folder, cluster) = made_room();
+    let before = fs::read(folder.path().join("certs/coordinator/tls.crt")).expect("there");
+    for (name, why) in [
+        ("https://studio.example/", "found an address with a scheme or a path, expected the name in it alone"),
+        ("studio.example:8470", "found a name with a port, expected the name alone"),
+        ("bühne.example", "found characters that are not ASCII, expected the name's ASCII form"),
+        ("my studio", "found a part that is empty, longer than 63 or not of letters, digits, - and _"),
+        ("left.node.room.hulltouch", "found a name of a machine of a room"),
+    ] {
+        let output = certs(&cluster, &["--page-name", "studio.example", "--page-name", name]);
+        assert_eq!(output.status.code(), Some(2), "{name}: {}", said(&output));
+        assert!(said(&output).contains(why), "{name}: {}", said(&output));
+        let after = fs::read(folder.path().join("certs/coordinator/tls.crt")).expect("there");
+        assert_eq!(before, after, "{name}: nothing was issued");
+    }
+    let output = certs(&cluster, &["--page-name", "[::1]"]);
+    assert!(output.status.success(), "{}", said(&output));
+    let names = CertificateNames::read(&folder.path().join("certs/coordinator")).expect("names").names;
+    assert_eq!(names, ["coordinator.room.hulltouch", "::1"]);
+}
+
+#[test]
 fn names_of_the_page_stay_when_a_certificate_is_renewed() {
     let (_folder, cluster) = made_room();
     let names = || {

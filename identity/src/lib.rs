@@ -9,6 +9,7 @@ mod folder;
 mod loaded;
 mod name;
 mod names;
+mod page_name;
 mod socket;
 #[cfg(test)]
 mod tests;
@@ -20,5 +21,6 @@ pub use error::{CertificateError, HandshakeError};
 pub use folder::{AUTHORITIES, CERTIFICATE, KEY};
 pub use name::{Identity, Peer, Role};
 pub use names::CertificateNames;
+pub use page_name::{PageName, PageNameError};
 pub use socket::{ClientSocket, ServerSocket};
 pub use unix_socket::UnixSocket;

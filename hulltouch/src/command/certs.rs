@@ -10,7 +10,7 @@ use cli::{Failure, Outcome};
 use cluster::ClusterFile;
 use identity::{
     AUTHORITIES, Authority, CERTIFICATE, CertificateError, CertificateNames, Credentials, Identity, KEY,
-    Role, Validity,
+    PageName, Role, Validity,
 };
 
 /// The folder and the key of the authority itself.
@@ -39,8 +39,8 @@ pub struct CertsArguments {
     days: u32,
     /// Another name or IP address in the coordinator's certificate, as browsers call its machine; give it once for each. Those
     /// of the certificate that is renewed stay.
-    #[arg(long = "page-name", value_name = "NAME")]
-    page_names: Vec<String>,
+    #[arg(long = "page-name", value_name = "NAME", value_parser = page_name)]
+    page_names: Vec<PageName>,
 }
 
 /// Makes what is missing, and renews the rest.
@@ -71,6 +71,10 @@ pub fn run(arguments: &CertsArguments) -> Outcome {
     Ok(())
 }
 
+fn page_name(text: &str) -> Result<PageName, String> {
+    text.parse().map_err(|why| format!("found {why}"))
+}
+
 /// The names of the coordinator's certificate besides its own: those of the one that is there, and those that are given.
 fn page_names(folder: &Path, owner: &Identity, arguments: &CertsArguments) -> Outcome<Vec<String>> {
     let mut before = match CertificateNames::read(folder) {
@@ -80,6 +84,10 @@ fn page_names(folder: &Path, owner: &Identity, arguments: &CertsArguments) -> Ou
         }
         Err(error) => return Err(Failure::input(error)),
     };
+    before.names.retain(|name| *name != owner.to_string());
+    let (names, wrong) = before.names.into_iter().partition(|name| name.parse::<PageName>().is_ok());
+    before.names = names;
+    before.unreadable.extend::<Vec<String>>(wrong);
     if !before.unreadable.is_empty() {
         tracing::warn!(
             "{}: these names go: {}; give them again with --page-name",
@@ -87,10 +95,9 @@ fn page_names(folder: &Path, owner: &Identity, arguments: &CertsArguments) -> Ou
             before.unreadable.join(", ")
         );
     }
-    before.names.retain(|name| *name != owner.to_string());
-    for name in &arguments.page_names {
-        if !before.names.contains(name) {
-            before.names.push(name.clone());
+    for name in arguments.page_names.iter().map(PageName::to_string) {
+        if !before.names.contains(&name) {
+            before.names.push(name);
         }
     }
     Ok(before.names)
