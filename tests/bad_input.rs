@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::Command;
 
 fn hulltouch() -> Command {
-    Command::new(env!("CARGO_BIN_EXE_hulltouch"))
+    testkit::command(env!("CARGO_BIN_EXE_hulltouch"))
 }
 
 /// Runs it; it must end with `status` and one line that holds all of `words`.
@@ -183,14 +183,12 @@ fn a_node_with_another_calibration_is_refused_by_name() {
     let address = TcpListener::bind("127.0.0.1:0").and_then(|free| free.local_addr()).expect("a free port");
     let text = std::fs::read_to_string(&cluster).expect("text").replace("127.0.0.1:1", &address.to_string());
     std::fs::write(&cluster, &text).expect("written");
-    let mut node = hulltouch()
-        .args(["node", &cluster, "--camera", "cam_0", "--camera", "cam_1", "--stop-with-stdin"])
-        .stdin(std::process::Stdio::piped())
-        .stdout(std::process::Stdio::piped())
-        .spawn()
-        .expect("starts");
+    let mut command = hulltouch();
+    command.args(["node", &cluster, "--camera", "cam_0", "--camera", "cam_1", "--stop-with-stdin"]);
+    let piped = || std::process::Stdio::piped();
+    let mut node = testkit::Running::start(command.stdin(piped()).stdout(piped()));
     let mut line = String::new();
-    let stdout = node.stdout.take().expect("piped");
+    let stdout = node.child().stdout.take().expect("piped");
     std::io::BufRead::read_line(&mut std::io::BufReader::new(stdout), &mut line).expect("announces");
     // The coordinator's rig has since been calibrated anew.
     let rig = stage::studio_rig(3, (160, 120)).expect("a rig");
@@ -198,8 +196,8 @@ fn a_node_with_another_calibration_is_refused_by_name() {
     std::fs::write(folder.path().join("rig.toml"), moved.to_toml()).expect("written");
     let coordinator = ["coordinator", &cluster, "--patience", "1"];
     check(&coordinator, 1, &["calibration", "cam_0", "not the rig's", &address.to_string()]);
-    drop(node.stdin.take());
-    assert!(node.wait().expect("reaped").success(), "the node went on serving");
+    drop(node.child().stdin.take());
+    assert!(node.child().wait().expect("reaped").success(), "the node went on serving");
 }
 
 fn renamed((index, camera): (usize, &hull::Camera)) -> hull::Camera {

@@ -1,7 +1,6 @@
 //! The benches of clusters run, and write the figures that the documents name.
 
 use std::path::Path;
-use std::process::Command;
 
 use serde_json::Value;
 
@@ -9,7 +8,7 @@ use serde_json::Value;
 #[track_caller]
 fn bench(folder: &Path, arguments: &[&str]) -> (Value, String) {
     let json = folder.join("figures.json");
-    let output = Command::new(env!("CARGO_BIN_EXE_hulltouch"))
+    let output = testkit::command(env!("CARGO_BIN_EXE_hulltouch"))
         .arg("bench")
         .args(arguments)
         .arg("--json")
@@ -112,7 +111,7 @@ fn bandwidth_counts_the_bytes_of_six_layouts() {
 fn sync_tells_how_exactly_planted_offsets_are_found() {
     let folder = tempfile::tempdir().expect("folder");
     let json = folder.path().join("sync.json");
-    let output = Command::new(env!("CARGO_BIN_EXE_hulltouch"))
+    let output = testkit::command(env!("CARGO_BIN_EXE_hulltouch"))
         .args([
             "bench",
             "sync",
@@ -145,7 +144,8 @@ fn settings_out_of_bounds_are_refused() {
         (["bench", "bandwidth", "--noise", "0.9"], "expected 0 to 0.5"),
         (["bench", "bandwidth", "--bodies", "x"], "expected 1 to"),
     ] {
-        let output = Command::new(env!("CARGO_BIN_EXE_hulltouch")).args(arguments).output().expect("runs");
+        let output =
+            testkit::command(env!("CARGO_BIN_EXE_hulltouch")).args(arguments).output().expect("runs");
         let said = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(2), "{said}");
         assert!(said.contains(word), "{said}");

@@ -19,9 +19,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use filmed::{film_of, filmed_room};
+use filmed::{film_argument, film_of, filmed_room};
 use link::{Delay, Link};
-use room::{Node, cameras, coordinator, program};
+use room::{Node, Running, cameras, coordinator, program};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 use wall_clock::{WallClock, faketime};
@@ -129,11 +129,15 @@ impl Room {
                 format!("the way to node {node} cut for {pause:?}")
             }
             3 => {
-                camera_programs(&name).into_iter().for_each(|process| signal(process, Signal::KILL));
+                camera_programs(self.folder.path(), &name)
+                    .into_iter()
+                    .for_each(|process| signal(process, Signal::KILL));
                 format!("the program of {name} killed")
             }
             4 => {
-                camera_programs(&name).into_iter().for_each(|process| stopped(process, pause));
+                camera_programs(self.folder.path(), &name)
+                    .into_iter()
+                    .for_each(|process| stopped(process, pause));
                 format!("the program of {name} stopped for {pause:?}")
             }
             5 => {
@@ -169,8 +173,8 @@ fn stopped(process: u32, pause: Duration) {
 }
 
 /// The processes that film as a camera of this test.
-fn camera_programs(name: &str) -> Vec<u32> {
-    let arguments = format!("camera.py\0{name}.film\0");
+fn camera_programs(folder: &Path, name: &str) -> Vec<u32> {
+    let arguments = format!("\0{}\0", film_argument(folder, name));
     let processes = fs::read_dir("/proc").expect("Linux").flatten();
     let numbers = processes.filter_map(|process| process.file_name().to_str()?.parse::<u32>().ok());
     let is_it = |process: &u32| {
@@ -233,16 +237,12 @@ fn comes_true(said: &Mutex<Said>, seconds: u64, is_true: impl Fn(&HashSet<String
 
 #[test]
 fn a_camera_that_falls_silent_takes_no_other_with_it() {
-    if program_is_missing("python3") {
-        eprintln!("skipped: python3 is not installed");
-        return;
-    }
     let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
     let room = Room::new();
     let json = room.folder.path().join("out.json");
     let mut run = coordinator(program(), &room.cluster(), "100000", &json);
-    let mut run = run.env("RUST_LOG", "info").spawn().expect("starts");
-    let said = listen(&mut run);
+    let mut run = Running::start(run.env("RUST_LOG", "info"));
+    let said = listen(run.child());
     thread::sleep(Duration::from_millis(2500));
     let mark = PathBuf::from(format!("{}.silent", film_of(room.folder.path(), "cam_1").display()));
     fs::write(&mark, "").expect("written");
@@ -251,7 +251,7 @@ fn a_camera_that_falls_silent_takes_no_other_with_it() {
     fs::remove_file(&mark).expect("removed");
     let back = comes_true(&said, 10, HashSet::is_empty);
     signal(run.id(), Signal::INT);
-    assert!(run.wait().expect("ends").success());
+    assert!(run.child().wait().expect("ends").success());
     let lines = said.lock().expect("no panic").lines.join("\n");
     assert!(alone, "cam_1 alone was not lost: {lines}");
     assert!(back, "cam_1 is not back: {lines}");
@@ -260,18 +260,14 @@ fn a_camera_that_falls_silent_takes_no_other_with_it() {
 /// `HULLTOUCH_CHAOS_S` and `HULLTOUCH_CHAOS_SEED` make it longer, and another.
 #[test]
 fn a_run_in_which_everything_fails_goes_on() {
-    if program_is_missing("python3") {
-        eprintln!("skipped: python3 is not installed");
-        return;
-    }
     let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
     let (seconds, seed) = (number("HULLTOUCH_CHAOS_S", 60), number("HULLTOUCH_CHAOS_SEED", 1));
     let mut random = Random(seed);
     let mut room = Room::new();
     let json = room.folder.path().join("out.json");
     let mut run = coordinator(room.clocks.program(NODES), &room.cluster(), "100000", &json);
-    let mut run = run.env("RUST_LOG", "info").spawn().expect("starts");
-    let said = listen(&mut run);
+    let mut run = Running::start(run.env("RUST_LOG", "info"));
+    let said = listen(run.child());
     let ready = Instant::now();
     thread::sleep(Duration::from_secs(4));
     let before_kib = memory_kib(run.id());
@@ -287,11 +283,14 @@ fn a_run_in_which_everything_fails_goes_on() {
         let now = said.lock().expect("no panic");
         let last = now.lines.iter().rev().take(30).rev().cloned().collect::<Vec<_>>().join("\n");
         assert!(now.lost.is_empty(), "seed {seed}: {:?} is not back after {faults:?}: {last}", now.lost);
-        assert!(run.try_wait().expect("a child").is_none(), "seed {seed}: it ended after {faults:?}: {last}");
+        assert!(
+            run.child().try_wait().expect("a child").is_none(),
+            "seed {seed}: it ended after {faults:?}: {last}"
+        );
     }
     let grown_kib = memory_kib(run.id()).saturating_sub(before_kib);
     signal(run.id(), Signal::INT);
-    let status = run.wait().expect("ends");
+    let status = run.child().wait().expect("ends");
     assert!(status.success(), "seed {seed}: {status}");
     let figures: Value = serde_json::from_slice(&fs::read(&json).expect("figures")).expect("JSON");
     assert_eq!(figures["faults"], 0, "seed {seed}: numbers that are none");
@@ -303,9 +302,4 @@ fn a_run_in_which_everything_fails_goes_on() {
     }
     assert!(grown_kib < GROWTH_KIB, "seed {seed}: it grew by {grown_kib} KiB over {} faults", faults.len());
     eprintln!("{} faults, {}, grown by {grown_kib} KiB", faults.len(), figures["missed"]);
-}
-
-fn program_is_missing(name: &str) -> bool {
-    let found = Command::new(name).arg("--version").stdout(Stdio::null()).status();
-    !found.is_ok_and(|status| status.success())
 }

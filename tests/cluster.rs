@@ -2,13 +2,15 @@
 //! the program itself are killed.
 
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
+use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
+use testkit::Running;
 
 fn hulltouch() -> Command {
-    Command::new(env!("CARGO_BIN_EXE_hulltouch"))
+    testkit::command(env!("CARGO_BIN_EXE_hulltouch"))
 }
 
 /// A short lock-step run of a small studio; returns its figures.
@@ -133,7 +135,7 @@ fn films_of_unequal_length_end_with_the_shortest_and_are_held_over_every_transpo
 
 /// A live demo in the background.
 struct Live {
-    child: Child,
+    running: Running,
     json: PathBuf,
     _folder: tempfile::TempDir,
 }
@@ -142,31 +144,17 @@ impl Live {
     fn start(seconds: &str) -> Live {
         let folder = tempfile::tempdir().expect("folder");
         let json = folder.path().join("out.json");
-        let child = hulltouch()
-            .args([
-                "demo",
-                "--cameras",
-                "3",
-                "--size",
-                "160x120",
-                "--headless",
-                "--seconds",
-                seconds,
-                "--json",
-            ])
-            .arg(&json)
-            .stdout(Stdio::null())
-            .stderr(Stdio::piped())
-            .spawn()
-            .expect("starts");
-        Live { child, json, _folder: folder }
+        let mut command = hulltouch();
+        command.args(["demo", "--cameras", "3", "--size", "160x120", "--headless", "--seconds", seconds]);
+        command.arg("--json").arg(&json).stdout(Stdio::null()).stderr(Stdio::piped());
+        Live { running: Running::start(&mut command), json, _folder: folder }
     }
 
     /// Its node processes, once all are there.
     fn nodes(&self) -> Vec<u32> {
         let deadline = Instant::now() + Duration::from_secs(60);
         loop {
-            let nodes = children_of(self.child.id());
+            let nodes = children_of(self.running.id());
             if nodes.len() == 3 {
                 return nodes;
             }
@@ -177,7 +165,7 @@ impl Live {
 
     /// Waits for its end: figures and what it said.
     fn finish(self) -> (Value, String) {
-        let output = self.child.wait_with_output().expect("ends");
+        let output = self.running.wait_with_output().expect("ends");
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(output.status.success(), "{said}");
         let figures = std::fs::read_to_string(self.json).expect("written");
@@ -202,9 +190,8 @@ fn is_running(id: u32) -> bool {
     !status.is_empty() && !status.contains("State:\tZ")
 }
 
-fn signal(id: u32, signal: &str) {
-    let sent = Command::new("kill").args([&format!("-{signal}"), &id.to_string()]).status().expect("runs");
-    assert!(sent.success());
+fn send(signal: Signal, id: u32) {
+    kill_process(Pid::from_raw(id.cast_signed()).expect("a number"), signal).expect("sent");
 }
 
 fn gone_within(ids: &[u32], patience: Duration) -> bool {
@@ -220,12 +207,12 @@ fn gone_within(ids: &[u32], patience: Duration) -> bool {
 
 #[test]
 fn a_demo_that_is_killed_leaves_no_process() {
-    for how in ["KILL", "TERM"] {
+    for how in [Signal::KILL, Signal::TERM] {
         let mut live = Live::start("60");
         let nodes = live.nodes();
-        signal(live.child.id(), how);
-        live.child.wait().expect("reaped");
-        assert!(gone_within(&nodes, Duration::from_secs(10)), "nodes outlive a demo ended by {how}");
+        send(how, live.running.id());
+        live.running.child().wait().expect("reaped");
+        assert!(gone_within(&nodes, Duration::from_secs(10)), "nodes outlive a demo ended by {how:?}");
     }
 }
 
@@ -234,7 +221,7 @@ fn a_node_that_dies_leaves_a_coordinator_that_steps_on_and_says_so() {
     let live = Live::start("4");
     let nodes = live.nodes();
     std::thread::sleep(Duration::from_secs(2));
-    signal(nodes[0], "KILL");
+    send(Signal::KILL, nodes[0]);
     let (figures, said) = live.finish();
     assert!(said.contains("hull unavailable"), "{said}");
     let number = |key: &str| figures["missed"][key].as_u64().expect("a number");
@@ -250,9 +237,9 @@ fn a_node_that_stalls_is_missed_and_comes_back() {
     let live = Live::start("7");
     let nodes = live.nodes();
     std::thread::sleep(Duration::from_secs(2));
-    signal(nodes[1], "STOP");
+    send(Signal::STOP, nodes[1]);
     std::thread::sleep(Duration::from_millis(2500));
-    signal(nodes[1], "CONT");
+    send(Signal::CONT, nodes[1]);
     let (figures, said) = live.finish();
     assert!(said.contains("hull unavailable"), "{said}");
     let missed = figures["missed"]["frames"].as_u64().expect("a number");
@@ -268,17 +255,12 @@ fn free_address() -> String {
 }
 
 /// A node of one camera at the address that the cluster file gives it.
-fn start_node(cluster: &Path, camera: &str) -> Child {
-    let mut node = hulltouch()
-        .arg("node")
-        .arg(cluster)
-        .args(["--camera", camera, "--stop-with-stdin"])
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()
-        .expect("starts");
+fn start_node(cluster: &Path, camera: &str) -> Running {
+    let mut command = hulltouch();
+    command.arg("node").arg(cluster).args(["--camera", camera, "--stop-with-stdin"]);
+    let mut node = Running::start(command.stdin(Stdio::piped()).stdout(Stdio::piped()));
     let mut line = String::new();
-    let stdout = node.stdout.take().expect("piped");
+    let stdout = node.child().stdout.take().expect("piped");
     std::io::BufRead::read_line(&mut std::io::BufReader::new(stdout), &mut line).expect("announces");
     assert!(line.starts_with("listening on "), "{line}");
     node
@@ -300,20 +282,13 @@ fn a_node_that_is_started_again_is_taken_back_without_help() {
     std::fs::write(&cluster, text).expect("written");
     let json = folder.path().join("out.json");
     let mut first = start_node(&cluster, "cam_0");
-    let mut second = start_node(&cluster, "cam_1");
-    let coordinator = hulltouch()
-        .arg("coordinator")
-        .arg(&cluster)
-        .args(["--seconds", "7", "--json"])
-        .arg(&json)
-        .env("RUST_LOG", "info")
-        .stdout(Stdio::null())
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("starts");
+    let second = start_node(&cluster, "cam_1");
+    let mut command = hulltouch();
+    command.arg("coordinator").arg(&cluster).args(["--seconds", "7", "--json"]).arg(&json);
+    command.env("RUST_LOG", "info").stdout(Stdio::null()).stderr(Stdio::piped());
+    let coordinator = Running::start(&mut command);
     std::thread::sleep(Duration::from_secs(2));
-    second.kill().expect("killed");
-    second.wait().expect("reaped");
+    drop(second);
     std::thread::sleep(Duration::from_millis(700));
     let mut second = start_node(&cluster, "cam_1");
     let output = coordinator.wait_with_output().expect("ends");
@@ -325,8 +300,8 @@ fn a_node_that_is_started_again_is_taken_back_without_help() {
     assert!(figures["missed"]["blind_steps"].as_u64().expect("a number") > 20, "{figures}");
     assert!(figures["frames"].as_u64().expect("a number") > 90, "film was used before and after: {figures}");
     for node in [&mut first, &mut second] {
-        drop(node.stdin.take());
-        assert!(node.wait().expect("reaped").success());
+        drop(node.child().stdin.take());
+        assert!(node.child().wait().expect("reaped").success());
     }
     assert!(!folder.path().join("second.sock").exists(), "a node takes its socket with it");
 }

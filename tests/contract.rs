@@ -4,7 +4,7 @@
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::Stdio;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -22,6 +22,7 @@ use proto::convert::{
 use proto::v1::camera_node_client::CameraNodeClient;
 use proto::{Pace, RunStart, v1};
 use segment::SegmentSettings;
+use testkit::Running;
 use tokio::sync::mpsc;
 use tokio_stream::StreamExt as _;
 use tokio_stream::wrappers::ReceiverStream;
@@ -101,7 +102,7 @@ async fn a_node_process_on_a_unix_socket_keeps_the_contract_and_cleans_up() {
 
 /// A node of this program; it ends with its standard input.
 struct NodeProcess {
-    child: Child,
+    running: Running,
     address: Listen,
 }
 
@@ -114,26 +115,26 @@ impl NodeProcess {
         }
         let file = folder.join("cluster.toml");
         std::fs::write(&file, text).expect("written");
-        let mut child = Command::new(env!("CARGO_BIN_EXE_hulltouch"))
+        let mut command = testkit::command(env!("CARGO_BIN_EXE_hulltouch"));
+        command
             .arg("node")
             .arg(&file)
             .args(["--camera", "cam_0", "--camera", "cam_1", "--listen", listen, "--stop-with-stdin"])
             .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .spawn()
-            .expect("starts");
+            .stdout(Stdio::piped());
+        let mut running = Running::start(&mut command);
         let mut line = String::new();
-        let stdout = child.stdout.take().expect("piped");
+        let stdout = running.child().stdout.take().expect("piped");
         BufReader::new(stdout).read_line(&mut line).expect("announces");
         let address = line.trim().strip_prefix("listening on ").expect("the line that tells the address");
-        NodeProcess { address: address.parse().expect("an address"), child }
+        NodeProcess { address: address.parse().expect("an address"), running }
     }
 }
 
 impl Drop for NodeProcess {
     fn drop(&mut self) {
-        drop(self.child.stdin.take());
-        let status = self.child.wait().expect("reaped");
+        drop(self.running.child().stdin.take());
+        let status = self.running.child().wait().expect("reaped");
         assert!(status.success(), "a node that is asked to end ends well: {status}");
     }
 }

@@ -2,7 +2,6 @@
 //! vector instructions.
 
 use std::path::Path;
-use std::process::Command;
 use std::time::Duration;
 
 use camera_node::source::{SourceConfig, StageConfig};
@@ -38,7 +37,7 @@ const CAMERAS: usize = 5;
 /// Runs the program; returns its figures.
 fn figures(json: &Path, arguments: &[&str]) -> Value {
     let program =
-        Command::new(env!("CARGO_BIN_EXE_hulltouch")).args(arguments).arg("--json").arg(json).output();
+        testkit::command(env!("CARGO_BIN_EXE_hulltouch")).args(arguments).arg("--json").arg(json).output();
     let output = program.expect("runs");
     assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
     serde_json::from_slice(&std::fs::read(json).expect("figures")).expect("JSON")

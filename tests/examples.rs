@@ -18,9 +18,9 @@ fn root() -> PathBuf {
 fn python() -> Option<Command> {
     let python = std::env::var_os("HULLTOUCH_PYTHON");
     if python.is_none() {
-        eprintln!("HULLTOUCH_PYTHON is not set: the Python examples are not run");
+        testkit::skip("HULLTOUCH_PYTHON names no Python with examples/python/requirements.txt");
     }
-    python.map(Command::new)
+    python.map(testkit::command)
 }
 
 #[track_caller]
@@ -64,18 +64,15 @@ fn the_python_program_says_why_it_cannot() {
 #[test]
 fn the_python_printer_prints_what_comes_over_osc() {
     let Some(mut python) = python() else { return };
-    let mut printer = python
-        .arg(root().join("examples/python/osc_print.py"))
-        .args(["--port", "0", "--messages", "60"])
-        .stdout(Stdio::piped())
-        .spawn()
-        .expect("starts");
-    let mut lines = BufReader::new(printer.stdout.take().expect("piped")).lines().map_while(Result::ok);
+    python.arg(root().join("examples/python/osc_print.py")).args(["--port", "0", "--messages", "60"]);
+    let mut printer = testkit::Running::start(python.stdout(Stdio::piped()));
+    let mut lines =
+        BufReader::new(printer.child().stdout.take().expect("piped")).lines().map_while(Result::ok);
     let first = lines.next().expect("it tells its port");
     let port = first.strip_prefix("listening on port ").expect("a port");
     let _demo = Demo::start(&["--osc", &format!("127.0.0.1:{port}")]);
     let printed: Vec<String> = lines.collect();
-    assert!(printer.wait().expect("ends").success());
+    assert!(printer.child().wait().expect("ends").success());
     assert_eq!(printed.len(), 60);
     assert!(printed.iter().any(|line| line.starts_with("/hulltouch/world 0 ")), "{printed:?}");
     assert!(printed.iter().any(|line| line.starts_with("/hulltouch/body/right_0/pose ")), "{printed:?}");
@@ -83,13 +80,11 @@ fn the_python_printer_prints_what_comes_over_osc() {
 
 #[test]
 fn the_javascript_of_the_page_follows_draws_and_spawns() {
-    let node = Command::new("node").arg("--version").output();
-    if !node.is_ok_and(|node| node.status.success()) {
-        eprintln!("there is no node: the JavaScript example is not run");
+    if !testkit::has_program("node", "nodejs") {
         return;
     }
     let demo = Demo::start(&[]);
-    let output = Command::new("node")
+    let output = testkit::command("node")
         // Newer ones have it without being asked.
         .arg("--experimental-websocket")
         .arg(root().join("tests/example.mjs"))

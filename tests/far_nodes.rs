@@ -42,7 +42,8 @@ impl Room {
     fn new(film: &Film, delay: Delay) -> Option<Room> {
         let hosts: Result<Vec<Host>, String> =
             (0..NODES).map(|number| Host::new(number as u8, 100)).collect();
-        let hosts = hosts.inspect_err(|why| eprintln!("skipped: no network namespaces: {why}")).ok()?;
+        let hosts =
+            hosts.inspect_err(|why| testkit::skip(format_args!("no network namespaces: {why}"))).ok()?;
         let folder = tempfile::tempdir().expect("a folder");
         let rig = stage::studio_rig(2 * NODES, film.size).expect("a rig");
         fs::write(folder.path().join("rig.toml"), rig.to_toml()).expect("written");
@@ -119,7 +120,7 @@ fn a_way_that_becomes_longer_is_followed() {
 #[test]
 fn a_studio_of_far_nodes_misses_under_a_hundredth() {
     if std::env::var_os("HULLTOUCH_MEASURE").is_none() {
-        eprintln!("skipped: HULLTOUCH_MEASURE is not set, and it takes minutes");
+        testkit::skip("HULLTOUCH_MEASURE is not set, and it takes minutes");
         return;
     }
     let studio = Film { size: (640, 480), fps: 30.0 };

@@ -19,7 +19,7 @@ fn golden() -> Option<PathBuf> {
         return Some(folder);
     }
     assert!(!named, "HULLTOUCH_GOLDEN leads to {}, which is no folder", folder.display());
-    println!("skipped: {} is no folder and HULLTOUCH_GOLDEN is not set", folder.display());
+    testkit::skip(format_args!("{} is no folder and HULLTOUCH_GOLDEN is not set", folder.display()));
     None
 }
 
@@ -27,7 +27,7 @@ fn golden() -> Option<PathBuf> {
 fn query(folder: &Path, options: &[&str]) -> Vec<u8> {
     let out = tempfile::tempdir().expect("a folder");
     let json = out.path().join("answers.json");
-    let mut command = Command::new(env!("CARGO_BIN_EXE_hulltouch"));
+    let mut command = Command::from_std(testkit::command(env!("CARGO_BIN_EXE_hulltouch")));
     command.arg("query").arg("--rig").arg(folder.join("rig.toml"));
     command.arg("--silhouettes").arg(folder.join("sil")).arg("--points").arg(folder.join("points.csv"));
     command.args(["--normal-window", "2", "--max-depth", "1.0"]).args(options);

@@ -11,22 +11,27 @@ use room::{Node, Running, coordinator, figures, program};
 const CAMERAS: usize = 4;
 const SECONDS: &str = "6";
 
-/// A camera whose frames come at 20 a second, so many hundredths of a period after the second, each up to 6 ms late.
-const CAMERA: &str = r#"use Time::HiRes qw(time sleep); $| = 1; print "YUV4MPEG2 W96 H72 F20:1 C444\n";
-$zero = int(time) + 1 + $ARGV[0] / 2000;
-for ($n = 0; ; $n++) { $left = $zero + $n / 20 + rand(0.006) - time; sleep $left if $left > 0; print "FRAME\n", chr(149) x 6912, chr(43) x 6912, chr(21) x 6912 }"#;
+/// Cameras whose frames come at 20 a second, each up to 6 ms late.
+const FPS: u32 = 20;
+const LATE: &str = "late_s=0.006";
 
 fn cluster_file(folder: &Path) -> PathBuf {
     let rig = stage::studio_rig(CAMERAS, (96, 72)).expect("a rig");
     fs::write(folder.join("rig.toml"), rig.to_toml()).expect("written");
-    fs::write(folder.join("camera.pl"), CAMERA).expect("written");
-    let mut text = "rig = \"rig.toml\"\nscene = \"topple\"\nfps = 20\nlatency_s = 0.3\n".to_owned();
+    let green = [149, 43, 21].map(|plane| [plane; 96 * 72]).concat();
+    fs::write(folder.join("green.film"), green).expect("written");
+    let (film, fps) = (format!("film={}/green.film", folder.display()), format!("fps={FPS}"));
+    let header = format!("header=YUV4MPEG2 W96 H72 F{FPS}:1 C444");
+    let mut text = format!("rig = \"rig.toml\"\nscene = \"topple\"\nfps = {FPS}\nlatency_s = 0.3\n");
     text += "segmentation = { method = \"chroma\" }\n";
     for (at, camera) in rig.cameras().iter().enumerate() {
-        let (name, phase) = (camera.name(), 100 * at / CAMERAS);
+        let name = camera.name();
+        // They capture anywhere in a frame's period.
+        let phase = format!("phase_s={}", at as f64 / CAMERAS as f64 / f64::from(FPS));
+        let command = [testkit::CAMERA, &film, &fps, &header, &phase, LATE];
         text += &format!(
             "[[camera]]\nname = {name:?}\nnode = \"unix:{at}.sock\"\nstamps = \"arrival\"\nsource = {{ kind = \"pipe\", \
-             live = true, command = [\"perl\", \"camera.pl\", \"{phase}\"] }}\n"
+             live = true, command = {command:?} }}\n"
         );
     }
     let file = folder.join("room.cluster.toml");

@@ -9,7 +9,7 @@ mod room;
 use std::fs;
 use std::io::{BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::Stdio;
 
 use certified::{Room, node};
 use room::{Running, coordinator, figures, named_room, program};
@@ -20,25 +20,23 @@ const CORNER_M: [f32; 3] = [0.125, 0.055, 0.125];
 
 /// The packets of a port of this machine.
 struct Capture {
-    tcpdump: Child,
+    tcpdump: Running,
     file: PathBuf,
 }
 
 impl Capture {
     /// Begins; nothing if this user may not, or tcpdump is not there.
     fn begin(folder: &Path, address: &str) -> Option<Capture> {
+        if !testkit::has_program("tcpdump", "tcpdump") {
+            return None;
+        }
         let file = folder.join("packets.pcap");
         let port = address.rsplit(':').next().expect("a port");
-        let mut command = Command::new("tcpdump");
+        let mut command = testkit::command("tcpdump");
         command.args(["-i", "lo", "-U", "-Z", "root", "-w"]).arg(&file).args(["tcp", "port", port]);
-        let mut tcpdump = match command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn() {
-            Ok(tcpdump) => tcpdump,
-            Err(error) => {
-                eprintln!("skipped: tcpdump: {error}");
-                return None;
-            }
-        };
-        let said = BufReader::new(tcpdump.stderr.take().expect("piped")).lines().map_while(Result::ok);
+        let mut tcpdump = Running::start(command.stdout(Stdio::null()).stderr(Stdio::piped()));
+        let said =
+            BufReader::new(tcpdump.child().stderr.take().expect("piped")).lines().map_while(Result::ok);
         let mut lines = Vec::new();
         for line in said {
             if line.contains("listening on") {
@@ -46,24 +44,16 @@ impl Capture {
             }
             lines.push(line);
         }
-        let _ = tcpdump.wait();
-        eprintln!("skipped: tcpdump says: {}", lines.join("; "));
+        testkit::skip(format_args!("tcpdump captures nothing: {}", lines.join("; ")));
         None
     }
 
     /// All that was seen.
     fn end(mut self) -> Vec<u8> {
-        let id = Pid::from_child(&self.tcpdump);
+        let id = Pid::from_child(self.tcpdump.child());
         kill_process(id, Signal::INT).expect("it runs");
-        self.tcpdump.wait().expect("it ends");
+        self.tcpdump.child().wait().expect("it ends");
         fs::read(&self.file).expect("packets")
-    }
-}
-
-impl Drop for Capture {
-    fn drop(&mut self) {
-        let _ = self.tcpdump.kill();
-        let _ = self.tcpdump.wait();
     }
 }
 
@@ -99,13 +89,13 @@ fn packets_hold_a_body_in_clear_text_and_none_with_certificates() {
 #[test]
 fn a_python_client_asks_a_pass_with_certificates() {
     let Some(python) = std::env::var_os("HULLTOUCH_PYTHON") else {
-        eprintln!("skipped: HULLTOUCH_PYTHON names no Python with examples/python/requirements.txt");
+        testkit::skip("HULLTOUCH_PYTHON names no Python with examples/python/requirements.txt");
         return;
     };
     let room = Room::new();
     let program = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/python/ask_a_node.py");
     let ask = |certs: &str| {
-        let mut command = Command::new(&python);
+        let mut command = testkit::command(&python);
         command.arg(&program).current_dir(room.folder.path());
         command.args(["--address", room.nodes[0].address(), "--certs", certs]);
         command.args(["--name", "left.node.room.hulltouch", "--at", "0", "1.2", "0"]);

@@ -1,7 +1,7 @@
 //! The page of a whole run, as a browser would use it: hull, colours and bodies over real processes.
 
 use std::io::{BufRead as _, BufReader, Read as _};
-use std::process::{Child, Command, Stdio};
+use std::process::Stdio;
 use std::time::Duration;
 
 use camera_node::capture::{Film, Filming as _};
@@ -15,6 +15,7 @@ use proto::convert::{SilhouetteEncoding, silhouette_from_data};
 use proto::{CameraPicture, Pace, Picture, PictureKind, PictureRequest, RunStart};
 use segment::SegmentSettings;
 use serde_json::{Value, json};
+use testkit::Running;
 use tokio::net::TcpStream;
 use tokio_tungstenite::tungstenite::Message;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest as _;
@@ -26,24 +27,24 @@ const TOKEN: &str = "a-token-for-tests";
 
 /// A demo, and its socket's address.
 struct Demo {
-    child: Child,
+    running: Running,
     socket: String,
     errors: BufReader<std::process::ChildStderr>,
 }
 
 impl Demo {
     fn start(more: &[&str]) -> Demo {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_hulltouch"))
+        let mut command = testkit::command(env!("CARGO_BIN_EXE_hulltouch"));
+        command
             .args(["demo", "--headless", "--listen", "127.0.0.1:0", "--cameras", "2", "--size", "160x120"])
             .args(more)
             .env("RUST_LOG", "error")
             .env("HULLTOUCH_TOKEN", TOKEN)
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .expect("starts");
-        let mut errors = BufReader::new(child.stderr.take().expect("piped"));
+            .stderr(Stdio::piped());
+        let mut running = Running::start(&mut command);
+        let mut errors = BufReader::new(running.child().stderr.take().expect("piped"));
         let mut line = |prefix: &str| {
             let mut line = String::new();
             errors.read_line(&mut line).expect("a line");
@@ -52,7 +53,7 @@ impl Demo {
         let address = line("page: http://");
         assert_eq!(address, line("viewers: http://"));
         assert_eq!(line("token: "), "that of HULLTOUCH_TOKEN");
-        Demo { child, socket: format!("ws://{address}feed"), errors }
+        Demo { running, socket: format!("ws://{address}feed"), errors }
     }
 
     async fn connect(&self, token: Option<&str>) -> Page {
@@ -62,14 +63,6 @@ impl Demo {
         request.headers_mut().insert("Sec-WebSocket-Protocol", protocols);
         let (socket, _) = tokio_tungstenite::connect_async(request).await.expect("connects");
         Page { socket, deadline: tokio::time::Instant::now() + TIMEOUT }
-    }
-}
-
-impl Drop for Demo {
-    fn drop(&mut self) {
-        // Ended already, unless the test has failed.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
     }
 }
 
@@ -193,10 +186,10 @@ async fn a_run_is_seen_and_steered(more: &[&str]) {
     page.say(json!({"op": "command", "id": 4, "command": "resume"})).await;
     page.op("done").await;
     drop(viewer);
-    let pid = rustix::process::Pid::from_child(&demo.child);
+    let pid = rustix::process::Pid::from_child(demo.running.child());
     rustix::process::kill_process(pid, rustix::process::Signal::TERM).expect("told to end");
     assert_eq!(page.op("bye").await["why"], json!("the run has ended"));
-    let status = demo.child.wait().expect("reaped");
+    let status = demo.running.child().wait().expect("reaped");
     let mut errors = String::new();
     demo.errors.read_to_string(&mut errors).expect("text");
     assert!(status.success(), "{status}: {errors}");

@@ -10,14 +10,14 @@ use std::io::{Read as _, Write as _};
 use std::net::{SocketAddr, TcpStream};
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use futures::StreamExt as _;
 use identity::{AUTHORITIES, Authority, CERTIFICATE, Credentials, Identity, KEY, Validity};
 use namespace::Host;
-use room::{Node, named_room, program};
+use room::{Node, Running, named_room, program};
 use rustix::process::{Pid, Resource, Rlimit, Signal, getrlimit, kill_process, prlimit};
 use serde_json::Value;
 
@@ -26,7 +26,7 @@ const TOKEN: &str = "a-token-for-tests";
 
 /// A program that serves a page, and what it says.
 struct Run {
-    child: Child,
+    running: Running,
     said: PathBuf,
     address: SocketAddr,
 }
@@ -37,8 +37,7 @@ impl Run {
         let said = folder.join("said");
         let file = File::create(&said).expect("created");
         command.stdin(Stdio::null()).stdout(file.try_clone().expect("again")).stderr(file);
-        let child = command.spawn().expect("starts");
-        let mut run = Run { child, said, address: SocketAddr::from(([0; 4], 0)) };
+        let mut run = Run { running: Running::start(command), said, address: SocketAddr::from(([0; 4], 0)) };
         let line = run.line("token: ");
         assert!(!line.is_empty(), "{line}");
         let page = run.line("page: ");
@@ -116,18 +115,10 @@ impl Run {
 
     /// Ends it as an operator does, and returns all that it said.
     fn end(mut self) -> String {
-        kill_process(Pid::from_child(&self.child), Signal::TERM).expect("sent");
-        let status = self.child.wait().expect("ends");
+        kill_process(Pid::from_child(self.running.child()), Signal::TERM).expect("sent");
+        let status = self.running.child().wait().expect("ends");
         assert!(status.success(), "{status}: {}", self.said());
         self.said()
-    }
-}
-
-impl Drop for Run {
-    fn drop(&mut self) {
-        // Ended already, unless the test has failed.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
     }
 }
 
@@ -217,8 +208,8 @@ fn strangers_are_logged_once_a_second_and_what_is_refused_is_told_apart() {
 async fn a_port_without_descriptors_pauses_and_the_run_goes_on() {
     let folder = tempfile::tempdir().expect("a folder");
     let run = Run::demo(folder.path());
-    let process = Pid::from_child(&run.child);
-    let open = fs::read_dir(format!("/proc/{}/fd", run.child.id())).expect("listed").count() as u64;
+    let process = Pid::from_raw(run.running.id().cast_signed()).expect("a number");
+    let open = fs::read_dir(format!("/proc/{}/fd", run.running.id())).expect("listed").count() as u64;
     let limit = Rlimit { current: Some(open + 16), ..getrlimit(Resource::Nofile) };
     let before = prlimit(Some(process), Resource::Nofile, limit).expect("set");
     let silent: Vec<TcpStream> = (0..60).map(|_| run.connect()).collect();
@@ -254,7 +245,8 @@ impl Open {
     /// `None`, and says why, on a machine that makes no hosts.
     fn new(number: u8) -> Option<Open> {
         let host = Host::new(number, 100);
-        let host = host.inspect_err(|why| eprintln!("skipped: no network namespaces: {why}")).ok()?;
+        let host =
+            host.inspect_err(|why| testkit::skip(format_args!("no network namespaces: {why}"))).ok()?;
         let folder = tempfile::tempdir().expect("a folder");
         let cluster = named_room(folder.path(), "address = \"unix:l.sock\"", "address = \"unix:r.sock\"");
         let nodes = ["left", "right"].map(|name| Node::start_named(program(), &cluster, name));

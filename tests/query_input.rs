@@ -27,7 +27,7 @@ fn good() -> tempfile::TempDir {
 }
 
 fn query(folder: &Path, options: &[&str]) -> assert_cmd::assert::Assert {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_hulltouch"));
+    let mut command = Command::from_std(testkit::command(env!("CARGO_BIN_EXE_hulltouch")));
     command.current_dir(folder).args(["query", "--rig", "rig.toml", "--silhouettes", "sil"]);
     command.args(["--points", "points.csv", "--json", "answers.json"]).args(options).assert()
 }
@@ -95,7 +95,7 @@ fn rig_import_and_check_say_what_is_wrong() {
     let folder = good();
     let path = folder.path();
     let run = |arguments: &[&str]| {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_hulltouch"));
+        let mut command = Command::from_std(testkit::command(env!("CARGO_BIN_EXE_hulltouch")));
         let output = command.current_dir(path).arg("rig").args(arguments).assert().get_output().clone();
         (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
     };

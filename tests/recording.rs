@@ -20,7 +20,7 @@ use serde_json::Value;
 use sim::{BodyResponse, BodySpec, MassSpec, Scene, Solid, World};
 
 fn hulltouch() -> Command {
-    Command::new(env!("CARGO_BIN_EXE_hulltouch"))
+    testkit::command(env!("CARGO_BIN_EXE_hulltouch"))
 }
 
 fn figures(path: &Path) -> Value {
@@ -317,11 +317,11 @@ fn python_reads_every_message() {
 /// What `tests/python/recording.py` finds; nothing without a Python that has what it needs.
 fn read_by_python(file: &Path, more: &[&str]) -> Option<Value> {
     let Some(python) = std::env::var_os("HULLTOUCH_PYTHON") else {
-        eprintln!("skipped: HULLTOUCH_PYTHON names no Python with tests/python/requirements.txt");
+        testkit::skip("HULLTOUCH_PYTHON names no Python with tests/python/requirements.txt");
         return None;
     };
     let program = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/python/recording.py");
-    let output = Command::new(python).arg(program).arg(file).args(more).output().expect("Python runs");
+    let output = testkit::command(python).arg(program).arg(file).args(more).output().expect("Python runs");
     assert!(output.status.success(), "{}", said(&output));
     Some(serde_json::from_slice(&output.stdout).expect("JSON"))
 }

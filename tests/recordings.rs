@@ -27,7 +27,7 @@ const HALF_BOX_M: f64 = 0.075;
 fn demo(recording: &str, datasets: &Path) -> Command {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let datasets = datasets.canonicalize().expect("the folder is there");
-    let mut command = Command::new(env!("CARGO_BIN_EXE_hulltouch"));
+    let mut command = Command::from_std(testkit::command(env!("CARGO_BIN_EXE_hulltouch")));
     command.env("HULLTOUCH_DATASETS", datasets).arg("demo").arg("--recording");
     command.arg(root.join(format!("deploy/{recording}.cluster.toml"))).args(["--unpaced", "--headless"]);
     command

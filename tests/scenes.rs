@@ -1,7 +1,6 @@
 //! The shipped scenes, played through the program: what a person on film does to virtual bodies.
 
 use std::path::Path;
-use std::process::Command;
 
 use nalgebra::Vector3;
 use serde_json::Value;
@@ -13,7 +12,7 @@ const GRAVITY_M_S2: f64 = 9.81;
 fn play(scene: &str, seconds: f64, seed: u64, extra: &[&str]) -> Value {
     let folder = tempfile::tempdir().expect("a folder");
     let json = folder.path().join("out.json");
-    let output = Command::new(env!("CARGO_BIN_EXE_hulltouch"))
+    let output = testkit::command(env!("CARGO_BIN_EXE_hulltouch"))
         .args(["demo", "--unpaced", "--transport", "inprocess", "--headless", "--scene", scene])
         .args(["--seconds", &seconds.to_string(), "--seed", &seed.to_string(), "--json"])
         .arg(&json)

@@ -2,7 +2,6 @@
 //! Planes of contacts hold for their frame by themselves.
 
 use std::path::Path;
-use std::process::Command;
 
 use serde_json::Value;
 
@@ -10,7 +9,7 @@ use serde_json::Value;
 fn play(arguments: &[&str]) -> Value {
     let folder = tempfile::tempdir().expect("folder");
     let json = folder.path().join("out.json");
-    let output = Command::new(env!("CARGO_BIN_EXE_hulltouch"))
+    let output = testkit::command(env!("CARGO_BIN_EXE_hulltouch"))
         .args([
             "demo",
             "--response",

@@ -2,26 +2,27 @@
 
 use std::io::{BufRead as _, BufReader};
 use std::path::Path;
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{ExitStatus, Stdio};
 
 use rustix::process::{Pid, Signal, kill_process};
+use testkit::Running;
 
 /// Starts a live demo whose temporary files go to `folder`, and waits until it serves.
-fn demo(folder: &Path) -> Child {
-    let mut child = Command::new(env!("CARGO_BIN_EXE_hulltouch"))
+fn demo(folder: &Path) -> Running {
+    let mut command = testkit::command(env!("CARGO_BIN_EXE_hulltouch"));
+    command
         .args(["demo", "--cameras", "2", "--size", "160x120", "--seconds", "600", "--headless"])
         .args(["--listen", "127.0.0.1:0"])
         .env("TMPDIR", folder)
         .stdout(Stdio::null())
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("starts");
-    let stderr = BufReader::new(child.stderr.take().expect("piped"));
+        .stderr(Stdio::piped());
+    let mut running = Running::start(&mut command);
+    let stderr = BufReader::new(running.child().stderr.take().expect("piped"));
     let mut lines = stderr.lines().map_while(Result::ok);
     assert!(lines.any(|line| line.starts_with("page: ")), "it serves a page");
     // What else it writes must not fill the pipe.
     std::thread::spawn(move || lines.for_each(drop));
-    child
+    running
 }
 
 fn ended_by(signal: Signal, folder: &Path) -> ExitStatus {
@@ -29,7 +30,7 @@ fn ended_by(signal: Signal, folder: &Path) -> ExitStatus {
     assert!(std::fs::read_dir(folder).expect("listed").count() > 0, "the studio is in a temporary folder");
     let process = Pid::from_raw(demo.id().cast_signed()).expect("a number");
     kill_process(process, signal).expect("sent");
-    demo.wait().expect("ends")
+    demo.child().wait().expect("ends")
 }
 
 #[test]

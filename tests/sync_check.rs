@@ -7,7 +7,7 @@ mod common;
 
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 
 use hull::Rig;
 use serde_json::Value;
@@ -17,7 +17,7 @@ const FPS: f64 = 20.0;
 const FRAMES: usize = 60;
 
 fn sync_check(folder: &Path, arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_hulltouch"));
+    let mut command = testkit::command(env!("CARGO_BIN_EXE_hulltouch"));
     command.current_dir(folder).args(["sync", "check"]).args(arguments).output().expect("runs")
 }
 
@@ -172,7 +172,7 @@ fn real_film_shifted_by_whole_frames_is_found_within_half_a_frame() {
     }
     let folder = tempfile::tempdir().expect("a folder");
     fs::write(folder.path().join("shifted.cluster.toml"), text).expect("written");
-    let mut command = Command::new(env!("CARGO_BIN_EXE_hulltouch"));
+    let mut command = testkit::command(env!("CARGO_BIN_EXE_hulltouch"));
     command.current_dir(folder.path()).env("HULLTOUCH_DATASETS", datasets);
     let output = command.args(["sync", "check", "shifted.cluster.toml", "--json", "sync.json"]).output();
     let output = output.expect("runs");

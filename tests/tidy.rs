@@ -13,7 +13,8 @@ use rust_files::{File, files, root};
 
 /// Which of our crates a crate may depend on: dependencies point inward. Crates that only cross-crate tests may
 /// need stand in no list: those tests belong to hulltouch, which sees everything.
-const ALLOWED: [(&str, &[&str]); 19] = [
+const ALLOWED: [(&str, &[&str]); 20] = [
+    (TESTKIT, &[]),
     ("hull", &[]),
     ("calib", &["hull"]),
     ("segment", &["hull"]),
@@ -75,6 +76,9 @@ const ALLOWED: [(&str, &[&str]); 19] = [
         ],
     ),
 ];
+
+/// The crate that tests of every crate may use, and nothing else.
+const TESTKIT: &str = "testkit";
 
 /// The documents whose names are looked up.
 const DOCUMENTS: [&str; 14] = [
@@ -182,6 +186,7 @@ fn dependencies_point_inward() {
             let dependencies = manifest.get(kind).and_then(|table| table.as_table()).cloned();
             for dependency in dependencies.unwrap_or_default().keys() {
                 let is_allowed = !ours.contains(&dependency[..]) || allowed.contains(&&dependency[..]);
+                let is_allowed = is_allowed || (dependency == TESTKIT && kind == "dev-dependencies");
                 assert!(is_allowed, "{name}: {kind}: it may not depend on {dependency}");
                 let is_rapier = ["rapier3d", "parry3d", "glam"].contains(&&dependency[..]);
                 assert!(!is_rapier || name == "sim", "{name} may not depend on {dependency}");
@@ -228,6 +233,21 @@ fn the_hull_knows_no_files_clocks_threads_network_or_chance() {
         "rand::",
     ];
     none(lines_with(&files("hull/src", ".rs"), &words), "this has no place in hull");
+}
+
+#[test]
+fn tests_start_no_process_that_outlives_them() {
+    let is_test = |path: &str| path.starts_with("tests/") || path.contains("/tests/");
+    let others = rust().into_iter().filter(|file| is_test(&file.path) && !file.path.starts_with("testkit/"));
+    let starts = ["Command::new(", "cargo_bin"];
+    none(lines_with(&others.collect::<Vec<_>>(), &starts), "testkit::command ends what a test leaves running");
+}
+
+#[test]
+fn a_test_that_is_skipped_says_so_aloud() {
+    let skips = ["\"skipped", "\"SKIPPED"];
+    let others: Vec<File> = rust().into_iter().filter(|file| !file.path.starts_with("testkit/")).collect();
+    none(lines_with(&others, &skips), "testkit::skip is seen without --nocapture");
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use std::collections::{HashMap, HashSet};
 use std::net::SocketAddr;
-use std::process::{Command, Output};
+use std::process::Output;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 
@@ -111,7 +111,7 @@ fn nodes_of(spans: &HashMap<Vec<u8>, SpanFound>) -> HashSet<&str> {
 }
 
 fn demo(otlp: &str) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_hulltouch"))
+    testkit::command(env!("CARGO_BIN_EXE_hulltouch"))
         .args(["demo", "--cameras", "3", "--size", "160x120", "--seconds", "2", "--headless", "--unpaced"])
         .args(["--transport", "cluster", "--otlp", otlp])
         .env("OTEL_TRACES_SAMPLER", "always_on")

@@ -14,7 +14,7 @@ use std::fs;
 use std::io::{BufRead as _, BufReader};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Output, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
@@ -271,12 +271,12 @@ fn an_address_that_is_taken_is_named() {
 
 #[test]
 fn everything_on_the_dashboard_and_in_the_rules_gives_a_series() {
-    if !prometheus::is_installed() {
+    if !testkit::has_program("prometheus", "prometheus") {
         return;
     }
     let observe = Path::new(env!("CARGO_MANIFEST_DIR")).join("../deploy/observe");
     for (what, file) in [("rules", "rules.yml"), ("config", "prometheus.yml")] {
-        let checked = Command::new("promtool").args(["check", what]).arg(observe.join(file)).output();
+        let checked = testkit::command("promtool").args(["check", what]).arg(observe.join(file)).output();
         let checked = checked.expect("promtool comes with prometheus");
         assert!(checked.status.success(), "{}", String::from_utf8_lossy(&checked.stderr));
     }

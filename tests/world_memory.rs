@@ -2,7 +2,7 @@
 
 use std::io::{BufRead as _, BufReader};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
@@ -35,7 +35,7 @@ struct Process(Child);
 
 impl Process {
     fn start(arguments: &[&str], cluster: &Path, more: &[&str]) -> Process {
-        let child = Command::new(env!("CARGO_BIN_EXE_hulltouch"))
+        let child = testkit::command(env!("CARGO_BIN_EXE_hulltouch"))
             .args(arguments)
             .arg(cluster)
             .args(more)

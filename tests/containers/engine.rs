@@ -90,7 +90,7 @@ impl Engine {
 
     /// One of its clients.
     pub fn client(&self, program: &str) -> Command {
-        let mut command = Command::new(program);
+        let mut command = testkit::command(program);
         let socket = self.folder.path().join("docker.sock");
         command.env("PATH", PATH).env("DOCKER_HOST", format!("unix://{}", socket.display()));
         command.env("DOCKER_CONFIG", self.folder.path()).stdin(Stdio::null());
@@ -106,7 +106,7 @@ impl Engine {
     /// Ends a process as the kernel does when memory runs out: the engine was not asked.
     pub fn kill(&self, process: &str) {
         let engine = self.process().expect("it runs").as_raw_pid().to_string();
-        let mut command = Command::new("nsenter");
+        let mut command = testkit::command("nsenter");
         command.args(["--target", &engine, "--pid", "--mount", "sh", "-c", &format!("kill -KILL {process}")]);
         said(command.env("PATH", PATH));
     }
@@ -157,7 +157,7 @@ fn remove_groups(group: &Path) {
 
 /// Runs something in mounts and processes of its own, which end with the thread that started it.
 fn contained() -> Command {
-    let mut command = Command::new("setpriv");
+    let mut command = testkit::command("setpriv");
     command.args(["--pdeathsig", "KILL", "unshare", "--mount", "--pid", "--fork", "--kill-child"]);
     command.arg("--mount-proc").env("PATH", PATH).stdin(Stdio::null());
     command
@@ -175,7 +175,7 @@ pub fn debian() -> Result<PathBuf, String> {
     let mut command = contained();
     command.args(["debootstrap", "--variant=minbase", &release]).arg(&root);
     done(command.arg("http://deb.debian.org/debian"))?;
-    let mut command = Command::new("tar");
+    let mut command = testkit::command("tar");
     command.arg("--create").arg("--file").arg(&made).arg("--directory").arg(&root);
     done(command.args(["--exclude=./var/cache/apt/*", "--exclude=./usr/share/doc/*", "."]))?;
     fs::rename(&made, &archive).map_err(|error| error.to_string())?;

@@ -30,11 +30,11 @@ fn the_room_that_is_deployed_is_the_studio() {
 fn a_room_in_containers_goes_on_whatever_becomes_of_its_nodes() {
     let engine = match Engine::start() {
         Ok(engine) => engine,
-        Err(why) => return eprintln!("skipped: no containers here: {why}"),
+        Err(why) => return testkit::skip(format_args!("no containers: {why}")),
     };
     let base = match debian() {
         Ok(base) => base,
-        Err(why) => return eprintln!("skipped: no base for the image: {why}"),
+        Err(why) => return testkit::skip(format_args!("no base for the image: {why}")),
     };
     let room = Room::start(&engine, &base, &deployed());
     room.is_ready();

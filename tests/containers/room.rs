@@ -5,7 +5,6 @@ use std::fs;
 use std::net::SocketAddr;
 use std::os::unix::fs::chown;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -39,7 +38,7 @@ impl Room<'_> {
         chown(path("certs"), Some(USER), Some(USER)).expect("root may");
         engine.says(&["import", &base.display().to_string(), BASE]);
         // What it knows for debuggers is most of it.
-        let mut strip = Command::new("strip");
+        let mut strip = testkit::command("strip");
         strip.args(["-g", "-o"]).arg(path("context/hulltouch")).arg(env!("CARGO_BIN_EXE_hulltouch"));
         said(&mut strip);
         let file = deployed.join("Dockerfile").display().to_string();

@@ -13,15 +13,25 @@ use crate::processes::{Node, program};
 /// The nodes, each of two cameras.
 pub const NODES: [&str; 2] = ["left", "right"];
 
-/// A camera that films a grey bar before green: its phase, its rate, what it says of each frame (nothing, counts or times,
-/// or times that are set back), and where.
-const CAMERA: &str = r#"use Time::HiRes qw(time sleep); $| = 1; my ($phase, $fps, $says, $side) = @ARGV;
-if ($side) { open(SIDE, '>', $side) or die; select(SIDE); $| = 1; select(STDOUT); }
-print "YUV4MPEG2 W96 H72 C444\n"; my $zero = int(time) + 1 + $phase / 20;
-for (my $n = 0; ; $n++) { my $at = $zero + $n / $fps; my $left = $at - time; sleep $left if $left > 0;
-  print SIDE "$n\n" if $says eq 'counts';
-  printf SIDE "%.3f\n", 1000 * ($at - ($says eq 'back' && $n > 30 ? 5 : 0)) if $says eq 'times' || $says eq 'back';
-  print "FRAME\n", map { chr(128) x 691 . chr($_) x 6221 } (149, 43, 21); }"#;
+/// Lines of numbers that a camera says: longer than any test.
+const NUMBERS: u32 = 20_000;
+
+/// Writes the film of a grey bar before green, and the numbers that cameras of a rate may say of their frames.
+fn write_film(folder: &Path, fps: u32) {
+    let planes = [149, 43, 21].map(|plane| [vec![128; 691], vec![plane; 96 * 72 - 691]].concat());
+    fs::write(folder.join("bar.film"), planes.concat()).expect("written");
+    let time_ms = |frame: u32| 1000.0 * f64::from(frame) / f64::from(fps);
+    let kinds: [(&str, &dyn Fn(u32) -> String); 3] = [
+        ("counts", &|frame| frame.to_string()),
+        ("times", &|frame| format!("{:.3}", 5000.0 + time_ms(frame))),
+        // Set back by five seconds.
+        ("back", &|frame| format!("{:.3}", time_ms(frame) + if frame > 30 { 0.0 } else { 5000.0 })),
+    ];
+    for (kind, line) in kinds {
+        let text: String = (0..NUMBERS).map(|frame| line(frame) + "\n").collect();
+        fs::write(folder.join(format!("{kind}-{fps}")), text).expect("written");
+    }
+}
 
 /// A room and its nodes; what the doctor is told of it besides.
 pub struct Room {
@@ -45,35 +55,41 @@ pub struct Plan {
 impl Plan {
     /// Cameras of the studio, ten frames a second.
     pub fn of_stage() -> Plan {
-        Plan::of(10, |_| "source = { kind = \"stage\", motion = \"sweep\" }".to_owned())
+        Plan::of(10, |_, _| "source = { kind = \"stage\", motion = \"sweep\" }".to_owned())
     }
 
     /// Live cameras, twenty frames a second: phase, rate, and what each says; and a device's name that it ignores.
     pub fn of_live(cameras: [(f64, u32, &str); 4], devices: [&str; 4]) -> Plan {
-        let plan = Plan::of(20, |at| {
+        Plan::of(20, |folder, at| {
             let (phase, fps, says) = cameras[at];
             let side = match says {
                 "counts" => "{counts}",
                 "times" | "back" => "{times}",
                 _ => "",
             };
-            let words = ["perl", "camera.pl", &phase.to_string(), &fps.to_string(), says, side, devices[at]];
+            write_film(folder, fps);
+            let path = |name: &str| folder.join(name).display().to_string();
+            let mut words = vec![testkit::CAMERA.to_owned(), format!("film={}", path("bar.film"))];
+            words.extend(["header=YUV4MPEG2 W96 H72 C444".to_owned(), format!("fps={fps}")]);
+            words.push(format!("phase_s={}", phase / 20.0));
+            if !side.is_empty() {
+                words.extend([format!("side={side}"), format!("numbers={}", path(&format!("{says}-{fps}")))]);
+            }
+            words.push(devices[at].to_owned());
             format!(
                 "source = {{ kind = \"pipe\", live = true, command = {words:?} }}\nsegmentation = {{ method = \"chroma\" }}"
             )
-        });
-        fs::write(plan.folder.path().join("camera.pl"), CAMERA).expect("written");
-        plan
+        })
     }
 
-    fn of(fps: u32, camera: impl Fn(usize) -> String) -> Plan {
+    fn of(fps: u32, camera: impl Fn(&Path, usize) -> String) -> Plan {
         let folder = tempfile::tempdir().expect("a folder");
         let rig = stage::studio_rig(4, (96, 72)).expect("a rig");
         fs::write(folder.path().join("rig.toml"), rig.to_toml()).expect("written");
         let mut text = format!("rig = \"rig.toml\"\nscene = \"topple\"\nfps = {fps}\nlatency_s = 0.4\n");
         for (at, rigged) in rig.cameras().iter().enumerate() {
             let (name, node) = (rigged.name(), NODES[at / 2]);
-            text += &format!("[[camera]]\nname = {name:?}\nnode = {node:?}\n{}\n", camera(at));
+            text += &format!("[[camera]]\nname = {name:?}\nnode = {node:?}\n{}\n", camera(folder.path(), at));
         }
         Plan { folder, text, is_certified: true }
     }

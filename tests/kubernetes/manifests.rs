@@ -1,7 +1,7 @@
 //! Manifests and the tools that read them: kubectl, and Python with the packages of the tests.
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Output;
 
 use serde_json::Value;
 
@@ -21,13 +21,13 @@ fn text(bytes: &[u8]) -> String {
 
 /// What kubectl writes; none where it is not installed.
 pub fn kubectl(arguments: &[&str]) -> Option<String> {
-    match Command::new("kubectl").args(arguments).output() {
+    match testkit::command("kubectl").args(arguments).output() {
         Ok(output) => {
             assert!(output.status.success(), "kubectl {arguments:?}: {}", text(&output.stderr));
             Some(text(&output.stdout))
         }
         Err(error) => {
-            eprintln!("SKIPPED: kubectl cannot be run: {error}; it is in Debian's package kubernetes-client");
+            testkit::skip(format_args!("kubectl cannot be run: {error} (Debian package kubernetes-client)"));
             None
         }
     }
@@ -36,10 +36,10 @@ pub fn kubectl(arguments: &[&str]) -> Option<String> {
 /// What Python makes of it; none where it is not set up.
 fn python(arguments: &[&Path]) -> Option<Output> {
     let Some(python) = std::env::var_os("HULLTOUCH_PYTHON") else {
-        eprintln!("SKIPPED: HULLTOUCH_PYTHON names no Python with tests/python/requirements.txt");
+        testkit::skip("HULLTOUCH_PYTHON names no Python with tests/python/requirements.txt");
         return None;
     };
-    Some(Command::new(python).args(arguments).output().expect("HULLTOUCH_PYTHON runs"))
+    Some(testkit::command(python).args(arguments).output().expect("HULLTOUCH_PYTHON runs"))
 }
 
 /// Resources of Kubernetes, parsed.

@@ -1,11 +1,9 @@
 //! Command lines of units and manifests, held against the program.
 
-use std::process::Command;
-
 /// What the program says to arguments that it refuses.
 #[track_caller]
 fn refusal(arguments: &[&str]) -> String {
-    let output = Command::new(env!("CARGO_BIN_EXE_hulltouch")).args(arguments).output().expect("runs");
+    let output = testkit::command(env!("CARGO_BIN_EXE_hulltouch")).args(arguments).output().expect("runs");
     assert_eq!(output.status.code(), Some(2), "{arguments:?}");
     String::from_utf8_lossy(&output.stderr).into_owned()
 }

@@ -1,16 +1,18 @@
 //! A demo of this program that serves programs, for tests that talk to it.
 
 use std::io::{BufRead as _, BufReader};
-use std::process::{Child, Command, Stdio};
+use std::process::Stdio;
 use std::sync::mpsc::channel;
 use std::time::Duration;
+
+use testkit::Running;
 
 /// What lets its holder steer.
 pub const TOKEN: &str = "a-token-for-tests";
 
-/// A live demo of three small cameras; it ends with its test.
+/// A live demo of three small cameras; it ends with its test, and its nodes with it.
 pub struct Demo {
-    child: Child,
+    _running: Running,
     /// Where its page is: host and port.
     pub address: String,
 }
@@ -18,16 +20,16 @@ pub struct Demo {
 impl Demo {
     /// Starts one with more arguments, and waits until it serves.
     pub fn start(more: &[&str]) -> Demo {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_hulltouch"))
+        let mut command = testkit::command(env!("CARGO_BIN_EXE_hulltouch"));
+        command
             .args(["demo", "--cameras", "3", "--size", "160x120", "--seconds", "600", "--headless"])
             .args(["--listen", "127.0.0.1:0"])
             .args(more)
             .env("HULLTOUCH_TOKEN", TOKEN)
             .stdout(Stdio::null())
-            .stderr(Stdio::piped())
-            .spawn()
-            .expect("starts");
-        let stderr = child.stderr.take().expect("piped");
+            .stderr(Stdio::piped());
+        let mut running = Running::start(&mut command);
+        let stderr = running.child().stderr.take().expect("piped");
         let (tell, told) = channel();
         std::thread::spawn(move || {
             for line in BufReader::new(stderr).lines().map_while(Result::ok) {
@@ -38,14 +40,6 @@ impl Demo {
             }
         });
         let address = told.recv_timeout(Duration::from_secs(120)).expect("it tells where its page is");
-        Demo { child, address }
-    }
-}
-
-impl Drop for Demo {
-    fn drop(&mut self) {
-        // Its nodes end with it.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+        Demo { _running: running, address }
     }
 }

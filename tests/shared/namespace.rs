@@ -39,7 +39,7 @@ impl Host {
 
     /// The same program there.
     pub fn command(&self, program: &Command) -> Command {
-        let mut command = Command::new("ip");
+        let mut command = testkit::command("ip");
         command.args(["netns", "exec", &self.name]).arg(program.get_program());
         command
     }
@@ -62,7 +62,7 @@ fn ip(arguments: &str) -> Result<(), String> {
 }
 
 fn run(program: &str, arguments: &str) -> Result<(), String> {
-    let output = Command::new(program).args(arguments.split(' ')).output();
+    let output = testkit::command(program).args(arguments.split(' ')).output();
     let output = output.map_err(|error| format!("{program}: {error}"))?;
     if output.status.success() {
         return Ok(());

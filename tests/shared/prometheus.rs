@@ -4,26 +4,18 @@ use std::fmt::Write as _;
 use std::fs;
 use std::net::{SocketAddr, TcpListener};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
+use testkit::Running;
 
 use crate::http::try_get;
 
 /// A Prometheus of its own folder and port; it ends with its test.
 pub struct Prometheus {
-    child: Child,
+    _running: Running,
     address: SocketAddr,
-}
-
-/// Whether it is there; says so if not.
-pub fn is_installed() -> bool {
-    let found = Command::new("prometheus").arg("--version").output().is_ok();
-    if !found {
-        eprintln!("skipped: prometheus is not installed (Debian: prometheus)");
-    }
-    found
 }
 
 impl Prometheus {
@@ -38,15 +30,14 @@ impl Prometheus {
         fs::write(&config, text).expect("written");
         // Whoever else takes the port meanwhile makes the test fail, and not pass.
         let address = TcpListener::bind("127.0.0.1:0").and_then(|port| port.local_addr()).expect("a port");
-        let child = Command::new("prometheus")
+        let mut command = testkit::command("prometheus");
+        command
             .arg(format!("--config.file={}", config.display()))
             .arg(format!("--storage.tsdb.path={}", folder.join("prometheus").display()))
             .arg(format!("--web.listen-address={address}"))
             .arg("--log.level=error")
-            .stdout(Stdio::null())
-            .spawn()
-            .expect("starts");
-        Prometheus { child, address }
+            .stdout(Stdio::null());
+        Prometheus { _running: Running::start(&mut command), address }
     }
 
     fn ask(&self, path: &str) -> Option<Value> {
@@ -88,13 +79,6 @@ impl Prometheus {
             assert!(Instant::now() < by || without.is_empty(), "these give no series: {without:#?}");
             std::thread::sleep(Duration::from_millis(500));
         }
-    }
-}
-
-impl Drop for Prometheus {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
     }
 }
 

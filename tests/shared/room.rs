@@ -3,10 +3,12 @@
 use std::fs;
 use std::io::{BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
+#[allow(unused_imports, reason = "not every test needs it")]
+pub use testkit::Running;
 
 /// A node that ends with its test.
 pub struct Node(Running, String);
@@ -89,7 +91,7 @@ pub fn named_room(folder: &Path, left: &str, right: &str) -> PathBuf {
 
 /// The program that was built.
 pub fn program() -> Command {
-    Command::new(env!("CARGO_BIN_EXE_hulltouch"))
+    testkit::command(env!("CARGO_BIN_EXE_hulltouch"))
 }
 
 /// The names of a node's cameras.
@@ -104,41 +106,6 @@ pub fn coordinator(mut program: Command, cluster: &Path, seconds: &str, json: &P
     program.arg("coordinator").arg(cluster).args(["--seconds", seconds, "--json"]).arg(json);
     program.stdout(Stdio::null()).stderr(Stdio::piped());
     program
-}
-
-/// A process that ends with its test, also if that fails.
-pub struct Running(Option<Child>);
-
-#[allow(dead_code, reason = "not every test needs it")]
-impl Running {
-    /// Starts it.
-    pub fn start(command: &mut Command) -> Running {
-        Running(Some(command.spawn().expect("starts")))
-    }
-
-    /// The process.
-    pub fn child(&mut self) -> &mut Child {
-        self.0.as_mut().expect("it was not waited for")
-    }
-
-    /// Its number.
-    pub fn id(&self) -> u32 {
-        self.0.as_ref().expect("it was not waited for").id()
-    }
-
-    /// Waits until it has ended by itself.
-    pub fn wait_with_output(mut self) -> std::io::Result<Output> {
-        self.0.take().expect("it was not waited for").wait_with_output()
-    }
-}
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        if let Some(child) = &mut self.0 {
-            let _ = child.kill();
-            let _ = child.wait();
-        }
-    }
 }
 
 /// Waits until all nodes of a room are led by somebody who is there.

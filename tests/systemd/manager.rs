@@ -6,12 +6,13 @@ use std::os::fd::AsRawFd as _;
 use std::os::unix::fs::OpenOptionsExt as _;
 use std::os::unix::net::UnixDatagram;
 use std::path::Path;
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::{Pid, Signal, kill_process};
+use testkit::Running;
 
 /// The watchdog's time; it is fed twice in it.
 pub const WATCHDOG: Duration = Duration::from_millis(1000);
@@ -22,7 +23,7 @@ const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A service, and what it tells of itself. It ends with its test.
 pub struct Service {
-    child: Child,
+    running: Running,
     messages: Receiver<String>,
     /// What it writes to standard error.
     errors: BufReader<std::io::PipeReader>,
@@ -38,12 +39,11 @@ impl Service {
         let (errors, pipe) = std::io::pipe().expect("a pipe");
         command.env("NOTIFY_SOCKET", &path).env("WATCHDOG_USEC", WATCHDOG.as_micros().to_string());
         command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(pipe.try_clone().expect("a pipe"));
-        let child = command.spawn().expect("starts");
-        Service { child, messages, errors: BufReader::new(errors), pipe }
+        Service { running: Running::start(&mut command), messages, errors: BufReader::new(errors), pipe }
     }
 
     pub fn id(&self) -> u32 {
-        self.child.id()
+        self.running.id()
     }
 
     /// What it says next, if it does within this time.
@@ -127,10 +127,10 @@ impl Service {
     #[track_caller]
     pub fn end(mut self) -> (ExitStatus, String) {
         self.forget();
-        let process = Pid::from_raw(self.child.id().cast_signed()).expect("a number");
+        let process = Pid::from_raw(self.running.id().cast_signed()).expect("a number");
         kill_process(process, Signal::TERM).expect("sent");
         self.await_word("STOPPING=1");
-        let status = self.child.wait().expect("ends");
+        let status = self.running.child().wait().expect("ends");
         let (errors, end) = std::io::pipe().expect("a pipe");
         self.pipe = end;
         let mut rest = String::new();
@@ -152,11 +152,4 @@ fn messages(socket: UnixDatagram) -> Receiver<String> {
         }
     });
     messages
-}
-
-impl Drop for Service {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
 }

@@ -2,7 +2,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Output;
 
 use crate::arguments::check_arguments;
 
@@ -22,10 +22,10 @@ fn analyze(arguments: &[&str], unit: &str, text: &str) -> Option<Output> {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join(unit);
     fs::write(&path, text).expect("written");
-    match Command::new("systemd-analyze").args(arguments).arg(&path).output() {
+    match testkit::command("systemd-analyze").args(arguments).arg(&path).output() {
         Ok(output) => Some(output),
         Err(error) => {
-            eprintln!("SKIPPED: systemd-analyze cannot be run: {error}; it is in Debian's package systemd");
+            testkit::skip(format_args!("systemd-analyze cannot be run: {error} (Debian package systemd)"));
             None
         }
     }

@@ -16,7 +16,7 @@ pub fn dataset(name: &str) -> Option<PathBuf> {
         return Some(folder);
     }
     assert!(!named, "HULLTOUCH_DATASETS leads to {}, which is no folder", folder.display());
-    println!("skipped: {} is no folder and HULLTOUCH_DATASETS is not set", folder.display());
+    testkit::skip(format_args!("{} is no folder and HULLTOUCH_DATASETS is not set", folder.display()));
     None
 }
 

@@ -334,16 +334,21 @@ impl PipeReader {
 
 #[cfg(test)]
 mod tests {
-    use std::process::Command;
+    use std::path::Path;
     use std::sync::atomic::{AtomicU64, Ordering};
 
     use super::super::ImageKind;
     use super::super::SourceConfig;
     use super::super::tests::{camera, context, numbers};
     use super::*;
+    use segment::Layout;
 
+    /// A command whose process ends with this one, also when it is silent.
     fn config(command: &[&str], more: &str) -> PipeConfig {
-        let words: Vec<String> = command.iter().map(|word| format!("{word:?}")).collect();
+        let (variable, mark) = testkit::mark();
+        let marked = ["env".to_owned(), format!("{variable}={mark}")];
+        let words = marked.iter().map(String::as_str).chain(command.iter().copied());
+        let words: Vec<String> = words.map(|word| format!("{word:?}")).collect();
         let text = format!("kind = \"pipe\"\ncommand = [{}]\n{more}", words.join(", "));
         match toml::from_str(&text).expect("valid") {
             SourceConfig::Pipe(config) => config,
@@ -374,57 +379,70 @@ mod tests {
         assert_eq!(source.next(0, &mut image), Err(error), "and again");
     }
 
-    const TEST_FILM: [&str; 8] =
-        ["ffmpeg", "-v", "error", "-f", "lavfi", "-i", "testsrc=size=33x17:rate=30", "-frames:v"];
+    /// A film of these bytes from a program.
+    fn played(folder: &Path, bytes: &[u8], more: &str, size: (u32, u32)) -> PipeSource {
+        let path = folder.join("film");
+        std::fs::write(&path, bytes).expect("written");
+        let config = config(&["cat", &path.display().to_string()], more);
+        PipeSource::open(&config, &camera(size.0, size.1), &context(30.0)).expect("starts")
+    }
 
-    fn ffmpeg(last: &[&str]) -> Vec<u8> {
-        let output = Command::new("ffmpeg").args(&TEST_FILM[1..]).args(last).output();
-        output.expect("this test needs ffmpeg (Debian package ffmpeg)").stdout
+    /// Bytes like noise, so that no two frames or planes are alike.
+    fn noise(count: usize) -> Vec<u8> {
+        let mut state = 1_u32;
+        let next = |_| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 24) as u8
+        };
+        (0..count).map(next).collect()
+    }
+
+    /// The source gives these frames and then ends, again and again.
+    #[track_caller]
+    fn check_frames(mut source: PipeSource, layout: Layout, frames: &[&[u8]], what: &str) {
+        let mut image = Image::default();
+        for (number, planes) in frames.iter().enumerate() {
+            let taken = source.next(0, &mut image).expect("reads").expect("a frame");
+            assert_eq!(taken.number, number as u64);
+            assert!(image.kind == ImageKind::Colour(layout), "{what}");
+            assert!(image.data == *planes, "{what}, frame {number}");
+        }
+        assert_eq!(source.next(0, &mut image), Ok(None), "{what}");
+        assert_eq!(source.next(0, &mut image), Ok(None), "{what}: and again");
     }
 
     #[test]
-    fn a_film_through_ffmpeg_is_read_exactly() {
-        // The same planes as raw bytes.
-        for (format, chroma) in [
-            ("yuv420p", "C420jpeg"),
-            ("yuvj422p", "C422"),
-            ("yuv444p", "C444"),
-            ("yuv411p", "C411"),
-            ("gray", "Cmono"),
-        ] {
-            let range = if ["yuvj422p", "gray"].contains(&format) { "FULL" } else { "LIMITED" };
-            let line = format!("YUV4MPEG2 W33 H17 {chroma} XCOLORRANGE={range}");
+    fn films_of_every_layout_are_read_exactly() {
+        let folder = tempfile::tempdir().expect("folder");
+        for words in
+            ["C420jpeg", "C422 XCOLORRANGE=FULL", "C444", "C411", "Cmono", "C420mpeg2 XYSCSS=420MPEG2"]
+        {
+            let line = format!("YUV4MPEG2 W33 H17 F30:1 Ip A1:1 {words}");
             let header = Header::parse(line.as_bytes()).expect("valid");
-            let raw = ffmpeg(&["7", "-pix_fmt", format, "-f", "rawvideo", "-"]);
-            assert_eq!(raw.len(), 7 * header.frame_bytes());
-            let command = [&TEST_FILM[..], &["7", "-pix_fmt", format, "-f", "yuv4mpegpipe", "-"]].concat();
-            let mut source =
-                PipeSource::open(&config(&command, ""), &camera(33, 17), &context(30.0)).expect("starts");
-            let mut image = Image::default();
-            for (number, planes) in raw.chunks(header.frame_bytes()).enumerate() {
-                let taken = source.next(0, &mut image).expect("reads").expect("a frame");
-                assert_eq!(taken.number, number as u64);
-                let kind = ImageKind::Colour(header.format().expect("size").layout());
-                let expected = Image { width: 33, height: 17, kind, data: planes.to_vec() };
-                assert!(image == expected, "{format}, frame {number}");
-            }
-            assert_eq!(source.next(0, &mut image), Ok(None));
-            assert_eq!(source.next(0, &mut image), Ok(None), "and again");
+            let planes = noise(7 * header.frame_bytes());
+            let frames: Vec<&[u8]> = planes.chunks(header.frame_bytes()).collect();
+            let film = frames.iter().flat_map(|frame| [b"FRAME\n", *frame].concat());
+            let film: Vec<u8> = line.bytes().chain([b'\n']).chain(film).collect();
+            let layout = header.format().expect("size").layout();
+            check_frames(played(folder.path(), &film, "", (33, 17)), layout, &frames, words);
         }
     }
 
     #[test]
     fn raw_frames_come_as_the_camera_writes_them() {
-        for (raw, pixel_format) in
-            [("rgb", "rgb24"), ("i420", "yuv420p"), ("nv12", "nv12"), ("yuyv", "yuyv422")]
-        {
-            let bytes = ffmpeg(&["3", "-s", "34x17", "-pix_fmt", pixel_format, "-f", "rawvideo", "-"]);
-            let last = ["3", "-s", "34x17", "-pix_fmt", pixel_format, "-f", "rawvideo", "-"];
-            let command = [&TEST_FILM[..], &last].concat();
-            let config = config(&command, &format!("raw = {raw:?}\nfull_range = true"));
-            let mut source = PipeSource::open(&config, &camera(34, 17), &context(30.0)).expect("starts");
+        let folder = tempfile::tempdir().expect("folder");
+        for (raw, frame_bytes) in [
+            ("rgb", 34 * 17 * 3),
+            ("i420", 34 * 17 + 2 * 17 * 9),
+            ("nv12", 34 * 17 + 2 * 17 * 9),
+            ("yuyv", 34 * 17 * 2),
+        ] {
+            let film = noise(3 * frame_bytes);
+            let frames: Vec<&[u8]> = film.chunks(frame_bytes).collect();
+            let mut source =
+                played(folder.path(), &film, &format!("raw = {raw:?}\nfull_range = true"), (34, 17));
             let mut image = Image::default();
-            for frame in bytes.chunks(bytes.len() / 3) {
+            for frame in frames {
                 source.next(0, &mut image).expect("reads").expect("a frame");
                 let ImageKind::Colour(layout) = image.kind else { panic!("colours") };
                 let format = Format::new(layout, 34, 17).expect("size");
@@ -440,8 +458,44 @@ mod tests {
         );
     }
 
+    const TEST_FILM: [&str; 8] =
+        ["ffmpeg", "-v", "error", "-f", "lavfi", "-i", "testsrc=size=33x17:rate=30", "-frames:v"];
+
+    fn ffmpeg(last: &[&str]) -> Vec<u8> {
+        testkit::command("ffmpeg").args(&TEST_FILM[1..]).args(last).output().expect("runs").stdout
+    }
+
+    #[test]
+    fn a_film_through_ffmpeg_is_read_exactly() {
+        if !testkit::has_program("ffmpeg", "ffmpeg") {
+            return;
+        }
+        // The same planes as raw bytes.
+        for (format, chroma) in [
+            ("yuv420p", "C420jpeg"),
+            ("yuvj422p", "C422"),
+            ("yuv444p", "C444"),
+            ("yuv411p", "C411"),
+            ("gray", "Cmono"),
+        ] {
+            let range = if ["yuvj422p", "gray"].contains(&format) { "FULL" } else { "LIMITED" };
+            let line = format!("YUV4MPEG2 W33 H17 {chroma} XCOLORRANGE={range}");
+            let header = Header::parse(line.as_bytes()).expect("valid");
+            let raw = ffmpeg(&["7", "-pix_fmt", format, "-f", "rawvideo", "-"]);
+            assert_eq!(raw.len(), 7 * header.frame_bytes());
+            let command = [&TEST_FILM[..], &["7", "-pix_fmt", format, "-f", "yuv4mpegpipe", "-"]].concat();
+            let source =
+                PipeSource::open(&config(&command, ""), &camera(33, 17), &context(30.0)).expect("starts");
+            let frames: Vec<&[u8]> = raw.chunks(header.frame_bytes()).collect();
+            check_frames(source, header.format().expect("size").layout(), &frames, format);
+        }
+    }
+
     #[test]
     fn colours_are_those_that_ffmpeg_itself_would_show() {
+        if !testkit::has_program("ffmpeg", "ffmpeg") {
+            return;
+        }
         let rgb = ffmpeg(&["1", "-pix_fmt", "rgb24", "-f", "rawvideo", "-"]);
         for format in ["yuv444p", "yuvj444p"] {
             let command = [&TEST_FILM[..], &["1", "-pix_fmt", format, "-f", "yuv4mpegpipe", "-"]].concat();

@@ -187,7 +187,9 @@ mod tests {
     use super::*;
 
     fn shell(script: &str) -> (Program, ChildStdout) {
-        Program::start(&["sh", "-c", script].map(str::to_owned), Path::new("/")).expect("starts")
+        let (variable, mark) = testkit::mark();
+        let command = ["env", &format!("{variable}={mark}"), "sh", "-c", script];
+        Program::start(&command.map(str::to_owned), Path::new("/")).expect("starts")
     }
 
     #[test]

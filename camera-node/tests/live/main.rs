@@ -9,12 +9,9 @@ use std::time::{Duration, Instant};
 use camera_node::capture::Filming as _;
 use camera_node::frames::FrameId;
 use proto::{FilmState, Pace, RunStart};
-use rig::{FPS, LiveCamera, LiveRig, SOON};
+use rig::{FPS, LiveCamera, LiveRig, SOON, film};
 use rustix::process::{Pid, Signal, kill_process};
 
-/// Films for ever, at the pace of the cluster.
-const WELL: &str = r#"h; exec perl -MTime::HiRes=time,sleep -e '$| = 1; $at = time;
-while (1) { print "FRAME\n", "0" x 96; $at += 0.05; $left = $at - time; sleep $left if $left > 0 }'"#;
 /// Films a little.
 const BRIEFLY: &str = "h; for i in 1 2 3 4 5 6 7 8; do f; sleep 0.01; done";
 
@@ -26,7 +23,7 @@ fn live() -> RunStart {
 #[track_caller]
 fn check_films_again(then: &str) {
     let first = format!("{BRIEFLY}; {then}");
-    let rig = LiveRig::of([LiveCamera::new(&[&first, WELL])]);
+    let rig = LiveRig::of([LiveCamera::new(&[&first, &film(0.0)])]);
     rig.film.start(live()).expect("opens");
     rig.await_program(0, 2, Duration::from_secs(10));
     rig.await_frames_of_a_new_program(0);
@@ -36,7 +33,7 @@ fn check_films_again(then: &str) {
 
 #[test]
 fn a_camera_whose_program_is_killed_films_again_within_3_s() {
-    let rig = LiveRig::of([LiveCamera::new(&[WELL]), LiveCamera::new(&[WELL])]);
+    let rig = LiveRig::of([LiveCamera::new(&[&film(0.0)]), LiveCamera::new(&[&film(0.0)])]);
     let pace = Pace::live(1, 0.0);
     rig.film.start(RunStart::of_this_process(pace)).expect("opens");
     rig.await_frame(5, SOON);
@@ -79,7 +76,7 @@ fn a_camera_that_stops_within_a_frame_films_again() {
 #[test]
 fn a_camera_that_has_another_size_for_a_while_films_again() {
     let small = "printf 'YUV4MPEG2 W4 H4 F30:1 C444\\n'; sleep 100";
-    let rig = LiveRig::of([LiveCamera::new(&[BRIEFLY, small, WELL])]);
+    let rig = LiveRig::of([LiveCamera::new(&[BRIEFLY, small, &film(0.0)])]);
     rig.film.start(live()).expect("opens");
     rig.await_program(0, 3, SOON);
     rig.await_frames_of_a_new_program(0);
@@ -89,7 +86,7 @@ fn a_camera_that_has_another_size_for_a_while_films_again() {
 #[test]
 fn a_camera_that_is_not_there_at_first_films_once_it_is() {
     let none = "echo no such device >&2; exit 1";
-    let rig = LiveRig::of([LiveCamera::new(&[none, none, none, WELL]), LiveCamera::new(&[WELL])]);
+    let rig = LiveRig::of([LiveCamera::new(&[none, none, none, &film(0.0)]), LiveCamera::new(&[&film(0.0)])]);
     rig.film.start(live()).expect("a run does not wait for it");
     rig.await_cameras(1);
     rig.await_frame(1, SOON);
@@ -100,10 +97,10 @@ fn a_camera_that_is_not_there_at_first_films_once_it_is() {
 
 #[test]
 fn a_start_is_refused_for_what_no_waiting_mends_alone() {
-    let rig = LiveRig::of([LiveCamera::new(&[WELL]), LiveCamera::of_program("./camera.sh")]);
+    let rig = LiveRig::of([LiveCamera::new(&[&film(0.0)]), LiveCamera::of_program("./camera.sh")]);
     let error = rig.film.start(live()).expect_err("refused").to_string();
     assert!(error.contains("camera \"cam_1\": cannot start \"./camera.sh\": No such file"), "{error}");
-    let path = rig.write_program(1, WELL);
+    let path = rig.write_program(1, &film(0.0));
     // Systems refuse to start a program that is open for writing; some do not, and start it.
     let writer = fs::OpenOptions::new().append(true).open(path).expect("opened");
     rig.film.start(live()).expect("it may become free");
@@ -115,7 +112,7 @@ fn a_start_is_refused_for_what_no_waiting_mends_alone() {
 #[test]
 fn in_lock_step_a_live_camera_that_fails_or_ends_is_not_opened_again() {
     for (script, expected) in [("h; f; exit 0", "Ended"), ("h; f; echo unplugged >&2; exit 3", "unplugged")] {
-        let rig = LiveRig::of([LiveCamera::new(&[script, WELL])]);
+        let rig = LiveRig::of([LiveCamera::new(&[script, &film(0.0)])]);
         rig.film.start(RunStart::of_this_process(Pace::lock_step(1))).expect("opens");
         rig.film.credit(u64::MAX);
         let state = rig.await_end();

@@ -6,19 +6,7 @@ use camera_node::capture::Filming as _;
 use proto::{FilmState, Stamps};
 
 use super::live;
-use super::rig::{FPS, LiveCamera, LiveRig, SOON};
-
-/// Films at the pace of the cluster, this many seconds after its own beginning, each frame up to 6 ms late; `say` is what
-/// it does for each frame `$n`, which is captured at `$at`.
-fn film(phase_s: f64, say: &str) -> String {
-    format!(
-        r#"h; exec perl -MTime::HiRes=time,sleep -e '$| = 1; use IO::Handle;
-if (@ARGV) {{ open($side, ">", $ARGV[0]); $side->autoflush(1) }}
-$zero = int(time) + 1 + {phase_s};
-for ($n = 0; ; $n++) {{ $at = $zero + $n / {FPS}; $left = $at + rand(0.006) - time; sleep $left if $left > 0;
-print "FRAME\n", "0" x 96; {say} }}' "$@""#
-    )
-}
+use super::rig::{FPS, LiveCamera, LiveRig, SOON, film, film_at, film_with_numbers};
 
 /// Films until the ring has a frame this long after its first one; which share of numbers was missed in between.
 fn missed(rig: &LiveRig, seconds: f64) -> f64 {
@@ -44,7 +32,7 @@ fn missed(rig: &LiveRig, seconds: f64) -> f64 {
 
 #[test]
 fn pipes_whose_captures_lie_anywhere_miss_no_common_frame() {
-    let cameras = (0..8).map(|camera| LiveCamera::new(&[&film(f64::from(camera) / 8.0 / FPS, "")]));
+    let cameras = (0..8).map(|camera| LiveCamera::new(&[&film(f64::from(camera) / 8.0 / FPS)]));
     let rig = LiveRig::of(cameras);
     let share = missed(&rig, 6.0);
     // One frame of 120 may fall to a busy machine.
@@ -59,9 +47,12 @@ fn pipes_whose_captures_lie_anywhere_miss_no_common_frame() {
 
 #[test]
 fn times_and_counts_that_a_program_writes_number_its_frames() {
+    let folder = tempfile::tempdir().expect("folder");
     let times =
-        LiveCamera::new(&[&film(0.0, r#"printf $side "%.3f\n", 1e6 + $n * 50"#)]).with_word("{times}");
-    let counts = LiveCamera::new(&[&film(0.0, r#"printf $side "%d\n", 700 + $n"#)]).with_word("{counts}");
+        film_with_numbers(folder.path(), "times", |frame| format!("{:.3}", 1e6 + frame as f64 * 50.0));
+    let counts = film_with_numbers(folder.path(), "counts", |frame| (700 + frame).to_string());
+    let times = LiveCamera::new(&[&times]).with_word("{times}");
+    let counts = LiveCamera::new(&[&counts]).with_word("{counts}");
     let rig = LiveRig::of([times, counts]);
     let share = missed(&rig, 3.0);
     assert!(share < 0.02, "{share} missed");
@@ -75,11 +66,12 @@ fn times_and_counts_that_a_program_writes_number_its_frames() {
     assert_eq!(stamps, [Stamps::Capture, Stamps::Counter]);
 }
 
-/// A camera that says this of its frames is opened again, and the run goes on.
+/// A camera that writes these numbers is opened again, and the run goes on.
 #[track_caller]
-fn check_opened_again(say: &str) {
-    let bad = film(0.0, say);
-    let good = film(0.0, r#"printf $side "%.3f\n", $n * 50"#);
+fn check_opened_again(lines: impl Fn(usize) -> String) {
+    let folder = tempfile::tempdir().expect("folder");
+    let bad = film_with_numbers(folder.path(), "bad", lines);
+    let good = film_with_numbers(folder.path(), "good", |frame| (frame * 50).to_string());
     let rig = LiveRig::of([LiveCamera::new(&[&bad, &good]).with_word("{times}")]);
     rig.film.start(live()).expect("opens");
     rig.await_program(0, 2, SOON);
@@ -89,34 +81,35 @@ fn check_opened_again(say: &str) {
 
 #[test]
 fn times_that_are_letters_open_a_camera_again() {
-    check_opened_again(r#"print $side "soon\n""#);
+    check_opened_again(|_| "soon".to_owned());
 }
 
 #[test]
 fn times_that_run_backwards_open_a_camera_again() {
-    check_opened_again(r#"printf $side "%d\n", 100000 - $n * 50"#);
+    check_opened_again(|frame| (2_000_000 - frame * 50).to_string());
 }
 
 #[test]
 fn times_that_jump_open_a_camera_again() {
-    check_opened_again(r#"printf $side "%d\n", $n * 50 + ($n > 9 ? 1e7 : 0)"#);
+    check_opened_again(|frame| (frame * 50 + if frame > 9 { 10_000_000 } else { 0 }).to_string());
 }
 
 #[test]
 fn too_few_times_or_none_open_a_camera_again() {
-    check_opened_again(r#"printf $side "%d\n", $n * 50 if $n < 5"#);
-    check_opened_again("");
+    check_opened_again(|frame| if frame < 5 { (frame * 50).to_string() } else { String::new() });
+    check_opened_again(|_| String::new());
 }
 
 #[test]
 fn too_many_times_open_a_camera_again() {
-    check_opened_again(r#"printf $side "%d\n", $n * 1000 + $_ for 1 .. 40"#);
+    check_opened_again(|frame| {
+        (1..=40).map(|number| (frame * 1000 + number).to_string()).collect::<Vec<_>>().join(" ")
+    });
 }
 
 #[test]
 fn a_camera_of_another_rate_is_opened_again() {
-    let slow = film(0.0, "").replace(&format!("$n / {FPS}"), "$n / 18");
-    let rig = LiveRig::of([LiveCamera::new(&[&slow, &film(0.0, "")])]);
+    let rig = LiveRig::of([LiveCamera::new(&[&film_at(18.0, 0.0), &film(0.0)])]);
     rig.film.start(live()).expect("opens");
     rig.await_program(0, 2, SOON);
     rig.await_frames_of_a_new_program(0);
@@ -125,6 +118,9 @@ fn a_camera_of_another_rate_is_opened_again() {
 
 #[test]
 fn capture_times_through_ffmpeg_number_frames() {
+    if !testkit::has_program("ffmpeg", "ffmpeg") {
+        return;
+    }
     let ffmpeg = r#"exec ffmpeg -y -v error -re -copyts -f lavfi -i testsrc=size=8x4:rate=20 \
 -pix_fmt yuv444p -f yuv4mpegpipe - -flush_packets 1 -f mkvtimestamp_v2 "$1""#;
     let rig = LiveRig::of([LiveCamera::new(&[ffmpeg]).with_word("{times}")]);

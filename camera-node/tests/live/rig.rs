@@ -21,6 +21,10 @@ pub const FPS: f64 = 20.0;
 /// Longer than any wait that succeeds.
 pub const SOON: Duration = Duration::from_secs(20);
 
+/// The first line of each film.
+const HEADER: &str = "YUV4MPEG2 W8 H4 F30:1 C444";
+/// Lines of numbers that a camera writes at most: longer than any test.
+const NUMBERS: usize = 20_000;
 /// `h` writes a header, `f` a frame; each program notes its number, and does what its turn says.
 const PROGRAM: &str = r#"#!/bin/sh
 h() { printf 'YUV4MPEG2 W8 H4 F30:1 C444\n'; }
@@ -30,6 +34,24 @@ turn=$(wc -l < programs)
 while [ ! -e turn_$turn ]; do turn=$((turn - 1)); done
 . ./turn_$turn
 "#;
+
+/// A turn that films for ever, at the pace of the cluster; each frame comes up to 6 ms late.
+pub fn film(phase_s: f64) -> String {
+    film_at(FPS, phase_s)
+}
+
+/// The same of another rate.
+pub fn film_at(fps: f64, phase_s: f64) -> String {
+    let camera = testkit::CAMERA;
+    format!("exec {camera} film=frame fps={fps:?} phase_s={phase_s:?} late_s=0.006 'header={HEADER}'")
+}
+
+/// The same that writes numbers beside its frames, `lines(n)` for its frame `n`: a word for each number.
+pub fn film_with_numbers(folder: &Path, name: &str, lines: impl Fn(usize) -> String) -> String {
+    let text: String = (0..NUMBERS).map(|frame| lines(frame) + "\n").collect();
+    fs::write(folder.join(name), text).expect("written");
+    format!("{} \"side=$1\" numbers={}", film(0.0), folder.join(name).display())
+}
 
 /// A camera in a folder of its own.
 pub struct LiveCamera {
@@ -63,6 +85,7 @@ impl LiveCamera {
         for (turn, script) in (1..).zip(turns) {
             fs::write(self.folder.path().join(format!("turn_{turn}")), script).expect("written");
         }
+        fs::write(self.folder.path().join("frame"), [b'0'; 96]).expect("written");
         let path = self.folder.path().join("camera.sh");
         fs::write(&path, PROGRAM).expect("written");
         fs::set_permissions(&path, fs::Permissions::from_mode(0o755)).expect("set");
@@ -80,7 +103,8 @@ impl LiveCamera {
         );
         // By `sh`: a program that another thread's child holds open for writing cannot be started.
         let mut command = if self.folder.path().join("camera.sh").exists() {
-            vec!["sh".to_owned(), self.program.clone()]
+            let (variable, mark) = testkit::mark();
+            vec!["env".to_owned(), format!("{variable}={mark}"), "sh".to_owned(), self.program.clone()]
         } else {
             vec![self.program.clone()]
         };

@@ -1,32 +1,32 @@
 //! Where the recordings of real people are, and how their frames are decoded.
 
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 use segment::Format;
 
 /// The folder of the recordings: `HULLTOUCH_DATASETS`, or else `../shared/datasets`, both from the
-/// workspace's root. `None`, with the reason printed, if the variable is not set and the folder is not there.
+/// workspace's root. `None`, with the reason reported, if the variable is not set and the folder is not there, or
+/// without ffmpeg, which decodes them.
 pub fn datasets() -> Option<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let set = std::env::var_os("HULLTOUCH_DATASETS");
     let folder = root.join(set.clone().unwrap_or_else(|| "../shared/datasets".into()));
     if !folder.is_dir() {
         assert!(set.is_none(), "HULLTOUCH_DATASETS leads to {}, which is no folder", folder.display());
-        println!("skipped: HULLTOUCH_DATASETS is not set and {} is not there", folder.display());
+        testkit::skip(format_args!("{} is no folder and HULLTOUCH_DATASETS is not set", folder.display()));
         return None;
     }
-    Some(folder)
+    testkit::has_program("ffmpeg", "ffmpeg").then_some(folder)
 }
 
 /// Decoded frames of the format asked for, by ffmpeg's name of its layout.
 pub fn frames(video: &Path, format: Format, pixel_format: &str, filter: &str) -> Vec<Vec<u8>> {
-    let output = Command::new("ffmpeg")
+    let output = testkit::command("ffmpeg")
         .args(["-v", "error", "-nostdin", "-i"])
         .arg(video)
         .args(["-vf", filter, "-fps_mode", "passthrough", "-f", "rawvideo", "-pix_fmt", pixel_format, "-"])
         .output()
-        .expect("ffmpeg is needed where the recordings are (Debian package ffmpeg)");
+        .expect("ffmpeg runs");
     let complaint = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "ffmpeg on {}: {complaint}", video.display());
     let size = format.frame_bytes();
