@@ -23,9 +23,9 @@ pub fn skip(reason: impl Display) {
 /// Whether a program is installed; reports the test as skipped if not, with the Debian package to install.
 #[track_caller]
 pub fn has_program(program: &str, package: &str) -> bool {
-    let version = if program.starts_with("ff") { "-version" } else { "--version" };
+    // Some refuse this argument; they are there too.
     let mut command = Command::new(program);
-    command.arg(version).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    command.arg("--version").stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
     let error = match command.status() {
         Ok(_) => return true,
         Err(error) => error,
