@@ -36,7 +36,9 @@ fn run(program: Command, cluster: &Path, folder: &Path) {
 #[test]
 fn a_node_serves_what_is_its_own_at_the_address_of_its_name() {
     if let Err(error) = ("localhost", 0).to_socket_addrs() {
-        return testkit::skip(format_args!("localhost cannot be looked up: {error} (is there no /etc/hosts?)"));
+        return testkit::skip(format_args!(
+            "localhost cannot be looked up: {error} (is there no /etc/hosts?)"
+        ));
     }
     let folder = tempfile::tempdir().expect("a folder");
     let port = own_port();
