@@ -17,6 +17,7 @@ const SOON: Duration = Duration::from_secs(60);
 
 /// The test of the second process: starts what never ends by itself. Without `END` it has nothing to do.
 #[test]
+#[expect(clippy::zombie_processes, reason = "this is about processes that a test does not wait for")]
 fn processes_that_never_end() {
     let Ok(end) = std::env::var(END) else { return };
     // A child with a child of its own, one that is its own group, and one that ignores what asks it to end.

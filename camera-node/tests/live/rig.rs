@@ -43,14 +43,14 @@ pub fn film(phase_s: f64) -> String {
 /// The same of another rate.
 pub fn film_at(fps: f64, phase_s: f64) -> String {
     let camera = testkit::CAMERA;
-    format!("exec {camera} film=frame fps={fps:?} phase_s={phase_s:?} late_s=0.006 'header={HEADER}'")
+    format!("exec '{camera}' film=frame fps={fps:?} phase_s={phase_s:?} late_s=0.006 'header={HEADER}'")
 }
 
 /// The same that writes numbers beside its frames, `lines(n)` for its frame `n`: a word for each number.
 pub fn film_with_numbers(folder: &Path, name: &str, lines: impl Fn(usize) -> String) -> String {
     let text: String = (0..NUMBERS).map(|frame| lines(frame) + "\n").collect();
     fs::write(folder.join(name), text).expect("written");
-    format!("{} \"side=$1\" numbers={}", film(0.0), folder.join(name).display())
+    format!("{} \"side=$1\" 'numbers={}'", film(0.0), folder.join(name).display())
 }
 
 /// A camera in a folder of its own.
