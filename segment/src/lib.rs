@@ -19,6 +19,7 @@ mod crop;
 mod gain;
 mod kernel;
 mod layout;
+pub mod mask;
 mod metric;
 mod model;
 mod segmenter;

@@ -1,0 +1,108 @@
+//! Which grey values are foreground.
+
+use super::error::Found;
+use super::{MaskError, Sample};
+
+/// Up to so many different values an image may consist of labels.
+const MOST_LABELS: usize = 64;
+/// A value between background and foreground that fills this share of a soft mask, flat, is a third label.
+const LABEL_SHARE: usize = 50;
+
+/// The value from which on pixels are foreground.
+pub(super) fn threshold<S: Sample>(values: &[S], width: usize, is_lossy: bool) -> Result<u32, MaskError> {
+    let max: u32 = S::MAX.into();
+    let counts = histogram(values);
+    let present: Vec<u32> = (0..=max).filter(|&value| counts[value as usize] > 0).collect();
+    let (least, most) = (present[0], present[present.len() - 1]);
+    let half = max / 2;
+    match present[..] {
+        [value] if value == 0 || value == max => Ok(1),
+        [value] => Err(MaskError::ConstantGrey { value, max }),
+        // A lossy format makes such a pair of noise.
+        [0, _] if !is_lossy => Ok(1),
+        _ if most <= half || least > half => {
+            Err(MaskError::OneSide { found: Found::new(present), half, are_dark: most <= half })
+        }
+        [_, _] => Ok(half + 1),
+        _ => Greys::new(&counts, present, is_lossy).check(values, width).map(|()| half + 1),
+    }
+}
+
+/// How many pixels have each value. Masks consist of long runs.
+fn histogram<S: Sample>(values: &[S]) -> Vec<usize> {
+    let mut counts = vec![0; S::MAX.into() as usize + 1];
+    for run in values.chunk_by(|a, b| a == b) {
+        counts[run[0].into() as usize] += run.len();
+    }
+    counts
+}
+
+/// Three or more values on both sides of half.
+struct Greys {
+    present: Vec<u32>,
+    /// The most common values up to half and over it.
+    low: u32,
+    high: u32,
+    /// What is no farther from one of these is the same with noise.
+    noise: u32,
+    may_be_labels: bool,
+}
+
+impl Greys {
+    fn new(counts: &[usize], present: Vec<u32>, is_lossy: bool) -> Greys {
+        let max = counts.len() as u32 - 1;
+        let most_common = |from: u32, to: u32| (from..=to).max_by_key(|&value| counts[value as usize]);
+        let (low, high) =
+            (most_common(0, max / 2).unwrap_or(0), most_common(max / 2 + 1, max).unwrap_or(max));
+        let may_be_labels = !is_lossy && present.len() <= MOST_LABELS;
+        let noise = max / 32;
+        // Labels are small numbers, beside which 255 stands alone. Noise is on both sides.
+        let is_noisy = present.iter().any(|&value| value != high && value.abs_diff(high) <= noise);
+        let noise = if may_be_labels && !is_noisy { 0 } else { noise };
+        Greys { present, low, high, noise, may_be_labels }
+    }
+
+    /// Refuses labels and pictures. Of a mask, what lies between background and foreground is the slope of an edge.
+    fn check<S: Sample>(&self, values: &[S], width: usize) -> Result<(), MaskError> {
+        let (mut between, mut flat) = (0, 0);
+        let mut flat_counts = vec![0; S::MAX.into() as usize + 1];
+        for (index, &value) in values.iter().enumerate() {
+            let grey: u32 = value.into();
+            if grey.abs_diff(self.low) <= self.noise || grey.abs_diff(self.high) <= self.noise {
+                continue;
+            }
+            between += 1;
+            if !is_on_a_slope(values, width, index) {
+                flat += 1;
+                flat_counts[grey as usize] += 1;
+            }
+        }
+        let labels = || MaskError::Labels(Found::new(&self.present));
+        if self.may_be_labels && 2 * flat > between {
+            return Err(labels());
+        }
+        if flat_counts.iter().any(|&flat| flat * LABEL_SHARE >= values.len()) && 2 * flat > between {
+            return Err(labels());
+        }
+        if 2 * between > values.len() {
+            let between_percent = (100 * between / values.len()) as u32;
+            return Err(MaskError::Picture { between_percent, low: self.low, high: self.high });
+        }
+        Ok(())
+    }
+}
+
+/// Whether a pixel has a darker and a brighter one around it.
+fn is_on_a_slope<S: Sample>(values: &[S], width: usize, index: usize) -> bool {
+    let (row, column, value) = (index / width, index % width, values[index]);
+    let (mut has_darker, mut has_brighter) = (false, false);
+    for near_row in row.saturating_sub(1)..=row + 1 {
+        let from = near_row * width + column.saturating_sub(1);
+        let to = near_row * width + (column + 2).min(width);
+        for &near in values.get(from..to).unwrap_or_default() {
+            has_darker |= near < value;
+            has_brighter |= near > value;
+        }
+    }
+    has_darker && has_brighter
+}
