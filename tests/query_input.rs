@@ -60,12 +60,8 @@ fn silhouettes_that_are_not_the_rigs_are_refused() {
     fs::remove_file(path.join("sil/right.png")).expect("removed");
 
     image(8, 7).save(path.join("sil/left.png")).expect("written");
-    let size = "sil/left.png: size: found 8 x 7, expected 8 x 6 as camera \"left\" of the rig";
+    let size = "sil/left.png is 8 x 7 pixels, expected 8 x 6 as camera \"left\" of the rig";
     refused(path, &[], size);
-
-    let deep = image::ImageBuffer::<image::Luma<u16>, Vec<u16>>::new(8, 6);
-    deep.save(path.join("sil/left.png")).expect("written");
-    refused(path, &[], "sil/left.png: found 16 bits a channel, expected 8");
 
     fs::remove_file(path.join("sil/left.png")).expect("removed");
     let missing = "found no such file, expected the silhouette of camera \"left\" of the rig";

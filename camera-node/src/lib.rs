@@ -7,6 +7,7 @@
 pub mod capture;
 mod config;
 mod cores;
+mod film_check;
 pub mod frames;
 pub mod fuzz;
 pub mod listen;
@@ -18,4 +19,5 @@ mod shapes;
 pub mod source;
 
 pub use config::{NodeCamera, NodeConfig};
+pub use film_check::{FilmCheckError, ShortFilm};
 pub use source::SourceConfig;

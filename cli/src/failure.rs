@@ -4,6 +4,7 @@ use std::fmt::{self, Display};
 use std::path::Path;
 use std::process::ExitCode;
 
+use camera_node::FilmCheckError;
 use camera_node::capture::CaptureError;
 use cluster::{ClusterFileError, LocalClusterError, NodeConfigError};
 
@@ -79,6 +80,12 @@ impl From<LocalClusterError> for Failure {
             | LocalClusterError::Start { .. }
             | LocalClusterError::Failed { .. } => Failure::run(error),
         }
+    }
+}
+
+impl From<FilmCheckError> for Failure {
+    fn from(error: FilmCheckError) -> Failure {
+        Failure::input(error)
     }
 }
 

@@ -2,9 +2,8 @@
 
 use std::path::PathBuf;
 
-use camera_node::source::{FileConfig, Image, OpenContext, SourceError};
+use camera_node::source::{SourceError, read_silhouette};
 use camera_node::{NodeCamera, NodeConfig, SourceConfig};
-use hull::silhouette::SilhouetteError;
 use hull::{Camera, Rig, Silhouette};
 use node_client::{ExpectedNode, NodePlace};
 use proto::CameraDescription;
@@ -16,16 +15,13 @@ use crate::dns_sd::NodeSearch;
 /// Why cameras of a cluster file cannot be set up.
 #[derive(Debug, Error)]
 pub enum NodeConfigError {
-    /// An ignore mask cannot be read.
-    #[error(transparent)]
-    MaskFile(#[from] SourceError),
-    /// An ignore mask is no silhouette.
-    #[error("{}: {source}", path.display())]
-    Mask {
-        /// The file.
-        path: PathBuf,
+    /// An ignore mask is no mask of the camera's size.
+    #[error("camera {camera:?}, ignore_mask: {error}")]
+    IgnoreMask {
+        /// Its name.
+        camera: String,
         /// Why not.
-        source: SilhouetteError,
+        error: SourceError,
     },
     /// A coordinator cannot reach a camera.
     #[error("{}, camera {camera:?}: no node, expected a name, \"host:port\" or \"unix:/path\"", path.display())]
@@ -104,15 +100,9 @@ fn empty_room(entry: &CameraEntry) -> Result<SourceConfig, NodeConfigError> {
 }
 
 fn ignored(entry: &CameraEntry, camera: &Camera) -> Result<Option<Silhouette>, NodeConfigError> {
-    let Some(path) = &entry.ignore_mask else { return Ok(None) };
-    let context = OpenContext::outside_runs(1.0);
-    let mut image = Image::default();
-    let mut source = SourceConfig::Masks(FileConfig::new(path)).open(camera, entry.rig_index, &context)?;
-    source.next(0, &mut image)?;
-    let mask: Vec<u8> = image.data.iter().map(|&pixel| u8::from(pixel > 127)).collect();
-    Silhouette::from_mask(image.width, image.height, &mask)
-        .map(Some)
-        .map_err(|source| NodeConfigError::Mask { path: path.clone(), source })
+    let read = |path: &PathBuf| read_silhouette(path, camera);
+    let mask = entry.ignore_mask.as_ref().map(read).transpose();
+    mask.map_err(|error| NodeConfigError::IgnoreMask { camera: entry.name.clone(), error })
 }
 
 /// What a coordinator must find at a place: the cameras at `indices` of the rig.

@@ -11,13 +11,14 @@ use super::background::{BackgroundCapture, RequestSlot};
 use super::camera::ReadyCamera;
 use super::film_clock::FilmClock;
 use super::gate::Gate;
+use super::mask_watch::MaskWatch;
 use super::retry::{Failure, Retry};
 use super::segmenter::{CutoutError, silhouette};
 use crate::frames::{CameraFrame, FrameRing, Stamp};
 use crate::metrics::{FilmMeter, FilmedFrame};
 use crate::pictures::ColourRing;
 use crate::pulse::Beat;
-use crate::source::{Image, OpenContext, Source, SourceFrame};
+use crate::source::{Image, ImageKind, OpenContext, Source, SourceConfig, SourceFrame};
 
 /// Captures of one camera lie at least so many periods apart.
 const LEAST_PERIODS: f64 = 0.1;
@@ -52,6 +53,7 @@ struct Progress {
     past_s: Option<f64>,
     image: Image,
     background: BackgroundCapture,
+    masks: MaskWatch,
 }
 
 impl CaptureLoop {
@@ -112,7 +114,7 @@ impl CaptureLoop {
         progress: &mut Progress,
         mut filmed: impl FnMut(&str),
     ) -> Result<(), CaptureError> {
-        let Progress { next, past_s, image, background } = progress;
+        let Progress { next, past_s, image, background, masks } = progress;
         while let Some(at_least) = self.await_turn(*next) {
             self.beat.works();
             let frame = source.next(at_least, image);
@@ -122,11 +124,12 @@ impl CaptureLoop {
             let frame = self.after(frame, past_s);
             // What came before its first frame was not missed.
             let missed = if *next == 0 { 0 } else { frame.number.saturating_sub(*next) };
-            self.offer(camera, frame, missed, source.pace(), image)?;
+            self.offer(camera, frame, missed, source.pace(), image, masks)?;
             self.learn(camera, background, frame.number, image);
             *next = frame.number.saturating_add(1);
             filmed(camera.name());
         }
+        warn_of_masks(camera, masks.finish());
         Ok(())
     }
 
@@ -169,11 +172,15 @@ impl CaptureLoop {
         missed: u64,
         pace: Option<CameraPace>,
         image: &Image,
+        masks: &mut MaskWatch,
     ) -> Result<(), CaptureError> {
         let began = Instant::now();
         let name = camera.config.camera.name();
         let silhouette = silhouette(camera.segmenter.as_mut(), image, name)
             .map_err(|error| camera.segmentation_error(error))?;
+        if image.kind == ImageKind::Mask {
+            warn_of_masks(camera, masks.note(&silhouette, self.context.fps));
+        }
         let stamp = Stamp {
             number: frame.number,
             capture_time_s: frame.capture_time_s,
@@ -214,5 +221,12 @@ impl CaptureLoop {
             let due = (self.clock.now_s() * self.context.fps).floor().max(0.0) as u64;
             next.max(due)
         })
+    }
+}
+
+/// Says what is odd about a camera's masks, with their folder.
+fn warn_of_masks(camera: &ReadyCamera, problem: Option<String>) {
+    if let (Some(problem), SourceConfig::Masks(files)) = (problem, &camera.config.source) {
+        tracing::warn!("camera {:?}: {}: {problem}", camera.name(), files.path.display());
     }
 }

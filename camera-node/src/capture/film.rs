@@ -154,6 +154,7 @@ impl Film {
         let live_silence = if start.lock_step { Duration::MAX } else { silence(self.fps) };
         OpenContext {
             fps: self.fps,
+            is_run: true,
             clock: Arc::new(move || clock.now_s()),
             phase: Arc::new(move || *lock(&phase)),
             stopped: Arc::new(move || {

@@ -10,6 +10,7 @@ mod film;
 mod film_clock;
 mod filming;
 mod gate;
+mod mask_watch;
 mod retry;
 mod segmenter;
 

@@ -87,8 +87,7 @@ pub(super) fn silhouette(
     camera: &str,
 ) -> Result<Silhouette, CutoutError> {
     if image.kind == ImageKind::Mask {
-        let mask: Vec<u8> = image.data.iter().map(|&pixel| u8::from(pixel > 127)).collect();
-        let silhouette = Silhouette::from_mask(image.width, image.height, &mask);
+        let silhouette = Silhouette::from_mask(image.width, image.height, &image.data);
         return Ok(silhouette.map_err(SegmentError::from)?);
     }
     let segmenter = segmenter.ok_or(CutoutError::NoSegmenter)?;

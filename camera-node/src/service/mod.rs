@@ -157,7 +157,10 @@ impl CameraNode for Service {
         // Opening sources blocks: programs start, files are read.
         let started = proto::apart(move || film.start(start)).await;
         let started = started.ok_or_else(|| Status::internal("the start of film panicked"))?;
-        started.map_err(|error| Status::failed_precondition(error.to_string()))?;
+        started.map_err(|error| {
+            tracing::error!("film cannot start: {error}");
+            Status::failed_precondition(error.to_string())
+        })?;
         Ok(Response::new(v1::StartReply {}))
     }
 

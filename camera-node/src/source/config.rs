@@ -25,7 +25,7 @@ pub enum SourceConfig {
     Stage(StageConfig),
     /// Numbered colour images.
     Images(FileConfig),
-    /// Numbered masks, 8 bits: over 127 is foreground.
+    /// Numbered masks, read by [`segment::mask`].
     Masks(FileConfig),
     /// One YUV4MPEG2 file.
     Video(FileConfig),
@@ -74,9 +74,9 @@ pub struct FileConfig {
     /// The film's file; for images and masks a folder, a folder with a pattern like
     /// `frame_%06d.png`, or a single image, which is frame 0.
     pub path: PathBuf,
-    /// The file's number (the index in a film) that is frame 0 of the cluster.
+    /// The file's number (the index in a film) that is frame 0 of the cluster; left out, 0.
     #[serde(default)]
-    pub start_frame: u64,
+    pub start_frame: Option<u64>,
     /// Every how many-th file is a frame of the cluster.
     #[serde(default = "one")]
     pub frame_step: NonZeroU64,
@@ -234,7 +234,7 @@ impl PipeConfig {
 impl FileConfig {
     /// All frames under `path`, numbered as they are.
     pub fn new(path: impl Into<PathBuf>) -> FileConfig {
-        FileConfig { path: path.into(), start_frame: 0, frame_step: one() }
+        FileConfig { path: path.into(), start_frame: None, frame_step: one() }
     }
 }
 

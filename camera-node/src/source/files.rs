@@ -1,15 +1,17 @@
 //! Numbered image files: colour frames, or masks that are silhouettes already.
 
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{BufRead, BufReader, Seek};
 use std::path::{Path, PathBuf};
 
-use hull::Camera;
-use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
+use hull::{Camera, Silhouette};
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use segment::Layout;
+use segment::mask::{Channels, MaskError, MaskImage, Samples, read_mask};
 
 use super::config::FileConfig;
-use super::film::{Fit, Numbering};
+use super::film::Fit;
+use super::numbered;
 use super::{Image, ImageKind, OpenContext, Source, SourceError, SourceFrame};
 
 /// What pictures are decoded to.
@@ -26,33 +28,18 @@ pub struct FileFrames {
 }
 
 impl FileFrames {
-    /// Lists the files. `config.path` is a folder (a file's number is the last run of digits in its
-    /// name), a folder with a pattern as last part (`frame_%06d.png`), or one image, which is frame 0.
+    /// Lists the files, and of a run checks that their numbers are frames of film.
     pub fn open(
         config: &FileConfig,
         kind: ImageKind,
         camera: &Camera,
         context: &OpenContext,
     ) -> Result<FileFrames, SourceError> {
-        let path = &config.path;
-        let files = numbered_files(path)?;
-        let (first, last) = (files.first().map(|f| f.0), files.last().map(|f| f.0));
-        let numbering = Numbering::new(config.start_frame, config.frame_step);
-        let frames: Vec<(u64, PathBuf)> = files
-            .into_iter()
-            .filter_map(|(index, path)| numbering.number(index).map(|number| (number, path)))
-            .collect();
-        if frames.is_empty() {
-            return Err(SourceError::file(
-                path,
-                match (first, last) {
-                    (Some(first), Some(last)) => format!(
-                        "numbers {first} to {last}, none of them start_frame {} plus a multiple of frame_step {}",
-                        config.start_frame, config.frame_step
-                    ),
-                    _ => "found no numbered image, expected .png or .jpg files".to_owned(),
-                },
-            ));
+        let frames = numbered::frames(config)?;
+        if context.is_run {
+            for note in numbered::check(config, &frames, context.fps)? {
+                tracing::warn!("camera {:?}: {}: {note}", camera.name(), config.path.display());
+            }
         }
         Ok(FileFrames { frames, cursor: 0, kind, fit: Fit::new(camera), fps: context.fps })
     }
@@ -88,21 +75,52 @@ pub(super) fn decode(
 ) -> Result<(), SourceError> {
     let mut reader =
         ImageReader::new(bytes).with_guessed_format().map_err(|error| SourceError::file(path, error))?;
+    let is_lossy = reader.format() == Some(ImageFormat::Jpeg);
     reader.limits(limits(fit.size()));
     let decoder = reader.into_decoder().map_err(|error| SourceError::file(path, error))?;
     // Checked before anything of that size is decoded.
     fit.check(&path.display().to_string(), decoder.dimensions())?;
     let decoded = DynamicImage::from_decoder(decoder).map_err(|error| SourceError::file(path, error))?;
     (image.width, image.height) = (decoded.width(), decoded.height());
-    (image.kind, image.data) = match kind {
-        ImageKind::Colour(_) => (COLOUR, decoded.into_rgb8().into_raw()),
-        ImageKind::Mask => (ImageKind::Mask, decoded.into_luma8().into_raw()),
-    };
+    match kind {
+        ImageKind::Colour(_) => (image.kind, image.data) = (COLOUR, decoded.into_rgb8().into_raw()),
+        ImageKind::Mask => {
+            image.kind = ImageKind::Mask;
+            write_mask(&decoded, is_lossy, &mut image.data)
+                .map_err(|error| SourceError::file(path, error))?;
+        }
+    }
     Ok(())
 }
 
+/// The silhouette in one image file, of the camera's size.
+pub fn read_silhouette(path: &Path, camera: &Camera) -> Result<Silhouette, SourceError> {
+    let mut image = Image::default();
+    load(path, ImageKind::Mask, &Fit::new(camera), &mut image)?;
+    Silhouette::from_mask(image.width, image.height, &image.data)
+        .map_err(|error| SourceError::file(path, error))
+}
+
+/// A decoded image as a mask, a byte a pixel.
+fn write_mask(image: &DynamicImage, is_lossy: bool, mask: &mut Vec<u8>) -> Result<(), MaskError> {
+    let (channels, samples) = match image {
+        DynamicImage::ImageLuma8(grey) => (Channels::Grey, Samples::Bytes(grey.as_raw())),
+        DynamicImage::ImageLumaA8(grey) => (Channels::GreyAlpha, Samples::Bytes(grey.as_raw())),
+        DynamicImage::ImageRgb8(rgb) => (Channels::Rgb, Samples::Bytes(rgb.as_raw())),
+        DynamicImage::ImageRgba8(rgba) => (Channels::Rgba, Samples::Bytes(rgba.as_raw())),
+        DynamicImage::ImageLuma16(grey) => (Channels::Grey, Samples::Words(grey.as_raw())),
+        DynamicImage::ImageLumaA16(grey) => (Channels::GreyAlpha, Samples::Words(grey.as_raw())),
+        DynamicImage::ImageRgb16(rgb) => (Channels::Rgb, Samples::Words(rgb.as_raw())),
+        DynamicImage::ImageRgba16(rgba) => (Channels::Rgba, Samples::Words(rgba.as_raw())),
+        // Neither PNG nor JPEG has any other samples.
+        other => return write_mask(&other.to_rgba16().into(), is_lossy, mask),
+    };
+    let (width, height) = (image.width(), image.height());
+    read_mask(&MaskImage { width, height, channels, samples, is_lossy }, mask)
+}
+
 /// What decoding an image of this size may take: a colour profile may unpack to a thousand times its bytes.
-pub fn limits((width, height): (u32, u32)) -> Limits {
+fn limits((width, height): (u32, u32)) -> Limits {
     const BYTES_A_PIXEL: u64 = 16;
     const BYTES_BESIDE: u64 = 4 << 20;
     let mut limits = Limits::no_limits();
@@ -110,84 +128,9 @@ pub fn limits((width, height): (u32, u32)) -> Limits {
     limits
 }
 
-/// Files and their numbers, ascending.
-fn numbered_files(path: &Path) -> Result<Vec<(u64, PathBuf)>, SourceError> {
-    let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-    let mut files = if name.contains('%') {
-        let expected = "expected one %d or %06d in the file name, and no other %";
-        let pattern = Pattern::parse(name).ok_or_else(|| SourceError::file(path, expected))?;
-        listed(path.parent().unwrap_or(Path::new(".")), |name| pattern.number(name))?
-    } else if path.is_dir() {
-        listed(path, plain_number)?
-    } else if path.is_file() {
-        vec![(0, path.to_owned())]
-    } else {
-        return Err(SourceError::file(path, "no such file or folder"));
-    };
-    files.sort();
-    if let Some(twice) = files.windows(2).find(|pair| pair[0].0 == pair[1].0) {
-        let names = (twice[0].1.display(), twice[1].1.display());
-        return Err(SourceError::file(
-            path,
-            format_args!("{} and {} are both number {}", names.0, names.1, twice[0].0),
-        ));
-    }
-    Ok(files)
-}
-
-fn listed(folder: &Path, number: impl Fn(&str) -> Option<u64>) -> Result<Vec<(u64, PathBuf)>, SourceError> {
-    let refused = |error: std::io::Error| SourceError::file(folder, error);
-    let mut files = Vec::new();
-    for entry in fs::read_dir(folder).map_err(refused)? {
-        let entry = entry.map_err(refused)?;
-        if let Some(number) = entry.file_name().to_str().and_then(&number) {
-            files.push((number, entry.path()));
-        }
-    }
-    Ok(files)
-}
-
-/// The last run of digits in the name of a PNG or JPEG file.
-fn plain_number(name: &str) -> Option<u64> {
-    let (stem, extension) = name.rsplit_once('.')?;
-    if !["png", "jpg", "jpeg"].iter().any(|known| extension.eq_ignore_ascii_case(known)) {
-        return None;
-    }
-    let end = stem.rfind(|c: char| c.is_ascii_digit())? + 1;
-    let start = stem[..end].rfind(|c: char| !c.is_ascii_digit()).map_or(0, |at| {
-        // The character before the digits may be longer than a byte.
-        at + stem[at..].chars().next().map_or(1, char::len_utf8)
-    });
-    stem[start..end].parse().ok()
-}
-
-/// `before%0<width>dafter`.
-struct Pattern<'a> {
-    before: &'a str,
-    width: usize,
-    after: &'a str,
-}
-
-impl<'a> Pattern<'a> {
-    fn parse(name: &'a str) -> Option<Pattern<'a>> {
-        let (before, rest) = name.split_once('%')?;
-        let (width, after) = rest.split_once('d')?;
-        let width = match width {
-            "" => 0,
-            zeros => zeros.strip_prefix('0')?.parse().ok().filter(|width| *width <= 20)?,
-        };
-        (!after.contains('%')).then_some(Pattern { before, width, after })
-    }
-
-    fn number(&self, name: &str) -> Option<u64> {
-        let digits = name.strip_prefix(self.before)?.strip_suffix(self.after)?;
-        let number: u64 = digits.parse().ok()?;
-        (format!("{number:0width$}", width = self.width) == digits).then_some(number)
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use std::fs;
     use std::io::Cursor;
 
     use super::super::tests::{camera, context, numbers};
@@ -207,7 +150,7 @@ mod tests {
     ) -> Result<FileFrames, SourceError> {
         let config = FileConfig {
             path: path.to_owned(),
-            start_frame,
+            start_frame: Some(start_frame),
             frame_step: frame_step.try_into().expect("not zero"),
         };
         FileFrames::open(&config, kind, &camera(4, 3), &context(30.0))
@@ -237,21 +180,6 @@ mod tests {
     }
 
     #[test]
-    fn numbers_are_the_last_digits_of_a_name() {
-        for (name, expected) in [
-            ("000045.png", Some(45)),
-            ("cam1_0045.PNG", Some(45)),
-            ("cam1-45é.jpeg", Some(45)),
-            ("é7.jpg", Some(7)),
-            ("cam.png", None),
-            ("7.txt", None),
-            ("99999999999999999999999.png", None),
-        ] {
-            assert_eq!(plain_number(name), expected, "{name}");
-        }
-    }
-
-    #[test]
     fn a_colour_profile_takes_no_more_than_an_image_may() {
         let bomb = include_bytes!("../../../fuzz/regressions/image/profile-of-32-MiB");
         let profile_bytes = |limits: Limits| {
@@ -267,13 +195,13 @@ mod tests {
     #[test]
     fn one_image_is_a_plate_and_colour_or_mask_by_kind() {
         let folder = tempfile::tempdir().expect("folder");
-        write(folder.path(), "cam01.png", (4, 3), 128);
+        write(folder.path(), "cam01.png", (4, 3), 255);
         let path = folder.path().join("cam01.png");
         let mut image = Image::default();
         let taken = open(&path, COLOUR, 0, 1).expect("opens").next(0, &mut image).expect("read");
         assert_eq!((taken.expect("frame").number, image.kind, image.data.len()), (0, COLOUR, 36));
         open(&path, ImageKind::Mask, 0, 1).expect("opens").next(0, &mut image).expect("read");
-        assert_eq!(image, Image { width: 4, height: 3, kind: ImageKind::Mask, data: vec![128; 12] });
+        assert_eq!(image, Image { width: 4, height: 3, kind: ImageKind::Mask, data: vec![1; 12] });
     }
 
     #[track_caller]
@@ -303,5 +231,59 @@ mod tests {
         write(&at("twice"), "a1.png", (4, 3), 0);
         write(&at("twice"), "b01.png", (4, 3), 0);
         check_refused(&at("twice"), "b01.png are both number 1");
+    }
+
+    /// A PNG of 4 × 3 pixels: rows of packed samples, and what is set before they are written.
+    fn png(
+        (colour, depth): (png::ColorType, png::BitDepth),
+        set: impl Fn(&mut png::Encoder<'_, &mut Vec<u8>>),
+        rows: [&[u8]; 3],
+    ) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, 4, 3);
+        encoder.set_color(colour);
+        encoder.set_depth(depth);
+        set(&mut encoder);
+        let mut writer = encoder.write_header().expect("a header");
+        writer.write_image_data(&rows.concat()).expect("pixels");
+        writer.finish().expect("an end");
+        bytes
+    }
+
+    fn mask_of(png: &[u8]) -> Result<Vec<u8>, String> {
+        let mut image = Image::default();
+        let fit = Fit::new(&camera(4, 3));
+        let decoded = decode(Cursor::new(png), Path::new("mask.png"), ImageKind::Mask, &fit, &mut image);
+        decoded.map(|()| image.data).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn palettes_few_bits_and_transparent_colours_are_masks_as_their_samples_are() {
+        use png::{BitDepth, ColorType};
+        const MIDDLE: [u8; 12] = [0, 0, 0, 0, 0, 1, 1, 0, 0, 0, 0, 0];
+        for (depth, middle) in [(BitDepth::One, 0b0110_0000), (BitDepth::Two, 0b0001_0100)] {
+            let grey = png((ColorType::Grayscale, depth), |_| {}, [&[0], &[middle], &[0]]);
+            assert_eq!(mask_of(&grey), Ok(MIDDLE.to_vec()), "{depth:?}");
+        }
+        let rows: [&[u8]; 3] = [&[0, 0, 0, 0], &[0, 1, 1, 0], &[0, 0, 0, 0]];
+        let labelled: [&[u8]; 3] = [&[0, 0, 0, 0], &[0, 1, 1, 0], &[2, 2, 2, 2]];
+        let indexed = (ColorType::Indexed, BitDepth::Eight);
+        let palette = |colours: &'static [u8]| {
+            move |encoder: &mut png::Encoder<'_, &mut Vec<u8>>| encoder.set_palette(colours)
+        };
+        assert_eq!(mask_of(&png(indexed, palette(&[0, 0, 0, 128, 0, 0]), rows)), Ok(MIDDLE.to_vec()));
+        let voc = png(indexed, palette(&[0, 0, 0, 192, 128, 128, 224, 224, 192]), labelled);
+        assert!(mask_of(&voc).is_err_and(|error| error.contains("mask.png: found the colours #000000, #c08080, ")));
+        let transparent = |encoder: &mut png::Encoder<'_, &mut Vec<u8>>| {
+            encoder.set_palette(&[255u8; 6][..]);
+            encoder.set_trns(&[0u8, 255][..]);
+        };
+        assert_eq!(mask_of(&png(indexed, transparent, rows)), Ok(MIDDLE.to_vec()), "alpha of a palette");
+        let clear_black = |encoder: &mut png::Encoder<'_, &mut Vec<u8>>| encoder.set_trns(&[0u8, 0][..]);
+        let grey = png((ColorType::Grayscale, BitDepth::Eight), clear_black, rows);
+        assert_eq!(mask_of(&grey), Ok(MIDDLE.to_vec()), "a transparent grey");
+        let deep: [&[u8]; 3] = [&[0; 8], &[0, 0, 0, 1, 0, 1, 0, 0], &[0; 8]];
+        let grey = png((ColorType::Grayscale, BitDepth::Sixteen), |_| {}, deep);
+        assert_eq!(mask_of(&grey), Ok(MIDDLE.to_vec()), "16 bits");
     }
 }

@@ -110,7 +110,7 @@ impl FileFilm {
         let (header, name) = (reader.header(), path.display().to_string());
         Fit::new(camera).check(&name, (header.width, header.height))?;
         let format = header.format().map_err(|error| SourceError::file(&path, error))?;
-        let numbering = Numbering::new(config.start_frame, config.frame_step);
+        let numbering = Numbering::new(config.start_frame.unwrap_or(0), config.frame_step);
         check_rate(&name, header, numbering.film_fps(context.fps))?;
         Ok(FileFilm { path, reader, format, numbering, fps: context.fps, index: 0 })
     }
@@ -152,7 +152,11 @@ mod tests {
             bytes.extend([frame, 100]);
         }
         std::fs::write(&path, bytes).expect("written");
-        let config = FileConfig { path, start_frame, frame_step: frame_step.try_into().expect("not zero") };
+        let config = FileConfig {
+            path,
+            start_frame: Some(start_frame),
+            frame_step: frame_step.try_into().expect("not zero"),
+        };
         FileFilm::open(&config, &camera(2, 1), &context(fps))
     }
 

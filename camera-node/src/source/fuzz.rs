@@ -35,6 +35,7 @@ pub fn image(bytes: &[u8]) {
         if decode(Cursor::new(bytes), Path::new("image"), kind, &fit, &mut image).is_ok() {
             assert_eq!((image.width, image.height, image.kind), (16, 12, kind));
             assert_eq!(image.data.len(), 16 * 12 * channels, "a whole image");
+            assert!(kind == COLOUR || image.data.iter().all(|&value| value <= 1), "a byte of 0 or 1 a pixel");
         }
     }
 }

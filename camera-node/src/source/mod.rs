@@ -9,9 +9,11 @@
 mod config;
 mod files;
 mod film;
+mod film_time;
 pub(crate) mod fuzz;
 mod mailbox;
 mod number;
+mod numbered;
 mod pipe;
 mod program;
 mod raw;
@@ -32,7 +34,8 @@ use thiserror::Error;
 pub use config::{FileConfig, PipeConfig, SourceConfig, StageConfig};
 pub use raw::RawLayout;
 
-pub use files::limits as image_limits;
+pub use files::read_silhouette;
+pub use film_time::usual_distance;
 
 use files::FileFrames;
 use film::FileFilm;
@@ -44,7 +47,7 @@ use stage_source::StageSource;
 pub enum ImageKind {
     /// Colours, in the layout that the camera, the film or the picture has.
     Colour(Layout),
-    /// One byte a pixel: over 127 is foreground. The silhouette is taken as it is.
+    /// One byte a pixel: 1 is foreground, 0 background. The silhouette is taken as it is.
     Mask,
 }
 
@@ -127,6 +130,8 @@ pub struct OpenContext {
     pub clock: Clock,
     /// Where the cluster cuts film into frames; only live pipes use it.
     pub phase: Phase,
+    /// Whether frames are of a run, which shows each at its film time. Outside runs their order alone counts.
+    pub is_run: bool,
     /// Whether the run is over: a program that gives no frame is then waited for no longer.
     pub stopped: Stopped,
     /// The longest wait for a frame of a live source that has given one; the first may take as long as its
@@ -148,6 +153,7 @@ impl OpenContext {
     pub fn outside_runs(fps: f64) -> OpenContext {
         OpenContext {
             fps,
+            is_run: false,
             clock: Arc::new(|| 0.0),
             phase: Arc::new(|| None),
             stopped: Arc::new(|| false),
@@ -245,6 +251,17 @@ impl SourceError {
 }
 
 impl SourceConfig {
+    /// The frames of numbered images, ascending, of a run at `fps`; `None` of other sources. Numbers that are no
+    /// frames of film are refused.
+    pub fn image_frames(&self, fps: f64) -> Option<Result<Vec<u64>, SourceError>> {
+        let (SourceConfig::Images(config) | SourceConfig::Masks(config)) = self else { return None };
+        let frames = numbered::frames(config);
+        Some(frames.and_then(|frames| {
+            numbered::check(config, &frames, fps)?;
+            Ok(frames.into_iter().map(|frame| frame.0).collect())
+        }))
+    }
+
     /// Opens the source for the camera at `camera_index` of its rig. Programs start here; a size
     /// that is not the camera's is refused, at the latest with the first frame.
     pub fn open(

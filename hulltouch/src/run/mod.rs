@@ -38,6 +38,9 @@ const LOCAL_CONNECT_TIMEOUT: Duration = Duration::from_secs(20);
 pub fn run_locally(setup: &Setup) -> Outcome {
     setup.prepare_outputs()?;
     let cameras = cameras(setup)?;
+    if let Some(short) = cameras.check_films()? {
+        tracing::warn!("{short}");
+    }
     if setup.transport != TransportName::Inprocess {
         let told = LocalNodes { empty: setup.empty, otlp: setup.outlets.otlp.as_ref(), certs: None };
         let cluster = LocalCluster::start(&setup.file, Sockets::default(), told)?;

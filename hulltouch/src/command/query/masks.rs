@@ -4,9 +4,8 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use camera_node::source::image_limits;
+use camera_node::source::read_silhouette;
 use hull::{Camera, Rig, Silhouette};
-use image::{ColorType, DynamicImage, ImageDecoder, ImageReader};
 
 use cli::{Failure, Outcome};
 
@@ -39,35 +38,32 @@ pub fn paths_of_film(folder: &Path, rig: &Rig) -> Outcome<Vec<BTreeMap<u64, Path
     Ok(paths.into_iter().map(|path| BTreeMap::from([(0, path)])).collect())
 }
 
-/// Reads one silhouette: an 8-bit PNG of the camera's size; over 127 is foreground.
+/// Reads one silhouette of the camera's size.
 pub fn read(path: &Path, camera: &Camera) -> Outcome<Silhouette> {
-    let refused = |problem: String| Failure::unreadable(path, problem);
-    let mut reader = ImageReader::open(path)
-        .and_then(ImageReader::with_guessed_format)
-        .map_err(|error| refused(error.to_string()))?;
-    reader.limits(image_limits((camera.width(), camera.height())));
-    let decoder = reader.into_decoder().map_err(|error| refused(error.to_string()))?;
-    // Checked before anything of that size is decoded.
-    let (found, expected) = (decoder.dimensions(), (camera.width(), camera.height()));
-    if found != expected {
-        return Err(refused(format!(
-            "size: found {} x {}, expected {} x {} as camera {:?} of the rig",
-            found.0,
-            found.1,
-            expected.0,
-            expected.1,
-            camera.name()
-        )));
+    read_silhouette(path, camera).map_err(Failure::input)
+}
+
+/// Warns of a camera whose silhouettes are all entirely foreground, or all entirely background.
+pub fn warn_if_uniform<'a>(
+    folder: &Path,
+    camera: &Camera,
+    silhouettes: impl IntoIterator<Item = &'a Silhouette>,
+) {
+    let pixels = camera.width() as usize * camera.height() as usize;
+    let (mut count, mut are_full, mut are_empty) = (0, true, true);
+    for silhouette in silhouettes {
+        count += 1;
+        are_full &= silhouette.area() as usize == pixels;
+        are_empty &= silhouette.area() == 0;
     }
-    let colour = decoder.color_type();
-    if !matches!(colour, ColorType::L8 | ColorType::La8 | ColorType::Rgb8 | ColorType::Rgba8) {
-        let bits = colour.bits_per_pixel() / u16::from(colour.channel_count());
-        return Err(refused(format!("found {bits} bits a channel, expected 8")));
-    }
-    let image = DynamicImage::from_decoder(decoder).map_err(|error| refused(error.to_string()))?;
-    let mut mask = image.into_luma8().into_raw();
-    mask.iter_mut().for_each(|pixel| *pixel = u8::from(*pixel > 127));
-    Silhouette::from_mask(expected.0, expected.1, &mask).map_err(|error| refused(error.to_string()))
+    let side = match (are_full, are_empty) {
+        (true, false) => "foreground",
+        (false, true) => "background",
+        // Of no silhouette both are true.
+        _ => return,
+    };
+    let found = if count == 1 { "its silhouette is" } else { "all of its silhouettes are" };
+    tracing::warn!("camera {:?}: {}: {found} entirely {side}", camera.name(), folder.display());
 }
 
 fn missing(path: &Path, camera: &Camera) -> Failure {
@@ -101,13 +97,21 @@ fn numbered(folder: &Path) -> Outcome<BTreeMap<u64, PathBuf>> {
         let is_png = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
         let stem = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
         // A sign is no digit: `parse` alone would take "+1".
-        let number = stem.parse().ok().filter(|_| is_png && stem.bytes().all(|byte| byte.is_ascii_digit()));
-        let Some(number) = number else { continue };
+        if !is_png || stem.is_empty() || !stem.bytes().all(|byte| byte.is_ascii_digit()) {
+            continue;
+        }
+        let number = stem.parse().map_err(|_| {
+            Failure::unreadable(&path, "its name is a number over 2⁶⁴, expected the number of a frame")
+        })?;
         if let Some(other) = found.insert(number, path.clone()) {
             let problem =
                 format_args!("found frame {number} in {} too, expected one of the two", other.display());
             return Err(Failure::unreadable(&path, problem));
         }
+    }
+    if found.is_empty() {
+        let problem = "found no PNG with a number for a name, expected 000012.png and the like";
+        return Err(Failure::unreadable(folder, problem));
     }
     Ok(found)
 }

@@ -27,7 +27,7 @@ Example:
   hulltouch query --rig rig.toml --silhouettes masks --points points.csv --json answers.json
 
 masks/NAME.png (with --frame 12: masks/NAME/12.png or masks/NAME/000012.png) is the silhouette of
-the camera NAME: 8 bits, over 127 is foreground, of the rig's size. points.csv begins with the
+the camera NAME, of the rig's size (docs/film.md says what is a mask). points.csv begins with the
 line x,y,z or x,y,z,body; metres. Points of one body need not stand together.")]
 pub struct QueryArguments {
     /// The rig: calibrated cameras.
@@ -125,6 +125,9 @@ impl Query {
             let cameras = mask_paths.iter().zip(rig.cameras());
             cameras.map(|(path, camera)| masks::read(path, camera)).collect::<Outcome<Vec<Silhouette>>>()
         })?;
+        for ((camera, path), silhouette) in rig.cameras().iter().zip(&mask_paths).zip(&silhouettes) {
+            masks::warn_if_uniform(path, camera, [silhouette]);
+        }
         Ok(Query { rig, settings, mask_paths, silhouettes, points })
     }
 

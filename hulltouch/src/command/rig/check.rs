@@ -21,8 +21,8 @@ Example:
   hulltouch rig check --rig rig.toml --silhouettes masks
 
 masks/NAME/*.png with numbers for names are the frames of the camera NAME, or masks/NAME.png is
-its only one: 8 bits, over 127 is foreground, of the rig's size. Frames that some camera lacks are
-left out.")]
+its only one, of the rig's size (docs/film.md says what is a mask). Frames that some camera lacks
+are left out.")]
 pub struct CheckArguments {
     /// The rig: calibrated cameras.
     #[arg(long, value_name = "FILE")]
@@ -108,6 +108,13 @@ impl Film {
                     .collect::<Outcome<Vec<_>>>()?,
             );
             progress.step();
+        }
+        for (index, camera) in rig.cameras().iter().enumerate() {
+            masks::warn_if_uniform(
+                folder,
+                camera,
+                frames.iter().map(|frame: &Vec<Silhouette>| &frame[index]),
+            );
         }
         Ok(Film { left_out: most - frames.len(), frames })
     }

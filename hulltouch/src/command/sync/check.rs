@@ -25,8 +25,8 @@ Examples:
   hulltouch sync check --rig rig.toml --silhouettes masks --fps 30
 
 A cluster file is filmed for --seconds: by its nodes, if it names where they are, else on this
-machine. masks/NAME/*.png with numbers for names are the frames of the camera NAME: 8 bits, over
-127 is foreground, of the rig's size.")]
+machine. masks/NAME/*.png with numbers for names are the frames of the camera NAME, of the rig's
+size (docs/film.md says what is a mask).")]
 pub struct SyncCheckArguments {
     /// The cluster file: what to film, unless there is film, and what --write changes.
     #[arg(value_name = "CLUSTER.toml", required_unless_present_any = ["recording", "silhouettes"])]

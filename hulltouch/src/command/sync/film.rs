@@ -1,14 +1,16 @@
 //! Ten seconds of silhouettes: from a folder, from a recorded run, or filmed now.
 
-use std::path::Path;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
 use calib::sync::TimedSilhouette;
+use camera_node::source::usual_distance;
 use cli::{Failure, Outcome, Progress};
 use cluster::ClusterFile;
 use coordinator::MemoryUse;
-use hull::Rig;
+use hull::{Camera, Rig};
 use node_client::{Role, Sockets};
 use proto::convert::{SilhouetteEncoding, silhouette_from_data};
 use recording::{RecordedPicture, Recording};
@@ -79,7 +81,10 @@ impl FilmSource<'_> {
 
 fn of_folder(folder: &Path, rig: &Rig, fps: f64) -> Outcome<Film> {
     let paths = masks::paths_of_film(folder, rig)?;
-    let count: usize = paths.iter().map(std::collections::BTreeMap::len).sum();
+    let count: usize = paths.iter().map(BTreeMap::len).sum();
+    for (camera, paths) in rig.cameras().iter().zip(&paths) {
+        check_numbers(folder, camera, paths, fps)?;
+    }
     let mut progress = Progress::new("reading silhouettes", count as u64);
     let mut cameras = Vec::new();
     for (camera, paths) in rig.cameras().iter().zip(&paths) {
@@ -89,9 +94,29 @@ fn of_folder(folder: &Path, rig: &Rig, fps: f64) -> Outcome<Film> {
             frames.push(TimedSilhouette { time_s: number as f64 / fps, silhouette });
             progress.step();
         }
+        masks::warn_if_uniform(
+            folder,
+            camera,
+            frames.iter().map(|frame: &TimedSilhouette| &frame.silhouette),
+        );
         cameras.push(frames);
     }
     Ok(Film { rig: rig.clone(), cameras })
+}
+
+/// Refuses numbers that are no frames at this rate. Where film begins is all the same.
+fn check_numbers(folder: &Path, camera: &Camera, paths: &BTreeMap<u64, PathBuf>, fps: f64) -> Outcome {
+    let numbers: Vec<u64> = paths.keys().copied().collect();
+    let apart = usual_distance(&numbers);
+    let apart_s = apart as f64 / fps;
+    if apart == 1 || apart_s <= 1.0 {
+        return Ok(());
+    }
+    let problem = format_args!(
+        "image numbers are usually {apart} apart, which is {apart_s:.1} s at {fps} frames/s; expected numbers of \
+         frames (if they are milliseconds: --fps 1000)"
+    );
+    Err(Failure::unreadable(&folder.join(camera.name()), problem))
 }
 
 /// A recorded live run knows when each frame was captured; a film goes by its numbers.
