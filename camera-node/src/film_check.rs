@@ -149,10 +149,9 @@ mod tests {
         NodeConfig { cameras, settings: ProbeSettings::default(), fps: 30.0 }
     }
 
-    fn check(numbers: &[Vec<u64>]) -> Result<Option<String>, String> {
+    fn check(numbers: &[Vec<u64>]) -> Result<Option<ShortFilm>, FilmCheckError> {
         let folder = tempfile::tempdir().expect("folder");
-        let checked = node(folder.path(), numbers).check_films();
-        checked.map(|short| short.map(|short| short.to_string())).map_err(|error| error.to_string())
+        node(folder.path(), numbers).check_films()
     }
 
     fn every(range: Range<u64>, step: usize) -> Vec<u64> {
@@ -167,7 +166,8 @@ mod tests {
 
     #[test]
     fn cameras_without_a_common_frame_are_named() {
-        let error = check(&[every(0..20, 1), every(0..20, 2), every(1..20, 2)]).expect_err("refused");
+        let error =
+            check(&[every(0..20, 1), every(0..20, 2), every(1..20, 2)]).expect_err("refused").to_string();
         assert!(
             error.contains("frames 1 to 19, none of which has an image of every camera before it"),
             "{error}"
@@ -177,7 +177,7 @@ mod tests {
 
     #[test]
     fn a_camera_that_begins_later_is_refused_by_name() {
-        let error = check(&[every(0..90, 1), every(60..90, 1)]).expect_err("refused");
+        let error = check(&[every(0..90, 1), every(60..90, 1)]).expect_err("refused").to_string();
         assert!(
             error.starts_with("camera \"cam\": ") && error.contains("image numbers start at 60"),
             "{error}"
@@ -186,7 +186,7 @@ mod tests {
 
     #[test]
     fn a_film_that_ends_seconds_before_the_others_is_noted() {
-        let note = check(&[every(0..90, 1), every(0..30, 1)]).expect("film").expect("a note");
+        let note = check(&[every(0..90, 1), every(0..30, 1)]).expect("film").expect("a note").to_string();
         assert!(
             note.contains("up to frame 29") && note.contains("up to 89: film ends 2.0 s early"),
             "{note}"

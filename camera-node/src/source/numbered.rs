@@ -249,10 +249,7 @@ mod tests {
 
     #[test]
     fn decimal_times_are_refused_and_dots_before_a_number_are_not() {
-        refused(
-            &["1403636579.763.png", "1403636580.013.png"],
-            "names are decimal numbers (",
-        );
+        refused(&["1403636579.763.png", "1403636580.013.png"], "names are decimal numbers (");
         let folder = files(&["shot.1.0001.png", "shot.1.0002.png"]);
         assert_eq!(frames(&FileConfig::new(folder.path())).expect("frames").len(), 2);
         let folder = files(&["3.0001.png", "3.0002.png"]);

@@ -3,42 +3,57 @@
 use super::error::Found;
 use super::{MaskError, Sample};
 
+/// Pixels that are compared at once.
+const BLOCK: usize = 64;
+/// An edge has more values than that up to half, and more over it.
+const LEAST_OF_AN_EDGE: usize = 4;
 /// Up to so many different values an image may consist of labels.
 const MOST_LABELS: usize = 64;
 /// A value between background and foreground that fills this share of a soft mask, flat, is a third label.
 const LABEL_SHARE: usize = 50;
 
 /// The value from which on pixels are foreground.
-pub(super) fn threshold<S: Sample>(values: &[S], width: usize, is_lossy: bool) -> Result<u32, MaskError> {
+pub(super) fn threshold<S: Sample>(values: &[S], width: usize, is_lossy: bool) -> Result<S, MaskError> {
     let max: u32 = S::MAX.into();
     let counts = histogram(values);
     let present: Vec<u32> = (0..=max).filter(|&value| counts[value as usize] > 0).collect();
     let (least, most) = (present[0], present[present.len() - 1]);
     let half = max / 2;
     match present[..] {
-        [value] if value == 0 || value == max => Ok(1),
+        [value] if value == 0 || value == max => Ok(S::of(1)),
         [value] => Err(MaskError::ConstantGrey { value, max }),
         // A lossy format makes such a pair of noise.
-        [0, _] if !is_lossy => Ok(1),
+        [0, _] if !is_lossy => Ok(S::of(1)),
         _ if most <= half || least > half => {
             Err(MaskError::OneSide { found: Found::new(present), half, are_dark: most <= half })
         }
-        [_, _] => Ok(half + 1),
-        _ => Greys::new(&counts, present, is_lossy).check(values, width).map(|()| half + 1),
+        [_, _] => Ok(S::of(half + 1)),
+        _ => Greys::new(&counts, present, is_lossy).check(values, width).map(|()| S::of(half + 1)),
     }
 }
 
-/// How many pixels have each value. Masks consist of long runs.
+/// How many pixels have each value. Masks consist of long runs: most blocks are of one value.
 fn histogram<S: Sample>(values: &[S]) -> Vec<usize> {
     let mut counts = vec![0; S::MAX.into() as usize + 1];
-    for run in values.chunk_by(|a, b| a == b) {
-        counts[run[0].into() as usize] += run.len();
+    for block in values.chunks(BLOCK) {
+        if is_uniform(block) {
+            counts[block[0].into() as usize] += block.len();
+        } else {
+            block.iter().for_each(|&value| counts[value.into() as usize] += 1);
+        }
     }
     counts
 }
 
+/// Whether all values are the same; without a branch a value, so that it is compiled to vector instructions.
+fn is_uniform<S: Sample>(block: &[S]) -> bool {
+    block.iter().fold(true, |is_uniform, &value| is_uniform & (value == block[0]))
+}
+
 /// Three or more values on both sides of half.
-struct Greys {
+struct Greys<'a> {
+    /// How many pixels have each value.
+    counts: &'a [usize],
     present: Vec<u32>,
     /// The most common values up to half and over it.
     low: u32,
@@ -48,45 +63,53 @@ struct Greys {
     may_be_labels: bool,
 }
 
-impl Greys {
-    fn new(counts: &[usize], present: Vec<u32>, is_lossy: bool) -> Greys {
+impl Greys<'_> {
+    fn new(counts: &[usize], present: Vec<u32>, is_lossy: bool) -> Greys<'_> {
         let max = counts.len() as u32 - 1;
+        let half = max / 2;
         let most_common = |from: u32, to: u32| (from..=to).max_by_key(|&value| counts[value as usize]);
-        let (low, high) =
-            (most_common(0, max / 2).unwrap_or(0), most_common(max / 2 + 1, max).unwrap_or(max));
-        let may_be_labels = !is_lossy && present.len() <= MOST_LABELS;
+        let (low, high) = (most_common(0, half).unwrap_or(0), most_common(half + 1, max).unwrap_or(max));
         let noise = max / 32;
-        // Labels are small numbers, beside which 255 stands alone. Noise is on both sides.
+        // Labels are small numbers, beside which 255 stands alone. Noise is at both extremes, and edges have values
+        // on both sides of half.
         let is_noisy = present.iter().any(|&value| value != high && value.abs_diff(high) <= noise);
-        let noise = if may_be_labels && !is_noisy { 0 } else { noise };
-        Greys { present, low, high, noise, may_be_labels }
+        let dark = present.iter().filter(|&&value| value <= half).count();
+        let has_edges = dark > LEAST_OF_AN_EDGE && present.len() - dark > LEAST_OF_AN_EDGE;
+        let may_be_labels = !is_lossy && present.len() <= MOST_LABELS && !is_noisy && !has_edges;
+        Greys { counts, present, low, high, noise: if may_be_labels { 0 } else { noise }, may_be_labels }
     }
 
     /// Refuses labels and pictures. Of a mask, what lies between background and foreground is the slope of an edge.
     fn check<S: Sample>(&self, values: &[S], width: usize) -> Result<(), MaskError> {
-        let (mut between, mut flat) = (0, 0);
-        let mut flat_counts = vec![0; S::MAX.into() as usize + 1];
-        for (index, &value) in values.iter().enumerate() {
+        let mut between = 0;
+        let mut flat_counts = vec![0; self.counts.len()];
+        let is_between = |value: S| {
             let grey: u32 = value.into();
-            if grey.abs_diff(self.low) <= self.noise || grey.abs_diff(self.high) <= self.noise {
+            grey.abs_diff(self.low) > self.noise && grey.abs_diff(self.high) > self.noise
+        };
+        for (block, from) in values.chunks(BLOCK).zip((0..).step_by(BLOCK)) {
+            if is_uniform(block) && !is_between(block[0]) {
                 continue;
             }
-            between += 1;
-            if !is_on_a_slope(values, width, index) {
-                flat += 1;
-                flat_counts[grey as usize] += 1;
+            for (index, &value) in (from..).zip(block).filter(|(_, value)| is_between(**value)) {
+                between += 1;
+                flat_counts[value.into() as usize] += usize::from(!is_on_a_slope(values, width, index));
             }
         }
-        let labels = || MaskError::Labels(Found::new(&self.present));
+        let is_label =
+            |(&flat, &count): (&usize, &usize)| flat * LABEL_SHARE >= values.len() && 2 * flat > count;
+        let has_label = flat_counts.iter().zip(self.counts).any(is_label);
+        let flat: usize = flat_counts.iter().sum();
+        let labels = || Err(MaskError::Labels(Found::new(&self.present)));
         if self.may_be_labels && 2 * flat > between {
-            return Err(labels());
-        }
-        if flat_counts.iter().any(|&flat| flat * LABEL_SHARE >= values.len()) && 2 * flat > between {
-            return Err(labels());
+            return labels();
         }
         if 2 * between > values.len() {
             let between_percent = (100 * between / values.len()) as u32;
             return Err(MaskError::Picture { between_percent, low: self.low, high: self.high });
+        }
+        if has_label {
+            return labels();
         }
         Ok(())
     }

@@ -77,7 +77,7 @@ fn read<S: Sample>(image: &MaskImage<'_>, samples: &[S], mask: &mut Vec<u8>) -> 
     let plane = |values: &[S], mask: &mut Vec<u8>| {
         let foreground_from = grey::threshold(values, width, image.is_lossy)?;
         mask.clear();
-        mask.extend(values.iter().map(|&value| u8::from(value.into() >= foreground_from)));
+        mask.extend(values.iter().map(|&value| u8::from(value >= foreground_from)));
         Ok(())
     };
     match image.channels {

@@ -66,6 +66,9 @@ pub fn run(arguments: &CheckArguments) -> Outcome {
     let film = Film::read(&arguments.silhouettes, &rig)?;
     let report = while_working("checking", || PreparedFrames::new(&film.frames)?.check(&rig))
         .map_err(|error| Failure::unreadable(&arguments.silhouettes, error))?;
+    for (index, camera) in rig.cameras().iter().enumerate() {
+        masks::warn_if_uniform(&arguments.silhouettes, camera, film.frames.iter().map(|frame| &frame[index]));
+    }
     if let Some(path) = &arguments.json {
         let figures = Figures {
             frames: film.frames.len(),
@@ -108,13 +111,6 @@ impl Film {
                     .collect::<Outcome<Vec<_>>>()?,
             );
             progress.step();
-        }
-        for (index, camera) in rig.cameras().iter().enumerate() {
-            masks::warn_if_uniform(
-                folder,
-                camera,
-                frames.iter().map(|frame: &Vec<Silhouette>| &frame[index]),
-            );
         }
         Ok(Film { left_out: most - frames.len(), frames })
     }

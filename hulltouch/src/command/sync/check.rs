@@ -1,6 +1,6 @@
 //! `hulltouch sync check`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use calib::sync::{SyncReport, check_sync};
 use clap::Args;
@@ -9,6 +9,7 @@ use cluster::{ClusterFile, LatencyChange};
 
 use super::film::{Film, FilmSource};
 use super::report;
+use crate::command::query::masks::warn_if_uniform;
 use crate::command::query::read_rig;
 use crate::run::security::SecurityArguments;
 use crate::run::setup::checked_seconds;
@@ -79,6 +80,9 @@ pub fn run(arguments: &SyncCheckArguments) -> Outcome {
     let film = source.film()?;
     let found = while_working("comparing times", || check_sync(&film.rig, &film.cameras));
     let found = found.map_err(|error| Failure::input(format_args!("{}: {error}", source.name())))?;
+    for (camera, frames) in film.rig.cameras().iter().zip(&film.cameras) {
+        warn_if_uniform(Path::new(&source.name()), camera, frames.iter().map(|frame| &frame.silhouette));
+    }
     if let Some(path) = &arguments.json {
         let mut text = serde_json::to_vec_pretty(&report::figures(&found, &film)).map_err(Failure::run)?;
         text.push(b'\n');

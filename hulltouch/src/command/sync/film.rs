@@ -94,11 +94,6 @@ fn of_folder(folder: &Path, rig: &Rig, fps: f64) -> Outcome<Film> {
             frames.push(TimedSilhouette { time_s: number as f64 / fps, silhouette });
             progress.step();
         }
-        masks::warn_if_uniform(
-            folder,
-            camera,
-            frames.iter().map(|frame: &TimedSilhouette| &frame.silhouette),
-        );
         cameras.push(frames);
     }
     Ok(Film { rig: rig.clone(), cameras })
