@@ -8,7 +8,7 @@ pub(super) struct MaskWatch {
     frames: u64,
     are_full: bool,
     are_empty: bool,
-    is_told: bool,
+    has_warned: bool,
 }
 
 impl MaskWatch {
@@ -16,12 +16,12 @@ impl MaskWatch {
     /// for so long.
     pub fn note(&mut self, mask: &Silhouette, enough: f64) -> Option<String> {
         let pixels = u64::from(mask.width()) * u64::from(mask.height());
-        let (is_full, is_empty) = (mask.area() as u64 == pixels, mask.area() == 0);
+        let (is_full, is_empty) = (mask.area() == pixels, mask.area() == 0);
         self.are_full = is_full && (self.are_full || self.frames == 0);
         self.are_empty = is_empty && (self.are_empty || self.frames == 0);
         self.frames += 1;
-        if self.are_full && !self.is_told && self.frames as f64 >= enough {
-            self.is_told = true;
+        if self.are_full && !self.has_warned && self.frames as f64 >= enough {
+            self.has_warned = true;
             return Some(format!("its first {} masks are entirely foreground", self.frames));
         }
         None
@@ -30,7 +30,7 @@ impl MaskWatch {
     /// The film is over: what is to be said of all of its masks.
     pub fn finish(&self) -> Option<String> {
         let side = match self {
-            MaskWatch { frames: 0, .. } | MaskWatch { is_told: true, .. } => return None,
+            MaskWatch { frames: 0, .. } | MaskWatch { has_warned: true, .. } => return None,
             MaskWatch { are_full: true, .. } => "foreground",
             MaskWatch { are_empty: true, .. } => "background: the hull is empty wherever this camera sees",
             _ => return None,
@@ -55,19 +55,19 @@ mod tests {
     }
 
     #[test]
-    fn film_of_one_side_alone_is_told_once() {
+    fn film_of_one_side_alone_has_warned_once() {
         let (in_film, after) = said(&[4; 5]);
         assert_eq!((in_film.as_deref(), after), (Some("its first 3 masks are entirely foreground"), None));
         assert_eq!(said(&[4; 2]).1.as_deref(), Some("all 2 masks of its film are entirely foreground"));
         let (in_film, after) = said(&[0; 5]);
         assert!(
             in_film.is_none()
-                && after.expect("told").starts_with("all 5 masks of its film are entirely background")
+                && after.expect("a warning").starts_with("all 5 masks of its film are entirely background")
         );
     }
 
     #[test]
-    fn film_with_a_silhouette_is_told_nothing() {
+    fn film_with_a_silhouette_has_warned_nothing() {
         for areas in [&[0, 0, 0, 0, 1][..], &[1, 0, 0], &[4, 0], &[0, 4, 4, 4], &[]] {
             assert_eq!(said(areas), (None, None), "{areas:?}");
         }

@@ -150,22 +150,24 @@ fn start_advice(first: u64, spacing: Spacing) -> String {
             "set start_frame = {first}, in every camera the number of the same moment, and frame_step = {usual} if \
              these images are consecutive frames"
         ),
-        irregular => {
-            format!("start_frame cannot help, because they are unevenly apart: {}", apart_advice(irregular))
-        }
+        Spacing { usual, is_regular: false } => format!("start_frame cannot help: {}", of_times(usual)),
     }
 }
 
 fn apart_advice(spacing: Spacing) -> String {
-    if spacing.is_regular {
-        format!("set frame_step = {} if these images are consecutive frames", spacing.usual)
-    } else {
-        format!(
-            "uneven distances (usually {}) are those of times; rename the images to consecutive numbers (000000.png, \
-             000001.png, …), in every camera the same number for the same moment",
-            spacing.usual
-        )
+    match spacing {
+        Spacing { usual, is_regular: true } => {
+            format!("set frame_step = {usual} if these images are consecutive frames")
+        }
+        Spacing { usual, is_regular: false } => of_times(usual),
     }
+}
+
+fn of_times(usual: u64) -> String {
+    format!(
+        "they are unevenly apart (usually {usual}), as times are; rename the images to consecutive numbers \
+         (000000.png, 000001.png, …), in every camera the same number for the same moment"
+    )
 }
 
 #[cfg(test)]

@@ -123,7 +123,7 @@ pub struct CameraEntry {
     pub background: Option<SourceConfig>,
     /// How foreground is found.
     pub segmentation: SegmentSettings,
-    /// A mask image of static occluders, over 127 is ignored; it existed when the file was read.
+    /// A mask image of static occluders, its foreground is ignored; it existed when the file was read.
     pub ignore_mask: Option<PathBuf>,
 }
 

@@ -34,9 +34,14 @@ fn read_jpeg(width: u32, bytes: &[u8]) -> Result<Vec<u8>, MaskError> {
     read_mask(&image, &mut mask).map(|()| mask)
 }
 
+fn distance((x, y): (u32, u32), (centre_x, centre_y): (f64, f64)) -> f64 {
+    let (right, down) = (f64::from(x) - centre_x, f64::from(y) - centre_y);
+    (right * right + down * down).sqrt()
+}
+
 /// Pixels of a disc's three rings: inside, border, outside.
 fn rings(inside: u8, border: u8, outside: u8) -> Vec<u8> {
-    drawn(64, 48, |x, y| match (f64::from(x) - 32.0).hypot(f64::from(y) - 24.0) {
+    drawn(64, 48, |x, y| match distance((x, y), (32.0, 24.0)) {
         away if away < 12.0 => inside,
         away if away < 16.0 => border,
         _ => outside,
@@ -46,7 +51,7 @@ fn rings(inside: u8, border: u8, outside: u8) -> Vec<u8> {
 /// A disc whose edge is a slope so many pixels wide, from `low` to `high`.
 fn soft_disc(slope_px: f64, low: f64, high: f64) -> Vec<u8> {
     drawn(64, 48, |x, y| {
-        let away = (f64::from(x) - 32.0).hypot(f64::from(y) - 24.0);
+        let away = distance((x, y), (32.0, 24.0));
         (low + (high - low) * (0.5 + (12.0 - away) / slope_px).clamp(0.0, 1.0)).round() as u8
     })
 }
@@ -162,7 +167,7 @@ fn soft_edges_mattes_and_noise_of_video_are_masks_by_half() {
     assert_eq!(read_greys(64, &ringing), Ok(over_half(&ringing)));
     // Two by two samples a pixel.
     let coverage = drawn(64, 48, |x, y| {
-        let inside = |x: u32, y: u32| (f64::from(x) - 63.3).hypot(f64::from(y) - 47.1) < 30.0;
+        let inside = |x: u32, y: u32| distance((x, y), (63.3, 47.1)) < 30.0;
         let corners = [(0, 0), (0, 1), (1, 0), (1, 1)];
         corners.iter().map(|(right, down)| if inside(2 * x + right, 2 * y + down) { 63 } else { 0 }).sum()
     });
@@ -254,12 +259,11 @@ fn alpha_that_is_not_constant_is_the_mask() {
     }
     let soft = soft_disc(4.0, 0.0, 255.0);
     for colour in [0, 255] {
-        let image: Vec<u8> = soft.iter().flat_map(|&alpha| [colour, alpha]).collect();
-        assert_eq!(read_bytes(64, Channels::GreyAlpha, &image), Ok(over_half(&soft)));
-        let words: Vec<u16> = image.iter().map(|&value| u16::from(value) * 257).collect();
+        let pixels: Vec<u8> = soft.iter().flat_map(|&alpha| [colour, alpha]).collect();
+        assert_eq!(read_bytes(64, Channels::GreyAlpha, &pixels), Ok(over_half(&soft)));
+        let words: Vec<u16> = pixels.iter().map(|&value| u16::from(value) * 257).collect();
         let mut mask = Vec::new();
-        read_mask(&super::tests::image(64, Channels::GreyAlpha, Samples::Words(&words)), &mut mask)
-            .expect("reads");
+        read_mask(&image(64, Channels::GreyAlpha, Samples::Words(&words)), &mut mask).expect("reads");
         assert_eq!(mask, over_half(&soft));
     }
     // Colours that were multiplied with alpha say the same.

@@ -49,11 +49,11 @@ pub fn warn_if_uniform<'a>(
     camera: &Camera,
     silhouettes: impl IntoIterator<Item = &'a Silhouette>,
 ) {
-    let pixels = camera.width() as usize * camera.height() as usize;
+    let pixels = u64::from(camera.width()) * u64::from(camera.height());
     let (mut count, mut are_full, mut are_empty) = (0, true, true);
     for silhouette in silhouettes {
         count += 1;
-        are_full &= silhouette.area() as usize == pixels;
+        are_full &= silhouette.area() == pixels;
         are_empty &= silhouette.area() == 0;
     }
     let side = match (are_full, are_empty) {
