@@ -126,6 +126,26 @@ fn a_node_that_joins_late_is_sent_what_it_lacks() {
 }
 
 #[test]
+fn a_node_that_was_not_asked_is_sent_the_choice_though_the_bodies_came_again() {
+    let bodies = [body(0.1), body(0.2)];
+    let edges = some(QuestionKind::Edges, &[(&bodies[1], &[4, 5])]);
+    for knows_another_choice in [false, true] {
+        let mut stream = Stream::default();
+        if knows_another_choice {
+            let other = some(QuestionKind::Edges, &[(&bodies[0], &[1, 2, 3])]);
+            assert_eq!(stream.pass(&all(&bodies)), all(&bodies));
+            assert_eq!(stream.pass(&other), other);
+        }
+        // A pass that other nodes alone are asked, and the next about the same bodies.
+        drop(stream.writer.write(&all(&bodies)));
+        drop(stream.writer.write(&edges));
+        assert_eq!(stream.pass(&all(&bodies)), all(&bodies));
+        let message = stream.message(&edges);
+        assert_eq!(stream.read(message).as_ref(), Ok(&edges), "knows another: {knows_another_choice}");
+    }
+}
+
+#[test]
 fn other_bodies_take_the_place_of_the_list() {
     let mut stream = Stream::default();
     let (a, b) = ([body(0.1)], [body(0.2)]);
@@ -208,7 +228,42 @@ fn invalid_messages_are_refused_by_field() {
     assert!(matches!(read(question_to_wire(1, 1, &many), find), ConvertError::TooManyPoints { .. }));
 }
 
+/// A question of a pass: all of its bodies, or so many of each body's samples.
+fn of_pass(bodies: usize, sizes: &Option<[u32; 2]>) -> Question {
+    let bodies = [body(bodies as f64), body(0.2)];
+    let Some(sizes) = sizes else { return all(&bodies) };
+    let picks = sizes.map(|size| (0..size).map(|at| at * 3).collect::<Vec<u32>>());
+    some(QuestionKind::Edges, &[(&bodies[0], &picks[0]), (&bodies[1], &picks[1])])
+}
+
 proptest! {
+    /// Whichever nodes are asked, as nodes leave, come back and are asked in phases, each reads what was asked.
+    #[test]
+    fn every_node_reads_the_question_whatever_questions_it_was_not_asked(
+        questions in proptest::collection::vec(
+            (0usize..2, proptest::option::of([0u32..4, 1u32..4]), 0u8..8, 0u8..24), 1..30,
+        ),
+    ) {
+        let mut writer = QuestionWriter::default();
+        let mut nodes: [(StreamKnows, QuestionReader); 3] = Default::default();
+        for (bodies, sizes, asked, lost) in questions {
+            let question = of_pass(bodies, &sizes);
+            let written = writer.write(&question);
+            for (index, (knows, reader)) in nodes.iter_mut().enumerate() {
+                // A node that is lost begins another stream.
+                if usize::from(lost) == index {
+                    (*knows, *reader) = Default::default();
+                }
+                if asked & (1 << index) != 0 {
+                    let message = written.message(knows, 7, 3);
+                    knows.learn(&written);
+                    let mut read = Question::default();
+                    prop_assert_eq!(reader.read(message, find, &mut read).map(|()| &read), Ok(&question));
+                }
+            }
+        }
+    }
+
     #[test]
     fn any_message_is_a_question_or_an_error(
         kind in 0..5, rounded: bool,

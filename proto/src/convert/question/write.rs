@@ -226,9 +226,16 @@ impl WrittenQuestion {
 }
 
 impl StreamKnows {
-    /// Notes that the message of a question is on its way.
+    /// Notes that the message of a question is on its way. One about whole bodies carries no points to choose from: the
+    /// stream still knows those of this list that it was sent before, if any.
     pub fn learn(&mut self, question: &WrittenQuestion) {
-        self.0 = if question.is_kept { question.serials } else { [0; 3] };
+        let ([list, kept, picked], [known_list, known_kept, _]) = (question.serials, self.0);
+        let kept = match &question.picked {
+            Some(_) => kept,
+            None if known_list == list => known_kept,
+            None => 0,
+        };
+        self.0 = if question.is_kept { [list, kept, picked] } else { [0; 3] };
     }
 }
 
