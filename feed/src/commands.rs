@@ -151,6 +151,25 @@ mod tests {
     }
 
     #[test]
+    fn whole_numbers_of_every_command_may_be_written_as_floats() {
+        let ok = |message| read(message).expect("a command");
+        assert_eq!(ok(json!({"command": "step", "steps": 1e3})), Command::Step(1000));
+        assert_eq!(ok(json!({"command": "remove", "body": 12.0})), Command::Remove(12));
+        assert_eq!(ok(json!({"command": "remove", "body": -0.0})), Command::Remove(0));
+        let push = ok(json!({"command": "push", "body": 3.0, "impulse": [0, 1, 0]}));
+        assert!(matches!(push, Command::Push { body: 3, .. }), "{push:?}");
+        let grab = ok(json!({"command": "grab", "body": 3.0, "grip": [0, 0, 0], "target": [0, 0, 0]}));
+        assert!(matches!(grab, Command::Grab { body: 3, .. }), "{grab:?}");
+        let release = ok(json!({"command": "release", "body": 3.0}));
+        assert!(matches!(release, Command::Release { body: 3, .. }), "{release:?}");
+        let Value::Object(numbered) = json!({"id": 7.0, "command": "pause"}) else { panic!("an object") };
+        assert_eq!(parse(&numbered), Ok(Request { id: 7, command: Ok(Command::Pause) }));
+        let Value::Object(between) = json!({"id": 7.5, "command": "pause"}) else { panic!("an object") };
+        let error = parse(&between).expect_err("refused").to_string();
+        assert!(error.starts_with("command.id is 7.5, expected a whole number"), "{error}");
+    }
+
+    #[test]
     fn a_body_is_spawned_as_a_scene_file_would_have_it() {
         let spawn = json!({"command": "spawn", "shape": {"box": {"size": [0.2, 0.3, 0.4]}},
             "position": [0, 2, 1], "rotation_xyzw": [0, 1, 0, 0], "mass": 2, "velocity": [0, 0, 3], "color": [1, 0, 0.5]});
@@ -193,7 +212,13 @@ mod tests {
                 json!({"command": "set", "hull_friction": 11}),
                 "set.hull_friction is 11, expected a number from 0",
             ),
-            (json!({"command": "step", "steps": 1e9}), "step.steps is 1000000000.0, expected a whole number"),
+            (
+                json!({"command": "step", "steps": 1e10}),
+                "step.steps is 10000000000.0, expected a whole number",
+            ),
+            (json!({"command": "step", "steps": 12.5}), "step.steps is 12.5, expected a whole number"),
+            (json!({"command": "remove", "body": 3.25}), "remove.body is 3.25, expected a whole number"),
+            (json!({"command": "remove", "body": "3"}), "remove.body is \"3\", expected a whole number"),
             (
                 json!({"command": "take_background", "seconds": 31}),
                 "take_background.seconds is 31, expected a number from 0.2 to 30",

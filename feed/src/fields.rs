@@ -7,6 +7,8 @@ use proto::text::clean;
 use serde_json::{Map, Value};
 use thiserror::Error;
 
+use crate::json;
+
 /// The most characters of a value that an error repeats.
 const MAX_FOUND_CHARS: usize = 60;
 
@@ -16,6 +18,15 @@ pub enum InputError {
     /// It is no JSON.
     #[error("no JSON: {0}")]
     NotJson(String),
+    /// It can be read in two ways.
+    #[error("message: {0}")]
+    Ambiguous(String),
+    /// It is no text.
+    #[error("a binary message of {bytes} bytes, expected a text message with one JSON object")]
+    Binary {
+        /// Its length.
+        bytes: usize,
+    },
     /// A field is not there.
     #[error("{field} is missing, expected {expected}")]
     Missing {
@@ -63,9 +74,10 @@ pub enum InputError {
 
 /// The object of a text.
 pub(crate) fn object(text: &str) -> Result<Map<String, Value>, InputError> {
-    match serde_json::from_str(text) {
+    match json::value(text) {
         Ok(Value::Object(object)) => Ok(object),
         Ok(other) => Err(wrong("message", &other, "an object with \"op\"")),
+        Err(error) if error.is_data() => Err(InputError::Ambiguous(error.to_string())),
         Err(error) => Err(InputError::NotJson(error.to_string())),
     }
 }
@@ -126,9 +138,10 @@ impl<'a> Fields<'a> {
         self.read(key, "true or false", Value::as_bool)
     }
 
+    /// A whole number, which may be written as a float: `12.0` is 12, `12.5` is refused.
     pub fn whole(&self, key: &str, allowed: RangeInclusive<u64>) -> Result<u64, InputError> {
         let expected = format!("a whole number from {} to {}", allowed.start(), allowed.end());
-        self.read(key, &expected, |value| value.as_u64().filter(|number| allowed.contains(number)))
+        self.read(key, &expected, |value| json::whole(value).filter(|number| allowed.contains(number)))
     }
 
     pub fn number(&self, key: &str, allowed: RangeInclusive<f64>) -> Result<f64, InputError> {

@@ -9,6 +9,7 @@ mod commands;
 mod fields;
 pub mod fuzz;
 mod http;
+mod json;
 pub mod message;
 mod message_cache;
 mod orders;

@@ -120,6 +120,7 @@ mod tests {
         let expected = Want { colour: Tier::Half, image_of: Some("cam_1".into()), world, ..first.clone() };
         assert_eq!(parse(text, &first), Ok(Incoming::Want(expected)));
         assert_eq!(parse(r#"{"op":"shown","seq":7}"#, &first), Ok(Incoming::Shown(7)));
+        assert_eq!(parse(r#"{"op":"shown","seq":7.0}"#, &first), Ok(Incoming::Shown(7)));
         let pause = parse(r#"{"op":"command","id":1,"command":"pause"}"#, &first);
         assert!(matches!(pause, Ok(Incoming::Command(Request { id: 1, command: Ok(_) }))));
     }
@@ -138,6 +139,7 @@ mod tests {
             (r#"{"op":"want","size":1}"#, "want.size is unknown, expected colour"),
             (r#"{"op":"shown","seq":-1}"#, "shown.seq is -1, expected a whole number from 0 to 4294967295"),
             (r#"{"op":"command","command":"pause"}"#, "command.id is missing"),
+            (r#"{"op":"shown","seq":1,"seq":2}"#, "message: key \"seq\" stands twice, expected once"),
         ] {
             let error = parse(text, &Want::default()).expect_err("refused").to_string();
             assert!(error.starts_with(expected) && !error.contains('\n'), "{text}: {error}");

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
+use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade, close_code};
 use axum::extract::{Query, State};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
@@ -15,6 +15,7 @@ use serde_json::json;
 use tokio::time::timeout;
 
 use super::ticks::{DEFAULT_RATE_HZ, Ticks};
+use crate::fields::InputError;
 use crate::http::Connection;
 use crate::orders::Orders;
 use crate::shared::{Seats, Shared};
@@ -66,7 +67,7 @@ async fn open(
 /// Sends states and answers until either side ends the connection.
 async fn serve(mut socket: WebSocket, shared: &Shared, mut ticks: Ticks, orders: &mut Orders) {
     let mut ending = shared.ending.clone();
-    let mut generation = 0;
+    let (mut generation, mut is_unreadable) = (0, false);
     loop {
         let text = tokio::select! {
             world = ticks.next() => {
@@ -83,8 +84,16 @@ async fn serve(mut socket: WebSocket, shared: &Shared, mut ticks: Ticks, orders:
                     Some(refusal) => refusal,
                     None => continue,
                 },
-                Some(Ok(Message::Close(_)) | Err(_)) | None => return,
-                Some(Ok(_)) => continue,
+                Some(Ok(Message::Binary(bytes))) => {
+                    text::refused(None, &InputError::Binary { bytes: bytes.len() }.to_string())
+                }
+                // The socket answers pings itself.
+                Some(Ok(Message::Ping(_) | Message::Pong(_))) => continue,
+                Some(Ok(Message::Close(_))) | None => return,
+                Some(Err(error)) => {
+                    is_unreadable = true;
+                    text::refused(None, &unreadable(&error))
+                }
             },
             // An end whose sender is gone is an end.
             _ = ending.wait_for(|ended| *ended) => return,
@@ -92,12 +101,28 @@ async fn serve(mut socket: WebSocket, shared: &Shared, mut ticks: Ticks, orders:
         if !matches!(timeout(WRITE_TIMEOUT, socket.send(Message::Text(text.into()))).await, Ok(Ok(()))) {
             return;
         }
+        if is_unreadable {
+            let reason = "no message that can be read".into();
+            let close = Message::Close(Some(CloseFrame { code: close_code::POLICY, reason }));
+            // A peer that is gone hears nothing.
+            let _ = timeout(WRITE_TIMEOUT, socket.send(close)).await;
+            return;
+        }
     }
+}
+
+/// Why a socket is closed: what came is no WebSocket message, no UTF-8 or too long.
+fn unreadable(error: &axum::Error) -> String {
+    format!("no message: {error}; expected UTF-8 text of at most {MAX_MESSAGE_BYTES} bytes")
 }
 
 /// Passes the command of a message on; returns the answer if it is refused at once.
 fn order(text: &str, orders: &mut Orders) -> Option<String> {
-    match fields::object(text).and_then(|message| commands::parse(&message)) {
+    let request = fields::object(text).and_then(|message| match message.get("op") {
+        Some(op) if op != "command" => Err(fields::wrong("op", op, "\"command\"")),
+        _ => commands::parse(&message),
+    });
+    match request {
         Ok(request) => orders.order(request),
         Err(why) => Some(text::refused(None, &why.to_string())),
     }
