@@ -149,6 +149,11 @@ impl Access {
         token.is_some_and(|token| self.token.is(token))
     }
 
+    /// Whether an `Authorization` header's value is `Bearer` and the token.
+    pub fn may_steer_by(&self, authorization: &str) -> bool {
+        self.may_steer(bearer_token(authorization))
+    }
+
     /// Refuses requests that a browser makes for a page of another site.
     pub fn check(&self, uri: &Uri, headers: &HeaderMap) -> Result<(), Denied> {
         let text =
@@ -171,6 +176,13 @@ impl Access {
         }
         Err(Denied::Origin(clean(&origin, MAX_SHOWN_CHARS)))
     }
+}
+
+/// The token of `Bearer TOKEN`: HTTP compares the scheme's name without case, and allows several spaces (RFC 9110,
+/// section 11).
+fn bearer_token(authorization: &str) -> Option<&str> {
+    let (scheme, token) = authorization.trim_matches([' ', '\t']).split_once(' ')?;
+    scheme.eq_ignore_ascii_case("bearer").then(|| token.trim_start_matches(' '))
 }
 
 /// `host` of `host`, `host:port`, `[v6]` and `[v6]:port`.
@@ -239,6 +251,29 @@ mod tests {
         assert!(!behind("evil.example", "https://studio.example"));
         for wrong in ["studio.example", "https://", "https://studio.example/", "ftp://studio.example"] {
             assert!(Origin::new(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_bearer_token_is_read_in_any_case_of_the_scheme() {
+        let token = Token::new("abcd-1234").expect("a token");
+        let access = Access::new(token, SocketAddr::from(([127, 0, 0, 1], 1)), None);
+        for right in ["Bearer abcd-1234", "bearer abcd-1234", "BEARER   abcd-1234", " bEaReR abcd-1234 "] {
+            assert!(access.may_steer_by(right), "{right:?}");
+        }
+        for wrong in [
+            "abcd-1234",
+            "Bearerabcd-1234",
+            "Bearer",
+            "Bearer ",
+            "Basic abcd-1234",
+            "Bearer ABCD-1234",
+            "Bearer Bearer abcd-1234",
+            "Bearer abcd-1234 x",
+            "Bearer abcd-1234, Bearer abcd-1234",
+            "",
+        ] {
+            assert!(!access.may_steer_by(wrong), "{wrong:?}");
         }
     }
 

@@ -53,7 +53,7 @@ pub(crate) struct Service(Arc<Shared>);
 impl Service {
     fn may_steer<T>(&self, request: &Request<T>) -> bool {
         let authorization = request.metadata().get("authorization").and_then(|value| value.to_str().ok());
-        self.0.access.may_steer(authorization.and_then(|value| value.strip_prefix("Bearer ")))
+        authorization.is_some_and(|value| self.0.access.may_steer_by(value))
     }
 
     /// Passes a command on to the run, if the caller has the token.
