@@ -1,6 +1,8 @@
 //! The world as Open Sound Control over UDP, for the tools of installations: a bundle a tick to one address.
 //!
-//! Each bundle begins with `/hulltouch/world` and holds whole bodies; a world of many bodies takes several
+//! Arguments have the types of OSC 1.0 alone (`i f s b`): receivers discard messages with others.
+//!
+//! Each bundle begins with `/hulltouch/world` and `/hulltouch/world/exact`, and holds whole bodies; a world of many bodies takes several
 //! bundles a tick, so that none is larger than networks carry in a piece or two. Bundles that cannot be sent are
 //! counted and logged.
 
@@ -107,7 +109,7 @@ impl Unsent {
 pub(crate) fn bundles(world: &WorldState, scene: Option<&SceneState>) -> Vec<Vec<u8>> {
     let looks = scene.filter(|scene| scene.generation == world.generation).map(|scene| &scene.bodies[..]);
     let mut bundles = vec![];
-    let mut messages = vec![world_message(world)];
+    let mut messages = world_messages(world);
     let mut bytes = size(&messages);
     for body in &world.bodies {
         let look = looks.and_then(|looks| looks.iter().find(|look| look.id == body.id));
@@ -115,7 +117,7 @@ pub(crate) fn bundles(world: &WorldState, scene: Option<&SceneState>) -> Vec<Vec
         let of_body = body_messages(body, &name);
         let more = size(&of_body);
         if bytes + more > MAX_BUNDLE_BYTES {
-            bundles.push(std::mem::replace(&mut messages, vec![world_message(world)]));
+            bundles.push(std::mem::replace(&mut messages, world_messages(world)));
             bytes = size(&messages);
         }
         messages.extend(of_body);
@@ -140,15 +142,22 @@ fn message(address: String, args: Vec<OscType>) -> OscPacket {
     OscPacket::Message(OscMessage { addr: address, args })
 }
 
-fn world_message(world: &WorldState) -> OscPacket {
-    let args = vec![
-        OscType::Int(world.generation as i32),
-        OscType::Long(world.step as i64),
-        OscType::Double(world.film_s),
+/// An integer as OSC 1.0 has it; one that is too large is the largest.
+fn int(number: u64) -> OscType {
+    OscType::Int(i32::try_from(number).unwrap_or(i32::MAX))
+}
+
+/// The world in numbers that may be rounded, and as decimal texts those that may not.
+fn world_messages(world: &WorldState) -> Vec<OscPacket> {
+    let rounded = vec![
+        int(world.generation.into()),
+        int(world.step),
+        OscType::Float(world.film_s as f32),
         OscType::Int(world.paused.into()),
-        OscType::Int(world.bodies.len() as i32),
+        int(world.bodies.len() as u64),
     ];
-    message("/hulltouch/world".into(), args)
+    let exact = vec![OscType::String(world.step.to_string()), OscType::String(world.film_s.to_string())];
+    vec![message("/hulltouch/world".into(), rounded), message("/hulltouch/world/exact".into(), exact)]
 }
 
 fn body_messages(body: &BodyState, name: &str) -> Vec<OscPacket> {
@@ -160,7 +169,7 @@ fn body_messages(body: &BodyState, name: &str) -> Vec<OscPacket> {
     ];
     if body.inside_samples > 0 {
         let mut args: Vec<OscType> = floats(&body.response_m.unwrap_or_default());
-        args.insert(0, OscType::Int(body.inside_samples as i32));
+        args.insert(0, int(body.inside_samples.into()));
         messages.push(message(format!("/hulltouch/body/{name}/touch"), args));
     }
     messages
@@ -198,9 +207,32 @@ mod tests {
         assert!(bundles.len() > 10 && bundles.iter().all(|bundle| bundle.len() <= MAX_BUNDLE_BYTES));
         let all: Vec<Vec<OscMessage>> = bundles.iter().map(|bundle| messages(bundle)).collect();
         assert!(all.iter().all(|messages| messages[0].addr == "/hulltouch/world"));
-        let bodies: Vec<&OscMessage> = all.iter().flat_map(|messages| &messages[1..]).collect();
+        let bodies: Vec<&OscMessage> = all.iter().flat_map(|messages| &messages[2..]).collect();
         assert_eq!(bodies.len(), 3000, "pose, velocity and touch of each");
         assert_eq!(bodies[2999].addr, "/hulltouch/body/999/touch");
+    }
+
+    #[test]
+    fn receivers_of_osc_1_0_can_read_every_argument_and_nothing_is_lost() {
+        let mut old = (*world(5)).clone();
+        old.step = (1 << 31) + 1;
+        old.film_s = 17_895_697.075_000_003;
+        old.bodies.push(BodyState { inside_samples: u32::MAX, id: 8, ..old.bodies[0] });
+        for bundle in bundles(&old, None) {
+            let messages = messages(&bundle);
+            let all = messages.iter().flat_map(|message| &message.args);
+            let is_known = |argument: &OscType| {
+                matches!(
+                    argument,
+                    OscType::Int(_) | OscType::Float(_) | OscType::String(_) | OscType::Blob(_)
+                )
+            };
+            assert!(all.clone().all(is_known), "{messages:?}");
+            assert_eq!(messages[0].args[1], OscType::Int(i32::MAX), "the largest, and not a negative number");
+            let exact = ["2147483649", "17895697.075000003"].map(|text| OscType::String(text.into()));
+            assert_eq!(messages[1].args, exact);
+            assert!(all.clone().all(|argument| !matches!(argument, OscType::Int(..0))), "{messages:?}");
+        }
     }
 
     #[test]
@@ -219,12 +251,15 @@ mod tests {
         let mut buffer = [0; 9000];
         let length = receiver.recv(&mut buffer).expect("a bundle");
         let found = messages(&buffer[..length]);
-        use OscType::{Double, Float, Int, Long};
-        assert_eq!(found[0].args, [Int(2), Long(240), Double(2.0), Int(0), Int(1)]);
-        assert_eq!(found[1].addr, "/hulltouch/body/7/pose");
-        assert_eq!(found[1].args, [1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0].map(Float));
-        assert_eq!(found[2].args, [0.0, -1.0, 0.0].map(Float));
-        assert_eq!(found[3].args, [Int(3), Float(0.25), Float(0.0), Float(0.0)]);
+        use OscType::{Float, Int, String};
+        assert_eq!(found[0].addr, "/hulltouch/world");
+        assert_eq!(found[0].args, [Int(2), Int(240), Float(2.0), Int(0), Int(1)]);
+        assert_eq!(found[1].addr, "/hulltouch/world/exact");
+        assert_eq!(found[1].args, ["240", "2"].map(|text| String(text.into())));
+        assert_eq!(found[2].addr, "/hulltouch/body/7/pose");
+        assert_eq!(found[2].args, [1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0].map(Float));
+        assert_eq!(found[3].args, [0.0, -1.0, 0.0].map(Float));
+        assert_eq!(found[4].args, [Int(3), Float(0.25), Float(0.0), Float(0.0)]);
         drop(osc);
     }
 }
