@@ -41,6 +41,9 @@ const MOST_LOST_STEPS: u64 = 240;
 /// Bodies of this scene never move faster, m/s.
 const FASTEST_M_S: f64 = 20.0;
 
+/// What refusals of malformed questions name.
+const FIELDS_OF_QUESTIONS: [&str; 3] = ["Points.", "Bodies.", "ProbeRequest."];
+
 const SCENE: &str = "
     [[bodies]]
     name = 'box'
@@ -370,8 +373,13 @@ impl Watcher for Log {
 /// What the program itself logs.
 impl Write for Log {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        let text = String::from_utf8_lossy(bytes);
-        self.0.lock().expect("no panic").lines.push(text.trim_end().to_owned());
+        let text = String::from_utf8_lossy(bytes).trim_end().to_owned();
+        let mut kept = self.0.lock().expect("no panic");
+        // Whatever is lost on the way, no node is sent a question that it cannot read.
+        if FIELDS_OF_QUESTIONS.iter().any(|field| text.contains(field)) {
+            kept.wrong.get_or_insert_with(|| format!("a question that is malformed: {text}"));
+        }
+        kept.lines.push(text);
         Ok(bytes.len())
     }
 
