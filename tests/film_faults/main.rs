@@ -11,7 +11,7 @@ use coordinator::{Placement, RunSettings, Transport};
 use film::{FPS, Film, all, rig};
 use hull::{Camera, ProbeSettings, Rig};
 use nalgebra::{Matrix3, Vector3};
-use node::{node_config, serve_until};
+use node::{node_config, serve_until, silent_node_config};
 use node_client::Agreement;
 use run::{Keeper, Step, between, farthest_m, fastest_m_s, play, play_over, settings, since, world};
 use sim::Scene;
@@ -141,6 +141,45 @@ async fn bodies_only_fall_once_a_node_is_lost() {
     check_falls("a node is lost", blind, blind[0].film_s - 1.0 / 120.0);
     assert!(farthest_m(blind) > 0.3, "they fall through what nobody sees");
     assert_eq!(figures.faults, 0);
+}
+
+#[tokio::test]
+async fn a_live_run_begins_without_a_camera_that_never_films_and_ends_with_its_name_if_too_few_do() {
+    let (scene, rig) = (Scene::named("rest").expect("shipped"), rig());
+    for silent in [3..4, 2..4] {
+        let (mut nodes, mut serves) = (vec![], vec![]);
+        for (cameras, is_silent) in [(0..silent.start, false), (silent.clone(), true)] {
+            let (serve, lost) = oneshot::channel();
+            let config = if is_silent { silent_node_config } else { node_config };
+            let address = serve_until(config(&scene, &rig, cameras.clone()), lost).await;
+            nodes.push(expected_node(&rig, address, &cameras.collect::<Vec<_>>()));
+            serves.push(serve);
+        }
+        let shapes = world(&scene).moving_bodies().flat_map(sim::Body::asked_shapes).collect();
+        let agreement = Agreement::new(ProbeSettings::default(), FPS, shapes);
+        let transport = Transport::connect(nodes, Placement::Nodes, agreement);
+        let observers = node_config(&scene, &rig, 0..4).observers();
+        let is_enough = silent.len() == 1;
+        let seconds = if is_enough { 1000.0 } else { 6.0 };
+        let live =
+            RunSettings { lock_step: false, connect_timeout: Duration::from_secs(60), ..settings(seconds) };
+        let (tell, told) = oneshot::channel();
+        let mut keeper = Keeper::default();
+        keeper.tells = Some((0.0, tell));
+        let stop = async {
+            // The first step drops the sender.
+            let _ = told.await;
+        };
+        let (steps, figures) = play_over(transport, observers, &scene, live, (keeper, stop)).await;
+        if is_enough {
+            assert!(steps.first().is_some_and(|step| step.frame.is_some()), "it waited in vain");
+            assert_eq!((figures.blind_steps, figures.film_failure), (0, None));
+        } else {
+            let why = "2 cameras film, expected at least min_cameras, 3: no frame has come from \"cam_2\", \"cam_3\"";
+            assert_eq!((steps.len(), figures.film_failure.as_deref()), (0, Some(why)));
+        }
+        drop(serves);
+    }
 }
 
 #[tokio::test]

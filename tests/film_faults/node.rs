@@ -9,6 +9,7 @@ use camera_node::{NodeCamera, NodeConfig};
 use hull::{ProbeSettings, Rig};
 use proto::Address;
 use segment::SegmentSettings;
+use serde_json::json;
 use sim::Scene;
 use stage::StageSettings;
 use tokio::sync::oneshot;
@@ -28,6 +29,20 @@ pub fn node_config(scene: &Scene, rig: &Rig, cameras: Range<usize>) -> NodeConfi
         ignored: None,
     };
     NodeConfig { cameras: cameras.map(camera).collect(), settings: ProbeSettings::default(), fps: FPS }
+}
+
+/// The same cameras, whose programs run and write nothing.
+pub fn silent_node_config(scene: &Scene, rig: &Rig, cameras: Range<usize>) -> NodeConfig {
+    let mut config = node_config(scene, rig, cameras);
+    let source = json!({ "kind": "pipe", "live": true, "timeout_s": 600, "command": ["sleep", "1000"] });
+    for camera in &mut config.cameras {
+        camera.source = serde_json::from_value(source.clone()).expect("a source");
+        if let SourceConfig::Pipe(pipe) = &mut camera.source {
+            pipe.folder = std::env::temp_dir();
+        }
+        camera.segmentation = serde_json::from_value(json!({ "method": "chroma" })).expect("settings");
+    }
+    config
 }
 
 /// Serves a node on a thread of its own, until `lost`: then its connections are gone as well.

@@ -17,6 +17,9 @@ pub const RING_FRAMES: usize = 8;
 /// Silhouettes of all frames of a ring together, as compact bytes; beyond, fewer frames are kept.
 const MAX_BYTES: usize = 256 << 20;
 
+/// Frames go on without a camera that has delivered nothing for so long after another's first frame, seconds.
+const BEGIN_WITHOUT_S: f64 = 1.5;
+
 /// Why a frame is not there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum FrameError {
@@ -60,6 +63,8 @@ struct Inner {
     delivered: Vec<Option<u64>>,
     /// The first frame that waits for each camera; none waits for one that is left out.
     awaited_from: Vec<Option<u64>>,
+    /// When the first frame of any camera was delivered, by [`monotonic_s`].
+    began_s: Option<f64>,
     /// Whether frames go on without a camera that does not film.
     goes_on: bool,
     state: FilmState,
@@ -86,11 +91,16 @@ impl Inner {
         })
     }
 
-    /// Leaves out a camera that is two frames behind all others. One that has yet to begin is waited for.
-    fn leave_out_late(&mut self) {
+    /// Leaves out a camera that is two frames behind all others. One that has yet to begin is waited for, for a while.
+    fn leave_out_late(&mut self, now_s: f64) {
         // Film that has ended comes no more, and ends all.
         if self.ended.contains(&true) {
             return;
+        }
+        let began_s = *self.began_s.get_or_insert(now_s);
+        if now_s > began_s + BEGIN_WITHOUT_S {
+            let cameras = self.awaited_from.iter_mut().zip(&self.delivered);
+            cameras.filter(|(_, delivered)| delivered.is_none()).for_each(|(from, _)| *from = None);
         }
         let cameras = self.delivered.iter().zip(&self.awaited_from).enumerate();
         let awaited = cameras.filter(|(_, (_, from))| from.is_some());
@@ -180,9 +190,13 @@ impl FrameRing {
     /// Hands in one camera's part of a frame (`camera` counts within the node); the frame appears once
     /// all cameras have delivered theirs.
     pub fn offer(&self, camera: usize, stamp: Stamp, part: CameraFrame) {
+        self.offer_at(camera, stamp, part, monotonic_s());
+    }
+
+    fn offer_at(&self, camera: usize, stamp: Stamp, part: CameraFrame, now_s: f64) {
         let mut inner = self.lock();
         inner.delivered[camera] = Some(stamp.number);
-        inner.health[camera].note(stamp, &part, monotonic_s());
+        inner.health[camera].note(stamp, &part, now_s);
         inner.note_end();
         if let Some(newest) =
             inner.ring.back().map(|newest| newest.number).filter(|newest| stamp.number <= *newest)
@@ -203,7 +217,7 @@ impl FrameRing {
         parts.cameras[camera] = Some(part);
         inner.awaited_from[camera].get_or_insert(stamp.number);
         if inner.goes_on {
-            inner.leave_out_late();
+            inner.leave_out_late(now_s);
         }
         self.publish_complete(&mut inner);
         if inner.pending.len() > RING_FRAMES {
@@ -363,9 +377,32 @@ mod tests {
     }
 
     fn offer(ring: &FrameRing, camera: usize, number: u64) {
+        offer_at(ring, camera, number, 0.0);
+    }
+
+    fn offer_at(ring: &FrameRing, camera: usize, number: u64, now_s: f64) {
         let stamp = Stamp { number, capture_time_s: 0.0, captured_unix_s: 0.0 };
         let silhouette = Silhouette::empty(8, 4).expect("size");
-        ring.offer(camera, stamp, CameraFrame::new(&observer(camera as u16), silhouette, 0.0));
+        ring.offer_at(camera, stamp, CameraFrame::new(&observer(camera as u16), silhouette, 0.0), now_s);
+    }
+
+    #[test]
+    fn frames_begin_without_a_camera_that_never_films_and_wait_for_it_once_it_does() {
+        let ring = FrameRing::new(3);
+        ring.clear(true);
+        for number in 0..70 {
+            let now_s = 100.0 + number as f64 / 30.0;
+            (0..2).for_each(|camera| offer_at(&ring, camera, number, now_s));
+            assert_eq!(held(&ring).is_empty(), now_s <= 101.5, "at {now_s} s");
+        }
+        assert!(held(&ring).iter().all(|(_, cameras)| *cameras == [0, 1]));
+        for number in 70..73 {
+            (0..3).for_each(|camera| offer_at(&ring, camera, number, 103.0));
+        }
+        assert_eq!(held(&ring).last(), Some(&(72, vec![0, 1, 2])));
+        let waits = FrameRing::new(2);
+        (0..900).for_each(|number| offer_at(&waits, 0, number, number as f64));
+        assert!(held(&waits).is_empty(), "a run in lock-step waits for all");
     }
 
     #[test]

@@ -48,6 +48,16 @@ pub enum HullUnavailable {
         /// How many there must be.
         expected: usize,
     },
+    /// Too few cameras have begun to film.
+    #[error("{found} cameras film, expected at least min_cameras, {expected}: no frame has come from {}", missing.join(", "))]
+    NotBegun {
+        /// How many do.
+        found: usize,
+        /// How many there must be.
+        expected: usize,
+        /// The names of the others.
+        missing: Vec<String>,
+    },
     /// The nodes did not answer all questions.
     #[error("{0}")]
     Unanswered(String),
@@ -77,7 +87,7 @@ impl HullUnavailable {
             HullUnavailable::Stopped { .. } => 4,
             HullUnavailable::Forgotten { .. } => 5,
             HullUnavailable::Recorded => 6,
-            HullUnavailable::TooFew { .. } => 7,
+            HullUnavailable::TooFew { .. } | HullUnavailable::NotBegun { .. } => 7,
             HullUnavailable::Unanswered(_) => 8,
         }
     }

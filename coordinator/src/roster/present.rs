@@ -92,6 +92,7 @@ impl Roster {
         let node = &self.nodes[node];
         match node.missing() {
             Some(missing) => missing.to_string(),
+            None if node.newest().is_none() => format!("node {}: no frame has come from it", node.name),
             None if node.is_silent => format!("node {}: no answer in time", node.name),
             None => format!("node {}: its film is late", node.name),
         }

@@ -3,6 +3,8 @@
 use std::task::Poll;
 use std::time::{Duration, Instant};
 
+use proto::{CameraReport, Stamps};
+
 use super::*;
 
 /// So many nodes of one camera each, all of them connected.
@@ -178,17 +180,54 @@ fn a_live_run_begins_with_a_frame_that_every_node_has_or_once_none_will_come() {
     let patience = Duration::from_secs(20);
     let mut roster = roster(2);
     film(&mut roster, 0, [0, 1]);
-    assert!(!roster.may_begin(9, 0.3, patience), "the other node has none");
-    assert!(roster.may_begin(9, 20.1, patience), "it was waited for long enough");
+    assert!(!roster.may_begin(9, 0.3, patience, 3), "the other node has none");
+    assert!(roster.may_begin(9, 20.1, patience, 3), "it was waited for long enough");
     film(&mut roster, 1, [1]);
-    assert!(roster.may_begin(9, 0.3, patience));
-    assert!(!roster.may_begin(0, 0.0, patience), "the first frame that both have is not due yet");
+    assert!(roster.may_begin(9, 0.3, patience, 3));
+    assert!(!roster.may_begin(0, 0.0, patience, 3), "the first frame that both have is not due yet");
     roster.begin_run();
     roster.film_event(1, FilmEvent::Failed("no disk".into()));
-    assert!(roster.may_begin(0, 0.0, patience), "film has failed");
+    assert!(roster.may_begin(0, 0.0, patience, 3), "film has failed");
     roster.begin_run();
     roster.film_event(0, FilmEvent::Ended);
-    assert!(roster.may_begin(0, 0.0, patience), "film has ended");
+    assert!(roster.may_begin(0, 0.0, patience, 3), "film has ended");
+}
+
+#[test]
+fn a_live_run_begins_without_a_node_that_never_films_if_enough_cameras_are_left() {
+    let patience = Duration::from_secs(20);
+    let mut roster = roster(4);
+    [0, 1, 2].into_iter().for_each(|node| film(&mut roster, node, 0..=5));
+    assert!(!roster.may_begin(5, 2.0, patience, 3), "the last node has no frame");
+    assert_eq!(roster.leave_out(5, LeaveOut::Late, 4), [], "too few would be left");
+    assert_eq!(roster.leave_out(5, LeaveOut::Late, 3), [(3, false)]);
+    assert_eq!(roster.why_left_out(3), "node 3: no frame has come from it");
+    assert!(roster.may_begin(5, 2.0, patience, 3));
+    film(&mut roster, 3, [5]);
+    assert_eq!(roster.leave_out(5, LeaveOut::Late, 3), [(3, true)], "it films at last");
+}
+
+#[test]
+fn a_live_run_does_not_begin_with_a_frame_of_too_few_cameras() {
+    let patience = Duration::from_secs(20);
+    let mut roster = Roster::new(vec![RosterNode::new("all".into(), vec![0, 1, 2, 3])]);
+    roster.up(0);
+    let FilmEvent::Frame(mut report) = frame(5) else { panic!("a frame") };
+    let camera = |rig_index| CameraReport {
+        rig_index,
+        admitted: None,
+        area: 0,
+        silhouette_bytes: 0,
+        segment_ms: 0.0,
+        late_s: 0.0,
+        stamps: Stamps::default(),
+        pace: None,
+    };
+    report.cameras = vec![camera(0), camera(2)];
+    roster.film_event(0, FilmEvent::Frame(report));
+    assert_eq!(roster.filming(), [0, 2]);
+    assert!(!roster.may_begin(9, 2.0, patience, 3) && roster.may_begin(9, 2.0, patience, 2));
+    assert!(roster.may_begin(9, 20.1, patience, 3), "it was waited for long enough");
 }
 
 /// Whom a live step goes on without.

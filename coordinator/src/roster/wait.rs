@@ -77,10 +77,23 @@ impl FrameWait {
 
 impl Roster {
     /// Live: whether a run that has seen no frame yet makes its first step, which wants a frame at a film time
-    /// (seconds): every node has that frame or one before, or none will come, or it was waited for long enough.
-    pub fn may_begin(&self, wanted: u64, film_s: f64, patience: Duration) -> bool {
+    /// (seconds): every node has that frame or one before, of `least` cameras together, or none will come, or it was waited
+    /// for long enough.
+    pub fn may_begin(&self, wanted: u64, film_s: f64, patience: Duration, least: usize) -> bool {
         let is_over = self.film(wanted) != FilmState::Running || film_s > patience.as_secs_f64();
-        is_over || self.newest_common(wanted).is_some()
+        let has_enough = |frame| {
+            let reports = self.reports(frame).unwrap_or_default();
+            let cameras: usize = reports.iter().map(|report| report.cameras.len()).sum();
+            // A frame of which no cameras are reported tells nothing.
+            cameras == 0 || cameras >= least
+        };
+        is_over || self.newest_common(wanted).is_some_and(has_enough)
+    }
+
+    /// The places of the cameras of which any frame has come, by the newest report of each node.
+    pub fn filming(&self) -> Vec<u16> {
+        let reports = self.nodes.iter().filter_map(RosterNode::newest);
+        reports.flat_map(|report| &report.cameras).map(|camera| camera.rig_index).collect()
     }
 
     /// Ready once the very frame that a recording names is there.

@@ -16,6 +16,9 @@ const LOOK_EVERY: Duration = Duration::from_millis(100);
 /// The first step does not wait for longer to know how late frames are, seconds of film.
 const MEASURE_S: f64 = 1.0;
 
+/// A live run begins without what films nothing for so long after another camera has begun, seconds of film.
+const BEGIN_WITHOUT_S: f64 = 1.5;
+
 /// Which part of film a step is in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum FilmPhase {
@@ -43,6 +46,8 @@ pub(super) struct FilmInUse {
     /// A camera has gone or come back: until then the hull pushes gently, film time in seconds.
     pub gentle_until_s: f64,
     wait: FrameWait,
+    /// The film time at which the first frame of any camera was found, seconds.
+    began_s: Option<f64>,
 }
 
 impl FilmInUse {
@@ -61,7 +66,9 @@ impl Coordinator {
         self.transport.drain();
         let film_s = self.clock.slipped_film_s(self.film_s());
         let wanted = frame_at(film_s, self.settings.fps);
-        let may_begin = self.transport.roster().may_begin(wanted, film_s, self.settings.connect_timeout)
+        self.begin_without_silent(wanted, film_s);
+        let (patience, least) = (self.settings.connect_timeout, self.least_cameras());
+        let may_begin = self.transport.roster().may_begin(wanted, film_s, patience, least)
             && (self.clock.latency.is_known() || film_s > MEASURE_S);
         if may_begin {
             // What nodes still keep of film is made good; else the first step itself sees the frame of now.
@@ -71,13 +78,45 @@ impl Coordinator {
         !may_begin
     }
 
+    /// Leaves out nodes that film nothing a while after others have begun: a camera that never films must not hold up
+    /// the run. They are back with their first frame.
+    fn begin_without_silent(&mut self, wanted: u64, film_s: f64) {
+        if self.transport.roster().newest().is_none() {
+            return;
+        }
+        let began_s = *self.film.began_s.get_or_insert(film_s);
+        if film_s > began_s + BEGIN_WITHOUT_S && self.transport.roster().newest_common(wanted).is_none() {
+            self.go_on_without(wanted);
+        }
+    }
+
+    /// How many cameras a hull is made of at least.
+    pub(super) fn least_cameras(&self) -> usize {
+        self.settings.going_on.min_cameras.min(self.query.observers().len())
+    }
+
+    /// Why the first step is not made yet.
+    fn why_not_begun(&self, film_s: f64) -> Option<HullUnavailable> {
+        let why = self.hull_frame(film_s, FilmPhase::Runs).err()?;
+        let filming = self.transport.roster().filming();
+        if why != HullUnavailable::NoFrame || filming.is_empty() {
+            return Some(why);
+        }
+        let others =
+            self.query.observers().iter().filter(|observer| !filming.contains(&observer.rig_index()));
+        let missing: Vec<String> = others.map(|observer| format!("{:?}", observer.camera().name())).collect();
+        let (found, expected) = (filming.len(), self.least_cameras());
+        let is_few = found < expected && !missing.is_empty();
+        Some(if is_few { HullUnavailable::NotBegun { found, expected, missing } } else { why })
+    }
+
     /// Waits for the first frame, not for long; false if the run's time is over.
     pub(super) async fn await_first_frame(&mut self, watcher: &mut dyn Watcher) -> bool {
         self.transport.next_within(LOOK_EVERY).await;
         let film_s = self.clock.now_s(self.film_s());
         let frames = frame_at(film_s, self.settings.fps) + 1;
         self.figures.frames_expected = frames.saturating_sub(self.film.frames_passed);
-        if let Err(why) = self.hull_frame(film_s, FilmPhase::Runs) {
+        if let Some(why) = self.why_not_begun(film_s) {
             self.note_no_hull(why);
         }
         self.report(watcher, None);

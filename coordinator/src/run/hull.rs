@@ -41,7 +41,7 @@ impl Coordinator {
         let cameras = reports.iter().flat_map(|report| &report.cameras);
         let mut places: Vec<u16> = cameras.map(|camera| camera.rig_index).collect();
         places.sort_unstable();
-        let expected = self.settings.going_on.min_cameras.min(self.query.observers().len());
+        let expected = self.least_cameras();
         // A frame that nobody remembers tells nothing.
         if places.is_empty() || places == self.film.cameras {
             return Ok(());
