@@ -4,6 +4,8 @@ use std::fs::{self, File};
 use std::io::{self, Read};
 use std::path::Path;
 
+use flate2::read::MultiGzDecoder;
+use hull::text::{EncodingError, decoded};
 use thiserror::Error;
 
 /// Why a file was not read.
@@ -22,8 +24,11 @@ pub enum ReadError {
     #[error("found more than {0} bytes, expected at most as many")]
     TooLarge(u64),
     /// Bytes that are no text.
-    #[error("found bytes that are no UTF-8, expected text")]
-    Encoding,
+    #[error(transparent)]
+    Encoding(#[from] EncodingError),
+    /// A packed file that does not unpack.
+    #[error("found a gzip file that does not unpack: {0}")]
+    Packed(io::Error),
 }
 
 /// All bytes of a regular file of at most `most_bytes`.
@@ -45,13 +50,27 @@ pub fn read(path: &Path, most_bytes: u64) -> Result<Vec<u8>, ReadError> {
     if bytes.len() as u64 > most_bytes { Err(ReadError::TooLarge(most_bytes)) } else { Ok(bytes) }
 }
 
-/// The same of a text file.
+/// The same of a text file, packed with gzip or not; `most_bytes` bounds what it holds unpacked too.
 pub fn read_text(path: &Path, most_bytes: u64) -> Result<String, ReadError> {
-    String::from_utf8(read(path, most_bytes)?).map_err(|_| ReadError::Encoding)
+    Ok(decoded(read_unpacked(path, most_bytes)?)?)
+}
+
+/// The bytes of a file, unpacked if it begins as gzip does, whatever its name.
+pub fn read_unpacked(path: &Path, most_bytes: u64) -> Result<Vec<u8>, ReadError> {
+    let bytes = read(path, most_bytes)?;
+    if !bytes.starts_with(&[0x1f, 0x8b]) {
+        return Ok(bytes);
+    }
+    let mut unpacked = Vec::new();
+    let decoder = MultiGzDecoder::new(bytes.as_slice());
+    decoder.take(most_bytes.saturating_add(1)).read_to_end(&mut unpacked).map_err(ReadError::Packed)?;
+    if unpacked.len() as u64 > most_bytes { Err(ReadError::TooLarge(most_bytes)) } else { Ok(unpacked) }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::io::Write as _;
+
     use super::*;
 
     #[test]
@@ -62,9 +81,23 @@ mod tests {
         assert_eq!(read_text(&path, 5).expect("small enough"), "12345");
         assert!(matches!(read(&path, 4), Err(ReadError::TooLarge(4))));
         fs::write(&path, [0xff, 0xfe]).expect("written");
-        assert!(matches!(read_text(&path, 5), Err(ReadError::Encoding)));
+        assert!(matches!(read_text(&path, 5), Err(ReadError::Encoding(EncodingError::Utf16))));
         assert!(matches!(read(folder.path(), 5), Err(ReadError::Folder)));
         assert!(matches!(read(&folder.path().join("none"), 5), Err(ReadError::Io(_))));
+    }
+
+    #[test]
+    fn a_packed_file_is_read_up_to_its_bound_unpacked() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("f.yml");
+        let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::best());
+        packed.write_all(&vec![b'a'; 100_000]).expect("packed");
+        let packed = packed.finish().expect("packed");
+        fs::write(&path, &packed).expect("written");
+        assert_eq!(read_text(&path, 100_000).expect("small enough").len(), 100_000);
+        assert!(matches!(read_text(&path, 99_999), Err(ReadError::TooLarge(_))));
+        fs::write(&path, &packed[..packed.len() / 2]).expect("written");
+        assert!(matches!(read_text(&path, 100_000), Err(ReadError::Packed(_))));
     }
 
     /// A socket stands for what has no end: it needs no other program to be made.

@@ -8,6 +8,7 @@ pub mod fuzz;
 mod in_process;
 mod local_cluster;
 mod node_config;
+mod text_file;
 
 pub use crate::cluster_file::{
     CameraEntry, ClusterFile, ClusterFileError, LatencyChange, NodeEntry, SceneChoice,
@@ -16,3 +17,4 @@ pub use crate::dns_sd::{AnnounceError, Announcement, NodeSearch};
 pub use crate::in_process::{InProcess, LocalPictures};
 pub use crate::local_cluster::{LocalCluster, LocalClusterError, LocalNodes, Sockets};
 pub use crate::node_config::{NodeConfigError, expected_node};
+pub use crate::text_file::read_text;

@@ -17,6 +17,7 @@ pub mod cull;
 pub mod faces;
 pub mod fuzz;
 pub mod lens;
+pub mod lens_model;
 pub mod merge;
 pub mod oracle;
 pub mod pass;

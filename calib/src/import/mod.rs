@@ -5,19 +5,24 @@
 //! metres and, if the axis that points up is given, turns them to +Y up.
 
 mod axes;
+mod caliscope;
 mod entry;
 mod folder;
+mod kind;
+mod names;
 mod natural_order;
 mod opencv;
 mod projection;
 mod qualisys;
 mod refit;
+mod scan;
 mod svoboda;
 mod xml;
 mod yaml;
 
 use std::str::FromStr;
 
+use hull::lens_model::UnknownLensModel;
 use hull::text::{MAX_MESSAGE_CHARS, MAX_QUOTED_CHARS, shortened};
 use hull::{Camera, CameraError, Rig, RigError};
 use nalgebra::Matrix3;
@@ -153,6 +158,28 @@ pub enum ImportError {
         /// What should.
         expected: &'static str,
     },
+    /// Two files contradict each other, or may be two versions of one camera.
+    #[error("{one} and {other}: found {found}, expected {expected}")]
+    Conflict {
+        /// The one file.
+        one: String,
+        /// The other.
+        other: String,
+        /// What stands in them.
+        found: String,
+        /// What should.
+        expected: &'static str,
+    },
+    /// The lens has another model than k1 k2 p1 p2 k3, or one that is not understood.
+    #[error("{file}: {key}: {error}")]
+    LensModel {
+        /// Which file.
+        file: String,
+        /// Which key.
+        key: String,
+        /// What is wrong.
+        error: UnknownLensModel,
+    },
     /// The world is mirrored: no rotation and translation describe the camera.
     #[error(
         "{file}: found a mirrored world ({detail}), expected a right-handed one: swap two axes or negate \
@@ -198,6 +225,10 @@ impl ImportError {
         ImportError::Key { file: file.to_owned(), key: short(key), found: short(&found.into()), expected }
     }
 
+    fn conflict(one: &str, other: &str, found: impl Into<String>, expected: &'static str) -> ImportError {
+        ImportError::Conflict { one: one.to_owned(), other: other.to_owned(), found: found.into(), expected }
+    }
+
     fn syntax(file: &TextFile, line: usize, found: &str, expected: &'static str) -> ImportError {
         let found = shortened(found, MAX_MESSAGE_CHARS);
         ImportError::Syntax { file: file.path.clone(), line, found, expected }
@@ -208,10 +239,14 @@ impl ImportError {
     }
 }
 
-/// Reads a rig TOML of another program.
+/// Reads a rig TOML of another program, Caliscope's own `camera_array.toml` too.
 pub fn from_aniposelib(file: &TextFile, options: &ImportOptions) -> Result<Imported, ImportError> {
-    let rig =
-        Rig::from_toml(&file.text).map_err(|error| ImportError::Rig { file: file.path.clone(), error })?;
+    let mut warnings = Vec::new();
+    let read = match caliscope::rig(file, &mut warnings)? {
+        Some(cameras) => Rig::new(cameras),
+        None => Rig::from_toml(&file.text),
+    };
+    let rig = read.map_err(|error| ImportError::Rig { file: file.path.clone(), error })?;
     let shift = options.pixel_origin.unwrap_or(0.0);
     let cameras = rig
         .cameras()
@@ -224,7 +259,7 @@ pub fn from_aniposelib(file: &TextFile, options: &ImportOptions) -> Result<Impor
                 .map_err(|error| ImportError::camera(&file.path, error))
         })
         .collect::<Result<Vec<Camera>, ImportError>>()?;
-    axes::finished(&file.path, cameras, 1.0, options, Vec::new())
+    axes::finished(&file.path, cameras, 1.0, options, warnings)
 }
 
 /// The size that the file says, or the option; the file wins, with a warning.
@@ -265,10 +300,4 @@ fn numbers(text: &str) -> Result<Vec<f64>, &str> {
         .filter(|word| !word.is_empty())
         .map(|word| word.parse().map_err(|_| word))
         .collect()
-}
-
-/// The name part of a path: no folders, no endings.
-fn stem(path: &str) -> &str {
-    let name = path.rsplit('/').next().unwrap_or(path);
-    name.split('.').find(|part| !part.is_empty()).unwrap_or(name)
 }

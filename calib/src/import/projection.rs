@@ -5,11 +5,11 @@ use hull::Camera;
 use hull::rotation::rotation_defect;
 use nalgebra::{Matrix3, Matrix3x4, Vector3};
 
-use super::natural_order::natural_key;
-use super::{ImportError, ImportOptions, Imported, TextFile, axes, from_origin, numbers, size_of, stem};
+use super::names::{Named, file_names, settled};
+use super::{ImportError, ImportOptions, Imported, TextFile, axes, from_origin, numbers, size_of};
 
 /// A rotation farther than this from `R Rᵀ = 1` is none; nearer ones were printed with few digits.
-const ROUNDED: f64 = 1e-3;
+pub(super) const ROUNDED: f64 = 1e-3;
 
 /// Which camera of which file, for messages.
 pub(super) struct Placement<'a> {
@@ -32,20 +32,22 @@ pub(super) struct Parts {
 /// commas, lines that start with `#` left out. The sign of P is arbitrary: the one that makes no mirror
 /// is taken. P maps to undistorted pixels.
 pub fn from_matrices(files: &[TextFile], options: &ImportOptions) -> Result<Imported, ImportError> {
-    let mut files: Vec<&TextFile> = files.iter().collect();
-    files.sort_by_key(|file| natural_key(&file.path));
+    let paths: Vec<&str> = files.iter().map(|file| file.path.as_str()).collect();
     let mut warnings = Vec::new();
     let mut cameras = Vec::new();
-    for file in &files {
+    for (file, name) in files.iter().zip(file_names(&paths)?) {
         let p = matrix_from(file)?;
         let sign = if p.fixed_columns::<3>(0).determinant() < 0.0 { -1.0 } else { 1.0 };
         let parts = taken_apart(&file.path, &(p * sign))?;
         let k = from_origin(parts.k, options.pixel_origin.unwrap_or(0.0));
         let size = size_of(&file.path, None, options, &mut warnings)?;
-        let placement = Placement { file: &file.path, key: "P", name: stem(&file.path), size };
-        cameras.push(placed(&placement, k, [0.0; 5], &parts.r, parts.t, &mut warnings)?);
+        let placement = Placement { file: &file.path, key: "P", name: &name, size };
+        let value = placed(&placement, k, [0.0; 5], &parts.r, parts.t, &mut warnings)?;
+        cameras.push(Named { name: name.clone(), path: file.path.clone(), value });
     }
-    let place = files.first().map_or("", |file| file.path.as_str());
+    let same = |one: &Camera, other: &Camera| one.clone().renamed(other.name()) == *other;
+    let cameras = settled(cameras, same, &mut warnings)?.into_iter().map(|camera| camera.value).collect();
+    let place = files.first().map_or("no files", |file| file.path.as_str());
     axes::finished(place, cameras, 1.0, options, warnings)
 }
 
@@ -165,7 +167,7 @@ mod tests {
         assert!((camera.intrinsics() - k).amax() < 1e-9);
         assert!((camera.rotation() - Matrix3::new(0., -1., 0., 1., 0., 0., 0., 0., 1.)).amax() < 1e-12);
         assert!((camera.translation_m() - Vector3::new(1.0, 2.0, 4.0)).amax() < 1e-9);
-        assert_eq!(camera.name(), "view");
+        assert_eq!(camera.name(), "view.7.P");
     }
 
     proptest! {

@@ -3,16 +3,20 @@
 //! lens coefficients are not, whatever some converters do to them.
 
 use hull::Camera;
+use hull::lens_model::{check_general_lens_model, check_lens_model};
+use hull::rotation::rotation_defect;
 use nalgebra::{Matrix3, Vector3};
 
-use super::projection::{Placement, placed};
+use super::projection::{Placement, ROUNDED, placed};
 use super::xml::{self, Element};
 use super::{ImportError, ImportOptions, Imported, TextFile, axes, size_of};
 
 const SUBPIXELS: f64 = 64.0;
 const MILLIMETRE: f64 = 0.001;
+const CALIBRATED: &str = "a calibrated camera: calibrate it, or mark it calibrated=\"false\" to leave it out";
 
-/// Reads a Qualisys calibration. Cameras that are not active are left out, with a warning.
+/// Reads a Qualisys calibration. Cameras that are not active or not calibrated are left out, with a warning;
+/// what the program leaves in place of a calibration is an error.
 pub fn from_qualisys(file: &TextFile, options: &ImportOptions) -> Result<Imported, ImportError> {
     let root = xml::parse(file)?;
     let list = root.child("cameras").filter(|_| root.name == "calibration").ok_or_else(|| {
@@ -22,8 +26,14 @@ pub fn from_qualisys(file: &TextFile, options: &ImportOptions) -> Result<Importe
     let mut cameras = Vec::new();
     for (index, element) in list.children.iter().filter(|child| child.name == "camera").enumerate() {
         let name = element.attribute("serial").map_or_else(|| format!("camera{}", index + 1), str::to_owned);
-        if element.attribute("active") == Some("0") {
-            warnings.push(format!("{}: camera {name} is not active, left out", file.path));
+        let says_no = |key| element.attribute(key).is_some_and(is_no);
+        let reason = match (says_no("active"), says_no("calibrated")) {
+            (true, _) => Some("not active"),
+            (_, true) => Some("not calibrated"),
+            _ => None,
+        };
+        if let Some(reason) = reason {
+            warnings.push(format!("{}: camera {name} is {reason}, left out", file.path));
             continue;
         }
         if let Some(turn) = element.attribute("viewrotation").filter(|&turn| turn != "0") {
@@ -33,9 +43,20 @@ pub fn from_qualisys(file: &TextFile, options: &ImportOptions) -> Result<Importe
                 file.path
             ));
         }
-        cameras.push(Source { file, name: &name, element }.camera(options, &mut warnings)?);
+        let source = Source { file, name: &name, element };
+        source.check_lens_model(&root)?;
+        cameras.push(source.camera(options, &mut warnings)?);
+    }
+    if cameras.is_empty() {
+        let found = if warnings.is_empty() { "no camera" } else { "no camera that is active and calibrated" };
+        return Err(ImportError::key(&file.path, "cameras", found, "at least one calibrated camera"));
     }
     axes::finished(&file.path, cameras, MILLIMETRE, options, warnings)
+}
+
+/// "false", "0" or "no", in capitals or not.
+fn is_no(text: &str) -> bool {
+    ["0", "false", "no", "off"].contains(&text.trim().to_ascii_lowercase().as_str())
 }
 
 /// One camera's element.
@@ -46,6 +67,81 @@ struct Source<'a> {
 }
 
 impl Source<'_> {
+    /// An error if an attribute speaks of another lens, or a coefficient that is not read is not zero.
+    fn check_lens_model(&self, root: &Element) -> Result<(), ImportError> {
+        let shown = |key: &str| format!("camera {} {key}", self.name);
+        let intrinsic = self.element.child("intrinsic");
+        let of_lens = intrinsic.map_or(&[][..], |element| element.attributes.as_slice());
+        // `model` and `type` of the camera are those of the device.
+        let of_device = self.element.attributes.iter().chain(&root.attributes);
+        let checked = of_lens.iter().map(|(key, value)| (key, value, check_lens_model(key, value)));
+        let general = of_device.map(|(key, value)| (key, value, check_general_lens_model(key, value)));
+        for (key, _, result) in checked.chain(general) {
+            result.map_err(|error| ImportError::LensModel {
+                file: self.file.path.clone(),
+                key: shown(key),
+                error,
+            })?;
+        }
+        const READ: [&str; 5] = [
+            "radialDistortion1",
+            "radialDistortion2",
+            "radialDistortion3",
+            "tangentalDistortion1",
+            "tangentalDistortion2",
+        ];
+        let more = of_lens.iter().find(|(key, value)| {
+            let name = key.to_ascii_lowercase();
+            name.contains("distortion")
+                && !READ.contains(&key.as_str())
+                && name.ends_with(|c: char| c.is_ascii_digit())
+                && value.trim().parse() != Ok(0.0)
+        });
+        match more {
+            Some((key, value)) => {
+                let expected = "zero: only radialDistortion1 to 3 and tangentalDistortion1 and 2 are known";
+                Err(ImportError::key(&self.file.path, &shown(key), format!("{value:?}"), expected))
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// An error for the zeros that stand in place of a calibration.
+    fn check_calibrated(
+        &self,
+        q: &Matrix3<f64>,
+        centre: &Vector3<f64>,
+        k: &Matrix3<f64>,
+    ) -> Result<(), ImportError> {
+        let wrong = |key: &str, found: String, expected| {
+            let key = format!("camera {} {key}", self.name);
+            Err(ImportError::key(&self.file.path, &key, found, expected))
+        };
+        if q.amax() == 0.0 {
+            return wrong("transform", "a rotation of zeros".to_owned(), CALIBRATED);
+        }
+        if *centre == Vector3::zeros() {
+            return wrong("transform", "the position 0 0 0".to_owned(), CALIBRATED);
+        }
+        let finite = q.iter().chain(centre).chain(k).all(|number| number.is_finite());
+        if !finite {
+            return wrong("transform and intrinsic", "a number that is not finite".to_owned(), CALIBRATED);
+        }
+        let defect = rotation_defect(q);
+        if q.determinant() > 0.0 && defect > ROUNDED {
+            return wrong(
+                "transform",
+                format!("a matrix that is off from a rotation by {defect:.1e}"),
+                CALIBRATED,
+            );
+        }
+        if k[(0, 0)] <= 0.0 || k[(1, 1)] <= 0.0 {
+            let found = format!("focal lengths {} and {} pixels", k[(0, 0)], k[(1, 1)]);
+            return wrong("intrinsic focalLength", found, CALIBRATED);
+        }
+        Ok(())
+    }
+
     fn camera(&self, options: &ImportOptions, warnings: &mut Vec<String>) -> Result<Camera, ImportError> {
         let transform = |key| self.number("transform", key);
         let q = Matrix3::new(
@@ -76,6 +172,7 @@ impl Source<'_> {
             0.0,
             1.0,
         );
+        self.check_calibrated(&q, &centre, &k)?;
         // The format spells "tangental".
         let distortion = [
             lens("radialDistortion1")?,
@@ -152,6 +249,57 @@ mod tests {
         assert!((found - expected).norm() < 1e-9, "{found}");
         assert_eq!((camera.name(), camera.width(), camera.height()), ("left", 640, 480));
         assert_eq!(imported.warnings, ["Calib.qca.txt: camera broken is not active, left out"]);
+    }
+
+    #[test]
+    fn cameras_without_a_calibration_are_left_out_or_named() {
+        let second = TEXT[TEXT.find("<camera active=\"1\"").expect("a camera")..].replace("left", "right");
+        for no in ["false", "FALSE", "0", "False"] {
+            let marked = second.replacen("active=\"1\"", &format!("active=\"1\" calibrated=\"{no}\""), 1);
+            let marked = marked.replace("4000", "4400");
+            let text = TEXT.replace(
+                "</cameras></calibration>",
+                &marked.replace(
+                    "fov_video bottom=\"479\" right=\"0\" right",
+                    "fov_video bottom=\"479\" left=\"0\" right",
+                ),
+            );
+            let imported = import(&text).expect("a rig");
+            assert_eq!(imported.rig.cameras().len(), 1);
+            assert_eq!(imported.warnings[1], "Calib.qca.txt: camera right is not calibrated, left out");
+        }
+        let message =
+            |from: &str, to: &str| import(&TEXT.replacen(from, to, 1)).expect_err("refused").to_string();
+        let none = message("active=\"1\"", "active=\"1\" calibrated=\"false\"");
+        assert!(none.contains("found no camera that is active and calibrated"), "{none}");
+        let zeros = message(
+            "r11=\"-1\" r12=\"0\" r13=\"0\" r21=\"0\" r22=\"0\" r23=\"1\" r31=\"0\" r32=\"1\"",
+            "r11=\"0\" r12=\"0\" r13=\"0\" r21=\"0\" r22=\"0\" r23=\"0\" r31=\"0\" r32=\"0\"",
+        );
+        assert!(zeros.contains("camera left transform: found a rotation of zeros"), "{zeros}");
+        let origin = message("y=\"4000\" z=\"1000\"", "y=\"0\" z=\"0\"");
+        assert!(origin.contains("camera left transform: found the position 0 0 0"), "{origin}");
+        let focal = message("focalLengthU=\"32000\"", "focalLengthU=\"0\"");
+        assert!(
+            focal.contains("camera left intrinsic focalLength: found focal lengths 0 and 400"),
+            "{focal}"
+        );
+    }
+
+    #[test]
+    fn another_lens_is_refused() {
+        let message = |from: &str, to: &str| import(&TEXT.replacen(from, to, 1)).expect_err(to).to_string();
+        for (from, to) in [
+            ("skew=", "fisheye=\"true\" skew="),
+            ("skew=", "radialDistortion4=\"0.01\" skew="),
+            ("type=\"regular\"", "type=\"fisheye\""),
+            ("serial=\"left\"", "serial=\"left\" lens_type=\"fisheye\""),
+        ] {
+            assert!(message(from, to).starts_with("Calib.qca.txt: camera left "), "{to}");
+        }
+        assert!(
+            import(&TEXT.replacen("serial=\"left\"", "serial=\"left\" model=\"Miqus Hybrid\"", 1)).is_ok()
+        );
     }
 
     #[test]

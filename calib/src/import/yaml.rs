@@ -6,64 +6,104 @@ use std::iter;
 use super::entry::Entry;
 use super::{ImportError, TextFile, numbers};
 
-/// The top-level keys with numbers: scalars, lists in brackets, and maps with rows, cols and data.
+/// A line without its comment: its number from 1, the columns in front of it, and its text.
+struct Line<'a> {
+    number: usize,
+    indent: usize,
+    text: &'a str,
+}
+
+/// All keys, those of maps in maps too: scalars, lists in brackets, and matrices with rows, cols and data.
 pub(super) fn parse(file: &TextFile) -> Result<Vec<Entry>, ImportError> {
-    let lines: Vec<(usize, &str)> = file
-        .text
-        .lines()
-        .enumerate()
-        .map(|(index, line)| (index + 1, line.split(" #").next().unwrap_or(line).trim_end()))
-        .filter(|(_, line)| !skipped(line))
-        .collect();
+    let lines: Vec<Line> = lines(&file.text).collect();
     let mut entries: Vec<Entry> = Vec::new();
+    // The maps around the line: their indents and places among the entries.
+    let mut open: Vec<(usize, usize)> = Vec::new();
     let mut at = 0;
     while at < lines.len() {
-        let (number, line) = lines[at];
+        let line = &lines[at];
         let (value, next) = value_from(file, &lines, at)?;
         at = next;
-        let indented = line.starts_with([' ', '\t']);
-        let Some((key, _)) = line.split_once(':') else {
-            if indented || line.starts_with('-') {
+        let item = line.text.strip_prefix("- ").map(str::trim_start);
+        let text = item.unwrap_or(line.text);
+        let indent = line.indent + line.text.len() - text.len();
+        let Some((key, _)) = text.split_once(':') else {
+            if indent > 0 || line.text.starts_with('-') {
                 // An item of a list in lines: nothing that describes a camera.
                 continue;
             }
-            return Err(ImportError::syntax(file, number, &format!("{line:?}"), "key: value"));
+            return Err(ImportError::syntax(file, line.number, &format!("{:?}", line.text), "key: value"));
         };
-        let key = key.trim().trim_matches('"');
-        if !indented {
-            entries.push(Entry { key: key.to_owned(), shape: None, numbers: numbers(&value).ok() });
+        let key = key.trim().trim_matches(['"', '\'']);
+        while open.last().is_some_and(|&(outer, _)| outer >= indent) {
+            open.pop();
+        }
+        let parent = open.last().map(|&(_, index)| index);
+        if let Some(parent) = parent.and_then(|index| entries.get_mut(index))
+            && describes(file, parent, key, &value)?
+        {
             continue;
         }
-        let Some(entry) = entries.last_mut() else { continue };
-        let whole = |text: &str| text.trim().parse::<usize>().ok();
-        match key {
-            "rows" => entry.shape = whole(&value).map(|rows| (rows, entry.shape.map_or(0, |shape| shape.1))),
-            "cols" => entry.shape = whole(&value).map(|cols| (entry.shape.map_or(0, |shape| shape.0), cols)),
-            "data" => {
-                let found = numbers(&value).map_err(|word| {
-                    ImportError::key(&file.path, &entry.key, format!("{word:?} in its data"), "numbers")
-                })?;
-                entry.numbers = Some(found);
-            }
-            _ => {}
+        let key = parent.map_or_else(|| key.to_owned(), |parent| format!("{}/{key}", entries[parent].key));
+        let bare = value.trim_matches(['"', '\'']).trim();
+        open.push((indent, entries.len()));
+        if open.len() > MAX_DEPTH {
+            return Err(ImportError::syntax(
+                file,
+                line.number,
+                "maps nested too deep",
+                "at most 16 maps in maps",
+            ));
         }
+        entries.push(Entry {
+            key,
+            shape: None,
+            numbers: numbers(bare).ok().filter(|found| !found.is_empty()),
+            text: bare.to_owned(),
+        });
     }
     Ok(entries)
 }
 
-fn skipped(line: &str) -> bool {
-    let line = line.trim();
-    line.is_empty() || line.starts_with(['%', '#']) || line == "---" || line == "..."
+/// OpenCV's files nest three deep; keys are joined, so depth costs memory.
+const MAX_DEPTH: usize = 16;
+
+/// Whether a key describes the matrix that it stands in; then it is noted there.
+fn describes(file: &TextFile, matrix: &mut Entry, key: &str, value: &str) -> Result<bool, ImportError> {
+    let whole = |text: &str| text.trim().parse::<usize>().ok();
+    match key {
+        "rows" => matrix.shape = whole(value).map(|rows| (rows, matrix.shape.map_or(0, |shape| shape.1))),
+        "cols" => matrix.shape = whole(value).map(|cols| (matrix.shape.map_or(0, |shape| shape.0), cols)),
+        "dt" => {}
+        "data" => {
+            let found = numbers(value).map_err(|word| {
+                ImportError::key(&file.path, &matrix.key, format!("{word:?} in its data"), "numbers")
+            })?;
+            matrix.numbers = Some(found);
+        }
+        _ => return Ok(false),
+    }
+    matrix.text.clear();
+    Ok(true)
+}
+
+fn lines(text: &str) -> impl Iterator<Item = Line<'_>> {
+    text.lines().enumerate().filter_map(|(index, line)| {
+        let line = line.split(" #").next().unwrap_or(line).trim_end();
+        let text = line.trim_start();
+        let skipped = text.is_empty() || text.starts_with(['%', '#']) || text == "---" || text == "...";
+        (!skipped).then_some(Line { number: index + 1, indent: line.len() - text.len(), text })
+    })
 }
 
 /// The value that starts in a line, brackets followed over lines and taken off, and the next line's index.
-fn value_from(file: &TextFile, lines: &[(usize, &str)], at: usize) -> Result<(String, usize), ImportError> {
-    let value = lines[at].1.split_once(':').map_or("", |(_, value)| value).trim();
+fn value_from(file: &TextFile, lines: &[Line], at: usize) -> Result<(String, usize), ImportError> {
+    let value = lines[at].text.split_once(':').map_or("", |(_, value)| value).trim();
     let value =
         if value.starts_with("!!") { value.split_once(' ').map_or("", |(_, rest)| rest) } else { value };
     let Some(list) = value.strip_prefix('[') else { return Ok((value.to_owned(), at + 1)) };
     let mut text = String::new();
-    let parts = iter::once(list).chain(lines[at + 1..].iter().map(|&(_, line)| line));
+    let parts = iter::once(list).chain(lines[at + 1..].iter().map(|line| line.text));
     for (part, next) in parts.zip(at + 1..) {
         if let Some((last, _)) = part.split_once(']') {
             text.push_str(last);
@@ -72,7 +112,7 @@ fn value_from(file: &TextFile, lines: &[(usize, &str)], at: usize) -> Result<(St
         text.push_str(part);
         text.push(' ');
     }
-    Err(ImportError::syntax(file, lines[at].0, "a list without an end", "]"))
+    Err(ImportError::syntax(file, lines[at].number, "a list without an end", "]"))
 }
 
 #[cfg(test)]
@@ -97,6 +137,27 @@ mod tests {
         assert_eq!(found[0], ("image_width", None, vec![640.0]));
         assert_eq!(found[2], ("K", Some((1, 3)), vec![500.0, 0.0, -325.0]));
         assert_eq!(found[3], ("list", None, vec![1.0, 2.0]));
+    }
+
+    #[test]
+    fn keys_of_maps_in_maps_keep_their_path() {
+        let text = "%YAML:1.0\ncamera_0:\n   camera_matrix: !!opencv-matrix\n      rows: 1\n      cols: 1\n      \
+                    dt: d\n      data: [ 5. ]\n   distortion_type: 1\nnames:\n   - \"01\"\n   - model: x\nlast: \"a b\"\n";
+        let entries = read(text).expect("its subset");
+        let found: Vec<_> = entries.iter().map(|e| (e.key.as_str(), e.shape, e.text.as_str())).collect();
+        assert_eq!(
+            found,
+            [
+                ("camera_0", None, ""),
+                ("camera_0/camera_matrix", Some((1, 1)), ""),
+                ("camera_0/distortion_type", None, "1"),
+                ("names", None, ""),
+                ("names/model", None, "x"),
+                ("last", None, "a b"),
+            ]
+        );
+        let deep: String = (0..50_000).map(|depth| format!("{}k:\n", " ".repeat(depth.min(40)))).collect();
+        assert!(read(&deep).expect_err("too deep").to_string().contains("nested"));
     }
 
     #[test]

@@ -5,6 +5,7 @@ use toml_edit::{DocumentMut, Item, TableLike, Value};
 
 use super::{ClusterFile, ClusterFileError};
 use crate::expand::expand;
+use crate::text_file::read_text;
 
 /// A camera's `latency_s`, from exposure to arrival.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,7 +26,7 @@ impl ClusterFile {
         &self,
         late_s: impl Fn(&str) -> f64,
     ) -> Result<(String, Vec<LatencyChange>), ClusterFileError> {
-        let text = std::fs::read_to_string(&self.path).map_err(|error| self.refused(error.to_string()))?;
+        let text = read_text(&self.path).map_err(|error| self.refused(error.to_string()))?;
         self.with_latencies(&text, late_s)
     }
 

@@ -47,7 +47,6 @@ mod node_entry;
 #[cfg(test)]
 mod tests;
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use camera_node::source::SourceConfig;
@@ -62,6 +61,7 @@ use thiserror::Error;
 use toml::{Table, Value};
 
 use crate::expand::Variables;
+use crate::text_file::read_text;
 
 pub use latency::LatencyChange;
 pub use node_entry::NodeEntry;
@@ -250,7 +250,7 @@ impl ClusterFile {
             problem: error.to_string(),
         };
         let absolute = std::path::absolute(path).map_err(refused)?;
-        let text = fs::read_to_string(path).map_err(refused)?;
+        let text = read_text(path).map_err(refused)?;
         ClusterFile::from_text(path, &absolute, &text, variables)
     }
 
@@ -277,7 +277,7 @@ impl ClusterFile {
         let (path, scene) = match &self.scene {
             SceneChoice::Named(name) => (&self.path, Scene::named(name)),
             SceneChoice::File(path) => {
-                let text = fs::read_to_string(path).map_err(|error| refused(path, error.to_string()))?;
+                let text = read_text(path).map_err(|error| refused(path, error.to_string()))?;
                 let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
                 (path, Scene::from_toml(&name, &text))
             }

@@ -195,7 +195,7 @@ fn load_scene(name: &str) -> Outcome<Scene> {
     if path.extension().is_none_or(|extension| extension != "toml") {
         return Scene::named(name).map_err(|error| Failure::input(format_args!("--scene: {error}")));
     }
-    let text = std::fs::read_to_string(path).map_err(|error| Failure::unreadable(path, error))?;
+    let text = cluster::read_text(path).map_err(|error| Failure::unreadable(path, error))?;
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
     Scene::from_toml(&name, &text).map_err(|error| Failure::unreadable(path, error))
 }

@@ -253,6 +253,7 @@ impl Scene {
 
     /// The scene of a TOML text; `name` stands in error messages.
     pub fn from_toml(name: &str, text: &str) -> Result<Scene, SceneError> {
+        let text = hull::text::without_mark(text);
         let file = file::parse(name, text)?;
         check::scene(name, text, file).map_err(|problem| SceneError::Value { scene: name.into(), problem })
     }

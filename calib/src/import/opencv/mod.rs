@@ -1,92 +1,109 @@
-//! OpenCV FileStorage, XML or YAML: one camera per file or per folder of files. Key names vary from
-//! program to program; extrinsics are world to camera.
+//! OpenCV FileStorage, XML or YAML: a camera per file or per folder of files, stereo pairs, and files whose
+//! keys name their cameras (EasyMocap). Extrinsics are world to camera.
 
-use std::collections::BTreeMap;
+mod camera;
+mod groups;
+mod parts;
+mod roles;
 
 use hull::Camera;
-use nalgebra::{Matrix3, Vector3};
 
 use super::entry::Entry;
-use super::natural_order::natural_key;
-use super::projection::{Placement, placed};
-use super::{
-    ImportError, ImportOptions, Imported, TextFile, axes, from_origin, numbers, size_of, stem, xml, yaml,
-};
+use super::names::{Named, settled};
+use super::xml::{self, Element};
+use super::{ImportError, ImportOptions, Imported, TextFile, axes, numbers, yaml};
+use groups::{Group, grouped};
+use parts::Parts;
+use roles::Role;
 
-/// The known names of each thing, in lower case without `_`.
-const MATRIX: &[&str] = &["cameramatrix", "k", "m", "m1", "k1", "mtx", "intrinsicmatrix", "intrinsics"];
-const LENS: &[&str] = &[
-    "distortioncoefficients",
-    "distortioncoeffs",
-    "distcoeffs",
-    "distcoefs",
-    "d",
-    "d1",
-    "dist",
-    "distortion",
-];
-const ROTATION: &[&str] =
-    &["rvec", "rotationvalues", "rotationvector", "r", "rotation", "rotationmatrix", "rot", "rvecs"];
-const TRANSLATION: &[&str] = &["tvec", "translationvalues", "translationvector", "t", "translation", "tvecs"];
-const WIDTH: &[&str] = &["imagewidth", "width"];
-const HEIGHT: &[&str] = &["imageheight", "height"];
-const SIZE: &[&str] = &["imagesize", "size", "resolution"];
-
-/// Reads FileStorage files. Files of one folder (`cam1/config.xml`) describe one camera, named like the
-/// folder; files without a folder are a camera each, named like the file. Files without a camera matrix
-/// are left out; so are cameras without a pose, with a warning, unless no camera is complete.
+/// Reads FileStorage files. A file that says all is a camera, named like the file, or like its folder
+/// (`cam1/config.xml`) where each folder holds one; files that hold halves of a camera are joined by folder or
+/// name (`cam1_intrinsics.yml`, `cam1_extrinsics.yml`). Files that describe no camera are left out; so are
+/// cameras without a pose, with a warning, unless no camera is complete. Files that look like two versions
+/// of one camera and differ are an error.
 pub fn from_opencv(files: &[TextFile], options: &ImportOptions) -> Result<Imported, ImportError> {
-    let mut groups: BTreeMap<&str, Vec<(&TextFile, Vec<Entry>)>> = BTreeMap::new();
-    for file in files {
-        let name = match file.path.rsplit_once('/') {
-            Some((folder, _)) => folder.rsplit('/').next().unwrap_or(folder),
-            None => stem(&file.path),
-        };
-        groups.entry(name).or_default().push((file, entries(file)?));
+    let entries = files.iter().map(entries).collect::<Result<Vec<Vec<Entry>>, ImportError>>()?;
+    let mut described = Vec::new();
+    for (file, entries) in files.iter().zip(&entries) {
+        let parts = Parts::of_file(file, entries)?;
+        for entry in entries {
+            entry.check_lens_model(!parts.is_empty()).map_err(|error| ImportError::LensModel {
+                file: file.path.clone(),
+                key: entry.key.clone(),
+                error,
+            })?;
+        }
+        if !parts.is_empty() {
+            described.push((file, parts));
+        }
     }
     let mut warnings = Vec::new();
-    let mut cameras = Vec::new();
-    let mut incomplete = None;
-    for (name, files) in in_natural_order(groups) {
-        let Some((path, entries)) = chosen(&files) else { continue };
-        match camera(name, path, &entries, options, &mut warnings) {
-            Ok(camera) => cameras.push(camera),
-            Err(error) if find(&entries, TRANSLATION).is_none() && find(&entries, ROTATION).is_none() => {
-                warnings.push(format!("{path}: left out, it has no pose"));
-                incomplete.get_or_insert(error);
-            }
-            Err(error) => return Err(error),
+    let mut cameras: Vec<Named<Camera>> = Vec::new();
+    let mut halves = Halves::default();
+    for group in grouped(described)? {
+        if !group.parts.has_matrix() {
+            halves.poses.push(group);
+        } else if !group.parts.has_pose() {
+            halves.matrices.push(group);
+        } else {
+            cameras.extend(camera::cameras(&group.name, &group.parts, options, &mut warnings)?);
         }
     }
-    let place = files.first().map_or("", |file| file.path.as_str());
-    match incomplete {
-        Some(error) if cameras.is_empty() => Err(error),
-        None if cameras.is_empty() => {
-            Err(ImportError::key(place, MATRIX_NAMES, "nothing", "a 3 x 3 camera matrix in some file"))
+    halves.check(&cameras, &mut warnings)?;
+    let place = files.first().map_or("no files", |file| file.path.as_str());
+    if cameras.is_empty() {
+        return Err(ImportError::key(
+            place,
+            Role::Matrix.shown(),
+            "nothing",
+            "a 3 x 3 camera matrix in some file",
+        ));
+    }
+    let same = |one: &Camera, other: &Camera| one.clone().renamed(other.name()) == *other;
+    let cameras = settled(cameras, same, &mut warnings)?.into_iter().map(|camera| camera.value).collect();
+    axes::finished(place, cameras, 1.0, options, warnings)
+}
+
+/// Halves of cameras without the other half.
+#[derive(Default)]
+struct Halves<'a> {
+    matrices: Vec<Group<'a>>,
+    poses: Vec<Group<'a>>,
+}
+
+impl Halves<'_> {
+    /// Halves of both kinds belong together in a way that their names do not say: an error that names two. So is
+    /// a half where no camera is complete; another is left out with a warning.
+    fn check(&self, cameras: &[Named<Camera>], warnings: &mut Vec<String>) -> Result<(), ImportError> {
+        let both = self
+            .matrices
+            .iter()
+            .find(|group| !group.is_lens_alone())
+            .zip(self.poses.iter().find(|group| !group.is_lens_alone()));
+        if let Some((matrix, pose)) = both {
+            return Err(ImportError::conflict(
+                matrix.path(),
+                pose.path(),
+                "a camera matrix without a pose, and a pose without a camera matrix",
+                "files of one camera in one folder, or with one name as in cam1_intrinsics.yml and \
+                 cam1_extrinsics.yml",
+            ));
         }
-        _ => axes::finished(place, cameras, 1.0, options, warnings),
+        let lone = self.matrices.first().map(|group| (group, Role::Translation, "3 numbers"));
+        let lone = lone.or(self.poses.first().map(|group| (group, Role::Matrix, "3 x 3 numbers")));
+        if let Some((group, role, expected)) = lone
+            && cameras.is_empty()
+        {
+            return Err(ImportError::key(group.path(), role.shown(), "nothing", expected));
+        }
+        for group in &self.matrices {
+            warnings.push(format!("{}: left out, it has no pose", group.path()));
+        }
+        for group in &self.poses {
+            warnings.push(format!("{}: left out, it has no camera matrix", group.path()));
+        }
+        Ok(())
     }
-}
-
-const MATRIX_NAMES: &str = "camera_matrix (CameraMatrix, cameraMatrix, K, M1)";
-
-/// Names with numbers in them count as people count: cam2 before cam10.
-fn in_natural_order<T>(groups: BTreeMap<&str, T>) -> Vec<(&str, T)> {
-    let mut groups: Vec<(&str, T)> = groups.into_iter().collect();
-    groups.sort_by_key(|(name, _)| natural_key(name));
-    groups
-}
-
-/// The one file that says all, else all files together; `None` without a camera matrix.
-fn chosen<'a>(files: &[(&'a TextFile, Vec<Entry>)]) -> Option<(&'a str, Vec<Entry>)> {
-    let has = |entries: &[Entry], names| find(entries, names).is_some();
-    let full =
-        |entries: &[Entry]| has(entries, MATRIX) && has(entries, ROTATION) && has(entries, TRANSLATION);
-    if let Some((file, entries)) = files.iter().find(|(_, entries)| full(entries)) {
-        return Some((file.path.as_str(), entries.clone()));
-    }
-    let (file, _) = files.iter().find(|(_, entries)| has(entries, MATRIX))?;
-    Some((file.path.as_str(), files.iter().flat_map(|(_, entries)| entries.iter().cloned()).collect()))
 }
 
 fn entries(file: &TextFile) -> Result<Vec<Entry>, ImportError> {
@@ -97,111 +114,40 @@ fn entries(file: &TextFile) -> Result<Vec<Entry>, ImportError> {
     if root.name != "opencv_storage" {
         return Err(ImportError::syntax(file, 1, &format!("<{}>", root.name), "<opencv_storage>"));
     }
-    root.children
-        .iter()
-        .map(|child| {
-            let whole = |name| child.child(name).and_then(|child| child.text.trim().parse::<usize>().ok());
-            let shape = whole("rows").zip(whole("cols"));
-            let found = match child.child("data") {
-                Some(data) => Some(numbers(&data.text).map_err(|word| {
-                    ImportError::key(&file.path, &child.name, format!("{word:?} in its data"), "numbers")
-                })?),
-                None => numbers(&child.text).ok().filter(|numbers| !numbers.is_empty()),
-            };
-            Ok(Entry { key: child.name.clone(), shape, numbers: found })
-        })
-        .collect()
+    let mut entries = Vec::new();
+    for child in &root.children {
+        add_entries(file, child, &child.name, &mut entries)?;
+    }
+    Ok(entries)
 }
 
-/// The entry under the first of the names that the file has.
-fn find<'a>(entries: &'a [Entry], names: &[&str]) -> Option<&'a Entry> {
-    let plain = |key: &str| key.to_ascii_lowercase().replace(['_', '-'], "");
-    names.iter().find_map(|name| entries.iter().find(|entry| plain(&entry.key) == *name))
-}
-
-/// The numbers under one of the names, of one of the given counts.
-fn numbers_of<'a>(
-    path: &str,
-    entries: &'a [Entry],
-    names: &[&str],
-    shown: &str,
-    counts: &[usize],
-    expected: &'static str,
-) -> Result<(&'a str, &'a [f64]), ImportError> {
-    let entry = find(entries, names).ok_or_else(|| ImportError::key(path, shown, "nothing", expected))?;
-    let found = entry.numbers.as_deref().unwrap_or(&[]);
-    let shaped = entry.shape.is_none_or(|(rows, cols)| rows.saturating_mul(cols) == found.len());
-    if !shaped || !counts.contains(&found.len()) {
-        let shape = entry.shape.map_or(String::new(), |(rows, cols)| format!(" for {rows} x {cols}"));
-        return Err(ImportError::key(path, &entry.key, format!("{} numbers{shape}", found.len()), expected));
+/// An element's entry, and those of the elements in it.
+fn add_entries(
+    file: &TextFile,
+    element: &Element,
+    key: &str,
+    entries: &mut Vec<Entry>,
+) -> Result<(), ImportError> {
+    let whole = |name| element.child(name).and_then(|child| child.text.trim().parse::<usize>().ok());
+    let shape = whole("rows").zip(whole("cols"));
+    let text = element.text.trim().trim_matches('"').trim();
+    let found =
+        match element.child("data") {
+            Some(data) => Some(numbers(&data.text).map_err(|word| {
+                ImportError::key(&file.path, key, format!("{word:?} in its data"), "numbers")
+            })?),
+            None => numbers(text).ok().filter(|numbers| !numbers.is_empty()),
+        };
+    let is_matrix = element.child("data").is_some();
+    let text = if is_matrix { String::new() } else { text.to_owned() };
+    entries.push(Entry { key: key.to_owned(), shape, numbers: found, text });
+    for (name, value) in &element.attributes {
+        entries.push(Entry { key: format!("{key}/{name}"), text: value.clone(), ..Entry::default() });
     }
-    Ok((&entry.key, found))
-}
-
-fn camera(
-    name: &str,
-    path: &str,
-    entries: &[Entry],
-    options: &ImportOptions,
-    warnings: &mut Vec<String>,
-) -> Result<Camera, ImportError> {
-    let (_, k) = numbers_of(path, entries, MATRIX, MATRIX_NAMES, &[9], "3 x 3 numbers")?;
-    let k = from_origin(Matrix3::from_row_slice(k), options.pixel_origin.unwrap_or(0.0));
-    let (_, t) = numbers_of(path, entries, TRANSLATION, "tvec (TranslationValues, T)", &[3], "3 numbers")?;
-    let (key, r) =
-        numbers_of(path, entries, ROTATION, "rvec (RotationValues, R)", &[3, 9], "3 numbers or 3 x 3")?;
-    let distortion = distortion(path, entries, warnings)?;
-    let size = size_of(path, said_size(path, entries)?, options, warnings)?;
-    let translation = Vector3::from_row_slice(t);
-    if r.len() == 3 {
-        return Camera::new(name, size, k, distortion, Vector3::from_row_slice(r), translation)
-            .map_err(|error| ImportError::camera(path, error));
+    for child in element.children.iter().filter(|_| !is_matrix) {
+        add_entries(file, child, &format!("{key}/{}", child.name), entries)?;
     }
-    let rotation = Matrix3::from_row_slice(r);
-    let placement = Placement { file: path, key, name, size };
-    placed(&placement, k, distortion, &rotation, translation, warnings)
-}
-
-fn distortion(path: &str, entries: &[Entry], warnings: &mut Vec<String>) -> Result<[f64; 5], ImportError> {
-    let expected = "4 or 5 numbers k1 k2 p1 p2 k3 (more only if they are zero)";
-    if find(entries, LENS).is_none() {
-        warnings.push(format!("{path}: has no lens coefficients, taken as zero"));
-        return Ok([0.0; 5]);
-    }
-    let (key, given) = numbers_of(path, entries, LENS, "distCoeffs", &[1, 2, 4, 5, 8, 12, 14], expected)?;
-    if let Some(more) = given.iter().skip(5).find(|&&more| more != 0.0) {
-        return Err(ImportError::key(path, key, format!("{} numbers with {more}", given.len()), expected));
-    }
-    let mut distortion = [0.0; 5];
-    for (to, from) in distortion.iter_mut().zip(given) {
-        *to = *from;
-    }
-    Ok(distortion)
-}
-
-fn said_size(path: &str, entries: &[Entry]) -> Result<Option<(u32, u32)>, ImportError> {
-    let expected = "a width and a height in whole pixels";
-    let whole = |entry: &Entry, numbers: &[f64]| {
-        if numbers.iter().all(|n| n.fract() == 0.0 && (0.0..1e6).contains(n)) {
-            Ok(numbers.iter().map(|&n| n as u32).collect::<Vec<u32>>())
-        } else {
-            Err(ImportError::key(path, &entry.key, format!("{numbers:?}"), expected))
-        }
-    };
-    if let Some(entry) = find(entries, SIZE)
-        && let Some(pair @ [_, _]) = entry.numbers.as_deref()
-    {
-        let pair = whole(entry, pair)?;
-        return Ok(Some((pair[0], pair[1])));
-    }
-    let side = |names| match find(entries, names) {
-        Some(entry @ Entry { numbers: Some(numbers), .. }) if numbers.len() == 1 => {
-            whole(entry, numbers).map(|side| Some(side[0]))
-        }
-        Some(entry) => Err(ImportError::key(path, &entry.key, format!("{:?}", entry.numbers), expected)),
-        None => Ok(None),
-    };
-    Ok(side(WIDTH)?.zip(side(HEIGHT)?))
+    Ok(())
 }
 
 #[cfg(test)]

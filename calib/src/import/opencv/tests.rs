@@ -102,3 +102,247 @@ fn the_file_s_own_size_wins_with_a_warning() {
     assert_eq!(imported.rig.cameras()[0].width(), 640);
     assert_eq!(imported.warnings, ["a.yml: says 640 x 480, the given size 100 x 100 is not used"]);
 }
+
+/// The camera of [`YAML`] elsewhere.
+fn moved(x: &str) -> String {
+    YAML.replace("[ 0., 0., 2000. ]", &format!("[ {x}, 0., 2000. ]"))
+}
+
+fn names(files: &[TextFile]) -> Vec<String> {
+    let imported = from_opencv(files, &MILLIMETRES).expect("a rig");
+    imported.rig.cameras().iter().map(|camera| camera.name().to_owned()).collect()
+}
+
+fn message(files: &[TextFile]) -> String {
+    from_opencv(files, &MILLIMETRES).expect_err("refused").to_string()
+}
+
+#[test]
+fn every_file_is_a_camera_whatever_points_its_name_has() {
+    let four = |name: &str| -> Vec<TextFile> {
+        (1..=4).map(|n| file(&name.replace('#', &n.to_string()), &moved(&n.to_string()))).collect()
+    };
+    assert_eq!(names(&four("room.cam#.yml")), ["room.cam1", "room.cam2", "room.cam3", "room.cam4"]);
+    assert_eq!(names(&four("192.168.1.1#.yml")).len(), 4);
+    assert_eq!(names(&four("cam#.YAML.gz")), ["cam1", "cam2", "cam3", "cam4"]);
+    assert_eq!(names(&four("room/cam#.yml")), ["cam1", "cam2", "cam3", "cam4"]);
+    assert_eq!(names(&four("room/cam#/config.xml")), ["cam1", "cam2", "cam3", "cam4"]);
+    assert_eq!(names(&four("cam (#).yml")).len(), 4);
+}
+
+#[test]
+fn two_versions_of_a_camera_are_a_conflict_that_names_both() {
+    for (one, other) in [
+        ("cam1.yml", "cam1.old.yml"),
+        ("cam1.yml", "cam1.xml"),
+        ("cam1.yml", "cam1 (copy).yml"),
+        ("cam1.yml", "cam1_backup.yml"),
+        ("cam1.yml", "CAM1.yml"),
+        ("cam1.yml", "old/cam1.yml"),
+        ("a/cam1.yml", "b/cam1.yml"),
+        ("cam1/c.yml", "cam1_old/c.yml"),
+    ] {
+        let files = [file(one, &moved("1.")), file(other, &moved("2.")), file("cam2.yml", &moved("3."))];
+        let found = message(&files);
+        assert!(found.contains(one) && found.contains(other), "{found}");
+        let same = [file(one, YAML), file(other, YAML)];
+        let imported = from_opencv(&same, &MILLIMETRES).expect("the same camera");
+        assert_eq!((imported.rig.cameras().len(), imported.warnings.len()), (1, 1), "{one} {other}");
+    }
+    let crowded =
+        [file("cam1/a.yml", YAML), file("cam1/b.yml", &moved("2.")), file("cam2/a.yml", &moved("3."))];
+    let found = message(&crowded);
+    assert!(found.starts_with("cam1/a.yml and cam1/b.yml: found two cameras in a folder"), "{found}");
+}
+
+/// The lines of [`YAML`] before and from the rotation.
+fn halves(x: &str) -> (String, String) {
+    let text = moved(x);
+    let at = text.find("R:").expect("a rotation");
+    (text[..at].to_owned(), format!("%YAML:1.0\n{}", &text[at..]))
+}
+
+#[test]
+fn halves_of_a_camera_are_joined_by_folder_and_name() {
+    let ((k1, p1), (k2, p2)) = (halves("1."), halves("2."));
+    for [a, b, c, d] in [
+        ["cam1/intrinsics.yml", "cam1/extrinsics.yml", "cam2/intrinsics.yml", "cam2/extrinsics.yml"],
+        ["cam1/a.yml", "cam1/b.yml", "cam2/a.yml", "cam2/b.yml"],
+        ["cam1_intrinsics.yml", "cam1_extrinsics.yml", "cam2_intrinsics.yml", "cam2_extrinsics.yml"],
+        ["intrinsics/cam1.yml", "extrinsics/cam1.yml", "intrinsics/cam2.yml", "extrinsics/cam2.yml"],
+    ] {
+        let files = [file(a, &k1), file(b, &p1), file(c, &k2), file(d, &p2)];
+        assert_eq!(names(&files), ["cam1", "cam2"], "{a}");
+    }
+    let lone = [file("cam1/a.yml", &k1), file("cam1/b.yml", &p1), file("x.yml", &k2), file("y.yml", &p2)];
+    let found = message(&lone);
+    assert!(found.starts_with("x.yml and y.yml: found a camera matrix without a pose"), "{found}");
+    let twice = [file("cam1/c.yml", YAML), file("cam1/i.yml", &k1.replace("500.", "501."))];
+    let found = message(&twice);
+    assert!(
+        found.starts_with("cam1/c.yml and cam1/i.yml: found different values of cameraMatrix"),
+        "{found}"
+    );
+    let half = [file("cam1.yml", YAML), file("cam2.yml", &p2)];
+    let imported = from_opencv(&half, &MILLIMETRES).expect("a rig of one");
+    assert_eq!(imported.warnings, ["cam2.yml: left out, it has no camera matrix"]);
+}
+
+#[test]
+fn another_lens_model_is_refused_by_name() {
+    for (key, found) in [
+        ("fisheye_model: 1", "1"),
+        ("distortion_model: equidistant", "equidistant"),
+        ("distortion_type: KANNALA_BRANDT", "KANNALA_BRANDT"),
+        ("camera_model: \"omni\"", "omni"),
+        ("flags_text: \"+fisheye\"", "+fisheye"),
+        ("xi: 0.8", "0.8"),
+        ("lens:\n   model: fisheye", "fisheye"),
+    ] {
+        let expected = format!("found {found}, expected the pinhole");
+        let refused = message(&[file("a.yml", &format!("{YAML}{key}\n"))]);
+        assert!(refused.starts_with("a.yml: ") && refused.contains(&expected), "{key}: {refused}");
+    }
+    let xml = XML.replace("</opencv_storage>", "<fisheye_model>1</fisheye_model></opencv_storage>");
+    assert!(message(&[file("a.xml", &xml)]).starts_with("a.xml: fisheye_model: found 1, "));
+    for key in ["fisheye_model: 0", "distortion_model: plumb_bob", "flags: 16384", "calibration_time: \"x\""]
+    {
+        assert_eq!(names(&[file("a.yml", &format!("{YAML}{key}\n"))]), ["a"], "{key}");
+    }
+    let board = "%YAML:1.0\ntype: charuco\n";
+    assert_eq!(names(&[file("a.yml", YAML), file("board.yml", board)]), ["a"]);
+}
+
+/// A pair in the keys of OpenCV's samples, renamed: K1 D1 K2 D2 R T, the second 0.1 m beside the first.
+fn pair(rename: impl Fn(&str) -> String) -> String {
+    let matrix = |key: &str, rows: usize, cols: usize, data: &str| {
+        let key = rename(key);
+        format!("{key}: !!opencv-matrix\n   rows: {rows}\n   cols: {cols}\n   dt: d\n   data: [ {data} ]\n")
+    };
+    [
+        "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\n".to_owned(),
+        matrix("K1", 3, 3, "500., 0., 320., 0., 500., 240., 0., 0., 1."),
+        matrix("D1", 1, 5, "0.1, 0., 0., 0., 0."),
+        matrix("K2", 3, 3, "600., 0., 320., 0., 600., 240., 0., 0., 1."),
+        matrix("D2", 1, 5, "0.2, 0., 0., 0., 0."),
+        matrix("R", 3, 3, "0., -1., 0., 1., 0., 0., 0., 0., 1."),
+        matrix("T", 3, 1, "-0.1, 0., 0."),
+        matrix("R1", 3, 3, "1., 0., 0., 0., 1., 0., 0., 0., 1."),
+        matrix("R2", 3, 3, "1., 0., 0., 0., 1., 0., 0., 0., 1."),
+        matrix("P1", 3, 4, "1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0."),
+    ]
+    .concat()
+}
+
+#[test]
+fn a_stereo_file_is_two_cameras() {
+    let spellings: [&dyn Fn(&str) -> String; 5] = [
+        &str::to_owned,
+        &|key| key.replace('K', "M"),
+        &|key| key.replace('K', "cameraMatrix").replace('D', "distCoeffs"),
+        &|key| match key {
+            "R1" | "R2" => key.to_owned(),
+            _ => key.replace('1', "_left").replace('2', "_right"),
+        },
+        &|key| match key {
+            "K1" => "left_camera_matrix".to_owned(),
+            "K2" => "right_camera_matrix".to_owned(),
+            "D1" => "left_distortion_coefficients".to_owned(),
+            "D2" => "right_distortion_coefficients".to_owned(),
+            _ => key.to_owned(),
+        },
+    ];
+    for rename in spellings {
+        let text = pair(rename);
+        let rig = from_opencv(&[file("stereo.yml", &text)], &ImportOptions::default()).expect("two").rig;
+        let [first, second] = rig.cameras() else { panic!("{} cameras of {text}", rig.cameras().len()) };
+        assert_eq!((first.intrinsics()[(0, 0)], second.intrinsics()[(0, 0)]), (500.0, 600.0));
+        assert_eq!((first.lens().coefficients()[0], second.lens().coefficients()[0]), (0.1, 0.2));
+        // OpenCV: x2 = R x1 + T, so the second stands at −Rᵀ T.
+        assert_eq!(first.centre_world(), Point3::origin());
+        assert!((second.centre_world() - Point3::new(0.0, -0.1, 0.0)).norm() < 1e-9);
+    }
+    let (intrinsics, extrinsics) = pair(str::to_owned)
+        .split_once("R: ")
+        .map(|(k, r)| (k.to_owned(), format!("%YAML:1.0\nR: {r}")))
+        .expect("two parts");
+    let two = [file("extrinsics.yml", &extrinsics), file("intrinsics.yml", &intrinsics)];
+    assert_eq!(names(&two), ["camera1", "camera2"]);
+}
+
+#[test]
+fn a_stereo_file_that_can_be_read_in_two_ways_is_refused_with_its_keys() {
+    let colour = pair(|key| match key {
+        "R1" | "R2" => key.to_owned(),
+        _ => key.replace('1', "_rgb").replace('2', "_ir"),
+    });
+    assert!(
+        message(&[file("s.yml", &colour)]).starts_with("s.yml: K_ir, K_rgb: found two cameras and one pose")
+    );
+    let mixed = pair(|key| if key == "K1" { "K".to_owned() } else { key.to_owned() });
+    assert!(
+        message(&[file("s.yml", &mixed)]).starts_with("s.yml: K, K2: found keys of one camera and of others")
+    );
+    let poseless = pair(|key| if key == "T" { "where".to_owned() } else { key.to_owned() });
+    assert!(
+        message(&[file("s.yml", &poseless)]).contains("T): found nothing"),
+        "{}",
+        message(&[file("s.yml", &poseless)])
+    );
+}
+
+/// EasyMocap's pair of files, of cameras 01 and 02.
+fn easymocap() -> [TextFile; 2] {
+    let matrix = |key: &str, rows: usize, cols: usize, data: &str| {
+        format!("{key}: !!opencv-matrix\n  rows: {rows}\n  cols: {cols}\n  dt: d\n  data: [{data}]\n")
+    };
+    let (mut intri, mut extri) =
+        ("%YAML:1.0\n---\nnames:\n  - \"01\"\n  - \"02\"\n".to_owned(), String::new());
+    for (camera, focal) in [("01", "500."), ("02", "600.")] {
+        intri += &matrix(
+            &format!("K_{camera}"),
+            3,
+            3,
+            &format!("{focal}, 0., 320., 0., {focal}, 240., 0., 0., 1."),
+        );
+        intri += &matrix(&format!("dist_{camera}"), 1, 5, "0., 0., 0., 0., 0.");
+        intri += &format!("H_{camera}: 480\nW_{camera}: 640\n");
+        extri += &matrix(&format!("R_{camera}"), 3, 1, "0., 0., 1.5707963267948966");
+        extri += &matrix(&format!("Rot_{camera}"), 3, 3, "0., -1., 0., 1., 0., 0., 0., 0., 1.");
+        extri += &matrix(&format!("T_{camera}"), 3, 1, &format!("0., 0., {focal}"));
+    }
+    [file("extri.yml", &format!("%YAML:1.0\n---\n{extri}")), file("intri.yml", &intri)]
+}
+
+#[test]
+fn easymocap_s_pair_of_files_is_read() {
+    let imported =
+        from_opencv(&easymocap(), &ImportOptions { scale: Some(0.01), ..Default::default() }).expect("a rig");
+    let cameras = imported.rig.cameras();
+    let found: Vec<_> = cameras.iter().map(|c| (c.name(), c.width(), c.translation_m().z)).collect();
+    assert_eq!(found, [("01", 640, 5.0), ("02", 640, 6.0)]);
+    assert_eq!(imported.warnings, [""; 0]);
+    let [extri, intri] = easymocap();
+    let other = file("extri.yml", &extri.text.replace("-1., 0., 1., 0.", "1., 0., -1., 0."));
+    assert!(message(&[other, intri.clone()]).contains("found two different values"));
+    let fewer = file("intri.yml", &intri.text.replace("K_02", "old"));
+    let found = message(&[extri.clone(), fewer]);
+    assert!(found.contains("T_02: found no camera matrix of camera 02"), "{found}");
+    assert!(message(&[extri]).starts_with("extri.yml: camera_matrix"));
+}
+
+#[test]
+fn cameras_in_maps_are_refused_by_name() {
+    let indented: String = YAML.lines().skip(2).map(|line| format!("   {line}\n")).collect();
+    let nested = format!("%YAML:1.0\n---\nnb_camera: 1\ncamera_0:\n{indented}");
+    let found = message(&[file("calibrated_cameras_data.yml", &nested)]);
+    assert!(
+        found.starts_with("calibrated_cameras_data.yml: camera_0/cameraMatrix: found a camera in a map"),
+        "{found}"
+    );
+}
+
+#[test]
+fn no_message_has_an_empty_path() {
+    assert!(message(&[]).starts_with("no files: "), "{}", message(&[]));
+}

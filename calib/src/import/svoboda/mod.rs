@@ -25,7 +25,7 @@ pub fn from_svoboda(files: &[TextFile], options: &ImportOptions) -> Result<Impor
         .collect();
     found.sort_by_key(|&(number, _)| number);
     if found.is_empty() {
-        let file = files.first().map_or(String::new(), |file| file.path.clone());
+        let file = files.first().map_or("no files".to_owned(), |file| file.path.clone());
         return Err(ImportError::Unknown { file, expected: "camera1.Pmat.cal and so on" });
     }
     let mut warnings = Vec::new();

@@ -2,7 +2,6 @@
 
 mod nodes;
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use camera_node::source::SourceConfig;
@@ -18,6 +17,7 @@ use super::{
     CameraEntry, CameraKeys, ClusterFile, ClusterFileError, File, OutOfViewKey, PrecisionKey, SceneChoice,
 };
 use crate::expand::{Variables, expand};
+use crate::text_file::read_text;
 
 /// The room of a file without `name`.
 const DEFAULT_ROOM: &str = "room";
@@ -103,7 +103,7 @@ impl Checker<'_> {
     fn rig(&self, folder: &Path, text: &str) -> Result<Rig, ClusterFileError> {
         let path = self.existing("rig", folder, text, Path::is_file, "a rig file")?;
         let refused = |problem: String| self.wrong("rig", format!("{}: {problem}", path.display()));
-        let text = fs::read_to_string(&path).map_err(|error| refused(error.to_string()))?;
+        let text = read_text(&path).map_err(|error| refused(error.to_string()))?;
         Rig::from_toml(&text).map_err(|error| refused(error.to_string()))
     }
 

@@ -163,7 +163,7 @@ impl Query {
 
 /// Reads a rig file.
 pub fn read_rig(path: &Path) -> Outcome<Rig> {
-    let text = std::fs::read_to_string(path).map_err(|error| Failure::unreadable(path, error))?;
+    let text = cluster::read_text(path).map_err(|error| Failure::unreadable(path, error))?;
     Rig::from_toml(&text).map_err(|error| Failure::unreadable(path, error))
 }
 

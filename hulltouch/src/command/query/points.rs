@@ -9,6 +9,7 @@ use hull::question::Points;
 use proto::MAX_POINTS;
 
 use cli::{Failure, Outcome};
+use hull::text::{EncodingError, is_utf16};
 
 /// Points of the world, metres, in the order of the file, and which body each is of.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,7 +25,10 @@ impl PointsFile {
     /// Reads a CSV file with the header `x,y,z` or `x,y,z,body`.
     pub fn read(path: &Path) -> Outcome<PointsFile> {
         let bytes = std::fs::read(path).map_err(|error| Failure::unreadable(path, error))?;
-        PointsFile::parse(path, &bytes)
+        if is_utf16(&bytes) {
+            return Err(Failure::unreadable(path, EncodingError::Utf16));
+        }
+        PointsFile::parse(path, bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes))
     }
 
     /// The same from what the file holds; `path` is for messages.

@@ -9,7 +9,8 @@ use thiserror::Error;
 use toml::{Table, Value};
 
 use crate::camera::{Camera, CameraError};
-use crate::text::{MAX_MESSAGE_CHARS, MAX_QUOTED_CHARS, shortened};
+use crate::lens_model::{UnknownLensModel, check_general_lens_model, check_lens_model, five_coefficients};
+use crate::text::{MAX_MESSAGE_CHARS, MAX_QUOTED_CHARS, shortened, without_mark};
 
 /// The most cameras of a rig: their places travel in 16 bits, and no room has a quarter as many.
 pub const MAX_CAMERAS: usize = 1024;
@@ -38,6 +39,22 @@ pub enum RigError {
         /// What should.
         expected: &'static str,
     },
+    /// A key that names another lens model than k1 k2 p1 p2 k3.
+    #[error("[{section}] {key}: {error}")]
+    LensModel {
+        /// The section; `file` outside sections.
+        section: String,
+        /// The key in it.
+        key: String,
+        /// What is wrong.
+        error: UnknownLensModel,
+    },
+    /// Another program's file of cameras in a table of their own.
+    #[error(
+        "[cameras]: found Caliscope's camera_array.toml, expected sections with name, size, matrix, distortions, \
+         rotation, translation: convert it with `hulltouch rig import`"
+    )]
+    Caliscope,
     /// A camera's numbers make no camera.
     #[error("[{section}] {error}")]
     Camera {
@@ -88,15 +105,25 @@ impl Rig {
 
     /// Reads a rig file's text.
     pub fn from_toml(text: &str) -> Result<Rig, RigError> {
+        let text = without_mark(text);
         let table: Table = text.parse().map_err(|error: toml::de::Error| {
             let line = error.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
             RigError::Toml(format!("line {line}: {}", shortened(error.message(), MAX_MESSAGE_CHARS)))
         })?;
         let mut cameras = Vec::new();
         for (section, value) in &table {
-            let Value::Table(keys) = value else { continue };
-            if section == "metadata" {
+            let Value::Table(keys) = value else {
+                check_general(section, "file", value)?;
                 continue;
+            };
+            if section == "metadata" {
+                for (key, value) in keys {
+                    check_general(key, section, value)?;
+                }
+                continue;
+            }
+            if section == "cameras" && keys.values().any(Value::is_table) {
+                return Err(RigError::Caliscope);
             }
             cameras.push(camera_from_section(section, keys)?);
         }
@@ -147,8 +174,8 @@ fn camera_from_section(section: &str, keys: &Table) -> Result<Camera, RigError> 
         Some(Value::String(name)) if !name.is_empty() => name.clone(),
         other => return Err(wrong("name", other, "a camera name")),
     };
-    if let Some(value @ Value::Boolean(true)) = keys.get("fisheye") {
-        return Err(wrong("fisheye", Some(value), "false: only the k1 k2 p1 p2 k3 lens model is known"));
+    for (key, value) in keys {
+        check_words(value, &mut |word| check_lens_model(key, word)).map_err(in_section(&section, key))?;
     }
     let size = vector::<2>(keys.get("size"))
         .filter(|size| size.iter().all(|&side| side >= 0.0 && side.fract() == 0.0 && side < 1e6))
@@ -161,11 +188,11 @@ fn camera_from_section(section: &str, keys: &Table) -> Result<Camera, RigError> 
     }
     .ok_or_else(|| wrong("matrix", keys.get("matrix"), "three rows of three numbers"))?;
     let matrix = Matrix3::from_fn(|r, c| rows[r][c]);
-    let mut distortion = [0.0; 5];
-    let given = list(keys.get("distortions"))
-        .filter(|given| given.len() <= 5)
-        .ok_or_else(|| wrong("distortions", keys.get("distortions"), "up to five numbers k1 k2 p1 p2 k3"))?;
-    distortion[..given.len()].copy_from_slice(&given);
+    let distortion =
+        list(keys.get("distortions")).and_then(|given| five_coefficients(&given)).ok_or_else(|| {
+            let expected = "1, 2, 4 or 5 numbers k1 k2 p1 p2 k3 (more only if they are zero)";
+            wrong("distortions", keys.get("distortions"), expected)
+        })?;
     let rotation = vector::<3>(keys.get("rotation"))
         .ok_or_else(|| wrong("rotation", keys.get("rotation"), "a Rodrigues vector of three numbers"))?;
     let translation = vector::<3>(keys.get("translation"))
@@ -179,6 +206,29 @@ fn camera_from_section(section: &str, keys: &Table) -> Result<Camera, RigError> 
         Vector3::from(translation),
     )
     .map_err(|error| RigError::Camera { section: section.clone(), error })
+}
+
+/// Hands the words and single numbers of a value to `check`: those of lists and tables too.
+fn check_words(
+    value: &Value,
+    check: &mut impl FnMut(&str) -> Result<(), UnknownLensModel>,
+) -> Result<(), UnknownLensModel> {
+    match value {
+        Value::String(text) => check(text),
+        Value::Array(values) => values.iter().try_for_each(|value| check_words(value, check)),
+        Value::Table(values) => values.values().try_for_each(|value| check_words(value, check)),
+        single => check(&single.to_string()),
+    }
+}
+
+fn in_section(section: &str, key: &str) -> impl FnOnce(UnknownLensModel) -> RigError {
+    let (section, key) = (section.to_owned(), shortened(key, MAX_QUOTED_CHARS));
+    move |error| RigError::LensModel { section, key, error }
+}
+
+/// A key outside the cameras' sections.
+fn check_general(key: &str, section: &str, value: &Value) -> Result<(), RigError> {
+    check_words(value, &mut |word| check_general_lens_model(key, word)).map_err(in_section(section, key))
 }
 
 fn list(value: Option<&Value>) -> Option<Vec<f64>> {
@@ -195,87 +245,4 @@ fn vector<const N: usize>(value: Option<&Value>) -> Option<[f64; N]> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const TEXT: &str = r#"
-[cam_9]
-name = "zebra"
-size = [ 640.0, 480.0 ]
-matrix = [ [ 500.0, 0, 320.0 ], [ 0.0, 510.5, 240.0 ], [ 0.0, 0.0, 1.0 ] ]
-distortions = [ -0.046, 0.139, -0.0004, -0.0004 ]
-rotation = [ 0.90, 0.55, 1.02 ]
-translation = [ 0.30, 0.95, 4.96 ]
-fisheye = false
-grid_convention = "opencv"
-
-[cam_1]
-name = "ant"
-size = [ 1920, 1080 ]
-matrix = [ [ 1681.0, 0.25, 969.0 ], [ 0.0, 1681.0, 540.0 ], [ 0.0, 0.0, 1.0 ] ]
-distortions = [ ]
-rotation = [ 0.0, 0.0, 0.0 ]
-translation = [ 0.0, 0.0, 1.0 ]
-
-[metadata]
-adjusted = false
-"#;
-
-    #[test]
-    fn cameras_keep_file_order_and_all_their_bits() {
-        let rig = Rig::from_toml(TEXT).expect("valid");
-        let names: Vec<&str> = rig.cameras().iter().map(Camera::name).collect();
-        assert_eq!(names, ["zebra", "ant"]);
-        assert_eq!(rig.cameras()[0].lens().coefficients(), [-0.046, 0.139, -0.0004, -0.0004, 0.0]);
-        assert_eq!(Rig::from_toml(&rig.to_toml()).expect("own text"), rig);
-    }
-
-    #[track_caller]
-    fn check_refused(from: &str, to: &str, message: &str) {
-        let text = TEXT.replacen(from, to, 1);
-        assert_ne!(text, TEXT);
-        let error = Rig::from_toml(&text).expect_err("refused").to_string();
-        assert_eq!(error, message);
-    }
-
-    #[test]
-    fn a_rig_has_no_more_cameras_than_places() {
-        let camera = |index| {
-            TEXT.split("\n\n")
-                .next()
-                .expect("a camera")
-                .replace("_9", &format!("_{index}"))
-                .replace("zebra", &format!("zebra {index}"))
-        };
-        let rig = |count| Rig::from_toml(&(0..count).map(camera).collect::<String>());
-        assert_eq!(rig(MAX_CAMERAS).expect("the most").cameras().len(), MAX_CAMERAS);
-        let error = rig(MAX_CAMERAS + 1).expect_err("one more").to_string();
-        assert_eq!(error, "1025 cameras, expected at most 1024");
-    }
-
-    #[test]
-    fn each_wrong_key_is_named_with_what_was_found() {
-        check_refused("name = \"ant\"", "", "[cam_1] name: found nothing, expected a camera name");
-        check_refused("\"ant\"", "\"zebra\"", "camera name \"zebra\" is used twice, expected unique names");
-        check_refused(
-            "[ 640.0, 480.0 ]",
-            "[ 0, 480 ]",
-            "[cam_9] size is 0 x 480, expected 1 to 16384 pixels a side",
-        );
-        check_refused(
-            "[ 0.90, 0.55, 1.02 ]",
-            "[ 0.90, nan, 1.02 ]",
-            "[cam_9] rotation holds NaN, expected finite numbers",
-        );
-        check_refused(
-            "fisheye = false",
-            "fisheye = true",
-            "[cam_9] fisheye: found true, expected false: only the k1 k2 p1 p2 k3 lens model is known",
-        );
-        check_refused(
-            "rotation = [",
-            "rotation = ",
-            "not a TOML file: line 7: unexpected key or value, expected newline, `#`",
-        );
-    }
-}
+mod tests;

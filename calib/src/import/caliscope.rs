@@ -1,0 +1,169 @@
+//! Caliscope's own `camera_array.toml`: sections `[cameras.0]`, rotation matrices, metres, world to camera.
+//! Its exports name camera 0 `cam_0`; so do we.
+
+use hull::Camera;
+use hull::lens_model::{check_lens_model, five_coefficients};
+use nalgebra::{Matrix3, Vector3};
+use toml::{Table, Value};
+
+use super::natural_order::natural_key;
+use super::projection::{Placement, placed};
+use super::{ImportError, TextFile};
+
+/// The cameras of such a file; `None` if it is another one. Cameras that the file says to ignore, and those without a
+/// pose, are left out with a warning.
+pub(super) fn rig(file: &TextFile, warnings: &mut Vec<String>) -> Result<Option<Vec<Camera>>, ImportError> {
+    let Ok(table) = file.text.parse::<Table>() else { return Ok(None) };
+    let Some(Value::Table(sections)) = table.get("cameras") else { return Ok(None) };
+    if !sections.values().any(Value::is_table) {
+        return Ok(None);
+    }
+    let mut sections: Vec<(&String, &Value)> = sections.iter().collect();
+    sections.sort_by_cached_key(|(name, _)| natural_key(name));
+    let mut cameras = Vec::new();
+    for (number, section) in sections {
+        let Value::Table(keys) = section else { continue };
+        let section = Section { file, name: format!("cameras.{number}"), keys };
+        if let Some(reason) = section.left_out() {
+            warnings.push(format!("{}: [{}] left out, {reason}", file.path, section.name));
+            continue;
+        }
+        cameras.push(section.camera(&format!("cam_{number}"), warnings)?);
+    }
+    if cameras.is_empty() {
+        return Err(ImportError::key(&file.path, "cameras", "no camera with a pose", "a calibrated camera"));
+    }
+    Ok(Some(cameras))
+}
+
+struct Section<'a> {
+    file: &'a TextFile,
+    name: String,
+    keys: &'a Table,
+}
+
+impl Section<'_> {
+    fn left_out(&self) -> Option<&'static str> {
+        let is_empty = |key| match self.keys.get(key) {
+            None => true,
+            Some(Value::String(text)) => {
+                text.is_empty() || text.eq_ignore_ascii_case("none") || text == "null"
+            }
+            Some(Value::Array(values)) => values.is_empty(),
+            Some(_) => false,
+        };
+        if self.keys.get("ignore") == Some(&Value::Boolean(true)) {
+            return Some("ignore is true");
+        }
+        (is_empty("rotation") && is_empty("translation")).then_some("it has no pose")
+    }
+
+    fn camera(&self, name: &str, warnings: &mut Vec<String>) -> Result<Camera, ImportError> {
+        let file = self.file.path.as_str();
+        for (key, value) in self.keys {
+            let text = match value {
+                Value::String(text) => text.clone(),
+                Value::Array(_) | Value::Table(_) => continue,
+                other => other.to_string(),
+            };
+            check_lens_model(key, &text).map_err(|error| {
+                let key = format!("{} {key}", self.name);
+                ImportError::LensModel { file: file.to_owned(), key, error }
+            })?;
+        }
+        if let Some(turns) = self.keys.get("rotation_count").filter(|turns| turns.as_integer() != Some(0)) {
+            warnings.push(format!(
+                "{file}: [{}] has rotation_count {turns}: the calibration is for pictures as the camera gives them, \
+                 unturned",
+                self.name
+            ));
+        }
+        let size = self.numbers("size", &[2], "[width, height] in whole pixels")?;
+        if size.iter().any(|side| side.fract() != 0.0 || !(1.0..1e6).contains(side)) {
+            return Err(self.wrong("size", "[width, height] in whole pixels"));
+        }
+        let k = Matrix3::from_row_slice(&self.numbers("matrix", &[9], "three rows of three numbers")?);
+        let lens = self.numbers("distortions", &[0, 1, 2, 3, 4, 5, 8, 12, 14], LENS)?;
+        let lens = five_coefficients(&lens).ok_or_else(|| self.wrong("distortions", LENS))?;
+        let translation =
+            Vector3::from_row_slice(&self.numbers("translation", &[3], "three numbers, metres")?);
+        let rotation = self.numbers("rotation", &[9, 3], "three rows of three numbers")?;
+        let size = (size[0] as u32, size[1] as u32);
+        if rotation.len() == 3 {
+            let rotation = Vector3::from_row_slice(&rotation);
+            return Camera::new(name, size, k, lens, rotation, translation)
+                .map_err(|error| ImportError::camera(file, error));
+        }
+        let placement = Placement { file, key: "rotation", name, size };
+        placed(&placement, k, lens, &Matrix3::from_row_slice(&rotation), translation, warnings)
+    }
+
+    /// The numbers of a list, or of a list of rows.
+    fn numbers(&self, key: &str, counts: &[usize], expected: &'static str) -> Result<Vec<f64>, ImportError> {
+        let mut numbers = Vec::new();
+        let is_list =
+            matches!(self.keys.get(key), Some(list @ Value::Array(_)) if add_numbers(list, &mut numbers));
+        if is_list && counts.contains(&numbers.len()) { Ok(numbers) } else { Err(self.wrong(key, expected)) }
+    }
+
+    fn wrong(&self, key: &str, expected: &'static str) -> ImportError {
+        let found = self.keys.get(key).map_or_else(|| "nothing".to_owned(), ToString::to_string);
+        ImportError::key(&self.file.path, &format!("[{}] {key}", self.name), found, expected)
+    }
+}
+
+const LENS: &str = "1, 2, 4 or 5 numbers k1 k2 p1 p2 k3 (more only if they are zero)";
+
+/// Whether a value is a number or a list of these, which are added.
+fn add_numbers(value: &Value, numbers: &mut Vec<f64>) -> bool {
+    match value {
+        Value::Integer(number) => numbers.push(*number as f64),
+        Value::Float(number) => numbers.push(*number),
+        Value::Array(values) => return values.iter().all(|value| add_numbers(value, numbers)),
+        _ => return false,
+    }
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{ImportOptions, Imported, from_aniposelib};
+    use super::*;
+
+    const TEXT: &str = "[cameras.10]\ncam_id = 10\nrotation_count = 0\nignore = false\nsize = [640, 480]\n\
+        matrix = [[500.0, 0.0, 320.0], [0.0, 510.0, 240.0], [0.0, 0.0, 1.0]]\n\
+        distortions = [-0.1, 0.0, 0.0, 0.0, 0.0]\ntranslation = [0.1, 0.2, 3.0]\n\
+        rotation = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]\n";
+
+    fn import(text: &str) -> Result<Imported, ImportError> {
+        let file = TextFile { path: "camera_array.toml".to_owned(), text: text.to_owned() };
+        from_aniposelib(&file, &ImportOptions::default())
+    }
+
+    #[test]
+    fn cameras_are_read_in_the_order_of_their_numbers() {
+        let second = TEXT.replace("[cameras.10]", "[cameras.2]").replace("0.1, 0.2", "1.1, 0.2");
+        let third = TEXT.replace("[cameras.10]", "[cameras.3]").replace("ignore = false", "ignore = true");
+        let imported = import(&format!("{TEXT}\n{second}\n{third}")).expect("a rig");
+        let names: Vec<&str> = imported.rig.cameras().iter().map(Camera::name).collect();
+        assert_eq!(names, ["cam_2", "cam_10"]);
+        let camera = &imported.rig.cameras()[1];
+        assert_eq!((camera.translation_m().x, camera.rotation()[(1, 0)].round()), (0.1, 1.0));
+        assert_eq!(imported.warnings, ["camera_array.toml: [cameras.3] left out, ignore is true"]);
+    }
+
+    #[test]
+    fn what_is_missing_or_of_another_lens_is_named() {
+        let message =
+            |from: &str, to: &str| import(&TEXT.replace(from, to)).expect_err("refused").to_string();
+        let found = message("ignore = false", "fisheye = true");
+        assert!(
+            found.starts_with("camera_array.toml: cameras.10 fisheye: found true, expected the pinhole"),
+            "{found}"
+        );
+        let found = message("matrix = [[500.0, ", "matrix = [[");
+        assert!(found.starts_with("camera_array.toml: [cameras.10] matrix: found "), "{found}");
+        let found = message("translation =", "#").replace("rotation", "");
+        assert!(found.contains("[cameras.10] translation: found nothing"), "{found}");
+    }
+}

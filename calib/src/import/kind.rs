@@ -1,0 +1,78 @@
+//! What a text is, by its content.
+
+use super::TextFile;
+
+/// Numbers that a matrix with a missing or doubled number may hold.
+const NEARLY: std::ops::RangeInclusive<usize> = 9..=16;
+
+/// OpenCV FileStorage in XML or YAML, or the YAML of a ROS camera, which has the same form.
+pub(super) fn is_storage(file: &TextFile) -> bool {
+    let text = file.text.trim_start();
+    text.contains("<opencv_storage")
+        || text.starts_with("%YAML")
+        || (text.contains("!!opencv-matrix") && !text.starts_with('{'))
+        || text.lines().any(|line| line.starts_with("camera_matrix:"))
+}
+
+/// Twelve numbers, lines with `#` in front left out.
+pub(super) fn is_matrix(text: &str) -> bool {
+    counted(text, 13) == Some(12)
+}
+
+/// How many numbers a text of numbers alone holds, if they are almost a matrix.
+pub(super) fn nearly_matrix(text: &str) -> Option<usize> {
+    counted(text, NEARLY.end() + 1).filter(|count| NEARLY.contains(count) && *count != 12)
+}
+
+/// How many numbers a text of numbers alone holds, counted up to `most`.
+fn counted(text: &str, most: usize) -> Option<usize> {
+    let lines = text.lines().filter(|line| !line.trim_start().starts_with('#'));
+    let words =
+        lines.flat_map(|line| line.split([' ', '\t', ',', ';'])).filter(|word| !word.trim().is_empty());
+    words.take(most).try_fold(0, |count, word| word.trim().parse::<f64>().is_ok().then_some(count + 1))
+}
+
+/// Whether a text speaks of a camera's calibration, in whatever format.
+pub(super) fn looks_like_calibration(text: &str) -> bool {
+    const WORDS: [&str; 8] = [
+        "opencv_storage",
+        "opencv-matrix",
+        "camera_matrix",
+        "cameramatrix",
+        "distortion_coeff",
+        "distcoeffs",
+        "camera_model",
+        "t_cn_cnm1",
+    ];
+    let text = text.trim_start().to_ascii_lowercase();
+    text.starts_with("%yaml") || WORDS.iter().any(|word| text.contains(word))
+}
+
+/// The camera chain of Kalibr, a YAML of its own.
+pub(super) fn is_kalibr(text: &str) -> bool {
+    text.lines().any(|line| line.starts_with("cam0:")) && text.contains("camera_model:")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn twelve_numbers_are_a_matrix_and_nothing_else_is() {
+        assert!(is_matrix("# P\n1 2 3 4\n5,6,7,8\r\n9 1e+002 0 -1\n"));
+        assert!(!is_matrix("1 2 3 4 5 6 7 8 9 10 11"));
+        assert!(!is_matrix("1 2 3 4 5 6 7 8 9 10 11 12 13"));
+        assert!(!is_matrix("a b c d e f g h i j k l"));
+        assert_eq!(nearly_matrix("1 2 3 4 5 6 7 8 9 10 11"), Some(11));
+        assert_eq!(nearly_matrix("640 480"), None);
+        assert_eq!(nearly_matrix(&"1 ".repeat(1000)), None);
+    }
+
+    #[test]
+    fn storages_are_known_by_their_content() {
+        let storage = |text: &str| is_storage(&TextFile { path: String::new(), text: text.to_owned() });
+        assert!(storage("%YAML 1.2\n---\n") && storage("camera_matrix:\n  rows: 3\n"));
+        assert!(!storage("services:\n  web: 1\n") && !storage("{ \"type_id\": \"!!opencv-matrix\" }"));
+        assert!(is_kalibr("cam0:\n  camera_model: pinhole\n"));
+    }
+}

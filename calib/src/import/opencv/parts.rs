@@ -1,0 +1,153 @@
+//! The keys of one or several files that describe cameras, looked up by what they mean.
+
+use std::collections::BTreeSet;
+
+use super::super::entry::Entry;
+use super::super::natural_order::natural_key;
+use super::super::{ImportError, TextFile};
+use super::roles::{Meaning, Role, meaning};
+
+/// A key that describes a camera, with its file.
+#[derive(Clone, Debug)]
+pub(super) struct Part<'a> {
+    pub(super) path: &'a str,
+    pub(super) entry: &'a Entry,
+    meaning: Meaning,
+}
+
+/// What one file, or the files of one camera or pair, say.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Parts<'a> {
+    parts: Vec<Part<'a>>,
+}
+
+impl<'a> Parts<'a> {
+    /// The keys of a file that describe a camera. An error if its only camera matrices stand in maps.
+    pub(super) fn of_file(file: &'a TextFile, entries: &'a [Entry]) -> Result<Parts<'a>, ImportError> {
+        let mut parts = Vec::new();
+        for entry in entries.iter().filter(|entry| !entry.is_nested()) {
+            if let Some(meaning) = meaning(&entry.key).filter(|_| entry.numbers.is_some()) {
+                parts.push(Part { path: &file.path, entry, meaning });
+            }
+        }
+        let parts = Parts { parts };
+        let is_inner = |entry: &&Entry| {
+            let role = meaning(entry.name()).map(|found| found.role);
+            entry.is_nested() && role == Some(Role::Matrix) && Role::Matrix.fits(entry)
+        };
+        match entries.iter().find(is_inner) {
+            Some(inner) if !parts.has_matrix() => Err(ImportError::key(
+                &file.path,
+                &inner.key,
+                "a camera in a map (MC-Calib writes such files)",
+                "the camera's keys at the top: write one file per camera with camera_matrix, distCoeffs, R and T \
+                 from world to camera",
+            )),
+            _ => Ok(parts),
+        }
+    }
+
+    /// These and the others.
+    pub(super) fn joined(files: impl IntoIterator<Item = Parts<'a>>) -> Parts<'a> {
+        Parts { parts: files.into_iter().flat_map(|file| file.parts).collect() }
+    }
+
+    pub(super) fn has(&self, role: Role, camera: Option<&str>) -> bool {
+        self.of(role, camera).next().is_some()
+    }
+
+    fn of(&self, role: Role, camera: Option<&str>) -> impl Iterator<Item = &Part<'a>> {
+        let same = move |part: &&Part| part.meaning.role == role && part.meaning.camera.as_deref() == camera;
+        self.parts.iter().filter(same)
+    }
+
+    /// The part that says this, if any. An error if two say it differently.
+    pub(super) fn find(&self, role: Role, camera: Option<&str>) -> Result<Option<&Part<'a>>, ImportError> {
+        let mut found: Vec<&Part> = self.of(role, camera).collect();
+        if found.iter().any(|part| role.fits(part.entry)) {
+            found.retain(|part| role.fits(part.entry));
+        }
+        found.sort_by_key(|part| part.meaning.rank);
+        let Some(first) = found.first() else { return Ok(None) };
+        for other in &found[1..] {
+            if role.agrees(first.entry, other.entry) {
+                continue;
+            }
+            let keys = format!("{}, {}", first.entry.key, other.entry.key);
+            if first.path == other.path {
+                return Err(ImportError::key(
+                    first.path,
+                    &keys,
+                    "two different values",
+                    "one value for one camera",
+                ));
+            }
+            let found = format!("different values of {}", first.entry.key);
+            return Err(ImportError::conflict(
+                first.path,
+                other.path,
+                found,
+                "one value: move one file away",
+            ));
+        }
+        Ok(Some(first))
+    }
+
+    /// The names of cameras that keys hold, in the order people count, of keys with this role.
+    pub(super) fn cameras(&self, role: Role) -> Vec<&str> {
+        let named = self.parts.iter().filter(|part| part.meaning.role == role && role.fits(part.entry));
+        let names: BTreeSet<&str> = named.filter_map(|part| part.meaning.camera.as_deref()).collect();
+        let mut names: Vec<&str> = names.into_iter().collect();
+        names.sort_by_cached_key(|name| natural_key(name));
+        names
+    }
+
+    /// The key of a camera's role as the file writes it, for messages.
+    pub(super) fn key(&self, role: Role, camera: Option<&str>) -> &str {
+        self.of(role, camera).next().map_or(role.shown(), |part| part.entry.key.as_str())
+    }
+
+    /// The file of the first camera matrix, else of the first part.
+    pub(super) fn path(&self) -> &'a str {
+        let matrix = self.parts.iter().find(|part| part.meaning.role == Role::Matrix);
+        matrix.or(self.parts.first()).map_or("", |part| part.path)
+    }
+
+    pub(super) fn has_matrix(&self) -> bool {
+        self.has(Role::Matrix, None) || !self.cameras(Role::Matrix).is_empty()
+    }
+
+    /// Whether anything says where a camera stands.
+    pub(super) fn has_pose(&self) -> bool {
+        self.has(Role::Rotation, None) || self.has(Role::Translation, None) || self.has_own_poses()
+    }
+
+    /// Whether keys with the names of cameras hold poses. Rotations alone are those of rectified pictures.
+    pub(super) fn has_own_poses(&self) -> bool {
+        !self.cameras(Role::Translation).is_empty()
+    }
+
+    /// Whether there is all that a camera or a pair needs.
+    pub(super) fn is_complete(&self) -> bool {
+        let shared = self.has(Role::Rotation, None) && self.has(Role::Translation, None);
+        let own = self.has_own_poses() && !self.cameras(Role::Rotation).is_empty();
+        self.has_matrix() && (shared || own)
+    }
+
+    /// Whether nothing in it describes a camera.
+    pub(super) fn is_empty(&self) -> bool {
+        !self.has_matrix() && !self.has_pose() && !self.has(Role::Lens, None)
+    }
+
+    /// An error if two parts say the same of a camera differently.
+    pub(super) fn check_agreement(&self) -> Result<(), ImportError> {
+        let cameras: BTreeSet<Option<&str>> =
+            self.parts.iter().map(|part| part.meaning.camera.as_deref()).collect();
+        for camera in cameras {
+            for role in Role::ALL {
+                self.find(role, camera)?;
+            }
+        }
+        Ok(())
+    }
+}

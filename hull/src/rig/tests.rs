@@ -1,0 +1,113 @@
+use super::*;
+
+const TEXT: &str = r#"
+[cam_9]
+name = "zebra"
+size = [ 640.0, 480.0 ]
+matrix = [ [ 500.0, 0, 320.0 ], [ 0.0, 510.5, 240.0 ], [ 0.0, 0.0, 1.0 ] ]
+distortions = [ -0.046, 0.139, -0.0004, -0.0004 ]
+rotation = [ 0.90, 0.55, 1.02 ]
+translation = [ 0.30, 0.95, 4.96 ]
+fisheye = false
+grid_convention = "opencv"
+
+[cam_1]
+name = "ant"
+size = [ 1920, 1080 ]
+matrix = [ [ 1681.0, 0.25, 969.0 ], [ 0.0, 1681.0, 540.0 ], [ 0.0, 0.0, 1.0 ] ]
+distortions = [ ]
+rotation = [ 0.0, 0.0, 0.0 ]
+translation = [ 0.0, 0.0, 1.0 ]
+
+[metadata]
+adjusted = false
+"#;
+
+#[test]
+fn cameras_keep_file_order_and_all_their_bits() {
+    let rig = Rig::from_toml(TEXT).expect("valid");
+    let names: Vec<&str> = rig.cameras().iter().map(Camera::name).collect();
+    assert_eq!(names, ["zebra", "ant"]);
+    assert_eq!(rig.cameras()[0].lens().coefficients(), [-0.046, 0.139, -0.0004, -0.0004, 0.0]);
+    assert_eq!(Rig::from_toml(&rig.to_toml()).expect("own text"), rig);
+}
+
+#[track_caller]
+fn check_refused(from: &str, to: &str, message: &str) {
+    let text = TEXT.replacen(from, to, 1);
+    assert_ne!(text, TEXT);
+    let error = Rig::from_toml(&text).expect_err("refused").to_string();
+    assert_eq!(error, message);
+}
+
+#[test]
+fn a_lens_of_another_model_is_refused_however_it_is_written() {
+    for other in
+        ["fisheye = 1", "fisheye = \"true\"", "camera_model = \"fisheye\"", "xi = 0.9", "model = \"ds\""]
+    {
+        let error = Rig::from_toml(&TEXT.replacen("fisheye = false", other, 1)).expect_err(other).to_string();
+        assert!(error.starts_with("[cam_9] ") && error.contains("expected the pinhole"), "{error}");
+        let error = Rig::from_toml(&format!("{TEXT}{other}\n"));
+        assert_eq!(
+            error.is_err(),
+            !other.starts_with("model") && !other.starts_with("xi"),
+            "{other} in the metadata"
+        );
+    }
+    for known in ["fisheye = 0", "fisheye = \"false\"", "distortion_model = \"plumb_bob\""] {
+        assert!(Rig::from_toml(&TEXT.replacen("fisheye = false", known, 1)).is_ok(), "{known}");
+    }
+    let eight = TEXT.replacen("-0.0004, -0.0004 ]", "0, 0, 0, 0.5, 0.1, 0 ]", 1);
+    assert!(Rig::from_toml(&eight).expect_err("rational").to_string().starts_with("[cam_9] distortions: "));
+    assert!(Rig::from_toml(&eight.replace("0.5, 0.1, 0 ]", "0, 0, 0 ]")).is_ok());
+}
+
+#[test]
+fn a_byte_order_mark_and_caliscope_s_own_file_are_known() {
+    let marked = Rig::from_toml(&format!("\u{feff}{TEXT}")).expect("a rig");
+    assert_eq!(marked, Rig::from_toml(TEXT).expect("a rig"));
+    let error = Rig::from_toml("[cameras.0]\ncam_id = 0\n").expect_err("another file").to_string();
+    assert!(error.starts_with("[cameras]: found Caliscope's camera_array.toml"), "{error}");
+}
+
+#[test]
+fn a_rig_has_no_more_cameras_than_places() {
+    let camera = |index| {
+        TEXT.split("\n\n")
+            .next()
+            .expect("a camera")
+            .replace("_9", &format!("_{index}"))
+            .replace("zebra", &format!("zebra {index}"))
+    };
+    let rig = |count| Rig::from_toml(&(0..count).map(camera).collect::<String>());
+    assert_eq!(rig(MAX_CAMERAS).expect("the most").cameras().len(), MAX_CAMERAS);
+    let error = rig(MAX_CAMERAS + 1).expect_err("one more").to_string();
+    assert_eq!(error, "1025 cameras, expected at most 1024");
+}
+
+#[test]
+fn each_wrong_key_is_named_with_what_was_found() {
+    check_refused("name = \"ant\"", "", "[cam_1] name: found nothing, expected a camera name");
+    check_refused("\"ant\"", "\"zebra\"", "camera name \"zebra\" is used twice, expected unique names");
+    check_refused(
+        "[ 640.0, 480.0 ]",
+        "[ 0, 480 ]",
+        "[cam_9] size is 0 x 480, expected 1 to 16384 pixels a side",
+    );
+    check_refused(
+        "[ 0.90, 0.55, 1.02 ]",
+        "[ 0.90, nan, 1.02 ]",
+        "[cam_9] rotation holds NaN, expected finite numbers",
+    );
+    check_refused(
+        "fisheye = false",
+        "fisheye = true",
+        "[cam_9] fisheye: found true, expected the pinhole with k1 k2 p1 p2 k3 (plumb_bob, radtan, pinhole, \
+         false or 0)",
+    );
+    check_refused(
+        "rotation = [",
+        "rotation = ",
+        "not a TOML file: line 7: unexpected key or value, expected newline, `#`",
+    );
+}
