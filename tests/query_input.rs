@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use assert_cmd::Command;
+use hull::Rig;
 
 const RIG: &str = "\
 [a]
@@ -105,4 +106,60 @@ fn rig_import_and_check_say_what_is_wrong() {
     let (status, said) = run(&["import", "rig.toml", "--up", "z", "--out", "other.toml"]);
     assert_eq!((status, said.as_str()), (Some(0), ""));
     assert!(path.join("other.toml").exists());
+}
+
+#[test]
+fn rig_import_reads_every_camera_or_names_the_files_in_conflict() {
+    let folder = good();
+    let path = folder.path();
+    let storage = |x: u32| {
+        format!(
+            "%YAML:1.0\n---\nK: [ 500., 0., 320., 0., 500., 240., 0., 0., 1. ]\nD: [ 0., 0., 0., 0. ]\n\
+             rvec: [ 0., 0., 0. ]\ntvec: [ {x}., 0., 3. ]\n"
+        )
+    };
+    fs::create_dir(path.join("room")).expect("made");
+    for camera in 1..=4 {
+        fs::write(path.join(format!("room/room.cam{camera}.yml")), storage(camera)).expect("written");
+    }
+    let import = || {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_hulltouch"));
+        command.current_dir(path).args(["rig", "import", "--size", "640x480", "room", "--out", "other.toml"]);
+        let output = command.assert().get_output().clone();
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    assert_eq!(import(), (Some(0), String::new()));
+    let rig = Rig::from_toml(&fs::read_to_string(path.join("other.toml")).expect("a rig")).expect("a rig");
+    let names: Vec<&str> = rig.cameras().iter().map(hull::Camera::name).collect();
+    assert_eq!(names, ["room.cam1", "room.cam2", "room.cam3", "room.cam4"]);
+
+    fs::remove_file(path.join("other.toml")).expect("removed");
+    fs::write(path.join("room/room.cam1.old.yml"), storage(9)).expect("written");
+    let (status, said) = import();
+    assert_eq!((status, said.lines().count()), (Some(2), 1), "{said}");
+    assert!(
+        said.contains("room.cam1.yml and room.cam1.old.yml: found two versions of camera room.cam1"),
+        "{said}"
+    );
+    assert!(!path.join("other.toml").exists());
+}
+
+#[test]
+fn a_rig_of_another_lens_is_refused_and_one_with_a_mark_is_read() {
+    let folder = good();
+    let path = folder.path();
+    fs::write(path.join("rig.toml"), RIG.replacen("rotation =", "fisheye = \"true\"\nrotation =", 1))
+        .expect("written");
+    refused(
+        path,
+        &[],
+        "rig.toml: [a] fisheye: found true, expected the pinhole with k1 k2 p1 p2 k3 (plumb_bob, radtan, pinhole, false or 0)",
+    );
+    fs::write(path.join("rig.toml"), format!("\u{feff}{RIG}")).expect("written");
+    let points = fs::read_to_string(path.join("points.csv")).expect("points");
+    fs::write(path.join("points.csv"), format!("\u{feff}{points}")).expect("written");
+    query(path, &[]).success();
+    let wide: Vec<u8> = format!("\u{feff}{RIG}").encode_utf16().flat_map(u16::to_le_bytes).collect();
+    fs::write(path.join("rig.toml"), wide).expect("written");
+    refused(path, &[], "rig.toml: found UTF-16 text, expected UTF-8: save the file as UTF-8");
 }

@@ -81,11 +81,12 @@ const ALLOWED: [(&str, &[&str]); 20] = [
 const TESTKIT: &str = "testkit";
 
 /// The documents whose names are looked up.
-const DOCUMENTS: [&str; 14] = [
+const DOCUMENTS: [&str; 15] = [
     "ARCHITECTURE.md",
     "README.md",
     "CONTRIBUTING.md",
     "CHANGELOG.md",
+    "docs/calibration.md",
     "docs/feed.md",
     "docs/paper.md",
     "docs/performance.md",

@@ -92,7 +92,8 @@ const MODEL_KEY_PARTS: &[&str] = &[
 /// Words that name another model wherever a text of flags or of a kind holds them.
 const FOREIGN: &[&str] = &[
     "fisheye",
-    "omni",
+    "omnidir",
+    "omniradtan",
     "equidistant",
     "equidist",
     "equisolid",
@@ -112,6 +113,9 @@ const FOREIGN: &[&str] = &[
     "thinprism",
     "ftheta",
 ];
+
+/// Names of other models that are parts of other words too.
+const SHORT_FOREIGN: &[&str] = &["omni", "ds", "mei", "fov", "kb", "equi"];
 
 /// In lower case, without blanks, quotes, `_`, `-` and `+`.
 fn plain(text: &str) -> String {
@@ -141,8 +145,10 @@ pub fn check_lens_model(key: &str, value: &str) -> Result<(), UnknownLensModel> 
 /// The same of a file's general part, where `type` and `model` also name other things: refused is what
 /// speaks of another lens.
 pub fn check_general_lens_model(key: &str, value: &str) -> Result<(), UnknownLensModel> {
-    let name = plain(key);
-    if MODEL_KEYS.contains(&name.as_str()) && !FOREIGN.iter().any(|foreign| plain(value).contains(foreign)) {
+    let (name, word) = (plain(key), plain(value));
+    let foreign =
+        SHORT_FOREIGN.contains(&word.as_str()) || FOREIGN.iter().any(|foreign| word.contains(foreign));
+    if MODEL_KEYS.contains(&name.as_str()) && !foreign {
         return Ok(());
     }
     check_lens_model(key, value)
@@ -210,12 +216,14 @@ mod tests {
             ("flags", "16384"),
             ("projection_matrix", "5"),
             ("name", "fisheye camera"),
+            ("sensor_model", "OmniVision OV9281"),
             ("width", "640"),
         ] {
             assert_eq!(check_lens_model(key, value), Ok(()), "{key}: {value}");
         }
         assert_eq!(check_general_lens_model("type", "charuco"), Ok(()));
         assert!(check_general_lens_model("type", "fisheye").is_err());
+        assert!(check_general_lens_model("model", "omni").is_err());
     }
 
     #[test]

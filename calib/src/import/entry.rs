@@ -26,13 +26,13 @@ impl Entry {
         self.key.contains('/')
     }
 
-    /// An error if it speaks of another lens model than k1 k2 p1 p2 k3. In files that describe no camera
-    /// `type` and `model` mean other things.
+    /// An error if it speaks of another lens model than k1 k2 p1 p2 k3. In maps, and in files that describe no
+    /// camera, `type` and `model` also mean other things.
     pub(super) fn check_lens_model(&self, of_camera: bool) -> Result<(), UnknownLensModel> {
         if self.shape.is_some() || self.text.is_empty() {
             return Ok(());
         }
-        let check = if of_camera { check_lens_model } else { check_general_lens_model };
+        let check = if of_camera && !self.is_nested() { check_lens_model } else { check_general_lens_model };
         check(self.name(), &self.text)
     }
 }

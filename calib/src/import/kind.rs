@@ -32,8 +32,13 @@ fn counted(text: &str, most: usize) -> Option<usize> {
     words.take(most).try_fold(0, |count, word| word.trim().parse::<f64>().is_ok().then_some(count + 1))
 }
 
-/// Whether a text speaks of a camera's calibration, in whatever format.
+/// Whether a text may be a calibration, in whatever format.
 pub(super) fn looks_like_calibration(text: &str) -> bool {
+    text.trim_start().starts_with("%YAML") || names_camera(text)
+}
+
+/// Whether a text has the keys of a camera's calibration.
+pub(super) fn names_camera(text: &str) -> bool {
     const WORDS: [&str; 8] = [
         "opencv_storage",
         "opencv-matrix",
@@ -44,8 +49,8 @@ pub(super) fn looks_like_calibration(text: &str) -> bool {
         "camera_model",
         "t_cn_cnm1",
     ];
-    let text = text.trim_start().to_ascii_lowercase();
-    text.starts_with("%yaml") || WORDS.iter().any(|word| text.contains(word))
+    let text = text.to_ascii_lowercase();
+    WORDS.iter().any(|word| text.contains(word))
 }
 
 /// The camera chain of Kalibr, a YAML of its own.

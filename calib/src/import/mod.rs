@@ -134,6 +134,14 @@ pub enum ImportError {
         /// What would do.
         expected: &'static str,
     },
+    /// A folder holds no calibration that is read, and something that may be one.
+    #[error("{file}: found no calibration that is read; {left_out}")]
+    LeftOut {
+        /// Which folder.
+        file: String,
+        /// The first file that was left out, and why.
+        left_out: String,
+    },
     /// A file is not even of its kind.
     #[error("{file}: line {line}: found {found}, expected {expected}")]
     Syntax {

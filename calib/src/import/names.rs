@@ -80,7 +80,9 @@ pub(super) fn file_names(paths: &[&str]) -> Result<Vec<String>, ImportError> {
     };
     let name = |path: &&str| match folder(path) {
         "" => stem(path).to_owned(),
-        folder if beside(path) == 1 && !is_again(path) => folder.rsplit('/').next().unwrap_or(folder).to_owned(),
+        folder if beside(path) == 1 && !is_again(path) => {
+            folder.rsplit('/').next().unwrap_or(folder).to_owned()
+        }
         _ => stem(path).to_owned(),
     };
     let names: Vec<String> = paths.iter().map(name).collect();

@@ -69,6 +69,8 @@ impl Found {
                     Ok(Format::OpenCv)
                 } else if has(&|file| is_matrix(&file.text)) {
                     Ok(Format::Matrices)
+                } else if let Some(left_out) = scan.warnings.first() {
+                    Err(ImportError::LeftOut { file: path.display().to_string(), left_out: left_out.clone() })
                 } else {
                     Err(unknown(FOLDER_EXPECTED))
                 }

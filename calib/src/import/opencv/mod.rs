@@ -9,6 +9,7 @@ mod roles;
 use hull::Camera;
 
 use super::entry::Entry;
+use super::kind::names_camera;
 use super::names::{Named, settled};
 use super::xml::{self, Element};
 use super::{ImportError, ImportOptions, Imported, TextFile, axes, numbers, yaml};
@@ -22,9 +23,20 @@ use roles::Role;
 /// cameras without a pose, with a warning, unless no camera is complete. Files that look like two versions
 /// of one camera and differ are an error.
 pub fn from_opencv(files: &[TextFile], options: &ImportOptions) -> Result<Imported, ImportError> {
-    let entries = files.iter().map(entries).collect::<Result<Vec<Vec<Entry>>, ImportError>>()?;
+    let mut warnings = Vec::new();
+    let mut read = Vec::new();
+    for file in files {
+        match entries(file) {
+            Ok(entries) => read.push((file, entries)),
+            // A YAML of another program beside the calibration.
+            Err(error) if files.len() > 1 && !names_camera(&file.text) => {
+                warnings.push(format!("left out: {error}"))
+            }
+            Err(error) => return Err(error),
+        }
+    }
     let mut described = Vec::new();
-    for (file, entries) in files.iter().zip(&entries) {
+    for (file, entries) in &read {
         let parts = Parts::of_file(file, entries)?;
         for entry in entries {
             entry.check_lens_model(!parts.is_empty()).map_err(|error| ImportError::LensModel {
@@ -34,10 +46,9 @@ pub fn from_opencv(files: &[TextFile], options: &ImportOptions) -> Result<Import
             })?;
         }
         if !parts.is_empty() {
-            described.push((file, parts));
+            described.push((*file, parts));
         }
     }
-    let mut warnings = Vec::new();
     let mut cameras: Vec<Named<Camera>> = Vec::new();
     let mut halves = Halves::default();
     for group in grouped(described)? {

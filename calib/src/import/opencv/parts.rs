@@ -26,7 +26,11 @@ impl<'a> Parts<'a> {
     pub(super) fn of_file(file: &'a TextFile, entries: &'a [Entry]) -> Result<Parts<'a>, ImportError> {
         let mut parts = Vec::new();
         for entry in entries.iter().filter(|entry| !entry.is_nested()) {
-            if let Some(meaning) = meaning(&entry.key).filter(|_| entry.numbers.is_some()) {
+            let is_scalar =
+                entry.shape.is_none() && entry.numbers.as_ref().is_none_or(|found| found.len() < 2);
+            if let Some(meaning) = meaning(&entry.key)
+                && !(is_scalar && matches!(meaning.role, Role::Matrix | Role::Rotation | Role::Translation))
+            {
                 parts.push(Part { path: &file.path, entry, meaning });
             }
         }
@@ -136,7 +140,8 @@ impl<'a> Parts<'a> {
 
     /// Whether nothing in it describes a camera.
     pub(super) fn is_empty(&self) -> bool {
-        !self.has_matrix() && !self.has_pose() && !self.has(Role::Lens, None)
+        let is_lens = |part: &Part| part.meaning.role == Role::Lens && Role::Lens.fits(part.entry);
+        !self.has_matrix() && !self.has_pose() && !self.parts.iter().any(is_lens)
     }
 
     /// An error if two parts say the same of a camera differently.

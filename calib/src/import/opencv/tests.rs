@@ -209,6 +209,9 @@ fn another_lens_model_is_refused_by_name() {
     {
         assert_eq!(names(&[file("a.yml", &format!("{YAML}{key}\n"))]), ["a"], "{key}");
     }
+    let other = "%YAML 1.2\n---\n- services\nweb\n";
+    let imported = from_opencv(&[file("a.yml", YAML), file("b.yml", other)], &MILLIMETRES).expect("a rig");
+    assert_eq!(imported.warnings, ["left out: b.yml: line 4: found \"web\", expected key: value"]);
     let board = "%YAML:1.0\ntype: charuco\n";
     assert_eq!(names(&[file("a.yml", YAML), file("board.yml", board)]), ["a"]);
 }

@@ -15,9 +15,9 @@ Examples:
   hulltouch rig import --up z Calib.qca.txt --out rig.toml
   hulltouch rig import --format opencv --scale 0.001 --size 644x486 calibration/ --out rig.toml
 
-opencv: a FileStorage file (XML or YAML), or a folder of one file or folder per camera.
-svoboda: the data folder of MultiCamSelfCal. matrices: a 3 x 4 matrix, or a folder of one text
-file per camera.")]
+opencv: a FileStorage file (XML or YAML), or a folder of one file or folder per camera; a stereo
+file is two cameras; EasyMocap's two files. svoboda: the data folder of MultiCamSelfCal.
+matrices: a 3 x 4 matrix, or a folder of one text file per camera.")]
 pub struct ImportArguments {
     /// A calibration file or folder.
     input: PathBuf,
@@ -49,7 +49,7 @@ enum FormatChoice {
     Opencv,
     /// Qualisys .qca.txt.
     Qualisys,
-    /// The TOML of aniposelib, Pose2Sim, FreeMoCap and Caliscope.
+    /// The TOML of aniposelib, Pose2Sim, FreeMoCap and Caliscope, its camera_array.toml too.
     Aniposelib,
     /// MultiCamSelfCal.
     Svoboda,
