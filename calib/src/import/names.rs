@@ -75,7 +75,9 @@ pub(super) fn file_names(paths: &[&str]) -> Result<Vec<String>, ImportError> {
     }
     // `old/cam1.yml` beside `cam1.yml` is no camera named "old".
     let is_again = |path: &str| {
-        let mut elsewhere = paths.iter().filter(|other| folder(path).strip_prefix(folder(other)).is_some());
+        let mut elsewhere = paths.iter().filter(|other| {
+            folder(other).is_empty() || folder(path).starts_with(&format!("{}/", folder(other)))
+        });
         elsewhere.any(|other| folder(other) != folder(path) && stem(other).eq_ignore_ascii_case(stem(path)))
     };
     let name = |path: &&str| match folder(path) {
@@ -235,6 +237,7 @@ mod tests {
     fn folders_of_one_camera_name_it() {
         let names = |paths: &[&str]| file_names(paths).expect("names");
         assert_eq!(names(&["cam1/a.yml", "cam2/a.yml"]), ["cam1", "cam2"]);
+        assert_eq!(names(&["cam1/c.yml", "cam10/c.yml"]), ["cam1", "cam10"]);
         assert_eq!(names(&["room/cam1.yml", "room/cam2.yml"]), ["cam1", "cam2"]);
         assert_eq!(names(&["a/cam1/c.yml", "b/cam1/c.yml"]), ["a_cam1", "b_cam1"]);
         assert!(file_names(&["cam1/a.yml", "cam1/b.yml", "cam2/a.yml"]).is_err());
