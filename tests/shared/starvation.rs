@@ -1,0 +1,221 @@
+//! Whether other programs left this machine too little time for a test that judges real time.
+//!
+//! A bound that is missed fails its test. If other programs took the processors meanwhile, the test says nothing about the
+//! product: it ends as inconclusive, and a line of the log says so.
+
+#![allow(dead_code, reason = "not every test needs it all")]
+
+use std::collections::HashMap;
+use std::fs;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use crate::aloud::aloud;
+
+/// The probe sleeps so long, and then computes: a thread that only sleeps is preferred by the scheduler, and hardly waits.
+const SLEEPS: Duration = Duration::from_millis(20);
+const COMPUTES: Duration = Duration::from_millis(1);
+/// Measured over stretches of this length: a shorter one has too few ticks of the system's clock.
+const STRETCH: Duration = Duration::from_millis(500);
+/// Other programs had at least this share of all processors in a stretch in which a test was starved.
+const OTHERS_SHARE: f64 = 0.25;
+/// And the probe waited for at least this share of the time in which it could have computed.
+const WAITED_SHARE: f64 = 0.3;
+
+/// What was measured in one stretch of time.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Stretch {
+    /// The share of all processors that went to processes other than the test's program and its descendants.
+    pub others_share: f64,
+    /// How long the probe waited for a processor, over how long it waited or computed.
+    pub waited_share: f64,
+    /// How late the probe woke at most, milliseconds.
+    pub latest_ms: f64,
+}
+
+impl Stretch {
+    /// Other programs took processors, and what wanted to compute waited.
+    fn is_starved(&self) -> bool {
+        self.others_share >= OTHERS_SHARE && self.waited_share >= WAITED_SHARE
+    }
+}
+
+/// What a bound says of the product.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Verdict {
+    /// It was kept.
+    Kept,
+    /// It was missed on a machine that had time.
+    Missed,
+    /// It was missed on a machine that had none: the worst of what was measured in starved stretches.
+    Inconclusive(Stretch),
+}
+
+/// Judges a bound by what was measured while it was to be kept.
+pub fn verdict(is_kept: bool, stretches: &[Stretch]) -> Verdict {
+    if is_kept {
+        return Verdict::Kept;
+    }
+    let worst = |worst: Stretch, stretch: &Stretch| Stretch {
+        others_share: worst.others_share.max(stretch.others_share),
+        waited_share: worst.waited_share.max(stretch.waited_share),
+        latest_ms: worst.latest_ms.max(stretch.latest_ms),
+    };
+    let starved = stretches.iter().filter(|stretch| stretch.is_starved());
+    starved.copied().reduce(|before, stretch| worst(before, &stretch)).map_or(Verdict::Missed, Verdict::Inconclusive)
+}
+
+/// Measures how busy the machine is, from its start until it is dropped.
+pub struct Watch {
+    stretches: Arc<Mutex<Vec<Stretch>>>,
+    /// Its end ends the probe.
+    _ends: Sender<()>,
+}
+
+impl Watch {
+    /// Begins to measure.
+    pub fn start() -> Watch {
+        let stretches = Arc::new(Mutex::new(Vec::new()));
+        let (sender, ends) = channel();
+        let kept = Arc::clone(&stretches);
+        std::thread::spawn(move || measure(&kept, &ends));
+        Watch { stretches, _ends: sender }
+    }
+
+    /// Whether a bound was kept. Panics if it was missed on a machine that had time; `false` if the machine was too busy
+    /// to tell, which the log says: the test ends then.
+    #[track_caller]
+    #[must_use]
+    pub fn holds(&self, is_kept: bool, missed: impl FnOnce() -> String) -> bool {
+        self.judge(if is_kept { Ok(()) } else { Err(missed()) }).is_some()
+    }
+
+    /// The same of a result that a slow machine spoils.
+    #[track_caller]
+    #[must_use]
+    pub fn judge<T>(&self, result: Result<T, String>) -> Option<T> {
+        let missed = match result {
+            Ok(value) => return Some(value),
+            Err(missed) => missed,
+        };
+        // The stretch in which it was missed is measured to its end.
+        std::thread::sleep(2 * STRETCH);
+        let stretches = self.stretches.lock().unwrap_or_else(PoisonError::into_inner);
+        match verdict(false, &stretches) {
+            Verdict::Inconclusive(worst) => aloud(&inconclusive(&worst, &missed)),
+            Verdict::Kept | Verdict::Missed => panic!("{missed}\nthe machine had time: {}", busiest(&stretches)),
+        }
+        None
+    }
+}
+
+/// The line of a test that ends without a result.
+fn inconclusive(worst: &Stretch, missed: &str) -> String {
+    let thread = std::thread::current();
+    let (test, missed) = (thread.name().unwrap_or("a test"), missed.lines().next().unwrap_or_default());
+    let missed: String = missed.chars().take(300).collect();
+    format!(
+        "inconclusive: machine too busy (woke up to {:.0} ms late, other programs had up to {:.0} % of the processors): \
+         {test}: {missed}",
+        worst.latest_ms,
+        100.0 * worst.others_share
+    )
+}
+
+fn busiest(stretches: &[Stretch]) -> String {
+    let most = |of: fn(&Stretch) -> f64| stretches.iter().map(of).fold(0.0, f64::max);
+    format!(
+        "other programs had at most {:.0} % of it, and the probe waited at most {:.0} % of its time",
+        100.0 * most(|stretch| stretch.others_share),
+        100.0 * most(|stretch| stretch.waited_share)
+    )
+}
+
+/// The probe: it sleeps and computes in turn, and looks at who had the processors.
+fn measure(stretches: &Mutex<Vec<Stretch>>, ends: &Receiver<()>) {
+    let mut before = ProcessorTime::read();
+    loop {
+        let (began, mut latest, mut waited, mut computed) = (Instant::now(), Duration::ZERO, Duration::ZERO, Duration::ZERO);
+        while began.elapsed() < STRETCH {
+            let turn = Instant::now();
+            if ends.recv_timeout(SLEEPS) != Err(RecvTimeoutError::Timeout) {
+                return;
+            }
+            let woke = Instant::now();
+            latest = latest.max((woke - turn).saturating_sub(SLEEPS));
+            while woke.elapsed() < COMPUTES {
+                std::hint::spin_loop();
+            }
+            waited += turn.elapsed().saturating_sub(SLEEPS + COMPUTES);
+            computed += COMPUTES;
+        }
+        let after = ProcessorTime::read();
+        let stretch = Stretch {
+            others_share: others_share(before, after),
+            waited_share: waited.as_secs_f64() / (waited + computed).as_secs_f64(),
+            latest_ms: 1e3 * latest.as_secs_f64(),
+        };
+        before = after;
+        stretches.lock().unwrap_or_else(PoisonError::into_inner).push(stretch);
+    }
+}
+
+/// Processor time since the system began, in ticks of its clock.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ProcessorTime {
+    /// Of all processors, idle or not.
+    pub all: u64,
+    /// In which programs ran, or another machine on the same hardware.
+    pub busy: u64,
+    /// Of this process and its descendants.
+    pub own: u64,
+}
+
+impl ProcessorTime {
+    /// All zero on a system that does not tell: no test is starved there.
+    fn read() -> ProcessorTime {
+        let processes = fs::read_dir("/proc").into_iter().flatten().flatten();
+        let ids = processes.filter_map(|entry| entry.file_name().to_str()?.parse::<u32>().ok());
+        let stats = ids.filter_map(|id| Some((id, fs::read_to_string(format!("/proc/{id}/stat")).ok()?)));
+        let stats: HashMap<u32, (u32, u64)> =
+            stats.filter_map(|(id, stat)| Some((id, parent_and_ticks(&stat)?))).collect();
+        let (all, busy) = all_and_busy(&fs::read_to_string("/proc/stat").unwrap_or_default()).unwrap_or_default();
+        ProcessorTime { all, busy, own: ticks_of_tree(&stats, std::process::id()) }
+    }
+}
+
+/// All ticks, and those of programs and of other machines, in the text of `/proc/stat`. Interrupts count for no program:
+/// a test's own packets make most of them.
+pub fn all_and_busy(stat: &str) -> Option<(u64, u64)> {
+    let line = stat.lines().find_map(|line| line.strip_prefix("cpu "))?;
+    let ticks: Vec<u64> = line.split_whitespace().take(8).map_while(|ticks| ticks.parse().ok()).collect();
+    let [user, nice, system, _idle, _io, _interrupts, _soft, steal] = ticks.as_slice().try_into().ok()?;
+    Some((ticks.iter().sum(), user + nice + system + steal))
+}
+
+/// A process's parent, and the ticks of it and of its children that have ended, in the text of its `stat` file.
+pub fn parent_and_ticks(stat: &str) -> Option<(u32, u64)> {
+    // The name before may hold spaces and brackets.
+    let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
+    let ticks = fields.get(11..15)?.iter().map(|ticks| ticks.parse::<u64>());
+    Some((fields.get(1)?.parse().ok()?, ticks.sum::<Result<u64, _>>().ok()?))
+}
+
+/// The ticks of a process and all its descendants.
+pub fn ticks_of_tree(stats: &HashMap<u32, (u32, u64)>, root: u32) -> u64 {
+    let descends = |id: u32| {
+        let parents = std::iter::successors(Some(id), |id| stats.get(id).map(|(parent, _)| *parent));
+        // Parents that were read at another moment may lead in a circle.
+        parents.take(64).any(|id| id == root)
+    };
+    stats.iter().filter(|(id, _)| descends(**id)).map(|(_, (_, ticks))| ticks).sum()
+}
+
+/// The share of all processors that other programs had between two moments.
+pub fn others_share(before: ProcessorTime, after: ProcessorTime) -> f64 {
+    let since = |of: fn(&ProcessorTime) -> u64| of(&after).saturating_sub(of(&before));
+    // A descendant that ended and was adopted takes its ticks along: fewer are its own than before.
+    let others = since(|time| time.busy).saturating_sub(since(|time| time.own));
+    others as f64 / since(|time| time.all).max(1) as f64
+}
