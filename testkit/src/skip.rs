@@ -13,11 +13,16 @@ pub fn skip(reason: impl Display) {
     // The harness names each test's thread. With one thread it runs tests on the main one.
     let place = Location::caller();
     let line = match thread::current().name() {
-        Some(name) if name != "main" => format!("skipped: {name}: {reason}\n"),
-        _ => format!("skipped: {}:{}: {reason}\n", place.file(), place.line()),
+        Some(name) if name != "main" => format!("skipped: {name}: {reason}"),
+        _ => format!("skipped: {}:{}: {reason}", place.file(), place.line()),
     };
+    write_line(&line);
+}
+
+/// Writes a line where the log of `cargo test` shows it, also of a test that passes.
+pub(crate) fn write_line(line: &str) {
     // One write, so that lines of parallel tests do not mix. A closed stream is no reason to fail.
-    let _ = io::stderr().write_all(line.as_bytes());
+    let _ = io::stderr().write_all(format!("{line}\n").as_bytes());
 }
 
 /// Whether a program is installed; reports the test as skipped if not, with the Debian package to install.
