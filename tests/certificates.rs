@@ -14,7 +14,8 @@ use std::time::Duration;
 use certified::{ROOM, Room, issue, node};
 use identity::{AUTHORITIES, Authority, CERTIFICATE, CertificateNames, Identity, KEY, Validity};
 use node_client::{NodeError, NodeEvent};
-use room::{Running, coordinator, figures, named_room, program};
+use room::{Running, ask_to_end, coordinator, ended, named_room, program};
+use testkit::{Watch, timely};
 
 fn said(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
@@ -22,16 +23,19 @@ fn said(output: &Output) -> String {
 
 #[test]
 fn a_room_with_certificates_runs_as_without() {
+    let watch = Watch::start();
     let room = Room::new();
-    let figures = figures(Running::start(&mut room.coordinator("2")), &room.json());
-    assert!(figures["frames"].as_u64().is_some_and(|frames| frames > 10), "{figures}");
-    assert_eq!(figures["missed"]["blind_steps"], 0, "{figures}");
+    let run = Running::start(&mut room.coordinator("2"));
+    let Some(figures) = watch.judge(ended(run, &room.json())) else { return };
+    timely!(watch, figures["frames"].as_u64().is_some_and(|frames| frames > 10), "{figures}");
+    timely!(watch, figures["missed"]["blind_steps"] == 0, "{figures}");
 }
 
 #[tokio::test]
 async fn strangers_are_refused_in_one_line_and_the_run_goes_on() {
+    let watch = Watch::start();
     let room = Room::new();
-    let running = Running::start(&mut room.coordinator("6"));
+    let running = Running::start(&mut room.coordinator("600"));
     let (ours, other) = (&room.authority, Authority::make(ROOM, Validity::days(30)).expect("another"));
 
     let refused = room.refusal(ours, Identity::viewer(ROOM)).await;
@@ -56,12 +60,14 @@ async fn strangers_are_refused_in_one_line_and_the_run_goes_on() {
     );
     assert!(said(&output).contains("expected a node that was started without --certs"), "{}", said(&output));
 
-    let figures = figures(running, &room.json());
-    assert_eq!(figures["missed"]["blind_steps"], 0, "{figures}");
+    ask_to_end(&running);
+    let Some(figures) = watch.judge(ended(running, &room.json())) else { return };
+    timely!(watch, figures["missed"]["blind_steps"] == 0, "{figures}");
 }
 
 #[test]
 fn certificates_are_replaced_under_a_run_that_misses_nothing() {
+    let watch = Watch::start();
     let folder = tempfile::tempdir().expect("a folder");
     let authority = || Authority::make(ROOM, Validity::days(30)).expect("an authority");
     let (old, new) = (authority(), authority());
@@ -85,7 +91,7 @@ fn certificates_are_replaced_under_a_run_that_misses_nothing() {
     };
     replace(0, &old, &[&old]);
     let room = Room::of(folder, old, "[wire]\nmax_connection_age_s = 2\n");
-    let running = Running::start(&mut room.coordinator("14"));
+    let running = Running::start(&mut room.coordinator("600"));
     let after = |seconds| std::thread::sleep(Duration::from_secs(seconds));
     after(3);
     replace(1, &room.authority, &[&room.authority, &new]);
@@ -96,12 +102,14 @@ fn certificates_are_replaced_under_a_run_that_misses_nothing() {
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().expect("a runtime");
     // Another leads it: who gets in hears that, who does not hears of certificates.
     let of_new = runtime.block_on(room.first_event_of(&new));
-    assert!(matches!(of_new, NodeEvent::Down(NodeError::Held(_))), "{of_new:?}");
+    let is_held = matches!(of_new, NodeEvent::Down(NodeError::Held(_)));
+    timely!(watch, is_held, "expected a node that is held: {of_new:?}");
     let of_old = runtime.block_on(room.first_event_of(&room.authority));
     assert!(matches!(of_old, NodeEvent::Down(NodeError::Unreachable(_))), "{of_old:?}");
-    let figures = figures(running, &room.json());
-    assert_eq!(figures["missed"]["blind_steps"], 0, "{figures}");
-    assert_eq!(figures["missed"]["reduced_steps"], 0, "no node was left out: {figures}");
+    ask_to_end(&running);
+    let Some(figures) = watch.judge(ended(running, &room.json())) else { return };
+    timely!(watch, figures["missed"]["blind_steps"] == 0, "steps without a hull: {figures}");
+    timely!(watch, figures["missed"]["reduced_steps"] == 0, "a node was left out: {figures}");
 }
 
 #[test]
@@ -165,6 +173,7 @@ fn certificates_that_cannot_be_used_are_refused_before_anything_runs() {
 
 #[test]
 fn certs_makes_a_room_that_runs_and_keeps_its_keys() {
+    let watch = Watch::start();
     let folder = tempfile::tempdir().expect("a folder");
     let cluster = named_room(folder.path(), "", "");
     let certs = folder.path().join("certs");
@@ -190,8 +199,9 @@ fn certs_makes_a_room_that_runs_and_keeps_its_keys() {
     let [left, right] = [&nodes[0], &nodes[1]].map(|node| format!("address = {:?}", node.address()));
     let (cluster, json) = (named_room(folder.path(), &left, &right), folder.path().join("out.json"));
     let mut command = coordinator(program(), &cluster, "1", &json);
-    let figures = figures(Running::start(command.arg("--certs").arg(certs.join("coordinator"))), &json);
-    assert_eq!(figures["missed"]["blind_steps"], 0, "{figures}");
+    let run = Running::start(command.arg("--certs").arg(certs.join("coordinator")));
+    let Some(figures) = watch.judge(ended(run, &json)) else { return };
+    timely!(watch, figures["missed"]["blind_steps"] == 0, "{figures}");
 }
 
 /// A folder with certificates of a room that `hulltouch certs` made there.

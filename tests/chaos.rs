@@ -24,6 +24,7 @@ use link::{Delay, Link};
 use room::{Node, Running, cameras, coordinator, program};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
+use testkit::{Watch, timely};
 use wall_clock::{WallClock, faketime};
 
 const NODES: usize = 4;
@@ -223,10 +224,10 @@ fn number(name: &str, default: u64) -> u64 {
 /// One room at a time: sixteen camera programs would be late of themselves on two cores.
 static ALONE: Mutex<()> = Mutex::new(());
 
-/// Whether this becomes true of the cameras that are lost, before these seconds are over.
-fn comes_true(said: &Mutex<Said>, seconds: u64, is_true: impl Fn(&HashSet<String>) -> bool) -> bool {
+/// Whether this becomes true of the cameras that are lost, within a minute.
+fn comes_true(said: &Mutex<Said>, is_true: impl Fn(&HashSet<String>) -> bool) -> bool {
     let asked = Instant::now();
-    while asked.elapsed() < Duration::from_secs(seconds) {
+    while asked.elapsed() < Duration::from_secs(60) {
         if is_true(&said.lock().expect("no panic").lost) {
             return true;
         }
@@ -238,29 +239,33 @@ fn comes_true(said: &Mutex<Said>, seconds: u64, is_true: impl Fn(&HashSet<String
 #[test]
 fn a_camera_that_falls_silent_takes_no_other_with_it() {
     let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let watch = Watch::start();
     let room = Room::new();
     let json = room.folder.path().join("out.json");
     let mut run = coordinator(program(), &room.cluster(), "100000", &json);
     let mut run = Running::start(run.env("RUST_LOG", "info"));
     let said = listen(run.child());
     thread::sleep(Duration::from_millis(2500));
+    // One that a busy machine holds up is back before.
+    comes_true(&said, HashSet::is_empty);
     let mark = PathBuf::from(format!("{}.silent", film_of(room.folder.path(), "cam_1").display()));
     fs::write(&mark, "").expect("written");
     // Another that is late on a busy machine is back in no time.
-    let alone = comes_true(&said, 10, |lost| lost.len() == 1 && lost.contains("\"cam_1\""));
+    let alone = comes_true(&said, |lost| lost.len() == 1 && lost.contains("\"cam_1\""));
     fs::remove_file(&mark).expect("removed");
-    let back = comes_true(&said, 10, HashSet::is_empty);
+    let back = comes_true(&said, HashSet::is_empty);
     signal(run.id(), Signal::INT);
     assert!(run.child().wait().expect("ends").success());
     let lines = said.lock().expect("no panic").lines.join("\n");
-    assert!(alone, "cam_1 alone was not lost: {lines}");
-    assert!(back, "cam_1 is not back: {lines}");
+    timely!(watch, alone, "cam_1 alone was not lost: {lines}");
+    timely!(watch, back, "cam_1 is not back: {lines}");
 }
 
 /// `HULLTOUCH_CHAOS_S` and `HULLTOUCH_CHAOS_SEED` make it longer, and another.
 #[test]
 fn a_run_in_which_everything_fails_goes_on() {
     let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let watch = Watch::start();
     let (seconds, seed) = (number("HULLTOUCH_CHAOS_S", 60), number("HULLTOUCH_CHAOS_SEED", 1));
     let mut random = Random(seed);
     let mut room = Room::new();
@@ -282,11 +287,12 @@ fn a_run_in_which_everything_fails_goes_on() {
         faults.push(fault);
         let now = said.lock().expect("no panic");
         let last = now.lines.iter().rev().take(30).rev().cloned().collect::<Vec<_>>().join("\n");
-        assert!(now.lost.is_empty(), "seed {seed}: {:?} is not back after {faults:?}: {last}", now.lost);
         assert!(
             run.child().try_wait().expect("a child").is_none(),
             "seed {seed}: it ended after {faults:?}: {last}"
         );
+        let is_back = now.lost.is_empty();
+        timely!(watch, is_back, "seed {seed}: {:?} is not back after {faults:?}: {last}", now.lost);
     }
     let grown_kib = memory_kib(run.id()).saturating_sub(before_kib);
     signal(run.id(), Signal::INT);
@@ -295,11 +301,11 @@ fn a_run_in_which_everything_fails_goes_on() {
     let figures: Value = serde_json::from_slice(&fs::read(&json).expect("figures")).expect("JSON");
     assert_eq!(figures["faults"], 0, "seed {seed}: numbers that are none");
     let missed = figures["missed"]["share"].as_f64().expect("a number");
-    assert!(missed < 0.2, "seed {seed}: {}", figures["missed"]);
     for body in figures["bodies"].as_array().expect("bodies") {
         let fastest_m_s = body["max_speed_m_s"].as_f64().expect("a number");
         assert!(fastest_m_s < FASTEST_M_S, "seed {seed}: {body}");
     }
     assert!(grown_kib < GROWTH_KIB, "seed {seed}: it grew by {grown_kib} KiB over {} faults", faults.len());
+    timely!(watch, missed < 0.2, "seed {seed}: {}", figures["missed"]);
     eprintln!("{} faults, {}, grown by {grown_kib} KiB", faults.len(), figures["missed"]);
 }

@@ -31,7 +31,7 @@ use tonic::{Request, Streaming};
 
 /// Nodes keep eight frames of it.
 const FPS: f64 = 16.0;
-const TIMEOUT: Duration = Duration::from_secs(20);
+const TIMEOUT: Duration = Duration::from_secs(120);
 
 fn rig() -> Rig {
     stage::studio_rig(2, (160, 120)).expect("a rig")

@@ -16,7 +16,8 @@ use cluster::{ClusterFile, expected_node};
 use namespace::Host;
 use node_client::{Agreement, ExpectedNode, NodeClient, NodeEvent, NodePlace};
 use proto::Address;
-use room::{Node, Running, coordinator, figures, named_room, program};
+use room::{Node, Running, coordinator, ended, named_room, program};
+use testkit::{Watch, timely};
 use tokio::sync::mpsc;
 
 /// A port of this process's own, below those that systems hand out.
@@ -26,11 +27,13 @@ fn own_port() -> u16 {
 
 /// Runs a coordinator, which must get frames of all nodes.
 fn run(program: Command, cluster: &Path, folder: &Path) {
+    let watch = Watch::start();
     let json = folder.join("out.json");
     let mut command = coordinator(program, cluster, "2", &json);
-    let figures = figures(Running::start(command.arg("--insecure")), &json);
-    assert!(figures["frames"].as_u64().is_some_and(|frames| frames > 10), "{figures}");
-    assert_eq!(figures["missed"]["blind_steps"], 0, "{figures}");
+    let run = Running::start(command.arg("--insecure"));
+    let Some(figures) = watch.judge(ended(run, &json)) else { return };
+    timely!(watch, figures["frames"].as_u64().is_some_and(|frames| frames > 10), "{figures}");
+    timely!(watch, figures["missed"]["blind_steps"] == 0, "{figures}");
 }
 
 #[test]
@@ -125,7 +128,7 @@ async fn first_event(file: &ClusterFile, found: Vec<Address>) -> NodeEvent {
     let (sender, mut events) = mpsc::channel(64);
     let agreement = Arc::new(Agreement::new(file.probes, file.fps, Vec::new()));
     let _client = NodeClient::spawn(left, 0, agreement, sender);
-    let event = tokio::time::timeout(Duration::from_secs(20), events.recv()).await;
+    let event = tokio::time::timeout(Duration::from_secs(120), events.recv()).await;
     event.expect("in time").expect("an event").1
 }
 

@@ -4,11 +4,12 @@
 mod room;
 
 use std::path::Path;
-use std::process::Output;
+use std::process::{Command, Output};
 use std::time::{Duration, Instant};
 
 use proto::{Pace, v1};
-use room::{Node, Running, cameras, cluster_file, coordinator, figures, program};
+use room::{Node, Running, ask_to_end, await_leader, cameras, cluster_file, coordinator, ended, program};
+use testkit::{Watch, timely};
 
 const NODES: usize = 2;
 
@@ -20,69 +21,88 @@ fn nodes(cluster: &Path) -> Vec<Node> {
     (0..NODES).map(|node| Node::start(program(), cluster, &cameras(node))).collect()
 }
 
+fn status(cluster: &Path) -> Command {
+    let mut command = program();
+    command.arg("status").arg(cluster);
+    command
+}
+
 fn said(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 #[test]
 fn a_second_coordinator_ends_with_who_leads_and_the_first_goes_on() {
+    let watch = Watch::start();
     let folder = tempfile::tempdir().expect("a folder");
     let (cluster, json) = (cluster_file(folder.path(), NODES), folder.path().join("out.json"));
     let _nodes = nodes(&cluster);
-    let first = start(&cluster, "6", &json, &[]);
-    std::thread::sleep(Duration::from_secs(2));
+    let first = start(&cluster, "600", &json, &[]);
+    await_leader(|| status(&cluster));
     let began = Instant::now();
     let second =
         start(&cluster, "6", &folder.path().join("second.json"), &[]).wait_with_output().expect("ends");
     assert_eq!(second.status.code(), Some(1), "{}", said(&second));
     assert!(said(&second).contains("held by the coordinator on "), "{}", said(&second));
     assert!(said(&second).contains("--take-over or --observe"), "{}", said(&second));
-    assert!(began.elapsed() < Duration::from_secs(5), "it says so soon");
-    let figures = figures(first, &json);
-    assert_eq!(figures["missed"]["frames"], 0, "{figures}");
-    assert_eq!(figures["missed"]["blind_steps"], 0, "{figures}");
+    let took = began.elapsed();
+    ask_to_end(&first);
+    let Some(figures) = watch.judge(ended(first, &json)) else { return };
+    timely!(watch, took < Duration::from_secs(5), "it said so after {took:?}");
+    timely!(watch, figures["missed"]["frames"] == 0, "{figures}");
+    timely!(watch, figures["missed"]["blind_steps"] == 0, "{figures}");
 }
 
 #[test]
 fn one_that_takes_over_ends_the_other() {
+    let watch = Watch::start();
     let folder = tempfile::tempdir().expect("a folder");
     let (cluster, json) = (cluster_file(folder.path(), NODES), folder.path().join("out.json"));
     let _nodes = nodes(&cluster);
-    let first = start(&cluster, "60", &folder.path().join("first.json"), &[]);
-    std::thread::sleep(Duration::from_secs(2));
+    let first = start(&cluster, "600", &folder.path().join("first.json"), &[]);
+    await_leader(|| status(&cluster));
     let second = start(&cluster, "3", &json, &["--take-over"]);
     let first = first.wait_with_output().expect("ends");
     assert_eq!(first.status.code(), Some(1), "{}", said(&first));
     assert!(said(&first).contains("held by the coordinator on "), "{}", said(&first));
-    let figures = figures(second, &json);
-    assert!(figures["frames"].as_u64().is_some_and(|frames| frames > 20), "{figures}");
+    let Some(figures) = watch.judge(ended(second, &json)) else { return };
+    timely!(watch, figures["frames"].as_u64().is_some_and(|frames| frames > 20), "{figures}");
 }
 
 #[test]
 fn one_that_was_killed_is_followed_at_once() {
+    let watch = Watch::start();
     let folder = tempfile::tempdir().expect("a folder");
     let (cluster, json) = (cluster_file(folder.path(), NODES), folder.path().join("out.json"));
     let _nodes = nodes(&cluster);
-    let first = start(&cluster, "60", &folder.path().join("first.json"), &[]);
-    std::thread::sleep(Duration::from_secs(2));
+    let first = start(&cluster, "600", &folder.path().join("first.json"), &[]);
+    await_leader(|| status(&cluster));
     // Killed.
     drop(first);
     let began = Instant::now();
-    let figures = figures(start(&cluster, "1", &json, &[]), &json);
-    assert!(figures["frames"].as_u64().is_some_and(|frames| frames >= 9), "{figures}");
-    assert!(began.elapsed() < Duration::from_secs(4), "a second of film took {:?}", began.elapsed());
+    let Some(figures) = watch.judge(ended(start(&cluster, "1", &json, &[]), &json)) else { return };
+    let took = began.elapsed();
+    timely!(watch, figures["frames"].as_u64().is_some_and(|frames| frames >= 9), "{figures}");
+    timely!(watch, took < Duration::from_secs(4), "a second of film took {took:?}");
 }
 
 #[test]
 fn a_stranger_changes_nothing() {
+    let watch = Watch::start();
     let folder = tempfile::tempdir().expect("a folder");
     let (cluster, json) = (cluster_file(folder.path(), NODES), folder.path().join("out.json"));
     let _nodes = nodes(&cluster);
-    let run = start(&cluster, "5", &json, &[]);
+    // Film in lock-step gives the same bits every time, unless something changes the run.
+    let lock_step = || start(&cluster, "20", &json, &["--unpaced"]);
+    let Some(undisturbed) = watch.judge(ended(lock_step(), &json)) else { return };
+    let mut run = lock_step();
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
     runtime.block_on(strangers_start(&cluster));
-    let figures = figures(run, &json);
-    assert_eq!((&figures["missed"]["frames"], &figures["missed"]["blind_steps"]), (&0.into(), &0.into()));
+    assert!(run.child().try_wait().expect("a child").is_none(), "the run was over before");
+    let Some(disturbed) = watch.judge(ended(run, &json)) else { return };
+    assert_eq!(disturbed["trajectory_digest"], undisturbed["trajectory_digest"]);
+    assert_eq!(disturbed["frames"], undisturbed["frames"]);
+    assert_eq!(disturbed["missed"]["blind_steps"], 0, "{disturbed}");
 }
 
 /// A `Start` of somebody who claims nothing.
@@ -96,7 +116,7 @@ async fn strangers_start(cluster: &Path) {
     let endpoint = tonic::transport::Endpoint::from_static("http://node.invalid");
     let channel = endpoint.connect_with_connector(connect).await.expect("connects");
     let mut client = v1::camera_node_client::CameraNodeClient::new(channel);
-    let deadline = Instant::now() + Duration::from_secs(20);
+    let deadline = Instant::now() + Duration::from_secs(120);
     while client.describe(v1::DescribeRequest {}).await.expect("anybody may ask").into_inner().term == 0 {
         assert!(Instant::now() < deadline, "nobody leads it");
         tokio::time::sleep(Duration::from_millis(50)).await;

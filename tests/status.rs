@@ -8,9 +8,10 @@ use std::path::Path;
 use std::process::Output;
 use std::time::{Duration, Instant};
 
-use room::{Node, Running, coordinator, figures, named_room, program};
+use room::{Node, Running, coordinator, ended, named_room, program};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
+use testkit::{Watch, timely};
 
 fn status(cluster: &Path, more: &[&str]) -> Output {
     program().arg("status").arg(cluster).args(more).output().expect("ends")
@@ -29,6 +30,7 @@ fn nodes(folder: &Path) -> (std::path::PathBuf, Vec<Node>) {
 
 #[test]
 fn a_run_is_seen_and_does_not_notice() {
+    let watch = Watch::start();
     let folder = tempfile::tempdir().expect("a folder");
     let ((cluster, _nodes), json) = (nodes(folder.path()), folder.path().join("out.json"));
     let idle = status(&cluster, &[]);
@@ -48,8 +50,8 @@ fn a_run_is_seen_and_does_not_notice() {
     let table = text(&status(&cluster, &[]).stdout);
     let process = Pid::from_raw(run.child().id().cast_signed()).expect("a number");
     kill_process(process, Signal::INT).expect("asked to end");
-    let figures = figures(run, &json);
-    assert_eq!(figures["missed"]["blind_steps"], 0, "{figures}");
+    let Some(figures) = watch.judge(ended(run, &json)) else { return };
+    timely!(watch, figures["missed"]["blind_steps"] == 0, "{figures}");
 
     let well: Value = serde_json::from_str(&well).expect("one object");
     assert_eq!((well["room"].as_str(), well["ok"].as_bool()), (Some("room"), Some(true)), "{well}");
@@ -61,10 +63,8 @@ fn a_run_is_seen_and_does_not_notice() {
         let (offset_ms, bound_ms) = (node["clock_offset_ms"].as_f64(), node["clock_bound_ms"].as_f64());
         assert!(offset_ms.zip(bound_ms).is_some_and(|(off, bound)| off.abs() <= bound + 1.0), "{node}");
         for camera in node["cameras"].as_array().expect("cameras") {
-            assert!(
-                camera["frames_per_s"].as_f64().is_some_and(|fps| (9.0..12.0).contains(&fps)),
-                "{camera}"
-            );
+            let fps = camera["frames_per_s"].as_f64().expect("a rate");
+            timely!(watch, (9.0..12.0).contains(&fps), "{camera}");
             assert!(
                 camera["foreground"].as_f64().is_some_and(|share| share > 0.005 && share < 0.6),
                 "{camera}"

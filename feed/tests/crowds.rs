@@ -5,6 +5,7 @@ mod common;
 use std::time::{Duration, Instant};
 
 use common::*;
+use testkit::{Watch, timely};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpStream;
 use tokio_tungstenite::tungstenite;
@@ -43,6 +44,7 @@ fn allow_descriptors() {
 
 #[tokio::test]
 async fn nine_hundred_half_sent_headers_keep_nobody_out() {
+    let watch = Watch::start();
     allow_descriptors();
     let run = Run::start();
     let mut page = run.viewer().await;
@@ -66,7 +68,8 @@ async fn nine_hundred_half_sent_headers_keep_nobody_out() {
     for mut stream in half_sent {
         assert_eq!(rest(&mut stream).await, "");
     }
-    assert!(began.elapsed() < Duration::from_secs(30), "dropped after {:?}", began.elapsed());
+    let took = began.elapsed();
+    timely!(watch, took < Duration::from_secs(30), "dropped after {took:?}");
     run.publish(1000);
     page.hear_frame(1000).await;
 }
@@ -108,11 +111,13 @@ async fn a_head_of_more_than_eight_kilobytes_is_refused() {
 
 #[tokio::test]
 async fn other_protocols_are_told_or_dropped_at_once() {
+    let watch = Watch::start();
     let run = Run::start();
     let began = Instant::now();
     assert!(answer(&run, "SSH-2.0-OpenSSH_9.2p1 Debian\r\n\r\n").await.starts_with("HTTP/1.1 400"));
     assert_eq!(answer(&run, "\u{16}\u{3}\u{1}\u{2}\u{0}\u{1}").await, "", "TLS on a plain port");
-    assert!(began.elapsed() < Duration::from_secs(4), "answered after {:?}", began.elapsed());
+    let took = began.elapsed();
+    timely!(watch, took < Duration::from_secs(4), "answered after {took:?}");
 }
 
 /// The status and text of a refusal.

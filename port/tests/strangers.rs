@@ -50,7 +50,7 @@ fn port() -> (TelemetryPort, Arc<Service>) {
 
 fn connect(address: SocketAddr) -> TcpStream {
     let socket = TcpStream::connect(address).expect("connects");
-    socket.set_read_timeout(Some(Duration::from_secs(20))).expect("set");
+    socket.set_read_timeout(Some(Duration::from_secs(60))).expect("set");
     socket
 }
 

@@ -63,7 +63,10 @@ fn verdict(is_kept: bool, stretches: &[Stretch]) -> Verdict {
         latest_ms: worst.latest_ms.max(stretch.latest_ms),
     };
     let starved = stretches.iter().filter(|stretch| stretch.is_starved());
-    starved.copied().reduce(|before, stretch| worst(before, &stretch)).map_or(Verdict::Missed, Verdict::Inconclusive)
+    starved
+        .copied()
+        .reduce(|before, stretch| worst(before, &stretch))
+        .map_or(Verdict::Missed, Verdict::Inconclusive)
 }
 
 /// Measures how busy the machine is, from its start until it is dropped.
@@ -150,7 +153,8 @@ fn busiest(stretches: &[Stretch]) -> String {
 fn measure(stretches: &Mutex<Vec<Stretch>>, ends: &Receiver<()>) {
     let mut before = ProcessorTime::read();
     loop {
-        let (began, mut latest, mut waited, mut computed) = (Instant::now(), Duration::ZERO, Duration::ZERO, Duration::ZERO);
+        let (began, mut latest, mut waited, mut computed) =
+            (Instant::now(), Duration::ZERO, Duration::ZERO, Duration::ZERO);
         while began.elapsed() < STRETCH {
             let turn = Instant::now();
             if ends.recv_timeout(SLEEPS) != Err(RecvTimeoutError::Timeout) {
@@ -194,7 +198,8 @@ impl ProcessorTime {
         let stats = ids.filter_map(|id| Some((id, fs::read_to_string(format!("/proc/{id}/stat")).ok()?)));
         let stats: HashMap<u32, (u32, u64)> =
             stats.filter_map(|(id, stat)| Some((id, parent_and_ticks(&stat)?))).collect();
-        let (all, busy) = all_and_busy(&fs::read_to_string("/proc/stat").unwrap_or_default()).unwrap_or_default();
+        let (all, busy) =
+            all_and_busy(&fs::read_to_string("/proc/stat").unwrap_or_default()).unwrap_or_default();
         ProcessorTime { all, busy, own: ticks_of_tree(&stats, std::process::id()) }
     }
 }

@@ -14,6 +14,7 @@ use link::{Delay, Link};
 use processes::program;
 use replacing::Replacing;
 use room::{Plan, Room, is_well_and_films, issue, wrong};
+use testkit::{Watch, timely};
 
 const STEADY: (f64, u32, &str) = (0.0, 20, "counts");
 
@@ -221,6 +222,7 @@ fn each_planted_fault_is_named_and_no_other_3() {
 
 #[test]
 fn a_run_that_is_on_goes_on() {
+    let watch = Watch::start();
     let room = Plan::of_stage().run();
     let json = room.folder.path().join("out.json");
     let mut command = processes::coordinator(program(), &room.cluster, "12", &json);
@@ -236,9 +238,9 @@ fn a_run_that_is_on_goes_on() {
         status
     });
     is_well_and_films(&room.doctor());
-    let figures = processes::figures(run, &json);
-    assert_eq!(figures["missed"]["reduced_steps"], 0, "no node was left out: {figures}");
-    assert!(figures["frames"].as_u64().is_some_and(|frames| frames > 70), "{figures}");
+    let Some(figures) = watch.judge(processes::ended(run, &json)) else { return };
+    timely!(watch, figures["missed"]["reduced_steps"] == 0, "a node was left out: {figures}");
+    timely!(watch, figures["frames"].as_u64().is_some_and(|frames| frames > 70), "{figures}");
 }
 
 #[test]

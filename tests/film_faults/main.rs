@@ -15,28 +15,32 @@ use node::{node_config, serve_until, silent_node_config};
 use node_client::Agreement;
 use run::{Keeper, Step, between, farthest_m, fastest_m_s, play, play_over, settings, since, world};
 use sim::Scene;
+use testkit::{Watch, timely};
 use tokio::sync::oneshot;
 
 const GRAVITY_M_S2: f64 = 9.81;
 
 #[tokio::test]
 async fn a_live_world_stands_still_until_its_first_frame_comes() {
+    let watch = Watch::start();
     let scene = Scene::named("rest").expect("shipped");
     let mut film = Film::of(&scene, &rig(), all(1000));
     film.late_s = 0.5;
     let live = RunSettings { lock_step: false, ..settings(1.5) };
     let (steps, figures) = play(film, &scene, live, std::future::pending()).await;
-    assert!(figures.steps > 0 && steps.iter().all(|step| step.frame.is_some()), "no step is blind");
-    assert_eq!(figures.blind_steps, 0);
+    timely!(watch, figures.steps > 0, "no step was made");
+    timely!(watch, figures.blind_steps == 0, "{} steps are blind", figures.blind_steps);
+    assert!(steps.iter().all(|step| step.frame.is_some()), "no step is blind");
     assert!(steps[0].film_s > 0.45, "film went by meanwhile: {}", steps[0].film_s);
     assert!(steps[0].frame > Some(10), "the first step sees the film of then: {:?}", steps[0].frame);
     let made_s = figures.steps as f64 / 120.0;
     let slipped_s = figures.slipped_s;
-    assert!((made_s + slipped_s - 1.5).abs() < 0.02, "{made_s} s made, {slipped_s} s slipped");
+    timely!(watch, (made_s + slipped_s - 1.5).abs() < 0.02, "{made_s} s made, {slipped_s} s slipped");
 }
 
 #[tokio::test]
 async fn a_live_world_does_not_wait_for_its_first_frame_for_ever() {
+    let watch = Watch::start();
     let scene = Scene::named("rest").expect("shipped");
     let film = || {
         let mut film = Film::of(&scene, &rig(), all(8));
@@ -46,7 +50,7 @@ async fn a_live_world_does_not_wait_for_its_first_frame_for_ever() {
     let live = |seconds| RunSettings { lock_step: false, ..settings(seconds) };
     let patient = RunSettings { connect_timeout: Duration::from_millis(200), ..live(0.8) };
     let (steps, figures) = play(film(), &scene, patient, std::future::pending()).await;
-    assert!(figures.steps > 0, "it goes on without a hull");
+    timely!(watch, figures.steps > 0, "it does not go on without a hull");
     assert!(steps.iter().all(|step| step.frame.is_none() && step.film_s > 0.2));
     assert_eq!(figures.blind_steps, figures.steps);
     let (_, figures) = play(film(), &scene, live(0.2), std::future::pending()).await;

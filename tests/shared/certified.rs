@@ -90,7 +90,7 @@ impl Room {
         let agreement = agreement.dialling(Arc::new(Sockets::encrypted(Arc::new(credentials))));
         let (sender, mut events) = mpsc::channel(64);
         let _client = NodeClient::spawn(left, 0, Arc::new(agreement), sender);
-        let event = tokio::time::timeout(Duration::from_secs(20), events.recv()).await;
+        let event = tokio::time::timeout(Duration::from_secs(120), events.recv()).await;
         event.expect("in time").expect("an event").1
     }
 

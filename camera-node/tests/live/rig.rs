@@ -19,7 +19,7 @@ use tempfile::TempDir;
 
 pub const FPS: f64 = 20.0;
 /// Longer than any wait that succeeds.
-pub const SOON: Duration = Duration::from_secs(20);
+pub const SOON: Duration = Duration::from_secs(120);
 
 /// The first line of each film.
 const HEADER: &str = "YUV4MPEG2 W8 H4 F30:1 C444";
