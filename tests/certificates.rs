@@ -27,8 +27,20 @@ fn a_room_with_certificates_runs_as_without() {
     let room = Room::new();
     let run = Running::start(&mut room.coordinator("2"));
     let Some(figures) = watch.judge(ended(run, &room.json())) else { return };
-    timely!(watch, figures["frames"].as_u64().is_some_and(|frames| frames > 10), "{figures}");
-    timely!(watch, figures["missed"]["blind_steps"] == 0, "{figures}");
+    timely!(
+        watch,
+        figures["frames"].as_u64().is_some_and(|frames| frames > 10),
+        "{} frames, missed {}",
+        figures["frames"],
+        figures["missed"]
+    );
+    timely!(
+        watch,
+        figures["missed"]["blind_steps"] == 0,
+        "{} frames, missed {}",
+        figures["frames"],
+        figures["missed"]
+    );
 }
 
 #[tokio::test]
@@ -62,7 +74,13 @@ async fn strangers_are_refused_in_one_line_and_the_run_goes_on() {
 
     ask_to_end(&running);
     let Some(figures) = watch.judge(ended(running, &room.json())) else { return };
-    timely!(watch, figures["missed"]["blind_steps"] == 0, "{figures}");
+    timely!(
+        watch,
+        figures["missed"]["blind_steps"] == 0,
+        "{} frames, missed {}",
+        figures["frames"],
+        figures["missed"]
+    );
 }
 
 #[test]
@@ -108,8 +126,8 @@ fn certificates_are_replaced_under_a_run_that_misses_nothing() {
     assert!(matches!(of_old, NodeEvent::Down(NodeError::Unreachable(_))), "{of_old:?}");
     ask_to_end(&running);
     let Some(figures) = watch.judge(ended(running, &room.json())) else { return };
-    timely!(watch, figures["missed"]["blind_steps"] == 0, "steps without a hull: {figures}");
-    timely!(watch, figures["missed"]["reduced_steps"] == 0, "a node was left out: {figures}");
+    timely!(watch, figures["missed"]["blind_steps"] == 0, "steps without a hull: {}", figures["missed"]);
+    timely!(watch, figures["missed"]["reduced_steps"] == 0, "a node was left out: {}", figures["missed"]);
 }
 
 #[test]
@@ -201,7 +219,13 @@ fn certs_makes_a_room_that_runs_and_keeps_its_keys() {
     let mut command = coordinator(program(), &cluster, "1", &json);
     let run = Running::start(command.arg("--certs").arg(certs.join("coordinator")));
     let Some(figures) = watch.judge(ended(run, &json)) else { return };
-    timely!(watch, figures["missed"]["blind_steps"] == 0, "{figures}");
+    timely!(
+        watch,
+        figures["missed"]["blind_steps"] == 0,
+        "{} frames, missed {}",
+        figures["frames"],
+        figures["missed"]
+    );
 }
 
 /// A folder with certificates of a room that `hulltouch certs` made there.

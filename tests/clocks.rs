@@ -34,13 +34,13 @@ fn wall_clocks_that_are_off_and_are_set_in_mid_run_change_nothing() {
     let Some(live) = watch.judge(ended(live, &json)) else { return };
     let missed = &live["missed"];
     for what in ["frames", "blind_steps", "late_steps"] {
-        timely!(watch, missed[what] == 0, "{what}: {live}");
+        timely!(watch, missed[what] == 0, "{what}: {missed}");
     }
     let again = Running::start(coordinator(program(), &cluster, SECONDS, &json).arg("--unpaced"));
     let Some(lock_step) = watch.judge(ended(again, &json)) else { return };
     assert!(lock_step["contacts"].as_u64().is_some_and(|contacts| contacts > 20), "{lock_step}");
     // A live run has the same bits as long as it is never late for a frame.
     let is_same = live["trajectory_digest"] == lock_step["trajectory_digest"];
-    timely!(watch, is_same, "another trajectory than in lock-step: {live}");
+    timely!(watch, is_same, "another trajectory than in lock-step: {missed}");
     drop(nodes);
 }

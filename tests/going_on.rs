@@ -73,7 +73,13 @@ fn a_node_that_is_killed_is_left_out_and_taken_back() {
     // Twelve tenths of a second at 120 steps a second, and what the node takes to start.
     let reduced = steps(&figures, "reduced_steps");
     timely!(watch, (100..480).contains(&reduced), "{reduced} steps without it: {said}");
-    timely!(watch, steps(&figures, "frames") < 5, "{figures}");
+    timely!(
+        watch,
+        steps(&figures, "frames") < 5,
+        "{} frames, missed {}",
+        figures["frames"],
+        figures["missed"]
+    );
 }
 
 #[test]
@@ -167,6 +173,12 @@ fn below_the_least_number_of_cameras_there_is_no_hull() {
     let Some((said, figures)) = ran else { return };
     timely!(watch, said.contains("hull unavailable, collisions off: node"), "{said}");
     assert!(!said.contains("going on with"), "{said}");
-    timely!(watch, steps(&figures, "blind_steps") > 60, "{figures}");
+    timely!(
+        watch,
+        steps(&figures, "blind_steps") > 60,
+        "{} frames, missed {}",
+        figures["frames"],
+        figures["missed"]
+    );
     assert_eq!(steps(&figures, "reduced_steps"), 0, "{figures}");
 }

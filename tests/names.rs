@@ -32,8 +32,20 @@ fn run(program: Command, cluster: &Path, folder: &Path) {
     let mut command = coordinator(program, cluster, "2", &json);
     let run = Running::start(command.arg("--insecure"));
     let Some(figures) = watch.judge(ended(run, &json)) else { return };
-    timely!(watch, figures["frames"].as_u64().is_some_and(|frames| frames > 10), "{figures}");
-    timely!(watch, figures["missed"]["blind_steps"] == 0, "{figures}");
+    timely!(
+        watch,
+        figures["frames"].as_u64().is_some_and(|frames| frames > 10),
+        "{} frames, missed {}",
+        figures["frames"],
+        figures["missed"]
+    );
+    timely!(
+        watch,
+        figures["missed"]["blind_steps"] == 0,
+        "{} frames, missed {}",
+        figures["frames"],
+        figures["missed"]
+    );
 }
 
 #[test]

@@ -49,8 +49,20 @@ fn a_second_coordinator_ends_with_who_leads_and_the_first_goes_on() {
     ask_to_end(&first);
     let Some(figures) = watch.judge(ended(first, &json)) else { return };
     timely!(watch, took < Duration::from_secs(5), "it said so after {took:?}");
-    timely!(watch, figures["missed"]["frames"] == 0, "{figures}");
-    timely!(watch, figures["missed"]["blind_steps"] == 0, "{figures}");
+    timely!(
+        watch,
+        figures["missed"]["frames"] == 0,
+        "{} frames, missed {}",
+        figures["frames"],
+        figures["missed"]
+    );
+    timely!(
+        watch,
+        figures["missed"]["blind_steps"] == 0,
+        "{} frames, missed {}",
+        figures["frames"],
+        figures["missed"]
+    );
 }
 
 #[test]
@@ -66,7 +78,13 @@ fn one_that_takes_over_ends_the_other() {
     assert_eq!(first.status.code(), Some(1), "{}", said(&first));
     assert!(said(&first).contains("held by the coordinator on "), "{}", said(&first));
     let Some(figures) = watch.judge(ended(second, &json)) else { return };
-    timely!(watch, figures["frames"].as_u64().is_some_and(|frames| frames > 20), "{figures}");
+    timely!(
+        watch,
+        figures["frames"].as_u64().is_some_and(|frames| frames > 20),
+        "{} frames, missed {}",
+        figures["frames"],
+        figures["missed"]
+    );
 }
 
 #[test]
@@ -82,7 +100,13 @@ fn one_that_was_killed_is_followed_at_once() {
     let began = Instant::now();
     let Some(figures) = watch.judge(ended(start(&cluster, "1", &json, &[]), &json)) else { return };
     let took = began.elapsed();
-    timely!(watch, figures["frames"].as_u64().is_some_and(|frames| frames >= 9), "{figures}");
+    timely!(
+        watch,
+        figures["frames"].as_u64().is_some_and(|frames| frames >= 9),
+        "{} frames, missed {}",
+        figures["frames"],
+        figures["missed"]
+    );
     timely!(watch, took < Duration::from_secs(4), "a second of film took {took:?}");
 }
 

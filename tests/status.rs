@@ -51,7 +51,13 @@ fn a_run_is_seen_and_does_not_notice() {
     let process = Pid::from_raw(run.child().id().cast_signed()).expect("a number");
     kill_process(process, Signal::INT).expect("asked to end");
     let Some(figures) = watch.judge(ended(run, &json)) else { return };
-    timely!(watch, figures["missed"]["blind_steps"] == 0, "{figures}");
+    timely!(
+        watch,
+        figures["missed"]["blind_steps"] == 0,
+        "{} frames, missed {}",
+        figures["frames"],
+        figures["missed"]
+    );
 
     let well: Value = serde_json::from_str(&well).expect("one object");
     assert_eq!((well["room"].as_str(), well["ok"].as_bool()), (Some("room"), Some(true)), "{well}");

@@ -239,8 +239,14 @@ fn a_run_that_is_on_goes_on() {
     });
     is_well_and_films(&room.doctor());
     let Some(figures) = watch.judge(processes::ended(run, &json)) else { return };
-    timely!(watch, figures["missed"]["reduced_steps"] == 0, "a node was left out: {figures}");
-    timely!(watch, figures["frames"].as_u64().is_some_and(|frames| frames > 70), "{figures}");
+    timely!(watch, figures["missed"]["reduced_steps"] == 0, "a node was left out: {}", figures["missed"]);
+    timely!(
+        watch,
+        figures["frames"].as_u64().is_some_and(|frames| frames > 70),
+        "{} frames, missed {}",
+        figures["frames"],
+        figures["missed"]
+    );
 }
 
 #[test]

@@ -82,7 +82,7 @@ mod tests {
     use super::*;
 
     const SOON: Duration = Duration::from_millis(10);
-    const LONG: Duration = Duration::from_secs(20);
+    const LONG: Duration = Duration::from_secs(100);
 
     #[test]
     fn a_waiting_writer_loses_nothing_and_keeps_order() {

@@ -244,7 +244,7 @@ mod tests {
     #[test]
     fn bundles_come_over_udp_and_say_what_the_world_is() {
         let receiver = UdpSocket::bind("127.0.0.1:0").expect("a port");
-        receiver.set_read_timeout(Some(Duration::from_secs(20))).expect("set");
+        receiver.set_read_timeout(Some(Duration::from_secs(100))).expect("set");
         let (live, follower) = live();
         live.world.send_replace(Some(world(240)));
         let osc = Osc::start(receiver.local_addr().expect("bound"), follower).expect("sends");
