@@ -46,6 +46,8 @@ fn a_second_coordinator_ends_with_who_leads_and_the_first_goes_on() {
     assert!(said(&second).contains("held by the coordinator on "), "{}", said(&second));
     assert!(said(&second).contains("--take-over or --observe"), "{}", said(&second));
     let took = began.elapsed();
+    // Film in which a first one that was disturbed would miss something.
+    std::thread::sleep(Duration::from_secs(3));
     ask_to_end(&first);
     let Some(figures) = watch.judge(ended(first, &json)) else { return };
     timely!(watch, took < Duration::from_secs(5), "it said so after {took:?}");
