@@ -26,7 +26,7 @@ pub fn from_qualisys(file: &TextFile, options: &ImportOptions) -> Result<Importe
     let mut cameras = Vec::new();
     for (index, element) in list.children.iter().filter(|child| child.name == "camera").enumerate() {
         let name = element.attribute("serial").map_or_else(|| format!("camera{}", index + 1), str::to_owned);
-        let says_no = |key| element.attribute(key).is_some_and(is_no);
+        let says_no = |key| attribute(element, key).is_some_and(|text| !is_yes(text));
         let reason = match (says_no("active"), says_no("calibrated")) {
             (true, _) => Some("not active"),
             (_, true) => Some("not calibrated"),
@@ -54,9 +54,14 @@ pub fn from_qualisys(file: &TextFile, options: &ImportOptions) -> Result<Importe
     axes::finished(&file.path, cameras, MILLIMETRE, options, warnings)
 }
 
-/// "false", "0" or "no", in capitals or not.
-fn is_no(text: &str) -> bool {
-    ["0", "false", "no", "off"].contains(&text.trim().to_ascii_lowercase().as_str())
+/// "true", "1" or "yes", in capitals or not. All else, an empty text too, does not say that a camera is calibrated.
+fn is_yes(text: &str) -> bool {
+    ["1", "true", "yes", "on"].contains(&text.trim().to_ascii_lowercase().as_str())
+}
+
+/// An attribute whose name may be in capitals.
+fn attribute<'a>(element: &'a Element, name: &str) -> Option<&'a str> {
+    element.attributes.iter().find(|(key, _)| key.eq_ignore_ascii_case(name)).map(|(_, value)| value.as_str())
 }
 
 /// One camera's element.
@@ -254,8 +259,16 @@ mod tests {
     #[test]
     fn cameras_without_a_calibration_are_left_out_or_named() {
         let second = TEXT[TEXT.find("<camera active=\"1\"").expect("a camera")..].replace("left", "right");
-        for no in ["false", "FALSE", "0", "False"] {
-            let marked = second.replacen("active=\"1\"", &format!("active=\"1\" calibrated=\"{no}\""), 1);
+        for (key, no) in [
+            ("calibrated", "false"),
+            ("calibrated", "FALSE"),
+            ("calibrated", "0"),
+            ("calibrated", ""),
+            ("calibrated", "n"),
+            ("calibrated", "failed"),
+            ("Calibrated", "False"),
+        ] {
+            let marked = second.replacen("active=\"1\"", &format!("active=\"1\" {key}=\"{no}\""), 1);
             let marked = marked.replace("4000", "4400");
             let text = TEXT.replace(
                 "</cameras></calibration>",
