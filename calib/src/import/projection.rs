@@ -37,6 +37,7 @@ pub fn from_matrices(files: &[TextFile], options: &ImportOptions) -> Result<Impo
     let mut cameras = Vec::new();
     for (file, name) in files.iter().zip(file_names(&paths)?) {
         let p = matrix_from(file)?;
+        check_has_intrinsics(file, &p)?;
         let sign = if p.fixed_columns::<3>(0).determinant() < 0.0 { -1.0 } else { 1.0 };
         let parts = taken_apart(&file.path, &(p * sign))?;
         let k = from_origin(parts.k, options.pixel_origin.unwrap_or(0.0));
@@ -49,6 +50,18 @@ pub fn from_matrices(files: &[TextFile], options: &ImportOptions) -> Result<Impo
     let cameras = settled(cameras, same, &mut warnings)?.into_iter().map(|camera| camera.value).collect();
     let place = files.first().map_or("no files", |file| file.path.as_str());
     axes::finished(place, cameras, 1.0, options, warnings)
+}
+
+/// An error for a rotation and a translation alone: as `P = K [R t]` they would be a camera with a focal length of one
+/// pixel.
+fn check_has_intrinsics(file: &TextFile, p: &Matrix3x4<f64>) -> Result<(), ImportError> {
+    let m: Matrix3<f64> = p.fixed_columns::<3>(0) / p.fixed_view::<1, 3>(2, 0).norm();
+    let m = m * m.determinant().signum();
+    if rotation_defect(&m) > ROUNDED {
+        return Ok(());
+    }
+    let found = "a rotation and a translation [R t] without a camera matrix";
+    Err(ImportError::key(&file.path, "P", found, "P = K [R t], which maps to pixels"))
 }
 
 /// The twelve numbers of a file.
@@ -201,6 +214,14 @@ mod tests {
         assert_eq!(message("1 2 3 x"), format!("p.txt: P: found \"x\", {tail}"));
         assert_eq!(message(&"NaN ".repeat(12)), format!("p.txt: P: found NaN, {tail}"));
         assert!(message(&"1 ".repeat(12)).contains("expected an invertible left 3 x 3"));
+    }
+
+    #[test]
+    fn a_pose_alone_is_no_projection_matrix() {
+        for text in ["1 0 0 0\n0 1 0 0\n0 0 1 3\n", "0 2 0 0.5\n-2 0 0 0.2\n0 0 -2 3\n"] {
+            let found = import("cam1.txt", text.to_owned()).expect_err("no camera matrix").to_string();
+            assert!(found.starts_with("cam1.txt: P: found a rotation and a translation [R t]"), "{found}");
+        }
     }
 
     #[test]
