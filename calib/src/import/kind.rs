@@ -53,6 +53,11 @@ pub(super) fn names_camera(text: &str) -> bool {
     WORDS.iter().any(|word| text.contains(word))
 }
 
+/// Whether a TOML text has the keys of a rig file.
+pub(super) fn is_rig(text: &str) -> bool {
+    ["[cameras.", "distortions", "translation"].iter().any(|word| text.contains(word))
+}
+
 /// The camera chain of Kalibr, a YAML of its own.
 pub(super) fn is_kalibr(text: &str) -> bool {
     text.lines().any(|line| line.starts_with("cam0:")) && text.contains("camera_model:")

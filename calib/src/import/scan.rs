@@ -6,7 +6,7 @@ use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use super::kind::{is_matrix, is_storage, looks_like_calibration, nearly_matrix};
+use super::kind::{is_matrix, is_rig, is_storage, looks_like_calibration, nearly_matrix};
 use super::natural_order::natural_key;
 use super::{ImportError, TextFile};
 use crate::file::{ReadError, read_text, read_unpacked};
@@ -38,6 +38,8 @@ pub(super) struct Scan {
     pub(super) files: Vec<TextFile>,
     /// What was passed over and may be a camera, one line each.
     pub(super) warnings: Vec<String>,
+    /// The first file of all cameras (a rig .toml or .qca.txt): such a file is read where it is named itself.
+    pub(super) whole_rig: Option<String>,
     bytes: usize,
     listed: usize,
     /// Folders that were visited, and files of one folder that links lead to.
@@ -113,6 +115,13 @@ impl Scan {
         if !name.starts_with('.') && (ends(&STORAGE_ENDINGS) || ends(&TEXT_ENDINGS)) {
             return true;
         }
+        if self.whole_rig.is_none()
+            && !name.starts_with('.')
+            && plain.ends_with(".toml")
+            && is_rig(&head(path))
+        {
+            self.whole_rig = Some(shown.to_owned());
+        }
         if !ends(&MEDIA_ENDINGS) && looks_like_calibration(&head(path)) {
             self.warnings.push(format!(
                 "{shown}: looks like a calibration, left out for its name: expected .xml, .yml, .yaml or .txt at its end"
@@ -140,6 +149,9 @@ impl Scan {
             }
         };
         let file = TextFile { path: shown, text };
+        if self.whole_rig.is_none() && file.text.contains("<calibration") {
+            self.whole_rig = Some(file.path.clone());
+        }
         if is_storage(&file) || is_matrix(&file.text) || is_svoboda(&file.path) {
             self.bytes += file.text.len();
             if self.bytes > MAX_FOLDER_BYTES {
@@ -164,8 +176,14 @@ impl Scan {
 
 /// A file of MultiCamSelfCal that is read.
 pub(super) fn is_svoboda(path: &str) -> bool {
-    let name = path.rsplit('/').next().unwrap_or(path);
-    name.ends_with(".Pmat.cal") || name.ends_with(".rad") || name == "camera_order.txt" || name == "Res.dat"
+    let name = plain_name(path);
+    name.ends_with(".pmat.cal") || name.ends_with(".rad") || name == "camera_order.txt" || name == "res.dat"
+}
+
+/// A file's name in lower case, without its folders and the ending of a packed file.
+pub(super) fn plain_name(path: &str) -> String {
+    let name = path.rsplit('/').next().unwrap_or(path).to_ascii_lowercase();
+    name.strip_suffix(".gz").map(str::to_owned).unwrap_or(name)
 }
 
 /// The first bytes of a regular file, as far as they are text.

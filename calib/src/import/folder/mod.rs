@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::kind::{is_kalibr, is_matrix, is_storage};
-use super::scan::{MAX_BYTES, Scan, is_svoboda, scan, unreadable};
+use super::scan::{MAX_BYTES, Scan, is_svoboda, plain_name, scan, unreadable};
 use super::{
     Format, ImportError, ImportOptions, Imported, TextFile, from_aniposelib, from_matrices, from_opencv,
     from_qualisys, from_svoboda,
@@ -63,12 +63,15 @@ impl Found {
         match self {
             Found::Folder(scan) => {
                 let has = |is: &dyn Fn(&TextFile) -> bool| scan.files.iter().any(is);
-                if has(&|file| file.path.ends_with(".Pmat.cal")) {
+                if has(&|file| plain_name(&file.path).ends_with(".pmat.cal")) {
                     Ok(Format::Svoboda)
                 } else if has(&is_storage) {
                     Ok(Format::OpenCv)
                 } else if has(&|file| is_matrix(&file.text)) {
                     Ok(Format::Matrices)
+                } else if let Some(name) = &scan.whole_rig {
+                    let left_out = format!("{name} holds all cameras: give this file, not its folder");
+                    Err(ImportError::LeftOut { file: path.display().to_string(), left_out })
                 } else if let Some(left_out) = scan.warnings.first() {
                     Err(ImportError::LeftOut { file: path.display().to_string(), left_out: left_out.clone() })
                 } else {

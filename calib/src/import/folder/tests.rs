@@ -171,3 +171,36 @@ fn a_folder_without_files_of_the_format_is_named() {
         assert!(found.starts_with(&empty.path().display().to_string()), "{found}");
     }
 }
+
+#[test]
+fn matrices_of_the_self_calibration_are_read_in_capitals_and_packed() {
+    let room = folder(&[
+        ("camera1.Pmat.cal", P),
+        ("camera2.pmat.cal", &P.replace("1280", "900")),
+        ("camera3.PMAT.CAL", &P.replace("1280", "800")),
+        ("RES.DAT", "640 480\n640 480\n640 480\n640 480\n"),
+        ("cameraA.Pmat.cal", P),
+    ]);
+    fs::write(room.path().join("camera4.Pmat.cal.gz"), packed(&P.replace("1280", "700"))).expect("written");
+    assert_eq!(detect(room.path()).expect("known"), Format::Svoboda);
+    let imported = import(room.path(), None, &ImportOptions::default()).expect("a rig");
+    let names: Vec<&str> = imported.rig.cameras().iter().map(hull::Camera::name).collect();
+    assert_eq!(names, ["camera1", "camera2", "camera3", "camera4"]);
+    assert_eq!(imported.warnings[0], "cameraA.Pmat.cal: left out, expected a number before .Pmat.cal");
+    fs::write(room.path().join("camera4.pmat.cal"), P).expect("written");
+    let found = import(room.path(), None, &SIZE).expect_err("two versions").to_string();
+    assert!(found.contains("found two projection matrices of camera 4"), "{found}");
+}
+
+#[test]
+fn a_file_of_all_cameras_in_a_folder_is_named() {
+    for (name, text) in [
+        ("room.qca.txt", "<?xml version=\"1.0\"?><calibration><cameras/></calibration>"),
+        ("rig.toml", "[cam_0]\nname = \"a\"\ndistortions = [ 0, 0, 0, 0 ]\n"),
+    ] {
+        let room = folder(&[(name, text), ("notes.txt", "taken on Monday"), ("Cargo.toml", "[package]\n")]);
+        let found = import(room.path(), None, &SIZE).expect_err("refused").to_string();
+        let expected = format!("{name} holds all cameras: give this file, not its folder");
+        assert!(found.ends_with(&expected), "{found}");
+    }
+}

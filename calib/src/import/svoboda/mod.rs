@@ -10,6 +10,7 @@ use nalgebra::{Matrix3, Matrix3x4, Vector3};
 
 use super::projection::{Parts, Placement, matrix_from, placed, taken_apart};
 use super::refit::Chain;
+use super::scan::plain_name;
 use super::{ImportError, ImportOptions, Imported, TextFile, axes, from_origin, numbers, size_of};
 
 /// MATLAB's point finder counts pixels from 1.
@@ -21,14 +22,28 @@ const TOLD_PX: f64 = 0.1;
 pub fn from_svoboda(files: &[TextFile], options: &ImportOptions) -> Result<Imported, ImportError> {
     let mut found: Vec<(u32, &TextFile)> = files
         .iter()
-        .filter_map(|file| number_before(&file.path, ".Pmat.cal").map(|number| (number, file)))
+        .filter_map(|file| number_before(&file.path, ".pmat.cal").map(|number| (number, file)))
         .collect();
     found.sort_by_key(|&(number, _)| number);
     if found.is_empty() {
         let file = files.first().map_or("no files".to_owned(), |file| file.path.clone());
         return Err(ImportError::Unknown { file, expected: "camera1.Pmat.cal and so on" });
     }
-    let mut warnings = Vec::new();
+    if let Some(pair) = found.windows(2).find(|pair| pair[0].0 == pair[1].0) {
+        let conflict = format!("two projection matrices of camera {}", pair[0].0);
+        return Err(ImportError::conflict(
+            &pair[0].1.path,
+            &pair[1].1.path,
+            conflict,
+            "one file per camera: move one away",
+        ));
+    }
+    let unnumbered = files.iter().filter(|file| {
+        plain_name(&file.path).ends_with(".pmat.cal") && number_before(&file.path, ".pmat.cal").is_none()
+    });
+    let mut warnings: Vec<String> = unnumbered
+        .map(|file| format!("{}: left out, expected a number before .Pmat.cal", file.path))
+        .collect();
     if options.pixel_origin.is_none() {
         warnings.push(
             "MultiCamSelfCal: top left pixel taken as (1, 1), MATLAB's; give the pixel origin 0 if the points \
@@ -62,20 +77,21 @@ pub fn from_svoboda(files: &[TextFile], options: &ImportOptions) -> Result<Impor
     axes::finished(place, cameras, 1.0, options, warnings)
 }
 
-/// The digits right before an ending: 12 for `camera12.Pmat.cal`.
+/// The digits right before an ending in lower case: 12 for `camera12.Pmat.cal`.
 fn number_before(path: &str, ending: &str) -> Option<u32> {
-    let name = path.rsplit('/').next()?.strip_suffix(ending)?;
+    let name = plain_name(path);
+    let name = name.strip_suffix(ending)?;
     let digits = name.len() - name.bytes().rev().take_while(u8::is_ascii_digit).count();
     name[digits..].parse().ok()
 }
 
 fn named<'a>(files: &'a [TextFile], name: &str) -> Option<&'a TextFile> {
-    files.iter().find(|file| file.path.rsplit('/').next() == Some(name))
+    files.iter().find(|file| plain_name(&file.path) == name)
 }
 
 /// `Res.dat`: a width and a height per line.
 fn sizes(files: &[TextFile]) -> Result<Vec<(u32, u32)>, ImportError> {
-    let Some(file) = named(files, "Res.dat") else { return Ok(Vec::new()) };
+    let Some(file) = named(files, "res.dat") else { return Ok(Vec::new()) };
     let expected = "a width and a height in whole pixels per line";
     file.text
         .lines()
