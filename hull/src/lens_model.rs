@@ -55,6 +55,7 @@ const MODEL_KEYS: &[&str] = &[
     "model",
     "type",
     "xi",
+    "omni",
     "mirror",
     "cameramodel",
     "cameratype",
@@ -114,6 +115,49 @@ const FOREIGN: &[&str] = &[
     "ftheta",
 ];
 
+/// Words that name another model under whatever key of a camera they stand.
+const FOREIGN_ANYWHERE: &[&str] = &[
+    "fisheye",
+    "omnidir",
+    "omniradtan",
+    "equidist",
+    "equisolid",
+    "kannala",
+    "doublesphere",
+    "catadioptric",
+    "scaramuzza",
+    "stereographic",
+    "thinprism",
+];
+
+/// Keys of free text, in the form of [`plain`]: its words say nothing about the lens.
+const FREE_KEYS: &[&str] = &[
+    "name",
+    "names",
+    "cameras",
+    "cameraname",
+    "cameranames",
+    "id",
+    "cameraid",
+    "serial",
+    "label",
+    "title",
+    "author",
+];
+
+/// Parts of key names of free text.
+const FREE_KEY_PARTS: &[&str] =
+    &["path", "file", "folder", "directory", "video", "note", "comment", "description"];
+
+/// Keys of coefficients beyond k1 k2 p1 p2 k3, in the form of [`plain`].
+const FURTHER_COEFFICIENTS: &[&str] = &["k4", "k5", "k6", "s1", "s2", "s3", "s4", "taux", "tauy"];
+
+/// Key names under which a device's own model and kind stand too: refused is what speaks of another lens.
+const DEVICE_KEYS: &[&str] = &["model", "type", "lens"];
+
+/// Words in the names of matrices of another model.
+const FOREIGN_TOKENS: &[&str] = &["omni", "equi", "eucm", "ucm", "mei", "kb", "kb4", "kb8"];
+
 /// Names of other models that are parts of other words too.
 const SHORT_FOREIGN: &[&str] = &["omni", "ds", "mei", "fov", "kb", "equi"];
 
@@ -125,7 +169,27 @@ fn plain(text: &str) -> String {
 
 /// Whether a key's name says that it holds a lens model.
 fn names_model(key: &str) -> bool {
-    MODEL_KEYS.contains(&key) || MODEL_KEY_PARTS.iter().any(|part| key.contains(part))
+    MODEL_KEYS.contains(&key) || MODEL_KEY_PARTS.iter().any(|part| key.contains(part)) || is_xi(key)
+}
+
+/// The mirror parameter of an omnidirectional camera, of one camera or of a pair: xi, xi1, xi_left.
+fn is_xi(key: &str) -> bool {
+    let bare = key.trim_end_matches(|c: char| c.is_ascii_digit());
+    ["xi", "xileft", "xiright", "xil", "xir", "leftxi", "rightxi"].contains(&bare)
+}
+
+/// Whether a key holds free text, whose words say nothing about the lens.
+fn is_free(key: &str) -> bool {
+    FREE_KEYS.contains(&key) || FREE_KEY_PARTS.iter().any(|part| key.contains(part))
+}
+
+/// Whether the name of a map or matrix speaks of another lens model: `fisheye_D`, `K_omni`, `xi`.
+pub fn names_other_lens(key: &str) -> bool {
+    let name = plain(key);
+    let mut tokens = key.split(|c: char| !c.is_ascii_alphanumeric());
+    FOREIGN_ANYWHERE.iter().any(|foreign| name.contains(foreign))
+        || is_xi(&name)
+        || tokens.any(|token| FOREIGN_TOKENS.contains(&token.to_ascii_lowercase().as_str()))
 }
 
 /// An error if a camera's key speaks of a lens model that is not k1 k2 p1 p2 k3, or is not understood.
@@ -135,11 +199,22 @@ pub fn check_lens_model(key: &str, value: &str) -> Result<(), UnknownLensModel> 
     let zero = value.trim().parse::<f64>().is_ok_and(|number| number == 0.0);
     let flags =
         name.contains("flag") || name.ends_with("kind") || name.ends_with("type") || name.ends_with("model");
-    let foreign = flags && FOREIGN.iter().any(|foreign| word.contains(foreign));
-    if foreign || (names_model(&name) && !zero && !KNOWN.contains(&word.as_str())) {
+    let holds = |words: &[&str]| words.iter().any(|foreign| word.contains(foreign));
+    let foreign = (flags && holds(FOREIGN)) || (!is_free(&name) && holds(FOREIGN_ANYWHERE));
+    let number = value.trim().parse::<f64>().is_ok();
+    let further = number && !zero && FURTHER_COEFFICIENTS.contains(&name.as_str());
+    if foreign || further || (names_model(&name) && !zero && !KNOWN.contains(&word.as_str())) {
         return Err(UnknownLensModel { found: shortened(value.trim(), MAX_QUOTED_CHARS) });
     }
     Ok(())
+}
+
+/// The same of a camera whose section also describes the device: `model = "acA1920"` and `type = "usb"` name no lens.
+pub fn check_camera_lens_model(key: &str, value: &str) -> Result<(), UnknownLensModel> {
+    if DEVICE_KEYS.contains(&plain(key).as_str()) {
+        return check_general_lens_model(key, value);
+    }
+    check_lens_model(key, value)
 }
 
 /// The same of a file's general part, where `type` and `model` also name other things: refused is what
@@ -195,6 +270,14 @@ mod tests {
             ("projection_model", "pinhole-equi"),
             ("xi", "1.2"),
             ("calibration_flags", "+fix_skew +fisheye"),
+            ("distortion", "equidistant"),
+            ("calibration_method", "cv2.fisheye.calibrate"),
+            ("optics", "fisheye"),
+            ("lens_name", "GoPro fisheye"),
+            ("omni", "true"),
+            ("xi_1", "1.2"),
+            ("k4", "0.3"),
+            ("s1", "-0.1"),
         ] {
             assert!(check_lens_model(key, value).is_err(), "{key}: {value}");
         }
@@ -218,12 +301,37 @@ mod tests {
             ("name", "fisheye camera"),
             ("sensor_model", "OmniVision OV9281"),
             ("width", "640"),
+            ("notes", "not a fisheye"),
+            ("path_to_recorded_videos", "/home/x/fisheye_model/videos"),
+            ("k4", "0"),
+            ("K4", "500 0 320"),
         ] {
             assert_eq!(check_lens_model(key, value), Ok(()), "{key}: {value}");
         }
         assert_eq!(check_general_lens_model("type", "charuco"), Ok(()));
         assert!(check_general_lens_model("type", "fisheye").is_err());
         assert!(check_general_lens_model("model", "omni").is_err());
+    }
+
+    #[test]
+    fn the_model_and_kind_of_a_device_pass() {
+        for (key, value) in [("model", "acA1920"), ("type", "usb"), ("lens", "Fujinon 8mm"), ("model", "")] {
+            assert_eq!(check_camera_lens_model(key, value), Ok(()), "{key}: {value}");
+        }
+        for (key, value) in [("model", "ds"), ("type", "fisheye"), ("model", "KB8"), ("camera_model", "new")]
+        {
+            assert!(check_camera_lens_model(key, value).is_err(), "{key}: {value}");
+        }
+    }
+
+    #[test]
+    fn names_of_matrices_and_maps_speak_of_another_lens() {
+        for key in ["K_fisheye", "fisheyeD", "distCoeffs_equidistant", "xi", "xi_2", "xi_left", "K_omni"] {
+            assert!(names_other_lens(key), "{key}");
+        }
+        for key in ["K", "D_1", "distCoeffs", "camera_matrix", "xio", "maximum", "K_left"] {
+            assert!(!names_other_lens(key), "{key}");
+        }
     }
 
     #[test]

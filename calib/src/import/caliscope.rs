@@ -2,7 +2,8 @@
 //! Its exports name camera 0 `cam_0`; so do we.
 
 use hull::Camera;
-use hull::lens_model::{check_lens_model, five_coefficients};
+use hull::lens_model::five_coefficients;
+use hull::rig::check_camera_words;
 use nalgebra::{Matrix3, Vector3};
 use toml::{Table, Value};
 
@@ -61,12 +62,7 @@ impl Section<'_> {
     fn camera(&self, name: &str, warnings: &mut Vec<String>) -> Result<Camera, ImportError> {
         let file = self.file.path.as_str();
         for (key, value) in self.keys {
-            let text = match value {
-                Value::String(text) => text.clone(),
-                Value::Array(_) | Value::Table(_) => continue,
-                other => other.to_string(),
-            };
-            check_lens_model(key, &text).map_err(|error| {
+            check_camera_words(key, value).map_err(|error| {
                 let key = format!("{} {key}", self.name);
                 ImportError::LensModel { file: file.to_owned(), key, error }
             })?;
@@ -161,6 +157,11 @@ mod tests {
             found.starts_with("camera_array.toml: cameras.10 fisheye: found true, expected the pinhole"),
             "{found}"
         );
+        for other in
+            ["distortion_model = [\"fisheye\"]", "fisheye_distortions = [0.1, 0.2]", "optics = { xi = 1.2 }"]
+        {
+            assert!(message("ignore = false", other).contains("expected the pinhole"), "{other}");
+        }
         let found = message("matrix = [[500.0, ", "matrix = [[");
         assert!(found.starts_with("camera_array.toml: [cameras.10] matrix: found "), "{found}");
         let found = message("translation =", "#").replace("rotation", "");

@@ -9,7 +9,9 @@ use thiserror::Error;
 use toml::{Table, Value};
 
 use crate::camera::{Camera, CameraError};
-use crate::lens_model::{UnknownLensModel, check_general_lens_model, check_lens_model, five_coefficients};
+use crate::lens_model::{
+    UnknownLensModel, check_camera_lens_model, check_general_lens_model, five_coefficients,
+};
 use crate::text::{MAX_MESSAGE_CHARS, MAX_QUOTED_CHARS, shortened, without_mark};
 
 /// The most cameras of a rig: their places travel in 16 bits, and no room has a quarter as many.
@@ -175,7 +177,7 @@ fn camera_from_section(section: &str, keys: &Table) -> Result<Camera, RigError> 
         other => return Err(wrong("name", other, "a camera name")),
     };
     for (key, value) in keys {
-        check_words(value, &mut |word| check_lens_model(key, word)).map_err(in_section(&section, key))?;
+        check_camera_words(key, value).map_err(in_section(&section, key))?;
     }
     let size = vector::<2>(keys.get("size"))
         .filter(|size| size.iter().all(|&side| side >= 0.0 && side.fract() == 0.0 && side < 1e6))
@@ -206,6 +208,14 @@ fn camera_from_section(section: &str, keys: &Table) -> Result<Camera, RigError> 
         Vector3::from(translation),
     )
     .map_err(|error| RigError::Camera { section: section.clone(), error })
+}
+
+/// An error if a key of a camera speaks of another lens model, in a word, a list, or a table in it.
+pub fn check_camera_words(key: &str, value: &Value) -> Result<(), UnknownLensModel> {
+    if let Value::Table(inner) = value {
+        inner.iter().try_for_each(|(key, value)| check_camera_words(key, value))?;
+    }
+    check_words(value, &mut |word| check_camera_lens_model(key, word))
 }
 
 /// Hands the words and single numbers of a value to `check`: those of lists and tables too.
