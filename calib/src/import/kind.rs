@@ -32,6 +32,23 @@ fn counted(text: &str, most: usize) -> Option<usize> {
     words.take(most).try_fold(0, |count, word| word.trim().parse::<f64>().is_ok().then_some(count + 1))
 }
 
+/// Whether a text holds twelve numbers and, beside these, brackets or a few words: `P = [1 2 3 4; …]`, a title line.
+pub(super) fn is_dressed_matrix(text: &str) -> bool {
+    const MOST_WORDS: usize = 6;
+    let split = |c: char| c.is_whitespace() || "[](){},;=:\"'".contains(c);
+    let words =
+        text.lines().filter(|line| !line.trim_start().starts_with('#')).flat_map(|line| line.split(split));
+    let (mut numbers, mut others) = (0, 0);
+    for word in words.filter(|word| !word.is_empty()) {
+        *(if word.parse::<f64>().is_ok() { &mut numbers } else { &mut others }) += 1;
+        if numbers > 13 || others > MOST_WORDS {
+            return false;
+        }
+    }
+    // A title as "Camera 5" holds a number too.
+    numbers == 12 || (numbers == 13 && others > 0)
+}
+
 /// Whether a text may be a calibration, in whatever format.
 pub(super) fn looks_like_calibration(text: &str) -> bool {
     text.trim_start().starts_with("%YAML") || names_camera(text)
@@ -76,6 +93,14 @@ mod tests {
         assert_eq!(nearly_matrix("1 2 3 4 5 6 7 8 9 10 11"), Some(11));
         assert_eq!(nearly_matrix("640 480"), None);
         assert_eq!(nearly_matrix(&"1 ".repeat(1000)), None);
+        for text in [
+            "P=[1 2 3 4; 5 6 7 8; 9 10 11 12]",
+            "[[1 2 3 4]\n[5 6 7 8]\n[9 1 2 3]]",
+            "Camera 5\n1 2 3 4 5 6 7 8 9 1 2 3",
+        ] {
+            assert!(is_dressed_matrix(text) && !is_matrix(text), "{text}");
+        }
+        assert!(!is_dressed_matrix("taken on Monday") && !is_dressed_matrix("1 2 3"));
     }
 
     #[test]

@@ -6,7 +6,7 @@ use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use super::kind::{is_matrix, is_rig, is_storage, looks_like_calibration, nearly_matrix};
+use super::kind::{is_dressed_matrix, is_matrix, is_rig, is_storage, looks_like_calibration, nearly_matrix};
 use super::natural_order::natural_key;
 use super::{ImportError, TextFile};
 use crate::file::{ReadError, read_text, read_unpacked};
@@ -122,7 +122,11 @@ impl Scan {
         {
             self.whole_rig = Some(shown.to_owned());
         }
-        if !ends(&MEDIA_ENDINGS) && looks_like_calibration(&head(path)) {
+        if plain.ends_with(".csv") && is_matrix(&head(path)) {
+            self.warnings.push(format!(
+                "{shown}: left out for its name, it is a 3 x 4 matrix: expected .txt, .dat or .P at its end"
+            ));
+        } else if !ends(&MEDIA_ENDINGS) && looks_like_calibration(&head(path)) {
             self.warnings.push(format!(
                 "{shown}: looks like a calibration, left out for its name: expected .xml, .yml, .yaml or .txt at its end"
             ));
@@ -161,6 +165,9 @@ impl Scan {
                 });
             }
             self.files.push(file);
+        } else if file.text.contains('\0') && (is_storage_name || file.text.trim_matches(is_blank).is_empty())
+        {
+            self.warnings.push(format!("{}: left out, it holds zero bytes, expected text", file.path));
         } else if is_storage_name && (file.text.trim().is_empty() || looks_like_calibration(&file.text)) {
             let found = if file.text.trim().is_empty() { "is empty" } else { "is no OpenCV FileStorage" };
             self.warnings.push(format!("{}: left out, it {found}", file.path));
@@ -169,9 +176,18 @@ impl Scan {
                 "{}: left out, it holds {count} numbers, expected 12 for a 3 x 4 matrix",
                 file.path
             ));
+        } else if is_dressed_matrix(&file.text) {
+            self.warnings.push(format!(
+                "{}: left out, it holds words or brackets beside the numbers, expected 12 numbers for a 3 x 4 matrix",
+                file.path
+            ));
         }
         Ok(())
     }
+}
+
+fn is_blank(c: char) -> bool {
+    c == '\0' || c.is_whitespace()
 }
 
 /// A file of MultiCamSelfCal that is read.

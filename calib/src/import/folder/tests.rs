@@ -204,3 +204,20 @@ fn a_file_of_all_cameras_in_a_folder_is_named() {
         assert!(found.ends_with(&expected), "{found}");
     }
 }
+
+#[test]
+fn a_matrix_in_another_form_is_named() {
+    let room = folder(&[
+        ("a.txt", P),
+        ("b.csv", &P.replace(' ', ",")),
+        ("c.txt", "P=[500 0 320 3; 0 500 240 0; 0 0 1 3]"),
+        ("d.txt", "[[500 0 320 0]\n[0 500 240 0]\n[0 0 1 3]]\n"),
+        ("e.txt", &format!("Camera 5\n{P}")),
+        ("f.txt", "\0\0\0\0"),
+        ("g.yml", "%Y\0\0\0"),
+        ("notes.txt", "taken on Monday"),
+    ]);
+    let imported = import(room.path(), None, &SIZE).expect("a rig");
+    let left_out: Vec<&str> = imported.warnings.iter().filter_map(|line| line.split(':').next()).collect();
+    assert_eq!(left_out, ["b.csv", "c.txt", "d.txt", "e.txt", "f.txt", "g.yml"], "{:?}", imported.warnings);
+}
