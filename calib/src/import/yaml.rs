@@ -19,6 +19,8 @@ pub(super) fn parse(file: &TextFile) -> Result<Vec<Entry>, ImportError> {
     let mut entries: Vec<Entry> = Vec::new();
     // The maps around the line: their indents and places among the entries.
     let mut open: Vec<(usize, usize)> = Vec::new();
+    // Whether the last entry's value follows in further lines.
+    let mut is_unfinished = false;
     let mut at = 0;
     while at < lines.len() {
         let line = &lines[at];
@@ -29,7 +31,9 @@ pub(super) fn parse(file: &TextFile) -> Result<Vec<Entry>, ImportError> {
         let indent = line.indent + line.text.len() - text.len();
         let Some((key, _)) = text.split_once(':') else {
             if indent > 0 || line.text.starts_with('-') {
-                // An item of a list in lines: nothing that describes a camera.
+                if let Some(entry) = entries.last_mut().filter(|_| is_unfinished) {
+                    add_line(entry, text);
+                }
                 continue;
             }
             return Err(ImportError::syntax(file, line.number, &format!("{:?}", line.text), "key: value"));
@@ -42,10 +46,12 @@ pub(super) fn parse(file: &TextFile) -> Result<Vec<Entry>, ImportError> {
         if let Some(parent) = parent.and_then(|index| entries.get_mut(index))
             && describes(file, parent, key, &value)?
         {
+            is_unfinished = false;
             continue;
         }
         let key = parent.map_or_else(|| key.to_owned(), |parent| format!("{}/{key}", entries[parent].key));
         let bare = value.trim_matches(['"', '\'']).trim();
+        is_unfinished = bare.is_empty();
         open.push((indent, entries.len()));
         if open.len() > MAX_DEPTH {
             return Err(ImportError::syntax(
@@ -63,6 +69,20 @@ pub(super) fn parse(file: &TextFile) -> Result<Vec<Entry>, ImportError> {
         });
     }
     Ok(entries)
+}
+
+/// Adds a value, or an item of a list, that stands in a line below its key.
+fn add_line(entry: &mut Entry, text: &str) {
+    let plain = text.replace(['[', ']', '"', '\''], " ");
+    let mut words = plain.trim();
+    while let Some(item) = words.strip_prefix("- ") {
+        words = item.trim_start();
+    }
+    match numbers(words) {
+        Ok(found) => entry.numbers.get_or_insert_default().extend(found),
+        Err(_) if entry.text.is_empty() => words.clone_into(&mut entry.text),
+        Err(_) => entry.text = format!("{} {words}", entry.text),
+    }
 }
 
 /// OpenCV's files nest three deep; keys are joined, so depth costs memory.
@@ -156,6 +176,11 @@ mod tests {
                 ("last", None, "a b"),
             ]
         );
+        let lines = read("model:\n   equidistant\nkinds:\n- a\n- \"b c\"\nD:\n- - -0.1\n  - 0.5\n- - 2\n")
+            .expect("lists");
+        let found: Vec<_> = lines.iter().map(|e| (e.text.as_str(), e.numbers.clone())).collect();
+        let expected = [("equidistant", None), ("a b c", None), ("", Some(vec![-0.1, 0.5, 2.0]))];
+        assert_eq!(found, expected);
         let deep: String = (0..50_000).map(|depth| format!("{}k:\n", " ".repeat(depth.min(40)))).collect();
         assert!(read(&deep).expect_err("too deep").to_string().contains("nested"));
     }

@@ -44,7 +44,10 @@ pub(super) fn cameras(
         return named.iter().map(|camera| reader.camera(camera, Some(camera), PoseSource::Own)).collect();
     }
     match named[..] {
-        [only] => Ok(vec![reader.camera(name, Some(only), PoseSource::Shared)?]),
+        [only] => {
+            check_alone(parts, only)?;
+            Ok(vec![reader.camera(name, Some(only), PoseSource::Shared)?])
+        }
         [one, other] => {
             let (first, second) = ordered(parts, one, other)?;
             check_lenses(parts, &named)?;
@@ -74,26 +77,44 @@ fn keys(parts: &Parts, role: Role, cameras: &[&str]) -> String {
     cameras.iter().map(|camera| parts.key(role, Some(camera))).collect::<Vec<&str>>().join(", ")
 }
 
+/// Whether a name is that of one camera of several.
+fn is_side(camera: &&str) -> bool {
+    let plain = camera.to_ascii_lowercase();
+    PAIRS.iter().any(|(one, other)| plain == *one || plain == *other) || plain.parse::<u32>().is_ok()
+}
+
+/// The error of a file that describes one camera and part of another.
+fn others(parts: &Parts, key: &str, other: &str) -> ImportError {
+    let keys = format!("{key}, {other}");
+    let expected = "one camera, or a name in each camera's keys";
+    ImportError::key(parts.path(), &keys, "keys of one camera and of others", expected)
+}
+
+/// Beside the one camera matrix with a name stands nothing of another camera: half a stereo file has the pose of the
+/// other camera.
+fn check_alone(parts: &Parts, only: &str) -> Result<(), ImportError> {
+    let key = parts.key(Role::Matrix, Some(only));
+    let lenses = parts.cameras(Role::Lens);
+    let lens = lenses.into_iter().find(|camera| *camera != only && is_side(camera));
+    let lens = lens.filter(|_| parts.has(Role::Lens, Some(only)));
+    match parts.further_matrix(Some(only)).or(lens.map(|camera| parts.key(Role::Lens, Some(camera)))) {
+        Some(other) => Err(others(parts, key, other)),
+        None => Ok(()),
+    }
+}
+
 /// A file with one plain camera matrix describes no second camera.
 fn check_single(parts: &Parts) -> Result<(), ImportError> {
-    let is_side = |camera: &&str| {
-        let plain = camera.to_ascii_lowercase();
-        PAIRS.iter().any(|(one, other)| plain == *one || plain == *other) || plain.parse::<u32>().is_ok()
-    };
     for role in [Role::Matrix, Role::Lens, Role::Translation] {
         let others: Vec<&str> = parts.cameras(role).into_iter().filter(is_side).collect();
         if !others.is_empty() && (role != Role::Lens || others.len() > 1 || parts.has(Role::Lens, None)) {
-            let keys = format!("{}, {}", parts.key(Role::Matrix, None), keys(parts, role, &others));
-            let found = "keys of one camera and of others";
-            return Err(ImportError::key(
-                parts.path(),
-                &keys,
-                found,
-                "one camera, or a name in each camera's keys",
-            ));
+            return Err(self::others(parts, parts.key(Role::Matrix, None), &keys(parts, role, &others)));
         }
     }
-    Ok(())
+    match parts.further_matrix(None) {
+        Some(other) => Err(others(parts, parts.key(Role::Matrix, None), other)),
+        None => Ok(()),
+    }
 }
 
 /// Every camera that keys name has a camera matrix and a pose, and there is no pose beside these.
@@ -238,6 +259,10 @@ impl Reader<'_, '_> {
         };
         let path = self.parts.path();
         let Some(part) = found else {
+            if let Some(key) = self.parts.unread_lens() {
+                let found = "lens coefficients under a key that is not read";
+                return Err(ImportError::key(path, key, found, "distortion_coefficients: k1 k2 p1 p2 k3"));
+            }
             let whose = if id.is_some() { format!("camera {name} ") } else { String::new() };
             self.warnings.push(format!("{path}: {whose}has no lens coefficients, taken as zero"));
             return Ok([0.0; 5]);

@@ -47,6 +47,8 @@ pub fn from_opencv(files: &[TextFile], options: &ImportOptions) -> Result<Import
         }
         if !parts.is_empty() {
             described.push((*file, parts));
+        } else if !is_of_board(entries) {
+            warnings.push(format!("{}: left out, it has no key that describes a camera", file.path));
         }
     }
     let mut cameras: Vec<Named<Camera>> = Vec::new();
@@ -73,6 +75,17 @@ pub fn from_opencv(files: &[TextFile], options: &ImportOptions) -> Result<Import
     let same = |one: &Camera, other: &Camera| one.clone().renamed(other.name()) == *other;
     let cameras = settled(cameras, same, &mut warnings)?.into_iter().map(|camera| camera.value).collect();
     axes::finished(place, cameras, 1.0, options, warnings)
+}
+
+/// Whether a file holds the pattern, or its corners, that a calibration was made with, and nothing of a camera.
+fn is_of_board(entries: &[Entry]) -> bool {
+    const WORDS: [&str; 6] = ["corner", "board", "square", "marker", "pattern", "aruco"];
+    let of_board = |entry: &Entry| {
+        let key = entry.key.to_ascii_lowercase();
+        WORDS.iter().any(|word| key.contains(word))
+    };
+    let of_camera = |entry: &Entry| roles::meaning(&entry.key).is_some() || Role::Matrix.fits(entry);
+    entries.iter().any(of_board) && !entries.iter().any(of_camera)
 }
 
 /// Halves of cameras without the other half.

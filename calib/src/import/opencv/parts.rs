@@ -19,6 +19,10 @@ pub(super) struct Part<'a> {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Parts<'a> {
     parts: Vec<Part<'a>>,
+    /// Keys with lens coefficients that are not read.
+    unread_lenses: Vec<&'a Entry>,
+    /// Keys that hold the camera matrix of a further camera and are not read.
+    unread_matrices: Vec<&'a Entry>,
 }
 
 impl<'a> Parts<'a> {
@@ -34,7 +38,12 @@ impl<'a> Parts<'a> {
                 parts.push(Part { path: &file.path, entry, meaning });
             }
         }
-        let parts = Parts { parts };
+        let is_unread = |entry: &&Entry| !parts.iter().any(|part: &Part| std::ptr::eq(part.entry, *entry));
+        let unread = |is: fn(&Entry) -> bool| {
+            entries.iter().filter(|entry| is(entry)).filter(is_unread).collect::<Vec<&Entry>>()
+        };
+        let (unread_lenses, unread_matrices) = (unread(holds_lens), unread(holds_intrinsics));
+        let parts = Parts { parts, unread_lenses, unread_matrices };
         let is_inner = |entry: &&Entry| {
             let role = meaning(entry.name()).map(|found| found.role);
             entry.is_nested() && role == Some(Role::Matrix) && Role::Matrix.fits(entry)
@@ -47,13 +56,48 @@ impl<'a> Parts<'a> {
                 "the camera's keys at the top: write one file per camera with camera_matrix, distCoeffs, R and T \
                  from world to camera",
             )),
-            _ => Ok(parts),
+            Some(inner) => {
+                let is_own = |part: &&Part| {
+                    part.meaning.role == Role::Matrix && Role::Matrix.agrees(part.entry, inner)
+                };
+                if !holds_intrinsics(inner) || parts.parts.iter().any(|part| is_own(&part)) {
+                    return Ok(parts);
+                }
+                Err(ImportError::key(
+                    &file.path,
+                    &inner.key,
+                    "a camera in a map, beside one at the top",
+                    "one camera, or a name in each camera's keys",
+                ))
+            }
+            None => Ok(parts),
         }
     }
 
     /// These and the others.
     pub(super) fn joined(files: impl IntoIterator<Item = Parts<'a>>) -> Parts<'a> {
-        Parts { parts: files.into_iter().flat_map(|file| file.parts).collect() }
+        let mut joined = Parts::default();
+        for file in files {
+            joined.parts.extend(file.parts);
+            joined.unread_lenses.extend(file.unread_lenses);
+            joined.unread_matrices.extend(file.unread_matrices);
+        }
+        joined
+    }
+
+    /// The key of lens coefficients that are not read, if any.
+    pub(super) fn unread_lens(&self) -> Option<&str> {
+        self.unread_lenses.first().map(|entry| entry.key.as_str())
+    }
+
+    /// The key of a further camera's matrix beside that of `camera`, if any. One with the same values is the same
+    /// camera's.
+    pub(super) fn further_matrix(&self, camera: Option<&str>) -> Option<&str> {
+        let own = self.of(Role::Matrix, camera).find(|part| Role::Matrix.fits(part.entry))?.entry;
+        let named = self.parts.iter().filter(|part| part.meaning.role == Role::Matrix).map(|part| part.entry);
+        let mut others = named.chain(self.unread_matrices.iter().copied());
+        let other = others.find(|other| holds_intrinsics(other) && !Role::Matrix.agrees(own, other));
+        other.map(|entry| entry.key.as_str())
     }
 
     pub(super) fn has(&self, role: Role, camera: Option<&str>) -> bool {
@@ -155,4 +199,31 @@ impl<'a> Parts<'a> {
         }
         Ok(())
     }
+}
+
+/// Whether an entry holds lens coefficients under some name: `k1`, `kc`, `distortion_parameters`. Distances are none.
+fn holds_lens(entry: &Entry) -> bool {
+    const SINGLE: [&str; 5] = ["k1", "k2", "k3", "p1", "p2"];
+    let speaks_of_lens = |name: &str| {
+        let name = name.to_ascii_lowercase();
+        name == "kc" || (name.contains("dist") && !name.contains("distance") && !name.contains("undist"))
+    };
+    let around = entry.key.rsplit_once('/').map_or("", |(around, _)| around);
+    let is_list = entry.numbers.as_ref().is_some_and(|numbers| numbers.len() > 1);
+    let is_single = SINGLE.contains(&entry.name().to_ascii_lowercase().as_str()) && !is_list;
+    let is_named = is_single
+        || (is_list && (speaks_of_lens(entry.name()) || entry.name().to_ascii_lowercase().contains("lens")))
+        || around.split('/').any(speaks_of_lens);
+    is_named && entry.has_value()
+}
+
+/// Whether an entry holds the camera matrix of a camera, and not of its pictures after they were rectified or scaled.
+fn holds_intrinsics(entry: &Entry) -> bool {
+    const DERIVED: [&str; 9] = ["new", "opt", "rect", "undist", "scale", "ideal", "init", "guess", "inv"];
+    let key = entry.key.to_ascii_lowercase();
+    if DERIVED.iter().any(|word| key.contains(word)) {
+        return false;
+    }
+    matches!(entry.numbers.as_deref(), Some(&[fx, _, _, b, fy, _, c, d, one])
+        if fx > 1.5 && fy > 1.5 && (b, c, d, one) == (0.0, 0.0, 0.0, 1.0))
 }

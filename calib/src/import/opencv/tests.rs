@@ -348,3 +348,114 @@ fn cameras_in_maps_are_refused_by_name() {
 fn no_message_has_an_empty_path() {
     assert!(message(&[]).starts_with("no files: "), "{}", message(&[]));
 }
+
+/// A matrix in the form of OpenCV's YAML.
+fn entry(key: &str, rows: usize, cols: usize, data: &str) -> String {
+    format!("{key}: !!opencv-matrix\n   rows: {rows}\n   cols: {cols}\n   dt: d\n   data: [ {data} ]\n")
+}
+
+const K: &str = "510., 0., 320., 0., 510., 240., 0., 0., 1.";
+
+#[test]
+fn files_without_a_camera_are_named() {
+    for text in [
+        "%YAML:1.0\n---\n",
+        "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\n",
+        "%YAML:1.0\n---\nCamera.fx: 500.\nCamera.fy: 500.\n",
+        &YAML
+            .replace("cameraMatrix", "Kamera")
+            .replace("dist", "Linse")
+            .replace("R:", "A:")
+            .replace("T:", "B:"),
+    ] {
+        let imported = from_opencv(&[file("cam1.yml", YAML), file("cam3.yml", text)], &MILLIMETRES);
+        let warnings = imported.expect("a rig").warnings;
+        assert_eq!(warnings, ["cam3.yml: left out, it has no key that describes a camera"], "{text}");
+    }
+}
+
+#[test]
+fn names_of_matrices_and_maps_that_speak_of_another_lens_are_refused() {
+    let renamed = |from: &str, to: &str| YAML.replace(from, to);
+    let stereo = |key: &str| format!("{}{key}", pair(str::to_owned));
+    for text in [
+        renamed("cameraMatrix", "K_fisheye").replace("distCoeffs", "D_fisheye"),
+        renamed("cameraMatrix", "fisheye_K").replace("distCoeffs", "fisheye_D"),
+        renamed("distCoeffs", "D_fisheye"),
+        renamed("distCoeffs", "distCoeffs_equidistant"),
+        renamed("distCoeffs", "fisheye_coeffs"),
+        format!("{YAML}{}", entry("xi", 1, 1, "1.2")),
+        format!("{YAML}xi: [ 1.2 ]\n"),
+        stereo("xi1: 1.2\nxi2: 1.2\n"),
+        stereo(&entry("xi_1", 1, 1, "1.2")),
+        format!("{YAML}fisheye:\n   enabled: 1\n"),
+        format!("{YAML}mirror_parameters:\n   xi: 1.2\n"),
+        format!("{YAML}distortion_model:\n   equidistant\n"),
+        format!("{YAML}distortion_model:\n   - equidistant\n"),
+        format!("{YAML}method: fisheye\n"),
+        format!("{YAML}k4: 0.3\n"),
+    ] {
+        let found = message(&[file("a.yml", &text)]);
+        assert!(found.contains("expected the pinhole"), "{found}: {text}");
+    }
+    let xml = "<xi type_id=\"opencv-matrix\"><rows>1</rows><cols>1</cols><dt>d</dt><data>1.2</data></xi>";
+    let xml = XML.replace("</opencv_storage>", &format!("{xml}</opencv_storage>"));
+    assert!(message(&[file("a.xml", &xml)]).starts_with("a.xml: xi: found 1.2, "));
+    for key in
+        ["xi: [ 0. ]\n", "fisheye:\n   enabled: 0\n", "names:\n   - fisheye\n", &entry("xi", 1, 1, "0.")]
+    {
+        assert_eq!(names(&[file("a.yml", &format!("{YAML}{key}"))]), ["a"], "{key}");
+    }
+}
+
+#[test]
+fn a_lens_under_a_key_that_is_not_read_is_refused() {
+    let bare = YAML.replace("distCoeffs", "unused_numbers");
+    for lens in [
+        "k1: 0.1\nk2: 0.2\np1: 0.\np2: 0.\n",
+        "distortion_parameters:\n   k1: 0.1\n",
+        &entry("kc", 5, 1, "0.1, 0., 0., 0., 0."),
+        &entry("lens_coefficients", 5, 1, "0.1, 0., 0., 0., 0."),
+    ] {
+        let found = message(&[file("a.yml", &format!("{bare}{lens}"))]);
+        assert!(found.contains("found lens coefficients under a key that is not read"), "{found}");
+    }
+    for other in ["k1: 0.\n", "distance: 0.3\n", "p1: 0\n"] {
+        assert_eq!(names(&[file("a.yml", &format!("{bare}{other}"))]), ["a"], "{other}");
+    }
+}
+
+#[test]
+fn lists_in_lines_are_read() {
+    let text = "%YAML:1.0\nimage_size: [640, 480]\ncamera_matrix:\n- - 500.0\n  - 0.0\n  - 320.0\n- - 0.0\n  - 500.0\n  \
+        - 240.0\n- - 0.0\n  - 0.0\n  - 1.0\ndist_coeff:\n- -0.1\n- 0.0\n- 0.0\n- 0.0\nrvec: [0, 0, 0]\ntvec: [0, 0, 3]\n";
+    let imported = from_opencv(&[file("a.yml", text)], &ImportOptions::default()).expect("a rig");
+    let camera = &imported.rig.cameras()[0];
+    assert_eq!((camera.intrinsics()[(0, 2)], camera.lens().coefficients()[0]), (320.0, -0.1));
+    assert_eq!(imported.warnings, [""; 0]);
+}
+
+#[test]
+fn half_a_stereo_file_is_no_camera() {
+    let nested = format!("right:\n   {}", entry("K", 3, 3, K).replace('\n', "\n   "));
+    for text in [
+        pair(|key| key.replace("K2", "Kr").replace("D2", "Dr")),
+        format!("{YAML}{}{}", entry("K_ir", 3, 3, K), entry("D_ir", 1, 4, "0.1, 0., 0., 0.")),
+        format!("{YAML}{nested}"),
+        pair(str::to_owned).replace("K2:", "CM2:"),
+        format!("{YAML}{}", entry("colour", 3, 3, K)),
+    ] {
+        let found = message(&[file("a.yml", &text)]);
+        assert!(found.contains("of others") || found.contains("in a map"), "{found}: {text}");
+    }
+    for more in [
+        entry("new_camera_matrix", 3, 3, K),
+        entry("camera_matrix_rectified", 3, 3, K),
+        entry("K_01", 3, 3, "500., 0., 320., 0., 400., 240., 0., 0., 1.").replace("K_01", "intrinsics_main"),
+        entry("R1", 3, 3, "1., 0., 0., 0., 1., 0., 0., 0., 1."),
+    ] {
+        assert_eq!(names(&[file("a.yml", &format!("{YAML}{more}"))]), ["a"], "{more}");
+    }
+    let one = YAML.replace("cameraMatrix", "M1").replace("distCoeffs", "D1");
+    assert_eq!(names(&[file("a.yml", &one)]), ["a"]);
+}
