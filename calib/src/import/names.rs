@@ -141,7 +141,25 @@ pub(super) fn settled<T>(
         }
         cameras.remove(at);
     }
+    check_folders(&cameras)?;
     Ok(cameras)
+}
+
+/// An error for a camera that stands only in a folder of old versions, beside cameras outside of it.
+fn check_folders<T>(cameras: &[Named<T>]) -> Result<(), ImportError> {
+    let is_old = |camera: &&Named<T>| {
+        let mut parts = folder(&camera.path).split('/').filter(|part| !part.is_empty());
+        parts.any(|part| unversioned(&part.to_lowercase()).is_empty())
+    };
+    let base = cameras.iter().find(|camera| !is_old(camera));
+    match cameras.iter().find(is_old).zip(base) {
+        Some((old, base)) => {
+            let found =
+                "a camera in a folder of another version, which is not among the cameras outside of it";
+            Err(ImportError::conflict(&base.path, &old.path, found, "one version: move one folder away"))
+        }
+        None => Ok(()),
+    }
 }
 
 const ONE: &str = "one file per camera: move one away, or rename it";
@@ -154,10 +172,28 @@ fn is_version(name: &str, base: &str) -> bool {
     if rest.is_some_and(|rest| rest.starts_with(['.', '~']) || dated(rest)) {
         return true;
     }
-    name != base
-        && !base.is_empty()
-        && unversioned(&name) == unversioned(&base)
-        && unversioned(&base) == words(&base)
+    // A copy that a file manager made: "cam1 2".
+    let is_number = |rest: &str| !rest.is_empty() && rest.bytes().all(|byte| byte.is_ascii_digit());
+    if rest.and_then(|rest| rest.strip_prefix(' ')).is_some_and(is_number) && ends_in_digit(&base) {
+        return true;
+    }
+    let kept = unversioned(&base);
+    if name == base || kept.is_empty() || unversioned(&name) != kept {
+        return false;
+    }
+    kept == words(&base) || are_versions(&kept, &version_words(&name), &version_words(&base))
+}
+
+/// Whether two names that share their other words are versions of one camera that has no plain file: cam1_old and
+/// cam1_new, cam1_v1 and cam1_v2. room_v1 and room_v2 may be two views.
+fn are_versions(kept: &[&str], one: &[&str], other: &[&str]) -> bool {
+    let is_camera =
+        |word: &&str| ends_in_digit(word) && word.starts_with(|c: char| c == 'c' || c.is_ascii_digit());
+    !one.is_empty() && !other.is_empty() && (one != other || kept.iter().any(is_camera))
+}
+
+fn ends_in_digit(text: &str) -> bool {
+    text.ends_with(|c: char| c.is_ascii_digit())
 }
 
 fn words(name: &str) -> Vec<&str> {
@@ -168,11 +204,21 @@ fn words(name: &str) -> Vec<&str> {
 fn unversioned(name: &str) -> Vec<&str> {
     let name = name.strip_prefix("copy of ").unwrap_or(name);
     let name = name.rsplit_once(" (").filter(|(_, rest)| rest.ends_with(')')).map_or(name, |(base, _)| base);
-    let is_version = |word: &&str| {
-        let number = word.strip_prefix('v').is_some_and(|rest| rest.parse::<u32>().is_ok());
-        number || VERSION_WORDS.contains(&word.trim_end_matches(|c: char| c.is_ascii_digit()))
-    };
-    words(name).into_iter().filter(|word| !is_version(word)).collect()
+    let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    let copied = name.rsplit_once('(').filter(|(_, rest)| rest.strip_suffix(')').is_some_and(is_number));
+    let name = copied.map_or(name, |(base, _)| base);
+    words(name).into_iter().filter(|word| !is_version_word(word)).collect()
+}
+
+/// The words of a name that tell of a version, without numbers behind them.
+fn version_words(name: &str) -> Vec<&str> {
+    let plain = |word: &'_ str| word.trim_end_matches(|c: char| c.is_ascii_digit()).len();
+    words(name).into_iter().filter(|word| is_version_word(word)).map(|word| &word[..plain(word)]).collect()
+}
+
+fn is_version_word(word: &str) -> bool {
+    let number = word.strip_prefix('v').is_some_and(|rest| rest.parse::<u32>().is_ok());
+    number || VERSION_WORDS.contains(&word.trim_end_matches(|c: char| c.is_ascii_digit()))
 }
 
 #[cfg(test)]
@@ -206,6 +252,8 @@ mod tests {
             "copy of cam1",
             "cam1-v2",
             "cam1~",
+            "cam1(1)",
+            "cam1 2",
         ] {
             assert!(is_version(version, "cam1"), "{version}");
         }
@@ -215,8 +263,16 @@ mod tests {
             ("cam (2)", "cam (1)"),
             ("192.168.1.11", "192.168.1.1"),
             ("cam_2", "cam"),
+            ("cam 2", "cam"),
+            ("cam(2)", "cam(1)"),
+            ("room_v1", "room_v2"),
+            ("test1", "test2"),
+            ("cam1_v1", "cam2_v1"),
         ] {
             assert!(!is_version(other, base) && !is_version(base, other), "{other} {base}");
+        }
+        for (one, other) in [("cam1_old", "cam1_new"), ("cam1_v1", "cam1_v2"), ("left_old", "left_new")] {
+            assert!(is_version(one, other) && is_version(other, one), "{one} {other}");
         }
     }
 

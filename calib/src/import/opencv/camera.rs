@@ -25,6 +25,11 @@ enum PoseSource {
 /// The pairs of names that say which camera of a stereo pair is the first, in lower case.
 const PAIRS: [(&str, &str); 5] = [("1", "2"), ("0", "1"), ("left", "right"), ("l", "r"), ("a", "b")];
 
+/// Whether keys describe two cameras by the pose of one to the other.
+pub(super) fn is_pair(parts: &Parts) -> bool {
+    !parts.has(Role::Matrix, None) && !parts.has_own_poses() && parts.cameras(Role::Matrix).len() == 2
+}
+
 /// The cameras that keys describe; `name` is that of their file or folder.
 pub(super) fn cameras(
     name: &str,

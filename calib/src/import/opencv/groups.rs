@@ -1,6 +1,6 @@
 //! Which files describe one camera.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::super::names::{file_names, folder, half_key};
 use super::super::{ImportError, TextFile};
@@ -77,7 +77,11 @@ fn halves_by_folder(halves: Vec<Described<'_>>) -> Vec<Group<'_>> {
     let mut by_name: BTreeMap<String, Vec<Described>> = BTreeMap::new();
     for (place, files) in folders {
         let joined = Parts::joined(files.iter().map(|(_, parts)| parts.clone()));
-        if !place.is_empty() && joined.is_complete() && joined.check_agreement().is_ok() {
+        // Matrices of several names are several cameras, though their values are the same.
+        let with_matrix = files.iter().filter(|(_, parts)| parts.has(Role::Matrix, None));
+        let matrices: BTreeSet<String> = with_matrix.map(|(file, _)| half_key(&file.path)).collect();
+        if !place.is_empty() && matrices.len() < 2 && joined.is_complete() && joined.check_agreement().is_ok()
+        {
             groups.push(group(place.rsplit('/').next().unwrap_or(place), files));
             continue;
         }

@@ -51,7 +51,7 @@ pub fn from_opencv(files: &[TextFile], options: &ImportOptions) -> Result<Import
             warnings.push(format!("{}: left out, it has no key that describes a camera", file.path));
         }
     }
-    let mut cameras: Vec<Named<Camera>> = Vec::new();
+    let mut worlds: Vec<World> = Vec::new();
     let mut halves = Halves::default();
     for group in grouped(described)? {
         if !group.parts.has_matrix() {
@@ -59,9 +59,13 @@ pub fn from_opencv(files: &[TextFile], options: &ImportOptions) -> Result<Import
         } else if !group.parts.has_pose() {
             halves.matrices.push(group);
         } else {
-            cameras.extend(camera::cameras(&group.name, &group.parts, options, &mut warnings)?);
+            let cameras = camera::cameras(&group.name, &group.parts, options, &mut warnings)?;
+            let is_pair = camera::is_pair(&group.parts);
+            worlds.push(World { path: group.path().to_owned(), is_pair, cameras });
         }
     }
+    check_worlds(&worlds)?;
+    let cameras: Vec<Named<Camera>> = worlds.into_iter().flat_map(|world| world.cameras).collect();
     halves.check(&cameras, &mut warnings)?;
     let place = files.first().map_or("no files", |file| file.path.as_str());
     if cameras.is_empty() {
@@ -72,9 +76,37 @@ pub fn from_opencv(files: &[TextFile], options: &ImportOptions) -> Result<Import
             "a 3 x 3 camera matrix in some file",
         ));
     }
-    let same = |one: &Camera, other: &Camera| one.clone().renamed(other.name()) == *other;
     let cameras = settled(cameras, same, &mut warnings)?.into_iter().map(|camera| camera.value).collect();
     axes::finished(place, cameras, 1.0, options, warnings)
+}
+
+/// The cameras of a group of files. Those of a stereo pair have a world of their own.
+struct World {
+    path: String,
+    is_pair: bool,
+    cameras: Vec<Named<Camera>>,
+}
+
+fn same(one: &Camera, other: &Camera) -> bool {
+    one.clone().renamed(other.name()) == *other
+}
+
+/// An error for a stereo pair beside other cameras: their files do not say where the pair stands.
+fn check_worlds(worlds: &[World]) -> Result<(), ImportError> {
+    let Some(pair) = worlds.iter().find(|world| world.is_pair) else { return Ok(()) };
+    let is_known = |camera: &Named<Camera>| {
+        let mut own = pair.cameras.iter();
+        own.any(|own| own.name == camera.name && same(&own.value, &camera.value))
+    };
+    match worlds.iter().find(|world| !world.cameras.iter().all(is_known)) {
+        Some(other) => Err(ImportError::conflict(
+            &pair.path,
+            &other.path,
+            "a stereo pair, whose first camera is the world's origin, and further cameras",
+            "one stereo file alone, or a pose in one world for each camera",
+        )),
+        None => Ok(()),
+    }
 }
 
 /// Whether a file holds the pattern, or its corners, that a calibration was made with, and nothing of a camera.

@@ -459,3 +459,34 @@ fn half_a_stereo_file_is_no_camera() {
     let one = YAML.replace("cameraMatrix", "M1").replace("distCoeffs", "D1");
     assert_eq!(names(&[file("a.yml", &one)]), ["a"]);
 }
+
+#[test]
+fn a_stereo_pair_stands_in_no_room_with_other_cameras() {
+    let stereo = file("pair1.yml", &pair(str::to_owned));
+    let further = file("pair2.yml", &pair(str::to_owned).replace("-0.1, 0., 0.", "-0.2, 0., 0."));
+    for other in [further, file("cam3.yml", YAML)] {
+        let found = message(&[stereo.clone(), other.clone()]);
+        assert!(
+            found.starts_with(&format!("pair1.yml and {}: found a stereo pair", other.path))
+                || found.starts_with(&format!("{} and", other.path)),
+            "{found}"
+        );
+    }
+    let copy = file("pair1 (copy).yml", &stereo.text);
+    assert_eq!(names(&[stereo, copy]), ["camera1", "camera2"]);
+    let (matrix, pose) = halves("1.");
+    let three =
+        [file("cal/left.yml", &matrix), file("cal/right.yml", &matrix), file("cal/extrinsics.yml", &pose)];
+    assert!(message(&three).contains("found a camera matrix without a pose"), "{}", message(&three));
+}
+
+#[test]
+fn a_camera_in_a_folder_of_old_versions_is_a_conflict() {
+    let one = [file("cam1.yml", YAML), file("old/cam4.yml", &moved("2."))];
+    let found = message(&one);
+    assert!(found.starts_with("cam1.yml and old/cam4.yml: found a camera in a folder"), "{found}");
+    let kept = [file("cam1.yml", YAML), file("backup/cam1.yml", YAML), file("backup/cam4.yml", &moved("2."))];
+    assert!(message(&kept).contains("backup/cam4.yml"), "{}", message(&kept));
+    let versions = [file("cam1_old.yml", YAML), file("cam1_new.yml", &moved("2."))];
+    assert!(message(&versions).contains("found two versions of camera"), "{}", message(&versions));
+}
