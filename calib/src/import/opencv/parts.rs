@@ -44,34 +44,8 @@ impl<'a> Parts<'a> {
         };
         let (unread_lenses, unread_matrices) = (unread(holds_lens), unread(holds_intrinsics));
         let parts = Parts { parts, unread_lenses, unread_matrices };
-        let is_inner = |entry: &&Entry| {
-            let role = meaning(entry.name()).map(|found| found.role);
-            entry.is_nested() && role == Some(Role::Matrix) && Role::Matrix.fits(entry)
-        };
-        match entries.iter().find(is_inner) {
-            Some(inner) if !parts.has_matrix() => Err(ImportError::key(
-                &file.path,
-                &inner.key,
-                "a camera in a map (MC-Calib writes such files)",
-                "the camera's keys at the top: write one file per camera with camera_matrix, distCoeffs, R and T \
-                 from world to camera",
-            )),
-            Some(inner) => {
-                let is_own = |part: &&Part| {
-                    part.meaning.role == Role::Matrix && Role::Matrix.agrees(part.entry, inner)
-                };
-                if !holds_intrinsics(inner) || parts.parts.iter().any(|part| is_own(&part)) {
-                    return Ok(parts);
-                }
-                Err(ImportError::key(
-                    &file.path,
-                    &inner.key,
-                    "a camera in a map, beside one at the top",
-                    "one camera, or a name in each camera's keys",
-                ))
-            }
-            None => Ok(parts),
-        }
+        check_inner(file, entries, parts.has_matrix())?;
+        Ok(parts)
     }
 
     /// These and the others.
@@ -90,14 +64,17 @@ impl<'a> Parts<'a> {
         self.unread_lenses.first().map(|entry| entry.key.as_str())
     }
 
-    /// The key of a further camera's matrix beside that of `camera`, if any. One with the same values is the same
-    /// camera's.
+    /// The key of a further camera's matrix beside that of `camera`, if any.
     pub(super) fn further_matrix(&self, camera: Option<&str>) -> Option<&str> {
-        let own = self.of(Role::Matrix, camera).find(|part| Role::Matrix.fits(part.entry))?.entry;
-        let named = self.parts.iter().filter(|part| part.meaning.role == Role::Matrix).map(|part| part.entry);
-        let mut others = named.chain(self.unread_matrices.iter().copied());
-        let other = others.find(|other| holds_intrinsics(other) && !Role::Matrix.agrees(own, other));
-        other.map(|entry| entry.key.as_str())
+        let is_other = |part: &&Part| {
+            let named = part.meaning.camera.as_deref();
+            part.meaning.role == Role::Matrix && named.is_some() && named != camera
+        };
+        let named = self.parts.iter().filter(is_other).map(|part| part.entry);
+        named
+            .chain(self.unread_matrices.iter().copied())
+            .find(|other| holds_intrinsics(other))
+            .map(|entry| entry.key.as_str())
     }
 
     pub(super) fn has(&self, role: Role, camera: Option<&str>) -> bool {
@@ -198,6 +175,30 @@ impl<'a> Parts<'a> {
             }
         }
         Ok(())
+    }
+}
+
+/// An error for a camera matrix in a map: alone the map is a camera, and beside one at the top it is another one.
+fn check_inner(file: &TextFile, entries: &[Entry], is_beside: bool) -> Result<(), ImportError> {
+    let is_inner = |entry: &&Entry| {
+        let role = meaning(entry.name()).map(|found| found.role);
+        entry.is_nested() && role == Some(Role::Matrix) && Role::Matrix.fits(entry)
+    };
+    let wrong =
+        |inner: &Entry, found, expected| Err(ImportError::key(&file.path, &inner.key, found, expected));
+    match entries.iter().find(is_inner) {
+        Some(inner) if !is_beside => wrong(
+            inner,
+            "a camera in a map (MC-Calib writes such files)",
+            "the camera's keys at the top: write one file per camera with camera_matrix, distCoeffs, R and T \
+             from world to camera",
+        ),
+        Some(inner) if holds_intrinsics(inner) => wrong(
+            inner,
+            "a camera in a map, beside one at the top",
+            "one camera, or a name in each camera's keys",
+        ),
+        _ => Ok(()),
     }
 }
 

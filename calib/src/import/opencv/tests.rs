@@ -444,6 +444,8 @@ fn half_a_stereo_file_is_no_camera() {
         format!("{YAML}{nested}"),
         pair(str::to_owned).replace("K2:", "CM2:"),
         format!("{YAML}{}", entry("colour", 3, 3, K)),
+        // The second camera's values may be the same.
+        format!("{YAML}{}", entry("K_ir", 3, 3, "500., 0., 320., 0., 400., 240., 0., 0., 1.")),
     ] {
         let found = message(&[file("a.yml", &text)]);
         assert!(found.contains("of others") || found.contains("in a map"), "{found}: {text}");
@@ -451,7 +453,6 @@ fn half_a_stereo_file_is_no_camera() {
     for more in [
         entry("new_camera_matrix", 3, 3, K),
         entry("camera_matrix_rectified", 3, 3, K),
-        entry("K_01", 3, 3, "500., 0., 320., 0., 400., 240., 0., 0., 1.").replace("K_01", "intrinsics_main"),
         entry("R1", 3, 3, "1., 0., 0., 0., 1., 0., 0., 0., 1."),
     ] {
         assert_eq!(names(&[file("a.yml", &format!("{YAML}{more}"))]), ["a"], "{more}");
