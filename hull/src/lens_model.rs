@@ -146,8 +146,20 @@ const FREE_KEYS: &[&str] = &[
 ];
 
 /// Parts of key names of free text.
-const FREE_KEY_PARTS: &[&str] =
-    &["path", "file", "folder", "directory", "video", "note", "comment", "description"];
+const FREE_KEY_PARTS: &[&str] = &[
+    "path",
+    "file",
+    "folder",
+    "directory",
+    "video",
+    "image",
+    "picture",
+    "dataset",
+    "session",
+    "note",
+    "comment",
+    "description",
+];
 
 /// Keys of coefficients beyond k1 k2 p1 p2 k3, in the form of [`plain`].
 const FURTHER_COEFFICIENTS: &[&str] = &["k4", "k5", "k6", "s1", "s2", "s3", "s4", "taux", "tauy"];
@@ -178,9 +190,11 @@ fn is_xi(key: &str) -> bool {
     ["xi", "xileft", "xiright", "xil", "xir", "leftxi", "rightxi"].contains(&bare)
 }
 
-/// Whether a key holds free text, whose words say nothing about the lens.
-fn is_free(key: &str) -> bool {
-    FREE_KEYS.contains(&key) || FREE_KEY_PARTS.iter().any(|part| key.contains(part))
+/// Whether a key holds free text or a value is a path: their words say nothing about the lens.
+fn is_free(key: &str, value: &str) -> bool {
+    FREE_KEYS.contains(&key)
+        || FREE_KEY_PARTS.iter().any(|part| key.contains(part))
+        || value.contains(['/', '\\'])
 }
 
 /// Whether the name of a map or matrix speaks of another lens model: `fisheye_D`, `K_omni`, `xi`.
@@ -200,7 +214,7 @@ pub fn check_lens_model(key: &str, value: &str) -> Result<(), UnknownLensModel> 
     let flags =
         name.contains("flag") || name.ends_with("kind") || name.ends_with("type") || name.ends_with("model");
     let holds = |words: &[&str]| words.iter().any(|foreign| word.contains(foreign));
-    let foreign = (flags && holds(FOREIGN)) || (!is_free(&name) && holds(FOREIGN_ANYWHERE));
+    let foreign = (flags && holds(FOREIGN)) || (!is_free(&name, value) && holds(FOREIGN_ANYWHERE));
     let number = value.trim().parse::<f64>().is_ok();
     let further = number && !zero && FURTHER_COEFFICIENTS.contains(&name.as_str());
     if foreign || further || (names_model(&name) && !zero && !KNOWN.contains(&word.as_str())) {
@@ -302,6 +316,8 @@ mod tests {
             ("sensor_model", "OmniVision OV9281"),
             ("width", "640"),
             ("notes", "not a fisheye"),
+            ("image_list", "fisheye_01.png"),
+            ("taken_from", "/home/x/fisheye/1.png"),
             ("path_to_recorded_videos", "/home/x/fisheye_model/videos"),
             ("k4", "0"),
             ("K4", "500 0 320"),
