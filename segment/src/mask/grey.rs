@@ -12,6 +12,16 @@ const MOST_LABELS: usize = 64;
 /// A value between background and foreground that fills this share of a soft mask, flat, is a third label.
 const LABEL_SHARE: usize = 50;
 
+/// Background, shadow and foreground of background subtraction.
+const SHADOWS: [u32; 3] = [0, 127, 255];
+
+/// Refuses alpha of three values as flat regions: what is half transparent is no shadow.
+pub(super) fn check_half_transparent<S: Sample>(alpha: &[S]) -> Result<(), MaskError> {
+    let has_others = alpha.iter().any(|&value| !SHADOWS.contains(&value.into()));
+    let has_all = || SHADOWS.iter().all(|shadow| alpha.iter().any(|&value| value.into() == *shadow));
+    if has_others || !has_all() { Ok(()) } else { Err(MaskError::Labels(Found::new(SHADOWS))) }
+}
+
 /// The value from which on pixels are foreground.
 pub(super) fn threshold<S: Sample>(values: &[S], width: usize, is_lossy: bool) -> Result<S, MaskError> {
     let max: u32 = S::MAX.into();
@@ -28,6 +38,8 @@ pub(super) fn threshold<S: Sample>(values: &[S], width: usize, is_lossy: bool) -
             Err(MaskError::OneSide { found: Found::new(present), half, are_dark: most <= half })
         }
         [_, _] => Ok(S::of(half + 1)),
+        // Background subtraction of OpenCV marks the shadow of a person as 127.
+        _ if present == SHADOWS && max == 255 && !is_lossy => Ok(S::of(half + 1)),
         _ => Greys::new(&counts, present, is_lossy).check(values, width).map(|()| S::of(half + 1)),
     }
 }

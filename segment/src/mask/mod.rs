@@ -86,7 +86,9 @@ fn read<S: Sample>(image: &MaskImage<'_>, samples: &[S], mask: &mut Vec<u8>) -> 
         Channels::GreyAlpha | Channels::Rgba => match alpha::mask_plane(samples, channels, image.is_lossy)? {
             alpha::MaskPlane::Colours(values) => plane(&values, mask),
             alpha::MaskPlane::Alpha(values) => {
-                plane(&values, mask).map_err(|error| MaskError::Alpha(Box::new(error)))
+                grey::check_half_transparent(&values)
+                    .and_then(|()| plane(&values, mask))
+                    .map_err(|error| MaskError::Alpha(Box::new(error)))
             }
         },
     }

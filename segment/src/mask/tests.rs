@@ -149,6 +149,17 @@ fn flat_regions_of_three_greys_are_labels() {
 }
 
 #[test]
+fn shadows_of_background_subtraction_are_background() {
+    let shadow = rings(255, 127, 0);
+    assert_eq!(read_greys(64, &shadow), Ok(over_half(&shadow)));
+    let colours: Vec<u8> = shadow.iter().flat_map(|&grey| [grey; 3]).collect();
+    assert_eq!(read_bytes(64, Channels::Rgb, &colours), Ok(over_half(&shadow)));
+    let transparent: Vec<u8> = shadow.iter().flat_map(|&alpha| [0, alpha]).collect();
+    refused(read_bytes(64, Channels::GreyAlpha, &transparent), "alpha: found flat regions");
+    refused(read_greys(64, &rings(255, 126, 0)), "as class labels and trimaps have");
+}
+
+#[test]
 fn soft_edges_mattes_and_noise_of_video_are_masks_by_half() {
     for slope_px in [1.0, 1.5, 4.0, 12.0] {
         for (low, high) in [(0.0, 255.0), (16.0, 235.0), (4.0, 250.0)] {
