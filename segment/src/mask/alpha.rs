@@ -2,9 +2,14 @@
 
 use super::{MaskError, Sample, colour};
 
+/// So many colours beside black are class labels and not a picture.
+const MOST_LABELS: usize = 32;
+/// Opaque black fills at least one of so many parts where it is the background of labels.
+const LABELS_BACKGROUND: usize = 10;
+
 /// Where the mask is, as one sample a pixel.
 pub(super) enum MaskPlane<S> {
-    /// In the colours; alpha is constant.
+    /// In the colours; alpha is constant, or opaque everywhere with noise.
     Colours(Vec<S>),
     /// In alpha.
     Alpha(Vec<S>),
@@ -19,7 +24,8 @@ pub(super) fn mask_plane<S: Sample>(
     let pixels = || samples.chunks_exact(channels);
     let alpha: Vec<S> = pixels().map(|pixel| pixel[channels - 1]).collect();
     let is_constant = alpha.iter().all(|&value| value == alpha[0]);
-    if !is_constant {
+    let is_opaque = || alpha.iter().all(|&value| value.into() >= S::MAX.into() - noise(S::MAX));
+    if !is_constant && !is_opaque() {
         return if has_mask_in_opaque(samples, channels) {
             Err(MaskError::TwoMasks)
         } else {
@@ -38,26 +44,38 @@ pub(super) fn mask_plane<S: Sample>(
     }))
 }
 
-/// Whether opaque pixels are a mask in their colours, black and one other, or black and white with few greys between:
-/// then alpha contradicts it. Of a picture that is cut out opaque pixels have more colours, and of a silhouette one.
+/// Whether the colours of opaque pixels are masks or class labels, too: then alpha contradicts them. Opaque is the largest
+/// alpha, with noise. Of a picture that is cut out opaque pixels have more colours, and of a silhouette one.
 fn has_mask_in_opaque<S: Sample>(samples: &[S], channels: usize) -> bool {
     let colours = channels - 1;
-    let is_all = |colour: &[S], value: u32| colour.iter().all(|&channel| channel.into() == value);
-    let (mut opaque, mut black, mut white, mut other) = (0, 0, 0, None);
-    let mut has_two_colours = true;
-    for pixel in samples.chunks_exact(channels).filter(|pixel| pixel[colours] == S::MAX) {
+    let (max, noise) = (S::MAX.into(), noise(S::MAX));
+    let is_all = |colour: &[S], is: &dyn Fn(u32) -> bool| colour.iter().all(|&channel| is(channel.into()));
+    let (mut opaque, mut black, mut near_black, mut near_white) = (0, 0, 0, 0);
+    let mut others: Vec<&[S]> = Vec::new();
+    let alpha = |pixel: &[S]| -> u32 { pixel[colours].into() };
+    let opaque_from = samples.chunks_exact(channels).map(alpha).max().unwrap_or(max).saturating_sub(noise);
+    for pixel in samples.chunks_exact(channels).filter(|pixel| alpha(pixel) >= opaque_from) {
         let colour = &pixel[..colours];
         opaque += 1;
-        if is_all(colour, 0) {
+        near_black += usize::from(is_all(colour, &|channel| channel <= noise));
+        near_white += usize::from(is_all(colour, &|channel| channel >= max - noise));
+        if is_all(colour, &|channel| channel == 0) {
             black += 1;
-            continue;
+        } else if others.len() <= MOST_LABELS && !others.contains(&colour) {
+            others.push(colour);
         }
-        white += usize::from(is_all(colour, S::MAX.into()));
-        has_two_colours &= *other.get_or_insert(colour) == colour;
     }
-    if has_two_colours {
-        return black > 0 && other.is_some();
+    match others.len() {
+        0 => false,
+        1 => black > 0,
+        // A drawing has black lines; labels have a black background.
+        2..=MOST_LABELS if LABELS_BACKGROUND * black >= opaque => true,
+        // One percent of each, and a quarter between them: a mask with soft edges.
+        _ => 4 * (near_black + near_white) >= 3 * opaque && 100 * near_black.min(near_white) >= opaque,
     }
-    // One percent of each, and a tenth between them.
-    10 * (black + white) >= 9 * opaque && 100 * black.min(white) >= opaque
+}
+
+/// How far from the largest value, or from 0, a value is the same with noise.
+fn noise<S: Sample>(max: S) -> u32 {
+    max.into() / 32
 }

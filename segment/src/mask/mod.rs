@@ -85,11 +85,9 @@ fn read<S: Sample>(image: &MaskImage<'_>, samples: &[S], mask: &mut Vec<u8>) -> 
         Channels::Rgb => plane(&colour::greys(samples, channels, image.is_lossy)?, mask),
         Channels::GreyAlpha | Channels::Rgba => match alpha::mask_plane(samples, channels, image.is_lossy)? {
             alpha::MaskPlane::Colours(values) => plane(&values, mask),
-            alpha::MaskPlane::Alpha(values) => {
-                grey::check_half_transparent(&values)
-                    .and_then(|()| plane(&values, mask))
-                    .map_err(|error| MaskError::Alpha(Box::new(error)))
-            }
+            alpha::MaskPlane::Alpha(values) => grey::check_half_transparent(&values)
+                .and_then(|()| plane(&values, mask))
+                .map_err(|error| MaskError::Alpha(Box::new(error))),
         },
     }
 }

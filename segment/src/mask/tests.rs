@@ -307,6 +307,60 @@ fn colours_and_alpha_that_are_two_masks_are_refused() {
 }
 
 #[test]
+fn alpha_that_clears_a_part_of_a_mask_or_of_labels_contradicts_it() {
+    let with_alpha = |colours: &[[u8; 3]], alpha: &[u8]| -> Vec<u8> {
+        let pixels = colours.iter().zip(alpha);
+        pixels.flat_map(|([red, green, blue], &alpha)| [*red, *green, *blue, alpha]).collect()
+    };
+    let greys = |values: Vec<u8>| -> Vec<[u8; 3]> { values.into_iter().map(|grey| [grey; 3]).collect() };
+    let corner = |opaque: u8| drawn(64, 48, |x, y| if x < 4 && y < 4 { 0 } else { opaque });
+    let border = drawn(64, 48, |x, y| if (2..62).contains(&x) && (2..46).contains(&y) { 255 } else { 0 });
+    let void = rings(255, 0, 255);
+    let classes = |palette: [[u8; 3]; 3]| -> Vec<[u8; 3]> {
+        drawn(64, 48, |x, y| match distance((x, y), (32.0, 24.0)) {
+            away if away < 14.0 => 1,
+            _ => {
+                if x < 8 {
+                    2
+                } else {
+                    0
+                }
+            }
+        })
+        .into_iter()
+        .map(|class| palette[usize::from(class)])
+        .collect()
+    };
+    for (name, image) in [
+        ("mask, alpha 254", with_alpha(&greys(rings(255, 255, 0)), &corner(254))),
+        ("soft mask", with_alpha(&greys(soft_disc(9.0, 0.0, 255.0)), &border)),
+        ("noisy mask", with_alpha(&greys(rings(252, 254, 3)), &border)),
+        ("classes", with_alpha(&classes([[0; 3], [192, 128, 128], [128, 0, 0]]), &void)),
+        ("grey classes", with_alpha(&classes([[0; 3], [15; 3], [7; 3]]), &void)),
+    ] {
+        let outcome = read_bytes(64, Channels::Rgba, &image);
+        refused(
+            outcome.map_err(|error| {
+                assert_eq!(error, MaskError::TwoMasks, "{name}");
+                error
+            }),
+            "expected one mask",
+        );
+    }
+    // A flat drawing in colours with black lines is cut out; alpha that is nearly opaque says nothing.
+    let inside = rings(1, 1, 0);
+    let drawing: Vec<[u8; 3]> = drawn(64, 48, |x, y| u8::from(x == 32) + 2 * u8::from(y > 24))
+        .into_iter()
+        .map(|class| [[200, 10, 10], [0; 3], [10, 10, 200], [0; 3]][usize::from(class)])
+        .collect();
+    let cut_out = with_alpha(&drawing, &inside.iter().map(|&inside| 255 * inside).collect::<Vec<_>>());
+    assert_eq!(read_bytes(64, Channels::Rgba, &cut_out), Ok(inside.clone()));
+    let rounded = drawn(64, 48, |x, _| if x % 7 == 0 { 254 } else { 255 });
+    let nearly_opaque = with_alpha(&greys(rings(255, 255, 0)), &rounded);
+    assert_eq!(read_bytes(64, Channels::Rgba, &nearly_opaque), Ok(inside));
+}
+
+#[test]
 fn samples_of_another_size_are_refused() {
     refused(
         read_mask(&MaskImage { height: 3, ..image(2, Channels::Grey, Samples::Bytes(&[0; 4])) }, &mut vec![])
