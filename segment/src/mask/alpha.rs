@@ -1,6 +1,6 @@
 //! Whether alpha is the mask, or the colours are.
 
-use super::{MaskError, Sample, colour};
+use super::{MaskError, Sample, colour, grey};
 
 /// So many colours beside black are class labels and not a picture.
 const MOST_LABELS: usize = 32;
@@ -24,7 +24,7 @@ pub(super) fn mask_plane<S: Sample>(
     let pixels = || samples.chunks_exact(channels);
     let alpha: Vec<S> = pixels().map(|pixel| pixel[channels - 1]).collect();
     let is_constant = alpha.iter().all(|&value| value == alpha[0]);
-    let is_opaque = || alpha.iter().all(|&value| value.into() >= S::MAX.into() - noise(S::MAX));
+    let is_opaque = || alpha.iter().all(|&value| value.into() >= S::MAX.into() - grey::noise(S::MAX.into()));
     if !is_constant && !is_opaque() {
         return if has_mask_in_opaque(samples, channels) {
             Err(MaskError::TwoMasks)
@@ -37,9 +37,9 @@ pub(super) fn mask_plane<S: Sample>(
         let is_one_colour = pixels().all(|pixel| *pixel == samples[..channels]);
         return if is_one_colour { Ok(MaskPlane::Alpha(alpha)) } else { Err(MaskError::Transparent) };
     }
-    let grey = |pixel: &[S]| pixel[0];
+    let first = |pixel: &[S]| pixel[0];
     Ok(MaskPlane::Colours(match channels {
-        2 => pixels().map(grey).collect(),
+        2 => pixels().map(first).collect(),
         _ => colour::greys(samples, channels, is_lossy)?,
     }))
 }
@@ -48,7 +48,7 @@ pub(super) fn mask_plane<S: Sample>(
 /// alpha, with noise. Of a picture that is cut out opaque pixels have more colours, and of a silhouette one.
 fn has_mask_in_opaque<S: Sample>(samples: &[S], channels: usize) -> bool {
     let colours = channels - 1;
-    let (max, noise) = (S::MAX.into(), noise(S::MAX));
+    let (max, noise) = (S::MAX.into(), grey::noise(S::MAX.into()));
     let is_all = |colour: &[S], is: &dyn Fn(u32) -> bool| colour.iter().all(|&channel| is(channel.into()));
     let (mut opaque, mut black, mut near_black, mut near_white) = (0, 0, 0, 0);
     let mut others: Vec<&[S]> = Vec::new();
@@ -73,9 +73,4 @@ fn has_mask_in_opaque<S: Sample>(samples: &[S], channels: usize) -> bool {
         // One percent of each, and a quarter between them: a mask with soft edges.
         _ => 4 * (near_black + near_white) >= 3 * opaque && 100 * near_black.min(near_white) >= opaque,
     }
-}
-
-/// How far from the largest value, or from 0, a value is the same with noise.
-fn noise<S: Sample>(max: S) -> u32 {
-    max.into() / 32
 }

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use super::error::{Found, LISTED};
-use super::{MaskError, Sample};
+use super::{MaskError, Sample, grey};
 
 /// More colours than that, all nearly grey, come of video and not of a palette.
 const MOST_OF_A_PALETTE: usize = 64;
@@ -11,6 +11,8 @@ const MOST_OF_A_PALETTE: usize = 64;
 /// lossy formats.
 const VIDEO_SPREAD: u32 = 21;
 const LOSSY_SPREAD: u32 = 8;
+/// The same of white whose channels differ by rounding.
+const NOISE_SPREAD: u32 = 64;
 
 /// Red, green and blue.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -49,6 +51,17 @@ impl<S: Sample> fmt::Display for Colour<S> {
     }
 }
 
+/// Whether white is among the colours, and all that are no greys are black or white with noise. Of a palette of classes
+/// they are not.
+fn is_white_with_noise<S: Sample>(colours: &[Colour<S>]) -> bool {
+    let max: u32 = S::MAX.into();
+    let noise = grey::noise(max);
+    let is_white = |colour: &Colour<S>| colour.channels().iter().all(|&channel| channel >= max - noise);
+    let is_black = |colour: &Colour<S>| colour.channels().iter().all(|&channel| channel <= noise);
+    let is_noise = |colour: &Colour<S>| colour.spread() == 0 || is_white(colour) || is_black(colour);
+    colours.iter().any(is_white) && colours.iter().all(is_noise)
+}
+
 /// A plane of greys that says the same as the first three of `channels` samples a pixel.
 pub(super) fn greys<S: Sample>(samples: &[S], channels: usize, is_lossy: bool) -> Result<Vec<S>, MaskError> {
     let colours = || samples.chunks_exact(channels).map(Colour::of);
@@ -72,6 +85,7 @@ pub(super) fn greys<S: Sample>(samples: &[S], channels: usize, is_lossy: bool) -
     let greys_spread = match is_lossy {
         true => max / LOSSY_SPREAD,
         false if seen.len() > MOST_OF_A_PALETTE => max / VIDEO_SPREAD,
+        false if is_white_with_noise(&seen) => max / NOISE_SPREAD,
         false => 0,
     };
     if spread <= greys_spread {

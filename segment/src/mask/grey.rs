@@ -34,6 +34,7 @@ pub(super) fn threshold<S: Sample>(values: &[S], width: usize, is_lossy: bool) -
         [value] => Err(MaskError::ConstantGrey { value, max }),
         // A lossy format makes such a pair of noise.
         [0, _] if !is_lossy => Ok(S::of(1)),
+        _ if most == max && least >= max - noise(max) => Ok(S::of(half + 1)),
         _ if most <= half || least > half => {
             Err(MaskError::OneSide { found: Found::new(present), half, are_dark: most <= half })
         }
@@ -42,6 +43,11 @@ pub(super) fn threshold<S: Sample>(values: &[S], width: usize, is_lossy: bool) -
         _ if present == SHADOWS && max == 255 && !is_lossy => Ok(S::of(half + 1)),
         _ => Greys::new(&counts, present, is_lossy).check(values, width).map(|()| S::of(half + 1)),
     }
+}
+
+/// How far from the largest value, or from 0, a value is the same with noise.
+pub(super) fn noise(max: u32) -> u32 {
+    max / 32
 }
 
 /// How many pixels have each value. Masks consist of long runs: most blocks are of one value.
@@ -81,7 +87,7 @@ impl Greys<'_> {
         let half = max / 2;
         let most_common = |from: u32, to: u32| (from..=to).max_by_key(|&value| counts[value as usize]);
         let (low, high) = (most_common(0, half).unwrap_or(0), most_common(half + 1, max).unwrap_or(max));
-        let noise = max / 32;
+        let noise = noise(max);
         // Labels are small numbers, beside which 255 stands alone. Noise is at both extremes, and edges have values
         // on both sides of half.
         let is_noisy = present.iter().any(|&value| value != high && value.abs_diff(high) <= noise);

@@ -246,6 +246,24 @@ fn nearly_grey_colours_of_video_are_greys() {
 }
 
 #[test]
+fn white_with_noise_is_foreground_in_greys_and_in_colours() {
+    let all = drawn(64, 48, |x, y| if (x * 7 + y) % 3 == 0 { 254 } else { 255 });
+    assert_eq!(read_greys(64, &all), Ok(vec![1; 64 * 48]));
+    assert_eq!(read_jpeg(64, &all), Ok(vec![1; 64 * 48]));
+    refused(read_greys(64, &rings(240, 255, 255)), "found the grey values 240, 255, all of them over half");
+    let inside = rings(1, 1, 0);
+    let pixel = |(index, &inside): (usize, &u8)| {
+        [index % 2, index / 2 % 2, index / 4 % 2].map(|bit| inside * (255 - bit as u8))
+    };
+    let white: Vec<u8> = inside.iter().enumerate().flat_map(pixel).collect();
+    assert_eq!(read_bytes(64, Channels::Rgb, &white), Ok(inside.clone()));
+    let classes = painted(&rings(1, 2, 0), &[[0; 3], [1, 0, 0], [0, 0, 1]]);
+    refused(read_bytes(64, Channels::Rgb, &classes), "found the colours ");
+    let tinted = painted(&rings(1, 2, 0), &[[0; 3], [255; 3], [255, 250, 249]]);
+    refused(read_bytes(64, Channels::Rgb, &tinted), "found the colours ");
+}
+
+#[test]
 fn alpha_that_is_not_constant_is_the_mask() {
     let inside = rings(1, 1, 0);
     let cut_out = |colour: fn(usize) -> [u8; 3], outside: [u8; 3]| -> Vec<u8> {
