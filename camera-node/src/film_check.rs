@@ -33,6 +33,22 @@ pub enum FilmCheckError {
         /// The cameras before it.
         others: Vec<String>,
     },
+    /// A lock-step run would wait for ever.
+    #[error(
+        "camera {camera:?} has no image from frame {from} on before frame {up_to}, and others have: a lock-step run \
+         (--unpaced) goes {ahead} frames ahead and would wait for ever: expected the same numbers for the same moments \
+         (start_frame and frame_step shift them), or a run without --unpaced"
+    )]
+    Stalls {
+        /// The camera that lacks frames.
+        camera: String,
+        /// The first frame that the run would wait for.
+        from: u64,
+        /// The frame with which it would go on.
+        up_to: u64,
+        /// How far cameras film ahead of the frame in use.
+        ahead: u64,
+    },
 }
 
 /// A film that ends a run early.
@@ -58,8 +74,9 @@ struct ImageFilm<'a> {
 }
 
 impl NodeConfig {
-    /// Checks the cameras' image files, and against each other. Returns what is worth a warning.
-    pub fn check_films(&self) -> Result<Option<ShortFilm>, FilmCheckError> {
+    /// Checks the cameras' image files, and against each other. Returns what is worth a warning. Of a lock-step run
+    /// `ahead` is how many frames cameras film ahead of the one in use.
+    pub fn check_films(&self, ahead: Option<u64>) -> Result<Option<ShortFilm>, FilmCheckError> {
         let mut films = Vec::new();
         for camera in &self.cameras {
             let name = camera.camera.name();
@@ -72,7 +89,8 @@ impl NodeConfig {
                 films.push(ImageFilm { camera: name, frames });
             }
         }
-        check_common(&films)?;
+        let common = check_common(&films)?;
+        ahead.map_or(Ok(()), |ahead| check_lock_step(&films, &common, ahead))?;
         Ok(short_film(&films, self.fps))
     }
 }
@@ -86,8 +104,9 @@ fn check_first_mask(camera: &NodeCamera, fps: f64) -> Result<(), SourceError> {
     source.next(0, &mut Image::default()).map(|_| ())
 }
 
-fn check_common(films: &[ImageFilm<'_>]) -> Result<(), FilmCheckError> {
-    let Some((first, others)) = films.split_first() else { return Ok(()) };
+/// The frames that all films have.
+fn check_common(films: &[ImageFilm<'_>]) -> Result<BTreeSet<u64>, FilmCheckError> {
+    let Some((first, others)) = films.split_first() else { return Ok(BTreeSet::new()) };
     let mut common: BTreeSet<u64> = first.frames.iter().copied().collect();
     for (before, film) in (1..).zip(others) {
         let here: BTreeSet<u64> = film.frames.iter().copied().collect();
@@ -97,6 +116,36 @@ fn check_common(films: &[ImageFilm<'_>]) -> Result<(), FilmCheckError> {
             let others = films[..before].iter().map(|film| film.camera.to_owned()).collect();
             return Err(FilmCheckError::NothingInCommon { camera: film.camera.to_owned(), range, others });
         }
+    }
+    Ok(common)
+}
+
+/// Refuses films over which a lock-step run would wait for ever. A step wants the frame after the newest common one.
+/// Cameras may then film `ahead` frames further, and each gives its next image once the frame after its last is allowed.
+fn check_lock_step(
+    films: &[ImageFilm<'_>],
+    common: &BTreeSet<u64>,
+    ahead: u64,
+) -> Result<(), FilmCheckError> {
+    let mut wanted = 0;
+    for &frame in common {
+        let allowed = wanted + ahead;
+        let next_after = |film: &ImageFilm<'_>| {
+            let at = film.frames.partition_point(|&number| number < frame);
+            at.checked_sub(1).map_or(0, |before| film.frames[before] + 1)
+        };
+        if films.iter().any(|film| next_after(film) > allowed) {
+            // The camera whose gap before the frame is the longest.
+            let Some(camera) = films.iter().min_by_key(|film| next_after(film)) else { return Ok(()) };
+            let from = next_after(camera);
+            return Err(FilmCheckError::Stalls {
+                camera: camera.camera.to_owned(),
+                from,
+                up_to: frame,
+                ahead,
+            });
+        }
+        wanted = frame.saturating_add(1);
     }
     Ok(())
 }
@@ -151,7 +200,7 @@ mod tests {
 
     fn check(numbers: &[Vec<u64>]) -> Result<Option<ShortFilm>, FilmCheckError> {
         let folder = tempfile::tempdir().expect("folder");
-        node(folder.path(), numbers).check_films()
+        node(folder.path(), numbers).check_films(None)
     }
 
     fn every(range: Range<u64>, step: usize) -> Vec<u64> {
@@ -194,12 +243,39 @@ mod tests {
     }
 
     #[test]
+    fn films_over_which_a_lock_step_run_would_wait_for_ever_are_refused_at_once() {
+        let lock_step = |numbers: &[Vec<u64>]| {
+            let folder = tempfile::tempdir().expect("folder");
+            node(folder.path(), numbers).check_films(Some(4))
+        };
+        let with_gap =
+            |gap: Range<u64>| -> Vec<u64> { (0..40).filter(|frame| !gap.contains(frame)).collect() };
+        for numbers in [
+            [every(0..40, 1), every(4..40, 1)],
+            [every(0..40, 1), with_gap(8..12)],
+            [with_gap(8..30), with_gap(8..30)],
+            [every(0..40, 1), every(0..40, 5)],
+        ] {
+            assert_eq!(lock_step(&numbers), Ok(None), "{numbers:?}");
+        }
+        for (numbers, message) in [
+            ([every(0..40, 1), every(5..40, 1)], "no image from frame 0 on before frame 5"),
+            ([every(0..40, 1), with_gap(8..13)], "no image from frame 8 on before frame 13"),
+            ([every(0..40, 1), with_gap(8..30)], "no image from frame 8 on before frame 30"),
+        ] {
+            assert!(check(&numbers).is_ok(), "real time does not wait");
+            let error = lock_step(&numbers).expect_err("refused").to_string();
+            assert!(error.contains(message) && error.starts_with("camera \"cam\" "), "{error}");
+        }
+    }
+
+    #[test]
     fn a_first_mask_that_is_none_is_refused_before_a_run() {
         let folder = tempfile::tempdir().expect("folder");
         let node = node(folder.path(), &[vec![0, 1]]);
         let labels = image::GrayImage::from_fn(8, 4, |x, _| image::Luma([x as u8 / 3]));
         labels.save(folder.path().join("0/0.png")).expect("written");
-        let error = node.check_films().expect_err("refused").to_string();
+        let error = node.check_films(None).expect_err("refused").to_string();
         assert!(error.contains("0/0.png: found the grey values 0, 1, 2"), "{error}");
     }
 }

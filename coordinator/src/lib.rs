@@ -20,6 +20,6 @@ mod transport;
 pub use figures::{Figures, Percentiles, Progress, STAGES, stage_of};
 pub use memory::{MemoryUse, WorldBytesError, world_from_bytes, world_to_bytes};
 pub use query::AskEvery;
-pub use run::{Coordinator, GoingOn, GoneOn, RunError, RunSettings, Snapshot, Watcher};
+pub use run::{Coordinator, FRAMES_AHEAD, GoingOn, GoneOn, RunError, RunSettings, Snapshot, Watcher};
 pub use threads::{SERVING_THREADS, runtime, threads_for};
 pub use transport::{BoxError, Fetching, LocalFrames, Placement, Silhouettes, Transport, TransportError};

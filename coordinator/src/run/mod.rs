@@ -47,7 +47,7 @@ use watch::RecentFigures;
 pub use watch::{GoneOn, Snapshot, Watcher};
 
 /// How far a lock-step node may film ahead of the frame in use: half of its ring.
-const FRAMES_AHEAD: u64 = 4;
+pub const FRAMES_AHEAD: u64 = 4;
 /// Live steps never lag by more than this behind film, seconds.
 const MAX_LAG_S: f64 = 0.15;
 /// And may lag by this, however little film nodes keep, seconds.

@@ -38,7 +38,7 @@ const LOCAL_CONNECT_TIMEOUT: Duration = Duration::from_secs(20);
 pub fn run_locally(setup: &Setup) -> Outcome {
     setup.prepare_outputs()?;
     let cameras = cameras(setup)?;
-    if let Some(short) = cameras.check_films()? {
+    if let Some(short) = cameras.check_films(setup.lock_step.then_some(coordinator::FRAMES_AHEAD))? {
         tracing::warn!("{short}");
     }
     if setup.transport != TransportName::Inprocess {
