@@ -145,8 +145,12 @@ fn listed(
     Ok(files)
 }
 
-/// The last run of digits in the name of a PNG or JPEG file.
+/// The last run of digits in the name of a PNG or JPEG file. Hidden files are none: macOS writes `._000000.png` beside
+/// `000000.png` on disks of other systems.
 fn plain_number(name: &str) -> Option<Result<u64, TooLarge>> {
+    if name.starts_with('.') {
+        return None;
+    }
     let (stem, extension) = name.rsplit_once('.')?;
     if !["png", "jpg", "jpeg"].iter().any(|known| extension.eq_ignore_ascii_case(known)) {
         return None;
@@ -214,10 +218,21 @@ mod tests {
             ("cam1-45é.jpeg", Some(45)),
             ("é7.jpg", Some(7)),
             ("cam.png", None),
+            ("._000045.png", None),
+            (".000045.png", None),
             ("7.txt", None),
         ] {
             let number = plain_number(name).map(|number| number.unwrap_or(u64::MAX));
             assert_eq!(number, expected, "{name}");
+        }
+    }
+
+    #[test]
+    fn hidden_files_are_passed_over() {
+        let folder = files(&["000000.png", "._000000.png", "000001.png", "._000001.png"]);
+        for path in [folder.path().to_owned(), folder.path().join("%06d.png")] {
+            let frames = frames(&FileConfig::new(&path)).expect("frames");
+            assert_eq!(frames.iter().map(|frame| frame.0).collect::<Vec<_>>(), [0, 1], "{}", path.display());
         }
     }
 
