@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use hull::{Camera, Silhouette};
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use segment::Layout;
-use segment::mask::{Channels, MaskError, MaskImage, Samples, read_mask};
+use segment::mask::{Channels, MaskError, MaskFilm, MaskImage, Samples};
 
 use super::config::FileConfig;
 use super::film::Fit;
@@ -23,6 +23,7 @@ pub struct FileFrames {
     frames: Vec<(u64, PathBuf)>,
     cursor: usize,
     kind: ImageKind,
+    masks: MaskFilm,
     fit: Fit,
     fps: f64,
 }
@@ -41,7 +42,8 @@ impl FileFrames {
                 tracing::warn!("camera {:?}: {}: {note}", camera.name(), config.path.display());
             }
         }
-        Ok(FileFrames { frames, cursor: 0, kind, fit: Fit::new(camera), fps: context.fps })
+        let (masks, fit) = (MaskFilm::default(), Fit::new(camera));
+        Ok(FileFrames { frames, cursor: 0, kind, masks, fit, fps: context.fps })
     }
 }
 
@@ -53,16 +55,22 @@ impl Source for FileFrames {
             self.cursor = self.frames.len();
             return Ok(None);
         };
-        load(path, self.kind, &self.fit, image)?;
+        load(path, self.kind, &mut self.masks, &self.fit, image)?;
         self.cursor += skipped + 1;
         Ok(Some(SourceFrame::of_film(*number, self.fps)))
     }
 }
 
 /// Reads one image file that must have the camera's size; colours become RGB.
-fn load(path: &Path, kind: ImageKind, fit: &Fit, image: &mut Image) -> Result<(), SourceError> {
+fn load(
+    path: &Path,
+    kind: ImageKind,
+    masks: &mut MaskFilm,
+    fit: &Fit,
+    image: &mut Image,
+) -> Result<(), SourceError> {
     let file = File::open(path).map_err(|error| SourceError::file(path, error))?;
-    decode(BufReader::new(file), path, kind, fit, image)
+    decode(BufReader::new(file), path, kind, masks, fit, image)
 }
 
 /// The same of a file's bytes; `path` is its name in messages.
@@ -70,6 +78,7 @@ pub(super) fn decode(
     bytes: impl BufRead + Seek,
     path: &Path,
     kind: ImageKind,
+    masks: &mut MaskFilm,
     fit: &Fit,
     image: &mut Image,
 ) -> Result<(), SourceError> {
@@ -86,7 +95,7 @@ pub(super) fn decode(
         ImageKind::Colour(_) => (image.kind, image.data) = (COLOUR, decoded.into_rgb8().into_raw()),
         ImageKind::Mask => {
             image.kind = ImageKind::Mask;
-            write_mask(&decoded, is_lossy, &mut image.data)
+            write_mask(&decoded, is_lossy, masks, &mut image.data)
                 .map_err(|error| SourceError::file(path, error))?;
         }
     }
@@ -96,13 +105,18 @@ pub(super) fn decode(
 /// The silhouette in one image file, of the camera's size.
 pub fn read_silhouette(path: &Path, camera: &Camera) -> Result<Silhouette, SourceError> {
     let mut image = Image::default();
-    load(path, ImageKind::Mask, &Fit::new(camera), &mut image)?;
+    load(path, ImageKind::Mask, &mut MaskFilm::default(), &Fit::new(camera), &mut image)?;
     Silhouette::from_mask(image.width, image.height, &image.data)
         .map_err(|error| SourceError::file(path, error))
 }
 
 /// A decoded image as a mask, a byte a pixel.
-fn write_mask(image: &DynamicImage, is_lossy: bool, mask: &mut Vec<u8>) -> Result<(), MaskError> {
+fn write_mask(
+    image: &DynamicImage,
+    is_lossy: bool,
+    masks: &mut MaskFilm,
+    mask: &mut Vec<u8>,
+) -> Result<(), MaskError> {
     let (channels, samples) = match image {
         DynamicImage::ImageLuma8(grey) => (Channels::Grey, Samples::Bytes(grey.as_raw())),
         DynamicImage::ImageLumaA8(grey) => (Channels::GreyAlpha, Samples::Bytes(grey.as_raw())),
@@ -113,10 +127,10 @@ fn write_mask(image: &DynamicImage, is_lossy: bool, mask: &mut Vec<u8>) -> Resul
         DynamicImage::ImageRgb16(rgb) => (Channels::Rgb, Samples::Words(rgb.as_raw())),
         DynamicImage::ImageRgba16(rgba) => (Channels::Rgba, Samples::Words(rgba.as_raw())),
         // Neither PNG nor JPEG has any other samples.
-        other => return write_mask(&other.to_rgba16().into(), is_lossy, mask),
+        other => return write_mask(&other.to_rgba16().into(), is_lossy, masks, mask),
     };
     let (width, height) = (image.width(), image.height());
-    read_mask(&MaskImage { width, height, channels, samples, is_lossy }, mask)
+    masks.read(&MaskImage { width, height, channels, samples, is_lossy }, mask)
 }
 
 /// What decoding an image of this size may take: a colour profile may unpack to a thousand times its bytes.
@@ -204,6 +218,26 @@ mod tests {
         assert_eq!(image, Image { width: 4, height: 3, kind: ImageKind::Mask, data: vec![1; 12] });
     }
 
+    #[test]
+    fn masks_of_a_film_keep_their_foreground() {
+        let folder = tempfile::tempdir().expect("folder");
+        for (number, other) in [255u8, 255, 1].into_iter().enumerate() {
+            let mask = image::GrayImage::from_fn(12, 12, |x, _| image::Luma([if x > 3 { other } else { 0 }]));
+            mask.save(folder.path().join(format!("{number}.png"))).expect("written");
+        }
+        let config = FileConfig::new(folder.path());
+        let (camera, mut image) = (camera(12, 12), Image::default());
+        let mut source = FileFrames::open(&config, ImageKind::Mask, &camera, &context(30.0)).expect("opens");
+        for _ in 0..2 {
+            source.next(0, &mut image).expect("a mask");
+        }
+        let error = source.next(0, &mut image).expect_err("refused").to_string();
+        assert!(
+            error.contains("2.png: found the grey value 1 as foreground, and values over half"),
+            "{error}"
+        );
+    }
+
     #[track_caller]
     fn check_refused(path: &Path, message: &str) {
         let result = open(path, COLOUR, 0, 1).and_then(|mut source| source.next(0, &mut Image::default()));
@@ -253,7 +287,14 @@ mod tests {
     fn mask_of(png: &[u8]) -> Result<Vec<u8>, SourceError> {
         let mut image = Image::default();
         let fit = Fit::new(&camera(4, 3));
-        let decoded = decode(Cursor::new(png), Path::new("mask.png"), ImageKind::Mask, &fit, &mut image);
+        let decoded = decode(
+            Cursor::new(png),
+            Path::new("mask.png"),
+            ImageKind::Mask,
+            &mut MaskFilm::default(),
+            &fit,
+            &mut image,
+        );
         decoded.map(|()| image.data)
     }
 

@@ -4,6 +4,7 @@ use std::io::Cursor;
 use std::path::Path;
 
 use hull::Rig;
+use segment::mask::MaskFilm;
 
 use super::files::{COLOUR, decode};
 use super::film::Fit;
@@ -32,7 +33,9 @@ pub fn image(bytes: &[u8]) {
     let fit = Fit::new(&rig.cameras()[0]);
     for (kind, channels) in [(COLOUR, 3), (ImageKind::Mask, 1)] {
         let mut image = Image::default();
-        if decode(Cursor::new(bytes), Path::new("image"), kind, &fit, &mut image).is_ok() {
+        if decode(Cursor::new(bytes), Path::new("image"), kind, &mut MaskFilm::default(), &fit, &mut image)
+            .is_ok()
+        {
             assert_eq!((image.width, image.height, image.kind), (16, 12, kind));
             assert_eq!(image.data.len(), 16 * 12 * channels, "a whole image");
             assert!(kind == COLOUR || image.data.iter().all(|&value| value <= 1), "a byte of 0 or 1 a pixel");

@@ -81,9 +81,38 @@ pub enum MaskError {
          without alpha, or with one colour"
     )]
     TwoMasks,
+    /// Foreground of a film changes.
+    #[error(
+        "found {found} as foreground, and {before} in the masks before; expected one kind of masks in a film: 0 and \
+         one value, the same in all of them, or foreground over half"
+    )]
+    OtherForeground {
+        /// Of this mask.
+        found: Foreground,
+        /// Of those before it.
+        before: Foreground,
+    },
     /// Alpha is not constant, and no mask.
     #[error("alpha: {0}")]
     Alpha(Box<MaskError>),
+}
+
+/// What foreground is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Foreground {
+    /// One value up to half, beside 0.
+    Value(u32),
+    /// All values over half.
+    OverHalf,
+}
+
+impl fmt::Display for Foreground {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Foreground::Value(value) => write!(f, "the grey value {value}"),
+            Foreground::OverHalf => f.write_str("values over half"),
+        }
+    }
 }
 
 /// Values or colours that were found: the first ones, and whether there are more.

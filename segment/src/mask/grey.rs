@@ -1,7 +1,7 @@
 //! Which grey values are foreground.
 
 use super::error::Found;
-use super::{MaskError, Sample};
+use super::{Foreground, MaskError, Sample};
 
 /// Pixels that are compared at once.
 const BLOCK: usize = 64;
@@ -22,27 +22,73 @@ pub(super) fn check_half_transparent<S: Sample>(alpha: &[S]) -> Result<(), MaskE
     if has_others || !has_all() { Ok(()) } else { Err(MaskError::Labels(Found::new(SHADOWS))) }
 }
 
-/// The value from which on pixels are foreground.
-pub(super) fn threshold<S: Sample>(values: &[S], width: usize, is_lossy: bool) -> Result<S, MaskError> {
+/// The value from which on pixels are foreground, and what foreground is. Of a film it is `known` from the masks before.
+pub(super) fn threshold<S: Sample>(
+    values: &[S],
+    width: usize,
+    is_lossy: bool,
+    known: Option<Foreground>,
+) -> Result<(S, Option<Foreground>), MaskError> {
+    let max: u32 = S::MAX.into();
+    let is_dim = |value: u32| value <= noise(max) && is_scattered(values, width);
+    let is_shadow = |value: u32| max == 255 && value == SHADOWS[1];
+    let background = Ok((S::of(max / 2 + 1), None));
+    match (known, threshold_of_one(values, width, is_lossy)) {
+        // Noise, a shadow without a person, and soft edges at the image's border.
+        (Some(Foreground::OverHalf), Ok((_, Some(Foreground::Value(value)))))
+            if is_shadow(value) || is_dim(value) =>
+        {
+            background
+        }
+        (Some(Foreground::OverHalf), Err(MaskError::OneSide { are_dark: true, .. }))
+            if is_scattered(values, width) =>
+        {
+            background
+        }
+        (Some(before), Ok((_, Some(found)))) if found != before => {
+            Err(MaskError::OtherForeground { found, before })
+        }
+        (_, found) => found,
+    }
+}
+
+/// The same of a mask by itself. All background says nothing about foreground.
+fn threshold_of_one<S: Sample>(
+    values: &[S],
+    width: usize,
+    is_lossy: bool,
+) -> Result<(S, Option<Foreground>), MaskError> {
     let max: u32 = S::MAX.into();
     let counts = histogram(values);
     let present: Vec<u32> = (0..=max).filter(|&value| counts[value as usize] > 0).collect();
     let (least, most) = (present[0], present[present.len() - 1]);
     let half = max / 2;
+    let over_half = (S::of(half + 1), Some(Foreground::OverHalf));
     match present[..] {
-        [value] if value == 0 || value == max => Ok(S::of(1)),
+        [0] => Ok((S::of(1), None)),
+        [value] if value == max => Ok(over_half),
         [value] => Err(MaskError::ConstantGrey { value, max }),
         // A lossy format makes such a pair of noise.
-        [0, _] if !is_lossy => Ok(S::of(1)),
-        _ if most == max && least >= max - noise(max) => Ok(S::of(half + 1)),
+        [0, value] if !is_lossy && value <= half => Ok((S::of(1), Some(Foreground::Value(value)))),
+        _ if most == max && least >= max - noise(max) => Ok(over_half),
         _ if most <= half || least > half => {
             Err(MaskError::OneSide { found: Found::new(present), half, are_dark: most <= half })
         }
-        [_, _] => Ok(S::of(half + 1)),
+        [_, _] => Ok(over_half),
         // Background subtraction of OpenCV marks the shadow of a person as 127.
-        _ if present == SHADOWS && max == 255 && !is_lossy => Ok(S::of(half + 1)),
-        _ => Greys::new(&counts, present, is_lossy).check(values, width).map(|()| S::of(half + 1)),
+        _ if present == SHADOWS && max == 255 && !is_lossy => Ok(over_half),
+        _ => Greys::new(&counts, present, is_lossy).check(values, width).map(|()| over_half),
     }
+}
+
+/// Whether few of the pixels that are not 0 are inside a flat region.
+fn is_scattered<S: Sample>(values: &[S], width: usize) -> bool {
+    let (mut flat, mut count) = (0, 0);
+    for (index, &value) in values.iter().enumerate().filter(|&(_, &value)| value.into() > 0) {
+        count += 1;
+        flat += usize::from(neighbours(values, width, index).all(|near| near == value));
+    }
+    4 * flat <= count
 }
 
 /// How far from the largest value, or from 0, a value is the same with noise.
@@ -135,15 +181,21 @@ impl Greys<'_> {
 
 /// Whether a pixel has a darker and a brighter one around it.
 fn is_on_a_slope<S: Sample>(values: &[S], width: usize, index: usize) -> bool {
-    let (row, column, value) = (index / width, index % width, values[index]);
+    let value = values[index];
     let (mut has_darker, mut has_brighter) = (false, false);
-    for near_row in row.saturating_sub(1)..=row + 1 {
-        let from = near_row * width + column.saturating_sub(1);
-        let to = near_row * width + (column + 2).min(width);
-        for &near in values.get(from..to).unwrap_or_default() {
-            has_darker |= near < value;
-            has_brighter |= near > value;
-        }
+    for near in neighbours(values, width, index) {
+        has_darker |= near < value;
+        has_brighter |= near > value;
     }
     has_darker && has_brighter
+}
+
+/// A pixel and those around it.
+fn neighbours<S: Sample>(values: &[S], width: usize, index: usize) -> impl Iterator<Item = S> {
+    let (row, column) = (index / width, index % width);
+    (row.saturating_sub(1)..=row + 1).flat_map(move |near_row| {
+        let from = near_row * width + column.saturating_sub(1);
+        let to = near_row * width + (column + 2).min(width);
+        values.get(from..to).unwrap_or_default().iter().copied()
+    })
 }

@@ -10,7 +10,7 @@ mod colour;
 mod error;
 mod grey;
 
-pub use error::{Found, MaskError};
+pub use error::{Foreground, Found, MaskError};
 
 /// A decoded image, row-major, without padding.
 #[derive(Clone, Copy, Debug)]
@@ -62,33 +62,55 @@ impl Channels {
 
 /// Writes one byte a pixel into `mask`, 1 for foreground and 0 for background, or says why the image is no mask.
 pub fn read_mask(image: &MaskImage<'_>, mask: &mut Vec<u8>) -> Result<(), MaskError> {
-    match image.samples {
-        Samples::Bytes(samples) => read(image, samples, mask),
-        Samples::Words(samples) => read(image, samples, mask),
-    }
+    MaskFilm::default().read(image, mask)
 }
 
-fn read<S: Sample>(image: &MaskImage<'_>, samples: &[S], mask: &mut Vec<u8>) -> Result<(), MaskError> {
-    let (width, channels) = (image.width as usize, image.channels.count());
-    let expected = width * image.height as usize * channels;
-    if samples.len() != expected || expected == 0 {
-        return Err(MaskError::Length { found: samples.len(), expected });
+/// Reads the masks of one film: foreground is the same in all of them.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct MaskFilm {
+    foreground: Option<Foreground>,
+}
+
+impl MaskFilm {
+    /// Does the same as [`read_mask`], and refuses a mask whose foreground is another than in the masks before it. In
+    /// a film of foreground over half a mask of noise or of a shadow alone is background.
+    pub fn read(&mut self, image: &MaskImage<'_>, mask: &mut Vec<u8>) -> Result<(), MaskError> {
+        match image.samples {
+            Samples::Bytes(samples) => self.read_samples(image, samples, mask),
+            Samples::Words(samples) => self.read_samples(image, samples, mask),
+        }
     }
-    let plane = |values: &[S], mask: &mut Vec<u8>| {
-        let foreground_from = grey::threshold(values, width, image.is_lossy)?;
-        mask.clear();
-        mask.extend(values.iter().map(|&value| u8::from(value >= foreground_from)));
-        Ok(())
-    };
-    match image.channels {
-        Channels::Grey => plane(samples, mask),
-        Channels::Rgb => plane(&colour::greys(samples, channels, image.is_lossy)?, mask),
-        Channels::GreyAlpha | Channels::Rgba => match alpha::mask_plane(samples, channels, image.is_lossy)? {
-            alpha::MaskPlane::Colours(values) => plane(&values, mask),
-            alpha::MaskPlane::Alpha(values) => grey::check_half_transparent(&values)
-                .and_then(|()| plane(&values, mask))
-                .map_err(|error| MaskError::Alpha(Box::new(error))),
-        },
+
+    fn read_samples<S: Sample>(
+        &mut self,
+        image: &MaskImage<'_>,
+        samples: &[S],
+        mask: &mut Vec<u8>,
+    ) -> Result<(), MaskError> {
+        let (width, channels) = (image.width as usize, image.channels.count());
+        let expected = width * image.height as usize * channels;
+        if samples.len() != expected || expected == 0 {
+            return Err(MaskError::Length { found: samples.len(), expected });
+        }
+        let mut plane = |values: &[S]| {
+            let (from, foreground) = grey::threshold(values, width, image.is_lossy, self.foreground)?;
+            self.foreground = self.foreground.or(foreground);
+            mask.clear();
+            mask.extend(values.iter().map(|&value| u8::from(value >= from)));
+            Ok(())
+        };
+        match image.channels {
+            Channels::Grey => plane(samples),
+            Channels::Rgb => plane(&colour::greys(samples, channels, image.is_lossy)?),
+            Channels::GreyAlpha | Channels::Rgba => {
+                match alpha::mask_plane(samples, channels, image.is_lossy)? {
+                    alpha::MaskPlane::Colours(values) => plane(&values),
+                    alpha::MaskPlane::Alpha(values) => grey::check_half_transparent(&values)
+                        .and_then(|()| plane(&values))
+                        .map_err(|error| MaskError::Alpha(Box::new(error))),
+                }
+            }
+        }
     }
 }
 

@@ -379,6 +379,37 @@ fn alpha_that_clears_a_part_of_a_mask_or_of_labels_contradicts_it() {
 }
 
 #[test]
+fn foreground_of_a_film_is_the_same_in_all_masks() {
+    let read_film = |masks: &[&[u8]]| -> Result<Vec<u8>, MaskError> {
+        let (mut film, mut mask) = (MaskFilm::default(), Vec::new());
+        for bytes in masks {
+            film.read(&image(64, Channels::Grey, Samples::Bytes(bytes)), &mut mask)?;
+        }
+        Ok(mask)
+    };
+    let inside = rings(1, 1, 0);
+    let (white, one, fifteen, empty) =
+        (rings(255, 255, 0), rings(1, 1, 0), rings(15, 15, 0), vec![0; 64 * 48]);
+    assert_eq!(read_film(&[&empty, &one, &empty, &one]), Ok(inside.clone()));
+    assert_eq!(read_film(&[&empty, &white, &rings(254, 254, 0)]), Ok(inside));
+    for (first, then, message) in [
+        (&white, &one, "found the grey value 1 as foreground, and values over half in the masks before"),
+        (&one, &white, "found values over half as foreground, and the grey value 1 in the masks before"),
+        (&one, &fifteen, "found the grey value 15 as foreground, and the grey value 1 in"),
+        (&white, &rings(1, 2, 0), "found the grey values 0, 1, 2, all of them up to half"),
+    ] {
+        refused(read_film(&[first, then]), message);
+    }
+    // Noise, a shadow, and a soft edge that only begins.
+    let noise = |levels: u32| drawn(64, 48, |x, y| ((x * 31 + y * 17 + x * y * 7) % 29 % levels) as u8);
+    let edge = drawn(64, 48, |x, _| [0, 3, 10, 40][x.saturating_sub(60) as usize]);
+    for empty_mask in [noise(2), noise(3), rings(127, 127, 0), edge] {
+        assert_eq!(read_film(&[&white, &empty_mask]), Ok(empty.clone()));
+    }
+    refused(read_film(&[&noise(3)]), "all of them up to half");
+}
+
+#[test]
 fn samples_of_another_size_are_refused() {
     refused(
         read_mask(&MaskImage { height: 3, ..image(2, Channels::Grey, Samples::Bytes(&[0; 4])) }, &mut vec![])
