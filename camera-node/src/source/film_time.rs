@@ -11,6 +11,11 @@ const NOTED_S: f64 = 1.0;
 /// … and longer than that is no film, seconds.
 const MOST_S: f64 = 60.0;
 
+/// Times are usually so far apart at least, and a number of frames may be so uneven below.
+const LEAST_OF_TIMES: u64 = 3;
+/// So many distances tell times from numbers of frames.
+const SURE_DISTANCES: usize = 8;
+
 /// How far images are apart, in numbers of files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Spacing {
@@ -33,7 +38,7 @@ pub enum FilmTimeError {
         /// How far images are apart.
         spacing: Spacing,
     },
-    /// Usual neighbours are seconds of film apart.
+    /// Usual neighbours are seconds of film apart, or as unevenly apart as times are.
     #[error("image numbers are usually {} apart, which is {apart_s:.1} s of film: {}", .spacing.usual, apart_advice(*.spacing))]
     Apart {
         /// How far.
@@ -114,7 +119,7 @@ pub(super) fn check(
     if is_over(first_frame, NOTED_S) {
         notes.push(FilmNote::Late { first, after_s });
     }
-    if is_over(usual, NOTED_S) {
+    if is_over(usual, NOTED_S) || are_times(frames, usual) {
         return Err(FilmTimeError::Apart { spacing, apart_s: usual as f64 / fps });
     }
     if usual > 1 {
@@ -139,6 +144,16 @@ pub fn usual_distance(frames: &[u64]) -> u64 {
     distances.sort_unstable();
     // The lower one of two: a gap is no rule.
     distances.get(distances.len().saturating_sub(1) / 2).copied().unwrap_or(1).max(1)
+}
+
+/// Whether numbers are times, as milliseconds of 60 images a second (0, 16, 33, 50) are: nearly all about as far apart,
+/// and many of them by no multiple of the usual distance. Of film with missing images they are.
+fn are_times(frames: &[u64], usual: u64) -> bool {
+    let distances = || frames.windows(2).map(|pair| pair[1] - pair[0]);
+    let count = distances().count();
+    let alike = distances().filter(|distance| distance.abs_diff(usual) <= (usual / 4).max(1)).count();
+    let uneven = distances().filter(|distance| !distance.is_multiple_of(usual)).count();
+    usual >= LEAST_OF_TIMES && count >= SURE_DISTANCES && 4 * alike >= 3 * count && 10 * uneven >= count
 }
 
 fn start_advice(first: u64, spacing: Spacing) -> String {
@@ -236,6 +251,23 @@ mod tests {
             None,
             &["set start_frame = 1403636579763555584", "frame_step = 50000000"],
         );
+    }
+
+    #[test]
+    fn times_of_fast_film_are_refused_and_uneven_numbers_of_frames_noted() {
+        for per_second in [60, 90, 120, 240] {
+            let milliseconds = (0..60).map(|image| image * 1000 / per_second);
+            let numbers: Vec<u64> = milliseconds.collect();
+            let error = check(&numbers, None, NonZeroU64::MIN, per_second as f64).expect_err("refused");
+            assert!(error.to_string().contains("as times are; rename the images"), "{error}");
+        }
+        refused((0..60).map(|image| image * 100 / 30), None, &["usually 3 apart", "as times are"]);
+        let eighths = (0..40).map(|image| 8 * image).chain([9, 100, 201]);
+        let mut numbers: Vec<u64> = eighths.filter(|number| *number != 64).collect();
+        numbers.sort_unstable();
+        assert_eq!(noted(numbers, None).len(), 1, "every eighth image and three more");
+        let picked = (0..40).map(|image: u64| 4 * image + image * image % 4 + image * 7919 % 3);
+        assert_eq!(noted(picked, None).len(), 1, "images that were picked");
     }
 
     #[test]
