@@ -41,8 +41,7 @@ const SMALL: Film = Film { size: (96, 72), fps: 5.0 };
 impl Room {
     /// `None`, and says why, on a machine that makes no hosts.
     fn new(film: &Film, delay: Delay) -> Option<Room> {
-        let hosts: Result<Vec<Host>, String> =
-            (0..NODES).map(|number| Host::new(number as u8, 100)).collect();
+        let hosts: Result<Vec<Host>, String> = (0..NODES).map(|_| Host::new(100)).collect();
         let hosts =
             hosts.inspect_err(|why| testkit::skip(format_args!("no network namespaces: {why}"))).ok()?;
         let folder = tempfile::tempdir().expect("a folder");

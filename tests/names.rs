@@ -100,7 +100,7 @@ fn a_node_that_is_missing_is_called_by_its_name() {
 
 #[test]
 fn nodes_without_addresses_are_found_in_the_network() {
-    let host = match Host::new(0, 100) {
+    let host = match Host::new(100) {
         Ok(host) => host,
         Err(why) => {
             testkit::skip(format_args!("no network namespaces: {why}"));

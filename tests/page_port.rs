@@ -243,8 +243,8 @@ struct Open {
 
 impl Open {
     /// `None`, and says why, on a machine that makes no hosts.
-    fn new(number: u8) -> Option<Open> {
-        let host = Host::new(number, 100);
+    fn new() -> Option<Open> {
+        let host = Host::new(100);
         let host =
             host.inspect_err(|why| testkit::skip(format_args!("no network namespaces: {why}"))).ok()?;
         let folder = tempfile::tempdir().expect("a folder");
@@ -263,7 +263,7 @@ impl Open {
 
 #[tokio::test]
 async fn a_coordinator_with_certificates_shows_its_page_by_https() {
-    let Some(room) = Open::new(0) else { return };
+    let Some(room) = Open::new() else { return };
     let authority = Authority::make("room", Validity::days(30)).expect("an authority");
     let (coordinator, viewer) = (Identity::coordinator("room"), Identity::viewer("room"));
     issue(&room.folder.path().join("certs"), &authority, &coordinator);
@@ -281,7 +281,7 @@ async fn a_coordinator_with_certificates_shows_its_page_by_https() {
 
 #[tokio::test]
 async fn a_page_that_is_not_encrypted_says_so_in_the_log_and_to_those_who_look() {
-    let Some(room) = Open::new(1) else { return };
+    let Some(room) = Open::new() else { return };
     let run = room.coordinator("http", &["--insecure"]);
     let expected = "--insecure: this page is not encrypted, and whoever is on the way may read its token";
     assert_eq!(run.hello(TOKEN).await["insecure"], expected);

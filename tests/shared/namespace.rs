@@ -2,6 +2,7 @@
 
 use std::net::Ipv4Addr;
 use std::process::Command;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 /// A host at the end of a cable. Its namespace ends with the test.
 pub struct Host {
@@ -14,12 +15,13 @@ pub struct Host {
 }
 
 impl Host {
-    /// A host, or why this machine makes none. `number` tells a test's hosts apart.
-    pub fn new(number: u8, rate_mbit_s: u32) -> Result<Host, String> {
-        let process = std::process::id();
+    /// A host, or why this machine makes none.
+    pub fn new(rate_mbit_s: u32) -> Result<Host, String> {
+        static MADE: AtomicU32 = AtomicU32::new(0);
+        let (process, number) = (std::process::id(), MADE.fetch_add(1, Ordering::Relaxed));
         let (name, cable) = (format!("hulltouch{process}-{number}"), format!("ht{process}{number}"));
-        // Four addresses for a cable, chosen by the process: tests of other processes have theirs.
-        let block = (process % 4096) * 16 + u32::from(number) * 4;
+        // Four addresses for a cable, chosen by the process: its tests have sixteen, tests of other processes others.
+        let block = (process % 1024) * 64 + number % 16 * 4;
         let network = u32::from(Ipv4Addr::new(10, 213, 0, 0)) + block % (1 << 16);
         let (ours, address) = (Ipv4Addr::from(network + 1), Ipv4Addr::from(network + 2));
         ip(&format!("netns add {name}"))?;
