@@ -147,13 +147,16 @@ pub fn usual_distance(frames: &[u64]) -> u64 {
 }
 
 /// Whether numbers are times, as milliseconds of 60 images a second (0, 16, 33, 50) are: nearly all about as far apart,
-/// and many of them by no multiple of the usual distance. Of film with missing images they are.
+/// and many of these not exactly. Numbers of frames are a multiple of a step apart, or picked.
 fn are_times(frames: &[u64], usual: u64) -> bool {
     let distances = || frames.windows(2).map(|pair| pair[1] - pair[0]);
     let count = distances().count();
-    let alike = distances().filter(|distance| distance.abs_diff(usual) <= (usual / 4).max(1)).count();
-    let uneven = distances().filter(|distance| !distance.is_multiple_of(usual)).count();
-    usual >= LEAST_OF_TIMES && count >= SURE_DISTANCES && 4 * alike >= 3 * count && 10 * uneven >= count
+    let alike = || distances().filter(|distance| distance.abs_diff(usual) <= (usual / 4).max(1));
+    let uneven = alike().filter(|&distance| distance != usual).count();
+    usual >= LEAST_OF_TIMES
+        && count >= SURE_DISTANCES
+        && 4 * alike().count() >= 3 * count
+        && 10 * uneven >= count
 }
 
 fn start_advice(first: u64, spacing: Spacing) -> String {
