@@ -1,5 +1,7 @@
 //! Compiles the protocol without `protoc`.
 
+#![allow(clippy::disallowed_macros, reason = "Cargo reads what is printed")]
+
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let files = [
         "proto/hulltouch/v1/node.proto",

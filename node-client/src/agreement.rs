@@ -125,6 +125,11 @@ impl Agreement {
         *self.cut() = Cut::default();
     }
 
+    /// Whether what is reported of a run concerns us: once we have begun one, no other does.
+    pub fn is_of_run(&self, run: u64) -> bool {
+        self.terms().pace.is_none_or(|pace| pace.run == run)
+    }
+
     /// Where film is cut into frames, by what nodes have reported of their cameras.
     pub(crate) fn cut(&self) -> MutexGuard<'_, Cut> {
         self.cut.lock().unwrap_or_else(PoisonError::into_inner)

@@ -70,7 +70,7 @@ impl Film {
             cameras.map(|camera| true_silhouette(&self.stage, camera, time_s).expect("drawn")).collect()
         });
         if self.ring.newest().is_ok_and(|newest| newest.number >= number) {
-            self.ring.clear(false);
+            self.ring.begin_run(1, false);
         }
         let stamp = Stamp { number, capture_time_s: time_s, captured_unix_s: time_s };
         for (index, (observer, silhouette)) in self.observers.iter().zip(silhouettes).enumerate() {

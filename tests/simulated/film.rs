@@ -118,7 +118,7 @@ impl Filming for SimulatedFilm {
         if let Some(before) = run.take() {
             before.task.abort();
         }
-        self.cameras.ring.clear(!start.lock_step);
+        self.cameras.ring.begin_run(start.run, !start.lock_step);
         let clock = Arc::new(FilmClock::new(start.clock));
         let task = tokio::spawn(Arc::clone(&self.cameras).film(Arc::clone(&clock)));
         *run = Some(Run { number: start.run, clock, task });

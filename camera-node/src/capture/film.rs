@@ -182,7 +182,7 @@ impl Filming for Film {
         if let Some(before) = run.take() {
             before.stop();
         }
-        self.ring.clear(!start.lock_step);
+        self.ring.begin_run(start.run, !start.lock_step);
         self.colours.clear();
         let (gate, clock) = (Arc::new(Gate::default()), Arc::new(FilmClock::new(start.clock)));
         self.meter.clock(start.clock.bound_s);

@@ -72,6 +72,8 @@ struct Inner {
     health: Vec<CameraHealth>,
     /// Counts runs: each begins with an empty ring and numbers its frames anew.
     run: u64,
+    /// What the coordinator calls this run, 0 before the first.
+    called: u64,
 }
 
 impl Inner {
@@ -137,8 +139,10 @@ pub struct FrameId {
 /// What is new in a ring.
 #[derive(Debug)]
 pub struct News {
-    /// The run that is on.
+    /// The run that is on, counted by the ring.
     pub run: u64,
+    /// What the coordinator calls it, 0 before the first.
+    pub called: u64,
     /// Its frames, oldest first.
     pub frames: Vec<Arc<Frame>>,
     /// The state of its film; of one that has ended, no frame follows these.
@@ -178,11 +182,12 @@ impl FrameRing {
         self.frames
     }
 
-    /// Forgets all frames: a new run begins. It goes on without a camera that does not film, or waits for it.
-    pub fn clear(&self, goes_on: bool) {
+    /// Forgets all frames: a run begins, which the coordinator calls so. It goes on without a camera that does not film,
+    /// or waits for it.
+    pub fn begin_run(&self, called: u64, goes_on: bool) {
         let mut inner = self.lock();
         let run = inner.run + 1;
-        *inner = Inner { run, goes_on, ..Inner::new(self.camera_count) };
+        *inner = Inner { run, called, goes_on, ..Inner::new(self.camera_count) };
         drop(inner);
         self.changed();
     }
@@ -341,7 +346,7 @@ impl FrameRing {
         let last = seen.filter(|seen| seen.run == inner.run).map(|seen| seen.number);
         let is_new = |frame: &&Arc<Frame>| last.is_none_or(|last| frame.number > last);
         let frames = inner.ring.iter().filter(is_new).cloned().collect();
-        News { run: inner.run, frames, state: inner.state.clone() }
+        News { run: inner.run, called: inner.called, frames, state: inner.state.clone() }
     }
 
     /// Wakes whenever a frame, an end or a failure has come.
@@ -389,7 +394,7 @@ mod tests {
     #[test]
     fn frames_begin_without_a_camera_that_never_films_and_wait_for_it_once_it_does() {
         let ring = FrameRing::new(3);
-        ring.clear(true);
+        ring.begin_run(1, true);
         for number in 0..70 {
             let now_s = 100.0 + number as f64 / 30.0;
             (0..2).for_each(|camera| offer_at(&ring, camera, number, now_s));
@@ -432,7 +437,7 @@ mod tests {
         assert_eq!(ring.get(2).map(|frame| frame.number), Ok(2), "what is gone cannot take its place");
         ring.hold(39);
         assert!(matches!(ring.get(2), Err(FrameError::Gone { .. })));
-        ring.clear(false);
+        ring.begin_run(1, false);
         assert!(matches!(ring.get(39), Err(FrameError::Empty)));
     }
 
@@ -458,7 +463,7 @@ mod tests {
     #[test]
     fn frames_go_on_without_a_camera_that_films_nothing_and_wait_for_it_again_once_it_does() {
         let ring = FrameRing::new(3);
-        ring.clear(true);
+        ring.begin_run(1, true);
         (0..3).for_each(|camera| offer(&ring, camera, 0));
         offer(&ring, 0, 1);
         offer(&ring, 2, 1);
@@ -479,7 +484,7 @@ mod tests {
     #[test]
     fn a_camera_comes_back_though_the_others_are_always_a_little_earlier() {
         let ring = FrameRing::new(2);
-        ring.clear(true);
+        ring.begin_run(1, true);
         (0..2).for_each(|camera| offer(&ring, camera, 0));
         ring.leave_out(1);
         for number in 1..4 {
@@ -492,7 +497,7 @@ mod tests {
     #[test]
     fn a_camera_two_frames_behind_all_others_is_left_out() {
         let ring = FrameRing::new(3);
-        ring.clear(true);
+        ring.begin_run(1, true);
         (0..3).for_each(|camera| offer(&ring, camera, 0));
         for number in 1..=2 {
             offer(&ring, 0, number);
@@ -534,7 +539,7 @@ mod tests {
         assert_eq!(ring.state(), FilmState::Running, "the other has yet to deliver frame 0");
         offer(&ring, 1, 0);
         assert_eq!(ring.state(), FilmState::Ended);
-        ring.clear(false);
+        ring.begin_run(1, false);
         ring.fail("no".into());
         ring.end(0);
         ring.end(1);

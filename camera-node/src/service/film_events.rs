@@ -19,7 +19,7 @@ pub(super) async fn send_film_events(
     let mut ended_run: Option<u64> = None;
     loop {
         let changes = ring.changes();
-        let News { run, frames, state } = ring.since(last);
+        let News { run, called, frames, state } = ring.since(last);
         let mut events = Vec::with_capacity(frames.len() + 1);
         for frame in frames {
             last = Some(FrameId { run, number: frame.number });
@@ -34,7 +34,8 @@ pub(super) async fn send_film_events(
         }
         let last_of_run = last.filter(|last| last.run == run).map(|last| last.number);
         for event in events {
-            if sender.send(Ok(film_event_to_wire(event, last_of_run))).await.is_err() {
+            let info = v1::FrameInfo { run: called, ..film_event_to_wire(event, last_of_run) };
+            if sender.send(Ok(info)).await.is_err() {
                 return;
             }
         }
@@ -69,12 +70,12 @@ mod tests {
         let mut seen = Vec::new();
         for _ in 0..3 {
             let event = events.recv().await.expect("an event").expect("no error");
-            seen.push((event.frame, event.ended));
+            seen.push((event.run, event.frame, event.ended));
         }
-        assert_eq!(seen, [(5, false), (7, false), (7, true)]);
-        ring.clear(false);
+        assert_eq!(seen, [(0, 5, false), (0, 7, false), (0, 7, true)]);
+        ring.begin_run(8, false);
         ring.fail("no camera".into());
         let event = events.recv().await.expect("an event").expect("no error");
-        assert_eq!((event.frame, event.ended, &event.failure[..]), (0, true, "no camera"));
+        assert_eq!((event.run, event.frame, event.ended, &event.failure[..]), (8, 0, true, "no camera"));
     }
 }

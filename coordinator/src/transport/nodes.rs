@@ -78,7 +78,9 @@ impl Nodes {
     fn note(&self, roster: &mut Roster, node: usize, event: NodeEvent) -> Option<PassEvent> {
         match event {
             NodeEvent::Up => roster.up(node),
-            NodeEvent::Film { event, heard_s } => {
+            // It was on its way when we began our run.
+            NodeEvent::Film { run, .. } if !self.agreement.is_of_run(run) => {}
+            NodeEvent::Film { event, heard_s, .. } => {
                 if let FilmEvent::Frame(report) = &event {
                     roster.heard(Arrival { node, frame: report.frame, heard_s });
                     self.next_frame.fetch_max(report.frame + 1, Ordering::Relaxed);
@@ -226,4 +228,31 @@ pub(super) async fn fetch(
     }
     all.sort_by_key(|(rig_index, _)| *rig_index);
     failed.map_or(Ok((all, bytes)), |error| Err(Unfetched { late, error }))
+}
+
+#[cfg(test)]
+mod tests {
+    use hull::ProbeSettings;
+    use proto::FilmState;
+
+    use super::*;
+    use crate::roster::RosterNode;
+
+    #[test]
+    fn what_is_still_heard_of_another_run_changes_nothing() {
+        let (sender, events) = mpsc::channel(8);
+        let agreement = Arc::new(Agreement::new(ProbeSettings::default(), 30.0, vec![]));
+        let mut nodes = Nodes::new(vec![], Arc::clone(&agreement), events);
+        let mut roster = Roster::new(vec![RosterNode::new("node a".into(), vec![0])]);
+        roster.up(0);
+        let mut film_after = |run: u64, event: FilmEvent| {
+            sender.try_send((0, NodeEvent::Film { run, event, heard_s: 0.0 })).expect("room");
+            nodes.drain(&mut roster);
+            roster.film(0)
+        };
+        agreement.begin_run(Pace::lock_step(2));
+        assert_eq!(film_after(1, FilmEvent::Ended), FilmState::Running);
+        assert_eq!(film_after(1, FilmEvent::Failed("no camera".into())), FilmState::Running);
+        assert_eq!(film_after(2, FilmEvent::Ended), FilmState::Ended);
+    }
 }

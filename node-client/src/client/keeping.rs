@@ -301,15 +301,20 @@ impl NodeClient {
     async fn read_film(&self, mut frames: tonic::Streaming<v1::FrameInfo>) -> Result<(), NodeError> {
         let mut before: Option<(u64, f64)> = None;
         while let Some(info) = frames.next().await {
-            let event = film_event_from_wire(info?, &self.node.cameras)?;
+            let info = info?;
+            let run = info.run;
+            let event = film_event_from_wire(info, &self.node.cameras)?;
+            if !self.agreement.is_of_run(run) {
+                continue;
+            }
             if let FilmEvent::Frame(report) = &event {
                 check_order(before, (report.frame, report.capture_time_s))?;
                 before = Some((report.frame, report.capture_time_s));
                 self.agreement.cut().heard(report);
             }
-            let is_news = self.state().is_news(&event);
+            let is_news = self.state().is_news(run, &event);
             if is_news {
-                self.report(NodeEvent::Film { event, heard_s: monotonic_s() }).await?;
+                self.report(NodeEvent::Film { run, event, heard_s: monotonic_s() }).await?;
             }
         }
         Err(NodeError::Closed)

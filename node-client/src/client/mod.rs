@@ -34,6 +34,8 @@ pub enum NodeEvent {
     Down(NodeError),
     /// Of its film.
     Film {
+        /// Of which run.
+        run: u64,
         /// What.
         event: FilmEvent,
         /// When it came, by this process's monotonic clock, seconds.

@@ -31,7 +31,7 @@ pub(super) struct State {
     pub renewals: u64,
     pub renewed: Option<Instant>,
     /// The last event of film that was reported of this run.
-    pub last_of_film: Option<FilmEvent>,
+    pub last_of_film: Option<(u64, FilmEvent)>,
 }
 
 impl State {
@@ -51,17 +51,18 @@ impl State {
         self.send_credit();
     }
 
-    /// Whether an event of film is news: where two connections overlap, both report it.
-    pub fn is_news(&mut self, event: &FilmEvent) -> bool {
+    /// Whether an event of a run's film is news: where two connections overlap, both report it.
+    pub fn is_news(&mut self, run: u64, event: &FilmEvent) -> bool {
         let overlaps = self.renewed.is_some_and(|renewed| renewed.elapsed() < 3 * LAST_WORDS);
         let is_known = match (event, &self.last_of_film) {
             _ if !overlaps => false,
-            (FilmEvent::Frame(new), Some(FilmEvent::Frame(last))) => new.frame <= last.frame,
-            (new, Some(last)) => new == last,
+            (_, Some((of, _))) if *of != run => false,
+            (FilmEvent::Frame(new), Some((_, FilmEvent::Frame(last)))) => new.frame <= last.frame,
+            (new, Some((_, last))) => new == last,
             (_, None) => false,
         };
         if !is_known {
-            self.last_of_film = Some(event.clone());
+            self.last_of_film = Some((run, event.clone()));
         }
         !is_known
     }

@@ -26,7 +26,7 @@ pub(super) fn within(value: f64, low: f64, high: f64, field: Field) -> Result<f6
     Err(field.value(format!("is {value}, expected {low} to {high}")))
 }
 
-/// An event of film; `last_frame` is the newest frame that was reported before, if any.
+/// An event of film; `last_frame` is the newest frame that was reported before, if any. Of which run it is, the sender adds.
 pub fn film_event_to_wire(event: FilmEvent, last_frame: Option<u64>) -> v1::FrameInfo {
     let end = |failure| {
         let frame = last_frame.unwrap_or_default();
@@ -55,8 +55,7 @@ fn frame_report_to_wire(report: FrameReport) -> v1::FrameInfo {
         captured_unix_s,
         cameras: cameras.into_iter().map(camera).collect(),
         skipped,
-        ended: false,
-        failure: String::new(),
+        ..v1::FrameInfo::default()
     }
 }
 
@@ -66,8 +65,16 @@ pub fn film_event_from_wire(
     info: v1::FrameInfo,
     cameras: &[CameraDescription],
 ) -> Result<FilmEvent, ConvertError> {
-    let v1::FrameInfo { frame, capture_time_s, captured_unix_s, cameras: found, skipped, ended, failure } =
-        info;
+    let v1::FrameInfo {
+        frame,
+        capture_time_s,
+        captured_unix_s,
+        cameras: found,
+        skipped,
+        ended,
+        failure,
+        run: _,
+    } = info;
     if ended {
         let why = clean(&failure, MAX_MESSAGE_CHARS);
         return Ok(match (failure.is_empty(), why.is_empty()) {
