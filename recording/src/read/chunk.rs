@@ -1,8 +1,10 @@
-//! The records of a file: where its chunks are, and the messages of one.
+//! The records of a file: where its chunks are, and the messages of one. A message or a channel that stands in no chunk,
+//! as in files without chunks, is one of its own.
 
 use std::fs::File;
 use std::io::{Read as _, Seek as _, SeekFrom};
 
+use hull::text::{MAX_QUOTED_CHARS, shortened};
 use mcap::records::{MessageHeader, Record as McapRecord, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{MAGIC, McapError, parse_record};
@@ -64,7 +66,7 @@ impl Chunks {
         None
     }
 
-    /// Passes over a record, or reads it if it is a chunk.
+    /// Passes over a record, or reads it if messages can be in it.
     fn step(&mut self) -> Result<Option<(Place, Vec<Record>)>, ReadProblem> {
         let mut head = [0; HEAD_BYTES as usize];
         self.file.seek(SeekFrom::Start(self.offset))?;
@@ -76,9 +78,19 @@ impl Chunks {
             return Ok(None);
         }
         let place = Place { offset: self.offset, bytes: HEAD_BYTES.saturating_add(length) };
-        let found = if kind == op::CHUNK { Some((place, read(&mut self.file, place)?)) } else { None };
+        let is_read = [op::CHUNK, op::CHANNEL, op::MESSAGE].contains(&kind);
+        let found = if is_read { Some((place, read(&mut self.file, place)?)) } else { None };
         self.offset = self.offset.saturating_add(place.bytes);
         Ok(found)
+    }
+}
+
+fn problem(error: McapError) -> ReadProblem {
+    match error {
+        McapError::UnsupportedCompression(found) => {
+            ReadProblem::Compression(shortened(&found, MAX_QUOTED_CHARS))
+        }
+        other => other.into(),
     }
 }
 
@@ -123,7 +135,7 @@ pub(super) fn read(file: &mut File, place: Place) -> Result<Vec<Record>, ReadPro
     let mut left = &bytes[..];
     let mut found = Vec::new();
     while let Some(event) = reader.next_event() {
-        match event? {
+        match event.map_err(problem)? {
             LinearReadEvent::ReadRequest(need) => {
                 let count = need.min(left.len());
                 reader.insert(count).copy_from_slice(&left[..count]);

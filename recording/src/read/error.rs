@@ -41,6 +41,9 @@ pub enum ReadProblem {
     /// A chunk or record that MCAP does not allow.
     #[error(transparent)]
     Mcap(#[from] McapError),
+    /// A chunk is compressed in a way that is not known.
+    #[error("chunks compressed with {0:?}, expected lz4, zstd or none: repack it with --compression lz4")]
+    Compression(String),
     /// It has no header, perhaps because it cannot be read so far.
     #[error("no recording of this program{}", because(.0))]
     NoHeader(Option<Box<ReadProblem>>),

@@ -31,10 +31,12 @@ use chunk::{Chunks, Place, Record};
 /// Film of longer runs, and frames beyond these, are no run's.
 const FILM_S: std::ops::RangeInclusive<f64> = 0.0..=1e9;
 const MAX_FRAME: u64 = 1 << 40;
-/// What the index of a file may take, in numbers of four bytes, each frame counted with [`FRAME_SIZE`] more: a day of
-/// eight cameras, two hours of 256. A hostile file could name a frame in every few bytes.
+/// What the index of a file may take, in numbers of four bytes, each frame counted with [`FRAME_SIZE`] more and each chunk
+/// with [`PLACE_SIZE`]: a day of eight cameras, two hours of 256, half of it in files without chunks. A hostile file could
+/// name a frame in every few bytes.
 const MAX_INDEX: usize = 1 << 27;
 const FRAME_SIZE: usize = 16;
+const PLACE_SIZE: usize = 4;
 
 /// A recording that has been read through once.
 #[derive(Debug)]
@@ -165,6 +167,7 @@ impl Scan {
     fn add(&mut self, place: Place, found: Vec<Record>) -> Result<(), ReadProblem> {
         let chunk = self.index.chunks.len() as u32;
         self.index.chunks.push(place);
+        self.index_size += PLACE_SIZE;
         for found in found {
             match found {
                 Record::Channel(id, topic) => {
@@ -185,6 +188,9 @@ impl Scan {
                     }
                 }
             }
+        }
+        if self.index_size > MAX_INDEX {
+            return Err(ReadProblem::TooManyFrames(self.index.frames.len().max(self.index.colours.len())));
         }
         Ok(())
     }
@@ -233,9 +239,6 @@ impl Scan {
             }
             Channel::End => self.is_complete = true,
             _ => {}
-        }
-        if self.index_size > MAX_INDEX {
-            return Err(ReadProblem::TooManyFrames(self.index.frames.len().max(self.index.colours.len())));
         }
         Ok(())
     }

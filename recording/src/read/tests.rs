@@ -349,6 +349,70 @@ fn a_run_that_is_dropped_leaves_all_but_the_last_moment() {
     assert_eq!((recording.step_count(), recording.cut_off().is_some()), (480, true));
 }
 
+/// The same channels and messages, written as another tool would.
+fn repacked(path: &Path, name: &str, options: mcap::WriteOptions) -> PathBuf {
+    let bytes = std::fs::read(path).expect("bytes");
+    let to = path.with_file_name(name);
+    let mut writer = options.create(std::fs::File::create(&to).expect("a new file")).expect("a writer");
+    for message in mcap::MessageStream::new(&bytes).expect("a recording") {
+        writer.write(&message.expect("a message")).expect("written");
+    }
+    writer.finish().expect("finished");
+    to
+}
+
+#[test]
+fn files_that_other_tools_have_repacked_are_read_alike() {
+    let folder = tempfile::tempdir().expect("folder");
+    let (path, digests) = recorded(&folder, Precision::Exact, 200);
+    let options = || mcap::WriteOptions::new().compression(None);
+    for (name, options) in [
+        ("zstd.mcap", options().compression(Some(mcap::Compression::Zstd))),
+        ("small_zstd.mcap", options().compression(Some(mcap::Compression::Zstd)).chunk_size(Some(2000))),
+        ("plain.mcap", options()),
+        ("without_chunks.mcap", options().use_chunks(false)),
+    ] {
+        let recording = Recording::open(&repacked(&path, name, options)).expect(name);
+        assert_eq!((recording.step_count(), recording.cut_off()), (200, None), "{name}");
+        assert_eq!(recording.digest(), digests[199], "{name}");
+        assert_eq!(recording.index.frames.len(), 49, "{name}");
+        let frames = recording.frames().expect("readable");
+        assert_eq!(frames.silhouettes(7).expect("there")[1].1, Arc::new(silhouette(7, 1)), "{name}");
+        let mut steps = recording.steps().expect("readable");
+        assert_eq!(std::iter::from_fn(|| steps.next()).count(), 200, "{name}");
+        assert_eq!(steps.check().problem(), None, "{name}");
+    }
+}
+
+#[test]
+fn a_file_without_chunks_that_is_cut_off_keeps_its_whole_messages() {
+    let folder = tempfile::tempdir().expect("folder");
+    let (path, digests) = recorded(&folder, Precision::Exact, 200);
+    let options = mcap::WriteOptions::new().compression(None).use_chunks(false);
+    let plain = std::fs::read(repacked(&path, "plain.mcap", options)).expect("bytes");
+    let cut = folder.path().join("cut.mcap");
+    std::fs::write(&cut, &plain[..plain.len() / 2]).expect("written");
+    let recording = Recording::open(&cut).expect("a recording");
+    let steps = recording.step_count() as usize;
+    assert!((60..200).contains(&steps), "{steps}");
+    assert_eq!(recording.digest(), digests[steps - 1]);
+    assert!(recording.cut_off().expect("less than all").contains("it ends too early"));
+}
+
+#[test]
+fn a_chunk_of_an_unknown_compression_is_named_with_what_helps() {
+    let folder = tempfile::tempdir().expect("folder");
+    let (path, _) = recorded(&folder, Precision::Exact, 8);
+    let bytes = std::fs::read(&path).expect("bytes");
+    let at = bytes.windows(3).position(|bytes| bytes == b"lz4").expect("its chunks are compressed");
+    let strange = [&bytes[..at], b"bz2", &bytes[at + 3..]].concat();
+    std::fs::write(&path, strange).expect("written");
+    let error = Recording::open(&path).expect_err("refused").to_string();
+    let expected = "no recording of this program (chunks compressed with \"bz2\", expected lz4, zstd or none: repack it \
+        with --compression lz4)";
+    assert!(error.ends_with(expected), "{error}");
+}
+
 #[test]
 fn damage_ends_a_recording_where_it_is() {
     let folder = tempfile::tempdir().expect("folder");
