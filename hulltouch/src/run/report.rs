@@ -4,7 +4,7 @@ use coordinator::{Figures, Percentiles};
 use hull::Camera;
 use recording::Recorded;
 use serde_json::{Value, json};
-use sim::World;
+use sim::{BodySummary, ResponseMode, World};
 
 use super::setup::Setup;
 
@@ -95,7 +95,7 @@ fn missed_frames(figures: &Figures) -> u64 {
     figures.frames_expected.saturating_sub(figures.frames)
 }
 
-fn body((body, record): (&sim::Body, &sim::BodySummary)) -> Value {
+fn body((body, record): (&sim::Body, &BodySummary)) -> Value {
     json!({
         "name": record.name,
         "fixed": body.fixed,
@@ -176,16 +176,22 @@ pub fn summary(setup: &Setup, figures: &Figures, world: &World) -> String {
     if figures.reduced_steps > 0 {
         text += &format!("{} steps without a camera that was not there\n", figures.reduced_steps);
     }
-    for record in world.summaries().iter().filter(|record| record.first_touch_s.is_some()) {
-        text += &format!(
-            "  {:<16} touched at {:.2} s, moved {:.2} m, by the hull {:.2} m\n",
-            record.name,
-            record.first_touch_s.unwrap_or_default(),
-            record.moved_m,
-            record.hull_moved_m,
-        );
+    for record in world.summaries() {
+        text += &touched(record, setup.world.response);
     }
     text
+}
+
+/// What became of a body that the hull touched. Only the paper's responses move bodies themselves: contacts push them
+/// in the solver, where gravity and other bodies do so too.
+fn touched(record: &BodySummary, response: ResponseMode) -> String {
+    let BodySummary { name, first_touch_s, moved_m, hull_moved_m, .. } = record;
+    let Some(touched_s) = first_touch_s else { return String::new() };
+    let by_hull = match response {
+        ResponseMode::Paper => format!(", by the hull {hull_moved_m:.2} m"),
+        ResponseMode::Contacts => String::new(),
+    };
+    format!("  {name:<16} touched at {touched_s:.2} s, moved {moved_m:.2} m{by_hull}\n")
 }
 
 /// What was recorded, in a line.
