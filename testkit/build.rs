@@ -1,6 +1,8 @@
 //! Compiles the camera program of the tests. A binary target of this package would not be built for the tests of
 //! another package, and in one of those packages it would be part of the product's build.
 
+#![allow(clippy::disallowed_macros, reason = "Cargo reads what is printed")]
+
 use std::env;
 use std::path::PathBuf;
 use std::process::Command;

@@ -3,7 +3,8 @@
 
 use std::net::TcpListener;
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
 
 fn hulltouch() -> Command {
     testkit::command(env!("CARGO_BIN_EXE_hulltouch"))
@@ -176,6 +177,124 @@ fn a_full_disk_is_told_and_leaves_nothing_half_written() {
     check(&full, 1, &["/dev/full", "No space left"]);
 }
 
+/// The system's limit for paths of sockets is 107 bytes.
+#[test]
+fn node_processes_start_under_a_long_tmpdir_and_a_missing_one_is_named() {
+    let folder = tempfile::tempdir().expect("folder");
+    let long = folder.path().join("a folder ".repeat(12)).join("b".repeat(60));
+    std::fs::create_dir_all(&long).expect("made");
+    let demo = [
+        "demo",
+        "--cameras",
+        "2",
+        "--size",
+        "160x120",
+        "--seconds",
+        "0.2",
+        "--unpaced",
+        "--headless",
+        "--transport",
+        "cluster",
+    ];
+    let run = |tmpdir: &Path| {
+        let output = hulltouch().args(demo).env("TMPDIR", tmpdir).env_remove("RUST_LOG").output();
+        let output = output.expect("runs");
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let (status, said) = run(&long);
+    assert_eq!(status, Some(0), "{said}");
+    let missing = folder.path().join("missing");
+    let (status, said) = run(&missing);
+    let expected = format!("cannot make a folder in {} (TMPDIR): ", missing.display());
+    assert!(status == Some(1) && said.contains(&expected), "{status:?} {said}");
+}
+
+/// A standard output whose reader has gone, as under `| head -0`.
+fn closed_pipe() -> Stdio {
+    let (reader, writer) = std::io::pipe().expect("a pipe");
+    drop(reader);
+    writer.into()
+}
+
+/// Status 141 is what shells show of a program that SIGPIPE has ended.
+#[test]
+fn a_command_whose_output_is_closed_ends_quietly_after_its_work() {
+    let folder = tempfile::tempdir().expect("folder");
+    let cluster = write_cluster(folder.path(), "source = { kind = \"stage\" }");
+    let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+    let (rig, imported, figures) = (path("rig.toml"), path("imported.toml"), path("run.json"));
+    let demo = [
+        "demo",
+        "--cameras",
+        "2",
+        "--size",
+        "160x120",
+        "--seconds",
+        "0.2",
+        "--unpaced",
+        "--headless",
+        "--transport",
+        "inprocess",
+        "--json",
+        &figures,
+    ];
+    for arguments in [
+        &["rig", "import", &rig, "--out", &imported][..],
+        &["status", &cluster],
+        &["doctor", &cluster],
+        &["bench", "sync", "--runs", "1"],
+        &demo,
+    ] {
+        let output = hulltouch().args(arguments).env_remove("RUST_LOG").stdout(closed_pipe()).output();
+        let output = output.expect("runs");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(141), "{arguments:?} said {said}");
+        assert!(!said.contains("panicked") && !said.contains("hulltouch:"), "{arguments:?} said {said}");
+    }
+    for made in [imported, figures] {
+        assert!(Path::new(&made).is_file(), "{made} was written before the end");
+    }
+}
+
+#[test]
+fn a_full_disk_behind_standard_output_is_one_line() {
+    let folder = tempfile::tempdir().expect("folder");
+    let cluster = write_cluster(folder.path(), "source = { kind = \"stage\" }");
+    let rig = folder.path().join("rig.toml").to_string_lossy().into_owned();
+    let imported = folder.path().join("imported.toml").to_string_lossy().into_owned();
+    for arguments in [&["rig", "import", &rig, "--out", &imported][..], &["status", &cluster]] {
+        let full = std::fs::File::create("/dev/full").expect("there");
+        let output = hulltouch().args(arguments).env_remove("RUST_LOG").stdout(full).output().expect("runs");
+        let said = String::from_utf8_lossy(&output.stderr);
+        let expected = "hulltouch: cannot write to standard output: No space left on device (os error 28)\n";
+        assert_eq!((output.status.code(), &said[..]), (Some(1), expected), "{arguments:?}");
+    }
+}
+
+/// The program that started it may read its address and go, or not read it at all.
+#[test]
+fn a_node_serves_though_its_output_is_closed() {
+    let folder = tempfile::tempdir().expect("folder");
+    let cluster = write_cluster(folder.path(), "source = { kind = \"stage\" }");
+    let socket = folder.path().join("node");
+    let text = std::fs::read_to_string(&cluster).expect("text");
+    let text = text.replace("127.0.0.1:1", &format!("unix:{}", socket.display()));
+    std::fs::write(&cluster, text).expect("written");
+    let mut command = hulltouch();
+    command.args(["node", &cluster, "--camera", "cam_0", "--camera", "cam_1", "--stop-with-stdin"]);
+    command.stdin(Stdio::piped()).stdout(closed_pipe()).stderr(closed_pipe());
+    // It warns, on a standard error that is closed too.
+    let mut node = testkit::Running::start(command.env("RUST_LOG", "debug"));
+    let begun = Instant::now();
+    while std::os::unix::net::UnixStream::connect(&socket).is_err() {
+        assert!(node.child().try_wait().expect("asked").is_none(), "the node has ended");
+        assert!(begun.elapsed() < Duration::from_secs(60), "the node does not listen");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    drop(node.child().stdin.take());
+    assert!(node.child().wait().expect("reaped").success(), "the node went on serving");
+}
+
 #[test]
 fn a_node_with_another_calibration_is_refused_by_name() {
     let folder = tempfile::tempdir().expect("folder");
@@ -185,7 +304,7 @@ fn a_node_with_another_calibration_is_refused_by_name() {
     std::fs::write(&cluster, &text).expect("written");
     let mut command = hulltouch();
     command.args(["node", &cluster, "--camera", "cam_0", "--camera", "cam_1", "--stop-with-stdin"]);
-    let piped = || std::process::Stdio::piped();
+    let piped = || Stdio::piped();
     let mut node = testkit::Running::start(command.stdin(piped()).stdout(piped()));
     let mut line = String::new();
     let stdout = node.child().stdout.take().expect("piped");

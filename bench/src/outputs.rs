@@ -41,9 +41,38 @@ impl Outputs {
         self.plot.as_deref().map_or(Ok(()), plot::make_folder)
     }
 
-    /// Writes what was asked for: `draw` is given the folder of the charts.
-    pub fn write(&self, figures: &impl Serialize, draw: impl FnOnce(&Path) -> Outcome) -> Outcome {
-        self.plot.as_deref().map_or(Ok(()), draw)?;
-        write_json(figures, self.json.as_deref())
+    /// Writes what was asked for, also of a bench that failed: what it measured until then. `draw` is given the folder
+    /// of the charts. Returns why the bench failed, or else why its figures are not written.
+    pub fn write(
+        &self,
+        measured: Outcome,
+        figures: &impl Serialize,
+        draw: impl FnOnce(&Path) -> Outcome,
+    ) -> Outcome {
+        let written = write_json(figures, self.json.as_deref());
+        measured.and(written).and_then(|()| self.plot.as_deref().map_or(Ok(()), draw))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use cli::Failure;
+
+    #[test]
+    fn figures_are_written_before_a_bench_ends_with_the_check_that_failed() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let json = folder.path().join("figures.json");
+        let outputs = Outputs { json: Some(json.clone()), plot: Some(folder.path().to_owned()) };
+        let failed = Err(Failure::run("answers differ"));
+        let mut is_drawn = false;
+        let outcome = outputs.write(failed.clone(), &[1, 2], |_| {
+            is_drawn = true;
+            Ok(())
+        });
+        assert_eq!((outcome, is_drawn), (failed, false), "no charts of half a bench");
+        let written = std::fs::read_to_string(json).expect("written");
+        assert_eq!(written.split_whitespace().collect::<String>(), "[1,2]");
+        assert_eq!(outputs.write(Ok(()), &[1, 2], |_| Ok(())), Ok(()));
     }
 }

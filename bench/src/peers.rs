@@ -9,7 +9,7 @@ use clap::Args;
 use serde_json::Value;
 use tempfile::TempDir;
 
-use cli::{Failure, Outcome};
+use cli::{Failure, Outcome, outln, temporary_folder};
 
 /// Threads of every library underneath, so that one core is measured.
 const ONE_THREAD: [&str; 4] =
@@ -39,10 +39,11 @@ pub struct Python {
 
 impl Python {
     /// Starts a program, or says why its rows are left out.
-    #[allow(clippy::print_stdout, reason = "the table is the command's output")]
-    pub fn start(&self, script: &str) -> Option<Peer> {
-        let started = Peer::start(&self.python, script);
-        started.inspect_err(|problem| println!("no rows of OpenCV: {problem}")).ok()
+    pub fn start(&self, script: &str) -> Outcome<Option<Peer>> {
+        match Peer::start(&self.python, script) {
+            Ok(peer) => Ok(Some(peer)),
+            Err(problem) => outln!("no rows of OpenCV: {problem}").map(|()| None),
+        }
     }
 }
 
@@ -50,7 +51,7 @@ impl Peer {
     /// Starts `script` (its text) under an interpreter. The program's first line must be its greeting, an
     /// object with `ready`.
     fn start(python: &str, script: &str) -> Outcome<Peer> {
-        let folder = tempfile::tempdir().map_err(Failure::run)?;
+        let folder = temporary_folder()?;
         let path = folder.path().join("peer.py");
         std::fs::write(&path, script).map_err(|error| Failure::unwritable(&path, error))?;
         let mut command = Command::new(python);

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use cli::{Failure, Outcome, write_whole};
+use cli::{Failure, Outcome, outln, write_whole};
 
 /// A bench's figures.
 #[derive(Debug, Serialize)]
@@ -88,22 +88,21 @@ pub const fn words<Row>(title: &'static str, width: usize, cell: fn(&Row) -> Str
 
 impl<Row> Columns<Row> {
     /// The head of the table.
-    pub fn print_titles(&self) {
-        self.print_line(|column| column.title.to_owned());
+    pub fn print_titles(&self) -> Outcome {
+        self.print_line(|column| column.title.to_owned())
     }
 
     /// A row of the table.
-    pub fn print(&self, row: &Row) {
-        self.print_line(|column| (column.cell)(row));
+    pub fn print(&self, row: &Row) -> Outcome {
+        self.print_line(|column| (column.cell)(row))
     }
 
-    #[allow(clippy::print_stdout, reason = "the table is the command's output")]
-    fn print_line(&self, text: impl Fn(&Column<Row>) -> String) {
+    fn print_line(&self, text: impl Fn(&Column<Row>) -> String) -> Outcome {
         let cell = |column: &Column<Row>| match (text(column), column.width) {
             (text, width) if column.is_left => format!("{text:<width$}"),
             (text, width) => format!("{text:>width$}"),
         };
-        println!("{}", self.columns.iter().map(cell).collect::<Vec<_>>().join(self.gap));
+        outln!("{}", self.columns.iter().map(cell).collect::<Vec<_>>().join(self.gap))
     }
 }
 

@@ -1,4 +1,4 @@
-//! How the program fails: bad input, or a run that failed.
+//! How the program fails: bad input, a run that failed, or standard output that was closed.
 
 use std::fmt::{self, Display};
 use std::path::Path;
@@ -10,6 +10,8 @@ use cluster::{ClusterFileError, LocalClusterError, NodeConfigError};
 
 /// The longest message, characters.
 const MAX_CHARS: usize = 4000;
+/// What shells show of a program that a closed pipe has ended: 128 and the number of SIGPIPE.
+const CLOSED: u8 = 141;
 
 /// What a subcommand returns.
 pub type Outcome<T = ()> = Result<T, Failure>;
@@ -21,6 +23,8 @@ pub enum Failure {
     Input(String),
     /// It ran and failed: status 1.
     Run(String),
+    /// The reader of standard output has gone (`| head`): status 141 and no word, as if by SIGPIPE.
+    Closed,
 }
 
 impl Failure {
@@ -49,14 +53,17 @@ impl Failure {
         match self {
             Failure::Input(_) => ExitCode::from(2),
             Failure::Run(_) => ExitCode::from(1),
+            Failure::Closed => ExitCode::from(CLOSED),
         }
     }
 }
 
 impl Display for Failure {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (Failure::Input(problem) | Failure::Run(problem)) = self;
-        formatter.write_str(problem)
+        match self {
+            Failure::Input(problem) | Failure::Run(problem) => formatter.write_str(problem),
+            Failure::Closed => formatter.write_str("standard output was closed"),
+        }
     }
 }
 
@@ -76,7 +83,8 @@ impl From<LocalClusterError> for Failure {
     fn from(error: LocalClusterError) -> Failure {
         match error {
             LocalClusterError::Input { .. } => Failure::input(error),
-            LocalClusterError::Folder(_)
+            LocalClusterError::Folder { .. }
+            | LocalClusterError::LongFolder { .. }
             | LocalClusterError::Start { .. }
             | LocalClusterError::Failed { .. } => Failure::run(error),
         }

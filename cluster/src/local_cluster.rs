@@ -2,14 +2,16 @@
 
 use std::collections::VecDeque;
 use std::io::{self, BufRead as _, BufReader};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
+use hull::rig::MAX_CAMERAS;
 use node_client::ExpectedNode;
-use proto::{Address, AddressError};
+use proto::{Address, AddressError, MAX_SOCKET_PATH_BYTES};
+use tempfile::TempDir;
 use thiserror::Error;
 use traces::Endpoint;
 use wait_timeout::ChildExt as _;
@@ -51,8 +53,22 @@ pub struct LocalNodes<'a> {
 #[derive(Debug, Error)]
 pub enum LocalClusterError {
     /// There is no folder for its sockets.
-    #[error("cannot make a folder for sockets: {0}")]
-    Folder(io::Error),
+    #[error("cannot make a folder in {} (TMPDIR): {source}", parent.display())]
+    Folder {
+        /// Where it was to be.
+        parent: PathBuf,
+        /// The system's reason.
+        source: io::Error,
+    },
+    /// Every folder for sockets has a path that sockets cannot have.
+    #[error(
+        "TMPDIR: found {}, a path of {} bytes, expected one of at most {MOST} that is UTF-8: sockets are made \
+         there", parent.display(), parent.as_os_str().len(), MOST = most_parent_bytes()
+    )]
+    LongFolder {
+        /// Where it was to be.
+        parent: PathBuf,
+    },
     /// A process does not start.
     #[error("cannot start node {node}: {source}")]
     Start {
@@ -85,7 +101,7 @@ pub struct LocalCluster {
     processes: Vec<NodeProcess>,
     nodes: Vec<ExpectedNode>,
     /// Where Unix sockets are; removed last.
-    _folder: Option<tempfile::TempDir>,
+    _folder: Option<TempDir>,
 }
 
 struct NodeProcess {
@@ -105,13 +121,13 @@ impl LocalCluster {
     ) -> Result<LocalCluster, LocalClusterError> {
         let folder = match sockets {
             Sockets::Tcp => None,
-            Sockets::Unix => Some(tempfile::tempdir().map_err(LocalClusterError::Folder)?),
+            Sockets::Unix => Some(folder_for_sockets()?),
         };
         let mut cluster = LocalCluster { processes: Vec::new(), nodes: Vec::new(), _folder: folder };
         for (number, node) in file.nodes.iter().enumerate() {
             let listen = match &cluster._folder {
                 None => "127.0.0.1:0".to_owned(),
-                Some(folder) => format!("unix:{}", folder.path().join(format!("{number}.sock")).display()),
+                Some(folder) => format!("unix:{}", folder.path().join(socket_name(number)).display()),
             };
             cluster.processes.push(NodeProcess::start(file, node, told, &listen)?);
         }
@@ -132,6 +148,35 @@ impl LocalCluster {
     pub fn process_ids(&self) -> impl Iterator<Item = u32> {
         self.processes.iter().map(|process| process.child.id())
     }
+}
+
+/// Of the node of that number, which is under [`MAX_CAMERAS`].
+fn socket_name(number: usize) -> String {
+    format!("{number}.sock")
+}
+
+/// The longest path of a folder in which one of our own can be made for sockets.
+fn most_parent_bytes() -> usize {
+    // The folder's own name and two separators beside the longest socket's.
+    MAX_SOCKET_PATH_BYTES - "/.tmp012345/".len() - socket_name(MAX_CAMERAS).len()
+}
+
+/// A folder of this user alone, in TMPDIR unless paths of sockets there would be too long for the system: then in
+/// the user's folder for sockets or in `/tmp`.
+fn folder_for_sockets() -> Result<TempDir, LocalClusterError> {
+    let fits = |parent: &Path| parent.to_str().is_some_and(|text| text.len() <= most_parent_bytes());
+    // Nodes are told the path as a text, and may not share our working folder.
+    let first = std::env::temp_dir();
+    let first = std::path::absolute(&first).unwrap_or(first);
+    if fits(&first) {
+        let made = TempDir::new_in(&first);
+        return made.map_err(|source| LocalClusterError::Folder { parent: first, source });
+    }
+    let others = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from).into_iter().chain(["/tmp".into()]);
+    let made = others
+        .filter(|parent| parent.is_absolute() && fits(parent))
+        .find_map(|parent| TempDir::new_in(parent).ok());
+    made.ok_or(LocalClusterError::LongFolder { parent: first })
 }
 
 impl Drop for LocalCluster {

@@ -1,7 +1,7 @@
 //! Virtual rigid bodies collide with people on film.
 //!
 //! One module a subcommand. Exit status 0: done; 1: ran and failed; 2: bad input, with one line that names
-//! the file and key, what was found and what was expected.
+//! the file and key, what was found and what was expected; 141: standard output was closed.
 
 mod command;
 mod interrupt;
@@ -14,7 +14,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use cli::Outcome;
+use cli::{Failure, Outcome};
 
 use crate::command::{
     certs, coordinator, demo, doctor, node, query, ready, record, replay, rig, status, sync,
@@ -65,6 +65,7 @@ fn main() -> ExitCode {
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
+        Err(failure @ Failure::Closed) => failure.exit_code(),
         Err(failure) => {
             use std::io::Write as _;
             // A closed standard error is no reason to fail differently.
@@ -85,6 +86,8 @@ fn log_to_stderr() {
         .with_writer(std::io::stderr)
         .with_ansi(std::io::stderr().is_terminal())
         .with_target(false)
-        .without_time();
+        .without_time()
+        // It would print them to standard error, and panic where that is closed.
+        .log_internal_errors(false);
     tracing_subscriber::registry().with(filter).with(lines).init();
 }

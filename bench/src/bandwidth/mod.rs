@@ -17,7 +17,7 @@ use super::cluster::film::{FPS, FilmPlan};
 use super::cluster::{parse_bodies, parse_nodes};
 use super::outputs::{Outputs, within};
 use super::table::{Machine, Table};
-use cli::{ArgumentError, Outcome, Progress, parse_size};
+use cli::{ArgumentError, Outcome, Progress, outln, parse_size};
 
 /// Frames of the film: each is gathered once.
 const FRAMES: u64 = 2;
@@ -75,29 +75,31 @@ fn parse_noise(text: &str) -> Result<f64, ArgumentError> {
 }
 
 /// Runs it.
-#[allow(clippy::print_stdout, reason = "the table is the command's output")]
 pub fn run(arguments: &BandwidthBenchArguments) -> Outcome {
     arguments.outputs.prepare()?;
     let machine = Machine::here();
     let mut counts = if arguments.bodies.is_empty() { BODIES.to_vec() } else { arguments.bodies.clone() };
     counts.sort_unstable();
     counts.dedup();
-    println!("{}; every camera's node in one process, film of {FPS} frames/s", machine.line());
-    print_header();
-    let plans = plans(arguments);
-    let mut progress = Progress::new("measuring", plans.len() as u64 * steps(&counts));
     let (mut all, mut rows) = (Vec::new(), Vec::new());
-    for plan in plans {
-        let measured = measured(plan, &counts, arguments.passes, &mut || progress.step())?;
-        print_rows(&measured);
-        rows.extend(rows::of(&measured));
-        all.push(measured);
-    }
-    drop(progress);
-    verdict::print(&all);
+    let mut measure = || {
+        outln!("{}; every camera's node in one process, film of {FPS} frames/s", machine.line())?;
+        print_header()?;
+        let plans = plans(arguments);
+        let mut progress = Progress::new("measuring", plans.len() as u64 * steps(&counts));
+        for plan in plans {
+            let measured = measured(plan, &counts, arguments.passes, &mut || progress.step())?;
+            print_rows(&measured)?;
+            rows.extend(rows::of(&measured));
+            all.push(measured);
+        }
+        drop(progress);
+        verdict::print(&all)
+    };
+    let measured = measure();
     let table = Table { bench: "bandwidth", machine, rows };
     let report = Report { table, crossings: verdict::crossings(&all) };
-    arguments.outputs.write(&report, |folder| charts::draw(&all, folder))
+    arguments.outputs.write(measured, &report, |folder| charts::draw(&all, folder))
 }
 
 /// Every combination of what is given; without anything given, sizes and noises together, and cameras.

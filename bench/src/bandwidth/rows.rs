@@ -1,5 +1,6 @@
 //! The rows of `bench bandwidth`, and how they are printed.
 
+use cli::{Outcome, out, outln};
 use serde::Serialize;
 
 use super::layout::{Cost, FRAMES_ONLY, STEPS};
@@ -57,34 +58,33 @@ pub fn of(measured: &FilmMeasurement) -> Vec<Row> {
 }
 
 /// The head of the table.
-#[allow(clippy::print_stdout, reason = "the table is the command's output")]
-pub fn print_header() {
+pub fn print_header() -> Outcome {
     let (frames, passes) = (STEPS.frames_per_s, STEPS.passes_per_s);
-    println!("bytes a pass / a second, {frames} frames/s and {passes} passes/s");
-    print!("{:>9} {:>4} {:>5} {:>6}", "size", "cams", "noise", "bodies");
+    outln!("bytes a pass / a second, {frames} frames/s and {passes} passes/s")?;
+    out!("{:>9} {:>4} {:>5} {:>6}", "size", "cams", "noise", "bodies")?;
     let names =
         ["raw images", "bit masks", "runs", "runs+lz4", "raw points", "bodies, exact", "bodies, quant."];
-    println!("{}", names.map(|name| format!(" {name:>15}")).concat());
+    outln!("{}", names.map(|name| format!(" {name:>15}")).concat())
 }
 
 /// A line for each number of bodies.
-#[allow(clippy::print_stdout, reason = "the table is the command's output")]
-pub fn print_rows(measured: &FilmMeasurement) {
+pub fn print_rows(measured: &FilmMeasurement) -> Outcome {
     let plan = &measured.plan;
     for at in &measured.at {
-        print!(
+        out!(
             "{:>9} {:>4} {:>4}% {:>6}",
             format!("{}x{}", plan.size.0, plan.size.1),
             plan.cameras,
             100.0 * plan.noise,
             at.bodies
-        );
+        )?;
         let cell = |cost: &Cost| {
             let (a_pass, a_second) = (cost.mean_bytes_per_pass(STEPS), cost.bytes_per_s(STEPS));
             format!(" {:>15}", format!("{}/{}", bytes(a_pass), bytes(a_second)))
         };
-        println!("{}", at.costs.iter().map(cell).collect::<String>());
+        outln!("{}", at.costs.iter().map(cell).collect::<String>())?;
     }
+    Ok(())
 }
 
 /// A number of bytes in three digits.

@@ -1,5 +1,6 @@
 //! Where each layout wins: crossing points, what links carry, and which pass is done sooner.
 
+use cli::{Outcome, outln};
 use serde::Serialize;
 
 use super::layout::{Cost, Crossing, FRAMES_ONLY, Layout, Rates, STEPS, crossing};
@@ -66,12 +67,13 @@ pub fn crossings(all: &[FilmMeasurement]) -> Vec<CrossingRow> {
 }
 
 /// Prints everything.
-pub fn print(all: &[FilmMeasurement]) {
-    print_crossings(all);
-    print_sooner(all);
+pub fn print(all: &[FilmMeasurement]) -> Outcome {
+    print_crossings(all)?;
+    print_sooner(all)?;
     if let Some(base) = all.iter().find(|measured| measured.plan.size == BASE_SIZE).or(all.first()) {
-        print_links(base);
+        print_links(base)?;
     }
+    Ok(())
 }
 
 /// The precisions that registered bodies were asked with.
@@ -101,13 +103,12 @@ fn crossing_of(
     crossing(&asked.collect::<Vec<_>>(), gathered)
 }
 
-#[allow(clippy::print_stdout, reason = "the table is the command's output")]
-fn print_crossings(all: &[FilmMeasurement]) {
-    println!(
+fn print_crossings(all: &[FilmMeasurement]) -> Outcome {
+    outln!(
         "\nRegistered bodies send fewer bytes than gathering up to so many bodies (beyond the measured: ~)"
-    );
+    )?;
     for (rates, words) in [(STEPS, "passes at every step"), (FRAMES_ONLY, "one pass a frame")] {
-        println!("  {words}, {} passes/s on {} frames/s:", rates.passes_per_s, rates.frames_per_s);
+        outln!("  {words}, {} passes/s on {} frames/s:", rates.passes_per_s, rates.frames_per_s)?;
         for measured in all {
             for precision in precisions(measured) {
                 let cell = |layout: Layout| {
@@ -115,30 +116,29 @@ fn print_crossings(all: &[FilmMeasurement]) {
                     format!("{} {}", layout.name(), crossing_words(found))
                 };
                 let cells = Layout::GATHERED.map(cell).join(", ");
-                println!("    {} ({precision}): {cells}", plan_name(&measured.plan));
+                outln!("    {} ({precision}): {cells}", plan_name(&measured.plan))?;
             }
         }
     }
-    println!(
-        "\nOne pass a frame, at the measured bodies nearest {BASE_BODIES}: the cluster against runs+lz4"
-    );
+    outln!("\nOne pass a frame, at the measured bodies nearest {BASE_BODIES}: the cluster against runs+lz4")?;
     for measured in all {
         let at = base_bodies(measured);
         for precision in precisions(measured) {
             let mean =
                 |layout| cost_of(at, layout, precision).map(|cost| cost.mean_bytes_per_pass(FRAMES_ONLY));
             if let Some((asked, gathered)) = mean(Layout::RegisteredBodies).zip(mean(Layout::RunsLz4)) {
-                println!(
+                outln!(
                     "    {} ({precision}), {} bodies: {} against {}: {}",
                     plan_name(&measured.plan),
                     at.bodies,
                     bytes(asked),
                     bytes(gathered),
                     factor_words(asked / gathered)
-                );
+                )?;
             }
         }
     }
+    Ok(())
 }
 
 fn crossing_words(found: Option<Crossing>) -> String {
@@ -157,14 +157,13 @@ fn factor_words(factor: f64) -> String {
     }
 }
 
-#[allow(clippy::print_stdout, reason = "the table is the command's output")]
-fn print_sooner(all: &[FilmMeasurement]) {
-    println!(
+fn print_sooner(all: &[FilmMeasurement]) -> Outcome {
+    outln!(
         "\nWhich pass is done sooner, ms: bytes over the coordinator's link, measured computation, and {:.0} µs \
          a round trip;\ngathering runs+lz4 as first pass of a frame (mean of all passes) / asking about \
          registered bodies",
         TRIP_S * 1e6
-    );
+    )?;
     for measured in all {
         // All numbers of bodies where most is said, the base's elsewhere.
         let is_base = measured.plan.size == BASE_SIZE && measured.plan.noise == 0.0 || all.len() == 1;
@@ -172,10 +171,11 @@ fn print_sooner(all: &[FilmMeasurement]) {
         for at in shown {
             for precision in precisions(measured) {
                 let cells = LINKS_BITS_PER_S.map(|link| sooner(at, precision, link)).join("   ");
-                println!("    {}, {:>3} bodies ({precision}): {cells}", plan_name(&measured.plan), at.bodies);
+                outln!("    {}, {:>3} bodies ({precision}): {cells}", plan_name(&measured.plan), at.bodies)?;
             }
         }
     }
+    Ok(())
 }
 
 fn sooner(at: &AtBodies, precision: &str, link_bits_per_s: f64) -> String {
@@ -195,20 +195,19 @@ fn sooner(at: &AtBodies, precision: &str, link_bits_per_s: f64) -> String {
     format!("{}: {first_ms:.1} ({mean_ms:.1}) / {asked_ms:.1} {winner}", link_name(link_bits_per_s))
 }
 
-#[allow(clippy::print_stdout, reason = "the table is the command's output")]
-fn print_links(measured: &FilmMeasurement) {
+fn print_links(measured: &FilmMeasurement) -> Outcome {
     let at = base_bodies(measured);
-    println!(
+    outln!(
         "\nWhat the coordinator's link carries, {}, {} bodies: passes/s, and cameras at {} passes/s",
         plan_name(&measured.plan),
         at.bodies,
         STEPS.passes_per_s
-    );
-    println!(
+    )?;
+    outln!(
         "    {:<28}{}",
         "layout",
         LINKS_BITS_PER_S.map(|link| format!("{:>24}", link_name(link))).concat()
-    );
+    )?;
     for cost in &at.costs {
         let carried = |link: f64| {
             let cameras = link / 8.0 / (cost.bytes_per_s(STEPS) / measured.plan.cameras as f64);
@@ -217,8 +216,9 @@ fn print_links(measured: &FilmMeasurement) {
         };
         let precision = if cost.layout.is_gathered() { "" } else { cost.precision };
         let name = format!("{} {precision}", cost.layout.name());
-        println!("    {name:<28}{}", LINKS_BITS_PER_S.map(carried).concat());
+        outln!("    {name:<28}{}", LINKS_BITS_PER_S.map(carried).concat())?;
     }
+    Ok(())
 }
 
 #[cfg(test)]

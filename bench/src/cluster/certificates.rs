@@ -5,7 +5,7 @@ use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
 use std::sync::Arc;
 
-use cli::{Failure, Outcome};
+use cli::{Failure, Outcome, temporary_folder};
 use identity::{AUTHORITIES, Authority, CERTIFICATE, Credentials, Identity, KEY, Validity};
 use node_client::Sockets;
 use tempfile::TempDir;
@@ -23,7 +23,7 @@ pub struct Certificates(TempDir);
 impl Certificates {
     /// Of so many nodes.
     pub fn make(nodes: usize) -> Outcome<Certificates> {
-        let folder = tempfile::tempdir().map_err(Failure::run)?;
+        let folder = temporary_folder()?;
         let authority = Authority::make(ROOM, Validity::days(DAYS)).map_err(Failure::run)?;
         let named = |node| format!("node{node}");
         let nodes = (0..nodes).map(|node| (named(node), Identity::node(ROOM, &named(node))));

@@ -15,7 +15,7 @@ use tempfile::TempDir;
 
 use crate::crews::all_see;
 use crate::random::Random;
-use cli::{Failure, Outcome};
+use cli::{Failure, Outcome, temporary_folder};
 use cluster::ClusterFile;
 
 /// Frames of the film a second.
@@ -59,7 +59,7 @@ impl Film {
     pub fn make(plan: FilmPlan) -> Outcome<Film> {
         let rig = studio_rig(plan.cameras, plan.size)
             .map_err(|error| Failure::input(format_args!("--size: {error}")))?;
-        let folder = tempfile::tempdir().map_err(Failure::run)?;
+        let folder = temporary_folder()?;
         let settings = StageSettings { fps: FPS, ..StageSettings::default() };
         let look = |index| filmed_by(&plan, &rig, &settings, folder.path(), index);
         let of_cameras = all_see("filming the studio", plan.cameras, look)?;

@@ -1,5 +1,6 @@
 //! What is full first: the largest cluster that was measured, beside what the model makes of the smaller ones.
 
+use cli::{Outcome, outln};
 use serde::Serialize;
 
 use super::model::model_of;
@@ -62,24 +63,23 @@ impl Limits {
     }
 
     /// The same for people.
-    #[allow(clippy::print_stdout, reason = "the table is the command's output")]
-    pub fn print(&self) {
+    pub fn print(&self) -> Outcome {
         let Limits { cluster, machine_used, parts, first, most_passes_per_s } = self;
-        println!(
+        outln!(
             "\n{cluster}, {PASSES_PER_S} passes a second, links of 1 Gbit/s: measured, and by the model of fewer nodes"
-        );
+        )?;
         for PartUse { name, measured, model } in parts {
-            println!("  {name:<30} {:>6.0} % {:>6.0} %", 100.0 * measured, 100.0 * model);
+            outln!("  {name:<30} {:>6.0} % {:>6.0} %", 100.0 * measured, 100.0 * model)?;
         }
         let here = 100.0 * machine_used;
-        println!(
+        outln!(
             "  this machine's cores, all on it {here:>5.0} %: {:.0} passes a second",
             PASSES_PER_S / machine_used
-        );
+        )?;
         let ([found, told], [passes, by_model]) = (first, most_passes_per_s);
-        println!(
+        outln!(
             "  first full on machines of their own: {found}, at {passes:.0} passes a second; by the model: {told}, at {by_model:.0}"
-        );
+        )
     }
 }
 

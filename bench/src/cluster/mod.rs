@@ -24,7 +24,7 @@ use super::outputs::{Outputs, within};
 use super::response::Response;
 use super::scale::report::{ScaleReport, report};
 use super::table::{Machine, Table};
-use cli::{ArgumentError, Outcome, PrecisionName, parse_size};
+use cli::{ArgumentError, Outcome, PrecisionName, outln, parse_size};
 
 const BASE_NODES: usize = 8;
 const BASE_BODIES: usize = 30;
@@ -127,34 +127,35 @@ fn parse_samples(text: &str) -> Result<usize, ArgumentError> {
 }
 
 /// Runs it.
-#[allow(clippy::print_stdout, reason = "the table is the command's output")]
 pub fn run(arguments: &ClusterBenchArguments) -> Outcome {
     arguments.outputs.prepare()?;
     let machine = Machine::here();
-    println!("{}; nodes and coordinator share its cores", machine.line());
-    println!("bodies of {} samples, {} passes each, milliseconds", arguments.samples, arguments.passes);
-    TABLE.print_titles();
     let mut rows = Vec::new();
-    let mut scene: Option<Scene> = None;
-    for setting in settings(arguments) {
-        let scene = Scene::prepared(&mut scene, &setting)?;
-        for &sockets in &arguments.sockets {
-            let measured = measured(scene, &setting, sockets, arguments.passes)?;
-            measured.iter().for_each(|row| TABLE.print(row));
-            rows.extend(measured);
+    let mut measure = || {
+        outln!("{}; nodes and coordinator share its cores", machine.line())?;
+        outln!("bodies of {} samples, {} passes each, milliseconds", arguments.samples, arguments.passes)?;
+        TABLE.print_titles()?;
+        let mut scene: Option<Scene> = None;
+        for setting in settings(arguments) {
+            let scene = Scene::prepared(&mut scene, &setting)?;
+            for &sockets in &arguments.sockets {
+                let measured = measured(scene, &setting, sockets, arguments.passes)?;
+                measured.iter().try_for_each(|row| TABLE.print(row))?;
+                rows.extend(measured);
+            }
         }
-    }
-    print_stages(&rows);
+        Ok(())
+    };
+    let measured = measure();
     let scale = model_of(&rows.iter().collect::<Vec<_>>()).map(|measured| report(&measured, cores()));
-    if let Some(scale) = &scale {
-        scale.print();
-    }
     let limits = Limits::of(&rows, cores());
-    if let Some(limits) = &limits {
-        limits.print();
-    }
+    let measured = measured.and_then(|()| {
+        print_stages(&rows)?;
+        scale.as_ref().map_or(Ok(()), ScaleReport::print)?;
+        limits.as_ref().map_or(Ok(()), Limits::print)
+    });
     let report = Report { table: Table { bench: "cluster", machine, rows }, scale, limits };
-    arguments.outputs.write(&report, |folder| charts::draw(&report.table.rows, folder))
+    arguments.outputs.write(measured, &report, |folder| charts::draw(&report.table.rows, folder))
 }
 
 /// Every combination of what is given; without anything given, the base with one thing varied at a time.

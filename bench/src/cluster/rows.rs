@@ -1,5 +1,6 @@
 //! The rows of `bench cluster`, and how they are printed.
 
+use cli::{Outcome, outln};
 use coordinator::{Percentiles, stage_of};
 use hull::pass::Round;
 use serde::Serialize;
@@ -161,16 +162,15 @@ pub const TABLE: Columns<Row> = Columns {
 };
 
 /// The pass by rounds, and contacts beside the paper's response.
-#[allow(clippy::print_stdout, reason = "the table is the command's output")]
-pub fn print_stages(rows: &[Row]) {
-    println!("\nEach round: trips a pass, and p50 / p99 / max of its milliseconds where it is asked");
+pub fn print_stages(rows: &[Row]) -> Outcome {
+    outln!("\nEach round: trips a pass, and p50 / p99 / max of its milliseconds where it is asked")?;
     for row in rows {
         let stage = |stage: &Stage| {
             let Stage { name, trips, p50_ms, p99_ms, max_ms } = stage;
             format!("{name} {trips:.2} x {p50_ms:.2}/{p99_ms:.2}/{max_ms:.2}")
         };
         let stages: Vec<String> = row.stages.iter().map(stage).collect();
-        println!("{} {}", of_row(row), stages.join("  "));
+        outln!("{} {}", of_row(row), stages.join("  "))?;
     }
     for row in rows {
         let is_same = |other: &&Row| other.response != row.response && of_pair(other) == of_pair(row);
@@ -178,8 +178,9 @@ pub fn print_stages(rows: &[Row]) {
             continue;
         };
         let rate = paper.p50_ms / row.p50_ms.max(1e-9);
-        println!("{} {rate:.2} times the rate of the paper's response", of_row(row));
+        outln!("{} {rate:.2} times the rate of the paper's response", of_row(row))?;
     }
+    Ok(())
 }
 
 fn of_row(row: &Row) -> String {

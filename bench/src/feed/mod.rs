@@ -14,7 +14,7 @@ use self::rows::{Row, TABLE};
 use self::run::{Setting, measured};
 use super::outputs::{Outputs, within};
 use super::table::{Machine, Table};
-use cli::{ArgumentError, Failure, Outcome, parse_size};
+use cli::{ArgumentError, Failure, Outcome, outln, parse_size};
 
 const SIZES: [(u32, u32); 2] = [(640, 480), (1920, 1080)];
 
@@ -57,21 +57,24 @@ fn parse_seconds(text: &str) -> Result<f64, ArgumentError> {
 }
 
 /// Runs it.
-#[allow(clippy::print_stdout, reason = "the table is the command's output")]
 pub fn run(arguments: &FeedBenchArguments) -> Outcome {
     arguments.outputs.prepare()?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::run)?;
     let machine = Machine::here();
-    println!("{}; cameras, coordinator and page share its cores", machine.line());
-    TABLE.print_titles();
     let mut rows: Vec<Row> = Vec::new();
-    for setting in settings(arguments) {
-        let row = runtime.block_on(measured(&setting))?;
-        TABLE.print(&row);
-        rows.push(row);
-    }
+    let mut measure = || {
+        outln!("{}; cameras, coordinator and page share its cores", machine.line())?;
+        TABLE.print_titles()?;
+        for setting in settings(arguments) {
+            let row = runtime.block_on(measured(&setting))?;
+            TABLE.print(&row)?;
+            rows.push(row);
+        }
+        Ok(())
+    };
+    let measured = measure();
     let table = Table { bench: "feed", machine, rows };
-    arguments.outputs.write(&table, |folder| charts::draw(&table.rows, folder))
+    arguments.outputs.write(measured, &table, |folder| charts::draw(&table.rows, folder))
 }
 
 /// Every source over every link.

@@ -29,7 +29,7 @@ use self::rows::{Row, RowKind, TABLE};
 use self::track::{DROPS, Film, RunPlan, Track};
 use super::outputs::within;
 use super::table::{Machine, Table, write_json};
-use cli::{ArgumentError, Failure, Outcome, check_writable, parse_size};
+use cli::{ArgumentError, Failure, Outcome, check_writable, outln, parse_size};
 
 /// Scenes as their bodies went, against what they must keep to.
 #[derive(Debug, Args)]
@@ -109,7 +109,6 @@ fn parse_seconds(text: &str) -> Result<f64, ArgumentError> {
 }
 
 /// Runs it.
-#[allow(clippy::print_stdout, reason = "the table is the command's output")]
 pub fn run(arguments: &PhysicsBenchArguments) -> Outcome {
     if let Some(path) = &arguments.json {
         check_writable("--json", path)?;
@@ -119,27 +118,18 @@ pub fn run(arguments: &PhysicsBenchArguments) -> Outcome {
         None => arguments.scene.iter().map(|name| Experiment::named(name)).collect::<Outcome<_>>()?,
     };
     let machine = Machine::here();
-    println!("{}", machine.line());
-    TABLE.print_titles();
     let mut rows: Vec<Row> = Vec::new();
-    let mut keep = |found: Vec<Row>| {
-        found.iter().for_each(|row| TABLE.print(row));
+    let mut keep = |found: Vec<Row>| -> Outcome {
+        found.iter().try_for_each(|row| TABLE.print(row))?;
         rows.extend(found);
+        Ok(())
     };
-    for experiment in &experiments {
-        match experiment {
-            Experiment::Normals => normals::measure(&arguments.size, arguments.cameras, &mut keep)?,
-            Experiment::Studio(scene) => in_studio(scene, arguments, &mut keep)?,
-            Experiment::Recording(scene, film) => {
-                for &response in arguments.response.iter().filter(|response| response.is_of_recordings()) {
-                    let kind = Kind { scene, stage: None, response, size: None, noise: 0.0, film };
-                    keep(kind.rows(arguments, &[])?.0);
-                }
-            }
-        }
-    }
-    let table = Table { bench: "physics", machine, rows };
-    write_json(&table, arguments.json.as_deref())
+    let measured = outln!("{}", machine.line()).and_then(|()| TABLE.print_titles()).and_then(|()| {
+        experiments.iter().try_for_each(|experiment| experiment.measure(arguments, &mut keep))
+    });
+    // What was measured is written also where measuring failed.
+    let written = write_json(&Table { bench: "physics", machine, rows }, arguments.json.as_deref());
+    measured.and(written)
 }
 
 /// What is measured.
@@ -160,6 +150,24 @@ impl Experiment {
         let scene = Scene::named(name);
         scene.map(Experiment::Studio).map_err(|error| Failure::input(format_args!("--scene: {error}")))
     }
+
+    fn measure(
+        &self,
+        arguments: &PhysicsBenchArguments,
+        keep: &mut dyn FnMut(Vec<Row>) -> Outcome,
+    ) -> Outcome {
+        match self {
+            Experiment::Normals => normals::measure(&arguments.size, arguments.cameras, keep),
+            Experiment::Studio(scene) => in_studio(scene, arguments, keep),
+            Experiment::Recording(scene, film) => {
+                for &response in arguments.response.iter().filter(|response| response.is_of_recordings()) {
+                    let kind = Kind { scene, stage: None, response, size: None, noise: 0.0, film };
+                    keep(kind.rows(arguments, &[])?.0)?;
+                }
+                Ok(())
+            }
+        }
+    }
 }
 
 /// The recording of a cluster file with the bodies of its scene, or of a scene file instead.
@@ -176,7 +184,11 @@ fn recorded(path: &Path, arguments: &PhysicsBenchArguments) -> Outcome<Experimen
 }
 
 /// A scene in the studio: the references first, then what is compared with them.
-fn in_studio(scene: &Scene, arguments: &PhysicsBenchArguments, keep: &mut dyn FnMut(Vec<Row>)) -> Outcome {
+fn in_studio(
+    scene: &Scene,
+    arguments: &PhysicsBenchArguments,
+    keep: &mut dyn FnMut(Vec<Row>) -> Outcome,
+) -> Outcome {
     let stage = stage_of(scene)?;
     let film_of = |size| StageFilm::new(stage.clone(), arguments.cameras, size).map(Arc::new);
     let mut references = Vec::new();
@@ -188,10 +200,10 @@ fn in_studio(scene: &Scene, arguments: &PhysicsBenchArguments, keep: &mut dyn Fn
         };
         let kind = Kind { scene, stage: Some(&stage), response, size, noise: 0.0, film: &film };
         let (rows, track) = kind.rows(arguments, &[])?;
-        keep(rows);
+        keep(rows)?;
         if let Some(track) = track.filter(|_| is_compared(scene.name())) {
             let reference = Reference::of(response, track, |seed| kind.track(arguments, seed, true))?;
-            keep(vec![kind.row_kind(1).row(reference.spread())]);
+            keep(vec![kind.row_kind(1).row(reference.spread())])?;
             references.push(reference);
         }
     }
@@ -202,7 +214,7 @@ fn in_studio(scene: &Scene, arguments: &PhysicsBenchArguments, keep: &mut dyn Fn
                 let film = Film::Studio(Arc::clone(&film), noise);
                 let (stage, size) = (Some(&stage), Some(size));
                 let kind = Kind { scene, stage, response, size, noise, film: &film };
-                keep(kind.rows(arguments, &references)?.0);
+                keep(kind.rows(arguments, &references)?.0)?;
             }
         }
     }

@@ -31,7 +31,7 @@ const MAX_THROWS: usize = 200;
 const SAME_EDGE_PIXELS: f64 = 3.0;
 
 /// Measures normals at each size.
-pub fn measure(sizes: &[(u32, u32)], cameras: usize, keep: &mut dyn FnMut(Vec<Row>)) -> Outcome {
+pub fn measure(sizes: &[(u32, u32)], cameras: usize, keep: &mut dyn FnMut(Vec<Row>) -> Outcome) -> Outcome {
     let person = StageSettings { motion: Motion::Wave, ..StageSettings::default() };
     let table = StageSettings { person: false, props: vec![Prop::Table], ..StageSettings::default() };
     let [person, table] = [person, table].map(|stage| Surface::of(stage, cameras));
@@ -71,7 +71,7 @@ pub fn measure(sizes: &[(u32, u32)], cameras: usize, keep: &mut dyn FnMut(Vec<Ro
                 kind.row(metric(p95, quantile(&disc, 0.95), None)),
                 kind.row(metric(square_p50, quantile(&square, 0.5), None)),
                 kind.row(metric(square_p95, quantile(&square, 0.95), None)),
-            ]);
+            ])?;
         }
     }
     Ok(())

@@ -92,12 +92,14 @@ struct Row {
 struct TwinCheck {
     size: String,
     load: String,
-    /// Planes compared, which all agree.
+    /// Planes compared.
     planes: usize,
     /// Samples and feelers inside.
     inside: usize,
     /// Points around the bodies with a plane near.
     around: usize,
+    /// A plane that differs, if one does.
+    failed: Option<String>,
 }
 
 /// Everything measured.
@@ -115,10 +117,9 @@ struct Report {
 }
 
 /// Runs it.
-#[allow(clippy::print_stdout, reason = "the table is the command's output")]
 pub fn run(arguments: &QueryBenchArguments) -> Outcome {
     arguments.outputs.prepare()?;
-    let opponent = arguments.python.start(SCRIPT).map(|peer| RefCell::new(Opponent { peer }));
+    let opponent = arguments.python.start(SCRIPT)?.map(|peer| RefCell::new(Opponent { peer }));
     let mut report = Report {
         bench: "query",
         machine: Machine::here(),
@@ -131,14 +132,8 @@ pub fn run(arguments: &QueryBenchArguments) -> Outcome {
         bounds: Vec::new(),
         rounds: Vec::new(),
     };
-    report.print_head();
-    for &size in &arguments.size {
-        report.measure(StudioPlan { cameras: CAMERAS, size, bent: false }, opponent.as_ref())?;
-        report.measure(StudioPlan { cameras: CAMERAS, size, bent: true }, None)?;
-    }
-    report.measure_paper()?;
-    report.print_tail();
-    arguments.outputs.write(&report, |folder| report.draw(folder))
+    let measured = report.measure_all(&arguments.size, opponent.as_ref());
+    arguments.outputs.write(measured, &report, |folder| report.draw(folder))
 }
 
 /// The points of one studio.
@@ -168,6 +163,23 @@ impl Loads {
 }
 
 impl Report {
+    /// Everything, with the tables; fails at the end if answers differ that must not.
+    fn measure_all(&mut self, sizes: &[(u32, u32)], opponent: Option<&RefCell<Opponent>>) -> Outcome {
+        self.print_head()?;
+        for &size in sizes {
+            self.measure(StudioPlan { cameras: CAMERAS, size, bent: false }, opponent)?;
+            self.measure(StudioPlan { cameras: CAMERAS, size, bent: true }, None)?;
+        }
+        self.measure_paper()?;
+        self.print_tail()?;
+        let agreements = self.agreement.iter().map(|compared| &compared.failed);
+        let failed: Vec<&str> = agreements
+            .chain(self.twins.iter().map(|twin| &twin.failed))
+            .filter_map(Option::as_deref)
+            .collect();
+        if failed.is_empty() { Ok(()) } else { Err(Failure::run(failed.join("; "))) }
+    }
+
     /// All loads of one studio.
     fn measure(&mut self, plan: StudioPlan, opponent: Option<&RefCell<Opponent>>) -> Outcome {
         let studio = Studio::new(plan)?;
@@ -211,13 +223,14 @@ impl Report {
     fn check_twin(&mut self, studio: &Studio, plan: StudioPlan, loads: &Loads) -> Outcome {
         let mut asked = Passes::new(studio.settings, 1);
         asked.ask(&loads.touching, slice::from_ref(&studio.views), &WorldBox::EVERYWHERE)?;
-        let planes = check_planes(studio, &loads.touching, &asked)?;
+        let (planes, failed) = check_planes(studio, &loads.touching, &asked);
         self.twins.push(TwinCheck {
             size: size_text(plan.size),
             load: named(TOUCHING, plan.bent),
             planes,
             inside: asked.inside_count(),
             around: asked.pass.results().iter().map(|body| body.around.len()).sum(),
+            failed,
         });
         Ok(())
     }
@@ -249,8 +262,7 @@ impl Report {
             cameras: plan.cameras,
             lens: if plan.bent { "bent" } else { "straight" },
         }));
-        self.print_rows(first);
-        Ok(())
+        self.print_rows(first)
     }
 
     /// Hands the frame and the points over and compares the answers.

@@ -8,7 +8,7 @@ use super::rounds::RoundCosts;
 use super::{Report, Row, TwinCheck};
 use crate::plot::{Axis, BarChart, LineChart, Series};
 use crate::table::{Columns, distinct, number, words};
-use cli::Outcome;
+use cli::{Outcome, outln};
 
 const BOUNDS: Columns<BoundSavings> = Columns {
     gap: "  ",
@@ -38,83 +38,93 @@ const ROUNDS: Columns<RoundCosts> = Columns {
     ],
 };
 
-#[allow(clippy::print_stdout, reason = "the table is the command's output")]
+/// What stands behind a row whose check failed.
+fn mark(failed: &Option<String>) -> &'static str {
+    if failed.is_some() { ": CHECK FAILED" } else { "" }
+}
+
 impl Report {
     /// The machine, and the first table's head.
-    pub fn print_head(&self) {
-        println!("{}; one core, million points per second", self.machine.line());
-        println!("\n{:>10}  {:14}  {:30}  {:>9}  hulltouch is", "size", "load", "engine", "M/s");
+    pub fn print_head(&self) -> Outcome {
+        outln!("{}; one core, million points per second", self.machine.line())?;
+        outln!("\n{:>10}  {:14}  {:30}  {:>9}  hulltouch is", "size", "load", "engine", "M/s")
     }
 
     /// The rows from `first` on, which are of one size and load, beside ours.
-    pub fn print_rows(&self, first: usize) {
+    pub fn print_rows(&self, first: usize) -> Outcome {
         let ours = self.rows[first].points_per_s;
         for row in &self.rows[first..] {
             let times = ours / row.points_per_s;
             let ratio = if row.engine == HULLTOUCH { String::new() } else { format!("{times:8.2} x") };
             let rate = row.points_per_s / 1e6;
-            println!("{:>10}  {:14}  {:30}  {rate:9.4}  {ratio}", row.size, row.load, row.engine);
+            outln!("{:>10}  {:14}  {:30}  {rate:9.4}  {ratio}", row.size, row.load, row.engine)?;
         }
+        Ok(())
     }
 
     /// Everything but the rates.
-    pub fn print_tail(&self) {
-        self.print_flatness();
-        self.print_rounds();
-        println!("\nshare of samples that each stage rejects, % (the paper's set-up)");
-        BOUNDS.print_titles();
-        self.bounds.iter().for_each(|saved| BOUNDS.print(saved));
+    pub fn print_tail(&self) -> Outcome {
+        self.print_flatness()?;
+        self.print_rounds()?;
+        outln!("\nshare of samples that each stage rejects, % (the paper's set-up)")?;
+        BOUNDS.print_titles()?;
+        self.bounds.iter().try_for_each(|saved| BOUNDS.print(saved))?;
         for said in &self.agreement {
-            println!(
-                "{:>10}  {:14}  OpenCV agrees on {:.2} % of {} points; {} on a pixel's edge or with another edge as near",
+            outln!(
+                "{:>10}  {:14}  OpenCV agrees on {:.2} % of {} points; {} on a pixel's edge or with another edge as near{}",
                 said.size,
                 said.load,
                 100.0 * said.agreeing,
                 said.points,
-                said.ties
-            );
+                said.ties,
+                mark(&said.failed)
+            )?;
         }
-        for TwinCheck { size, load, planes, inside, around } in &self.twins {
-            println!(
+        for TwinCheck { size, load, planes, inside, around, failed } in &self.twins {
+            outln!(
                 "{size:>10}  {load:14}  {inside} samples and feelers inside, {around} points around with a plane; \
-                 {planes} planes compared with the slow twin's"
-            );
+                 {planes} planes compared with the slow twin's{}",
+                mark(failed)
+            )?;
         }
+        Ok(())
     }
 
-    fn print_rounds(&self) {
-        println!("\nnanoseconds of a point by round, over all groups of cameras");
-        ROUNDS.print_titles();
-        self.rounds.iter().for_each(|row| ROUNDS.print(row));
+    fn print_rounds(&self) -> Outcome {
+        outln!("\nnanoseconds of a point by round, over all groups of cameras")?;
+        ROUNDS.print_titles()?;
+        self.rounds.iter().try_for_each(|row| ROUNDS.print(row))?;
         // The rounds are measured in pairs.
         for pair in self.rounds.chunks_exact(2) {
-            println!(
+            outln!(
                 "{:>10}  {:14}  a node of one camera answers at {:.2} of the rate a camera of all together",
                 pair[0].size,
                 pair[0].load,
                 pair[0].answers_ns() / pair[1].answers_ns()
-            );
+            )?;
         }
+        Ok(())
     }
 
     /// What the targets speak of: the last size beside the first, lenses, and cameras alone.
-    fn print_flatness(&self) {
+    fn print_flatness(&self) -> Outcome {
         let sizes = self.sizes();
-        let (Some(first), Some(last)) = (sizes.first(), sizes.last()) else { return };
-        println!();
+        let (Some(first), Some(last)) = (sizes.first(), sizes.last()) else { return Ok(()) };
+        outln!()?;
         for load in ["inside", "contacts", "anywhere", "touching"] {
             let rate = |size: &str, load: &str, engine: &str| self.rate(size, load, engine);
             let ratio = |a: Option<f64>, b: Option<f64>| {
                 a.zip(b).map_or_else(|| "-".to_owned(), |(a, b)| format!("{:.2}", a / b))
             };
-            println!(
+            outln!(
                 "{load:9} {last} at {} of {first}'s rate; at {first} distorted lenses at {}, cameras alone at \
                  {} of the rate of all together",
                 ratio(rate(last, load, HULLTOUCH), rate(first, load, HULLTOUCH)),
                 ratio(rate(first, &format!("{load}_bent"), HULLTOUCH), rate(first, load, HULLTOUCH)),
                 ratio(rate(first, load, UNPRUNED), rate(first, load, HULLTOUCH)),
-            );
+            )?;
         }
+        Ok(())
     }
 
     fn rate(&self, size: &str, load: &str, engine: &str) -> Option<f64> {

@@ -7,7 +7,6 @@ use nalgebra::{Point3, Vector3};
 
 use crate::loads::Studio;
 use crate::passes::{ContactBody, Passes, world_points};
-use cli::{Failure, Outcome};
 
 /// Pixels that the twin looks at, one point after the other.
 const PIXELS: usize = 1 << 28;
@@ -19,8 +18,9 @@ const SAME: f64 = 2e-6;
 /// another camera than the twin's, but no farther away.
 const AROUND_M: f64 = 0.12;
 
-/// Compares some of the planes that a pass found for these bodies with the twin's; returns how many.
-pub fn check_planes(studio: &Studio, bodies: &[ContactBody], asked: &Passes) -> Outcome<usize> {
+/// Compares some of the planes that a pass found for these bodies with the twin's; returns how many, and the first that
+/// differs.
+pub fn check_planes(studio: &Studio, bodies: &[ContactBody], asked: &Passes) -> (usize, Option<String>) {
     let (width, height) = (studio.dense[0].camera.width() as usize, studio.dense[0].camera.height() as usize);
     let most = (PIXELS / (studio.dense.len() * width * height)).max(1);
     let of_body = |points: &Points, touches: &[Touch]| -> Vec<(Point3<f64>, Edge)> {
@@ -38,12 +38,9 @@ pub fn check_planes(studio: &Studio, bodies: &[ContactBody], asked: &Passes) -> 
     };
     let chosen: Vec<_> = some(inside).chain(some(around)).collect();
     let wrong = chosen.iter().find(|(point, edge)| !is_twins(studio, point, edge));
-    match wrong {
-        None => Ok(chosen.len()),
-        Some((point, edge)) => {
-            Err(Failure::run(format_args!("the slow twin finds another plane than {edge:?} near {point}")))
-        }
-    }
+    let failed =
+        wrong.map(|(point, edge)| format!("the slow twin finds another plane than {edge:?} near {point}"));
+    (chosen.len(), failed)
 }
 
 /// True if the twin finds the same plane, or in another camera one as near.

@@ -1,5 +1,6 @@
 //! The model's tables: cameras of one rig, and many rigs, at the usual rates.
 
+use cli::{Outcome, outln};
 use serde::Serialize;
 
 use crate::table::{Columns, number, words};
@@ -140,12 +141,11 @@ fn percent(used: f64) -> String {
 
 impl ScaleReport {
     /// The report for people.
-    #[allow(clippy::print_stdout, reason = "the table is the command's output")]
-    pub fn print(&self) {
-        println!("\nScale: {}", self.note);
-        TABLE.print_titles();
-        self.rows.iter().for_each(|row| TABLE.print(row));
-        self.breaking.iter().for_each(|line| println!("  {line}"));
+    pub fn print(&self) -> Outcome {
+        outln!("\nScale: {}", self.note)?;
+        TABLE.print_titles()?;
+        self.rows.iter().try_for_each(|row| TABLE.print(row))?;
+        self.breaking.iter().try_for_each(|line| outln!("  {line}"))
     }
 }
 

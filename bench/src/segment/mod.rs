@@ -15,7 +15,7 @@ use super::outputs::Outputs;
 use super::peers::Python;
 use super::plot::{Axis, BarChart, Series};
 use super::table::{Machine, distinct};
-use cli::{Failure, Outcome, Progress, parse_size};
+use cli::{Failure, Outcome, Progress, outln, parse_size};
 
 /// A figure is the median over the frames of so many turns, in which every engine segments the whole film,
 /// after one that does not count.
@@ -70,25 +70,13 @@ struct Report {
 }
 
 /// Runs it.
-#[allow(clippy::print_stdout, reason = "the table is the command's output")]
 pub fn run(arguments: &SegmentBenchArguments) -> Outcome {
     arguments.outputs.prepare()?;
-    let mut opponent = arguments.python.start(SCRIPT).map(|peer| Opponent { peer });
+    let mut opponent = arguments.python.start(SCRIPT)?.map(|peer| Opponent { peer });
     let opencv = opponent.as_ref().map_or(Value::Null, |opponent| opponent.peer.greeting().clone());
     let mut report = Report { bench: "segment", machine: Machine::here(), opencv, rows: Vec::new() };
-    println!("{}; one core", report.machine.line());
-    println!(
-        "{:12}  {:>10}  {:15}  {:>8}  {:>9}  {:>7}  worst frame",
-        "set", "size", "engine", "Mpx/s", "of mog2", "IoU"
-    );
-    for &size in &arguments.size {
-        report.measure(&[Scene::studio(size)?], opponent.as_mut())?;
-    }
-    match recording() {
-        Ok(scenes) => report.measure(&scenes, opponent.as_mut())?,
-        Err(problem) => println!("no rows of uu_horseman: {problem}"),
-    }
-    arguments.outputs.write(&report, |folder| report.draw(folder))
+    let measured = report.measure_all(&arguments.size, opponent.as_mut());
+    arguments.outputs.write(measured, &report, |folder| report.draw(folder))
 }
 
 fn recording() -> Outcome<Vec<Scene>> {
@@ -159,6 +147,27 @@ fn measure_scene(
 }
 
 impl Report {
+    /// Everything, with the table.
+    fn measure_all(&mut self, sizes: &[(u32, u32)], mut opponent: Option<&mut Opponent>) -> Outcome {
+        outln!("{}; one core", self.machine.line())?;
+        outln!(
+            "{:12}  {:>10}  {:15}  {:>8}  {:>9}  {:>7}  worst frame",
+            "set",
+            "size",
+            "engine",
+            "Mpx/s",
+            "of mog2",
+            "IoU"
+        )?;
+        for &size in sizes {
+            self.measure(&[Scene::studio(size)?], opponent.as_deref_mut())?;
+        }
+        match recording() {
+            Ok(scenes) => self.measure(&scenes, opponent),
+            Err(problem) => outln!("no rows of uu_horseman: {problem}"),
+        }
+    }
+
     /// All engines on scenes of one set and size.
     fn measure(&mut self, scenes: &[Scene], mut opponent: Option<&mut Opponent>) -> Outcome {
         let Some(first) = scenes.first() else { return Ok(()) };
@@ -174,22 +183,26 @@ impl Report {
         let rows = rows.map(|(figures, engine)| figures.row(first.set, first.size, engine));
         let from = self.rows.len();
         self.rows.extend(rows);
-        self.print(from);
-        Ok(())
+        self.print(from)
     }
 
     /// The rows from `from` on, which are of one set and size.
-    #[allow(clippy::print_stdout, reason = "the table is the command's output")]
-    fn print(&self, from: usize) {
+    fn print(&self, from: usize) -> Outcome {
         let rows = &self.rows[from..];
         let mog2 = rows.iter().find(|row| row.engine == "mog2").map(|row| row.mpx_per_s);
         for row in rows {
             let times = mog2.map_or_else(String::new, |mog2| format!("{:.1} x", row.mpx_per_s / mog2));
-            println!(
+            outln!(
                 "{:12}  {:>10}  {:15}  {:8.0}  {times:>9}  {:7.4}  {:.4}",
-                row.set, row.size, row.engine, row.mpx_per_s, row.iou, row.least_iou
-            );
+                row.set,
+                row.size,
+                row.engine,
+                row.mpx_per_s,
+                row.iou,
+                row.least_iou
+            )?;
         }
+        Ok(())
     }
 
     /// Rates and quality, a group of bars for each set and size.

@@ -18,7 +18,7 @@ use self::rows::{Errors, Row, TABLE};
 use super::outputs::within;
 use super::random::Random;
 use super::table::{Machine, Table, write_json};
-use cli::{ArgumentError, Failure, Outcome, check_writable, parse_size};
+use cli::{ArgumentError, Failure, Outcome, check_writable, outln, parse_size};
 
 /// Errors of `sync check` on film of the studio with planted offsets.
 #[derive(Debug, Args)]
@@ -88,24 +88,29 @@ fn parse_runs(text: &str) -> Result<usize, ArgumentError> {
 }
 
 /// Runs it.
-#[allow(clippy::print_stdout, reason = "the table is the command's output")]
 pub fn run(arguments: &SyncBenchArguments) -> Outcome {
     if let Some(path) = &arguments.json {
         check_writable("--json", path)?;
     }
     let rig = studio_rig(arguments.cameras, arguments.size).map_err(Failure::input)?;
     let machine = Machine::here();
-    println!("{}", machine.line());
-    TABLE.print_titles();
     let mut rows = Vec::new();
-    for &motion in &arguments.motion {
-        for &turned_deg in &arguments.turn {
-            let row = row(arguments, &rig, motion, turned_deg)?;
-            TABLE.print(&row);
-            rows.push(row);
+    let mut measure = || {
+        outln!("{}", machine.line())?;
+        TABLE.print_titles()?;
+        for &motion in &arguments.motion {
+            for &turned_deg in &arguments.turn {
+                let row = row(arguments, &rig, motion, turned_deg)?;
+                TABLE.print(&row)?;
+                rows.push(row);
+            }
         }
-    }
-    write_json(&Table { bench: "sync", machine, rows }, arguments.json.as_deref())
+        Ok(())
+    };
+    let measured = measure();
+    // What was measured is written also where measuring failed.
+    let written = write_json(&Table { bench: "sync", machine, rows }, arguments.json.as_deref());
+    measured.and(written)
 }
 
 fn row(arguments: &SyncBenchArguments, rig: &Rig, motion: Motion, turned_deg: f64) -> Outcome<Row> {

@@ -6,7 +6,7 @@ use std::os::unix::fs::{DirBuilderExt as _, OpenOptionsExt as _};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use cli::{Failure, Outcome};
+use cli::{Failure, Outcome, out};
 use cluster::ClusterFile;
 use identity::{
     AUTHORITIES, Authority, CERTIFICATE, CertificateError, CertificateNames, Credentials, Identity, KEY,
@@ -63,12 +63,14 @@ pub fn run(arguments: &CertsArguments) -> Outcome {
         nodes.chain(others).map(|(folder, owner)| (arguments.into.join(folder), owner)).collect();
     let authority = authority(&arguments.into.join(AUTHORITY), room, &owners)?;
     let page_names = page_names(&arguments.into.join(COORDINATOR), &Identity::coordinator(room), arguments)?;
+    let mut lines = String::new();
     for (folder, owner) in owners {
         let also = if owner.role == Role::Coordinator { &page_names[..] } else { &[] };
         let done = issue(&folder, &authority, &owner, also, Validity::days(arguments.days))?;
-        writeln!(io::stdout(), "{}: {owner}, {done}", folder.display()).map_err(Failure::run)?;
+        lines += &format!("{}: {owner}, {done}\n", folder.display());
     }
-    Ok(())
+    // After all are made: a closed standard output leaves none out.
+    out!("{lines}")
 }
 
 fn page_name(text: &str) -> Result<PageName, String> {

@@ -11,7 +11,7 @@ use crate::run::options::{OutletArguments, RecordOptions};
 use crate::run::run_locally;
 use crate::run::security::ConsentArguments;
 use crate::run::setup::{AskName, ResponseArguments, Setup, TransportName, checked_seconds, world_settings};
-use cli::{Failure, Outcome, PrecisionName, parse_size};
+use cli::{Failure, Outcome, PrecisionName, parse_size, temporary_folder};
 use cluster::ClusterFile;
 use coordinator::MemoryUse;
 use node_client::Role;
@@ -92,7 +92,7 @@ pub fn run(arguments: &DemoArguments) -> Outcome {
     if cfg!(debug_assertions) {
         tracing::warn!("this is a debug build and slow: build with --release, or run `cargo demo`");
     }
-    let studio = tempfile::tempdir().map_err(Failure::run)?;
+    let studio = temporary_folder()?;
     let (mut file, scene) = match &arguments.recording {
         Some(path) => arguments.studio.cluster(path)?,
         None => arguments.studio.synthetic(studio.path())?,

@@ -5,7 +5,7 @@ use std::net::{SocketAddr, TcpStream};
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use cli::{Failure, Outcome};
+use cli::{Failure, Outcome, outln};
 
 /// A service that does not answer within this is not ready.
 const TIMEOUT: Duration = Duration::from_secs(3);
@@ -37,9 +37,7 @@ pub fn run(arguments: &ReadyArguments) -> Outcome {
     let line = proto::text::clean(body.lines().next().unwrap_or_default(), 300);
     match status {
         Some("200") => {
-            // A closed standard output is no reason to fail.
-            let _ = writeln!(io::stdout(), "{line}");
-            Ok(())
+            outln!("{line}")
         }
         Some("503") => Err(Failure::run(format_args!("not ready: {line}"))),
         _ => Err(Failure::run(format_args!("{address}: its answer is not that of a port of --metrics"))),

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use clap::Args;
-use cli::{Failure, Outcome};
+use cli::{Outcome, temporary_folder};
 use coordinator::MemoryUse;
 use node_client::{Role, Sockets};
 
@@ -55,7 +55,7 @@ pub struct RecordArguments {
 /// Runs until film or time ends, or Ctrl-C.
 pub fn run(arguments: RecordArguments) -> Outcome {
     let record = RecordTo::checked(arguments.file, arguments.force, arguments.colour)?;
-    let studio = tempfile::tempdir().map_err(Failure::run)?;
+    let studio = temporary_folder()?;
     let (file, scene) = match &arguments.recording {
         Some(path) => arguments.studio.cluster(path)?,
         None => arguments.studio.synthetic(studio.path())?,

@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use camera_node::pulse::Pulse;
-use cli::{Failure, Outcome, write_whole};
+use cli::{Failure, Outcome, out, write_whole};
 use coordinator::hooks::{Recorder, Schedule};
 use coordinator::metrics::MetricsSender;
 use coordinator::{Coordinator, Figures, Placement, RunError, RunSettings, Transport};
@@ -201,9 +201,8 @@ impl RunOutcome {
         if setup.outlets.silent {
             return Ok(());
         }
-        use std::io::Write as _;
-        // A closed standard output is no reason to fail a run that went well.
-        let _ = std::io::stdout().write_all(self.summary.as_bytes());
-        Ok(())
+        let printed = out!("{}", self.summary);
+        // Why a run failed counts for more than a summary that was not printed.
+        if self.failure.is_some() { Ok(()) } else { printed }
     }
 }

@@ -5,11 +5,10 @@ mod facts;
 mod finding;
 mod gather;
 
-use std::io::Write as _;
 use std::path::PathBuf;
 
 use clap::Args;
-use cli::{Failure, Outcome};
+use cli::{Failure, Outcome, out};
 use cluster::ClusterFile;
 use proto::text::clean;
 use serde::Serialize;
@@ -93,8 +92,7 @@ pub fn run(arguments: &DoctorArguments) -> Outcome {
     } else {
         lines.iter().for_each(|line| text += &line.text());
     }
-    let mut stdout = std::io::stdout().lock();
-    stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()).map_err(Failure::run)?;
+    out!("{text}")?;
     match &failed[..] {
         [] => Ok(()),
         failed => Err(Failure::run(format_args!("checks failed: {}", failed.join(", ")))),

@@ -2,7 +2,6 @@
 
 pub mod part;
 
-use std::io::Write as _;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -10,7 +9,7 @@ use std::sync::Arc;
 use camera_node::listen::Listen;
 use camera_node::service::{Access, Node, ServeError};
 use clap::Args;
-use cli::{Failure, Outcome};
+use cli::{Failure, Outcome, outln};
 use cluster::{Announcement, ClusterFile};
 use identity::Identity;
 use port::{Telemetry, TelemetryPort};
@@ -88,7 +87,7 @@ pub fn run(arguments: &NodeArguments) -> Outcome {
         let watch = node.watch();
         telemetry.watch(watch.clone());
         let address = node.address().map_err(Failure::run)?;
-        say_address(&address)?;
+        say_address(&address);
         let _announcement = announcement(&file, &part, &address);
         systemd::ready(&format!("serves {} at {address}", part.camera_names(&file).join(", ")));
         let stop = async {
@@ -132,10 +131,12 @@ fn access(file: &ClusterFile, part: &Part, security: &SecurityArguments) -> Outc
     }
 }
 
-/// Prints the address at which the node listens: a parent that gave port 0 waits for this line.
-fn say_address(address: &Listen) -> Outcome {
-    let mut stdout = std::io::stdout().lock();
-    writeln!(stdout, "listening on {address}").and_then(|()| stdout.flush()).map_err(Failure::run)
+/// Prints the address at which the node listens: a parent that gave port 0 waits for this line. A node serves whether
+/// its line is read or not.
+fn say_address(address: &Listen) {
+    if let Err(failure) = outln!("listening on {address}") {
+        tracing::warn!("{failure}");
+    }
 }
 
 /// Announces a node that must be found by its name. One that cannot be announced still serves.

@@ -17,7 +17,7 @@ use hull::rule::{HullRule, NormalWindow, OutOfView, ProbeSettings};
 use hull::view_set::Scratch;
 use hull::{Observer, Rig, Silhouette, View, ViewSet};
 
-use cli::{Failure, Outcome, check_writable, while_working, write_whole};
+use cli::{Failure, Outcome, check_writable, outln, while_working, write_whole};
 use points::PointsFile;
 
 /// Answers a file of points against silhouettes from files.
@@ -80,7 +80,6 @@ struct Query {
 }
 
 /// Runs it.
-#[allow(clippy::print_stdout, reason = "the summary is the command's output")]
 pub fn run(arguments: &QueryArguments) -> Outcome {
     let query = Query::read(arguments)?;
     check_writable("--json", &arguments.json)?;
@@ -99,14 +98,13 @@ pub fn run(arguments: &QueryArguments) -> Outcome {
         0 => String::new(),
         count => format!(", {moved} of {count} bodies have a response"),
     };
-    println!(
+    outln!(
         "{} points, {inside} inside{bodies}, {} cameras, {:.3} s: {}",
         query.points.points_m.len(),
         query.rig.cameras().len(),
         took_s,
         arguments.json.display()
-    );
-    Ok(())
+    )
 }
 
 impl Query {

@@ -12,7 +12,7 @@ use proto::Pace;
 use toml::Value;
 
 use super::Query;
-use cli::{Failure, Outcome};
+use cli::{Failure, Outcome, temporary_folder};
 use cluster::{ClusterFile, LocalCluster, LocalNodes, Sockets};
 
 /// How long nodes may take to answer to their addresses, and to read a silhouette.
@@ -24,7 +24,7 @@ const FRAME: u64 = 0;
 
 /// Starts the nodes, asks them, and stops them.
 pub fn results(query: &Query) -> Outcome<Vec<BodyResult>> {
-    let folder = tempfile::tempdir().map_err(Failure::run)?;
+    let folder = temporary_folder()?;
     let path = folder.path().join("query.cluster.toml");
     write_cluster(query, folder.path(), &path).map_err(|error| Failure::unwritable(folder.path(), error))?;
     let file = ClusterFile::open(&path)?;

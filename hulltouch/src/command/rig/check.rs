@@ -9,7 +9,7 @@ use hull::{Rig, Silhouette};
 use serde::Serialize;
 
 use crate::command::query::{masks, read_rig};
-use cli::{Failure, Outcome, Progress, check_writable, while_working, write_whole};
+use cli::{Failure, Outcome, Progress, check_writable, out, outln, while_working, write_whole};
 
 /// Says how well a rig fits silhouettes, and which camera, moved, would mend most.
 ///
@@ -57,7 +57,6 @@ struct Film {
 }
 
 /// Runs it.
-#[allow(clippy::print_stdout, reason = "the table is the command's output")]
 pub fn run(arguments: &CheckArguments) -> Outcome {
     let rig = read_rig(&arguments.rig)?;
     if let Some(path) = &arguments.json {
@@ -81,14 +80,13 @@ pub fn run(arguments: &CheckArguments) -> Outcome {
         text.push(b'\n');
         write_whole(path, &text)?;
     }
-    print!("{}", table(&report));
+    out!("{}", table(&report))?;
     let left_out = match film.left_out {
         0 => String::new(),
         count => format!(", {count} left out because a camera lacks them"),
     };
-    println!("{} frames{left_out}; misfit {:.3}", film.frames.len(), report.cost);
-    println!("{}", verdict(&report));
-    Ok(())
+    outln!("{} frames{left_out}; misfit {:.3}", film.frames.len(), report.cost)?;
+    outln!("{}", verdict(&report))
 }
 
 impl Film {

@@ -6,7 +6,7 @@ use calib::import::{Axis, Format, ImportOptions, import};
 use clap::{Args, ValueEnum};
 use hull::Camera;
 
-use cli::{Failure, Outcome, parse_size, write_whole};
+use cli::{Failure, Outcome, out, outln, parse_size, write_whole};
 
 /// Turns another program's calibration into a rig file: in metres, and +Y up if --up names the source's axis.
 #[derive(Debug, Args)]
@@ -71,7 +71,6 @@ impl FormatChoice {
 }
 
 /// Runs it.
-#[allow(clippy::print_stdout, reason = "the table is the command's output")]
 pub fn run(arguments: &ImportArguments) -> Outcome {
     let options = ImportOptions {
         up: arguments.up,
@@ -85,9 +84,8 @@ pub fn run(arguments: &ImportArguments) -> Outcome {
     }
     write_whole(&arguments.out, imported.rig.to_toml().as_bytes())?;
     let cameras = imported.rig.cameras();
-    print!("{}", table(cameras));
-    println!("{} cameras: {}", cameras.len(), arguments.out.display());
-    Ok(())
+    out!("{}", table(cameras))?;
+    outln!("{} cameras: {}", cameras.len(), arguments.out.display())
 }
 
 fn table(cameras: &[Camera]) -> String {

@@ -5,12 +5,12 @@ mod lacks;
 pub mod room;
 mod table;
 
-use std::io::{IsTerminal as _, Write as _};
+use std::io::IsTerminal as _;
 use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
-use cli::{Failure, Outcome};
+use cli::{Failure, Outcome, out};
 use cluster::ClusterFile;
 use proto::{NodeStatus, unix_now_s};
 
@@ -75,18 +75,17 @@ impl StatusArguments {
     async fn look(&self, file: &ClusterFile, room: &mut Room) -> Outcome<usize> {
         let samples = room.ask().await;
         let lacks = lacks::lacks(&samples, file.fps);
-        let mut stdout = std::io::stdout().lock();
         let text = if self.json {
             format!("{}\n", json::line(file, &samples, &lacks).map_err(Failure::run)?)
         } else {
             let text = table::text(file, &samples, &lacks);
-            match (self.watch, stdout.is_terminal()) {
+            match (self.watch, std::io::stdout().is_terminal()) {
                 (true, true) => format!("{HOME}{text}"),
                 (true, false) => format!("{text}\n"),
                 (false, _) => text,
             }
         };
-        stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()).map_err(Failure::run)?;
+        out!("{text}")?;
         Ok(lacks.len())
     }
 }

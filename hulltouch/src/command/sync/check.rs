@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use calib::sync::{SyncReport, check_sync};
 use clap::Args;
-use cli::{Failure, Outcome, check_writable, while_working, write_whole};
+use cli::{Failure, Outcome, check_writable, out, while_working, write_whole};
 use cluster::{ClusterFile, LatencyChange};
 
 use super::film::{Film, FilmSource};
@@ -64,7 +64,6 @@ pub struct SyncCheckArguments {
 }
 
 /// Runs it.
-#[allow(clippy::print_stdout, reason = "the table is the command's output")]
 pub fn run(arguments: &SyncCheckArguments) -> Outcome {
     let cluster = arguments.cluster.as_deref().map(ClusterFile::open).transpose()?;
     if let Some(path) = &arguments.json {
@@ -88,13 +87,13 @@ pub fn run(arguments: &SyncCheckArguments) -> Outcome {
         text.push(b'\n');
         write_whole(path, &text)?;
     }
-    print!("{}", report::table(&found));
-    println!("{}", report::summary(&found, &film));
-    println!("{}", report::verdict(&found));
-    if let Some(cluster) = to_write {
-        print!("{}", written(cluster, &found, &film)?);
-    }
-    Ok(())
+    let written = to_write.map(|cluster| written(cluster, &found, &film)).transpose()?.unwrap_or_default();
+    out!(
+        "{}{}\n{}\n{written}",
+        report::table(&found),
+        report::summary(&found, &film),
+        report::verdict(&found)
+    )
 }
 
 fn source<'a>(

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use calib::sync::TimedSilhouette;
 use camera_node::source::usual_distance;
-use cli::{Failure, Outcome, Progress};
+use cli::{Failure, Outcome, Progress, temporary_folder};
 use cluster::ClusterFile;
 use coordinator::MemoryUse;
 use hull::{Camera, Rig};
@@ -62,7 +62,7 @@ impl FilmSource<'_> {
             FilmSource::Silhouettes { folder, rig, fps } => of_folder(folder, rig, *fps),
             FilmSource::Recording(path) => of_recording(path),
             FilmSource::Cluster { cluster, security, seconds, patience, take_over } => {
-                let folder = tempfile::tempdir().map_err(Failure::run)?;
+                let folder = temporary_folder()?;
                 let path = folder.path().join("sync.mcap");
                 let is_deployed = cluster.is_deployed();
                 let dial =
