@@ -271,7 +271,10 @@ fn a_page_name_that_no_browser_can_use_is_refused_before_anything_is_written() {
     let (folder, cluster) = made_room();
     let before = fs::read(folder.path().join("certs/coordinator/tls.crt")).expect("there");
     for (name, why) in [
-        ("https://studio.example/", "found an address with a scheme or a path, expected the name in it alone"),
+        (
+            "https://studio.example/",
+            "found an address with a scheme or a path, expected the name in it alone",
+        ),
         ("studio.example:8470", "found a name with a port, expected the name alone"),
         ("bühne.example", "found characters that are not ASCII, expected the name's ASCII form"),
         ("my studio", "found a part that is empty, longer than 63 or not of letters, digits, - and _"),

@@ -1,5 +1,7 @@
 //! A room in which something fails every two seconds: the run goes on, and what failed is back soon after its fault ends.
 
+#![allow(clippy::disallowed_macros, reason = "a test says what it measured")]
+
 #[path = "shared/filmed.rs"]
 mod filmed;
 #[path = "shared/link.rs"]

@@ -1,5 +1,7 @@
 //! Nodes behind a network: what is far is asked less, and a way that becomes longer is followed.
 
+#![allow(clippy::disallowed_macros, reason = "a test says what it measured")]
+
 #[path = "shared/link.rs"]
 mod link;
 #[path = "shared/namespace.rs"]

@@ -1,12 +1,13 @@
 //! Masks and numbered images from other programs: every command reads a file alike, or refuses it in one line.
 
 use std::fs;
-use std::io::{BufRead as _, BufReader, Read as _};
+use std::io::{BufRead as _, BufReader};
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::{Output, Stdio};
 
 use image::{DynamicImage, GrayImage, ImageBuffer, Luma, LumaA, Rgb, RgbImage, Rgba};
 use stage::{StageSettings, studio_rig, true_silhouette};
+use testkit::Running;
 
 const SIZE: (u32, u32) = (96, 72);
 const FRAMES: u64 = 8;
@@ -54,7 +55,7 @@ impl Room {
     }
 
     fn run(&self, arguments: &[&str]) -> Output {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_hulltouch"));
+        let mut command = testkit::command(env!("CARGO_BIN_EXE_hulltouch"));
         command.current_dir(self.path()).args(arguments).env_remove("RUST_LOG").output().expect("runs")
     }
 
@@ -270,23 +271,18 @@ fn a_deployed_run_names_the_camera_whose_numbers_are_times() {
     let room = Room::new(usual, |camera, frame| {
         format!("{}.png", frame + if camera == 1 { 1_700_000_000 } else { 0 })
     });
-    let mut node = Command::new(env!("CARGO_BIN_EXE_hulltouch"))
-        .current_dir(room.path())
-        .args(["node", "room.cluster.toml", "--camera", "cam_0", "--camera", "cam_1", "--camera", "cam_2"])
-        .arg("--stop-with-stdin")
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("starts");
+    let mut command = testkit::command(env!("CARGO_BIN_EXE_hulltouch"));
+    command.current_dir(room.path()).args(["node", "room.cluster.toml", "--stop-with-stdin"]);
+    command.args(["--camera", "cam_0", "--camera", "cam_1", "--camera", "cam_2"]);
+    let mut node =
+        Running::start(command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()));
     let mut listening = String::new();
-    BufReader::new(node.stdout.take().expect("piped")).read_line(&mut listening).expect("a line");
+    BufReader::new(node.child().stdout.take().expect("piped")).read_line(&mut listening).expect("a line");
     let output = room.run(&["coordinator", "room.cluster.toml", "--headless", "--unpaced"]);
     // The node ends with its standard input.
-    drop(node.stdin.take());
-    let mut log = String::new();
-    node.stderr.take().expect("piped").read_to_string(&mut log).expect("a log");
-    node.wait().expect("ends");
+    drop(node.child().stdin.take());
+    let ended = node.wait_with_output().expect("ends");
+    let log = String::from_utf8_lossy(&ended.stderr).into_owned();
     let reason = "camera \"cam_1\": ";
     let (said, number) = (said(&output), "image numbers start at 1700000000");
     assert_eq!((output.status.code(), said.lines().count()), (Some(1), 1), "{said}");

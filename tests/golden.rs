@@ -1,5 +1,7 @@
 //! `hulltouch query` against answers from elsewhere: the golden rigs, whose answers come from an
 //! independent program, and a rig small enough to be worked by hand.
+
+#![allow(clippy::disallowed_macros, reason = "a test says what it measured")]
 #![allow(clippy::print_stdout, reason = "a test that is skipped says so, and figures are worth seeing")]
 
 use std::fs;

@@ -1,5 +1,7 @@
 //! The page of a whole run, as a browser would use it: hull, colours and bodies over real processes.
 
+#![allow(clippy::disallowed_macros, reason = "a test says what it measured")]
+
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::process::Stdio;
 use std::time::Duration;

@@ -2,6 +2,8 @@
 //! that grow when they are decoded: no more than all connections may hold together. Each by itself, so that none gives way
 //! to another.
 
+#![allow(clippy::disallowed_macros, reason = "a test says what it measured")]
+
 #[path = "shared/room.rs"]
 mod room;
 

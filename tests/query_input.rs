@@ -123,7 +123,7 @@ fn rig_import_reads_every_camera_or_names_the_files_in_conflict() {
         fs::write(path.join(format!("room/room.cam{camera}.yml")), storage(camera)).expect("written");
     }
     let import = || {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_hulltouch"));
+        let mut command = Command::from_std(testkit::command(env!("CARGO_BIN_EXE_hulltouch")));
         command.current_dir(path).args(["rig", "import", "--size", "640x480", "room", "--out", "other.toml"]);
         let output = command.assert().get_output().clone();
         (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
@@ -159,6 +159,7 @@ fn a_rig_of_another_lens_is_refused_and_one_with_a_mark_is_read() {
     let points = fs::read_to_string(path.join("points.csv")).expect("points");
     fs::write(path.join("points.csv"), format!("\u{feff}{points}")).expect("written");
     query(path, &[]).success();
+    fs::remove_file(path.join("answers.json")).expect("written");
     let wide: Vec<u8> = format!("\u{feff}{RIG}").encode_utf16().flat_map(u16::to_le_bytes).collect();
     fs::write(path.join("rig.toml"), wide).expect("written");
     refused(path, &[], "rig.toml: found UTF-16 text, expected UTF-8: save the file as UTF-8");

@@ -1,6 +1,8 @@
 //! Two recordings of real people, played by the cluster files that are shipped: the whole chain from
 //! film through silhouettes and probes to bodies that are pushed. What the silhouettes are worth is
 //! tested in `segment`.
+
+#![allow(clippy::disallowed_macros, reason = "a test says what it measured")]
 #![allow(clippy::print_stdout, reason = "a test that is skipped says so, and figures are worth seeing")]
 
 #[path = "../segment/tests/common/mod.rs"]

@@ -1,4 +1,6 @@
 //! `hulltouch sync check` from silhouettes, and from clusters that it films itself.
+
+#![allow(clippy::disallowed_macros, reason = "a test says what it measured")]
 #![allow(clippy::print_stdout, reason = "a test that is skipped says so, and figures are worth seeing")]
 
 #[path = "../segment/tests/common/mod.rs"]

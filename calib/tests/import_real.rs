@@ -1,4 +1,6 @@
 //! Imports of the recordings' own calibration files.
+
+#![allow(clippy::disallowed_macros, reason = "a test says what it measured")]
 #![allow(clippy::print_stdout, reason = "differences are the result")]
 
 mod common;

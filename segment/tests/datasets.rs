@@ -2,6 +2,7 @@
 //!
 //! The settings are those of the cluster files that play the recordings.
 
+#![allow(clippy::disallowed_macros, reason = "a test says what it measured")]
 // The figures are what this test is read for.
 #![allow(clippy::print_stdout)]
 

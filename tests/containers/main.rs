@@ -1,6 +1,8 @@
 //! Containers for real: Docker's engine, an image of the Dockerfile, and the room of compose.yaml on film, in which nodes
 //! are paused, killed, cut off and renewed.
 
+#![allow(clippy::disallowed_macros, reason = "a test says what it measured")]
+
 mod engine;
 mod film;
 #[allow(dead_code, reason = "not every test needs it")]

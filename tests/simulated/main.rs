@@ -1,6 +1,8 @@
 //! The whole chain on a simulated network, in simulated time: the real client, pass and coordinator, the real service over
 //! film without threads. Seeds give delays, losses, cuts and deaths; the same seed gives the same log.
 
+#![allow(clippy::disallowed_macros, reason = "a test says what it measured")]
+
 mod film;
 mod room;
 

@@ -30,7 +30,7 @@ pub fn from_opencv(files: &[TextFile], options: &ImportOptions) -> Result<Import
             Ok(entries) => read.push((file, entries)),
             // A YAML of another program beside the calibration.
             Err(error) if files.len() > 1 && !names_camera(&file.text) => {
-                warnings.push(format!("left out: {error}"))
+                warnings.push(format!("left out: {error}"));
             }
             Err(error) => return Err(error),
         }
