@@ -11,7 +11,7 @@ use coordinator::{Placement, RunSettings, Transport};
 use film::{FPS, Film, all, rig};
 use hull::{Camera, ProbeSettings, Rig};
 use nalgebra::{Matrix3, Vector3};
-use node::{node_config, serve_until, silent_node_config};
+use node::{Served, node_config, silent_node_config};
 use node_client::Agreement;
 use run::{Keeper, Step, between, farthest_m, fastest_m_s, play, play_over, settings, since, world};
 use sim::Scene;
@@ -124,11 +124,10 @@ async fn bodies_only_fall_while_a_camera_is_silent_and_are_not_thrown_when_it_an
 #[tokio::test]
 async fn bodies_only_fall_once_a_node_is_lost() {
     let (scene, rig) = (Scene::named("rest").expect("shipped"), rig());
-    let (tell, lost) = oneshot::channel();
-    let (_serves, never) = oneshot::channel();
-    let mut nodes = vec![];
-    for (cameras, lost) in [(0..1, never), (1..4, lost)] {
-        let address = serve_until(node_config(&scene, &rig, cameras.clone()), lost).await;
+    let (mut nodes, mut served) = (vec![], vec![]);
+    for cameras in [0..1, 1..4] {
+        served.push(Served::start(node_config(&scene, &rig, cameras.clone())).await);
+        let address = served[served.len() - 1].address.clone();
         nodes.push(expected_node(&rig, address, &cameras.collect::<Vec<_>>()));
     }
     let shapes = world(&scene).moving_bodies().flat_map(sim::Body::asked_shapes).collect();
@@ -136,7 +135,7 @@ async fn bodies_only_fall_once_a_node_is_lost() {
         Transport::connect(nodes, Placement::Nodes, Agreement::new(ProbeSettings::default(), FPS, shapes));
     let observers = node_config(&scene, &rig, 0..4).observers();
     let mut keeper = Keeper::default();
-    keeper.tells = Some((SETTLED_S, tell));
+    keeper.tells = served[1].loses.take().map(|tell| (SETTLED_S, tell));
     let run = (keeper, std::future::pending());
     let (steps, figures) = play_over(transport, observers, &scene, settings(2.8), run).await;
     check_settled("a node is lost", &steps, SETTLED_S);
@@ -151,13 +150,12 @@ async fn bodies_only_fall_once_a_node_is_lost() {
 async fn a_live_run_begins_without_a_camera_that_never_films_and_ends_with_its_name_if_too_few_do() {
     let (scene, rig) = (Scene::named("rest").expect("shipped"), rig());
     for silent in [3..4, 2..4] {
-        let (mut nodes, mut serves) = (vec![], vec![]);
+        let (mut nodes, mut served) = (vec![], vec![]);
         for (cameras, is_silent) in [(0..silent.start, false), (silent.clone(), true)] {
-            let (serve, lost) = oneshot::channel();
             let config = if is_silent { silent_node_config } else { node_config };
-            let address = serve_until(config(&scene, &rig, cameras.clone()), lost).await;
-            nodes.push(expected_node(&rig, address, &cameras.collect::<Vec<_>>()));
-            serves.push(serve);
+            let node = Served::start(config(&scene, &rig, cameras.clone())).await;
+            nodes.push(expected_node(&rig, node.address.clone(), &cameras.collect::<Vec<_>>()));
+            served.push(node);
         }
         let shapes = world(&scene).moving_bodies().flat_map(sim::Body::asked_shapes).collect();
         let agreement = Agreement::new(ProbeSettings::default(), FPS, shapes);
@@ -182,7 +180,6 @@ async fn a_live_run_begins_without_a_camera_that_never_films_and_ends_with_its_n
             let why = "2 cameras film, expected at least min_cameras, 3: no frame has come from \"cam_2\", \"cam_3\"";
             assert_eq!((steps.len(), figures.film_failure.as_deref()), (0, Some(why)));
         }
-        drop(serves);
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::net::SocketAddr;
 use std::ops::Range;
+use std::thread::JoinHandle;
 
 use camera_node::service::{Access, Node};
 use camera_node::source::{SourceConfig, StageConfig};
@@ -45,20 +46,39 @@ pub fn silent_node_config(scene: &Scene, rig: &Rig, cameras: Range<usize>) -> No
     config
 }
 
-/// Serves a node on a thread of its own, until `lost`: then its connections are gone as well.
-pub async fn serve_until(config: NodeConfig, lost: oneshot::Receiver<()>) -> Address {
-    let (opened, address) = oneshot::channel();
-    std::thread::spawn(move || {
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
-        runtime.block_on(async {
-            let listen = SocketAddr::from(([127, 0, 0, 1], 0));
-            let node = Node::open(config, listen, Access::default()).await.expect("opens");
-            opened.send(node.address().expect("bound").to_string()).expect("somebody waits");
-            tokio::select! {
-                served = node.serve(std::future::pending()) => served.expect("serves"),
-                _ = lost => {}
-            }
+/// A node on a thread of its own. It ends, and so do its connections and programs, when this is dropped.
+pub struct Served {
+    pub address: Address,
+    /// What ends it before, if that is told or dropped.
+    pub loses: Option<oneshot::Sender<()>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Served {
+    pub async fn start(config: NodeConfig) -> Served {
+        let ((opened, address), (loses, lost)) = (oneshot::channel(), oneshot::channel());
+        let thread = std::thread::spawn(move || {
+            let runtime =
+                tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
+            runtime.block_on(async {
+                let listen = SocketAddr::from(([127, 0, 0, 1], 0));
+                let node = Node::open(config, listen, Access::default()).await.expect("opens");
+                opened.send(node.address().expect("bound").to_string()).expect("somebody waits");
+                tokio::select! {
+                    served = node.serve(std::future::pending()) => served.expect("serves"),
+                    _ = lost => {}
+                }
+            });
         });
-    });
-    address.await.expect("an address").parse().expect("an address")
+        let address = address.await.expect("an address").parse().expect("an address");
+        Served { address, loses: Some(loses), thread: Some(thread) }
+    }
+}
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        self.loses = None;
+        let ended = self.thread.take().map(JoinHandle::join);
+        assert!(std::thread::panicking() || ended.is_none_or(|ended| ended.is_ok()), "the node panicked");
+    }
 }
