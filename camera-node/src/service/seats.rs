@@ -13,9 +13,9 @@ use thiserror::Error;
 use tokio::sync::Notify;
 use tokio::time::Instant;
 
-/// What all connections hold together, bytes: two of the largest messages and their questions, and with the largest
+/// What all connections hold together, bytes: the largest message and its question with room for others, and with the largest
 /// shapes less than 100 MiB.
-pub(super) const MAX_HELD_BYTES: usize = 72 << 20;
+pub(super) const MAX_HELD_BYTES: usize = 68 << 20;
 /// Connections that have said who they are, all together.
 const MAX_CONNECTIONS: usize = 32;
 /// Of them, those of viewers: the others are left for coordinators.
@@ -330,12 +330,12 @@ mod tests {
             Arc::new(Seat { seats: seats.clone(), id, metered: true })
         };
         let [greedy, other, small] = [1, 2, 3].map(seat);
-        let held = [(&greedy, 40), (&other, 31)]
+        let held = [(&greedy, 40), (&other, 27)]
             .map(|(seat, mib)| Share::take(&Some(Arc::clone(seat)), mib * MIB).expect("within the budget"));
         assert!(Share::take(&Some(Arc::clone(&greedy)), 2 * MIB).is_err(), "it holds most itself");
         assert_eq!(seats.lock().taken.len(), 3, "what is refused changes nothing");
         let two = Share::take(&Some(Arc::clone(&small)), 2 * MIB).expect("the greedy one gives way");
-        assert_eq!(seats.lock().held_bytes, 33 * MIB);
+        assert_eq!(seats.lock().held_bytes, 29 * MIB);
         assert!(!seats.lock().taken.contains_key(&greedy.id()));
         assert!(Share::take(&Some(Arc::clone(&greedy)), 1).is_err(), "it has ended");
         drop((held, two, greedy, other, small));
@@ -350,10 +350,10 @@ mod tests {
         let (leader, strangers) = (seat(1), [seat(2), seat(2), seat(2)]);
         let take = |seat: &Arc<Seat>, mib| Share::take(&Some(Arc::clone(seat)), mib * MIB);
         let led = take(&leader, 20).expect("room");
-        let held = strangers.each_ref().map(|seat| take(seat, 17).expect("room"));
+        let held = strangers.each_ref().map(|seat| take(seat, 16).expect("room"));
         assert!(take(&strangers[0], 2).is_err(), "the leader holds less than they do together");
         let more = take(&leader, 10).expect("one of them gives way");
-        assert_eq!(seats.lock().held_bytes, 64 * MIB);
+        assert_eq!(seats.lock().held_bytes, 62 * MIB);
         assert!(seats.lock().taken.contains_key(&leader.id()));
         drop((led, held, more));
     }
