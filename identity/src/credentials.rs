@@ -2,6 +2,7 @@
 
 use std::fmt;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
@@ -15,6 +16,8 @@ use crate::loaded::{Loaded, peer_of};
 use crate::name::{Identity, Peer};
 use crate::socket::{ClientSocket, ServerSocket};
 
+/// A folder that cannot be read within this stands on a drive that hangs.
+const READ_TIMEOUT: Duration = Duration::from_secs(1);
 /// A peer that begins and then says nothing is dropped after this.
 const HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(5);
 /// Connections show certificates anew this often, unless told otherwise.
@@ -28,7 +31,9 @@ pub struct Credentials {
     max_connection_age: Duration,
     state: Mutex<State>,
     /// The folder is read by one at a time: what was read before is not put in use after.
-    reading: Mutex<()>,
+    reading: Arc<tokio::sync::Mutex<()>>,
+    /// A reading has not come to an end in time. Until it does nobody waits for it.
+    is_stuck: AtomicBool,
 }
 
 struct State {
@@ -56,7 +61,8 @@ impl Credentials {
             own,
             max_connection_age: MAX_CONNECTION_AGE,
             state,
-            reading: Mutex::default(),
+            reading: Arc::default(),
+            is_stuck: AtomicBool::new(false),
         })
     }
 
@@ -75,9 +81,20 @@ impl Credentials {
         &self.own
     }
 
-    /// When the certificate in use ends.
-    pub fn not_after(&self) -> SystemTime {
-        UNIX_EPOCH + self.current().not_after
+    /// When the certificate ends that the folder holds now, or the one in use if the folder holds none or is being read.
+    /// Blocks for a second at most.
+    pub fn not_after(self: &Arc<Self>) -> SystemTime {
+        if let Ok(turn) = Arc::clone(&self.reading).try_lock_owned() {
+            let (credentials, (sender, read)) = (Arc::clone(self), std::sync::mpsc::channel());
+            std::thread::spawn(move || {
+                credentials.current();
+                drop(turn);
+                // Nobody may wait any more.
+                let _ = sender.send(());
+            });
+            let _ = read.recv_timeout(READ_TIMEOUT);
+        }
+        self.not_after_in_use()
     }
 
     /// When the certificate ends that the last handshake used: the folder is not read anew.
@@ -122,15 +139,39 @@ impl Credentials {
         Ok(ClientSocket(socket))
     }
 
-    /// What the folder holds now. Reading it blocks.
+    /// What the folder holds now, or what is in use if its drive hangs.
     async fn read(self: &Arc<Self>) -> Arc<Loaded> {
+        if self.is_stuck.load(Ordering::Relaxed) && self.reading.try_lock().is_err() {
+            return Arc::clone(&self.state().loaded);
+        }
         let credentials = Arc::clone(self);
-        let read = tokio::task::spawn_blocking(move || credentials.current()).await;
-        read.unwrap_or_else(|_| Arc::clone(&self.state().loaded))
+        let reading = async move {
+            let turn = Arc::clone(&credentials.reading).lock_owned().await;
+            let read = move || {
+                // Kept until it is read, whether anybody still waits for that or not.
+                let _turn = turn;
+                let loaded = credentials.current();
+                credentials.is_stuck.store(false, Ordering::Relaxed);
+                loaded
+            };
+            tokio::task::spawn_blocking(read).await.ok()
+        };
+        match tokio::time::timeout(READ_TIMEOUT, reading).await {
+            Ok(Some(loaded)) => loaded,
+            Ok(None) => Arc::clone(&self.state().loaded),
+            Err(_) => {
+                if !self.is_stuck.swap(true, Ordering::Relaxed) {
+                    let (folder, after_s) = (self.folder.display(), READ_TIMEOUT.as_secs());
+                    tracing::error!(
+                        "{folder} was not read within {after_s} s; the certificates that were there before stay in use"
+                    );
+                }
+                Arc::clone(&self.state().loaded)
+            }
+        }
     }
 
     fn current(&self) -> Arc<Loaded> {
-        let _reading = self.reading.lock().unwrap_or_else(PoisonError::into_inner);
         let read = Files::read(&self.folder);
         let mut state = self.state();
         let loaded = match read {

@@ -20,6 +20,12 @@ pub enum CertificateError {
         /// The system's reason.
         error: io::Error,
     },
+    /// A pipe, a folder or a device.
+    #[error("{path} is no regular file, expected certificates or a key as PEM", path = .path.display())]
+    NoFile {
+        /// What is there instead.
+        path: PathBuf,
+    },
     /// A file is longer than any of its kind.
     #[error("{path} is longer than 256 KiB, expected certificates or a key as PEM", path = .path.display())]
     TooLong {
@@ -27,7 +33,11 @@ pub enum CertificateError {
         path: PathBuf,
     },
     /// A key that is no secret.
-    #[error("{path} has mode {mode:04o}: others may read it, expected 0600 or 0640", path = .path.display())]
+    #[error(
+        "{path} has mode {mode:04o}: {}, expected 0600 or 0640",
+        if mode & 0o007 == 0 { "its group may write it" } else { "others may read it" },
+        path = .path.display()
+    )]
     KeyOpen {
         /// The file.
         path: PathBuf,

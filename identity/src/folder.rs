@@ -2,7 +2,7 @@
 
 use std::fs::{self, File};
 use std::io::Read as _;
-use std::os::unix::fs::PermissionsExt as _;
+use std::os::unix::fs::{OpenOptionsExt as _, PermissionsExt as _};
 use std::path::{Path, PathBuf};
 
 use crate::error::CertificateError;
@@ -16,8 +16,8 @@ pub const KEY: &str = "tls.key";
 
 /// Far more than a chain and a bundle of authorities need.
 const MAX_FILE_BYTES: u64 = 256 * 1024;
-/// Permissions of all who are neither the file's owner nor of its group.
-const OTHERS: u32 = 0o007;
+/// Permissions that nobody needs: of all who are neither the file's owner nor of its group, and the group's to write.
+const OTHERS: u32 = 0o027;
 
 /// What the three files hold.
 #[derive(PartialEq, Eq)]
@@ -47,7 +47,13 @@ impl Files {
 /// A file of a folder; refuses what is longer than any.
 pub(crate) fn read(path: PathBuf) -> Result<Vec<u8>, CertificateError> {
     let mut bytes = Vec::new();
-    let file = File::open(&path).map_err(|error| CertificateError::read(&path, error))?;
+    // A pipe would block whoever opens it, for ever.
+    let nonblock = rustix::fs::OFlags::NONBLOCK.bits() as i32;
+    let file = File::options().read(true).custom_flags(nonblock).open(&path);
+    let file = file.map_err(|error| CertificateError::read(&path, error))?;
+    if !file.metadata().is_ok_and(|metadata| metadata.is_file()) {
+        return Err(CertificateError::NoFile { path });
+    }
     let read = file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes);
     read.map_err(|error| CertificateError::read(&path, error))?;
     if bytes.len() as u64 > MAX_FILE_BYTES {

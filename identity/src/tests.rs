@@ -157,6 +157,8 @@ fn a_folder_that_cannot_be_used_says_why() {
     let open_key = owner();
     fs::set_permissions(open_key.folder.path().join(KEY), fs::Permissions::from_mode(0o644)).expect("set");
     assert_eq!(open_key.problem(), "tls.key has mode 0644: others may read it, expected 0600 or 0640");
+    fs::set_permissions(open_key.folder.path().join(KEY), fs::Permissions::from_mode(0o660)).expect("set");
+    assert_eq!(open_key.problem(), "tls.key has mode 0660: its group may write it, expected 0600 or 0640");
 
     let mixed = owner();
     fs::copy(owner().folder.path().join(KEY), mixed.folder.path().join(KEY)).expect("copied");
@@ -209,6 +211,23 @@ async fn certificates_are_replaced_while_they_are_in_use() {
     assert!(meet(&serving, &coordinator, &left()).await.1.is_err());
     let coordinator = Owner::new(&new, Identity::coordinator(ROOM)).open().expect("valid");
     assert_eq!(meet(&serving, &coordinator, &left()).await.1, Ok(b'x'));
+}
+
+#[tokio::test]
+async fn a_pipe_in_the_place_of_a_certificate_is_refused_and_blocks_nobody() {
+    let authority = authority();
+    let node = Owner::new(&authority, left());
+    let serving = node.open().expect("valid");
+    let coordinator = Owner::new(&authority, Identity::coordinator(ROOM)).open().expect("valid");
+    let path = node.folder.path().join(CERTIFICATE);
+    fs::remove_file(&path).expect("removed");
+    let mode = rustix::fs::Mode::from_raw_mode(0o600);
+    rustix::fs::mkfifoat(rustix::fs::CWD, &path, mode).expect("a pipe");
+    assert_eq!(meet(&serving, &coordinator, &left()).await.1, Ok(b'x'), "with what was there before");
+    assert_eq!(node.problem(), "tls.crt is no regular file, expected certificates or a key as PEM");
+    fs::remove_file(&path).expect("removed");
+    fs::create_dir(&path).expect("a folder");
+    assert!(node.problem().starts_with("tls.crt is no regular file"), "{}", node.problem());
 }
 
 #[test]

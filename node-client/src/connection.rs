@@ -119,7 +119,7 @@ impl Dial for Sockets {
     }
 
     fn certificate_ends(&self) -> Option<SystemTime> {
-        self.credentials.as_ref().map(|credentials| credentials.not_after())
+        self.credentials.as_ref().map(Credentials::not_after)
     }
 
     fn hint(&self) -> String {

@@ -91,7 +91,7 @@ impl NodeWatch {
 
     /// When its certificate ends, if it has one.
     pub fn certificate_ends(&self) -> Option<SystemTime> {
-        self.credentials.as_ref().map(|credentials| credentials.not_after())
+        self.credentials.as_ref().map(Credentials::not_after)
     }
 
     /// What it lacks to do its work: every camera films.

@@ -71,9 +71,9 @@ fn cure(error: &CertificateError) -> &'static str {
             "name the folder with ca.crt, tls.crt and tls.key, readable to this user"
         }
         CertificateError::KeyOpen { .. } => "chmod 600 tls.key, and a new key if others may have read it",
-        CertificateError::TooLong { .. } | CertificateError::Content { .. } => {
-            "copy the folder again, or make it with hulltouch certs"
-        }
+        CertificateError::NoFile { .. }
+        | CertificateError::TooLong { .. }
+        | CertificateError::Content { .. } => "copy the folder again, or make it with hulltouch certs",
         CertificateError::Mismatch { .. } => "take tls.crt and tls.key from the same folder of the same day",
         CertificateError::Refused { .. } => {
             "set this PC's clock (timedatectl), then renew: hulltouch certs, with the authority of the room"
