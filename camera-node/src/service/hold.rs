@@ -19,6 +19,9 @@ const GRACE: Duration = Duration::from_secs(3);
 const HEARD_WITHIN: Duration = Duration::from_millis(1500);
 /// A node that nobody has held for so long stops its cameras.
 pub(super) const DESERTED_AFTER: Duration = Duration::from_secs(10);
+/// Who takes over claims the next term. So many may have been claimed meanwhile; one far above is there to end the order of
+/// terms.
+const MOST_TERMS_AHEAD: u64 = 1 << 16;
 /// Streams of more who say who they are than would ever lead a node are not counted.
 const MAX_STREAMS: usize = 64;
 
@@ -28,6 +31,15 @@ const MAX_STREAMS: usize = 64;
 pub(super) struct HeldBy {
     name: String,
     for_s: u64,
+}
+
+/// Why a claim is refused.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub(super) enum ClaimRefused {
+    #[error(transparent)]
+    Held(HeldBy),
+    #[error("HoldRequest.term: is {found}, expected at most {most}")]
+    Term { found: u64, most: u64 },
 }
 
 /// The hold on a node.
@@ -49,7 +61,11 @@ struct Held {
 impl Hold {
     /// Claims the node. A holder that is there is displaced by a higher term alone; one whose stream has ended, or that is
     /// silent, by itself started anew, and after a while by anybody.
-    pub fn claim(&mut self, claim: Claim, now: Instant) -> Result<(), HeldBy> {
+    pub fn claim(&mut self, claim: Claim, now: Instant) -> Result<(), ClaimRefused> {
+        let most = self.term().saturating_add(MOST_TERMS_AHEAD);
+        if claim.term > most {
+            return Err(ClaimRefused::Term { found: claim.term, most });
+        }
         match &mut self.held {
             Some(held) if held.claim.id == claim.id => {
                 held.heard = now;
@@ -60,7 +76,7 @@ impl Hold {
                 let is_itself = claim.name == held.claim.name && (!has_stream || silent > HEARD_WITHIN);
                 let may_follow = claim.term > held.claim.term || is_itself || !has_stream && silent > GRACE;
                 if !may_follow {
-                    return Err(held.refusal(now));
+                    return Err(ClaimRefused::Held(held.refusal(now)));
                 }
             }
             None => {}
@@ -213,6 +229,18 @@ mod tests {
         assert!(hold.check(7, began).is_err() && hold.claim(claim(7, "first", 1), began).is_err());
         hold.stream_ended(7, after(1, began));
         assert_eq!(hold.check(8, after(50, began)), Ok(()));
+    }
+
+    #[test]
+    fn no_term_ends_the_order_of_terms() {
+        let (mut hold, began) = (Hold::default(), Instant::now());
+        for far in [u64::MAX - 1, MOST_TERMS_AHEAD + 1] {
+            let refused = hold.claim(claim(7, "first", far), began).expect_err("refused").to_string();
+            assert_eq!(refused, format!("HoldRequest.term: is {far}, expected at most {MOST_TERMS_AHEAD}"));
+        }
+        assert_eq!(hold.claim(claim(7, "first", MOST_TERMS_AHEAD), began), Ok(()));
+        hold.stream_began(7);
+        assert_eq!(hold.claim(claim(8, "second", MOST_TERMS_AHEAD + 1), began), Ok(()), "the next one");
     }
 
     #[test]

@@ -48,7 +48,7 @@ use crate::frames::{CameraFrame, FrameError, FrameRing};
 use crate::pictures::{PictureEncoder, PictureError};
 use crate::pulse::Pulse;
 use crate::shapes::Shapes;
-use hold::{SharedHold, held};
+use hold::{ClaimRefused, SharedHold, held};
 use incoming::Caller;
 use led::Led;
 use probe_stream::ProbeStream;
@@ -145,7 +145,10 @@ impl CameraNode for Service {
     async fn hold(&self, request: Request<v1::HoldRequest>) -> Result<Response<v1::HoldReply>, Status> {
         let claim = claim_from_wire(request.into_inner()).map_err(invalid)?;
         let name = claim.name.clone();
-        self.hold.lock().claim(claim, Instant::now()).map_err(|by| held(&by))?;
+        self.hold.lock().claim(claim, Instant::now()).map_err(|refused| match refused {
+            ClaimRefused::Held(by) => held(&by),
+            ClaimRefused::Term { .. } => Status::invalid_argument(refused.to_string()),
+        })?;
         tracing::debug!("held by {name}");
         Ok(Response::new(v1::HoldReply {}))
     }

@@ -5,6 +5,9 @@ use super::bulk::Field;
 use crate::text::{MAX_NAME_CHARS, clean};
 use crate::{Claim, v1};
 
+/// Who takes over claims the term after the greatest one, and that is a number too.
+const MAX_TERM: u64 = 1 << 62;
+
 /// A claim.
 pub fn claim_to_wire(claim: Claim) -> v1::HoldRequest {
     let Claim { id, term, name } = claim;
@@ -17,9 +20,8 @@ pub fn claim_from_wire(request: v1::HoldRequest) -> Result<Claim, ConvertError> 
     if holder == 0 {
         return Err(Field("HoldRequest", "holder").value("is 0, expected a number that nobody else knows"));
     }
-    // The greatest term could never be displaced.
-    if term == u64::MAX {
-        return Err(Field("HoldRequest", "term").value(format!("is {term}, expected less")));
+    if term > MAX_TERM {
+        return Err(Field("HoldRequest", "term").value(format!("is {term}, expected at most {MAX_TERM}")));
     }
     Ok(Claim { id: holder, term, name: clean(&name, MAX_NAME_CHARS) })
 }
@@ -34,8 +36,10 @@ mod tests {
         assert_eq!(claim_from_wire(claim_to_wire(claim.clone())), Ok(claim.clone()));
         let nobody = v1::HoldRequest { holder: 0, ..claim_to_wire(claim.clone()) };
         assert!(claim_from_wire(nobody).is_err());
-        let for_ever = v1::HoldRequest { term: u64::MAX, ..claim_to_wire(claim.clone()) };
-        assert!(claim_from_wire(for_ever).is_err());
+        for term in [u64::MAX, u64::MAX - 1, MAX_TERM + 1] {
+            let for_ever = v1::HoldRequest { term, ..claim_to_wire(claim.clone()) };
+            assert!(claim_from_wire(for_ever).is_err(), "{term}");
+        }
         let dirty = v1::HoldRequest { name: "a\x1b[2Jb\n".repeat(1000), ..claim_to_wire(claim) };
         let name = claim_from_wire(dirty).expect("a claim").name;
         assert!(name.chars().count() <= MAX_NAME_CHARS + 1 && !name.chars().any(char::is_control), "{name}");
