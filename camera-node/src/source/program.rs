@@ -41,6 +41,9 @@ pub enum Ending {
     Killed,
 }
 
+/// The token of the page, which a demo's own nodes inherit.
+const SECRET: &str = "HULLTOUCH_TOKEN";
+
 impl Program {
     /// Starts `command` (program and arguments) in `folder`, with nothing on its standard input.
     pub fn start(command: &[String], folder: &Path) -> Result<(Program, ChildStdout), SourceError> {
@@ -54,6 +57,8 @@ impl Program {
         let mut child = Command::new(found)
             .args(arguments)
             .current_dir(folder)
+            // It needs none of our secrets.
+            .env_remove(SECRET)
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
