@@ -15,6 +15,7 @@ mod message_cache;
 mod orders;
 mod page;
 pub mod pictures;
+mod pings;
 mod programs;
 mod run_info;
 mod server;

@@ -1,4 +1,4 @@
-//! Text of pages and programs comes back as one short line without control characters.
+//! Text of pages and programs comes back as one short line without control characters, and a flood of pings ends.
 
 mod common;
 
@@ -63,4 +63,31 @@ async fn what_a_program_sends_comes_back_short_and_clean() {
         assert_eq!(answer["op"], "refused");
         is_clean(&answer["why"]);
     }
+}
+
+/// Pings, sent until the server has closed the connection; none of its answers is read.
+async fn flooded(url: String) -> usize {
+    let (socket, _) = tokio_tungstenite::connect_async(url).await.expect("connects");
+    let (mut sink, _stream) = socket.split();
+    let mut bytes = 0;
+    while bytes < 64 << 20 {
+        let ping = Message::Ping(vec![0; 125].into());
+        let sent = tokio::time::timeout(TIMEOUT, sink.send(ping)).await;
+        if !sent.is_ok_and(|sent| sent.is_ok()) {
+            break;
+        }
+        bytes += 125;
+    }
+    bytes
+}
+
+#[tokio::test]
+async fn a_peer_that_pings_without_end_is_dropped_before_its_answers_fill_memory() {
+    let run = Run::start();
+    for address in ["feed", "state"] {
+        let url = format!("ws://{}/{address}", run.feed.address());
+        let bytes = flooded(url).await;
+        assert!(bytes < 16 << 20, "{address} took pings of {bytes} bytes");
+    }
+    run.viewer().await;
 }

@@ -18,6 +18,7 @@ use super::outbox::{Item, Outbox};
 use super::state::{Ending, Page};
 use super::{STATUS_EVERY, WRITE_TIMEOUT};
 use crate::http::{BytesSent, Connection};
+use crate::pings::Pings;
 use crate::shared::{Seats, Shared};
 use crate::text;
 
@@ -97,7 +98,7 @@ impl Drop for Writing {
 /// Hands what comes to the page's state, which decides what is sent, until there is a reason to end.
 async fn talk(page: &mut Page, mut stream: SplitStream<WebSocket>) -> Ending {
     let mut status = tokio::time::interval(STATUS_EVERY);
-    let mut pings = tokio::time::interval(PING_EVERY);
+    let (mut pings, mut its_pings) = (tokio::time::interval(PING_EVERY), Pings::default());
     page.begin();
     loop {
         let (state_due, frame_due) = (page.state_due(), page.frame_due());
@@ -105,8 +106,8 @@ async fn talk(page: &mut Page, mut stream: SplitStream<WebSocket>) -> Ending {
             message = stream.next() => match message {
                 Some(Ok(Message::Text(text))) => page.read(&text),
                 Some(Ok(Message::Pong(number))) => page.pong(&number),
-                // Pings are answered already.
-                Some(Ok(Message::Ping(_))) => None,
+                // It is answered already.
+                Some(Ok(Message::Ping(_))) => its_pings.note(Instant::now()).map(Ending::Bye),
                 Some(Ok(Message::Binary(_))) => Some(Ending::Bye("a binary message, expected texts".into())),
                 Some(Ok(Message::Close(_))) | None => Some(Ending::Disconnected),
                 Some(Err(error)) => Some(Ending::Bye(format!("no message: {error}"))),

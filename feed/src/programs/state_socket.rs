@@ -1,7 +1,7 @@
 //! The world as JSON over a WebSocket: a text message a tick, commands the other way.
 
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade, close_code};
 use axum::extract::{Query, State};
@@ -18,6 +18,7 @@ use super::ticks::{DEFAULT_RATE_HZ, Ticks};
 use crate::fields::InputError;
 use crate::http::Connection;
 use crate::orders::Orders;
+use crate::pings::Pings;
 use crate::shared::{Seats, Shared};
 use crate::{commands, fields, text};
 
@@ -67,7 +68,7 @@ async fn open(
 /// Sends states and answers until either side ends the connection.
 async fn serve(mut socket: WebSocket, shared: &Shared, mut ticks: Ticks, orders: &mut Orders) {
     let mut ending = shared.ending.clone();
-    let (mut generation, mut is_unreadable) = (0, false);
+    let (mut generation, mut pings, mut is_dropped) = (0, Pings::default(), false);
     loop {
         let text = tokio::select! {
             world = ticks.next() => {
@@ -87,11 +88,18 @@ async fn serve(mut socket: WebSocket, shared: &Shared, mut ticks: Ticks, orders:
                 Some(Ok(Message::Binary(bytes))) => {
                     text::refused(None, &InputError::Binary { bytes: bytes.len() }.to_string())
                 }
-                // The socket answers pings itself.
-                Some(Ok(Message::Ping(_) | Message::Pong(_))) => continue,
+                // The socket answers it itself.
+                Some(Ok(Message::Ping(_))) => match pings.note(Instant::now()) {
+                    Some(why) => {
+                        is_dropped = true;
+                        text::refused(None, &why)
+                    }
+                    None => continue,
+                },
+                Some(Ok(Message::Pong(_))) => continue,
                 Some(Ok(Message::Close(_))) | None => return,
                 Some(Err(error)) => {
-                    is_unreadable = true;
+                    is_dropped = true;
                     text::refused(None, &unreadable(&error))
                 }
             },
@@ -101,8 +109,8 @@ async fn serve(mut socket: WebSocket, shared: &Shared, mut ticks: Ticks, orders:
         if !matches!(timeout(WRITE_TIMEOUT, socket.send(Message::Text(text.into()))).await, Ok(Ok(()))) {
             return;
         }
-        if is_unreadable {
-            let reason = "no message that can be read".into();
+        if is_dropped {
+            let reason = "no message that can be read, or too many pings".into();
             let close = Message::Close(Some(CloseFrame { code: close_code::POLICY, reason }));
             // A peer that is gone hears nothing.
             let _ = timeout(WRITE_TIMEOUT, socket.send(close)).await;
