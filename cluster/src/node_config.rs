@@ -65,7 +65,8 @@ impl ClusterFile {
                 (None, None) => return Err(self.no_place(node)),
             };
             let expected = expected_node(&self.rig, place, &node.cameras);
-            Ok(ExpectedNode { name: node.name.clone(), ..expected })
+            let is_endless = node.cameras.iter().all(|&index| self.cameras[index].source.is_endless());
+            Ok(ExpectedNode { name: node.name.clone(), is_endless, ..expected })
         };
         self.nodes.iter().map(expected).collect()
     }
@@ -105,8 +106,9 @@ fn ignored(entry: &CameraEntry, camera: &Camera) -> Result<Option<Silhouette>, N
     mask.map_err(|error| NodeConfigError::IgnoreMask { camera: entry.name.clone(), error })
 }
 
-/// What a coordinator must find at a place: the cameras at `indices` of the rig.
+/// What a coordinator must find at a place: the cameras at `indices` of the rig, whose film may end.
 pub fn expected_node(rig: &Rig, place: impl Into<NodePlace>, indices: &[usize]) -> ExpectedNode {
     let camera = |&index: &usize| CameraDescription::new(&rig.cameras()[index], index as u16);
-    ExpectedNode { name: None, place: place.into(), cameras: indices.iter().map(camera).collect() }
+    let cameras = indices.iter().map(camera).collect();
+    ExpectedNode { name: None, place: place.into(), cameras, is_endless: false }
 }

@@ -21,6 +21,8 @@ pub struct ExpectedNode {
     pub place: NodePlace,
     /// Its cameras in rig order.
     pub cameras: Vec<CameraDescription>,
+    /// Whether all its cameras film without end: live ones, and the synthetic studio's.
+    pub is_endless: bool,
 }
 
 impl ExpectedNode {
@@ -205,7 +207,7 @@ mod tests {
     fn another_node_than_the_one_meant_is_refused_with_the_difference() {
         let agreement = Agreement::new(ProbeSettings::default(), 30.0, vec![]);
         let place = Address::Tcp("127.0.0.1:1".into()).into();
-        let node = ExpectedNode { name: None, place, cameras: vec![described("left")] };
+        let node = ExpectedNode { name: None, place, cameras: vec![described("left")], is_endless: false };
         let description = || NodeDescription {
             version: "0".into(),
             cameras: vec![described("left")],

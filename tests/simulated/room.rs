@@ -15,9 +15,10 @@ use coordinator::{
     AskEvery, Coordinator, GoingOn, GoneOn, MemoryUse, Placement, Progress, RunSettings, Snapshot, Transport,
     Watcher,
 };
+use futures::Stream;
 use futures::future::BoxFuture;
 use hull::ProbeSettings;
-use node_client::{Agreement, Destination, Dial, Socket};
+use node_client::{Agreement, Destination, Dial, ExpectedNode, Socket};
 use proto::{Address, ring_frames};
 use sim::{Scene, World, WorldSettings};
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
@@ -28,6 +29,7 @@ use tracing_subscriber::fmt::time::FormatTime;
 use turmoil::net::{TcpListener, TcpStream};
 
 use crate::film::{CAMERAS, FPS, NODES, Studio};
+use crate::liar::{self, Habit};
 
 /// A simulated run, seconds.
 const RUN_S: u64 = 20;
@@ -36,6 +38,12 @@ const WELL_S: u64 = 14;
 /// And the room is whole from then on, seconds: `WELL_S` and what it takes to be found again.
 const WHOLE_S: f64 = 17.5;
 const PORT: u16 = 7001;
+/// Behind a node that lies, the honest one.
+const HONEST_PORT: u16 = 7002;
+/// A run with a node that lies, seconds.
+const LYING_S: u64 = 8;
+/// Steps without a hull that a node that lies may cost: a second's.
+const MOST_BLIND_STEPS: u64 = 120;
 /// A coordinator that begins anew goes on from at most so many steps before.
 const MOST_LOST_STEPS: u64 = 240;
 /// Bodies of this scene never move faster, m/s.
@@ -58,11 +66,21 @@ pub struct Outcome {
     pub wrong: Option<String>,
 }
 
+/// What goes wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Trouble {
+    /// Networks and computers fail.
+    Network,
+    /// A node lies.
+    Liar,
+}
+
 /// Numbers from a seed (SplitMix64).
-struct Random(u64);
+#[derive(Clone, Debug)]
+pub struct Random(u64);
 
 impl Random {
-    fn below(&mut self, end: u64) -> u64 {
+    pub fn below(&mut self, end: u64) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut mixed = self.0;
         mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -70,7 +88,7 @@ impl Random {
         (mixed ^ (mixed >> 31)) % end
     }
 
-    fn ms(&mut self, from: u64, to: u64) -> Duration {
+    pub fn ms(&mut self, from: u64, to: u64) -> Duration {
         Duration::from_millis(from + self.below(to - from))
     }
 }
@@ -156,8 +174,8 @@ impl Fault {
     }
 }
 
-/// Twenty seconds of a room.
-pub fn play(studio: &Studio, seed: u64) -> Outcome {
+/// Some seconds of a room.
+pub fn play(studio: &Studio, seed: u64, trouble: Trouble) -> Outcome {
     let log = Log::default();
     let subscriber = tracing_subscriber::fmt()
         .with_writer(log.clone())
@@ -165,12 +183,12 @@ pub fn play(studio: &Studio, seed: u64) -> Outcome {
         .with_ansi(false)
         .with_max_level(tracing::Level::INFO)
         .finish();
-    tracing::subscriber::with_default(subscriber, || run(studio, seed, &log));
+    tracing::subscriber::with_default(subscriber, || run(studio, seed, trouble, &log));
     let Kept { lines, steps, wrong, .. } = std::mem::take(&mut *log.0.lock().expect("no panic"));
     Outcome { log: lines, steps, wrong }
 }
 
-fn run(studio: &Studio, seed: u64, log: &Log) {
+fn run(studio: &Studio, seed: u64, trouble: Trouble, log: &Log) {
     let mut random = Random(seed);
     let latency = random.ms(1, 9);
     let mut sim = turmoil::Builder::new()
@@ -181,20 +199,26 @@ fn run(studio: &Studio, seed: u64, log: &Log) {
         .max_message_latency(latency)
         .tcp_capacity(4096)
         .build();
+    let liar = (trouble == Trouble::Liar).then(|| random.below(NODES as u64) as usize);
     for node in 0..NODES {
+        let lies = liar.filter(|&liar| liar == node).map(|_| Random(random.below(u64::MAX)));
+        let port = if lies.is_some() { HONEST_PORT } else { PORT };
+        if let Some(lies) = &lies {
+            log.say(format_args!("{} lies: {lies:?}", node_name(node)));
+        }
         let config = studio.config(2 * node..2 * node + 2);
         sim.host(node_name(node), move || {
             let config = config.clone();
             let ring = Arc::new(FrameRing::new(config.cameras.len()).keeping(ring_frames(FPS)));
             let film = Arc::new(studio.film(&config, Arc::clone(&ring)));
+            let habit = lies.clone().map(Habit::new);
             async move {
-                let listener = TcpListener::bind((Ipv4Addr::UNSPECIFIED, PORT)).await?;
-                let accept = |listener: TcpListener| async move {
-                    let accepted = listener.accept().await;
-                    Some((accepted.map(|(stream, _)| SimulatedSocket(stream)), listener))
+                let honest = async {
+                    serve_film(&config, film, ring, accepted(port).await?).await?;
+                    Ok::<_, Box<dyn std::error::Error>>(())
                 };
-                let connections = futures::stream::unfold(listener, accept);
-                serve_film(&config, film, ring, connections).await?;
+                let Some(habit) = habit else { return honest.await };
+                futures::try_join!(honest, liar::serve(PORT, HONEST_PORT, habit))?;
                 Ok(())
             }
         });
@@ -213,6 +237,10 @@ fn run(studio: &Studio, seed: u64, log: &Log) {
             std::future::pending().await
         }
     });
+    if trouble == Trouble::Liar {
+        steps(&mut sim, Duration::from_secs(LYING_S), log);
+        return log.check_blindness();
+    }
     let faults = faults(&mut random);
     let mut events: Vec<(Duration, bool, Fault)> =
         faults.iter().flat_map(|&(begin, end, fault)| [(begin, true, fault), (end, false, fault)]).collect();
@@ -226,6 +254,16 @@ fn run(studio: &Studio, seed: u64, log: &Log) {
     }
     steps(&mut sim, Duration::from_secs(RUN_S), log);
     log.check_end();
+}
+
+/// The connections to a port of a simulated host.
+pub async fn accepted(port: u16) -> std::io::Result<impl Stream<Item = std::io::Result<SimulatedSocket>>> {
+    let listener = TcpListener::bind((Ipv4Addr::UNSPECIFIED, port)).await?;
+    let accept = |listener: TcpListener| async move {
+        let accepted = listener.accept().await;
+        Some((accepted.map(|(stream, _)| SimulatedSocket(stream)), listener))
+    };
+    Ok(futures::stream::unfold(listener, accept))
 }
 
 fn steps(sim: &mut turmoil::Sim<'_>, until: Duration, log: &Log) {
@@ -243,7 +281,8 @@ fn coordinator(studio: &Studio, log: &Log) -> impl FnOnce() -> Coordinator + use
     let observers = studio.config(0..CAMERAS).observers();
     let node = |node: usize| {
         let address: Address = format!("{}:{PORT}", node_name(node)).parse().expect("an address");
-        expected_node(&studio.rig, address, &[2 * node, 2 * node + 1])
+        let expected = expected_node(&studio.rig, address, &[2 * node, 2 * node + 1]);
+        ExpectedNode { is_endless: true, ..expected }
     };
     let nodes: Vec<_> = (0..NODES).map(node).collect();
     let log = log.clone();
@@ -282,6 +321,8 @@ struct Kept {
     now: Duration,
     last_step: u64,
     node_deaths: usize,
+    /// Steps without a hull since the first one with one, if there was one.
+    blind_steps: Option<u64>,
     /// The newest frame in use, how many cameras it has, and when it came into use.
     used: Option<(u64, usize, f64)>,
 }
@@ -299,6 +340,15 @@ impl Log {
     fn wrong(&self, why: String) {
         self.say(format_args!("wrong: {why}"));
         self.0.lock().expect("no panic").wrong.get_or_insert(why);
+    }
+
+    /// A node that lies costs little: the first hull comes, and is there but for a second.
+    fn check_blindness(&self) {
+        let blind = self.0.lock().expect("no panic").blind_steps;
+        match blind {
+            Some(..=MOST_BLIND_STEPS) => {}
+            other => self.wrong(format!("steps without a hull: {other:?}")),
+        }
     }
 
     /// At the end all cameras are there, and have been for a while.
@@ -339,6 +389,11 @@ impl Recorder for Log {
         }
         let mut kept = self.0.lock().expect("no panic");
         kept.steps += 1;
+        kept.blind_steps = match (record.frame, kept.blind_steps) {
+            (None, None) => None,
+            (Some(_), blind) => Some(blind.unwrap_or_default()),
+            (None, Some(blind)) => Some(blind + 1),
+        };
         let before = std::mem::replace(&mut kept.last_step, record.step);
         let is_blind = record.frame.is_none() && kept.now.as_secs_f64() > WHOLE_S;
         let may_forget = kept.node_deaths >= NODES;
@@ -425,7 +480,7 @@ impl Dial for SimulatedNetwork {
 }
 
 /// A connection that a simulated host has accepted.
-struct SimulatedSocket(TcpStream);
+pub struct SimulatedSocket(TcpStream);
 
 impl Connected for SimulatedSocket {
     type ConnectInfo = ();

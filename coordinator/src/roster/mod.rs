@@ -5,6 +5,7 @@
 //! The cameras of this process are one node that is always there.
 
 mod available;
+mod conduct;
 mod present;
 mod wait;
 
@@ -12,6 +13,8 @@ use std::collections::VecDeque;
 
 use proto::{FilmEvent, FilmState, FrameReport};
 use thiserror::Error;
+
+use conduct::Conduct;
 
 pub use available::{HullUnavailable, StepFilm};
 pub use present::LeaveOut;
@@ -54,6 +57,8 @@ pub struct RosterNode {
     /// Why it is, or was last, not there.
     problem: Option<String>,
     film: FilmState,
+    /// Whether it films without end.
+    is_endless: bool,
     /// Of recent frames, ascending.
     reports: VecDeque<FrameReport>,
     /// It did not answer in time, and has not been heard of since.
@@ -64,12 +69,13 @@ pub struct RosterNode {
     is_held: bool,
     /// It answered, and is not what is expected.
     is_wrong: bool,
+    conduct: Conduct,
     /// How far film time may be off there, seconds; nothing of cameras of this process.
     clock_bound_s: f64,
 }
 
 impl RosterNode {
-    /// A node by the name that messages use, and its cameras' places in the rig. It is not there yet.
+    /// A node by the name that messages use, and its cameras' places in the rig. It is not there yet, and its film may end.
     pub fn new(name: String, cameras: Vec<u16>) -> RosterNode {
         let (film, reports) = (FilmState::Running, VecDeque::new());
         RosterNode {
@@ -79,13 +85,20 @@ impl RosterNode {
             connections: 0,
             problem: None,
             film,
+            is_endless: false,
             reports,
             is_silent: false,
             is_left_out: false,
             is_held: false,
             is_wrong: false,
+            conduct: Conduct::default(),
             clock_bound_s: 0.0,
         }
+    }
+
+    /// The same node, which may film without end: that its film has ended is then a fault.
+    pub fn endless(self, is_endless: bool) -> RosterNode {
+        RosterNode { is_endless, ..self }
     }
 
     /// The places of its cameras in the rig.
@@ -132,6 +145,11 @@ impl RosterNode {
         self.newest().map(|report| report.frame)
     }
 
+    /// The newest frame that it has up to one.
+    fn newest_until(&self, wanted: u64) -> Option<u64> {
+        self.reports.iter().rev().map(|report| report.frame).find(|&frame| frame <= wanted)
+    }
+
     fn forget_film(&mut self) {
         self.reports.clear();
         self.film = FilmState::Running;
@@ -143,7 +161,7 @@ impl RosterNode {
             self.forget_film();
         }
         // No frame follows an end: this is another film.
-        if self.film == FilmState::Ended {
+        if self.film != FilmState::Running {
             self.film = FilmState::Running;
         }
         self.reports.push_back(report);
@@ -204,6 +222,13 @@ impl Roster {
         self.nodes[node].is_wrong = true;
     }
 
+    /// A node refused, or answered wrongly: it is left out until it is heard of, and for longer if that happens often.
+    pub fn fault(&mut self, node: usize, now_s: f64, why: String) {
+        let node = &mut self.nodes[node];
+        node.is_silent = true;
+        node.conduct.fault(now_s, why);
+    }
+
     /// A node's clock was read: film time may be off by so much there, seconds.
     pub fn clock(&mut self, node: usize, bound_s: f64) {
         self.nodes[node].clock_bound_s = bound_s;
@@ -220,12 +245,24 @@ impl Roster {
         self.nodes.iter().find(|node| node.is_held)?.missing()
     }
 
+    /// The same if another leads half of the nodes or more: one alone may say so wrongly.
+    pub fn displaced(&self) -> Option<Missing> {
+        let held = self.nodes.iter().filter(|node| node.is_held).count();
+        if 2 * held >= self.nodes.len() { self.held_node() } else { None }
+    }
+
     /// A node reports of its film.
     pub fn film_event(&mut self, node: usize, event: FilmEvent) {
         let node = &mut self.nodes[node];
         node.is_silent = false;
         match event {
             FilmEvent::Frame(report) => node.add(report),
+            FilmEvent::Ended if node.is_endless => {
+                node.film = FilmState::Failed(format!(
+                    "node {} says that its film has ended, which has no end",
+                    node.name
+                ));
+            }
             FilmEvent::Ended => node.film = FilmState::Ended,
             FilmEvent::Failed(why) => node.film = FilmState::Failed(why),
         }

@@ -18,19 +18,27 @@ pub enum LeaveOut {
 
 impl RosterNode {
     /// Whether it is there for a step that may see frames up to `lead`, the newest of anybody. Whoever was left out is
-    /// back with the frame that the others have in `common`: what came meanwhile it may lack.
-    fn is_there(&self, lead: Option<u64>, common: Option<u64>, whom: LeaveOut) -> bool {
+    /// back with the frame that the others have in `common`: what came meanwhile it may lack. Frames after `wanted` tell
+    /// nothing: nobody knows them yet.
+    fn is_there(
+        &self,
+        wanted: u64,
+        (lead, common): (Option<u64>, Option<u64>),
+        whom: LeaveOut,
+        now_s: f64,
+    ) -> bool {
         if whom == LeaveOut::Missing {
             return self.is_up;
         }
-        let in_time = match (lead, self.newest_frame()) {
+        let in_time = match (lead, self.newest_until(wanted)) {
             _ if self.is_left_out => common.is_none_or(|common| self.report(common).is_some()),
             (Some(lead), Some(newest)) => newest + LATE_FRAMES >= lead,
             (Some(_), None) => false,
             (None, _) => true,
         };
         let has_ended = self.film == FilmState::Ended;
-        self.is_up && !self.is_silent && !matches!(self.film, FilmState::Failed(_)) && (in_time || has_ended)
+        let behaves = !self.conduct.is_excluded(now_s) && !matches!(self.film, FilmState::Failed(_));
+        self.is_up && !self.is_silent && behaves && (in_time || has_ended)
     }
 }
 
@@ -50,13 +58,15 @@ impl Roster {
         self.nodes[node].is_silent = true;
     }
 
-    /// Decides whom a step that wants a frame goes on without. Nobody is left out where fewer than `least` cameras would
-    /// remain. Returns what has changed: nodes, and whether each is back.
-    pub fn leave_out(&mut self, wanted: u64, whom: LeaveOut, least: usize) -> Vec<(usize, bool)> {
-        let up = self.nodes.iter().filter(|node| node.is_up && !node.is_silent);
-        let lead = up.filter_map(RosterNode::newest_frame).max().map(|newest| newest.min(wanted));
+    /// Decides whom a step that wants a frame goes on without, by [`proto::monotonic_s`]. Nobody is left out where fewer than
+    /// `least` cameras would remain. Returns what has changed: nodes, and whether each is back.
+    pub fn leave_out(&mut self, wanted: u64, whom: LeaveOut, least: usize, now_s: f64) -> Vec<(usize, bool)> {
+        let behaves = |node: &&RosterNode| node.is_up && !node.is_silent && !node.conduct.is_excluded(now_s);
+        let newest = |node: &RosterNode| node.newest_until(wanted);
+        let lead = self.nodes.iter().filter(behaves).filter_map(newest).max();
         let common = self.newest_common(wanted);
-        let there: Vec<bool> = self.nodes.iter().map(|node| node.is_there(lead, common, whom)).collect();
+        let is_there = |node: &RosterNode| node.is_there(wanted, (lead, common), whom, now_s);
+        let there: Vec<bool> = self.nodes.iter().map(is_there).collect();
         let pairs = || self.nodes.iter().zip(&there);
         let films = |node: &RosterNode| match node.newest() {
             Some(newest) if !newest.cameras.is_empty() => newest.cameras.len(),
@@ -88,9 +98,12 @@ impl Roster {
     }
 
     /// The name of a node, and why it is left out.
-    pub fn why_left_out(&self, node: usize) -> String {
+    pub fn why_left_out(&self, node: usize, now_s: f64) -> String {
         let node = &self.nodes[node];
         match node.missing() {
+            _ if node.conduct.is_excluded(now_s) => {
+                format!("node {}: it keeps answering wrongly: {}", node.name, node.conduct.why())
+            }
             Some(missing) => missing.to_string(),
             None if node.newest().is_none() => format!("node {}: no frame has come from it", node.name),
             None if node.is_silent => format!("node {}: no answer in time", node.name),

@@ -199,12 +199,12 @@ fn a_live_run_begins_without_a_node_that_never_films_if_enough_cameras_are_left(
     let mut roster = roster(4);
     [0, 1, 2].into_iter().for_each(|node| film(&mut roster, node, 0..=5));
     assert!(!roster.may_begin(5, 2.0, patience, 3), "the last node has no frame");
-    assert_eq!(roster.leave_out(5, LeaveOut::Late, 4), [], "too few would be left");
-    assert_eq!(roster.leave_out(5, LeaveOut::Late, 3), [(3, false)]);
-    assert_eq!(roster.why_left_out(3), "node 3: no frame has come from it");
+    assert_eq!(roster.leave_out(5, LeaveOut::Late, 4, 0.0), [], "too few would be left");
+    assert_eq!(roster.leave_out(5, LeaveOut::Late, 3, 0.0), [(3, false)]);
+    assert_eq!(roster.why_left_out(3, 0.0), "node 3: no frame has come from it");
     assert!(roster.may_begin(5, 2.0, patience, 3));
     film(&mut roster, 3, [5]);
-    assert_eq!(roster.leave_out(5, LeaveOut::Late, 3), [(3, true)], "it films at last");
+    assert_eq!(roster.leave_out(5, LeaveOut::Late, 3, 0.0), [(3, true)], "it films at last");
 }
 
 #[test]
@@ -239,19 +239,19 @@ fn left_out(roster: &Roster) -> Vec<usize> {
 fn a_node_that_is_lost_is_left_out_and_taken_back_once_it_is_as_new_as_the_others() {
     let mut roster = roster(4);
     (0..4).for_each(|node| film(&mut roster, node, 0..=5));
-    assert_eq!(roster.leave_out(5, LeaveOut::Late, 3), []);
+    assert_eq!(roster.leave_out(5, LeaveOut::Late, 3, 0.0), []);
     roster.down(2, "it closed the stream".into());
-    assert_eq!(roster.leave_out(5, LeaveOut::Late, 3), [(2, false)]);
-    assert_eq!(roster.leave_out(5, LeaveOut::Late, 3), [], "once");
+    assert_eq!(roster.leave_out(5, LeaveOut::Late, 3, 0.0), [(2, false)]);
+    assert_eq!(roster.leave_out(5, LeaveOut::Late, 3, 0.0), [], "once");
     assert_eq!(roster.newest_common(9), Some(5));
     assert_eq!(roster.reports(5).map(|reports| reports.len()), Some(3));
     [0, 1, 3].into_iter().for_each(|node| film(&mut roster, node, 6..=9));
     assert_eq!(roster.newest_common(9), Some(9), "the others go on");
     roster.up(2);
     film(&mut roster, 2, [8]);
-    assert_eq!(roster.leave_out(9, LeaveOut::Late, 3), [], "it is not as new");
+    assert_eq!(roster.leave_out(9, LeaveOut::Late, 3, 0.0), [], "it is not as new");
     film(&mut roster, 2, [9]);
-    assert_eq!(roster.leave_out(9, LeaveOut::Late, 3), [(2, true)]);
+    assert_eq!(roster.leave_out(9, LeaveOut::Late, 3, 0.0), [(2, true)]);
     assert_eq!(roster.newest_common(9), Some(9));
 }
 
@@ -260,17 +260,17 @@ fn late_and_silent_nodes_are_left_out_and_a_frame_late_is_not() {
     let mut roster = roster(4);
     (0..4).for_each(|node| film(&mut roster, node, 0..=5));
     [0, 1, 2].into_iter().for_each(|node| film(&mut roster, node, [6]));
-    assert_eq!(roster.leave_out(6, LeaveOut::Late, 3), [], "a frame late");
+    assert_eq!(roster.leave_out(6, LeaveOut::Late, 3, 0.0), [], "a frame late");
     [0, 1, 2].into_iter().for_each(|node| film(&mut roster, node, [7]));
-    assert_eq!(roster.leave_out(6, LeaveOut::Late, 3), [], "nobody wants the seventh yet");
-    assert_eq!(roster.leave_out(7, LeaveOut::Missing, 3), [], "lock-step waits for it");
-    assert_eq!(roster.leave_out(7, LeaveOut::Late, 3), [(3, false)]);
+    assert_eq!(roster.leave_out(6, LeaveOut::Late, 3, 0.0), [], "nobody wants the seventh yet");
+    assert_eq!(roster.leave_out(7, LeaveOut::Missing, 3, 0.0), [], "lock-step waits for it");
+    assert_eq!(roster.leave_out(7, LeaveOut::Late, 3, 0.0), [(3, false)]);
     film(&mut roster, 3, [6, 7]);
-    assert_eq!(roster.leave_out(7, LeaveOut::Late, 3), [(3, true)]);
+    assert_eq!(roster.leave_out(7, LeaveOut::Late, 3, 0.0), [(3, true)]);
     roster.silent(0);
-    assert_eq!(roster.leave_out(7, LeaveOut::Late, 3), [(0, false)]);
+    assert_eq!(roster.leave_out(7, LeaveOut::Late, 3, 0.0), [(0, false)]);
     film(&mut roster, 0, [8]);
-    assert_eq!(roster.leave_out(7, LeaveOut::Late, 3), [(0, true)], "it was heard of");
+    assert_eq!(roster.leave_out(7, LeaveOut::Late, 3, 0.0), [(0, true)], "it was heard of");
 }
 
 #[test]
@@ -278,14 +278,69 @@ fn nobody_is_left_out_where_too_few_cameras_would_remain() {
     let mut roster = roster(4);
     (0..4).for_each(|node| film(&mut roster, node, 0..=5));
     roster.down(0, "gone".into());
-    assert_eq!(roster.leave_out(5, LeaveOut::Late, 3), [(0, false)]);
+    assert_eq!(roster.leave_out(5, LeaveOut::Late, 3, 0.0), [(0, false)]);
     roster.down(1, "gone too".into());
-    assert_eq!(roster.leave_out(5, LeaveOut::Late, 3), [(0, true)]);
+    assert_eq!(roster.leave_out(5, LeaveOut::Late, 3, 0.0), [(0, true)]);
     assert_eq!(left_out(&roster), [0; 0]);
     let step = StepFilm { film_s: 0.1, fps: 30.0, frame: Some(5), is_paced: true };
     assert!(matches!(roster.hull_frame(step), Err(HullUnavailable::Missing(_))), "and there is no hull");
     roster.up(0);
     film(&mut roster, 0, [5]);
-    assert_eq!(roster.leave_out(5, LeaveOut::Late, 3), [(1, false)]);
+    assert_eq!(roster.leave_out(5, LeaveOut::Late, 3, 0.0), [(1, false)]);
     assert_eq!(roster.hull_frame(step), Ok(5));
+}
+
+#[test]
+fn a_node_that_refuses_again_and_again_is_left_out_for_a_while() {
+    let mut roster = roster(4);
+    (0..4).for_each(|node| film(&mut roster, node, 0..=5));
+    let faulty = |roster: &mut Roster, now_s: f64| {
+        roster.fault(1, now_s, "too many questions wait".into());
+        assert_eq!(roster.leave_out(5, LeaveOut::Late, 3, now_s), [(1, false)], "from the same step on");
+        film(roster, 1, [5]);
+    };
+    for now_s in [0.0, 0.1] {
+        faulty(&mut roster, now_s);
+        assert_eq!(roster.leave_out(5, LeaveOut::Late, 3, now_s), [(1, true)], "it was heard of");
+    }
+    faulty(&mut roster, 0.2);
+    assert_eq!(roster.leave_out(5, LeaveOut::Late, 3, 1.1), [], "still out, for a second");
+    assert_eq!(roster.why_left_out(1, 1.1), "node 1: it keeps answering wrongly: too many questions wait");
+    assert_eq!(roster.leave_out(5, LeaveOut::Late, 3, 1.3), [(1, true)], "another chance");
+    assert_eq!(roster.leave_out(5, LeaveOut::Missing, 3, 0.3), [], "lock-step waits");
+}
+
+#[test]
+fn frames_of_the_future_are_late() {
+    let mut roster = roster(4);
+    (0..4).for_each(|node| film(&mut roster, node, 0..=5));
+    (0..4).for_each(|node| film(&mut roster, node, [if node == 2 { 1006 } else { 6 }]));
+    assert_eq!(roster.leave_out(7, LeaveOut::Late, 3, 0.0), [], "a frame late");
+    (0..4).for_each(|node| film(&mut roster, node, [if node == 2 { 1007 } else { 7 }]));
+    assert_eq!(roster.leave_out(7, LeaveOut::Late, 3, 0.0), [(2, false)]);
+    assert_eq!(roster.newest_common(7), Some(7));
+}
+
+#[test]
+fn film_without_end_that_ends_is_a_fault_of_its_node() {
+    let node = |index: u16| RosterNode::new(index.to_string(), vec![index]).endless(true);
+    let mut roster = Roster::new((0..4).map(node).collect());
+    (0..4).for_each(|node| roster.up(node));
+    (0..4).for_each(|node| film(&mut roster, node, 0..=5));
+    roster.film_event(3, FilmEvent::Ended);
+    assert_eq!(roster.last_frame(), None);
+    assert_eq!(roster.leave_out(6, LeaveOut::Late, 3, 0.0), [(3, false)]);
+    assert_eq!(roster.film(6), FilmState::Running);
+    (0..4).for_each(|node| film(&mut roster, node, [6]));
+    assert_eq!(roster.leave_out(6, LeaveOut::Late, 3, 0.0), [(3, true)], "it films on");
+}
+
+#[test]
+fn one_node_alone_does_not_displace_us() {
+    let mut roster = roster(3);
+    roster.held(0, "held by another".into());
+    assert_eq!(roster.displaced(), None);
+    assert_eq!(roster.leave_out(0, LeaveOut::Late, 2, 0.0), [(0, false)]);
+    roster.held(2, "held by another".into());
+    assert_eq!(roster.displaced().map(|held| held.to_string()).as_deref(), Some("node 0: held by another"));
 }

@@ -3,6 +3,7 @@
 use hull::Pose;
 use hull::pass::BodyResult;
 use hull::surface::FrameAge;
+use proto::monotonic_s;
 use sim::ResponseMode;
 use tokio::time::Instant;
 
@@ -26,7 +27,7 @@ impl Coordinator {
             let roster = self.transport.roster();
             match is_back {
                 true => tracing::info!("{} is back", roster.node_name(node)),
-                false => tracing::error!("going on without {}", roster.why_left_out(node)),
+                false => tracing::error!("going on without {}", roster.why_left_out(node, monotonic_s())),
             }
         }
         if !changed.is_empty() {

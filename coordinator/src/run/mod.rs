@@ -52,6 +52,8 @@ pub const FRAMES_AHEAD: u64 = 4;
 const MAX_LAG_S: f64 = 0.15;
 /// And may lag by this, however little film nodes keep, seconds.
 const LEAST_LAG_S: f64 = 0.02;
+/// No node has a frame so long before its time, seconds of film.
+const MOST_EARLY_S: f64 = 1.0;
 /// From the start of a live run to its first frame, seconds: the nodes begin meanwhile.
 const LEAD_S: f64 = 0.3;
 
@@ -332,7 +334,7 @@ impl Coordinator {
                 return Ok(false);
             }
         }
-        if let Some(held) = self.transport.roster().held_node() {
+        if let Some(held) = self.transport.roster().displaced() {
             return Err(TransportError::Held(held).into());
         }
         if self.steering.is_paused() {
@@ -372,6 +374,11 @@ impl Coordinator {
         for Arrival { node, frame, heard_s } in arrivals {
             let film_s = frame as f64 / self.settings.fps;
             let late_s = heard_s - self.clock.pace.zero_s - film_s;
+            if late_s < -MOST_EARLY_S {
+                self.transport
+                    .fault(node, format!("frame {frame} was reported {:.1} s before its time", -late_s));
+                continue;
+            }
             self.clock.latency.note(Heard { node, frame, film_s, late_s }, &is_there);
             let Some(report) = self.transport.roster().nodes()[node].report(frame) else { continue };
             // What came after the node's last camera is the way here.

@@ -6,6 +6,7 @@ use hull::pass::{Pass, Round};
 use hull::question::{Answer, Question, QuestionKind, Standing};
 use node_client::NodeError;
 use proto::convert::{Precision, ProbeAnswer, QuestionWriter, RefusalReason, WrittenQuestion};
+use proto::monotonic_s;
 use tokio::time::Instant;
 use traces::Span;
 
@@ -151,6 +152,7 @@ impl Cluster {
     ) -> Result<f64, TransportError> {
         let (round, mut computed_ms) = (pass.round(), 0.0);
         let mut waiting: Vec<bool> = (0..nodes.clients.len()).map(|node| pass.asks(node)).collect();
+        let mut asked_again = vec![false; waiting.len()];
         let mut spans = Vec::with_capacity(waiting.len());
         for (node, &is_asked) in waiting.iter().enumerate() {
             let client = &nodes.clients[node];
@@ -174,8 +176,15 @@ impl Cluster {
                 }
                 Some(PassEvent::Reply(..) | PassEvent::Down(..)) | None => continue,
             };
-            let Some(answer) = answer_or_ask_again(nodes, node, answer, (pass, &spans[node]), asking).await?
-            else {
+            let may_ask_again = !std::mem::replace(&mut asked_again[node], true);
+            let answered = match answer {
+                ProbeAnswer::Answer(answer) => Ok(Some(answer)),
+                ProbeAnswer::Refused(reason, message) if may_ask_again => {
+                    ask_again(nodes, node, reason, message, (pass, &spans[node]), asking).await
+                }
+                ProbeAnswer::Refused(_, message) => Err(failed(nodes, node, NodeError::Refused(message))),
+            };
+            let Some(answer) = answered.inspect_err(|error| note_fault(roster, node, error))? else {
                 continue;
             };
             (waiting[node], spans[node]) = (false, Span::NONE);
@@ -185,7 +194,8 @@ impl Cluster {
             }
             let invalid =
                 |error| TransportError::Answer { node: nodes.clients[node].node().to_string(), error };
-            pass.answer(node, &answer).map_err(invalid)?;
+            let taken = pass.answer(node, &answer).map_err(invalid);
+            taken.inspect_err(|error| note_fault(roster, node, error))?;
         }
         Ok(computed_ms)
     }
@@ -211,18 +221,27 @@ fn ask(nodes: &Nodes, node: usize, pass: &Pass, asking: &Asking, span: &Span) ->
     sent.map_err(|error| failed(nodes, node, error))
 }
 
-/// The answer, or nothing if the node had to be asked once more.
-async fn answer_or_ask_again(
+/// Takes note of a node that refused, or answered wrongly. One that is away or late is none.
+fn note_fault(roster: &mut Roster, node: usize, error: &TransportError) {
+    let is_fault = match error {
+        TransportError::Node { error, .. } => !error.is_absence(),
+        TransportError::Answer { .. } => true,
+        _ => false,
+    };
+    if is_fault {
+        roster.fault(node, monotonic_s(), error.to_string());
+    }
+}
+
+/// Asks a node that lacked something once more: then there is no answer yet.
+async fn ask_again(
     nodes: &Nodes,
     node: usize,
-    answer: ProbeAnswer,
+    reason: RefusalReason,
+    message: String,
     (pass, span): (&Pass, &Span),
     asking: &Asking,
 ) -> Result<Option<Answer>, TransportError> {
-    let (reason, message) = match answer {
-        ProbeAnswer::Answer(answer) => return Ok(Some(answer)),
-        ProbeAnswer::Refused(reason, message) => (reason, message),
-    };
     let client = &nodes.clients[node];
     // Whatever it did not understand, it is sent everything anew.
     client.forget_sent();

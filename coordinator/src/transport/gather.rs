@@ -5,8 +5,9 @@ use std::time::Duration;
 
 use hull::pass::{Pass, Round};
 use hull::{Observer, Silhouette, View, ViewSet};
-use node_client::NodeClient;
+use node_client::{NodeClient, NodeError};
 use proto::convert::SilhouetteEncoding;
+use proto::monotonic_s;
 use tokio::time::Instant;
 use traces::Span;
 
@@ -54,10 +55,18 @@ impl Gather {
         self.go_on_with(nodes, roster);
         let (began, is_there) = (Instant::now(), self.fetched.as_ref().is_some_and(|(at, _)| *at == frame));
         let span = if is_there { Span::NONE } else { nodes.trace.part("fetch") };
-        if let Err(Unfetched { late, error }) = self.fetch(frame, pass.asks_planes(), timeout, &span).await {
-            let late = |client: &Arc<NodeClient>| late.iter().any(|late| Arc::ptr_eq(late, client));
-            let places = nodes.clients.iter().enumerate().filter(|(_, client)| late(client));
-            places.for_each(|(node, _)| roster.silent(node));
+        if let Err(Unfetched { failed, error }) = self.fetch(frame, pass.asks_planes(), timeout, &span).await
+        {
+            for (client, error) in &failed {
+                let Some(node) = nodes.clients.iter().position(|other| Arc::ptr_eq(other, client)) else {
+                    continue;
+                };
+                match error {
+                    NodeError::Timeout(_) => roster.silent(node),
+                    away if away.is_absence() => {}
+                    wrong => roster.fault(node, monotonic_s(), wrong.to_string()),
+                }
+            }
             return Err(error);
         }
         let fetched_ms = (!is_there).then(|| began.elapsed().as_secs_f64() * 1e3);

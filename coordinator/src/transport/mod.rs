@@ -21,7 +21,7 @@ use hull::pass::{Pass, Round};
 use hull::{Observer, Shape, Silhouette};
 use node_client::{Agreement, ByteCounts, ExpectedNode, NodeClient, NodeError};
 use proto::convert::{Precision, SilhouetteEncoding};
-use proto::{FilmState, Pace};
+use proto::{FilmState, Pace, monotonic_s};
 use thiserror::Error;
 use tokio::sync::mpsc;
 use tokio::time::Instant;
@@ -136,7 +136,8 @@ impl Transport {
         let agreement = Arc::new(agreement);
         let (sender, events) = mpsc::channel(MAX_EVENTS_PER_NODE * nodes.len().max(1));
         let places = |node: &ExpectedNode| node.cameras.iter().map(|camera| camera.rig_index).collect();
-        let roster_nodes = nodes.iter().map(|node| RosterNode::new(node.to_string(), places(node)));
+        let roster_nodes =
+            nodes.iter().map(|node| RosterNode::new(node.to_string(), places(node)).endless(node.is_endless));
         let roster = Roster::new(roster_nodes.collect());
         let spawn = |(index, node)| NodeClient::spawn(node, index, Arc::clone(&agreement), sender.clone());
         let clients = nodes.into_iter().enumerate().map(spawn).collect();
@@ -175,7 +176,12 @@ impl Transport {
 
     /// Decides whom a step goes on without; returns what has changed. See [`Roster::leave_out`].
     pub fn leave_out(&mut self, wanted: u64, whom: LeaveOut, least: usize) -> Vec<(usize, bool)> {
-        self.roster.leave_out(wanted, whom, least)
+        self.roster.leave_out(wanted, whom, least, monotonic_s())
+    }
+
+    /// A node reports what cannot be.
+    pub(crate) fn fault(&mut self, node: usize, why: String) {
+        self.roster.fault(node, monotonic_s(), why);
     }
 
     /// Whether a group that passes ask is left out.

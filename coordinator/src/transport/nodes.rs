@@ -7,7 +7,7 @@ use std::time::Duration;
 use hull::{Shape, Silhouette};
 use node_client::{Agreement, NodeClient, NodeError, NodeEvent};
 use proto::convert::{ProbeAnswer, SilhouetteEncoding};
-use proto::{FilmEvent, Pace};
+use proto::{FilmEvent, Pace, monotonic_s};
 use tokio::sync::mpsc;
 use traces::Span;
 
@@ -92,7 +92,10 @@ impl Nodes {
                 match &error {
                     NodeError::Held(by) => roster.held(node, by.clone()),
                     away if away.is_absence() => roster.down(node, away.to_string()),
-                    wrong => roster.wrong(node, wrong.to_string()),
+                    wrong => {
+                        roster.fault(node, monotonic_s(), wrong.to_string());
+                        roster.wrong(node, wrong.to_string());
+                    }
                 }
                 return Some(PassEvent::Down(node, error));
             }
@@ -191,8 +194,9 @@ async fn ask_for_background(
 
 /// Why silhouettes did not come.
 pub(super) struct Unfetched {
-    /// Who was too slow.
-    pub late: Vec<Arc<NodeClient>>,
+    /// Who did not send them, and why.
+    pub failed: Vec<(Arc<NodeClient>, NodeError)>,
+    /// The first of these.
     pub error: TransportError,
 }
 
@@ -211,7 +215,7 @@ pub(super) async fn fetch(
         let fetched = call.await.unwrap_or(Err(NodeError::Timeout(timeout)));
         fetched.inspect_err(|error| span.fail(error))
     });
-    let (mut all, mut bytes, mut late, mut failed) = (Vec::new(), 0, Vec::new(), None);
+    let (mut all, mut bytes, mut failed, mut first) = (Vec::new(), 0, Vec::new(), None);
     for (client, fetched) in clients.iter().zip(futures::future::join_all(calls).await) {
         match fetched {
             Ok((silhouettes, more)) => {
@@ -219,15 +223,13 @@ pub(super) async fn fetch(
                 bytes += more;
             }
             Err(error) => {
-                if matches!(error, NodeError::Timeout(_)) {
-                    late.push(Arc::clone(client));
-                }
-                failed.get_or_insert(TransportError::of(client, error));
+                first.get_or_insert_with(|| TransportError::of(client, error.clone()));
+                failed.push((Arc::clone(client), error));
             }
         }
     }
     all.sort_by_key(|(rig_index, _)| *rig_index);
-    failed.map_or(Ok((all, bytes)), |error| Err(Unfetched { late, error }))
+    first.map_or(Ok((all, bytes)), |error| Err(Unfetched { failed, error }))
 }
 
 #[cfg(test)]

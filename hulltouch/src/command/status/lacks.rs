@@ -106,7 +106,12 @@ mod tests {
             cameras: vec![filming(place, frames_per_s)],
         };
         let place = address.clone().into();
-        let node = ExpectedNode { name: Some(name.into()), place, cameras: status.node.cameras.clone() };
+        let node = ExpectedNode {
+            name: Some(name.into()),
+            place,
+            cameras: status.node.cameras.clone(),
+            is_endless: false,
+        };
         let report = NodeReport { address, status, clock_offset_s: 0.0, clock_bound_s: 1e-4 };
         NodeSample { node, found: Ok(report) }
     }

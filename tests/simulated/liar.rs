@@ -1,0 +1,243 @@
+//! A node that lies: it stands before an honest one, and changes what that one says.
+
+use std::net::Ipv4Addr;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use proto::v1::camera_node_client::CameraNodeClient;
+use proto::v1::camera_node_server::{CameraNode, CameraNodeServer};
+use proto::v1::{self, probe_reply, refusal::Reason};
+use tokio::sync::mpsc;
+use tokio_stream::wrappers::ReceiverStream;
+use tokio_stream::{Stream, StreamExt as _};
+use tonic::transport::{Channel, Endpoint, Server};
+use tonic::{Request, Response, Status, Streaming};
+use turmoil::net::TcpStream;
+
+use crate::room::{Random, accepted};
+
+/// Messages of one stream that wait.
+const MAX_WAITING: usize = 64;
+
+/// What it does with a message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Lie {
+    None,
+    Late,
+    Lost,
+    Twice,
+    Refused,
+    OtherFrame,
+    OtherCount,
+    Ended,
+}
+
+const LIES: [Lie; 8] =
+    [Lie::None, Lie::Late, Lie::Lost, Lie::Twice, Lie::Refused, Lie::OtherFrame, Lie::OtherCount, Lie::Ended];
+
+/// How a seed's node lies: one way alone, or any of them.
+pub struct Habit {
+    random: Random,
+    always: Option<Lie>,
+    honest_of_8: u64,
+}
+
+impl Habit {
+    pub fn new(mut random: Random) -> Habit {
+        let always = (random.below(2) == 0).then(|| LIES[1 + random.below(7) as usize]);
+        let honest_of_8 = random.below(8);
+        Habit { random, always, honest_of_8 }
+    }
+
+    fn next(&mut self) -> Lie {
+        if self.random.below(8) < self.honest_of_8 {
+            return Lie::None;
+        }
+        self.always.unwrap_or_else(|| LIES[self.random.below(8) as usize])
+    }
+
+    fn frame(&mut self, frame: u64) -> u64 {
+        match self.random.below(3) {
+            0 => frame + 1000,
+            1 => frame + 1 + self.random.below(4),
+            _ => frame.saturating_sub(1 + self.random.below(40)),
+        }
+    }
+}
+
+/// The lying node.
+pub struct Liar {
+    honest: CameraNodeClient<Channel>,
+    habit: Arc<Mutex<Habit>>,
+}
+
+/// Serves lies at a port, of the honest node at another of the same host.
+pub async fn serve(port: u16, honest: u16, habit: Habit) -> Result<(), Box<dyn std::error::Error>> {
+    let connect = tower::service_fn(move |_: tonic::transport::Uri| async move {
+        let stream = TcpStream::connect((Ipv4Addr::LOCALHOST, honest)).await?;
+        Ok::<_, std::io::Error>(hyper_util::rt::TokioIo::new(stream))
+    });
+    let channel = Endpoint::from_static("http://honest").connect_with_connector_lazy(connect);
+    let limit = proto::MAX_MESSAGE_BYTES;
+    let honest =
+        CameraNodeClient::new(channel).max_decoding_message_size(limit).max_encoding_message_size(limit);
+    let liar = Liar { honest, habit: Arc::new(Mutex::new(habit)) };
+    let service =
+        CameraNodeServer::new(liar).max_decoding_message_size(limit).max_encoding_message_size(limit);
+    Server::builder().add_service(service).serve_with_incoming(accepted(port).await?).await?;
+    Ok(())
+}
+
+/// Hands on the messages of a stream; each becomes what `lied` makes of it.
+fn forward<T: Clone + Send + 'static>(
+    mut from: Streaming<T>,
+    habit: Arc<Mutex<Habit>>,
+    lied: impl Fn(&mut Habit, Lie, T) -> Result<T, Status> + Send + 'static,
+) -> Response<ReceiverStream<Result<T, Status>>> {
+    let (sender, receiver) = mpsc::channel(MAX_WAITING);
+    tokio::spawn(async move {
+        while let Some(message) = from.next().await {
+            let (lie, delay, message) = {
+                let mut habit = habit.lock().unwrap_or_else(PoisonError::into_inner);
+                let lie = habit.next();
+                let delay = habit.random.ms(20, 400);
+                let message = message.and_then(|message| lied(&mut habit, lie, message));
+                (lie, delay, message)
+            };
+            match lie {
+                Lie::Lost => continue,
+                Lie::Late => tokio::time::sleep(delay).await,
+                Lie::Twice if sender.send(message.clone()).await.is_err() => return,
+                _ => {}
+            }
+            if sender.send(message).await.is_err() {
+                return;
+            }
+        }
+    });
+    Response::new(ReceiverStream::new(receiver))
+}
+
+/// Requests go on as they are; a stream that breaks ends.
+fn requests<T: Send + 'static>(from: Request<Streaming<T>>) -> impl Stream<Item = T> + Send + 'static {
+    from.into_inner().take_while(Result::is_ok).filter_map(Result::ok)
+}
+
+fn lied_of_film(habit: &mut Habit, lie: Lie, mut info: v1::FrameInfo) -> Result<v1::FrameInfo, Status> {
+    match lie {
+        Lie::OtherFrame => info.frame = habit.frame(info.frame),
+        Lie::OtherCount => info.cameras.truncate(1),
+        Lie::Ended => (info.ended, info.cameras) = (true, vec![]),
+        Lie::Refused => return Err(Status::invalid_argument("no")),
+        Lie::None | Lie::Late | Lie::Lost | Lie::Twice => {}
+    }
+    Ok(info)
+}
+
+fn lied_of_answer(habit: &mut Habit, lie: Lie, mut reply: v1::ProbeReply) -> Result<v1::ProbeReply, Status> {
+    match (lie, &mut reply.answer) {
+        (Lie::Refused, answer) => {
+            let reason = Reason::try_from(1 + habit.random.below(8) as i32).unwrap_or(Reason::Busy);
+            let refusal = v1::Refusal { reason: reason.into(), message: "no".into() };
+            *answer = Some(probe_reply::Answer::Refusal(refusal));
+        }
+        (Lie::OtherCount, Some(probe_reply::Answer::Classes(classes))) => classes.count += 1,
+        (Lie::OtherCount, Some(probe_reply::Answer::Edges(edges))) => edges.count += 1,
+        (Lie::OtherCount, Some(probe_reply::Answer::Exits(exits))) => exits.count += 1,
+        (Lie::OtherFrame, _) => reply.id += 1,
+        (Lie::Ended, answer) => *answer = None,
+        _ => {}
+    }
+    Ok(reply)
+}
+
+#[tonic::async_trait]
+impl CameraNode for Liar {
+    type WatchFramesStream = ReceiverStream<Result<v1::FrameInfo, Status>>;
+    type ProbeStream = ReceiverStream<Result<v1::ProbeReply, Status>>;
+    type FetchSilhouettesStream = ReceiverStream<Result<v1::Silhouette, Status>>;
+    type FetchPicturesStream = Streaming<v1::Picture>;
+
+    async fn describe(
+        &self,
+        request: Request<v1::DescribeRequest>,
+    ) -> Result<Response<v1::DescribeReply>, Status> {
+        self.honest.clone().describe(request.into_inner()).await
+    }
+
+    async fn hold(&self, request: Request<v1::HoldRequest>) -> Result<Response<v1::HoldReply>, Status> {
+        self.honest.clone().hold(request.into_inner()).await
+    }
+
+    async fn start(&self, request: Request<v1::StartRequest>) -> Result<Response<v1::StartReply>, Status> {
+        self.honest.clone().start(request.into_inner()).await
+    }
+
+    async fn keep_time(
+        &self,
+        request: Request<v1::KeepTimeRequest>,
+    ) -> Result<Response<v1::KeepTimeReply>, Status> {
+        self.honest.clone().keep_time(request.into_inner()).await
+    }
+
+    async fn register_shapes(
+        &self,
+        request: Request<v1::RegisterShapesRequest>,
+    ) -> Result<Response<v1::RegisterShapesReply>, Status> {
+        self.honest.clone().register_shapes(request.into_inner()).await
+    }
+
+    async fn take_background(
+        &self,
+        request: Request<v1::TakeBackgroundRequest>,
+    ) -> Result<Response<v1::TakeBackgroundReply>, Status> {
+        self.honest.clone().take_background(request.into_inner()).await
+    }
+
+    async fn keep_world(
+        &self,
+        request: Request<v1::KeepWorldRequest>,
+    ) -> Result<Response<v1::KeepWorldReply>, Status> {
+        self.honest.clone().keep_world(request.into_inner()).await
+    }
+
+    async fn fetch_world(
+        &self,
+        request: Request<v1::FetchWorldRequest>,
+    ) -> Result<Response<v1::FetchWorldReply>, Status> {
+        self.honest.clone().fetch_world(request.into_inner()).await
+    }
+
+    async fn watch_frames(
+        &self,
+        request: Request<Streaming<v1::FrameCredit>>,
+    ) -> Result<Response<Self::WatchFramesStream>, Status> {
+        let frames = self.honest.clone().watch_frames(requests(request)).await?.into_inner();
+        Ok(forward(frames, Arc::clone(&self.habit), lied_of_film))
+    }
+
+    async fn probe(
+        &self,
+        request: Request<Streaming<v1::ProbeRequest>>,
+    ) -> Result<Response<Self::ProbeStream>, Status> {
+        let replies = self.honest.clone().probe(requests(request)).await?.into_inner();
+        Ok(forward(replies, Arc::clone(&self.habit), lied_of_answer))
+    }
+
+    async fn fetch_silhouettes(
+        &self,
+        request: Request<v1::FetchSilhouettesRequest>,
+    ) -> Result<Response<Self::FetchSilhouettesStream>, Status> {
+        let silhouettes = self.honest.clone().fetch_silhouettes(request.into_inner()).await?.into_inner();
+        Ok(forward(silhouettes, Arc::clone(&self.habit), |_, lie, silhouette| match lie {
+            Lie::Refused => Err(Status::not_found("no")),
+            _ => Ok(silhouette),
+        }))
+    }
+
+    async fn fetch_pictures(
+        &self,
+        request: Request<v1::FetchPicturesRequest>,
+    ) -> Result<Response<Self::FetchPicturesStream>, Status> {
+        self.honest.clone().fetch_pictures(request.into_inner()).await
+    }
+}
