@@ -95,6 +95,11 @@ impl ConvexHull {
         {
             return Err(HullError::Coordinate { found });
         }
+        // Faces of less than a square micrometre tell no extent.
+        let found_m = least_side_m(points_m);
+        if found_m < MIN_EXTENT_M {
+            return Err(HullError::Flat { found_m });
+        }
         let points: Vec<Vector> = points_m.iter().map(|p| Vector::from_array(p.map(|c| c as f32))).collect();
         let (corners, triangles) = try_convex_hull(&points).map_err(|_| HullError::Flat { found_m: 0.0 })?;
         let hull = ConvexHull {
@@ -135,8 +140,17 @@ impl ConvexHull {
             let normal = (b - a).cross(&(c - a)).try_normalize(1e-12)?;
             Some(self.corners_m.iter().map(|p| normal.dot(&(a - Vector3::from(*p)))).fold(0.0, f64::max))
         };
-        self.triangle_corners_m().filter_map(across).fold(f64::INFINITY, f64::min).min(2.0 * MAX_EXTENT_M)
+        self.triangle_corners_m().filter_map(across).reduce(f64::min).unwrap_or_default()
     }
+}
+
+/// The shortest side of the box around points, metres.
+fn least_side_m(points_m: &[[f64; 3]]) -> f64 {
+    let side_m = |axis: usize| {
+        let along = || points_m.iter().map(|point| point[axis]);
+        along().fold(f64::NEG_INFINITY, f64::max) - along().fold(f64::INFINITY, f64::min)
+    };
+    (0..3).map(side_m).fold(f64::INFINITY, f64::min)
 }
 
 impl Solid {
@@ -221,6 +235,10 @@ mod tests {
         let flat: Vec<_> = cube_corners().into_iter().map(|[x, y, z]| [x, 0.01 * y, z]).collect();
         assert!(matches!(ConvexHull::new(&flat), Err(HullError::Flat { .. })));
         assert!(matches!(ConvexHull::new(&[[0.0; 3]; 8]), Err(HullError::Flat { .. })));
+        for size in [1e-3, 1e-6, 1e-9, 1e-30] {
+            let tiny: Vec<_> = cube_corners().into_iter().map(|corner| corner.map(|m| m * size)).collect();
+            assert!(matches!(ConvexHull::new(&tiny), Err(HullError::Flat { .. })), "{size}");
+        }
         assert!(matches!(ConvexHull::new(&flat[..3]), Err(HullError::PointCount { found: 3 })));
         let mut wild = cube_corners();
         wild[3][1] = f64::NAN;

@@ -20,6 +20,7 @@ mod remember;
 mod step;
 mod watch;
 
+use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -46,6 +47,8 @@ use watch::RecentFigures;
 
 pub use watch::{GoneOn, Snapshot, Watcher};
 
+/// Bodies of which a fault is logged; further ones are counted alone.
+const MAX_FAULTY: usize = 64;
 /// How far a lock-step node may film ahead of the frame in use: half of its ring.
 pub const FRAMES_AHEAD: u64 = 4;
 /// Live steps never lag by more than this behind film, seconds.
@@ -179,6 +182,8 @@ struct Script {
 struct Log {
     recorder: Option<Box<dyn Recorder>>,
     commands: Vec<Command>,
+    /// Bodies of which a fault was logged, by name.
+    faulty: HashSet<String>,
 }
 
 impl Coordinator {

@@ -7,7 +7,7 @@ use tokio::time::Instant;
 
 use super::clock::frame_at;
 use super::frames::FilmPhase;
-use super::{Coordinator, RunError, Watcher};
+use super::{Coordinator, MAX_FAULTY, RunError, Watcher};
 use crate::hooks::{Sees, StepRecord};
 use crate::roster::{HullUnavailable, LastFrame};
 
@@ -152,7 +152,11 @@ impl Coordinator {
                 FaultKind::Response => "its response was not finite and was ignored",
                 FaultKind::Solver => "the solver made it not finite; it was put back",
             };
-            tracing::error!("body {}: {what}", fault.body);
+            // Once a body: a fault may come back in every step.
+            let faulty = &mut self.log.faulty;
+            if faulty.len() < MAX_FAULTY && faulty.insert(fault.body.clone()) {
+                tracing::error!("body {}: {what}; its further faults are counted alone", fault.body);
+            }
         }
         Ok(report.touched)
     }
