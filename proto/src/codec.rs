@@ -120,7 +120,13 @@ impl<D: Bounded> Decoder for BoundedDecoder<D> {
 
 /// Refuses a message with more entries than it may have. What is no message is left to the decoder.
 pub(crate) fn check<D: Bounded>(message: &[u8]) -> Result<(), TooManyEntries> {
-    let too_many = counts::<D>(message).find(|(entries, found)| *found > entries.most);
+    check_entries(D::ENTRIES, message)
+}
+
+/// The same of a message of another protocol, by its fields that repeat.
+pub fn check_entries(fields: &[Entries], message: &[u8]) -> Result<(), TooManyEntries> {
+    let counted = fields.iter().map(|entries| (entries, entries.count(message, entries.path)));
+    let too_many = counted.into_iter().find(|(entries, found)| *found > entries.most);
     let refused = too_many.map(|(&Entries { name, most, .. }, found)| TooManyEntries { name, found, most });
     refused.map_or(Ok(()), Err)
 }
@@ -131,6 +137,16 @@ pub(crate) fn counts<D: Bounded>(message: &[u8]) -> impl Iterator<Item = (&'stat
 }
 
 impl Entries {
+    /// At most so many of a field, by its number after those of the messages that it stands in.
+    pub const fn new(name: &'static str, path: &'static [u32], most: usize) -> Entries {
+        Entries { name, path, packed: false, most }
+    }
+
+    /// The same of numbers, of which many stand in one field.
+    pub const fn packed(self) -> Entries {
+        Entries { packed: true, ..self }
+    }
+
     /// How many of them a message has, up to what is no field: there the decoder ends, too.
     fn count(&self, mut message: &[u8], path: &[u32]) -> usize {
         let Some((&sought, rest)) = path.split_first() else { return 0 };

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use mcap::McapError;
+use proto::codec::TooManyEntries;
 use proto::convert::ConvertError as SilhouetteError;
 use thiserror::Error;
 
@@ -70,6 +71,9 @@ pub enum ReadProblem {
         /// Why.
         error: prost::DecodeError,
     },
+    /// A message that would take far more memory than file.
+    #[error(transparent)]
+    TooManyEntries(#[from] TooManyEntries),
     /// A message that cannot be.
     #[error(transparent)]
     Message(#[from] ConvertError),

@@ -22,6 +22,7 @@ use std::sync::Arc;
 
 use prost::Message;
 use proto::MAX_SCALE_LOG2;
+use proto::codec::{Entries, check_entries};
 
 use crate::channels::Channel;
 use crate::convert::{ConvertError, RunHeader, SEGMENT_MS, UNIX_S, within};
@@ -31,6 +32,10 @@ use chunk::{Chunks, Place, Record};
 /// Film of longer runs, and frames beyond these, are no run's.
 const FILM_S: std::ops::RangeInclusive<f64> = 0.0..=1e9;
 const MAX_FRAME: u64 = 1 << 40;
+/// Cameras of a rig.
+const MAX_CAMERAS: usize = 1024;
+/// Answers and commands of a step.
+const MAX_ENTRIES: usize = 1 << 16;
 /// What the index of a file may take, in numbers of four bytes, each frame counted with [`FRAME_SIZE`] more and each chunk
 /// with [`PLACE_SIZE`]: a day of eight cameras, two hours of 256, half of it in files without chunks. A hostile file could
 /// name a frame in every few bytes.
@@ -181,7 +186,7 @@ impl Scan {
                     match self.index.channels.get(&header.channel_id) {
                         Some(&channel) => self.message(chunk, channel, &data)?,
                         None if topic == Some("/header") => {
-                            let message = decode::<messages::Header>("Header", &data)?;
+                            let message = decode::<messages::Header>(&data)?;
                             self.name_channels(RunHeader::from_message(&message)?);
                         }
                         None => {}
@@ -207,7 +212,7 @@ impl Scan {
     fn message(&mut self, chunk: u32, channel: Channel, data: &[u8]) -> Result<(), ReadProblem> {
         match channel {
             Channel::Step => {
-                let step = decode::<messages::Step>("Step", data)?;
+                let step = decode::<messages::Step>(data)?;
                 if !FILM_S.contains(&step.film_s) {
                     return Err(ReadProblem::FilmTime(step.film_s));
                 }
@@ -224,7 +229,7 @@ impl Scan {
                 }
             }
             Channel::Silhouette(camera) => {
-                let found = decode("Silhouette", data)?;
+                let found: messages::Silhouette = decode(data)?;
                 self.check_silhouette(&found)?;
                 let messages::Silhouette { frame, cameras, .. } = found;
                 self.index_size += note(&mut self.index.frames, frame, camera, chunk);
@@ -233,7 +238,7 @@ impl Scan {
                 }
             }
             Channel::Colour(camera) => {
-                let found = decode("Colour", data)?;
+                let found: messages::Colour = decode(data)?;
                 self.check_colour(&found, camera)?;
                 self.index_size += note(&mut self.index.colours, found.frame, camera, chunk);
             }
@@ -312,6 +317,38 @@ impl Index {
     }
 }
 
-fn decode<M: Message + Default>(message: &'static str, data: &[u8]) -> Result<M, ReadProblem> {
-    M::decode(data).map_err(|error| ReadProblem::Decode { message, error })
+/// A message of a recording, whose entries are counted before it is decoded: an empty one takes two bytes in the file and a
+/// hundred in memory.
+trait Recorded: Message + Default {
+    const NAME: &'static str;
+    const ENTRIES: &'static [Entries] = &[];
+}
+
+impl Recorded for messages::Header {
+    const NAME: &'static str = "Header";
+    const ENTRIES: &'static [Entries] = &[Entries::new("Header.ignored_runs", &[5], MAX_CAMERAS)];
+}
+
+impl Recorded for messages::Step {
+    const NAME: &'static str = "Step";
+    const ENTRIES: &'static [Entries] = &[
+        Entries::new("Step.commands", &[6], MAX_ENTRIES),
+        Entries::new("Polyhedron.corners_m", &[6, 6, 2, 6, 1], MAX_ENTRIES),
+        Entries::new("Polyhedron.triangles", &[6, 6, 2, 6, 2], MAX_ENTRIES).packed(),
+        Entries::new("Polyhedron.points_m", &[6, 6, 2, 6, 3], MAX_ENTRIES),
+        Entries::new("Step.responses", &[7], MAX_ENTRIES),
+    ];
+}
+
+impl Recorded for messages::Silhouette {
+    const NAME: &'static str = "Silhouette";
+}
+
+impl Recorded for messages::Colour {
+    const NAME: &'static str = "Colour";
+}
+
+fn decode<M: Recorded>(data: &[u8]) -> Result<M, ReadProblem> {
+    check_entries(M::ENTRIES, data)?;
+    M::decode(data).map_err(|error| ReadProblem::Decode { message: M::NAME, error })
 }

@@ -20,7 +20,8 @@ pub struct RecordedSteps {
     index: Arc<Index>,
     file: File,
     next_chunk: usize,
-    steps: VecDeque<Step>,
+    /// Steps of a chunk, decoded one after the other.
+    steps: VecDeque<Vec<u8>>,
     is_rounded: bool,
     gaps: Gaps,
     check: StepCheck,
@@ -70,11 +71,11 @@ impl RecordedSteps {
             let Some(&chunk) = self.index.with_steps.get(self.next_chunk) else { return Ok(None) };
             self.next_chunk += 1;
             let found = self.index.messages(&mut self.file, chunk)?;
-            let steps = found.iter().filter(|(channel, _)| *channel == Channel::Step);
-            let steps = steps.map(|(_, data)| decode("Step", data)).collect::<Result<_, _>>();
-            self.steps = steps.map_err(|problem| self.index.refused(problem))?;
+            let steps = found.into_iter().filter(|(channel, _)| *channel == Channel::Step);
+            self.steps = steps.map(|(_, data)| data).collect();
         }
-        Ok(self.steps.pop_front())
+        let step = self.steps.pop_front().map(|data| decode(&data)).transpose();
+        step.map_err(|problem| self.index.refused(problem))
     }
 
     fn scheduled(&mut self, step: Step) -> Result<Scheduled, ReadError> {

@@ -351,14 +351,42 @@ fn a_run_that_is_dropped_leaves_all_but_the_last_moment() {
 
 /// The same channels and messages, written as another tool would.
 fn repacked(path: &Path, name: &str, options: mcap::WriteOptions) -> PathBuf {
+    changed(path, name, options, |_| {})
+}
+
+/// The same with other messages.
+fn changed(
+    path: &Path,
+    name: &str,
+    options: mcap::WriteOptions,
+    change: impl Fn(&mut mcap::Message<'_>),
+) -> PathBuf {
     let bytes = std::fs::read(path).expect("bytes");
     let to = path.with_file_name(name);
     let mut writer = options.create(std::fs::File::create(&to).expect("a new file")).expect("a writer");
     for message in mcap::MessageStream::new(&bytes).expect("a recording") {
-        writer.write(&message.expect("a message")).expect("written");
+        let mut message = message.expect("a message");
+        change(&mut message);
+        writer.write(&message).expect("written");
     }
     writer.finish().expect("finished");
     to
+}
+
+#[test]
+fn a_step_of_more_answers_than_bodies_can_be_is_refused_before_it_is_decoded() {
+    let folder = tempfile::tempdir().expect("folder");
+    let (path, _) = recorded(&folder, Precision::Exact, 8);
+    // Empty answers: a hundred bytes each in memory.
+    let answers = [0x3a, 0].repeat(MAX_ENTRIES + 1);
+    let bomb = changed(&path, "bomb.mcap", mcap::WriteOptions::new(), |message| {
+        if message.channel.topic == "/step" {
+            message.data.to_mut().extend_from_slice(&answers);
+        }
+    });
+    assert!(std::fs::metadata(&bomb).expect("there").len() < 200_000);
+    let error = Recording::open(&bomb).expect_err("refused").to_string();
+    assert!(error.contains("Step.responses: 65538 entries, expected at most 65536"), "{error}");
 }
 
 #[test]

@@ -111,11 +111,11 @@ impl Unpacker {
             let refused = |problem| self.index.refused(problem);
             match channel {
                 Channel::Silhouette(camera) => {
-                    let found: messages::Silhouette = decode("Silhouette", &data).map_err(refused)?;
+                    let found: messages::Silhouette = decode(&data).map_err(refused)?;
                     unpacked.silhouettes.insert((camera, found.frame), found);
                 }
                 Channel::Colour(camera) if self.with_colours => {
-                    let found: messages::Colour = decode("Colour", &data).map_err(refused)?;
+                    let found: messages::Colour = decode(&data).map_err(refused)?;
                     unpacked.colours.insert((camera, found.frame), found);
                 }
                 _ => {}
