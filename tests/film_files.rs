@@ -289,3 +289,17 @@ fn a_deployed_run_names_the_camera_whose_numbers_are_times() {
     assert!(said.contains(reason) && said.contains(number), "{said}");
     assert!(log.contains(reason) && log.contains(number), "{log}");
 }
+
+#[test]
+fn a_camera_s_program_does_not_inherit_the_token_of_the_page() {
+    let room = Room::new(usual, |_, frame| format!("{frame:06}.png"));
+    let counts = "echo tokens: $(env | grep -c HULLTOUCH_TOKEN) >&2; exit 1";
+    let program = format!(
+        "source = {{ kind = \"pipe\", command = [\"sh\", \"-c\", \"{counts}\"] }}\nsegmentation = {{ method = \"chroma\" }}"
+    );
+    room.edit_cluster("source = { kind = \"masks\", path = \"masks/cam_0\" }", &program);
+    let mut command = testkit::command(env!("CARGO_BIN_EXE_hulltouch"));
+    let output = command.current_dir(room.path()).args(DEMO).env("HULLTOUCH_TOKEN", "a-secret-token").output();
+    let said = said(&output.expect("runs"));
+    assert!(said.contains("tokens: 0"), "{said}");
+}
