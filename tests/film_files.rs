@@ -299,7 +299,8 @@ fn a_camera_s_program_does_not_inherit_the_token_of_the_page() {
     );
     room.edit_cluster("source = { kind = \"masks\", path = \"masks/cam_0\" }", &program);
     let mut command = testkit::command(env!("CARGO_BIN_EXE_hulltouch"));
-    let output = command.current_dir(room.path()).args(DEMO).env("HULLTOUCH_TOKEN", "a-secret-token").output();
+    let output =
+        command.current_dir(room.path()).args(DEMO).env("HULLTOUCH_TOKEN", "a-secret-token").output();
     let said = said(&output.expect("runs"));
     assert!(said.contains("tokens: 0"), "{said}");
 }

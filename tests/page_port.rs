@@ -157,7 +157,7 @@ fn a_token_that_cannot_be_used_is_refused_in_one_line() {
         assert_eq!((output.status.code(), said.lines().count()), (Some(2), 1), "{said}");
         said
     };
-    let expected = "expected 8 to 128 letters, digits or any of -_.~";
+    let expected = "expected 12 to 128 letters, digits or any of -_.~";
     let said = refused(None, "a b c d e f");
     assert!(said.contains(&format!("HULLTOUCH_TOKEN is a token of 11 bytes, {expected}")), "{said}");
     assert!(!said.contains("a b c"), "{said}");

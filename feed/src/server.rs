@@ -14,7 +14,7 @@ use identity::Credentials;
 use thiserror::Error;
 use tokio::sync::watch;
 
-use crate::http::{Access, Origin, Port, RandomError, Token, random_hex};
+use crate::http::{Access, Guesses, Origin, Port, RandomError, Token, random_hex};
 use crate::message_cache::MessageCache;
 use crate::pictures::Pictures;
 use crate::run_info::RunInfo;
@@ -100,6 +100,7 @@ impl Feed {
             pages: pages.clone(),
             programs: Seats::default(),
             access: Access::new(settings.token.clone(), address, settings.origin.clone()),
+            guesses: Guesses::default(),
             session: random_hex()?,
             ending,
         });

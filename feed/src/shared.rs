@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use coordinator::live::Follower;
 use tokio::sync::watch;
 
-use crate::http::Access;
+use crate::http::{Access, Guesses};
 use crate::message_cache::MessageCache;
 use crate::run_info::{RunInfo, Volume};
 
@@ -18,6 +18,7 @@ pub(crate) struct Shared {
     pub follower: Follower,
     pub messages: MessageCache,
     pub access: Access,
+    pub guesses: Guesses,
     /// New with every start of a server: a page that connects again notices another run.
     pub session: String,
     /// How many pages are connected.
@@ -26,6 +27,17 @@ pub(crate) struct Shared {
     pub programs: Seats,
     /// True once the server ends.
     pub ending: watch::Receiver<bool>,
+}
+
+impl Shared {
+    /// Whether somebody may steer who offers a token, or none. A wrong one is answered late.
+    pub async fn may_steer(&self, token: Option<&str>) -> bool {
+        let may_steer = self.access.may_steer(token);
+        if !may_steer && token.is_some() {
+            self.guesses.wrong().await;
+        }
+        may_steer
+    }
 }
 
 /// Pages at once, and programs at once: a hundred megabits a second carry seven pages at full rate, and each program has

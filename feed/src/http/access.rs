@@ -16,17 +16,19 @@ use thiserror::Error;
 #[derive(Clone, PartialEq, Eq)]
 pub struct Token(String);
 
+/// The shortest token, bytes: guessing one of letters takes years.
+const MIN_TOKEN_BYTES: usize = 12;
 /// The longest token, bytes: it is part of an address.
 const MAX_TOKEN_BYTES: usize = 128;
 /// The most characters of a header that an answer repeats.
 const MAX_SHOWN_CHARS: usize = 100;
 
 impl Token {
-    /// A chosen token: 8 to 128 letters, digits, `-`, `_`, `.` or `~`, which stand in an address
+    /// A chosen token: 12 to 128 letters, digits, `-`, `_`, `.` or `~`, which stand in an address
     /// as they are.
     pub fn new(text: &str) -> Result<Token, TokenError> {
         let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-_.~".contains(&byte);
-        if !(8..=MAX_TOKEN_BYTES).contains(&text.len()) || !text.bytes().all(is_plain) {
+        if !(MIN_TOKEN_BYTES..=MAX_TOKEN_BYTES).contains(&text.len()) || !text.bytes().all(is_plain) {
             return Err(TokenError { found_bytes: text.len() });
         }
         Ok(Token(text.into()))
@@ -57,7 +59,9 @@ impl fmt::Debug for Token {
 
 /// A text that is no token.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("a token of {found_bytes} bytes, expected 8 to {MAX_TOKEN_BYTES} letters, digits or any of -_.~")]
+#[error(
+    "a token of {found_bytes} bytes, expected {MIN_TOKEN_BYTES} to {MAX_TOKEN_BYTES} letters, digits or any of -_.~"
+)]
 pub struct TokenError {
     found_bytes: usize,
 }
@@ -149,11 +153,6 @@ impl Access {
         token.is_some_and(|token| self.token.is(token))
     }
 
-    /// Whether an `Authorization` header's value is `Bearer` and the token.
-    pub fn may_steer_by(&self, authorization: &str) -> bool {
-        self.may_steer(bearer_token(authorization))
-    }
-
     /// Refuses requests that a browser makes for a page of another site.
     pub fn check(&self, uri: &Uri, headers: &HeaderMap) -> Result<(), Denied> {
         let text =
@@ -180,7 +179,7 @@ impl Access {
 
 /// The token of `Bearer TOKEN`: HTTP compares the scheme's name without case, and allows several spaces (RFC 9110,
 /// section 11).
-fn bearer_token(authorization: &str) -> Option<&str> {
+pub(crate) fn bearer_token(authorization: &str) -> Option<&str> {
     let (scheme, token) = authorization.trim_matches([' ', '\t']).split_once(' ')?;
     scheme.eq_ignore_ascii_case("bearer").then(|| token.trim_start_matches(' '))
 }
@@ -207,7 +206,7 @@ mod tests {
     }
 
     fn check_behind(proxy: Option<&str>, listen: &str, host: &str, origin: Option<&str>) -> bool {
-        let token = Token::new("12345678").expect("a token");
+        let token = Token::new("123456789012").expect("a token");
         let proxy = proxy.map(|proxy| Origin::new(proxy).expect("an origin"));
         let access = Access::new(token, listen.parse().expect("an address"), proxy);
         let mut headers = HeaderMap::new();
@@ -256,37 +255,39 @@ mod tests {
 
     #[test]
     fn a_bearer_token_is_read_in_any_case_of_the_scheme() {
-        let token = Token::new("abcd-1234").expect("a token");
+        let token = Token::new("abcd-1234-56").expect("a token");
         let access = Access::new(token, SocketAddr::from(([127, 0, 0, 1], 1)), None);
-        for right in ["Bearer abcd-1234", "bearer abcd-1234", "BEARER   abcd-1234", " bEaReR abcd-1234 "] {
-            assert!(access.may_steer_by(right), "{right:?}");
+        for right in
+            ["Bearer abcd-1234-56", "bearer abcd-1234-56", "BEARER   abcd-1234-56", " bEaReR abcd-1234-56 "]
+        {
+            assert!(access.may_steer(bearer_token(right)), "{right:?}");
         }
         for wrong in [
-            "abcd-1234",
-            "Bearerabcd-1234",
+            "abcd-1234-56",
+            "Bearerabcd-1234-56",
             "Bearer",
             "Bearer ",
-            "Basic abcd-1234",
+            "Basic abcd-1234-56",
             "Bearer ABCD-1234",
-            "Bearer Bearer abcd-1234",
-            "Bearer abcd-1234 x",
-            "Bearer abcd-1234, Bearer abcd-1234",
+            "Bearer Bearer abcd-1234-56",
+            "Bearer abcd-1234-56 x",
+            "Bearer abcd-1234-56, Bearer abcd-1234-56",
             "",
         ] {
-            assert!(!access.may_steer_by(wrong), "{wrong:?}");
+            assert!(!access.may_steer(bearer_token(wrong)), "{wrong:?}");
         }
     }
 
     #[test]
     fn the_token_alone_lets_steer() {
-        let token = Token::new("abcd-1234").expect("a token");
+        let token = Token::new("abcd-1234-56").expect("a token");
         let access = Access::new(token.clone(), SocketAddr::from(([127, 0, 0, 1], 1)), None);
-        assert!(access.may_steer(Some("abcd-1234")));
+        assert!(access.may_steer(Some("abcd-1234-56")));
         assert!(
-            !access.may_steer(Some("abcd-1235")) && !access.may_steer(Some("")) && !access.may_steer(None)
+            !access.may_steer(Some("abcd-1235-56")) && !access.may_steer(Some("")) && !access.may_steer(None)
         );
         assert_eq!(format!("{token:?}"), "Token(hidden)");
-        assert!(Token::new("short").is_err() && Token::new("with space").is_err());
+        assert!(Token::new("eleven-long").is_err() && Token::new("with space").is_err());
         let random = Token::random().expect("chance");
         assert_eq!(random.text().len(), 32);
         assert_ne!(random, Token::random().expect("chance"));

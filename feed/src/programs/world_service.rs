@@ -17,7 +17,7 @@ use tonic::{Code, Request, Response, Status};
 
 use super::ticks::{DEFAULT_RATE_HZ, Ticks};
 use crate::fields::InputError;
-use crate::http::Connection;
+use crate::http::{Connection, bearer_token};
 use crate::message::MAX_TOUCHES;
 use crate::shared::{Seats, Shared};
 
@@ -51,9 +51,11 @@ pub(crate) async fn routes(shared: &Arc<Shared>) -> axum::Router {
 pub(crate) struct Service(Arc<Shared>);
 
 impl Service {
-    fn may_steer<T>(&self, request: &Request<T>) -> bool {
+    fn may_steer<T>(&self, request: &Request<T>) -> impl Future<Output = bool> + Send + use<T> {
         let authorization = request.metadata().get("authorization").and_then(|value| value.to_str().ok());
-        authorization.is_some_and(|value| self.0.access.may_steer_by(value))
+        let token = authorization.map(|value| bearer_token(value).unwrap_or_default().to_owned());
+        let shared = Arc::clone(&self.0);
+        async move { shared.may_steer(token.as_deref()).await }
     }
 
     /// Passes a command on to the run, if the caller has the token.
@@ -62,7 +64,7 @@ impl Service {
         request: Request<T>,
         command: impl FnOnce(T) -> Result<Command, InputError>,
     ) -> Result<Outcome, Status> {
-        if !self.may_steer(&request) {
+        if !self.may_steer(&request).await {
             return Err(Status::permission_denied(
                 "a viewer cannot steer: send metadata \"authorization: Bearer TOKEN\"",
             ));
@@ -99,7 +101,7 @@ impl World for Service {
             scenes: Scene::names().map(Into::into).collect(),
             frames_per_s: info.fps,
             step_s: info.step_s,
-            may_steer: self.may_steer(&request),
+            may_steer: self.may_steer(&request).await,
             ..description(&scene)
         }))
     }
@@ -107,7 +109,7 @@ impl World for Service {
     type FollowStream = WorldStates;
 
     async fn follow(&self, request: Request<v1::FollowRequest>) -> Result<Response<WorldStates>, Status> {
-        let has_token = self.may_steer(&request);
+        let has_token = self.may_steer(&request).await;
         let staying = request.extensions().get::<Connection>().map(Connection::stay);
         let v1::FollowRequest { rate_hz, touches } = request.into_inner();
         let rate_hz = if rate_hz == 0.0 { DEFAULT_RATE_HZ } else { rate_hz };

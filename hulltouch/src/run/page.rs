@@ -19,7 +19,7 @@ pub struct PageArguments {
     /// Serve the page at this address [default: 127.0.0.1:8470, or a free port if that is taken].
     #[arg(long, value_name = "ADDR")]
     listen: Option<SocketAddr>,
-    /// A file with what lets a page steer the run: a line of 8 to 128 letters and digits, which others must not read
+    /// A file with what lets a page steer the run: a line of 12 to 128 letters and digits, which others must not read
     /// [default: the variable HULLTOUCH_TOKEN, or a new one each run].
     #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,

@@ -102,12 +102,12 @@ mod tests {
         }
         let found = |bytes: usize| {
             format!(
-                "--token-file FILE is a token of {bytes} bytes, expected 8 to 128 letters, digits or any of -_.~"
+                "--token-file FILE is a token of {bytes} bytes, expected 12 to 128 letters, digits or any of -_.~"
             )
         };
         assert_eq!(read_of(b"", 0o600), Err(found(0)));
         assert_eq!(read_of(b"\n", 0o600), Err(found(0)));
-        assert_eq!(read_of(b"1234567", 0o600), Err(found(7)));
+        assert_eq!(read_of(b"12345678901", 0o600), Err(found(11)));
         assert_eq!(read_of(&[b'a'; 129], 0o600), Err(found(129)));
         assert_eq!(read_of(b"let-me-steer\nor-me-too", 0o600), Err(found(22)), "two lines");
         assert_eq!(read_of(&[b'a'; 9000], 0o600), Err(found(1024)), "no more is read");

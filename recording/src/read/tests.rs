@@ -378,7 +378,7 @@ fn a_step_of_more_answers_than_bodies_can_be_is_refused_before_it_is_decoded() {
     let folder = tempfile::tempdir().expect("folder");
     let (path, _) = recorded(&folder, Precision::Exact, 8);
     // Empty answers: a hundred bytes each in memory.
-    let answers = [0x3a, 0].repeat(MAX_ENTRIES + 1);
+    let answers = [0x3a, 0].repeat(super::MAX_ENTRIES + 1);
     let bomb = changed(&path, "bomb.mcap", mcap::WriteOptions::new(), |message| {
         if message.channel.topic == "/step" {
             message.data.to_mut().extend_from_slice(&answers);
@@ -386,7 +386,10 @@ fn a_step_of_more_answers_than_bodies_can_be_is_refused_before_it_is_decoded() {
     });
     assert!(std::fs::metadata(&bomb).expect("there").len() < 200_000);
     let error = Recording::open(&bomb).expect_err("refused").to_string();
-    assert!(error.contains("Step.responses: 655") && error.contains(" entries, expected at most 65536"), "{error}");
+    assert!(
+        error.contains("Step.responses: 655") && error.contains(" entries, expected at most 65536"),
+        "{error}"
+    );
 }
 
 #[test]
