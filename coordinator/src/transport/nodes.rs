@@ -93,7 +93,9 @@ impl Nodes {
                     NodeError::Held(by) => roster.held(node, by.clone()),
                     away if away.is_absence() => roster.down(node, away.to_string()),
                     wrong => {
-                        roster.fault(node, monotonic_s(), wrong.to_string());
+                        if wrong.is_invalid() {
+                            roster.fault(node, monotonic_s(), wrong.to_string());
+                        }
                         roster.wrong(node, wrong.to_string());
                     }
                 }
