@@ -19,7 +19,7 @@ pub enum LeaveOut {
 impl RosterNode {
     /// Whether it is there for a step that may see frames up to `lead`, the newest of anybody. Whoever was left out is
     /// back with the frame that the others have in `common`: what came meanwhile it may lack. Frames after `wanted` tell
-    /// nothing: nobody knows them yet.
+    /// nothing: no other node has them yet.
     fn is_there(
         &self,
         wanted: u64,
@@ -58,7 +58,7 @@ impl Roster {
         self.nodes[node].is_silent = true;
     }
 
-    /// Decides whom a step that wants a frame goes on without, by [`proto::monotonic_s`]. Nobody is left out where fewer than
+    /// Decides whom a step that wants a frame goes on without, by [`proto::monotonic_s`]. No node is left out where fewer than
     /// `least` cameras would remain. Returns what has changed: nodes, and whether each is back.
     pub fn leave_out(&mut self, wanted: u64, whom: LeaveOut, least: usize, now_s: f64) -> Vec<(usize, bool)> {
         let behaves = |node: &&RosterNode| node.is_up && !node.is_silent && !node.conduct.is_excluded(now_s);

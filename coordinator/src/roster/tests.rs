@@ -262,7 +262,7 @@ fn late_and_silent_nodes_are_left_out_and_a_frame_late_is_not() {
     [0, 1, 2].into_iter().for_each(|node| film(&mut roster, node, [6]));
     assert_eq!(roster.leave_out(6, LeaveOut::Late, 3, 0.0), [], "a frame late");
     [0, 1, 2].into_iter().for_each(|node| film(&mut roster, node, [7]));
-    assert_eq!(roster.leave_out(6, LeaveOut::Late, 3, 0.0), [], "nobody wants the seventh yet");
+    assert_eq!(roster.leave_out(6, LeaveOut::Late, 3, 0.0), [], "no step wants the seventh yet");
     assert_eq!(roster.leave_out(7, LeaveOut::Missing, 3, 0.0), [], "lock-step waits for it");
     assert_eq!(roster.leave_out(7, LeaveOut::Late, 3, 0.0), [(3, false)]);
     film(&mut roster, 3, [6, 7]);

@@ -1,12 +1,12 @@
-//! Wrong tokens: each is answered late, one after the other, so that a token cannot be guessed. Who has the right one waits for
-//! nobody.
+//! Wrong tokens: each is answered late, one after the other, so that a token cannot be guessed. A peer with the right one does
+//! not wait.
 
 use std::time::Duration;
 
 use tokio::sync::Mutex;
 use tokio::time::Instant;
 
-/// A wrong token is answered after so long, and the next one after it: ten a second, whoever sends them.
+/// A wrong token is answered after so long, and the next one after it: ten a second, from all peers together.
 const TAKES: Duration = Duration::from_millis(100);
 /// A line so often at most.
 const LOG_EVERY: Duration = Duration::from_secs(1);
