@@ -14,7 +14,7 @@ use std::time::Duration;
 use certified::{ROOM, Room, issue, node};
 use identity::{AUTHORITIES, Authority, CERTIFICATE, CertificateNames, Identity, KEY, Validity};
 use node_client::{NodeError, NodeEvent};
-use room::{Running, ask_to_end, coordinator, ended, named_room, program};
+use room::{Running, ask_to_end, blind_steps, coordinator, ended, frames, missed, named_room, program};
 use testkit::{Watch, timely};
 
 fn said(output: &Output) -> String {
@@ -30,20 +30,8 @@ fn a_room_with_certificates_runs_as_without() {
     let room = Room::new();
     let run = Running::start(&mut room.coordinator("2"));
     let Some(figures) = watch.judge(ended(run, &room.json())) else { return };
-    timely!(
-        watch,
-        figures["frames"].as_u64().is_some_and(|frames| frames > 10),
-        "{} frames, missed {}",
-        figures["frames"],
-        figures["missed"]
-    );
-    timely!(
-        watch,
-        figures["missed"]["blind_steps"] == 0,
-        "{} frames, missed {}",
-        figures["frames"],
-        figures["missed"]
-    );
+    timely!(watch, frames(&figures) > 10, "{}", missed(&figures));
+    timely!(watch, blind_steps(&figures) == 0, "{}", missed(&figures));
 }
 
 #[tokio::test]
@@ -77,13 +65,7 @@ async fn strangers_are_refused_in_one_line_and_the_run_goes_on() {
 
     ask_to_end(&running);
     let Some(figures) = watch.judge(ended(running, &room.json())) else { return };
-    timely!(
-        watch,
-        figures["missed"]["blind_steps"] == 0,
-        "{} frames, missed {}",
-        figures["frames"],
-        figures["missed"]
-    );
+    timely!(watch, blind_steps(&figures) == 0, "{}", missed(&figures));
 }
 
 #[test]
@@ -129,7 +111,7 @@ fn certificates_are_replaced_under_a_run_that_misses_nothing() {
     assert!(matches!(of_old, NodeEvent::Down(NodeError::Unreachable(_))), "{of_old:?}");
     ask_to_end(&running);
     let Some(figures) = watch.judge(ended(running, &room.json())) else { return };
-    timely!(watch, figures["missed"]["blind_steps"] == 0, "steps without a hull: {}", figures["missed"]);
+    timely!(watch, blind_steps(&figures) == 0, "{}", missed(&figures));
     timely!(watch, figures["missed"]["reduced_steps"] == 0, "a node was left out: {}", figures["missed"]);
     let share = figures["missed"]["share"].as_f64().expect("a share");
     timely!(watch, share < MOST_MISSED, "frames were missed: {}", figures["missed"]);
@@ -224,13 +206,7 @@ fn certs_makes_a_room_that_runs_and_keeps_its_keys() {
     let mut command = coordinator(program(), &cluster, "1", &json);
     let run = Running::start(command.arg("--certs").arg(certs.join("coordinator")));
     let Some(figures) = watch.judge(ended(run, &json)) else { return };
-    timely!(
-        watch,
-        figures["missed"]["blind_steps"] == 0,
-        "{} frames, missed {}",
-        figures["frames"],
-        figures["missed"]
-    );
+    timely!(watch, blind_steps(&figures) == 0, "{}", missed(&figures));
 }
 
 /// A folder with certificates of a room that `hulltouch certs` made there.

@@ -16,7 +16,7 @@ use cluster::{ClusterFile, expected_node};
 use namespace::Host;
 use node_client::{Agreement, ExpectedNode, NodeClient, NodeEvent, NodePlace};
 use proto::Address;
-use room::{Node, Running, coordinator, ended, named_room, program};
+use room::{Node, Running, blind_steps, coordinator, ended, frames, missed, named_room, program};
 use testkit::{Watch, timely};
 use tokio::sync::mpsc;
 
@@ -32,20 +32,8 @@ fn run(program: Command, cluster: &Path, folder: &Path) {
     let mut command = coordinator(program, cluster, "2", &json);
     let run = Running::start(command.arg("--insecure"));
     let Some(figures) = watch.judge(ended(run, &json)) else { return };
-    timely!(
-        watch,
-        figures["frames"].as_u64().is_some_and(|frames| frames > 10),
-        "{} frames, missed {}",
-        figures["frames"],
-        figures["missed"]
-    );
-    timely!(
-        watch,
-        figures["missed"]["blind_steps"] == 0,
-        "{} frames, missed {}",
-        figures["frames"],
-        figures["missed"]
-    );
+    timely!(watch, frames(&figures) > 10, "{}", missed(&figures));
+    timely!(watch, blind_steps(&figures) == 0, "{}", missed(&figures));
 }
 
 #[test]

@@ -8,7 +8,10 @@ use std::process::{Command, Output};
 use std::time::{Duration, Instant};
 
 use proto::{Pace, v1};
-use room::{Node, Running, ask_to_end, await_leader, cameras, cluster_file, coordinator, ended, program};
+use room::{
+    Node, Running, ask_to_end, await_leader, blind_steps, cameras, cluster_file, coordinator, ended, missed,
+    program,
+};
 use testkit::{Watch, timely};
 
 const NODES: usize = 2;
@@ -51,20 +54,8 @@ fn a_second_coordinator_ends_with_who_leads_and_the_first_goes_on() {
     ask_to_end(&first);
     let Some(figures) = watch.judge(ended(first, &json)) else { return };
     timely!(watch, took < Duration::from_secs(5), "it said so after {took:?}");
-    timely!(
-        watch,
-        figures["missed"]["frames"] == 0,
-        "{} frames, missed {}",
-        figures["frames"],
-        figures["missed"]
-    );
-    timely!(
-        watch,
-        figures["missed"]["blind_steps"] == 0,
-        "{} frames, missed {}",
-        figures["frames"],
-        figures["missed"]
-    );
+    timely!(watch, figures["missed"]["frames"] == 0, "{}", missed(&figures));
+    timely!(watch, blind_steps(&figures) == 0, "{}", missed(&figures));
 }
 
 #[test]

@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::Output;
 use std::time::{Duration, Instant};
 
-use room::{Node, Running, coordinator, ended, named_room, program};
+use room::{Node, Running, blind_steps, coordinator, ended, missed, named_room, program};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 use testkit::{Watch, timely};
@@ -51,13 +51,7 @@ fn a_run_is_seen_and_does_not_notice() {
     let process = Pid::from_raw(run.child().id().cast_signed()).expect("a number");
     kill_process(process, Signal::INT).expect("asked to end");
     let Some(figures) = watch.judge(ended(run, &json)) else { return };
-    timely!(
-        watch,
-        figures["missed"]["blind_steps"] == 0,
-        "{} frames, missed {}",
-        figures["frames"],
-        figures["missed"]
-    );
+    timely!(watch, blind_steps(&figures) == 0, "{}", missed(&figures));
 
     let well: Value = serde_json::from_str(&well).expect("one object");
     assert_eq!((well["room"].as_str(), well["ok"].as_bool()), (Some("room"), Some(true)), "{well}");

@@ -144,6 +144,24 @@ pub fn ended(running: Running, json: &Path) -> Result<Value, String> {
     Ok(serde_json::from_slice(&fs::read(json).expect("figures")).expect("JSON"))
 }
 
+/// Frames that a run got.
+#[allow(dead_code, reason = "not every test needs it")]
+pub fn frames(figures: &Value) -> u64 {
+    figures["frames"].as_u64().expect("a count")
+}
+
+/// Steps of a run for which no hull was available.
+#[allow(dead_code, reason = "not every test needs it")]
+pub fn blind_steps(figures: &Value) -> u64 {
+    figures["missed"]["blind_steps"].as_u64().expect("a count")
+}
+
+/// How many frames a run got and what it missed, for the message of a failed test.
+#[allow(dead_code, reason = "not every test needs it")]
+pub fn missed(figures: &Value) -> String {
+    format!("{} frames, missed {}", figures["frames"], figures["missed"])
+}
+
 /// Asks a run to end, as a key press does.
 #[allow(dead_code, reason = "not every test needs it")]
 pub fn ask_to_end(run: &Running) {

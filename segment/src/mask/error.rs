@@ -67,6 +67,19 @@ pub enum MaskError {
         /// The most common value over half.
         high: u32,
     },
+    /// Most pixels are near one of two greys, and these are no extremes.
+    #[error(
+        "found a picture: most of its pixels are near {low} or {high}; expected a mask, with background near 0 and \
+         foreground near {max}"
+    )]
+    Peaks {
+        /// The most common value up to half.
+        low: u32,
+        /// The most common value over half.
+        high: u32,
+        /// The largest value of so many bits.
+        max: u32,
+    },
     /// More than one colour beside black.
     #[error("found the colours {0}; expected black and one other colour, or greys")]
     Colours(Found),

@@ -9,8 +9,11 @@ const BLOCK: usize = 64;
 const LEAST_OF_AN_EDGE: usize = 4;
 /// Up to so many different values an image may consist of labels.
 const MOST_LABELS: usize = 64;
-/// A value between background and foreground that fills this share of a soft mask, flat, is a third label.
+/// Flat regions between background and foreground that fill this share of a soft mask are further labels.
 const LABEL_SHARE: usize = 50;
+/// Background of many greys is mostly within this share of all values from 0, and foreground from the largest one: as
+/// video of limited range (16 to 235) is, and pictures of a bright wall are not.
+const EXTREME_SHARE: u32 = 8;
 
 /// Background, shadow and foreground of background subtraction.
 const SHADOWS: [u32; 3] = [0, 127, 255];
@@ -84,9 +87,9 @@ fn threshold_of_one<S: Sample>(
 /// Whether few of the pixels that are not 0 are inside a flat region.
 fn is_scattered<S: Sample>(values: &[S], width: usize) -> bool {
     let (mut flat, mut count) = (0, 0);
-    for (index, &value) in values.iter().enumerate().filter(|&(_, &value)| value.into() > 0) {
+    for (index, _) in values.iter().enumerate().filter(|&(_, &value)| value.into() > 0) {
         count += 1;
-        flat += usize::from(neighbours(values, width, index).all(|near| near == value));
+        flat += usize::from(is_interior(values, width, index));
     }
     4 * flat <= count
 }
@@ -124,6 +127,8 @@ struct Greys<'a> {
     high: u32,
     /// What is no farther from one of these is the same with noise.
     noise: u32,
+    /// Lossless, and of few values.
+    has_few_values: bool,
     may_be_labels: bool,
 }
 
@@ -139,13 +144,15 @@ impl Greys<'_> {
         let is_noisy = present.iter().any(|&value| value != high && value.abs_diff(high) <= noise);
         let dark = present.iter().filter(|&&value| value <= half).count();
         let has_edges = dark > LEAST_OF_AN_EDGE && present.len() - dark > LEAST_OF_AN_EDGE;
-        let may_be_labels = !is_lossy && present.len() <= MOST_LABELS && !is_noisy && !has_edges;
-        Greys { counts, present, low, high, noise: if may_be_labels { 0 } else { noise }, may_be_labels }
+        let has_few_values = !is_lossy && present.len() <= MOST_LABELS;
+        let may_be_labels = has_few_values && !is_noisy && !has_edges;
+        let noise = if may_be_labels { 0 } else { noise };
+        Greys { counts, present, low, high, noise, has_few_values, may_be_labels }
     }
 
     /// Refuses labels and pictures. Of a mask, what lies between background and foreground is the slope of an edge.
     fn check<S: Sample>(&self, values: &[S], width: usize) -> Result<(), MaskError> {
-        let mut between = 0;
+        let (mut between, mut interior) = (0, 0);
         let mut flat_counts = vec![0; self.counts.len()];
         let is_between = |value: S| {
             let grey: u32 = value.into();
@@ -157,13 +164,15 @@ impl Greys<'_> {
             }
             for (index, &value) in (from..).zip(block).filter(|(_, value)| is_between(**value)) {
                 between += 1;
+                interior += usize::from(is_interior(values, width, index));
                 flat_counts[value.into() as usize] += usize::from(!is_on_a_slope(values, width, index));
             }
         }
         let is_label =
             |(&flat, &count): (&usize, &usize)| flat * LABEL_SHARE >= values.len() && 2 * flat > count;
-        let has_label = flat_counts.iter().zip(self.counts).any(is_label);
         let flat: usize = flat_counts.iter().sum();
+        let has_small_labels = self.has_few_values && interior * LABEL_SHARE >= values.len();
+        let has_label = has_small_labels || flat_counts.iter().zip(self.counts).any(is_label);
         let labels = || Err(MaskError::Labels(Found::new(&self.present)));
         if self.may_be_labels && 2 * flat > between {
             return labels();
@@ -174,6 +183,11 @@ impl Greys<'_> {
         }
         if has_label {
             return labels();
+        }
+        let max = self.counts.len() as u32 - 1;
+        let most = max / EXTREME_SHARE;
+        if self.low > most || self.high < max - most {
+            return Err(MaskError::Peaks { low: self.low, high: self.high, max });
         }
         Ok(())
     }
@@ -188,6 +202,11 @@ fn is_on_a_slope<S: Sample>(values: &[S], width: usize, index: usize) -> bool {
         has_brighter |= near > value;
     }
     has_darker && has_brighter
+}
+
+/// Whether a pixel and all around it have one value: ringing has no such pixels, nor has an edge that is enlarged twice.
+fn is_interior<S: Sample>(values: &[S], width: usize, index: usize) -> bool {
+    neighbours(values, width, index).all(|near| near == values[index])
 }
 
 /// A pixel and those around it.

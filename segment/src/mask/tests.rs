@@ -141,6 +141,20 @@ fn flat_regions_of_three_greys_are_labels() {
     // The same, made smaller and larger again: the border of 255 lies on slopes.
     let blurred = blur(64, &rings(15, 255, 0));
     refused(read_greys(64, &blurred), "as class labels and trimaps have");
+    // Many labels on both sides of half, each of them small.
+    let many = drawn(64, 48, |x, y| match (x / 6, y / 6) {
+        (column @ 1..6, row @ 1..3) => {
+            [20, 60, 100, 120, 40, 140, 160, 200, 220, 240][(column * 2 + row - 3) as usize]
+        }
+        _ => {
+            if x < 40 {
+                0
+            } else {
+                255
+            }
+        }
+    });
+    refused(read_greys(64, &many), "as class labels and trimaps have");
     // Few pixels are labels, too.
     refused(
         read_greys(8, &drawn(8, 6, |x, _| [0, 0, 0, 128, 128, 255, 255, 255][x as usize])),
@@ -208,6 +222,12 @@ fn a_picture_is_no_mask() {
     let picture = drawn(64, 48, |x, y| (60 + (x * 13 + y * 31 + x * y) % 150) as u8);
     refused(read_greys(64, &picture), "found a picture: ");
     refused(read_jpeg(64, &picture), "found a picture: ");
+    // A dark person before a bright wall, with some noise.
+    let person = soft_disc(3.0, 200.0, 60.0);
+    let person: Vec<u8> = (0..).zip(&person).map(|(at, &grey)| grey + (at * 7 % 5) as u8).collect();
+    for outcome in [read_greys(64, &person), read_jpeg(64, &person)] {
+        refused(outcome, "found a picture: most of its pixels are near ");
+    }
     let colours = drawn(64 * 3, 48, |x, y| ((x * 7) ^ (y * 13)) as u8);
     refused(read_bytes(64, Channels::Rgb, &colours), "found the colours #00070e, ");
 }
