@@ -110,13 +110,17 @@ fn a_stranger_changes_nothing() {
     let (cluster, json) = (cluster_file(folder.path(), NODES), folder.path().join("out.json"));
     let _nodes = nodes(&cluster);
     // Film in lock-step gives the same bits every time, unless something changes the run.
-    let lock_step = || start(&cluster, "20", &json, &["--unpaced"]);
-    let Some(undisturbed) = watch.judge(ended(lock_step(), &json)) else { return };
-    let mut run = lock_step();
+    let lock_step = |seconds: &str| start(&cluster, seconds, &json, &["--unpaced"]);
+    let run = lock_step("100000");
+    await_leader(|| status(&cluster));
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
     runtime.block_on(strangers_start(&cluster));
-    assert!(run.child().try_wait().expect("a child").is_none(), "the run was over before");
+    ask_to_end(&run);
     let Some(disturbed) = watch.judge(ended(run, &json)) else { return };
+    let steps = disturbed["steps"].as_f64().expect("a count");
+    let undisturbed = lock_step(&format!("{:.6}", (steps + 0.5) / 120.0));
+    let Some(undisturbed) = watch.judge(ended(undisturbed, &json)) else { return };
+    assert_eq!(disturbed["steps"], undisturbed["steps"]);
     assert_eq!(disturbed["trajectory_digest"], undisturbed["trajectory_digest"]);
     assert_eq!(disturbed["frames"], undisturbed["frames"]);
     assert_eq!(disturbed["missed"]["blind_steps"], 0, "{disturbed}");

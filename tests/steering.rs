@@ -354,7 +354,7 @@ async fn steps_out_of_a_pause_see_the_frame_at_which_a_live_run_was_paused() {
     timely!(
         watch,
         expected < figures.frames as f64 + 30.0,
-        "film that nobody wanted is not expected: {expected}"
+        "film that no step wanted is not expected: {expected}"
     );
 }
 

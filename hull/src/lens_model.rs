@@ -243,6 +243,9 @@ pub fn check_general_lens_model(key: &str, value: &str) -> Result<(), UnknownLen
     check_lens_model(key, value)
 }
 
+/// What [`five_coefficients`] takes, for messages.
+pub const LENS_COEFFICIENTS: &str = "1, 2, 4 or 5 numbers k1 k2 p1 p2 k3 (more only if they are zero)";
+
 /// `k1 k2 p1 p2 k3` of coefficients in OpenCV's order; `None` where they say more or cannot be told apart:
 /// three (k1 k2 k3 or k1 k2 p1) and those beyond the fifth must be zero.
 pub fn five_coefficients(given: &[f64]) -> Option<[f64; 5]> {

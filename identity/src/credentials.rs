@@ -32,7 +32,7 @@ pub struct Credentials {
     state: Mutex<State>,
     /// The folder is read by one at a time: what was read before is not put in use after.
     reading: Arc<tokio::sync::Mutex<()>>,
-    /// A reading has not come to an end in time. Until it does nobody waits for it.
+    /// A reading has not come to an end in time. Until it does no handshake waits for it.
     is_stuck: AtomicBool,
 }
 
@@ -89,7 +89,7 @@ impl Credentials {
             std::thread::spawn(move || {
                 credentials.current();
                 drop(turn);
-                // Nobody may wait any more.
+                // No handshake may wait any more.
                 let _ = sender.send(());
             });
             let _ = read.recv_timeout(READ_TIMEOUT);
@@ -148,7 +148,7 @@ impl Credentials {
         let reading = async move {
             let turn = Arc::clone(&credentials.reading).lock_owned().await;
             let read = move || {
-                // Kept until it is read, whether anybody still waits for that or not.
+                // Kept until it is read, also if no handshake waits for it any more.
                 let _turn = turn;
                 let loaded = credentials.current();
                 credentials.is_stuck.store(false, Ordering::Relaxed);

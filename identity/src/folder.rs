@@ -16,7 +16,7 @@ pub const KEY: &str = "tls.key";
 
 /// Far more than a chain and a bundle of authorities need.
 const MAX_FILE_BYTES: u64 = 256 * 1024;
-/// Permissions that nobody needs: of all who are neither the file's owner nor of its group, and the group's to write.
+/// Permissions that a key must not have: of all users that are neither the file's owner nor of its group, and the group's to write.
 const OTHERS: u32 = 0o027;
 
 /// What the three files hold.
@@ -47,7 +47,7 @@ impl Files {
 /// A file of a folder; refuses what is longer than any.
 pub(crate) fn read(path: PathBuf) -> Result<Vec<u8>, CertificateError> {
     let mut bytes = Vec::new();
-    // A pipe would block whoever opens it, for ever.
+    // Opening a pipe would block for ever.
     let nonblock = rustix::fs::OFlags::NONBLOCK.bits() as i32;
     let file = File::options().read(true).custom_flags(nonblock).open(&path);
     let file = file.map_err(|error| CertificateError::read(&path, error))?;

@@ -21,34 +21,34 @@ pub struct PageName(String);
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum PageNameError {
     /// An address as browsers show it.
-    #[error("an address with a scheme or a path, expected the name in it alone")]
+    #[error("found an address with a scheme or a path, expected the name in it alone")]
     Url,
     /// A name and a port: certificates are of names.
-    #[error("a name with a port, expected the name alone")]
+    #[error("found a name with a port, expected the name alone")]
     Port,
     /// Letters that DNS has not.
-    #[error("characters that are not ASCII, expected the name's ASCII form, which begins with xn--")]
+    #[error("found characters that are not ASCII, expected the name's ASCII form, which begins with xn--")]
     NotAscii,
     /// An address that only one machine understands.
-    #[error("an IPv6 address with a zone, expected one without")]
+    #[error("found an IPv6 address with a zone, expected one without")]
     Zone,
     /// Four numbers of which one is too large, or fewer.
-    #[error("a last part of digits, expected a DNS name or a whole IP address")]
+    #[error("found a last part of digits, expected a DNS name or a whole IP address")]
     Digits,
     /// A star that browsers do not take.
-    #[error("a star, expected one only as the first part, before two others: *.studio.example")]
+    #[error("found a star, expected one only as the first part, before two others: *.studio.example")]
     Star,
     /// What stands between points.
     #[error(
-        "a part that is empty, longer than {MAX_LABEL_CHARS} or not of letters, digits, - and _, expected a DNS name \
+        "found a part that is empty, longer than {MAX_LABEL_CHARS} or not of letters, digits, - and _, expected a DNS name \
          or an IP address"
     )]
     Label,
     /// Too long as a whole.
-    #[error("more than {MAX_NAME_CHARS} characters, expected at most as many")]
+    #[error("found more than {MAX_NAME_CHARS} characters, expected at most as many")]
     Long,
     /// A name by which machines of a room know each other.
-    #[error("a name of a machine of a room, expected one that browsers use")]
+    #[error("found a name of a machine of a room, expected one that browsers use")]
     OfRoom,
 }
 

@@ -11,7 +11,7 @@ mod sweep;
 
 pub use running::Running;
 pub use skip::{has_program, skip};
-pub use starvation::Watch;
+pub use starvation::{Watch, ran_out_of_time};
 pub use sweep::{command, mark};
 
 /// The camera program: writes the frames of a film again and again, each when it is due. `src/camera.rs` lists its

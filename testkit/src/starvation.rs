@@ -23,6 +23,15 @@ const WAITED_SHARE: f64 = 0.3;
 /// Characters of a missed bound that its line shows.
 const MOST_SHOWN: usize = 300;
 
+/// What a run says that gave up because a node or a camera was slower than its limits.
+const OUT_OF_TIME: [&str; 4] = ["within ", "no frame has come", "in time", "no answer"];
+
+/// Whether a run that ended with status 1 says that something took too long: a busy machine does that. Other failures say
+/// something else.
+pub fn ran_out_of_time(said: &str) -> bool {
+    OUT_OF_TIME.iter().any(|words| said.contains(words))
+}
+
 /// What was measured in one stretch of time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Stretch {

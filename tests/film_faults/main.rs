@@ -148,6 +148,7 @@ async fn bodies_only_fall_once_a_node_is_lost() {
 
 #[tokio::test]
 async fn a_live_run_begins_without_a_camera_that_never_films_and_ends_with_its_name_if_too_few_do() {
+    let watch = Watch::start();
     let (scene, rig) = (Scene::named("rest").expect("shipped"), rig());
     for silent in [3..4, 2..4] {
         let (mut nodes, mut served) = (vec![], vec![]);
@@ -174,8 +175,13 @@ async fn a_live_run_begins_without_a_camera_that_never_films_and_ends_with_its_n
         };
         let (steps, figures) = play_over(transport, observers, &scene, live, (keeper, stop)).await;
         if is_enough {
-            assert!(steps.first().is_some_and(|step| step.frame.is_some()), "it waited in vain");
-            assert_eq!((figures.blind_steps, figures.film_failure), (0, None));
+            timely!(
+                watch,
+                steps.first().is_some_and(|step| step.frame.is_some()) && figures.blind_steps == 0,
+                "it waited in vain: {} steps without a hull",
+                figures.blind_steps
+            );
+            assert_eq!(figures.film_failure, None);
         } else {
             let why = "2 cameras film, expected at least min_cameras, 3: no frame has come from \"cam_2\", \"cam_3\"";
             assert_eq!((steps.len(), figures.film_failure.as_deref()), (0, Some(why)));

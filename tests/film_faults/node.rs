@@ -63,7 +63,7 @@ impl Served {
             runtime.block_on(async {
                 let listen = SocketAddr::from(([127, 0, 0, 1], 0));
                 let node = Node::open(config, listen, Access::default()).await.expect("opens");
-                opened.send(node.address().expect("bound").to_string()).expect("somebody waits");
+                opened.send(node.address().expect("bound").to_string()).expect("the test waits");
                 tokio::select! {
                     served = node.serve(std::future::pending()) => served.expect("serves"),
                     _ = lost => {}

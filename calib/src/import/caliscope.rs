@@ -2,7 +2,7 @@
 //! Its exports name camera 0 `cam_0`; so do we.
 
 use hull::Camera;
-use hull::lens_model::five_coefficients;
+use hull::lens_model::{LENS_COEFFICIENTS, five_coefficients};
 use hull::rig::check_camera_words;
 use nalgebra::{Matrix3, Vector3};
 use toml::{Table, Value};
@@ -79,8 +79,8 @@ impl Section<'_> {
             return Err(self.wrong("size", "[width, height] in whole pixels"));
         }
         let k = Matrix3::from_row_slice(&self.numbers("matrix", &[9], "three rows of three numbers")?);
-        let lens = self.numbers("distortions", &[0, 1, 2, 3, 4, 5, 8, 12, 14], LENS)?;
-        let lens = five_coefficients(&lens).ok_or_else(|| self.wrong("distortions", LENS))?;
+        let lens = self.numbers("distortions", &[0, 1, 2, 3, 4, 5, 8, 12, 14], LENS_COEFFICIENTS)?;
+        let lens = five_coefficients(&lens).ok_or_else(|| self.wrong("distortions", LENS_COEFFICIENTS))?;
         let translation =
             Vector3::from_row_slice(&self.numbers("translation", &[3], "three numbers, metres")?);
         let rotation = self.numbers("rotation", &[9, 3], "three rows of three numbers")?;
@@ -107,8 +107,6 @@ impl Section<'_> {
         ImportError::key(&self.file.path, &format!("[{}] {key}", self.name), found, expected)
     }
 }
-
-const LENS: &str = "1, 2, 4 or 5 numbers k1 k2 p1 p2 k3 (more only if they are zero)";
 
 /// Whether a value is a number or a list of these, which are added.
 fn add_numbers(value: &Value, numbers: &mut Vec<f64>) -> bool {

@@ -168,7 +168,7 @@ impl Source<'_> {
         let origin = options.pixel_origin.unwrap_or(0.0);
         let k = Matrix3::new(
             subpixels("focalLengthU")?,
-            subpixels("skew").unwrap_or(0.0),
+            self.optional("intrinsic", "skew")? / SUBPIXELS,
             subpixels("centerPointU")? - left - origin,
             0.0,
             subpixels("focalLengthV")?,
@@ -184,7 +184,7 @@ impl Source<'_> {
             lens("radialDistortion2")?,
             lens("tangentalDistortion1")?,
             lens("tangentalDistortion2")?,
-            lens("radialDistortion3").unwrap_or(0.0),
+            self.optional("intrinsic", "radialDistortion3")?,
         ];
         let placement = Placement { file: &self.file.path, key: "transform", name: self.name, size };
         placed(&placement, k, distortion, &rotation, -(rotation * centre), warnings)
@@ -212,6 +212,12 @@ impl Source<'_> {
         }
         let size = size_of(&self.file.path, Some((width as u32, height as u32)), options, warnings)?;
         Ok((left, top, size))
+    }
+
+    /// A number that older files lack, which is 0 there.
+    fn optional(&self, element: &str, key: &str) -> Result<f64, ImportError> {
+        let found = self.element.child(element).and_then(|element| element.attribute(key));
+        if found.is_some() { self.number(element, key) } else { Ok(0.0) }
     }
 
     fn number(&self, element: &str, key: &str) -> Result<f64, ImportError> {
@@ -297,6 +303,23 @@ mod tests {
             focal.contains("camera left intrinsic focalLength: found focal lengths 0 and 400"),
             "{focal}"
         );
+    }
+
+    #[test]
+    fn numbers_that_older_files_lack_are_zero_and_unreadable_ones_are_refused() {
+        assert!(
+            import(&TEXT.replacen(" radialDistortion3=\"0\"", "", 1).replacen(" skew=\"0\"", "", 1)).is_ok()
+        );
+        for (from, to, key) in [
+            ("skew=\"0\"", "skew=\"0,5\"", "skew: found \"0,5\""),
+            ("radialDistortion3=\"0\"", "radialDistortion3=\"-0,03\"", "radialDistortion3: found \"-0,03\""),
+        ] {
+            let message = import(&TEXT.replacen(from, to, 1)).expect_err(to).to_string();
+            assert!(
+                message.contains(&format!("camera left intrinsic {key}, expected a number")),
+                "{message}"
+            );
+        }
     }
 
     #[test]

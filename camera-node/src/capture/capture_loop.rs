@@ -11,7 +11,7 @@ use super::background::{BackgroundCapture, RequestSlot};
 use super::camera::ReadyCamera;
 use super::film_clock::FilmClock;
 use super::gate::Gate;
-use super::mask_watch::MaskWatch;
+use super::mask_watch::{MaskWarning, MaskWatch};
 use super::retry::{Failure, Retry};
 use super::segmenter::{CutoutError, silhouette};
 use crate::frames::{CameraFrame, FrameRing, Stamp};
@@ -225,7 +225,7 @@ impl CaptureLoop {
 }
 
 /// Says what is odd about a camera's masks, with their folder.
-fn warn_of_masks(camera: &ReadyCamera, problem: Option<String>) {
+fn warn_of_masks(camera: &ReadyCamera, problem: Option<MaskWarning>) {
     if let (Some(problem), SourceConfig::Masks(files)) = (problem, &camera.config.source) {
         tracing::warn!("camera {:?}: {}: {problem}", camera.name(), files.path.display());
     }

@@ -1,41 +1,60 @@
-//! Whether a camera's masks are all the same: a folder of another camera, or a program that cut out nothing.
+//! Warnings of a camera whose masks are all the same.
+
+use std::fmt;
 
 use hull::Silhouette;
+use segment::mask::{Side, UniformFilm};
 
 /// The masks of one run's film.
 #[derive(Debug, Default)]
 pub(super) struct MaskWatch {
-    frames: u64,
-    are_full: bool,
-    are_empty: bool,
+    film: UniformFilm,
     has_warned: bool,
+}
+
+/// What is wrong with a film of masks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum MaskWarning {
+    /// So many masks at its begin are entirely foreground.
+    BeginsFull(u64),
+    /// All its masks, so many, are entirely one side.
+    Uniform(u64, Side),
+}
+
+impl fmt::Display for MaskWarning {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            MaskWarning::BeginsFull(masks) => {
+                write!(formatter, "its first {masks} masks are entirely foreground")
+            }
+            MaskWarning::Uniform(masks, side) => {
+                write!(formatter, "all {masks} masks of its film are entirely {side}")?;
+                match side {
+                    Side::Foreground => Ok(()),
+                    Side::Background => formatter.write_str(": the hull is empty wherever this camera sees"),
+                }
+            }
+        }
+    }
 }
 
 impl MaskWatch {
     /// Counts a mask. Returns a warning once the first `enough` are entirely foreground: no person fills an image
     /// for so long.
-    pub fn note(&mut self, mask: &Silhouette, enough: f64) -> Option<String> {
-        let pixels = u64::from(mask.width()) * u64::from(mask.height());
-        let (is_full, is_empty) = (mask.area() == pixels, mask.area() == 0);
-        self.are_full = is_full && (self.are_full || self.frames == 0);
-        self.are_empty = is_empty && (self.are_empty || self.frames == 0);
-        self.frames += 1;
-        if self.are_full && !self.has_warned && self.frames as f64 >= enough {
+    pub fn note(&mut self, mask: &Silhouette, enough: f64) -> Option<MaskWarning> {
+        self.film.note(mask);
+        let masks = self.film.masks();
+        if self.film.side() == Some(Side::Foreground) && !self.has_warned && masks as f64 >= enough {
             self.has_warned = true;
-            return Some(format!("its first {} masks are entirely foreground", self.frames));
+            return Some(MaskWarning::BeginsFull(masks));
         }
         None
     }
 
     /// The film is over: what is to be said of all of its masks.
-    pub fn finish(&self) -> Option<String> {
-        let side = match self {
-            MaskWatch { frames: 0, .. } | MaskWatch { has_warned: true, .. } => return None,
-            MaskWatch { are_full: true, .. } => "foreground",
-            MaskWatch { are_empty: true, .. } => "background: the hull is empty wherever this camera sees",
-            _ => return None,
-        };
-        Some(format!("all {} masks of its film are entirely {side}", self.frames))
+    pub fn finish(&self) -> Option<MaskWarning> {
+        let side = self.film.side().filter(|_| !self.has_warned)?;
+        Some(MaskWarning::Uniform(self.film.masks(), side))
     }
 }
 
@@ -46,12 +65,12 @@ mod tests {
     /// What is said of masks of four pixels with so many of foreground, at 3 frames a second: in film, and after it.
     fn said(areas: &[usize]) -> (Option<String>, Option<String>) {
         let mut watch = MaskWatch::default();
-        let mut in_film = None;
+        let mut in_film: Option<MaskWarning> = None;
         for &area in areas {
             let mask: Vec<u8> = (0..4).map(|pixel| u8::from(pixel < area)).collect();
             in_film = in_film.or(watch.note(&Silhouette::from_mask(2, 2, &mask).expect("a mask"), 3.0));
         }
-        (in_film, watch.finish())
+        (in_film.map(|said| said.to_string()), watch.finish().map(|said| said.to_string()))
     }
 
     #[test]

@@ -120,7 +120,8 @@ impl Inner {
         let cameras = || self.ended.iter().zip(&self.delivered);
         let shortest = cameras().filter(|(ended, _)| **ended).map(|(_, last)| *last).min();
         let Some(shortest) = shortest else { return };
-        let all_have_it = cameras().all(|(ended, last)| *ended || *last >= shortest);
+        let awaited = || cameras().zip(&self.awaited_from).filter(|(_, from)| from.is_some());
+        let all_have_it = awaited().all(|((ended, last), _)| *ended || *last >= shortest);
         if all_have_it && self.state == FilmState::Running {
             self.state = FilmState::Ended;
         }

@@ -59,7 +59,7 @@ impl Set {
         let cameras = vec![3];
         let request = PictureRequest { frame: Some(frame), kind, scale_log2, jpeg_quality: 90, cameras };
         let (sender, pictures) = mpsc::channel();
-        let deliver = move |picture| sender.send(picture).expect("somebody waits");
+        let deliver = move |picture| sender.send(picture).expect("the test waits");
         self.encoder.request(request, deliver).expect("accepted");
         pictures.recv_timeout(TIMEOUT).expect("in time")
     }

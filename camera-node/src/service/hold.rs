@@ -19,7 +19,7 @@ const GRACE: Duration = Duration::from_secs(3);
 const HEARD_WITHIN: Duration = Duration::from_millis(1500);
 /// A node that nobody has held for so long stops its cameras.
 pub(super) const DESERTED_AFTER: Duration = Duration::from_secs(10);
-/// Who takes over claims the next term. So many may have been claimed meanwhile; one far above is there to end the order of
+/// A coordinator that takes over claims the next term. So many may have been claimed meanwhile; one far above is there to end the order of
 /// terms.
 const MOST_TERMS_AHEAD: u64 = 1 << 16;
 /// Streams of more who say who they are than would ever lead a node are not counted.

@@ -42,7 +42,11 @@ impl FileFrames {
                 tracing::warn!("camera {:?}: {}: {note}", camera.name(), config.path.display());
             }
         }
-        let (masks, fit) = (MaskFilm::default(), Fit::new(camera));
+        let fit = Fit::new(camera);
+        let masks = match kind {
+            ImageKind::Mask => film_of(frames.iter().map(|(_, path)| path.as_path()), &fit),
+            ImageKind::Colour(_) => MaskFilm::default(),
+        };
         Ok(FileFrames { frames, cursor: 0, kind, masks, fit, fps: context.fps })
     }
 }
@@ -104,10 +108,46 @@ pub(super) fn decode(
 
 /// The silhouette in one image file, of the camera's size.
 pub fn read_silhouette(path: &Path, camera: &Camera) -> Result<Silhouette, SourceError> {
-    let mut image = Image::default();
-    load(path, ImageKind::Mask, &mut MaskFilm::default(), &Fit::new(camera), &mut image)?;
-    Silhouette::from_mask(image.width, image.height, &image.data)
-        .map_err(|error| SourceError::file(path, error))
+    MaskFiles::new([].into_iter(), camera).read(path)
+}
+
+/// The masks of one camera as files, for commands that read them without a node: a film of them means the same here.
+pub struct MaskFiles {
+    masks: MaskFilm,
+    fit: Fit,
+    image: Image,
+}
+
+impl MaskFiles {
+    /// `files` are all of the camera's film.
+    pub fn new<'a>(files: impl ExactSizeIterator<Item = &'a Path>, camera: &Camera) -> MaskFiles {
+        let fit = Fit::new(camera);
+        MaskFiles { masks: film_of(files, &fit), fit, image: Image::default() }
+    }
+
+    /// The silhouette in one of the files, of the camera's size.
+    pub fn read(&mut self, path: &Path) -> Result<Silhouette, SourceError> {
+        let MaskFiles { masks, fit, image } = self;
+        load(path, ImageKind::Mask, masks, fit, image)?;
+        Silhouette::from_mask(image.width, image.height, &image.data)
+            .map_err(|error| SourceError::file(path, error))
+    }
+}
+
+/// Looks at some masks, evenly over a film, until one tells what foreground is: which frames a run skips makes no
+/// difference then.
+fn film_of<'a>(files: impl ExactSizeIterator<Item = &'a Path>, fit: &Fit) -> MaskFilm {
+    const MOST_LOOKED_AT: usize = 16;
+    let step = files.len().div_ceil(MOST_LOOKED_AT).max(1);
+    let (mut masks, mut image) = (MaskFilm::default(), Image::default());
+    for path in files.step_by(step) {
+        // An image that cannot be read is refused when it is used.
+        let _ = load(path, ImageKind::Mask, &mut masks, fit, &mut image);
+        if masks.is_decided() {
+            break;
+        }
+    }
+    masks
 }
 
 /// A decoded image as a mask, a byte a pixel.
@@ -243,6 +283,29 @@ mod tests {
         let result = open(path, COLOUR, 0, 1).and_then(|mut source| source.next(0, &mut Image::default()));
         let error = result.expect_err("refused").to_string();
         assert!(error.contains(message), "{error}");
+    }
+
+    /// What a program of background subtraction writes: a shadow alone in the first masks, and then a person with one.
+    #[test]
+    fn masks_mean_the_same_whichever_of_a_film_are_read() {
+        let folder = tempfile::tempdir().expect("folder");
+        let mut paths = Vec::new();
+        for number in 0..40_u8 {
+            let person = if number < 8 { 0 } else { 255 };
+            let path = folder.path().join(format!("{number:03}.png"));
+            let pixels = [127, 127, 0, 0, person, 0, 0, 0, 0, 0, 0, 0].to_vec();
+            image::GrayImage::from_vec(4, 3, pixels).expect("a size").save(&path).expect("written");
+            paths.push(path);
+        }
+        let mut source = open(folder.path(), ImageKind::Mask, 0, 1).expect("opens");
+        let mut image = Image::default();
+        let mut film = MaskFiles::new(paths.iter().map(PathBuf::as_path), &camera(4, 3));
+        for (number, path) in paths.iter().enumerate() {
+            source.next(0, &mut image).expect("read").expect("a frame");
+            let area = u64::from(number >= 8);
+            assert_eq!(image.data.iter().map(|&pixel| u64::from(pixel)).sum::<u64>(), area, "frame {number}");
+            assert_eq!(film.read(path).expect("read").area(), area, "frame {number}");
+        }
     }
 
     #[test]

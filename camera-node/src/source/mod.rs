@@ -34,8 +34,9 @@ use thiserror::Error;
 pub use config::{FileConfig, PipeConfig, SourceConfig, StageConfig};
 pub use raw::RawLayout;
 
-pub use files::read_silhouette;
+pub use files::{MaskFiles, read_silhouette};
 pub use film_time::usual_distance;
+pub use numbered::numbered_images;
 
 use files::FileFrames;
 use film::FileFilm;

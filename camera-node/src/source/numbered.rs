@@ -15,7 +15,7 @@ struct TooLarge;
 /// its name), a folder with a pattern as last part (`frame_%06d.png`), or one image, which is frame 0.
 pub(super) fn frames(config: &FileConfig) -> Result<Vec<(u64, PathBuf)>, SourceError> {
     let path = &config.path;
-    let files = numbered_files(path)?;
+    let files = numbered_images(path)?;
     let (first, last) = (files.first().map(|f| f.0), files.last().map(|f| f.0));
     let (start, step) = (config.start_frame.unwrap_or(0), config.frame_step);
     let numbering = Numbering::new(start, step);
@@ -44,8 +44,9 @@ pub(super) fn check(
         .map_err(|error| SourceError::file(&config.path, error))
 }
 
-/// Files and their numbers, ascending.
-fn numbered_files(path: &Path) -> Result<Vec<(u64, PathBuf)>, SourceError> {
+/// The images of a folder, a pattern or a single file with their numbers, ascending. An error if two have one number, or
+/// if names are decimal numbers.
+pub fn numbered_images(path: &Path) -> Result<Vec<(u64, PathBuf)>, SourceError> {
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     let mut files = if name.contains('%') {
         let expected = "expected one %d or %06d in the file name, and no other %";

@@ -10,7 +10,7 @@ use toml::{Table, Value};
 
 use crate::camera::{Camera, CameraError};
 use crate::lens_model::{
-    UnknownLensModel, check_camera_lens_model, check_general_lens_model, five_coefficients,
+    LENS_COEFFICIENTS, UnknownLensModel, check_camera_lens_model, check_general_lens_model, five_coefficients,
 };
 use crate::text::{MAX_MESSAGE_CHARS, MAX_QUOTED_CHARS, shortened, without_mark};
 
@@ -190,11 +190,9 @@ fn camera_from_section(section: &str, keys: &Table) -> Result<Camera, RigError> 
     }
     .ok_or_else(|| wrong("matrix", keys.get("matrix"), "three rows of three numbers"))?;
     let matrix = Matrix3::from_fn(|r, c| rows[r][c]);
-    let distortion =
-        list(keys.get("distortions")).and_then(|given| five_coefficients(&given)).ok_or_else(|| {
-            let expected = "1, 2, 4 or 5 numbers k1 k2 p1 p2 k3 (more only if they are zero)";
-            wrong("distortions", keys.get("distortions"), expected)
-        })?;
+    let distortion = list(keys.get("distortions"))
+        .and_then(|given| five_coefficients(&given))
+        .ok_or_else(|| wrong("distortions", keys.get("distortions"), LENS_COEFFICIENTS))?;
     let rotation = vector::<3>(keys.get("rotation"))
         .ok_or_else(|| wrong("rotation", keys.get("rotation"), "a Rodrigues vector of three numbers"))?;
     let translation = vector::<3>(keys.get("translation"))

@@ -39,7 +39,7 @@ pub struct CertsArguments {
     days: u32,
     /// Another name or IP address in the coordinator's certificate, as browsers call its machine; give it once for each. Those
     /// of the certificate that is renewed stay.
-    #[arg(long = "page-name", value_name = "NAME", value_parser = page_name)]
+    #[arg(long = "page-name", value_name = "NAME")]
     page_names: Vec<PageName>,
 }
 
@@ -64,17 +64,15 @@ pub fn run(arguments: &CertsArguments) -> Outcome {
     let authority = authority(&arguments.into.join(AUTHORITY), room, &owners)?;
     let page_names = page_names(&arguments.into.join(COORDINATOR), &Identity::coordinator(room), arguments)?;
     let mut lines = String::new();
-    for (folder, owner) in owners {
+    let made = owners.into_iter().try_for_each(|(folder, owner)| -> Outcome {
         let also = if owner.role == Role::Coordinator { &page_names[..] } else { &[] };
         let done = issue(&folder, &authority, &owner, also, Validity::days(arguments.days))?;
         lines += &format!("{}: {owner}, {done}\n", folder.display());
-    }
-    // After all are made: a closed standard output leaves none out.
-    out!("{lines}")
-}
-
-fn page_name(text: &str) -> Result<PageName, String> {
-    text.parse().map_err(|why| format!("found {why}"))
+        Ok(())
+    });
+    // After all are made: a closed standard output leaves none out. What was made before a failure is named, too.
+    let shown = out!("{lines}");
+    made.and(shown)
 }
 
 /// The names of the coordinator's certificate besides its own: those of the one that is there, and those that are given.

@@ -5,7 +5,7 @@ use super::bulk::Field;
 use crate::text::{MAX_NAME_CHARS, clean};
 use crate::{Claim, v1};
 
-/// Who takes over claims the term after the greatest one, and that is a number too.
+/// A coordinator that takes over claims the term after the greatest one, and that is a number too.
 const MAX_TERM: u64 = 1 << 62;
 
 /// A claim.

@@ -25,7 +25,8 @@ pub(super) fn check_half_transparent<S: Sample>(alpha: &[S]) -> Result<(), MaskE
     if has_others || !has_all() { Ok(()) } else { Err(MaskError::Labels(Found::new(SHADOWS))) }
 }
 
-/// The value from which on pixels are foreground, and what foreground is. Of a film it is `known` from the masks before.
+/// The value from which on pixels are foreground, and what foreground of the film is if this mask tells. It is `known` if
+/// a mask before has told.
 pub(super) fn threshold<S: Sample>(
     values: &[S],
     width: usize,
@@ -47,6 +48,13 @@ pub(super) fn threshold<S: Sample>(
             if is_scattered(values, width) =>
         {
             background
+        }
+        // Neither tells what foreground of a film is.
+        (None, Ok((from, Some(Foreground::Value(value))))) if is_shadow(value) || is_dim(value) => {
+            Ok((from, None))
+        }
+        (Some(Foreground::Value(before)), Err(MaskError::ConstantGrey { value, .. })) if value == before => {
+            Ok((S::of(1), None))
         }
         (Some(before), Ok((_, Some(found)))) if found != before => {
             Err(MaskError::OtherForeground { found, before })

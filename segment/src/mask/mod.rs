@@ -9,8 +9,10 @@ mod alpha;
 mod colour;
 mod error;
 mod grey;
+mod uniform;
 
 pub use error::{Foreground, Found, MaskError};
+pub use uniform::{Side, UniformFilm};
 
 /// A decoded image, row-major, without padding.
 #[derive(Clone, Copy, Debug)]
@@ -60,25 +62,27 @@ impl Channels {
     }
 }
 
-/// Writes one byte a pixel into `mask`, 1 for foreground and 0 for background, or says why the image is no mask.
-pub fn read_mask(image: &MaskImage<'_>, mask: &mut Vec<u8>) -> Result<(), MaskError> {
-    MaskFilm::default().read(image, mask)
-}
-
 /// Reads the masks of one film: foreground is the same in all of them.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct MaskFilm {
+    /// As the first mask that tells has it: neither noise nor a shadow alone does.
     foreground: Option<Foreground>,
 }
 
 impl MaskFilm {
-    /// Does the same as [`read_mask`], and refuses a mask whose foreground is another than in the masks before it. In
-    /// a film of foreground over half a mask of noise or of a shadow alone is background.
+    /// Writes one byte a pixel into `mask`, 1 for foreground and 0 for background. Refuses an image that is no mask, and
+    /// one whose foreground is another than in the masks before it. In a film of foreground over half a mask of noise or
+    /// of a shadow alone is background.
     pub fn read(&mut self, image: &MaskImage<'_>, mask: &mut Vec<u8>) -> Result<(), MaskError> {
         match image.samples {
             Samples::Bytes(samples) => self.read_samples(image, samples, mask),
             Samples::Words(samples) => self.read_samples(image, samples, mask),
         }
+    }
+
+    /// Whether a mask has told what foreground is.
+    pub fn is_decided(&self) -> bool {
+        self.foreground.is_some()
     }
 
     fn read_samples<S: Sample>(

@@ -1,7 +1,7 @@
 //! Cameras of the keys that describe them: one, the two of a stereo pair, or as many as the keys name.
 
 use hull::Camera;
-use hull::lens_model::five_coefficients;
+use hull::lens_model::{LENS_COEFFICIENTS, five_coefficients};
 use nalgebra::{Matrix3, Vector3};
 
 use super::super::entry::Entry;
@@ -249,7 +249,7 @@ impl Reader<'_, '_> {
     }
 
     fn distortion(&mut self, name: &str, id: Option<&str>) -> Result<[f64; 5], ImportError> {
-        let expected = "4 or 5 numbers k1 k2 p1 p2 k3 (more only if they are zero)";
+        let expected = LENS_COEFFICIENTS;
         let found = match (self.parts.find(Role::Lens, id)?, id) {
             // One lens for a camera whose matrix alone has its name.
             (None, Some(_)) if self.parts.cameras(Role::Matrix).len() == 1 => {

@@ -127,6 +127,9 @@ pub(super) struct Meaning {
     pub(super) camera: Option<String>,
 }
 
+/// A longer key is no name of a matrix and a camera: every cut of a key is looked up.
+const MAX_KEY_BYTES: usize = 256;
+
 fn plain(key: &str) -> String {
     key.to_ascii_lowercase().replace(['_', '-'], "")
 }
@@ -141,6 +144,9 @@ fn exact(key: &str, beside: bool) -> Option<(Role, usize)> {
 
 /// The meaning of a key; `None` for those that describe no camera.
 pub(super) fn meaning(key: &str) -> Option<Meaning> {
+    if key.len() > MAX_KEY_BYTES {
+        return None;
+    }
     if let Some((role, rank)) = exact(key, false) {
         return Some(Meaning { role, rank, camera: None });
     }

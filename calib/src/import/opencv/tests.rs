@@ -83,7 +83,7 @@ fn what_is_missing_or_wrong_is_named() {
         &YAML.replace("-0.1, 0., 0., 0.", "-0.1, 0., 0."),
         &none,
         "a.yml: distCoeffs: found 3 numbers for 1 x 4, \
-         expected 4 or 5 numbers k1 k2 p1 p2 k3 (more only if they are zero)",
+         expected 1, 2, 4 or 5 numbers k1 k2 p1 p2 k3 (more only if they are zero)",
     );
     check_refused(
         &YAML.replace("T:", "where:"),
@@ -490,4 +490,12 @@ fn a_camera_in_a_folder_of_old_versions_is_a_conflict() {
     assert!(message(&kept).contains("backup/cam4.yml"), "{}", message(&kept));
     let versions = [file("cam1_old.yml", YAML), file("cam1_new.yml", &moved("2."))];
     assert!(message(&versions).contains("found two versions of camera"), "{}", message(&versions));
+}
+
+/// Every cut of a key is looked up: a key of a megabyte would take minutes.
+#[test]
+fn a_key_longer_than_any_name_describes_no_camera() {
+    let key = "k".repeat(1 << 20);
+    let text = YAML.replacen("image_width", &format!("{key}: 1\nimage_width"), 1);
+    assert!(from_opencv(&[file("cam1.yml", &text)], &MILLIMETRES).is_ok());
 }

@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use camera_node::source::read_silhouette;
+use camera_node::source::numbered_images;
 use hull::{Camera, Rig, Silhouette};
+use segment::mask::UniformFilm;
 
 use cli::{Failure, Outcome};
 
@@ -38,31 +39,16 @@ pub fn paths_of_film(folder: &Path, rig: &Rig) -> Outcome<Vec<BTreeMap<u64, Path
     Ok(paths.into_iter().map(|path| BTreeMap::from([(0, path)])).collect())
 }
 
-/// Reads one silhouette of the camera's size.
-pub fn read(path: &Path, camera: &Camera) -> Outcome<Silhouette> {
-    read_silhouette(path, camera).map_err(Failure::input)
-}
-
 /// Warns of a camera whose silhouettes are all entirely foreground, or all entirely background.
 pub fn warn_if_uniform<'a>(
     folder: &Path,
     camera: &Camera,
     silhouettes: impl IntoIterator<Item = &'a Silhouette>,
 ) {
-    let pixels = u64::from(camera.width()) * u64::from(camera.height());
-    let (mut count, mut are_full, mut are_empty) = (0, true, true);
-    for silhouette in silhouettes {
-        count += 1;
-        are_full &= silhouette.area() == pixels;
-        are_empty &= silhouette.area() == 0;
-    }
-    let side = match (are_full, are_empty) {
-        (true, false) => "foreground",
-        (false, true) => "background",
-        // Of no silhouette both are true.
-        _ => return,
-    };
-    let found = if count == 1 { "its silhouette is" } else { "all of its silhouettes are" };
+    let mut film = UniformFilm::default();
+    silhouettes.into_iter().for_each(|silhouette| film.note(silhouette));
+    let Some(side) = film.side() else { return };
+    let found = if film.masks() == 1 { "its silhouette is" } else { "all of its silhouettes are" };
     tracing::warn!("camera {:?}: {}: {found} entirely {side}", camera.name(), folder.display());
 }
 
@@ -90,30 +76,14 @@ fn refuse_unknown_cameras(folder: &Path, rig: &Rig, folders: bool) -> Outcome {
     Ok(())
 }
 
-/// The PNG files of a folder whose names are numbers.
+/// The images of a folder by number, as a node's source has them.
 fn numbered(folder: &Path) -> Outcome<BTreeMap<u64, PathBuf>> {
-    let mut found: BTreeMap<u64, PathBuf> = BTreeMap::new();
-    for path in entries(folder)? {
-        let is_png = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
-        let stem = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
-        // A sign is no digit: `parse` alone would take "+1".
-        if !is_png || stem.is_empty() || !stem.bytes().all(|byte| byte.is_ascii_digit()) {
-            continue;
-        }
-        let number = stem.parse().map_err(|_| {
-            Failure::unreadable(&path, "its name is a number over 2⁶⁴, expected the number of a frame")
-        })?;
-        if let Some(other) = found.insert(number, path.clone()) {
-            let problem =
-                format_args!("found frame {number} in {} too, expected one of the two", other.display());
-            return Err(Failure::unreadable(&path, problem));
-        }
-    }
-    if found.is_empty() {
-        let problem = "found no PNG with a number for a name, expected 000012.png and the like";
+    let images = numbered_images(folder).map_err(Failure::input)?;
+    if images.is_empty() {
+        let problem = "found no numbered image, expected 000012.png and the like";
         return Err(Failure::unreadable(folder, problem));
     }
-    Ok(found)
+    Ok(images.into_iter().collect())
 }
 
 /// A folder's entries by name.

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
+use camera_node::source::read_silhouette;
 use clap::{Args, ValueEnum};
 use hull::cull::hull_box;
 use hull::pass::{BodyResult, Pass};
@@ -121,7 +122,9 @@ impl Query {
         let mask_paths = masks::paths_of_frame(&arguments.silhouettes, &rig, arguments.frame)?;
         let silhouettes = while_working("reading silhouettes", || {
             let cameras = mask_paths.iter().zip(rig.cameras());
-            cameras.map(|(path, camera)| masks::read(path, camera)).collect::<Outcome<Vec<Silhouette>>>()
+            cameras
+                .map(|(path, camera)| read_silhouette(path, camera).map_err(Failure::input))
+                .collect::<Outcome<Vec<Silhouette>>>()
         })?;
         for ((camera, path), silhouette) in rig.cameras().iter().zip(&mask_paths).zip(&silhouettes) {
             masks::warn_if_uniform(path, camera, [silhouette]);

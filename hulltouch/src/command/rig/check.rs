@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use calib::check::{CameraCheck, CheckReport, PreparedFrames};
+use camera_node::source::MaskFiles;
 use clap::Args;
 use hull::{Rig, Silhouette};
 use serde::Serialize;
@@ -101,11 +102,15 @@ impl Film {
         }
         let mut progress = Progress::new("reading silhouettes", common.len() as u64);
         let mut frames = Vec::new();
+        let cameras = rig.cameras().iter().zip(&paths);
+        let mut films: Vec<MaskFiles> = cameras
+            .map(|(camera, paths)| MaskFiles::new(paths.values().map(PathBuf::as_path), camera))
+            .collect();
         for frame in &common {
-            let cameras = rig.cameras().iter().zip(&paths);
+            let cameras = films.iter_mut().zip(&paths);
             frames.push(
                 cameras
-                    .map(|(camera, paths)| masks::read(&paths[frame], camera))
+                    .map(|(film, paths)| film.read(&paths[frame]).map_err(Failure::input))
                     .collect::<Outcome<Vec<_>>>()?,
             );
             progress.step();

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use calib::sync::TimedSilhouette;
-use camera_node::source::usual_distance;
+use camera_node::source::{MaskFiles, usual_distance};
 use cli::{Failure, Outcome, Progress, temporary_folder};
 use cluster::ClusterFile;
 use coordinator::MemoryUse;
@@ -89,8 +89,9 @@ fn of_folder(folder: &Path, rig: &Rig, fps: f64) -> Outcome<Film> {
     let mut cameras = Vec::new();
     for (camera, paths) in rig.cameras().iter().zip(&paths) {
         let mut frames = Vec::new();
+        let mut film = MaskFiles::new(paths.values().map(PathBuf::as_path), camera);
         for (&number, path) in paths {
-            let silhouette = masks::read(path, camera)?;
+            let silhouette = film.read(path).map_err(Failure::input)?;
             frames.push(TimedSilhouette { time_s: number as f64 / fps, silhouette });
             progress.step();
         }
