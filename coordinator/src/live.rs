@@ -376,7 +376,7 @@ mod tests {
         });
         let order = live.orders.recv().await.expect("an order");
         assert_eq!(order.command, Command::Pause);
-        order.reply.send(Ok(Outcome::Applied)).expect("somebody waits");
+        order.reply.send(Ok(Outcome::Applied)).expect("the test waits");
         assert_eq!(asking.await.expect("no panic").expect("applied"), Outcome::Applied);
         drop(live);
         assert!(matches!(follower.order(Command::Resume).await, Err(Refusal::Ended)));

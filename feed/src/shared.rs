@@ -1,5 +1,6 @@
 //! What every part of the server shares.
 
+use std::net::IpAddr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -30,11 +31,15 @@ pub(crate) struct Shared {
 }
 
 impl Shared {
-    /// Whether somebody may steer who offers a token, or none. A wrong one is answered late.
-    pub async fn may_steer(&self, token: Option<&str>) -> bool {
+    /// Whether a peer at this address may steer that offers a token, or none. Of a machine that guesses tokens they are judged
+    /// late.
+    pub async fn may_steer(&self, from: IpAddr, token: Option<&str>) -> bool {
+        if token.is_none() || !self.guesses.turn(from).await {
+            return false;
+        }
         let may_steer = self.access.may_steer(token);
-        if !may_steer && token.is_some() {
-            self.guesses.wrong().await;
+        if !may_steer {
+            self.guesses.wrong(from);
         }
         may_steer
     }

@@ -102,14 +102,17 @@ pub enum NodeError {
 impl NodeError {
     /// Whether the node answered what cannot be: it lies, or is broken.
     pub fn is_invalid(&self) -> bool {
-        matches!(
-            self,
-            NodeError::Invalid(_)
-                | NodeError::Cameras { .. }
-                | NodeError::NoPictures
-                | NodeError::OtherFrame { .. }
-                | NodeError::Backwards { .. }
-        )
+        match self {
+            NodeError::At { error, .. } => error.is_invalid(),
+            other => matches!(
+                other,
+                NodeError::Invalid(_)
+                    | NodeError::Cameras { .. }
+                    | NodeError::NoPictures
+                    | NodeError::OtherFrame { .. }
+                    | NodeError::Backwards { .. }
+            ),
+        }
     }
 
     /// Whether the node is away, rather than there and another than is expected: its PC, its program or its cable.

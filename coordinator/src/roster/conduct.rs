@@ -1,39 +1,48 @@
-//! How a node behaves: one that refuses or answers wrongly again and again is left out for a while, longer each time.
+//! How a node behaves: one that refuses or answers wrongly again and again is excluded for a while, longer each time.
 
-/// A fault so long after the one before is forgiven what came before, seconds.
-const FORGIVEN_S: f64 = 20.0;
-/// The last of so many faults excludes.
-const FAULTS: u32 = 3;
+/// So many faults within this time exclude a node, seconds. Fewer cost the run a step each, and no more.
+const FAULTS: usize = 3;
+const WITHIN_S: f64 = 10.0;
 /// The first exclusion lasts so long, and each one after it twice as long, up to this, seconds.
 const FIRST_S: f64 = 1.0;
 const LONGEST_S: f64 = 32.0;
+/// A node without a fault for so long after an exclusion is as one that was never excluded, seconds. Until then one fault
+/// excludes it again.
+const PROBATION_S: f64 = 10.0;
 
-/// What a node has done wrong of late.
-#[derive(Clone, Debug, Default)]
+/// What a node has done wrong of late. Times are of [`proto::monotonic_s`].
+#[derive(Clone, Debug)]
 pub(super) struct Conduct {
-    faults: u32,
+    /// The last faults, oldest first.
+    faults_s: [f64; FAULTS - 1],
     /// Exclusions, one after the other.
     exclusions: i32,
-    /// When the last fault was, or the last exclusion ends, by [`proto::monotonic_s`].
+    /// When the last exclusion ends.
     until_s: f64,
-    is_excluded: bool,
     why: String,
 }
 
+impl Default for Conduct {
+    fn default() -> Conduct {
+        let never = f64::NEG_INFINITY;
+        Conduct { faults_s: [never; FAULTS - 1], exclusions: 0, until_s: never, why: String::new() }
+    }
+}
+
 impl Conduct {
-    /// It did something wrong.
+    /// It did something wrong. What it does while it is excluded changes nothing.
     pub fn fault(&mut self, now_s: f64, why: String) {
         if self.is_excluded(now_s) {
             return;
         }
-        if now_s > self.until_s + FORGIVEN_S {
-            *self = Conduct::default();
+        if now_s > self.until_s + PROBATION_S {
+            self.exclusions = 0;
         }
-        (self.faults, self.is_excluded, self.until_s, self.why) = (self.faults + 1, false, now_s, why);
-        if self.faults >= FAULTS {
-            // Of one that has been excluded before, the next fault excludes again.
-            self.faults = FAULTS - 1;
-            self.is_excluded = true;
+        let is_one_too_many = now_s - self.faults_s[0] <= WITHIN_S;
+        self.faults_s.rotate_left(1);
+        self.faults_s[FAULTS - 2] = now_s;
+        self.why = why;
+        if is_one_too_many || self.exclusions > 0 {
             self.until_s = now_s + (FIRST_S * 2f64.powi(self.exclusions)).min(LONGEST_S);
             self.exclusions = (self.exclusions + 1).min(16);
         }
@@ -41,12 +50,12 @@ impl Conduct {
 
     /// Whether it is excluded.
     pub fn is_excluded(&self, now_s: f64) -> bool {
-        self.is_excluded && now_s < self.until_s
+        now_s < self.until_s
     }
 
-    /// Why it is excluded, or was last.
-    pub fn why(&self) -> &str {
-        &self.why
+    /// For how much longer it is excluded, seconds, and why.
+    pub fn exclusion(&self, now_s: f64) -> Option<(f64, &str)> {
+        self.is_excluded(now_s).then_some((self.until_s - now_s, self.why.as_str()))
     }
 }
 
@@ -70,6 +79,16 @@ mod tests {
             let now_s = conduct.until_s + 0.1;
             conduct.fault(now_s, "busy".into());
             assert!((conduct.until_s - now_s - f64::from(expected) * 0.1).abs() < 1e-9, "{expected}");
+        }
+    }
+
+    #[test]
+    fn a_fault_now_and_then_excludes_nothing() {
+        let mut conduct = Conduct::default();
+        for fault in 0..100 {
+            let now_s = 6.0 * f64::from(fault);
+            conduct.fault(now_s, "busy".into());
+            assert!(!conduct.is_excluded(now_s), "fault {fault}");
         }
     }
 }

@@ -11,6 +11,7 @@ mod wait;
 
 use std::collections::VecDeque;
 
+use proto::convert::RefusalReason;
 use proto::{FilmEvent, FilmState, FrameReport};
 use thiserror::Error;
 
@@ -21,6 +22,8 @@ pub use present::LeaveOut;
 pub use wait::{FrameWait, WaitError};
 pub(crate) use wait::{LOCK_STEP_TIMEOUT, joined};
 
+/// Every node keeps at least so many frames after the one that is asked about.
+const HELD_FRAMES: u64 = 4;
 /// Frames remembered of a node: as many as the largest ring keeps.
 const REMEMBERED_FRAMES: usize = 64;
 /// Arrivals that wait for the loop: it looks before every step.
@@ -141,6 +144,14 @@ impl RosterNode {
         self.reports.iter().find(|report| report.frame == frame)
     }
 
+    /// Why its film has failed, if it has.
+    pub fn film_failure(&self) -> Option<&str> {
+        match &self.film {
+            FilmState::Failed(why) => Some(why),
+            FilmState::Running | FilmState::Ended => None,
+        }
+    }
+
     fn newest_frame(&self) -> Option<u64> {
         self.newest().map(|report| report.frame)
     }
@@ -213,7 +224,7 @@ impl Roster {
     /// A node is not there.
     pub fn down(&mut self, node: usize, problem: String) {
         let node = &mut self.nodes[node];
-        (node.is_up, node.problem, node.is_wrong) = (false, Some(problem), false);
+        (node.is_up, node.problem, node.is_wrong, node.is_held) = (false, Some(problem), false, false);
     }
 
     /// A node that is down is there, and is not what is expected.
@@ -227,6 +238,17 @@ impl Roster {
         let node = &mut self.nodes[node];
         node.is_silent = true;
         node.conduct.fault(now_s, why);
+    }
+
+    /// Whether a node may refuse a question about a frame for this reason: it no longer has an old frame, and not yet one that
+    /// it has not reported. A late question is no fault of the node.
+    pub fn excuses(&self, node: usize, reason: RefusalReason, frame: u64) -> bool {
+        let node = &self.nodes[node];
+        match reason {
+            RefusalReason::Gone => node.newest_frame().is_some_and(|newest| newest > frame + HELD_FRAMES),
+            RefusalReason::NotYet => node.report(frame).is_none(),
+            _ => false,
+        }
     }
 
     /// A node's clock was read: film time may be off by so much there, seconds.
@@ -258,10 +280,7 @@ impl Roster {
         match event {
             FilmEvent::Frame(report) => node.add(report),
             FilmEvent::Ended if node.is_endless => {
-                node.film = FilmState::Failed(format!(
-                    "node {} says that its film has ended, which has no end",
-                    node.name
-                ));
+                node.film = FilmState::Failed(format!("node {} reports the end of live film", node.name));
             }
             FilmEvent::Ended => node.film = FilmState::Ended,
             FilmEvent::Failed(why) => node.film = FilmState::Failed(why),
@@ -276,9 +295,11 @@ impl Roster {
         }
     }
 
-    /// What came since the last time, and which nodes film.
+    /// What came since the last time, and which nodes film that steps go on with.
     pub(crate) fn take_arrivals(&mut self) -> (VecDeque<Arrival>, Vec<bool>) {
-        let films = |node: &RosterNode| node.is_up && !node.is_silent && node.film == FilmState::Running;
+        let films = |node: &RosterNode| {
+            node.is_up && !node.is_silent && !node.is_left_out && node.film == FilmState::Running
+        };
         (std::mem::take(&mut self.arrivals), self.nodes.iter().map(films).collect())
     }
 
@@ -297,6 +318,13 @@ impl Roster {
         self.nodes.iter().filter_map(RosterNode::newest_frame).max()
     }
 
+    /// The newest frame that two nodes have reported or passed; of a single node its own. One node alone cannot move it.
+    pub fn newest_of_two(&self) -> Option<u64> {
+        let mut newest: Vec<u64> = self.nodes.iter().filter_map(RosterNode::newest_frame).collect();
+        newest.sort_unstable_by(|a, b| b.cmp(a));
+        newest.get(1.min(self.nodes.len() - 1)).copied()
+    }
+
     /// The newest frame not newer than `wanted` that all nodes have that are not left out.
     pub fn newest_common(&self, wanted: u64) -> Option<u64> {
         let first = self.present().next()?;
@@ -310,9 +338,10 @@ impl Roster {
         self.present().map(|node| node.report(frame)).collect()
     }
 
-    /// The last frame of film: that of the node whose film ended first. `None` while all run.
+    /// The last frame of film: that of the node whose film ended first, of those that are not left out. `None` while all
+    /// run.
     pub fn last_frame(&self) -> Option<LastFrame> {
-        let ended = self.nodes.iter().filter(|node| node.film == FilmState::Ended);
+        let ended = self.present().filter(|node| node.film == FilmState::Ended);
         ended.map(|node| node.newest_frame().map_or(LastFrame::None, LastFrame::Frame)).min()
     }
 

@@ -7,19 +7,19 @@ use super::{Roster, RosterNode};
 /// A node whose film is later than the others' by more frames than this is left out.
 const LATE_FRAMES: u64 = 1;
 
-/// Whom a step may leave out.
+/// Which nodes a step may leave out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LeaveOut {
-    /// Who is not there, does not answer, or is late: live.
+    /// Nodes that are not there, do not answer, or are late: live.
     Late,
-    /// Who is not there: lock-step waits for the others.
+    /// Nodes that are not there: lock-step waits for the others.
     Missing,
 }
 
 impl RosterNode {
-    /// Whether it is there for a step that may see frames up to `lead`, the newest of anybody. Whoever was left out is
-    /// back with the frame that the others have in `common`: what came meanwhile it may lack. Frames after `wanted` tell
-    /// nothing: no other node has them yet.
+    /// Whether it is there for a step that may see frames up to `lead`, the newest of all nodes. A node that was left out is
+    /// back once it has the frame that the others have in `common`: it may lack what came meanwhile. Frames after `wanted`
+    /// tell nothing: no other node has them yet.
     fn is_there(
         &self,
         wanted: u64,
@@ -85,11 +85,11 @@ impl Roster {
         changed
     }
 
-    /// Whether a run may begin without the nodes that are missing: these are away and not wrong, and so many cameras are
-    /// there.
+    /// Whether a run may begin without the nodes that are missing: these are away and not wrong, fewer than half of all are
+    /// held by another coordinator, and so many cameras are there.
     pub fn may_begin_without_missing(&self, least: usize) -> bool {
         let there: usize = self.nodes.iter().filter(|node| node.is_up).map(|node| node.cameras.len()).sum();
-        there >= least.max(1) && !self.nodes.iter().any(|node| node.is_wrong || node.is_held)
+        there >= least.max(1) && !self.nodes.iter().any(|node| node.is_wrong) && self.displaced().is_none()
     }
 
     /// The name of a node and its cameras.
@@ -100,10 +100,10 @@ impl Roster {
     /// The name of a node, and why it is left out.
     pub fn why_left_out(&self, node: usize, now_s: f64) -> String {
         let node = &self.nodes[node];
+        if let Some((lasts_s, why)) = node.conduct.exclusion(now_s) {
+            return format!("node {}: excluded for {lasts_s:.0} s after repeated faults: {why}", node.name);
+        }
         match node.missing() {
-            _ if node.conduct.is_excluded(now_s) => {
-                format!("node {}: it keeps answering wrongly: {}", node.name, node.conduct.why())
-            }
             Some(missing) => missing.to_string(),
             None if node.newest().is_none() => format!("node {}: no frame has come from it", node.name),
             None if node.is_silent => format!("node {}: no answer in time", node.name),

@@ -305,9 +305,33 @@ fn a_node_that_refuses_again_and_again_is_left_out_for_a_while() {
     }
     faulty(&mut roster, 0.2);
     assert_eq!(roster.leave_out(5, LeaveOut::Late, 3, 1.1), [], "still out, for a second");
-    assert_eq!(roster.why_left_out(1, 1.1), "node 1: it keeps answering wrongly: too many questions wait");
+    assert_eq!(
+        roster.why_left_out(1, 1.1),
+        "node 1: excluded for 0 s after repeated faults: too many questions wait"
+    );
     assert_eq!(roster.leave_out(5, LeaveOut::Late, 3, 1.3), [(1, true)], "another chance");
     assert_eq!(roster.leave_out(5, LeaveOut::Missing, 3, 0.3), [], "lock-step waits");
+}
+
+#[test]
+fn a_late_question_is_no_fault_of_the_node() {
+    let mut roster = roster(1);
+    film(&mut roster, 0, 0..=20);
+    let excuses = |reason, frame| roster.excuses(0, reason, frame);
+    assert!(excuses(RefusalReason::Gone, 10) && !excuses(RefusalReason::Gone, 18));
+    assert!(excuses(RefusalReason::NotYet, 21) && !excuses(RefusalReason::NotYet, 20));
+    assert!(!excuses(RefusalReason::Busy, 20));
+}
+
+#[test]
+fn one_node_alone_does_not_move_the_newest_frame() {
+    let mut roster = roster(3);
+    assert_eq!(roster.newest_of_two(), None);
+    film(&mut roster, 1, [1000]);
+    assert_eq!(roster.newest_of_two(), None);
+    film(&mut roster, 0, [5]);
+    film(&mut roster, 2, [6]);
+    assert_eq!(roster.newest_of_two(), Some(6));
 }
 
 #[test]
@@ -341,6 +365,8 @@ fn one_node_alone_does_not_displace_us() {
     roster.held(0, "held by another".into());
     assert_eq!(roster.displaced(), None);
     assert_eq!(roster.leave_out(0, LeaveOut::Late, 2, 0.0), [(0, false)]);
+    assert!(roster.may_begin_without_missing(2));
     roster.held(2, "held by another".into());
+    assert!(!roster.may_begin_without_missing(1));
     assert_eq!(roster.displaced().map(|held| held.to_string()).as_deref(), Some("node 0: held by another"));
 }

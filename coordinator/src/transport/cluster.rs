@@ -177,6 +177,10 @@ impl Cluster {
                 Some(PassEvent::Reply(..) | PassEvent::Down(..)) | None => continue,
             };
             let may_ask_again = !std::mem::replace(&mut asked_again[node], true);
+            let refusal = match &answer {
+                ProbeAnswer::Refused(reason, _) => Some(*reason),
+                ProbeAnswer::Answer(_) => None,
+            };
             let answered = match answer {
                 ProbeAnswer::Answer(answer) => Ok(Some(answer)),
                 ProbeAnswer::Refused(reason, message) if may_ask_again => {
@@ -184,7 +188,13 @@ impl Cluster {
                 }
                 ProbeAnswer::Refused(_, message) => Err(failed(nodes, node, NodeError::Refused(message))),
             };
-            let Some(answer) = answered.inspect_err(|error| note_fault(roster, node, error))? else {
+            let is_excused = refusal.is_some_and(|reason| roster.excuses(node, reason, asking.frame));
+            let note = |error: &TransportError| {
+                if !is_excused {
+                    note_fault(roster, node, error);
+                }
+            };
+            let Some(answer) = answered.inspect_err(note)? else {
                 continue;
             };
             (waiting[node], spans[node]) = (false, Span::NONE);
@@ -221,7 +231,7 @@ fn ask(nodes: &Nodes, node: usize, pass: &Pass, asking: &Asking, span: &Span) ->
     sent.map_err(|error| failed(nodes, node, error))
 }
 
-/// Takes note of a node that refused, or answered wrongly. One that is away or late is none.
+/// Takes note of a node that refused, or answered wrongly. To be away or late is no fault.
 fn note_fault(roster: &mut Roster, node: usize, error: &TransportError) {
     let is_fault = match error {
         TransportError::Node { error, .. } => !error.is_absence(),

@@ -266,7 +266,7 @@ impl Transport {
         let deadline = Instant::now() + timeout;
         loop {
             self.drain();
-            if let Some(held) = self.roster.held_node() {
+            if let Some(held) = self.roster.displaced() {
                 return Err(TransportError::Held(held));
             }
             let missing: Vec<Missing> = self.roster.missing().collect();

@@ -83,9 +83,14 @@ impl Nodes {
             NodeEvent::Film { event, heard_s, .. } => {
                 if let FilmEvent::Frame(report) = &event {
                     roster.heard(Arrival { node, frame: report.frame, heard_s });
-                    self.next_frame.fetch_max(report.frame + 1, Ordering::Relaxed);
                 }
                 roster.film_event(node, event);
+                if let Some(newest) = roster.newest_of_two() {
+                    self.next_frame.fetch_max(newest.saturating_add(1), Ordering::Relaxed);
+                }
+                if let Some(why) = roster.nodes()[node].film_failure().map(str::to_owned) {
+                    roster.fault(node, heard_s, why);
+                }
             }
             NodeEvent::Clock(bound_s) => roster.clock(node, bound_s),
             NodeEvent::Down(error) => {
@@ -196,7 +201,7 @@ async fn ask_for_background(
 
 /// Why silhouettes did not come.
 pub(super) struct Unfetched {
-    /// Who did not send them, and why.
+    /// The nodes that did not send them, and why.
     pub failed: Vec<(Arc<NodeClient>, NodeError)>,
     /// The first of these.
     pub error: TransportError,

@@ -101,6 +101,11 @@ impl Connection {
         }))
     }
 
+    /// The peer's address.
+    pub fn from(&self) -> IpAddr {
+        self.0.from
+    }
+
     /// What was sent to the peer.
     pub fn bytes_sent(&self) -> BytesSent {
         self.0.bytes_sent.clone()

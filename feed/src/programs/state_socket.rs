@@ -45,7 +45,7 @@ async fn open(
     Extension(connection): Extension<Connection>,
     upgrade: WebSocketUpgrade,
 ) -> Response {
-    let may_steer = shared.may_steer(query.token.as_deref()).await;
+    let may_steer = shared.may_steer(connection.from(), query.token.as_deref()).await;
     let Some(seat) = shared.programs.take(may_steer) else {
         let why = format!("{} programs follow already, expected fewer\n", Seats::open_to(may_steer));
         return (StatusCode::SERVICE_UNAVAILABLE, why).into_response();
@@ -68,7 +68,7 @@ async fn open(
 /// Sends states and answers until either side ends the connection.
 async fn serve(mut socket: WebSocket, shared: &Shared, mut ticks: Ticks, orders: &mut Orders) {
     let mut ending = shared.ending.clone();
-    let (mut generation, mut pings, mut is_dropped) = (0, Pings::default(), false);
+    let (mut generation, mut pings, mut dropped) = (0, Pings::default(), None);
     loop {
         let text = tokio::select! {
             world = ticks.next() => {
@@ -91,7 +91,7 @@ async fn serve(mut socket: WebSocket, shared: &Shared, mut ticks: Ticks, orders:
                 // The socket answers it itself.
                 Some(Ok(Message::Ping(_))) => match pings.note(Instant::now()) {
                     Some(why) => {
-                        is_dropped = true;
+                        dropped = Some("too many pings");
                         text::refused(None, &why)
                     }
                     None => continue,
@@ -99,7 +99,7 @@ async fn serve(mut socket: WebSocket, shared: &Shared, mut ticks: Ticks, orders:
                 Some(Ok(Message::Pong(_))) => continue,
                 Some(Ok(Message::Close(_))) | None => return,
                 Some(Err(error)) => {
-                    is_dropped = true;
+                    dropped = Some("no message that can be read");
                     text::refused(None, &unreadable(&error))
                 }
             },
@@ -109,10 +109,9 @@ async fn serve(mut socket: WebSocket, shared: &Shared, mut ticks: Ticks, orders:
         if !matches!(timeout(WRITE_TIMEOUT, socket.send(Message::Text(text.into()))).await, Ok(Ok(()))) {
             return;
         }
-        if is_dropped {
-            let reason = "no message that can be read, or too many pings".into();
-            let close = Message::Close(Some(CloseFrame { code: close_code::POLICY, reason }));
-            // A peer that is gone hears nothing.
+        if let Some(why) = dropped {
+            let close = Message::Close(Some(CloseFrame { code: close_code::POLICY, reason: why.into() }));
+            // The peer may be gone.
             let _ = timeout(WRITE_TIMEOUT, socket.send(close)).await;
             return;
         }

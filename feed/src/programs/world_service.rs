@@ -54,8 +54,15 @@ impl Service {
     fn may_steer<T>(&self, request: &Request<T>) -> impl Future<Output = bool> + Send + use<T> {
         let authorization = request.metadata().get("authorization").and_then(|value| value.to_str().ok());
         let token = authorization.map(|value| bearer_token(value).unwrap_or_default().to_owned());
+        // Every request of the page's port comes with its connection.
+        let from = request.extensions().get::<Connection>().map(Connection::from);
         let shared = Arc::clone(&self.0);
-        async move { shared.may_steer(token.as_deref()).await }
+        async move {
+            match from {
+                Some(from) => shared.may_steer(from, token.as_deref()).await,
+                None => false,
+            }
+        }
     }
 
     /// Passes a command on to the run, if the caller has the token.

@@ -126,6 +126,8 @@ pub fn play(
         Some(album) => runtime.block_on(finish(album))?,
         None => Vec::new(),
     };
+    // A certificate that cannot be read, on a drive that hangs, keeps a thread: the run does not wait for it.
+    runtime.shutdown_background();
     ended.outcome(setup, &overlaps)
 }
 
