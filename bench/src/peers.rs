@@ -6,8 +6,8 @@ use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
 use clap::Args;
+use scratch::ScratchFolder;
 use serde_json::Value;
-use tempfile::TempDir;
 
 use cli::{Failure, Outcome, outln, temporary_folder};
 
@@ -25,7 +25,7 @@ pub struct Peer {
     child: Child,
     requests: Option<ChildStdin>,
     answers: BufReader<ChildStdout>,
-    folder: TempDir,
+    folder: ScratchFolder,
     greeting: Value,
 }
 

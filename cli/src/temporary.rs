@@ -1,12 +1,12 @@
 //! Folders for what a command needs while it runs.
 
-use tempfile::TempDir;
+use scratch::ScratchFolder;
 
 use crate::failure::{Failure, Outcome};
 
 /// A folder of this user alone, which goes when it is dropped.
-pub fn temporary_folder() -> Outcome<TempDir> {
-    tempfile::tempdir().map_err(|error| {
+pub fn temporary_folder() -> Outcome<ScratchFolder> {
+    ScratchFolder::new().map_err(|error| {
         let parent = std::env::temp_dir();
         Failure::run(format_args!("cannot make a folder in {} (TMPDIR): {error}", parent.display()))
     })

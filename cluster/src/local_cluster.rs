@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use hull::rig::MAX_CAMERAS;
 use node_client::ExpectedNode;
 use proto::{Address, AddressError, MAX_SOCKET_PATH_BYTES};
-use tempfile::TempDir;
+use scratch::ScratchFolder;
 use thiserror::Error;
 use traces::Endpoint;
 use wait_timeout::ChildExt as _;
@@ -101,7 +101,7 @@ pub struct LocalCluster {
     processes: Vec<NodeProcess>,
     nodes: Vec<ExpectedNode>,
     /// Where Unix sockets are; removed last.
-    _folder: Option<TempDir>,
+    _folder: Option<ScratchFolder>,
 }
 
 struct NodeProcess {
@@ -157,25 +157,25 @@ fn socket_name(number: usize) -> String {
 
 /// The longest path of a folder in which one of our own can be made for sockets.
 fn most_parent_bytes() -> usize {
-    // The folder's own name and two separators beside the longest socket's.
-    MAX_SOCKET_PATH_BYTES - "/.tmp012345/".len() - socket_name(MAX_CAMERAS).len()
+    // Two separators beside the folder's own name and the longest socket's.
+    MAX_SOCKET_PATH_BYTES - 2 - scratch::NAME_BYTES - socket_name(MAX_CAMERAS).len()
 }
 
 /// A folder of this user alone, in TMPDIR unless paths of sockets there would be too long for the system: then in
 /// the user's folder for sockets or in `/tmp`.
-fn folder_for_sockets() -> Result<TempDir, LocalClusterError> {
+fn folder_for_sockets() -> Result<ScratchFolder, LocalClusterError> {
     let fits = |parent: &Path| parent.to_str().is_some_and(|text| text.len() <= most_parent_bytes());
     // Nodes are told the path as a text, and may not share our working folder.
     let first = std::env::temp_dir();
     let first = std::path::absolute(&first).unwrap_or(first);
     if fits(&first) {
-        let made = TempDir::new_in(&first);
+        let made = ScratchFolder::new_in(&first);
         return made.map_err(|source| LocalClusterError::Folder { parent: first, source });
     }
     let others = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from).into_iter().chain(["/tmp".into()]);
     let made = others
         .filter(|parent| parent.is_absolute() && fits(parent))
-        .find_map(|parent| TempDir::new_in(parent).ok());
+        .find_map(|parent| ScratchFolder::new_in(&parent).ok());
     made.ok_or(LocalClusterError::LongFolder { parent: first })
 }
 

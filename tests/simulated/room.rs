@@ -44,6 +44,9 @@ const HONEST_PORT: u16 = 7002;
 const LYING_S: u64 = 8;
 /// Steps without a hull that a node that lies may cost: a second's.
 const MOST_BLIND_STEPS: u64 = 120;
+/// Beside a liar the first hull comes within so long, simulated seconds, and so many steps of a run's 120 a second are made.
+const FIRST_HULL_WITHIN_S: f64 = 3.0;
+const LEAST_STEPS: u64 = 120 * (LYING_S - 3);
 /// A coordinator that begins anew goes on from at most so many steps before.
 const MOST_LOST_STEPS: u64 = 240;
 /// Bodies of this scene never move faster, m/s.
@@ -323,6 +326,8 @@ struct Kept {
     node_deaths: usize,
     /// Steps without a hull since the first one with one, if there was one.
     blind_steps: Option<u64>,
+    /// When the first step with a hull was made, seconds of simulated time.
+    first_hull_s: Option<f64>,
     /// The newest frame in use, how many cameras it has, and when it came into use.
     used: Option<(u64, usize, f64)>,
 }
@@ -342,12 +347,22 @@ impl Log {
         self.0.lock().expect("no panic").wrong.get_or_insert(why);
     }
 
-    /// A node that lies costs little: the first hull comes, and is there but for a second.
+    /// A node that lies costs little: steps are made all the time, the first hull comes soon, and then is there but for a
+    /// second.
     fn check_blindness(&self) {
-        let blind = self.0.lock().expect("no panic").blind_steps;
+        let (blind, first_hull_s, steps) = {
+            let kept = self.0.lock().expect("no panic");
+            (kept.blind_steps, kept.first_hull_s, kept.steps)
+        };
         match blind {
             Some(..=MOST_BLIND_STEPS) => {}
             other => self.wrong(format!("steps without a hull: {other:?}")),
+        }
+        if first_hull_s.is_none_or(|at_s| at_s > FIRST_HULL_WITHIN_S) {
+            self.wrong(format!("the first hull came at {first_hull_s:?} s"));
+        }
+        if steps < LEAST_STEPS {
+            self.wrong(format!("{steps} steps were made, expected {LEAST_STEPS}"));
         }
     }
 
@@ -394,6 +409,9 @@ impl Recorder for Log {
             (Some(_), blind) => Some(blind.unwrap_or_default()),
             (None, Some(blind)) => Some(blind + 1),
         };
+        if record.frame.is_some() && kept.first_hull_s.is_none() {
+            kept.first_hull_s = Some(kept.now.as_secs_f64());
+        }
         let before = std::mem::replace(&mut kept.last_step, record.step);
         let is_blind = record.frame.is_none() && kept.now.as_secs_f64() > WHOLE_S;
         let may_forget = kept.node_deaths >= NODES;

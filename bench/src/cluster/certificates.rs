@@ -8,7 +8,7 @@ use std::sync::Arc;
 use cli::{Failure, Outcome, temporary_folder};
 use identity::{AUTHORITIES, Authority, CERTIFICATE, Credentials, Identity, KEY, Validity};
 use node_client::Sockets;
-use tempfile::TempDir;
+use scratch::ScratchFolder;
 
 use super::film::ROOM;
 
@@ -18,7 +18,7 @@ const COORDINATOR: &str = "coordinator";
 const DAYS: u32 = 2;
 
 /// An authority's certificates of all nodes and of their coordinator, a folder each.
-pub struct Certificates(TempDir);
+pub struct Certificates(ScratchFolder);
 
 impl Certificates {
     /// Of so many nodes.

@@ -10,8 +10,8 @@ use hull::cull::WorldBox;
 use hull::{Camera, Observer, ProbeSettings, Rig, Silhouette, View, ViewSet};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder as _};
+use scratch::ScratchFolder;
 use stage::{CameraStage, StageSettings, studio_rig};
-use tempfile::TempDir;
 
 use crate::crews::all_see;
 use crate::random::Random;
@@ -51,7 +51,7 @@ pub struct Film {
     /// The box around the person in frame 0, metres.
     pub person_world: WorldBox,
     silhouettes: Vec<Vec<Silhouette>>,
-    folder: TempDir,
+    folder: ScratchFolder,
 }
 
 impl Film {

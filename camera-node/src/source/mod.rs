@@ -12,6 +12,7 @@ mod film;
 mod film_time;
 pub(crate) mod fuzz;
 mod mailbox;
+mod mark;
 mod number;
 mod numbered;
 mod pipe;

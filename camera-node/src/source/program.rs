@@ -13,6 +13,7 @@ use rustix::io::Errno;
 use rustix::process::{Pid, Signal, WaitId, WaitIdOptions, kill_process_group, waitid};
 
 use super::SourceError;
+use super::mark::{self, Mark};
 
 /// How much of its standard error is kept, bytes; enough for the lines before a failure.
 const KEPT_STDERR_BYTES: usize = 4096;
@@ -27,6 +28,7 @@ const POLL: Duration = Duration::from_millis(2);
 pub struct Program {
     command: String,
     child: Child,
+    mark: Mark,
     ended: Option<Ending>,
     stderr: Arc<Mutex<Vec<u8>>>,
     drain: Option<JoinHandle<()>>,
@@ -54,11 +56,13 @@ impl Program {
             command.split_first().ok_or_else(|| refused("the command is empty".to_owned(), false))?;
         // A bare name is looked for in PATH, anything else from the folder.
         let found = if program.contains('/') { folder.join(program) } else { program.into() };
+        let mark = Mark::new();
         let mut child = Command::new(found)
             .args(arguments)
             .current_dir(folder)
             // It needs none of our secrets.
             .env_remove(SECRET)
+            .env(mark::VARIABLE, mark.value())
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
@@ -74,7 +78,7 @@ impl Program {
             let kept = Arc::clone(&kept);
             std::thread::spawn(move || drain_stderr(stderr, &kept))
         });
-        let program = Program { command: shown.clone(), child, ended: None, stderr: kept, drain };
+        let program = Program { command: shown.clone(), child, mark, ended: None, stderr: kept, drain };
         // Both were asked for above; an error beats a panic all the same.
         let stdout = stdout.ok_or_else(|| refused("it has no standard output".to_owned(), false))?;
         Ok((program, stdout))
@@ -130,13 +134,16 @@ impl Program {
         Ok(waitid(WaitId::Pid(Pid::from_child(&self.child)), options)?.is_some())
     }
 
-    /// Kills what is left of its group, and reaps the program.
+    /// Kills the program and all that it has started, and reaps it.
     fn kill(&mut self) -> io::Result<ExitStatus> {
         // Not reaped yet, so the number is still this child's. Killing can
         // only fail if the group is gone, which is what we want.
         let _ = kill_process_group(Pid::from_child(&self.child), Signal::KILL);
         let _ = self.child.kill();
-        self.child.wait()
+        let ended = self.child.wait();
+        // What has left the group.
+        self.mark.kill_all();
+        ended
     }
 
     fn stderr_tail(&mut self) -> String {
@@ -226,6 +233,22 @@ mod tests {
             matches!(program.finish(Duration::from_secs(100)), Ending::Exited(status) if status.code() == Some(3))
         );
         // The pipe ends only when nobody holds it any more.
+        stdout.read_to_end(&mut Vec::new()).expect("ends");
+        assert!(started.elapsed() < Duration::from_secs(100));
+    }
+
+    #[test]
+    fn a_session_of_its_own_keeps_nothing_alive() {
+        let has_setsid = Command::new("setsid").arg("true").stdin(Stdio::null()).status().is_ok();
+        if !has_setsid {
+            return testkit::skip(format_args!("there is no setsid (Debian package util-linux)"));
+        }
+        let (program, mut stdout) = shell("setsid sh -c 'echo started; sleep 1000; true' & wait");
+        let mut byte = [0];
+        stdout.read_exact(&mut byte).expect("started");
+        let started = Instant::now();
+        drop(program);
+        // The pipe ends only when no process holds it any more.
         stdout.read_to_end(&mut Vec::new()).expect("ends");
         assert!(started.elapsed() < Duration::from_secs(100));
     }

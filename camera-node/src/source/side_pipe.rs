@@ -1,15 +1,15 @@
 //! A pipe beside a program's film, on which it writes one number a frame: a capture time, or a trigger's count.
 
 use std::collections::VecDeque;
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use proto::text::clean;
 use rustix::fs::{CWD, Mode, OFlags};
 use rustix::io::Errno;
+use scratch::ScratchFolder;
 use thiserror::Error;
 
 /// A frame's number comes within so long of its frame.
@@ -65,7 +65,7 @@ pub enum SideError {
 /// The reading end; the file goes with it.
 #[derive(Debug)]
 pub struct SidePipe {
-    folder: PathBuf,
+    _folder: ScratchFolder,
     path: PathBuf,
     file: File,
     what: &'static str,
@@ -77,16 +77,19 @@ pub struct SidePipe {
 impl SidePipe {
     /// Makes a pipe in a folder of its own, for numbers of this name.
     pub fn make(what: &'static str) -> io::Result<SidePipe> {
-        static MADE: AtomicU64 = AtomicU64::new(0);
-        let name = format!("hulltouch-{}-{}", std::process::id(), MADE.fetch_add(1, Ordering::Relaxed));
-        let folder = std::env::temp_dir().join(name);
-        // Left by a process of the same number that was killed.
-        let _ = fs::remove_dir_all(&folder);
-        rustix::fs::mkdir(&folder, Mode::RWXU)?;
-        let path = folder.join(format!("{what}s"));
-        let opened = make_fifo(&path).and_then(|()| open(&path));
-        let file = opened.inspect_err(|_| drop(fs::remove_dir_all(&folder)))?;
-        Ok(SidePipe { folder, path, file, what, frames: 0, lines: VecDeque::new(), part: Vec::new() })
+        let folder = ScratchFolder::new()?;
+        let path = folder.path().join(format!("{what}s"));
+        make_fifo(&path)?;
+        let file = open(&path)?;
+        Ok(SidePipe {
+            _folder: folder,
+            path,
+            file,
+            what,
+            frames: 0,
+            lines: VecDeque::new(),
+            part: Vec::new(),
+        })
     }
 
     /// Where the program writes.
@@ -144,18 +147,12 @@ impl SidePipe {
     }
 }
 
-impl Drop for SidePipe {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.folder);
-    }
-}
-
 fn make_fifo(path: &Path) -> io::Result<()> {
     let (kind, mode) = (rustix::fs::FileType::Fifo, Mode::RUSR | Mode::WUSR);
     Ok(rustix::fs::mknodat(CWD, path, kind, mode, 0)?)
 }
 
-/// Opens it to read without waiting for who writes.
+/// Opens it to read without waiting for a writer.
 fn open(path: &Path) -> io::Result<File> {
     let flags = OFlags::RDONLY | OFlags::NONBLOCK | OFlags::CLOEXEC;
     let opened: Result<_, Errno> = rustix::fs::open(path, flags, Mode::empty());
@@ -225,7 +222,7 @@ mod tests {
     #[test]
     fn a_pipe_leaves_nothing_behind() {
         let pipe = SidePipe::make("count").expect("made");
-        let folder = pipe.folder.clone();
+        let folder = pipe._folder.path().to_owned();
         assert!(folder.join("counts").exists());
         drop(pipe);
         assert!(!folder.exists());

@@ -52,7 +52,8 @@ pub struct DemoArguments {
     precision: Option<PrecisionName>,
     #[command(flatten)]
     response: ResponseArguments,
-    /// Play a cluster file (rig, a source for each camera, background, scene) instead of the studio.
+    /// Play a cluster file (rig, a source for each camera, background, scene) instead of the studio. It runs programs: each
+    /// `command` in it is started as this user.
     #[arg(long, value_name = "CLUSTER.toml")]
     recording: Option<PathBuf>,
     /// The same scene without the person.

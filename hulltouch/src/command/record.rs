@@ -26,7 +26,7 @@ pub struct RecordArguments {
     /// The file to write.
     file: PathBuf,
     /// The cluster file: its nodes if it names where they are, else all of it on this machine [default: the
-    /// synthetic studio].
+    /// synthetic studio]. On this machine it runs programs: each `command` in it is started as this user.
     #[arg(long = "cluster", value_name = "CLUSTER.toml")]
     recording: Option<PathBuf>,
     #[command(flatten)]

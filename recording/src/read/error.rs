@@ -25,6 +25,9 @@ pub enum ReadProblem {
     /// The system does not give it.
     #[error(transparent)]
     Io(#[from] std::io::Error),
+    /// A pipe, a device or a folder.
+    #[error("no file, expected an MCAP file on a disk: it is read in any order")]
+    NoFile,
     /// It does not begin like an MCAP file.
     #[error("no MCAP file")]
     NotMcap,

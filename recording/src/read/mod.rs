@@ -74,7 +74,7 @@ impl Recording {
     /// Reads a file through. One that was cut off ends with its last whole chunk.
     pub fn open(path: &Path) -> Result<Recording, ReadError> {
         let refused = |problem| ReadError { path: path.to_owned(), problem };
-        let file = File::open(path).map_err(|error| refused(error.into()))?;
+        let file = open_file(path).map_err(refused)?;
         let mut chunks = Chunks::begin(file).map_err(refused)?;
         let index = Index { path: path.to_owned(), ..Index::default() };
         let mut scan = Scan { index, ..Scan::default() };
@@ -290,9 +290,17 @@ fn note(frames: &mut BTreeMap<u64, Vec<u32>>, frame: u64, camera: usize, chunk: 
     cameras.len() - before + if is_new { FRAME_SIZE } else { 0 }
 }
 
+/// Opens a file. A pipe is refused: to open one waits for a writer, and a recording is read in any order.
+fn open_file(path: &Path) -> Result<File, ReadProblem> {
+    if !std::fs::metadata(path)?.is_file() {
+        return Err(ReadProblem::NoFile);
+    }
+    Ok(File::open(path)?)
+}
+
 impl Index {
     fn open(&self) -> Result<File, ReadError> {
-        File::open(&self.path).map_err(|error| self.refused(error))
+        open_file(&self.path).map_err(|problem| self.refused(problem))
     }
 
     fn refused(&self, problem: impl Into<ReadProblem>) -> ReadError {

@@ -638,3 +638,13 @@ fn every_command_survives() {
     assert_eq!(steps.next().expect("a step").commands, commands);
     assert!(steps.next().is_none());
 }
+
+#[test]
+fn a_pipe_is_refused_at_once() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("pipe.mcap");
+    let made = std::process::Command::new("mkfifo").arg(&path).status().expect("coreutils are there");
+    assert!(made.success());
+    let refused = Recording::open(&path).expect_err("refused").to_string();
+    assert!(refused.contains("no file, expected an MCAP file on a disk"), "{refused}");
+}

@@ -32,7 +32,7 @@ use crate::systemd;
     hulltouch node studio.cluster.toml --camera left --camera top --insecure"
 )]
 pub struct NodeArguments {
-    /// The cluster file.
+    /// The cluster file. It runs programs: each `command` of a camera that is served here is started as this user.
     cluster: PathBuf,
     /// The name of the [[node]] whose cameras this process serves [default: this host's, up to the first dot].
     #[arg(long, value_name = "NAME", conflicts_with = "cameras")]
