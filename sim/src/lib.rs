@@ -30,6 +30,6 @@ pub use solver::MAX_PATCHES;
 pub use summary::BodySummary;
 pub use trajectory::TrajectoryDigest;
 pub use world::{
-    Body, BodyId, BodySnapshot, CommandError, Fault, FaultKind, Parameters, PreparedBody, StepReport, World,
-    WorldError, WorldSettings, WorldSnapshot,
+    Body, BodyId, BodySnapshot, CommandError, Fault, FaultKind, LimitError, Parameters, PreparedBody,
+    StepReport, World, WorldError, WorldSettings, WorldSnapshot,
 };

@@ -1,6 +1,7 @@
 //! What others may do to a world between two steps. Each does all or nothing, and the same commands at the
 //! same steps give the same world, bit for bit.
 
+use super::limits::{LimitError, Placed, SampleCount, check_pairs};
 use super::{Body, World, WorldError, WorldSettings};
 use crate::response::ResponseMode;
 use crate::samples::{self, normals};
@@ -14,18 +15,12 @@ use hull::contact::FEELER_M;
 use hull::faces::FaceNormals;
 use hull::{Pose, Shape};
 use nalgebra::Vector3;
-use std::collections::BTreeMap;
 use std::sync::Arc;
 use thiserror::Error;
 
 /// A body's number: unique within a world, never given twice.
 pub type BodyId = u32;
 
-/// Samples of all moving bodies at most, once bodies are added: half of what one question may hold, and a
-/// quarter of a second of a node's work.
-pub const MAX_SAMPLES: usize = 500_000;
-/// Samples of all different shapes at most, those of fixed bodies too: 24 MB.
-pub(super) const MAX_KEPT_SAMPLES: usize = 2_000_000;
 /// A grip or a push may lie this far off the body's bounding ball, metres: pages point at where it was.
 const BESIDE_M: f64 = 0.5;
 
@@ -41,16 +36,9 @@ pub enum CommandError {
     /// A value that cannot be.
     #[error(transparent)]
     Value(#[from] ValueError),
-    /// Bodies or samples beyond the bound.
-    #[error("{found} {what}, expected at most {most}")]
-    TooMany {
-        /// Of what.
-        what: &'static str,
-        /// How many there would be.
-        found: usize,
-        /// How many there may be.
-        most: usize,
-    },
+    /// More than a world may hold.
+    #[error(transparent)]
+    Limit(#[from] LimitError),
     /// Geometry that the solver or the sampling refuses.
     #[error(transparent)]
     World(#[from] WorldError),
@@ -73,7 +61,7 @@ pub(super) struct BodySamples {
 }
 
 impl BodySamples {
-    fn asked_shapes(&self) -> impl Iterator<Item = Arc<Shape>> {
+    pub fn asked_shapes(&self) -> impl Iterator<Item = Arc<Shape>> {
         [Some(&self.probes), self.around.as_ref()].into_iter().flatten().map(Arc::clone)
     }
 }
@@ -101,9 +89,9 @@ impl PreparedBody {
 impl World {
     /// Checks a body and samples it. A body without a name gets one; a name that is taken is refused.
     pub fn prepare(&self, mut spec: BodySpec) -> Result<PreparedBody, CommandError> {
-        let count = self.bodies.len() + 1;
-        if count > MAX_BODIES {
-            return Err(CommandError::TooMany { what: "bodies", found: count, most: MAX_BODIES });
+        let found = self.bodies.len() + 1;
+        if found > MAX_BODIES {
+            return Err(LimitError::Bodies { found }.into());
         }
         let is_taken = |name: &str| self.bodies.iter().any(|body| body.name == name);
         if spec.name.is_empty() {
@@ -115,16 +103,10 @@ impl World {
         all_within("position", &spec.pose.position_m(), -MAX_POSITION_M..=MAX_POSITION_M)?;
         check_speed(spec.velocity_m_s)?;
         let samples = self.samples_of(&spec)?;
-        let asked = self.moving_bodies().flat_map(Body::asked_shapes).chain(samples.asked_shapes());
-        let found: usize = asked.map(|shape| shape.samples_body().len()).sum();
-        if !spec.fixed && found > MAX_SAMPLES {
-            return Err(CommandError::TooMany { what: "samples of all bodies", found, most: MAX_SAMPLES });
-        }
-        let found = self.kept_samples(&samples);
-        if found > MAX_KEPT_SAMPLES {
-            let what = "samples of all different shapes";
-            return Err(CommandError::TooMany { what, found, most: MAX_KEPT_SAMPLES });
-        }
+        SampleCount::of(&self.bodies).admit(&spec, &samples)?;
+        let placed: Vec<Placed<'_>> =
+            self.bodies.iter().map(Into::into).chain([Placed::from(&spec)]).collect();
+        check_pairs(placed.iter().copied())?;
         Ok(PreparedBody { spec, samples })
     }
 
@@ -273,14 +255,6 @@ impl World {
         let index = self.index_of(id)?;
         let body = &self.bodies[index];
         if body.fixed { Err(CommandError::Fixed(body.name.clone())) } else { Ok(index) }
-    }
-
-    /// Samples of all different shapes that nodes must know, these among them.
-    pub(super) fn kept_samples(&self, samples: &BodySamples) -> usize {
-        let shapes = self.bodies.iter().flat_map(Body::asked_shapes).chain(samples.asked_shapes());
-        let kept: BTreeMap<*const Shape, usize> =
-            shapes.map(|shape| (Arc::as_ptr(&shape), shape.samples_body().len())).collect();
-        kept.values().sum()
     }
 
     /// The samples of a solid; bodies of equal ones share them.

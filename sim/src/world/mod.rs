@@ -6,13 +6,15 @@
 
 mod commands;
 mod foresight;
+mod limits;
 mod settings;
 mod snapshot;
 mod step;
 #[cfg(test)]
 mod tests;
 
-pub use commands::{BodyId, CommandError, MAX_SAMPLES, Parameters, PreparedBody};
+pub use commands::{BodyId, CommandError, Parameters, PreparedBody};
+pub use limits::{LimitError, MAX_PAIRS, MAX_SAMPLES};
 pub use settings::{WorldError, WorldSettings};
 pub use snapshot::{BodySnapshot, WorldSnapshot};
 pub use step::{Fault, FaultKind, StepReport};
@@ -26,6 +28,7 @@ use crate::trajectory::{Trajectory, TrajectoryDigest};
 use commands::BodySamples;
 use hull::faces::FaceNormals;
 use hull::{Pose, Shape};
+use limits::{SampleCount, check_pairs};
 use nalgebra::Vector3;
 use std::sync::Arc;
 
@@ -93,13 +96,15 @@ pub struct World {
 }
 
 impl World {
-    /// The scene's bodies at time 0. Fails on settings that cannot be and on geometry that the solver or
-    /// the sampling does not take.
+    /// The scene's bodies at time 0. Fails on settings that cannot be, on geometry that the solver or the sampling does
+    /// not take, and on more than a world may hold.
     pub fn new(scene: &Scene, settings: WorldSettings) -> Result<World, WorldError> {
         let specs = scene.bodies(settings.seed);
         let mut world = World::without_bodies(scene, settings, &specs)?;
+        let mut count = SampleCount::default();
         for spec in specs {
             let samples = world.samples_of(&spec)?;
+            count.admit(&spec, &samples)?;
             world.take_in(spec, samples);
         }
         world.trajectory.add(world.bodies.iter().map(|body| &body.pose));
@@ -113,6 +118,7 @@ impl World {
         specs: &[BodySpec],
     ) -> Result<World, WorldError> {
         settings.check()?;
+        check_pairs(specs.iter())?;
         let solver = Solver::new(scene, specs, settings.dt_s)
             .map_err(|index| WorldError::Solid { body: specs[index].name.clone() })?;
         Ok(World {

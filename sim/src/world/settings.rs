@@ -1,5 +1,6 @@
 //! What a world is made with, and why there is none.
 
+use super::limits::LimitError;
 use crate::response::ResponseMode;
 use crate::samples::DEFAULT_COVERING_RADIUS_M;
 use crate::scene::{FRICTION, HullSurface, RESTITUTION};
@@ -92,6 +93,9 @@ pub enum WorldError {
         /// Why.
         source: BodyError,
     },
+    /// More than a world may hold.
+    #[error(transparent)]
+    Limit(#[from] LimitError),
     /// Responses for another set of bodies.
     #[error("{found} responses, expected {expected}: one per moving body")]
     ResponseCount {

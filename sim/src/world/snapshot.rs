@@ -1,7 +1,7 @@
 //! A world as plain data: all that another process needs to go on with it. Who holds what, contacts, sleep and what the
 //! hull was known to do are not in it: bodies are where they were, with their velocities.
 
-use super::commands::MAX_KEPT_SAMPLES;
+use super::limits::SampleCount;
 use super::{Body, BodyId, CommandError, Parameters, World, WorldError};
 use crate::scene::{
     BodySpec, MAX_BODIES, MAX_GRAVITY_M_S2, MAX_NUMBERED_BYTES, Scene, ValueError, all_within, within, wrong,
@@ -158,13 +158,10 @@ impl World {
         let specs: Vec<BodySpec> = from.bodies.iter().map(|body| body.spec.clone()).collect();
         let mut world = World::without_bodies(&from.scene, settings, &specs)?;
         world.set(from.parameters)?;
+        let mut count = SampleCount::default();
         for BodySnapshot { id, spec, spin_rad_s } in from.bodies.iter().cloned() {
             let samples = world.samples_of(&spec)?;
-            let found = world.kept_samples(&samples);
-            if found > MAX_KEPT_SAMPLES {
-                let what = "samples of all different shapes";
-                return Err(CommandError::TooMany { what, found, most: MAX_KEPT_SAMPLES });
-            }
+            count.admit(&spec, &samples)?;
             world.next_id = id;
             world.take_in(spec, samples);
             world.turn_last(spin_rad_s)?;

@@ -1,5 +1,6 @@
 //! One step: the hull's answers, then the solver.
 
+use super::limits::check_pairs;
 use super::{World, WorldError, WorldSettings};
 use crate::response::{BodyResponse, HullContact, ResponseMode, mirrored};
 use crate::solver::Surface;
@@ -37,12 +38,13 @@ pub enum FaultKind {
 
 impl World {
     /// Applies one response per moving body (in the order of [`World::moving_bodies`]) and moves all
-    /// bodies by one step. Fails, and does nothing, if the number of responses is another. Numbers that
-    /// are not finite are reported and do no harm.
+    /// bodies by one step. Fails, and does nothing, if the number of responses is another, or if so many bodies overlap
+    /// that the solver would take seconds. Numbers that are not finite are reported and do no harm.
     pub fn step(&mut self, responses: &[BodyResponse]) -> Result<StepReport, WorldError> {
         if responses.len() != self.moving.len() {
             return Err(WorldError::ResponseCount { found: responses.len(), expected: self.moving.len() });
         }
+        check_pairs(self.bodies.iter())?;
         let mut report = StepReport::default();
         for (slot, response) in responses.iter().enumerate() {
             let index = self.moving[slot];

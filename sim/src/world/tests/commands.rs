@@ -214,28 +214,3 @@ fn what_cannot_be_is_refused_in_one_line_and_changes_nothing() {
     }
     assert_eq!(world.digest(), before);
 }
-
-#[test]
-fn bodies_and_samples_are_bounded() {
-    let mut world = world_of("", 1);
-    let large = "shape.box.size = [5, 5, 5]\nposition = [0, 3, 0]";
-    let mut count = 0;
-    let error = loop {
-        match world.prepare(request(large)) {
-            Ok(prepared) => world.spawn(prepared).map(drop).expect("room"),
-            Err(error) => break error.to_string(),
-        }
-        count += 1;
-    };
-    assert!((2..20).contains(&count), "{count}");
-    assert!(error.contains("samples of all bodies, expected at most 500000"), "{error}");
-    // Fixed ones are never asked about, but their samples are there.
-    let error = (1..500).find_map(|size| {
-        let edge = 5.0 - 0.001 * f64::from(size);
-        let fixed = format!("fixed = true\nshape.box.size = [{edge}, 5, 5]\nposition = [0, 3, 0]");
-        let prepared = world.prepare(request(&fixed));
-        prepared.map(|prepared| world.spawn(prepared).expect("room")).err()
-    });
-    let error = error.expect("a bound").to_string();
-    assert!(error.contains("samples of all different shapes, expected at most 2000000"), "{error}");
-}

@@ -4,6 +4,7 @@ mod answers;
 mod commands;
 mod contacts;
 mod foresight;
+mod limits;
 mod patches;
 mod settling;
 mod surfaces;
