@@ -261,7 +261,7 @@ async fn suite(address: Listen, rig: &Rig) {
     assert_eq!(gone.expect_err("gone").code(), tonic::Code::OutOfRange);
 
     makes_pictures_of_frame_12(&mut client, rig).await;
-    remembers_the_newest_whole_world(&mut client).await;
+    remembers_the_last_two_whole_worlds(&mut client).await;
     survives_untrusted_peers(&address).await;
     assert!(matches!(probe.ask(12, &one).await, ProbeAnswer::Answer(_)), "it goes on serving");
     tells_its_health_and_its_protocol(&address).await;
@@ -273,7 +273,7 @@ async fn next_frame(frames: &mut Streaming<v1::FrameInfo>) -> v1::FrameInfo {
     told.expect("a frame").expect("no error")
 }
 
-async fn remembers_the_newest_whole_world(client: &mut Client) {
+async fn remembers_the_last_two_whole_worlds(client: &mut Client) {
     let fetch = v1::FetchWorldRequest {};
     assert!(client.fetch_world(fetch).await.expect("fetches").into_inner().checkpoint.is_empty());
     let sealed = |text: &str| proto::seal_checkpoint(text.as_bytes()).expect("short");
@@ -291,8 +291,8 @@ async fn remembers_the_newest_whole_world(client: &mut Client) {
         let refused = client.keep_world(keep).await.expect_err("not whole");
         assert_eq!((refused.code(), refused.message()), (tonic::Code::InvalidArgument, expected));
     }
-    let kept = client.fetch_world(fetch).await.expect("fetches").into_inner().checkpoint;
-    assert_eq!(kept, sealed("second"));
+    let kept = client.fetch_world(fetch).await.expect("fetches").into_inner();
+    assert_eq!((&kept.checkpoint[..], &kept.previous[..]), (&sealed("second")[..], &sealed("first")[..]));
 }
 
 async fn describes_its_cameras(client: &mut Client, rig: &Rig) {

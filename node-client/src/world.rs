@@ -1,23 +1,27 @@
-//! The world that a node remembers.
+//! The worlds that a node remembers.
 
 use bytes::Bytes;
-use proto::v1;
+use proto::{MAX_CHECKPOINT_BYTES, v1};
 
 use crate::client::NodeClient;
 use crate::error::NodeError;
 
+/// The longest reply that is read: two checkpoints and their lengths.
+const MAX_REPLY_BYTES: usize = 2 * MAX_CHECKPOINT_BYTES + 64;
+
 impl NodeClient {
-    /// Has the node remember a checkpoint, in the place of the one before.
+    /// Has the node remember a checkpoint; it keeps this one and the one before.
     pub async fn keep_world(&self, checkpoint: Bytes) -> Result<(), NodeError> {
         let holder = self.holder();
         self.client()?.keep_world(v1::KeepWorldRequest { checkpoint, holder }).await?;
         Ok(())
     }
 
-    /// The checkpoint that the node was last given, not checked; `None` without one.
-    pub async fn fetch_world(&self) -> Result<Option<Bytes>, NodeError> {
-        let reply = self.client()?.fetch_world(v1::FetchWorldRequest {}).await?;
-        let v1::FetchWorldReply { checkpoint } = reply.into_inner();
-        Ok(Some(checkpoint).filter(|checkpoint| !checkpoint.is_empty()))
+    /// The last two checkpoints that the node was given, the newest first, not checked; fewer if it was given fewer.
+    pub async fn fetch_worlds(&self) -> Result<Vec<Bytes>, NodeError> {
+        let mut client = self.client()?.max_decoding_message_size(MAX_REPLY_BYTES);
+        let reply = client.fetch_world(v1::FetchWorldRequest {}).await?;
+        let v1::FetchWorldReply { checkpoint, previous } = reply.into_inner();
+        Ok([checkpoint, previous].into_iter().filter(|checkpoint| !checkpoint.is_empty()).collect())
     }
 }

@@ -54,7 +54,7 @@ use led::Led;
 use probe_stream::ProbeStream;
 use seats::{Seat, Share, Spent};
 use worker::{MAX_WAITING, ReplySender, WaitingReply, Worker};
-use world_memory::WorldMemory;
+use world_memory::{KeptWorlds, WorldMemory};
 
 /// The state behind every call.
 struct Service {
@@ -323,6 +323,7 @@ impl CameraNode for Service {
         &self,
         _: Request<v1::FetchWorldRequest>,
     ) -> Result<Response<v1::FetchWorldReply>, Status> {
-        Ok(Response::new(v1::FetchWorldReply { checkpoint: self.world.newest() }))
+        let KeptWorlds { newest, previous } = self.world.kept();
+        Ok(Response::new(v1::FetchWorldReply { checkpoint: newest, previous }))
     }
 }

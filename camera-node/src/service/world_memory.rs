@@ -1,30 +1,39 @@
-//! The world that a node remembers for its coordinator: the newest it was given, in memory alone.
+//! The worlds that a node remembers for its coordinator: the last two that it was given, in memory alone.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use bytes::Bytes;
 use proto::{CheckpointError, open_checkpoint};
 
-/// One checkpoint at most, and that a whole one.
+/// The last two checkpoints, each of them whole.
 #[derive(Debug, Default)]
-pub(super) struct WorldMemory(Mutex<Bytes>);
+pub(super) struct WorldMemory(Mutex<KeptWorlds>);
+
+/// The checkpoints of a node; empty where there is none.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct KeptWorlds {
+    pub newest: Bytes,
+    pub previous: Bytes,
+}
 
 impl WorldMemory {
-    /// Keeps a checkpoint in the place of the one before. One that is too long or not whole is refused, and the one
-    /// before stays.
+    /// Keeps a checkpoint and the one before. One that is too long or not whole is refused, and those before stay.
     pub fn keep(&self, checkpoint: &[u8]) -> Result<(), CheckpointError> {
         open_checkpoint(checkpoint)?;
         // A copy: what was received may be a small part of a large buffer.
-        *self.newest_kept() = Bytes::copy_from_slice(checkpoint);
+        let newest = Bytes::copy_from_slice(checkpoint);
+        let mut kept = self.locked();
+        let previous = std::mem::take(&mut kept.newest);
+        *kept = KeptWorlds { newest, previous };
         Ok(())
     }
 
-    /// The newest; empty if there is none.
-    pub fn newest(&self) -> Bytes {
-        self.newest_kept().clone()
+    /// What it remembers.
+    pub fn kept(&self) -> KeptWorlds {
+        self.locked().clone()
     }
 
-    fn newest_kept(&self) -> MutexGuard<'_, Bytes> {
+    fn locked(&self) -> MutexGuard<'_, KeptWorlds> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -36,17 +45,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_newest_whole_checkpoint_is_kept_and_no_other() {
+    fn the_last_two_whole_checkpoints_are_kept_and_no_other() {
         let memory = WorldMemory::default();
-        assert!(memory.newest().is_empty());
+        assert_eq!(memory.kept(), KeptWorlds::default());
         let sealed = |text: &str| Bytes::from(seal_checkpoint(text.as_bytes()).expect("short"));
-        let (first, second) = (sealed("first"), sealed("second"));
+        let (first, second, third) = (sealed("first"), sealed("second"), sealed("third"));
         memory.keep(&first).expect("whole");
+        assert_eq!(memory.kept(), KeptWorlds { newest: first, previous: Bytes::new() });
         memory.keep(&second).expect("whole");
-        assert_eq!(memory.newest(), second);
+        memory.keep(&third).expect("whole");
+        let kept = KeptWorlds { newest: third, previous: second.clone() };
+        assert_eq!(memory.kept(), kept);
         memory.keep(&second[..second.len() / 2]).expect_err("cut in half");
         let long = memory.keep(&vec![0; MAX_CHECKPOINT_BYTES + 1]).expect_err("too long");
         assert_eq!(long.to_string(), "a checkpoint of 1048577 bytes, expected at most 1048576");
-        assert_eq!(memory.newest(), second, "what was refused takes nothing's place");
+        assert_eq!(memory.kept(), kept, "a refused checkpoint replaces none");
     }
 }

@@ -2,13 +2,23 @@
 
 use hull::Observer;
 use prost::Message as _;
+use proto::codec::{Entries, TooManyEntries, check_entries};
 use proto::{CheckpointError, open_checkpoint, seal_checkpoint};
 use sim::WorldSnapshot;
+use sim::scene::MAX_BODIES;
 use std::sync::Arc;
 use thiserror::Error;
 
-use super::message::Kept;
+use super::message::{Kept, KeptTerm};
 use super::world_bytes::{WorldBytesError, world_from_message, world_to_message};
+
+/// No term is higher: coordinators count their starts. A higher one would end the order of worlds.
+pub(super) const MAX_TERM: u64 = 1 << 62;
+/// Bodies and their forms are counted before a message is decoded: an empty one takes two bytes in it and two hundred in memory.
+const ENTRIES: [Entries; 2] = [
+    Entries::new("Kept.world.solids", &[7, 10], MAX_BODIES),
+    Entries::new("Kept.world.bodies", &[7, 11], MAX_BODIES),
+];
 
 /// A world that nodes remember.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,7 +43,8 @@ pub(crate) struct Place {
 /// When a world was kept. A later one is greater, whatever wall clocks say.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Moment {
-    /// One above the highest that the nodes remembered when the run began: no clock tells which run is the later.
+    /// One above the highest that the nodes remembered when the run began: no clock tells which run is the later. At most
+    /// [`MAX_TERM`].
     pub term: u64,
     /// Drawn when the run began.
     pub run: u64,
@@ -49,9 +60,18 @@ pub(crate) enum ReadError {
     /// They are no whole checkpoint.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
+    /// More bodies, or forms of them, than a world has.
+    #[error("a checkpoint of no world: {0}")]
+    Entries(#[from] TooManyEntries),
     /// Its world cannot be.
     #[error("a checkpoint of no world: {0}")]
     World(#[from] WorldBytesError),
+    /// Above what any coordinator has reached.
+    #[error("a checkpoint of term {found}, expected at most {MAX_TERM}")]
+    Term {
+        /// Its term.
+        found: u64,
+    },
     /// A digest or a time that cannot be.
     #[error("a checkpoint with a wrong {0}")]
     Field(&'static str),
@@ -92,23 +112,28 @@ impl Checkpoint {
         seal_checkpoint(&message.encode_to_vec())
     }
 
+    /// The term that such bytes claim; nothing else of them is read.
+    pub fn claimed_term(bytes: &[u8]) -> Option<u64> {
+        let KeptTerm { term } = KeptTerm::decode(open_checkpoint(bytes).ok()?).ok()?;
+        Some(term)
+    }
+
     /// The checkpoint of such bytes, every number of it checked.
     pub fn from_bytes(bytes: &[u8]) -> Result<Checkpoint, ReadError> {
-        let message = Kept::decode(open_checkpoint(bytes)?).map_err(WorldBytesError::from)?;
+        let contents = open_checkpoint(bytes)?;
+        check_entries(&ENTRIES, contents)?;
+        let message = Kept::decode(contents).map_err(WorldBytesError::from)?;
         let Kept { rig, scene, run, term, sequence, kept_unix_s, world } = message;
         let digest = |field, bytes: Vec<u8>| bytes.try_into().map_err(|_| ReadError::Field(field));
         let place = Place { rig: digest("rig", rig)?, scene: digest("scene", scene)? };
         if !kept_unix_s.is_finite() {
             return Err(ReadError::Field("time"));
         }
+        if term > MAX_TERM {
+            return Err(ReadError::Term { found: term });
+        }
         let kept = Moment { term, run, sequence, unix_s: kept_unix_s };
         let world = world_from_message(world.ok_or(WorldBytesError::Missing("world"))?)?;
         Ok(Checkpoint { place, kept, world })
     }
-}
-
-/// The newest of some checkpoints that can go on in a place, if any can.
-pub(crate) fn newest_of(place: Place, found: Vec<Checkpoint>) -> Option<Checkpoint> {
-    let fitting = found.into_iter().filter(|checkpoint| checkpoint.place == place);
-    fitting.reduce(|best, other| if other.kept.is_after(&best.kept) { other } else { best })
 }

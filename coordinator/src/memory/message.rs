@@ -26,6 +26,13 @@ pub(super) struct Kept {
     pub world: Option<World>,
 }
 
+/// The term of [`Kept`] alone.
+#[derive(Clone, PartialEq, Message)]
+pub(super) struct KeptTerm {
+    #[prost(uint64, tag = "4")]
+    pub term: u64,
+}
+
 /// A world.
 #[derive(Clone, PartialEq, Message)]
 pub(super) struct World {

@@ -1,5 +1,7 @@
-//! The nodes are the coordinator's memory: they keep its world, and one that starts goes on from the newest. No disk.
+//! The nodes are the coordinator's memory: they keep its world, and one that starts goes on from the newest of which two
+//! nodes have the same bytes. No disk.
 
+mod agreement;
 mod checkpoint;
 mod message;
 #[cfg(test)]
@@ -18,12 +20,13 @@ use node_client::{NodeClient, NodeError};
 use proto::text::{MAX_MESSAGE_CHARS, clean};
 use proto::unix_now_s;
 use sim::{Scene, World};
-use thiserror::Error;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::{Instant, timeout};
 
+pub(crate) use agreement::Home;
+use agreement::Recalled;
+use checkpoint::Moment;
 pub(crate) use checkpoint::{Checkpoint, Place};
-use checkpoint::{Moment, ReadError, newest_of};
 
 /// Nodes are handed the world so often. A killed coordinator's successor lacks this and its way to a node: together less
 /// than a second.
@@ -47,7 +50,7 @@ pub enum MemoryUse {
 
 /// Hands the nodes the world, once a second.
 pub(crate) struct Memory {
-    place: Place,
+    home: Home,
     moment: Moment,
     due: Instant,
     /// One a node, which a world on its way to it holds.
@@ -62,7 +65,7 @@ impl Memory {
         // Only tells runs apart that began at the same instant.
         let run = getrandom::u64().unwrap_or_default();
         Memory {
-            place: Place::of(observers, scene),
+            home: Home::new(Place::of(observers, scene), scene),
             moment: Moment { term: 1, run, sequence: 0, unix_s: 0.0 },
             due: Instant::now() + KEEP_EVERY,
             ways: (0..nodes).map(|_| Arc::new(Semaphore::new(1))).collect(),
@@ -86,62 +89,45 @@ impl Memory {
         }
         self.moment.sequence += 1;
         self.moment.unix_s = unix_now_s();
-        let checkpoint = Checkpoint { place: self.place, kept: self.moment, world: world.snapshot() };
+        let checkpoint = Checkpoint { place: self.home.place(), kept: self.moment, world: world.snapshot() };
         tokio::spawn(hand_out(checkpoint, ways, Arc::clone(&self.is_warned)));
     }
 
-    /// The newest whole world that can go on here, of what the nodes remember. From now on this run's are newer than all
-    /// of that.
+    /// The newest world that can go on here, of what the nodes remember. From now on this run's are newer than all of that.
     pub async fn recall(&mut self, clients: &[Arc<NodeClient>]) -> Option<Checkpoint> {
-        let fetched = futures::future::join_all(clients.iter().map(|client| recall_from(client))).await;
-        let found: Vec<Checkpoint> = fetched.into_iter().flatten().collect();
-        let highest = found.iter().map(|checkpoint| checkpoint.kept.term).max();
-        self.moment.term = highest.unwrap_or_default().saturating_add(1);
-        let places: Vec<Place> = found.iter().map(|checkpoint| checkpoint.place).collect();
-        let newest = newest_of(self.place, found);
-        if let (None, Some(other)) = (&newest, places.first()) {
-            let what = if other.rig == self.place.rig {
-                "that began with another scene, or with this one before it was edited"
-            } else {
-                "of another rig"
-            };
-            tracing::warn!("nodes remember a run {what}: this one begins with its scene");
+        let fetched = futures::future::join_all(clients.iter().map(|client| fetch(client))).await;
+        for (client, fetched) in clients.iter().zip(&fetched) {
+            if let Err(why) = fetched {
+                let why = clean(&why.to_string(), MAX_MESSAGE_CHARS);
+                tracing::warn!("node {}: its world cannot be fetched: {why}", client.node());
+            }
         }
-        newest
+        let recalled = read(self.home.clone(), fetched).await;
+        self.moment.term = recalled.highest_term + 1;
+        if let (None, Some(why)) = (&recalled.newest, recalled.unfit) {
+            let why = clean(&why.to_string(), MAX_MESSAGE_CHARS);
+            tracing::warn!("nodes remember a world, but {why}: this run begins with its scene");
+        }
+        recalled.newest
     }
 }
 
-/// The newest whole world of a run of this place that nodes remember, whoever handed it to them.
-pub(crate) async fn newest_world(place: Place, clients: Vec<Arc<NodeClient>>) -> Option<Checkpoint> {
+/// The newest world that nodes remember of a run of this home.
+pub(crate) async fn newest_world(home: Home, clients: Vec<Arc<NodeClient>>) -> Option<Checkpoint> {
     let fetched = futures::future::join_all(clients.iter().map(|client| fetch(client))).await;
-    newest_of(place, fetched.into_iter().filter_map(|fetched| fetched.ok().flatten()).collect())
-}
-
-/// What one node remembers, if it is whole; it says so if not.
-async fn recall_from(client: &NodeClient) -> Option<Checkpoint> {
-    let node = client.node();
-    let fetched = fetch(client).await;
-    fetched.unwrap_or_else(|why| {
-        let why = clean(&why.to_string(), MAX_MESSAGE_CHARS);
-        tracing::warn!("node {node}: no world to go on from: {why}");
-        None
-    })
-}
-
-/// Why it is not known what a node remembers.
-#[derive(Debug, Error)]
-enum FetchError {
-    #[error(transparent)]
-    Node(#[from] NodeError),
-    #[error(transparent)]
-    Read(#[from] ReadError),
+    read(home, fetched).await.newest
 }
 
 /// What one node remembers.
-async fn fetch(client: &NodeClient) -> Result<Option<Checkpoint>, FetchError> {
-    let fetched = timeout(FETCH_TIMEOUT, client.fetch_world()).await;
-    let bytes = fetched.unwrap_or(Err(NodeError::Timeout(FETCH_TIMEOUT)))?;
-    Ok(bytes.map(|bytes| Checkpoint::from_bytes(&bytes)).transpose()?)
+async fn fetch(client: &NodeClient) -> Result<Vec<Bytes>, NodeError> {
+    let fetched = timeout(FETCH_TIMEOUT, client.fetch_worlds()).await;
+    fetched.unwrap_or(Err(NodeError::Timeout(FETCH_TIMEOUT)))
+}
+
+/// Reads what nodes remember, apart from the thread that steps.
+async fn read(home: Home, fetched: Vec<Result<Vec<Bytes>, NodeError>>) -> Recalled {
+    let nodes: Vec<Vec<Bytes>> = fetched.into_iter().map(Result::unwrap_or_default).collect();
+    proto::apart(move || home.recall(&nodes)).await.unwrap_or_default()
 }
 
 /// Sends a world along the ways that are free.

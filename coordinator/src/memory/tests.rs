@@ -1,5 +1,7 @@
 //! Checkpoints written and read: whole, damaged, of others.
 
+mod agreement;
+
 use proptest::prelude::*;
 use prost::Message as _;
 use proto::{CheckpointError, MAX_CHECKPOINT_BYTES, open_checkpoint, seal_checkpoint};
@@ -49,7 +51,8 @@ fn world() -> World {
 
 fn checkpoint() -> Checkpoint {
     let kept = Moment { term: 1, run: 7, sequence: 3, unix_s: 1.8e9 };
-    Checkpoint { place: Place { rig: [1; 32], scene: [2; 32] }, kept, world: world().snapshot() }
+    let world = world().snapshot();
+    Checkpoint { place: Place { rig: [1; 32], scene: world.scene().digest() }, kept, world }
 }
 
 /// What is said of a checkpoint whose message was changed before it was sealed.
@@ -134,13 +137,30 @@ fn counts_and_names_that_cannot_be_are_refused_by_their_names() {
                 let body = world.bodies[0].clone();
                 world.bodies = vec![body; 1001];
             },
-            "bodies: 1001, expected at most 1000",
+            "Kept.world.bodies: 1001 entries, expected at most 1000",
         ),
     ];
     for (change, expected) in changes {
         assert_eq!(error_of(change), format!("a checkpoint of no world: {expected}"));
     }
     assert_eq!(error_of(|message| message.rig.truncate(5)), "a checkpoint with a wrong rig");
+    let error = error_of(|message| message.term = u64::MAX);
+    assert_eq!(error, format!("a checkpoint of term {}, expected at most {}", u64::MAX, 1u64 << 62));
+}
+
+#[test]
+fn half_a_million_empty_bodies_are_counted_before_they_are_decoded() {
+    // Field 7, a message of so many bytes; in it field 11 as often as it fits, empty.
+    let bodies = [0x5a, 0x00].repeat(500_000);
+    let mut contents = vec![0x3a];
+    prost::encoding::encode_varint(bodies.len() as u64, &mut contents);
+    contents.extend_from_slice(&bodies);
+    let bytes = seal_checkpoint(&contents).expect("short");
+    let expected = "Kept.world.bodies: 500000 entries, expected at most 1000";
+    let error = Checkpoint::from_bytes(&bytes).expect_err("refused").to_string();
+    assert_eq!(error, format!("a checkpoint of no world: {expected}"));
+    let error = world_from_bytes(&bodies).expect_err("refused").to_string();
+    assert_eq!(error, "World.bodies: 500000 entries, expected at most 1000");
 }
 
 #[test]
@@ -149,36 +169,6 @@ fn one_that_is_cut_in_half_is_refused() {
     let error = Checkpoint::from_bytes(&bytes[..bytes.len() / 2]).expect_err("cut");
     let expected = CheckpointError::Length { found: bytes.len() / 2, expected: bytes.len() };
     assert_eq!(error.to_string(), expected.to_string());
-}
-
-#[test]
-fn the_newest_of_the_same_place_is_gone_on_from() {
-    let whole = checkpoint();
-    let with = |change: &dyn Fn(&mut Checkpoint)| {
-        let mut other = whole.clone();
-        change(&mut other);
-        other
-    };
-    let later = with(&|other| other.kept.sequence = 4);
-    let next_run = with(&|other| (other.kept.run, other.kept.sequence) = (8, 1));
-    let next_term = with(&|other| {
-        (other.kept.term, other.kept.run, other.kept.sequence, other.kept.unix_s) = (2, 1, 1, 1e9);
-    });
-    let of_another_rig = with(&|other| (other.place.rig, other.kept.term) = ([9; 32], 9));
-    let of_another_scene = with(&|other| (other.place.scene, other.kept.term) = ([9; 32], 9));
-    let others = [of_another_rig, of_another_scene];
-    let newest = |found: &[&Checkpoint]| {
-        let found: Vec<_> = found.iter().copied().chain(&others).cloned().collect();
-        let reversed = found.iter().rev().cloned().collect();
-        let newest = newest_of(whole.place, found).map(|checkpoint| checkpoint.kept);
-        assert_eq!(newest, newest_of(whole.place, reversed).map(|checkpoint| checkpoint.kept));
-        newest
-    };
-    assert_eq!(newest(&[]), None);
-    assert_eq!(newest(&[&whole, &later]), Some(later.kept));
-    assert_eq!(newest(&[&whole, &next_run]), Some(whole.kept), "which went on for longer");
-    assert_eq!(newest(&[&whole, &later, &next_run]), Some(later.kept));
-    assert_eq!(newest(&[&whole, &next_term, &later, &next_run]), Some(next_term.kept));
 }
 
 proptest! {

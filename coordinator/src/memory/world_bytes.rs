@@ -2,7 +2,9 @@
 
 use hull::Pose;
 use prost::Message as _;
+use proto::codec::{Entries, TooManyEntries, check_entries};
 use proto::text::{MAX_NAME_CHARS, clean};
+use sim::scene::MAX_BODIES;
 use sim::{
     BodyRequest, BodySnapshot, BodySpec, MassSpec, Parameters, Scene, SceneError, ShapeRequest, Solid,
     ValueError, WorldSnapshot,
@@ -11,12 +13,19 @@ use thiserror::Error;
 
 use super::message::{self, Mass};
 
+/// Counted before a message is decoded: an empty one takes two bytes in it and two hundred in memory.
+const ENTRIES: [Entries; 2] =
+    [Entries::new("World.solids", &[10], MAX_BODIES), Entries::new("World.bodies", &[11], MAX_BODIES)];
+
 /// Why bytes make no world. Every message is one line.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum WorldBytesError {
     /// They are no message.
     #[error("no world: {0}")]
     Message(#[from] prost::DecodeError),
+    /// More bodies, or forms of them, than a world has.
+    #[error(transparent)]
+    Entries(#[from] TooManyEntries),
     /// A field that is not there, or holds another count of numbers.
     #[error("{field} holds {found} numbers, expected {expected}")]
     Count {
@@ -59,6 +68,7 @@ pub fn world_to_bytes(world: &WorldSnapshot) -> Vec<u8> {
 
 /// The world of such bytes.
 pub fn world_from_bytes(bytes: &[u8]) -> Result<WorldSnapshot, WorldBytesError> {
+    check_entries(&ENTRIES, bytes)?;
     world_from_message(message::World::decode(bytes)?)
 }
 

@@ -12,7 +12,7 @@ use super::watch::Watcher;
 use super::{Coordinator, RunError};
 use crate::figures::Figures;
 use crate::live::{Live, Order, Refusal};
-use crate::memory::{Checkpoint, Place, newest_world};
+use crate::memory::{Checkpoint, Home, Place, newest_world};
 
 /// How often nodes are asked for the world that they remember.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
@@ -21,7 +21,7 @@ const TURN: Duration = Duration::from_millis(20);
 
 /// Which world is shown, and when the next is asked for.
 struct Look {
-    place: Place,
+    home: Home,
     due: Instant,
     asking: Option<JoinHandle<Option<Checkpoint>>>,
     is_warned: bool,
@@ -38,7 +38,8 @@ impl Coordinator {
         // How old frames are is told by wall clocks: film time is known to who leads alone.
         self.clock.pace = Pace::lock_step(0);
         let place = Place::of(self.query.observers(), self.world.scene());
-        let mut look = Look { place, due: Instant::now(), asking: None, is_warned: false };
+        let home = Home::new(place, self.world.scene());
+        let mut look = Look { home, due: Instant::now(), asking: None, is_warned: false };
         let until = self.settings.seconds.map(|seconds| Instant::now() + Duration::from_secs_f64(seconds));
         tokio::pin!(stop);
         while until.is_none_or(|until| Instant::now() < until) {
@@ -68,7 +69,8 @@ impl Coordinator {
         }
         if look.asking.is_none() && Instant::now() >= look.due {
             look.due = Instant::now() + LOOK_EVERY;
-            look.asking = Some(tokio::spawn(newest_world(look.place, self.transport.clients().to_vec())));
+            look.asking =
+                Some(tokio::spawn(newest_world(look.home.clone(), self.transport.clients().to_vec())));
         }
     }
 
