@@ -14,9 +14,9 @@ use thiserror::Error;
 pub const MAX_SAMPLES: usize = 500_000;
 /// Samples of all different shapes at most, those of fixed bodies too: 24 MB.
 pub(super) const MAX_KEPT_SAMPLES: usize = 2_000_000;
-/// Pairs of bodies whose boxes overlap at most, 16 for each of a thousand bodies: in a pile each touches about six others. So
-/// many pairs cost the solver 0.1 s and 50 MB a step; the 499,500 pairs of a thousand bodies at one place 12 s and 2.2 GB.
-pub const MAX_PAIRS: usize = 16 * MAX_BODIES;
+/// Pairs of bodies whose boxes overlap at most: those of a hundred bodies at one place. Piles have two to three a body. The worst
+/// shapes, hulls of 256 corners, cost the solver 0.3 ms a pair; a thousand boxes at one place took it 12 s and 2.2 GB a step.
+pub const MAX_PAIRS: usize = 5 * MAX_BODIES;
 
 /// What a world holds too much of. Every message is one line.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -162,17 +162,7 @@ pub(super) fn check_pairs<'a, T: Into<Placed<'a>>>(
     if count * count.saturating_sub(1) / 2 <= MAX_PAIRS {
         return Ok(());
     }
-    let mut boxes: Vec<WorldBox> = bodies.clone().map(Into::into).enumerate().map(WorldBox::of).collect();
-    let axis = longest_axis(&boxes);
-    boxes.sort_unstable_by(|one, other| one.low_m[axis].total_cmp(&other.low_m[axis]));
-    let mut overlaps = vec![0; count];
-    for (place, one) in boxes.iter().enumerate() {
-        let near = boxes[place + 1..].iter().take_while(|other| other.low_m[axis] <= one.high_m[axis]);
-        for other in near.filter(|other| one.overlaps(other)) {
-            overlaps[one.index] += 1;
-            overlaps[other.index] += 1;
-        }
-    }
+    let overlaps = overlaps_of(bodies.clone().map(Into::into));
     let found = overlaps.iter().sum::<usize>() / 2;
     let worst = bodies.zip(&overlaps).max_by_key(|(_, overlaps)| **overlaps);
     match worst {
@@ -181,6 +171,22 @@ pub(super) fn check_pairs<'a, T: Into<Placed<'a>>>(
         }
         _ => Ok(()),
     }
+}
+
+/// How many others each body overlaps.
+fn overlaps_of<'a>(bodies: impl Iterator<Item = Placed<'a>>) -> Vec<usize> {
+    let mut boxes: Vec<WorldBox> = bodies.enumerate().map(WorldBox::of).collect();
+    let axis = longest_axis(&boxes);
+    boxes.sort_unstable_by(|one, other| one.low_m[axis].total_cmp(&other.low_m[axis]));
+    let mut overlaps = vec![0; boxes.len()];
+    for (place, one) in boxes.iter().enumerate() {
+        let near = boxes[place + 1..].iter().take_while(|other| other.low_m[axis] <= one.high_m[axis]);
+        for other in near.filter(|other| one.overlaps(other)) {
+            overlaps[one.index] += 1;
+            overlaps[other.index] += 1;
+        }
+    }
+    overlaps
 }
 
 /// The axis along which the boxes lie farthest apart.

@@ -41,7 +41,7 @@ fn going_on_from(scene: &str) -> String {
 fn a_thousand_bodies_at_one_place_are_refused_in_scenes_and_kept_worlds() {
     let heap = boxes(1000, 0.2, |_| [0.0, 1.0, 0.0]);
     let expected =
-        "499500 pairs of overlapping bodies, expected at most 16000: body `box_999` overlaps 999 others";
+        "499500 pairs of overlapping bodies, expected at most 5000: body `box_999` overlaps 999 others";
     assert_eq!(refused(&heap), expected);
     assert_eq!(going_on_from(&heap), expected);
 }
@@ -56,10 +56,10 @@ fn a_body_that_makes_too_many_pairs_is_not_spawned() {
             Err(error) => break error.to_string(),
         }
     };
-    // 179 bodies make 15,931 pairs.
-    assert_eq!(world.bodies().len(), 179);
+    // A hundred make 4,950 pairs.
+    assert_eq!(world.bodies().len(), 100);
     let expected =
-        "16110 pairs of overlapping bodies, expected at most 16000: body `ball_179` overlaps 179 others";
+        "5050 pairs of overlapping bodies, expected at most 5000: body `ball_100` overlaps 100 others";
     assert_eq!(error, expected);
     world.prepare(request("shape.ball.radius = 0.1\nposition = [9, 2, 0]")).expect("apart from all others");
 }
@@ -99,7 +99,7 @@ fn bodies_that_meet_at_one_place_end_at_an_error_before_the_step() {
     world.step(&untouched(&world)).expect("the step that brings them together");
     let (before, steps) = (world.digest(), world.steps());
     let error = world.step(&untouched(&world)).expect_err("too many").to_string();
-    assert!(error.contains("pairs of overlapping bodies, expected at most 16000"), "{error}");
+    assert!(error.contains("pairs of overlapping bodies, expected at most 5000"), "{error}");
     assert_eq!((world.digest(), world.steps()), (before, steps), "the step was not made");
     world.again().expect("its scene begins anew");
 }
