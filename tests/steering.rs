@@ -9,7 +9,7 @@ use camera_node::source::{SourceConfig, StageConfig};
 use camera_node::{NodeCamera, NodeConfig};
 use cluster::{InProcess, expected_node};
 use coordinator::hooks::{EndRecord, FrameRecord, Recorder, Schedule, Scheduled, Sees, StepRecord};
-use coordinator::live::{Command, Follower, Outcome, Parameters, WorldState, live};
+use coordinator::live::{Command, Follower, MAX_WAITING, Outcome, Parameters, Refusal, WorldState, live};
 use coordinator::{
     AskEvery, Coordinator, Figures, LocalFrames as _, Placement, Progress, RunSettings, Snapshot, Transport,
     Watcher,
@@ -18,7 +18,7 @@ use hull::{Observer, ProbeSettings, Rig};
 use node_client::Agreement;
 use proto::Address;
 use segment::SegmentSettings;
-use sim::{BodyRequest, BodyResponse, Scene, World, WorldSettings};
+use sim::{BodyRequest, BodyResponse, BodySnapshot, Scene, World, WorldSettings, WorldSnapshot};
 use stage::{Motion, Prop};
 use testkit::{Watch, timely};
 
@@ -317,6 +317,107 @@ async fn a_run_is_paused_stepped_changed_and_begun_anew_by_those_who_follow_it()
     let (_, world) = ran.expect("runs");
     assert_eq!(world.scene().name(), "crowd");
     assert!(follower.order(Command::Pause).await.is_err(), "it is over");
+}
+
+/// A world of the studio's scene with these bodies instead of its own, each as fast as `velocity_m_s` says of its place.
+fn world_with(studio: &Studio, bodies: &str, velocity_m_s: impl Fn([f64; 3]) -> [f64; 3]) -> Command {
+    let scene = Scene::from_toml("heap", bodies).expect("a scene");
+    let begun = studio.world();
+    let mut kept = vec![];
+    for (id, mut spec) in scene.bodies(1).into_iter().enumerate() {
+        spec.velocity_m_s = velocity_m_s(spec.pose.position_m());
+        kept.push(BodySnapshot { id: id as u32, spec, spin_rad_s: [0.0; 3] });
+    }
+    let next_id = kept.len() as u32;
+    let world = WorldSnapshot::new(begun.scene().clone(), begun.parameters(), 0, next_id, kept);
+    Command::GoOn(Box::new(world.expect("possible")))
+}
+
+/// Runs a live studio that gets a command, until its world is given up and steps again.
+async fn given_up(bodies: &str, velocity_m_s: impl Fn([f64; 3]) -> [f64; 3]) {
+    let studio = Studio { lock_step: false, ..Studio::new(Motion::Idle, 1000.0) };
+    let (live, mut follower) = live();
+    let coordinator = studio.coordinator(studio.in_process()).with_live(live);
+    let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
+    let mut quiet = Quiet;
+    let run = coordinator.run(&mut quiet, async { drop(stopped.await) });
+    let command = world_with(&studio, bodies, velocity_m_s);
+    let steer = async {
+        let _watching = follower.watch();
+        seen(&mut follower, |world| world.step > 5).await;
+        follower.order(command).await.expect("within the limits");
+        let afresh = seen(&mut follower, |world| world.generation == 2 && world.step > 5).await;
+        assert_eq!(afresh.bodies.len(), 3, "the scene's own");
+        drop(stop);
+    };
+    let (ran, ()) = tokio::join!(run, steer);
+    ran.expect("runs");
+}
+
+#[tokio::test]
+async fn a_world_whose_bodies_fly_to_one_place_starts_afresh_before_they_meet() {
+    let row = |index: usize| {
+        let x = 0.03 * index as f64;
+        format!(
+            "[[bodies]]\nname = 'b{index}'\nshape.box.size = [0.027, 0.027, 0.027]\nplace.at = [{x}, 5, 0]\n"
+        )
+    };
+    let row: String = (0..200).map(row).collect();
+    given_up(&row, |[x, ..]| [(3.0 - x) * 120.0, 0.0, 0.0]).await;
+}
+
+#[tokio::test]
+async fn a_world_whose_steps_take_seconds_starts_afresh() {
+    // A hundred balls of 256 corners at one place: as many pairs as a world may have, of the slowest kind.
+    let corner = |index: usize| {
+        let (y, turn) = (1.0 - (index as f64 + 0.5) / 128.0, index as f64 * 2.4);
+        let level = (1.0 - y * y).sqrt();
+        [level * turn.cos(), y, level * turn.sin()].map(|part| 0.15 * part)
+    };
+    let corners: Vec<[f64; 3]> = (0..256).map(corner).collect();
+    let body = |index| {
+        format!("[[bodies]]\nname = 'b{index}'\nshape.hull.points = {corners:?}\nplace.at = [0, 5, 0]\n")
+    };
+    let heap: String = (0..100).map(body).collect();
+    given_up(&heap, |_| [0.0; 3]).await;
+}
+
+#[tokio::test]
+async fn a_reset_is_done_at_once_while_steps_are_slow_and_hundreds_of_commands_wait() {
+    let studio = Studio { lock_step: false, ..Studio::new(Motion::Idle, 1000.0) };
+    let (live, mut follower) = live();
+    // Three bodies: a step takes 0.3 s.
+    let slow = |_: &mut BodyResponse| std::thread::sleep(Duration::from_millis(100));
+    let coordinator = studio.coordinator(studio.in_process()).with_live(live).with_altered(slow);
+    let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
+    let mut quiet = Quiet;
+    let run = coordinator.run(&mut quiet, async { drop(stopped.await) });
+    let steer = async {
+        let _watching = follower.watch();
+        let before = seen(&mut follower, |world| world.step > 2).await;
+        let spawn = spawned("shape.ball.radius = 0.1\nposition = [1, 1, 1]");
+        let spawns = (0..MAX_WAITING + 40).map(|_| follower.order(spawn.clone()));
+        let (answers, reset) =
+            tokio::join!(futures::future::join_all(spawns), follower.order(Command::Reset));
+        reset.expect("it has room, and is done");
+        let is = |expected: fn(&Refusal) -> bool| {
+            answers.iter().filter(|answer| answer.as_ref().is_err_and(expected)).count()
+        };
+        let superseded = is(|why| matches!(why, Refusal::Superseded));
+        assert_eq!((superseded, is(|why| matches!(why, Refusal::Busy))), (MAX_WAITING, 40));
+        let world = follower.world.borrow().clone().expect("a world");
+        assert_eq!((world.generation, world.bodies.len()), (1, 3));
+        assert!(
+            before.step + world.step < 10,
+            "steps {} and {}: it waited for many",
+            before.step,
+            world.step
+        );
+        drop(stop);
+    };
+    let (ran, ()) = tokio::join!(run, steer);
+    let (figures, _) = ran.expect("runs");
+    assert!(figures.steps < 10, "{} steps", figures.steps);
 }
 
 #[tokio::test]

@@ -19,6 +19,8 @@ use crate::transport::TransportError;
 
 /// Commands that wait for the next step at most: a page that drags sends one a picture.
 pub const MAX_WAITING: usize = 256;
+/// So many resets may wait beyond that: the way out of a world of too much must not be full of it.
+pub(crate) const RESETS_BEYOND: usize = 8;
 
 /// What is asked of a run.
 #[derive(Clone, Debug, PartialEq)]
@@ -125,6 +127,9 @@ pub enum Refusal {
         /// The most that are kept.
         limit: usize,
     },
+    /// The world that it was for has ended.
+    #[error("a reset or another scene came before it was done")]
+    Superseded,
     /// Too many commands wait for the next step.
     #[error("{MAX_WAITING} commands wait, expected fewer")]
     Busy,
@@ -316,7 +321,7 @@ pub struct Live {
 
 /// Both ends.
 pub fn live() -> (Live, Follower) {
-    let (order, orders) = mpsc::channel(MAX_WAITING);
+    let (order, orders) = mpsc::channel(MAX_WAITING + RESETS_BEYOND);
     let (world, see_world) = watch::channel(None);
     let (scene, see_scene) = watch::channel(None);
     let (status, see_status) = watch::channel(None);
@@ -347,6 +352,9 @@ impl Follower {
 
     /// Asks for something and waits for the step that does it.
     pub async fn order(&self, command: Command) -> Result<Outcome, Refusal> {
+        if command != Command::Reset && self.orders.capacity() <= RESETS_BEYOND {
+            return Err(self.closed_or_busy());
+        }
         let (reply, answered) = oneshot::channel();
         let order = Order { command, reply };
         self.orders.try_send(order).map_err(|error| match error {
@@ -354,6 +362,10 @@ impl Follower {
             mpsc::error::TrySendError::Closed(_) => Refusal::Ended,
         })?;
         answered.await.unwrap_or(Err(Refusal::Ended))
+    }
+
+    fn closed_or_busy(&self) -> Refusal {
+        if self.orders.is_closed() { Refusal::Ended } else { Refusal::Busy }
     }
 }
 
@@ -399,6 +411,8 @@ mod tests {
             }
         }
         assert_eq!((waiting.len(), refused), (MAX_WAITING, 1));
+        let mut reset = Box::pin(follower.order(Command::Reset));
+        assert!(futures::poll!(&mut reset).is_pending(), "it waits for the next step");
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! What others ask of a run: taken between steps, done before the next.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -9,10 +9,11 @@ use proto::BACKGROUND_S;
 use sim::World;
 use tokio::time::timeout;
 
+use super::budget::StepBudget;
 use super::clock::frame_at;
 use super::watch::{REPORT_EVERY, Watcher};
 use super::{Coordinator, FRAMES_AHEAD, RunError};
-use crate::live::{Command, MAX_STEPS, MAX_WAITING, Order, Outcome, Refusal};
+use crate::live::{Command, MAX_STEPS, MAX_WAITING, Order, Outcome, RESETS_BEYOND, Refusal};
 use crate::query::QueryBody;
 use crate::transport::FirstFrame;
 
@@ -63,17 +64,33 @@ impl Coordinator {
     /// Does what is asked by now, as much of it as may wait between two steps.
     pub(super) async fn take_orders(&mut self) {
         for _ in 0..MAX_WAITING {
-            let Some(order) = self.publisher.live.as_mut().and_then(|live| live.orders.try_recv().ok())
-            else {
-                break;
-            };
+            // Before each: one may take as long as a node needs for a shape, and a reset is not to wait for all of them.
+            self.receive_orders();
+            let Some(order) = self.waiting.pop_front() else { break };
             self.take(order).await;
         }
+    }
+
+    /// Receives what was asked since, and refuses what a later reset undoes.
+    fn receive_orders(&mut self) {
+        let Some(live) = &mut self.publisher.live else { return };
+        // The follower of an order may have gone.
+        let refuse = |order: Order, why| drop(order.reply.send(Err(why)));
+        for order in (0..MAX_WAITING + RESETS_BEYOND).map_while(|_| live.orders.try_recv().ok()) {
+            let beyond = if order.command == Command::Reset { RESETS_BEYOND } else { 0 };
+            if self.waiting.len() < MAX_WAITING + beyond {
+                self.waiting.push_back(order);
+            } else {
+                refuse(order, Refusal::Busy);
+            }
+        }
+        take_superseded(&mut self.waiting).into_iter().for_each(|order| refuse(order, Refusal::Superseded));
     }
 
     /// While paused: waits for an order, not for long, and lets film go by; false if the run's time is over.
     pub(super) async fn rest(&mut self, watcher: &mut dyn Watcher) -> bool {
         let Coordinator { transport, publisher, .. } = self;
+        let patience = if self.waiting.is_empty() { REPORT_EVERY } else { Duration::ZERO };
         let order = async {
             let live = publisher.live.as_mut()?;
             loop {
@@ -83,8 +100,8 @@ impl Coordinator {
                 }
             }
         };
-        match timeout(REPORT_EVERY, order).await {
-            Ok(Some(order)) => self.take(order).await,
+        match timeout(patience, order).await {
+            Ok(Some(order)) => self.waiting.push_back(order),
             // Nobody is left who could ever resume.
             Ok(None) => self.steering = Steering::Running,
             Err(_) => {}
@@ -204,13 +221,46 @@ impl Coordinator {
     async fn begin_world(&mut self, world: World) -> Result<(), Refusal> {
         let shapes = world.moving_bodies().flat_map(sim::Body::asked_shapes).collect();
         self.register(shapes).await?;
+        self.replace_world(world);
+        Ok(())
+    }
+
+    /// The same, once its shapes are on their way to the nodes.
+    fn replace_world(&mut self, world: World) {
         // A world that goes on has a time of its own already, of which this film is not.
         self.clock.passed_s += self.world.time_s() - world.time_s();
         self.settings.reuse_within_m = world.scene().hull().reuse_within_m;
         self.world = world;
+        self.budget = StepBudget::default();
         self.publisher.generation += 1;
         self.publisher.view.forget_bodies();
         self.bodies_changed();
+    }
+
+    /// Live: gives up a world whose steps take far too long. Others have no deadline, and are to be the same on any machine.
+    pub(super) async fn give_up_slow_world(&mut self) -> Result<(), RunError> {
+        if !self.budget.is_exhausted() || self.settings.lock_step || self.script.schedule.is_some() {
+            return Ok(());
+        }
+        self.start_afresh("the solver takes over 0.1 s a step").await
+    }
+
+    /// Puts the scene's start in the place of a world whose steps cannot be made: whatever made it so, the room goes on.
+    pub(super) async fn start_afresh(&mut self, why: &str) -> Result<(), RunError> {
+        tracing::error!(
+            "the world is given up, its scene {:?} starts afresh: {why}",
+            self.world.scene().name()
+        );
+        let world = self.world.again()?;
+        let shapes = world.moving_bodies().flat_map(sim::Body::asked_shapes).collect();
+        if let Err(why) = self.register(shapes).await {
+            // They are sent again when a node first misses one.
+            tracing::warn!("nodes refuse shapes of the scene: {why}");
+        }
+        self.replace_world(world);
+        if self.log.recorder.is_some() {
+            keep(&mut self.log.commands, Command::Reset);
+        }
         Ok(())
     }
 
@@ -268,6 +318,17 @@ impl Coordinator {
     }
 }
 
+/// Takes out the commands for a world that a later reset, or another scene, ends.
+fn take_superseded(waiting: &mut VecDeque<Order>) -> Vec<Order> {
+    let ends_world = |order: &Order| matches!(order.command, Command::Reset | Command::Choose(_));
+    let Some(end) = waiting.iter().rposition(ends_world) else { return vec![] };
+    let before: Vec<Order> = waiting.drain(..end).collect();
+    let (superseded, kept): (Vec<_>, Vec<_>) =
+        before.into_iter().partition(|order| order.command.changes_world() && !ends_world(order));
+    kept.into_iter().rev().for_each(|order| waiting.push_front(order));
+    superseded
+}
+
 /// Keeps a command. Of a body that is drawn from place to place before a step only the last place counts.
 fn keep(commands: &mut Vec<Command>, command: Command) {
     let grabbed =
@@ -286,6 +347,27 @@ fn keep(commands: &mut Vec<Command>, command: Command) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_reset_supersedes_what_was_asked_of_its_world_before() {
+        let push = |x| Command::Push { body: 0, impulse_n_s: [x, 0.0, 0.0], at_m: None };
+        let mut waiting: VecDeque<Order> = [
+            Command::Pause,
+            push(1.0),
+            Command::Reset,
+            push(2.0),
+            Command::Step(3),
+            Command::Reset,
+            push(3.0),
+        ]
+        .map(|command| Order { command, reply: tokio::sync::oneshot::channel().0 })
+        .into();
+        let superseded = take_superseded(&mut waiting);
+        let commands = |orders: Vec<Order>| orders.into_iter().map(|order| order.command).collect::<Vec<_>>();
+        assert_eq!(commands(superseded), [push(1.0), push(2.0)]);
+        let expected = [Command::Pause, Command::Reset, Command::Step(3), Command::Reset, push(3.0)];
+        assert_eq!(commands(waiting.into()), expected);
+    }
 
     #[test]
     fn of_a_body_that_is_drawn_the_last_place_is_kept() {

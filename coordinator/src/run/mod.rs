@@ -8,6 +8,7 @@
 //! The loop waits; what is decided is decided by the [`Roster`](crate::roster::Roster), the [`HullQuery`] and the
 //! clock.
 
+mod budget;
 mod clock;
 mod commands;
 mod frames;
@@ -20,7 +21,7 @@ mod remember;
 mod step;
 mod watch;
 
-use std::collections::HashSet;
+use std::collections::{HashSet, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -32,11 +33,12 @@ use thiserror::Error;
 
 use crate::figures::Figures;
 use crate::hooks::{AlterResponse, EndRecord, Recorder, Schedule, Scheduled, Sees};
-use crate::live::{Command, Live, Refusal};
+use crate::live::{Command, Live, Order, Refusal};
 use crate::memory::{Memory, MemoryUse};
 use crate::query::{AskEvery, HullQuery, Surfaces};
 use crate::roster::{Arrival, WaitError};
 use crate::transport::{Transport, TransportError};
+use budget::StepBudget;
 use clock::Clock;
 use commands::Steering;
 use frames::FilmInUse;
@@ -158,7 +160,11 @@ pub struct Coordinator {
     film: FilmInUse,
     clock: Clock,
     figures: Figures,
+    /// What the solver took for the steps of the world.
+    budget: StepBudget,
     steering: Steering,
+    /// Commands that were received, at most [`MAX_WAITING`](crate::live::MAX_WAITING) and a few resets.
+    waiting: VecDeque<Order>,
     script: Script,
     log: Log,
     publisher: Publisher,
@@ -216,7 +222,9 @@ impl Coordinator {
             surfaces,
             film: FilmInUse::default(),
             figures: Figures::default(),
+            budget: StepBudget::default(),
             steering: Steering::default(),
+            waiting: VecDeque::new(),
             script: Script::default(),
             log: Log::default(),
             publisher: Publisher::default(),
@@ -359,6 +367,7 @@ impl Coordinator {
         if self.steering.is_paused() {
             return Ok(true);
         }
+        self.give_up_slow_world().await?;
         match self.script.next.take() {
             Some(Scheduled { commands, sees }) => {
                 self.follow(commands).await?;

@@ -3,6 +3,7 @@
 use proto::unix_now_s;
 
 use super::Coordinator;
+use super::budget::StepBudget;
 use super::watch::{GoneOn, Watcher};
 use crate::live::Command;
 use crate::memory::{Memory, MemoryUse};
@@ -24,7 +25,10 @@ impl Coordinator {
             let (age_s, world) = (unix_now_s() - found.kept.unix_s, Box::new(found.world));
             // As a command, so that a recording has it, too.
             match self.carry_out(Command::GoOn(world)).await {
-                Ok(_) => watcher.gone_on(&self.gone_on(age_s)),
+                Ok(_) => {
+                    self.budget = StepBudget::on_probation();
+                    watcher.gone_on(&self.gone_on(age_s));
+                }
                 Err(why) => tracing::warn!("the world that nodes remember cannot go on: {why}"),
             }
         }
@@ -41,9 +45,11 @@ impl Coordinator {
         }
     }
 
-    /// Hands the nodes the world, if it is time.
+    /// Hands the nodes the world, if it is time and the world is fit to go on from.
     pub(super) fn remember(&mut self) {
-        if let Some(memory) = &mut self.memory {
+        if let Some(memory) = &mut self.memory
+            && self.budget.is_met()
+        {
             memory.keep(&self.world, self.transport.clients());
         }
     }

@@ -2,7 +2,7 @@
 
 use hull::pass::BodyResult;
 use proto::FilmState;
-use sim::{Body, BodyResponse, FaultKind};
+use sim::{Body, BodyResponse, FaultKind, WorldError};
 use tokio::time::Instant;
 
 use super::clock::frame_at;
@@ -112,7 +112,14 @@ impl Coordinator {
             responses.iter_mut().for_each(alter);
         }
         self.note_touches(&responses, results.as_deref());
-        let touching = self.apply(&responses)?;
+        let touching = match self.apply(&responses) {
+            // A replay makes what was recorded.
+            Err(WorldError::Limit(why)) if self.script.schedule.is_none() => {
+                self.start_afresh(&why.to_string()).await?;
+                return Ok(true);
+            }
+            touching => touching?,
+        };
         let view = &mut self.publisher.view;
         (view.film_s, view.frame, view.touching) = (film_s, self.film.hull_frame(), touching);
         self.steering.count();
@@ -142,10 +149,12 @@ impl Coordinator {
     }
 
     /// Steps the world with the hull's answers; returns how many bodies touch it.
-    fn apply(&mut self, responses: &[BodyResponse]) -> Result<usize, RunError> {
+    fn apply(&mut self, responses: &[BodyResponse]) -> Result<usize, WorldError> {
         let began = Instant::now();
         let report = self.world.step(responses)?;
-        self.figures.add_stage("physics", began.elapsed().as_secs_f64() * 1e3);
+        let took_s = began.elapsed().as_secs_f64();
+        self.budget.note(took_s);
+        self.figures.add_stage("physics", took_s * 1e3);
         self.figures.faults += report.faults.len() as u64;
         for fault in &report.faults {
             let what = match fault.kind {
