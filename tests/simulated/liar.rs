@@ -13,6 +13,7 @@ use tonic::transport::{Channel, Endpoint, Server};
 use tonic::{Request, Response, Status, Streaming};
 use turmoil::net::TcpStream;
 
+use crate::poison::Poison;
 use crate::room::{Random, accepted};
 
 /// Messages of one stream that wait.
@@ -39,13 +40,19 @@ pub struct Habit {
     random: Random,
     always: Option<Lie>,
     honest_of_8: u64,
+    poison: Option<Poison>,
 }
 
 impl Habit {
+    /// One that lies about the world that it remembers, and about nothing else.
+    pub fn poisoning(random: Random, poison: Poison) -> Habit {
+        Habit { random, always: None, honest_of_8: 8, poison: Some(poison) }
+    }
+
     pub fn new(mut random: Random) -> Habit {
         let always = (random.below(2) == 0).then(|| LIES[1 + random.below(7) as usize]);
         let honest_of_8 = random.below(8);
-        Habit { random, always, honest_of_8 }
+        Habit { random, always, honest_of_8, poison: None }
     }
 
     fn next(&mut self) -> Lie {
@@ -204,7 +211,13 @@ impl CameraNode for Liar {
         &self,
         request: Request<v1::FetchWorldRequest>,
     ) -> Result<Response<v1::FetchWorldReply>, Status> {
-        self.honest.clone().fetch_world(request.into_inner()).await
+        let honest = self.honest.clone().fetch_world(request.into_inner()).await?;
+        let poison = self.habit.lock().unwrap_or_else(PoisonError::into_inner).poison;
+        let Some(poison) = poison else { return Ok(honest) };
+        Ok(honest.map(|v1::FetchWorldReply { checkpoint, previous }| {
+            let (checkpoint, previous) = poison.spoil(&checkpoint, previous);
+            v1::FetchWorldReply { checkpoint, previous }
+        }))
     }
 
     async fn watch_frames(

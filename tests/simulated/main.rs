@@ -5,6 +5,7 @@
 
 mod film;
 mod liar;
+mod poison;
 mod room;
 
 use std::sync::Mutex;
@@ -16,6 +17,7 @@ use room::{Outcome, Trouble, play};
 /// Seeds from 0 of each trouble; `HULLTOUCH_SEEDS` says another number.
 const SEEDS_OF_NETWORKS: u64 = 50;
 const SEEDS_OF_LIARS: u64 = 40;
+const SEEDS_OF_POISON: u64 = 4;
 
 /// Both logs of a seed, and what was wrong.
 fn check(studio: &Studio, seed: u64, trouble: Trouble) -> Result<Outcome, String> {
@@ -41,6 +43,11 @@ fn rooms_whose_network_fails_are_whole_again_and_the_same_seed_fails_the_same() 
 #[test]
 fn a_node_that_lies_does_not_end_a_run_nor_blind_it_for_a_second() {
     check_all(Trouble::Liar, SEEDS_OF_LIARS);
+}
+
+#[test]
+fn a_world_that_one_node_made_up_is_not_gone_on_from() {
+    check_all(Trouble::Poison, SEEDS_OF_POISON);
 }
 
 /// `HULLTOUCH_SEED` tries one alone, and prints its log.

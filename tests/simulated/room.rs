@@ -30,6 +30,7 @@ use turmoil::net::{TcpListener, TcpStream};
 
 use crate::film::{CAMERAS, FPS, NODES, Studio};
 use crate::liar::{self, Habit};
+use crate::poison::Poison;
 
 /// A simulated run, seconds.
 const RUN_S: u64 = 20;
@@ -76,6 +77,8 @@ pub enum Trouble {
     Network,
     /// A node lies.
     Liar,
+    /// A node lies about the world that it remembers, and the coordinator is started anew.
+    Poison,
 }
 
 /// Numbers from a seed (SplitMix64).
@@ -202,7 +205,7 @@ fn run(studio: &Studio, seed: u64, trouble: Trouble, log: &Log) {
         .max_message_latency(latency)
         .tcp_capacity(4096)
         .build();
-    let liar = (trouble == Trouble::Liar).then(|| random.below(NODES as u64) as usize);
+    let liar = (trouble != Trouble::Network).then(|| random.below(NODES as u64) as usize);
     for node in 0..NODES {
         let lies = liar.filter(|&liar| liar == node).map(|_| Random(random.below(u64::MAX)));
         let port = if lies.is_some() { HONEST_PORT } else { PORT };
@@ -214,7 +217,10 @@ fn run(studio: &Studio, seed: u64, trouble: Trouble, log: &Log) {
             let config = config.clone();
             let ring = Arc::new(FrameRing::new(config.cameras.len()).keeping(ring_frames(FPS)));
             let film = Arc::new(studio.film(&config, Arc::clone(&ring)));
-            let habit = lies.clone().map(Habit::new);
+            let habit = lies.clone().map(|random| match trouble {
+                Trouble::Poison => Habit::poisoning(random, Poison::ALL[seed as usize % Poison::ALL.len()]),
+                Trouble::Network | Trouble::Liar => Habit::new(random),
+            });
             async move {
                 let honest = async {
                     serve_film(&config, film, ring, accepted(port).await?).await?;
@@ -243,6 +249,15 @@ fn run(studio: &Studio, seed: u64, trouble: Trouble, log: &Log) {
     if trouble == Trouble::Liar {
         steps(&mut sim, Duration::from_secs(LYING_S), log);
         return log.check_blindness();
+    }
+    if trouble == Trouble::Poison {
+        for (at_s, is_dead) in [(4, true), (5, false)] {
+            steps(&mut sim, Duration::from_secs(at_s), log);
+            let fault = Fault::CoordinatorDead;
+            if is_dead { fault.begin(&mut sim) } else { fault.end(&mut sim, latency) }
+        }
+        steps(&mut sim, Duration::from_secs(LYING_S), log);
+        return log.check_gone_on();
     }
     let faults = faults(&mut random);
     let mut events: Vec<(Duration, bool, Fault)> =
@@ -366,6 +381,16 @@ impl Log {
         }
     }
 
+    /// The coordinator that was started anew goes on from where it was, and says so.
+    fn check_gone_on(&self) {
+        let kept = self.0.lock().expect("no panic");
+        let gone_on = kept.lines.iter().filter(|line| line.contains("goes on from step")).count();
+        drop(kept);
+        if gone_on != 1 {
+            self.wrong(format!("it went on {gone_on} times from a world that nodes remember"));
+        }
+    }
+
     /// At the end all cameras are there, and have been for a while.
     fn check_end(&self) {
         let used = self.0.lock().expect("no panic").used;
@@ -418,6 +443,9 @@ impl Recorder for Log {
         drop(kept);
         if is_blind {
             self.wrong(format!("step {} has no hull", record.step));
+        }
+        if record.step > before + 1 {
+            self.wrong(format!("step {} follows step {before}: steps between are missing", record.step));
         }
         if record.step + MOST_LOST_STEPS < before && !may_forget {
             self.wrong(format!("step {} follows step {before}", record.step));
