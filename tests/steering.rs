@@ -372,7 +372,7 @@ async fn a_world_whose_steps_take_seconds_starts_afresh() {
     let corner = |index: usize| {
         let (y, turn) = (1.0 - (index as f64 + 0.5) / 128.0, index as f64 * 2.4);
         let level = (1.0 - y * y).sqrt();
-        [level * turn.cos(), y, level * turn.sin()].map(|part| 0.15 * part)
+        [level * libm::cos(turn), y, level * libm::sin(turn)].map(|part| 0.15 * part)
     };
     let corners: Vec<[f64; 3]> = (0..256).map(corner).collect();
     let body = |index| {

@@ -86,7 +86,7 @@ mod tests {
         let parent = tempfile::tempdir().expect("a folder");
         let folder = ScratchFolder::new_in(parent.path()).expect("made");
         let path = folder.path().to_owned();
-        assert_eq!(path.file_name().map(|name| name.len()), Some(NAME_BYTES));
+        assert_eq!(path.file_name().map(std::ffi::OsStr::len), Some(NAME_BYTES));
         assert_eq!(fs::metadata(&path).expect("there").mode() & 0o777, 0o700);
         drop(folder);
         assert!(!path.exists());
