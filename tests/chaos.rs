@@ -23,7 +23,7 @@ use std::time::{Duration, Instant};
 
 use filmed::{film_argument, film_of, filmed_room};
 use link::{Delay, Link};
-use room::{Node, Running, cameras, coordinator, program};
+use room::{Node, Running, cameras, cluster_file, coordinator, ended, frames, missed, program};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 use testkit::{Watch, timely};
@@ -310,4 +310,29 @@ fn a_run_in_which_everything_fails_goes_on() {
     assert!(grown_kib < GROWTH_KIB, "seed {seed}: it grew by {grown_kib} KiB over {} faults", faults.len());
     timely!(watch, missed < 0.2, "seed {seed}: {}", figures["missed"]);
     eprintln!("{} faults, {}, grown by {grown_kib} KiB", faults.len(), figures["missed"]);
+}
+
+/// `HULLTOUCH_STARTS` says how many are tried.
+#[test]
+fn a_node_that_freezes_for_a_moment_does_not_fail_a_start() {
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let watch = Watch::start();
+    let folder = tempfile::tempdir().expect("a folder");
+    let (cluster, json) = (cluster_file(folder.path(), NODES), folder.path().join("out.json"));
+    let nodes: Vec<Node> = (0..NODES).map(|node| Node::start(program(), &cluster, &cameras(node))).collect();
+    for seed in 0..number("HULLTOUCH_STARTS", 8) {
+        let mut random = Random(seed);
+        let run = Running::start(&mut coordinator(program(), &cluster, "0.5", &json));
+        // A start takes about half a second: each of its phases is met.
+        let (after, frozen) = (random.below(700), 40 + random.below(21));
+        thread::sleep(Duration::from_millis(after));
+        let node = random.below(NODES as u64) as usize;
+        stopped(nodes[node].id(), Duration::from_millis(frozen));
+        let Some(figures) = watch.judge(ended(run, &json)) else { return };
+        assert!(
+            frames(&figures) > 0,
+            "start {seed}: node {node} was frozen for {frozen} ms after {after} ms: {}",
+            missed(&figures)
+        );
+    }
 }
