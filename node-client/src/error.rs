@@ -100,6 +100,14 @@ pub enum NodeError {
 }
 
 impl NodeError {
+    /// What happened, without the address at which it happened.
+    pub fn innermost(&self) -> &NodeError {
+        match self {
+            NodeError::At { error, .. } => error.innermost(),
+            error => error,
+        }
+    }
+
     /// Whether the node answered what cannot be: it lies, or is broken.
     pub fn is_invalid(&self) -> bool {
         match self {

@@ -2,12 +2,20 @@
 
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 
-use futures::future::BoxFuture;
+use futures::future::{BoxFuture, Either, select};
+use futures::stream::{self, StreamExt as _};
 use proto::Address;
 
-/// As many addresses of a node are tried at once; the others are left out.
-const MAX_TRIED: usize = 8;
+use crate::error::NodeError;
+
+/// Addresses of a node that are tried one after the other, at one connection.
+const MAX_TRIED: usize = 128;
+/// Of these, as many are tried at once: each takes a socket.
+const MAX_TRIED_AT_ONCE: usize = 16;
+/// The program that answers at an address that was only found must say which node it is within this.
+const FOUND_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Where a node is. Clones share what was found.
 #[derive(Clone)]
@@ -25,8 +33,8 @@ pub struct Sought {
     checked: Mutex<Option<Address>>,
 }
 
-/// Addresses at which the node may be, within a bounded time; none: nobody says where it is. Any of them may be
-/// somebody else's.
+/// Addresses at which the node may be, within a bounded time, in the order in which to try them; none if it is not
+/// announced. Any of them may belong to another program.
 pub type FindNode = dyn Fn() -> BoxFuture<'static, Vec<Address>> + Send + Sync;
 
 impl NodePlace {
@@ -47,13 +55,59 @@ impl NodePlace {
         }
     }
 
-    /// Whether addresses are only what somebody said.
+    /// Reaches the node: what the first attempt returns that finds the node that is meant. Of a node that is looked for, the
+    /// address at which it last was is tried meanwhile, and a machine that only claims to be the node delays it no more
+    /// than the other attempts do.
+    pub(crate) async fn reach<T, F>(&self, attempt: impl Fn(Address) -> F) -> Result<T, NodeError>
+    where
+        F: Future<Output = Result<T, NodeError>>,
+    {
+        if let NodePlace::At(address) = self {
+            return attempt(address.clone()).await;
+        }
+        let attempt = &attempt;
+        let attempt_at = |address: Address| async move {
+            let tried = tokio::time::timeout(FOUND_TIMEOUT, attempt(address.clone())).await;
+            let tried = tried.unwrap_or(Err(NodeError::Timeout(FOUND_TIMEOUT)));
+            tried
+                .inspect(|_| self.set_checked(&address))
+                .map_err(|error| NodeError::At { address, error: Box::new(error) })
+        };
+        let at_known = async {
+            match self.checked() {
+                Some(address) => attempt_at(address).await,
+                None => Err(NodeError::NotFound),
+            }
+        };
+        let at_found = async {
+            let found = self.addresses().await;
+            let mut attempts = stream::iter(found).map(attempt_at).buffer_unordered(MAX_TRIED_AT_ONCE);
+            let mut failure = NodeError::NotFound;
+            while let Some(tried) = attempts.next().await {
+                match tried {
+                    Ok(reached) => return Ok(reached),
+                    // The node's own refusal says more than that another address is silent.
+                    Err(error) if error.is_absence() && !failure.is_absence() => {}
+                    Err(error) => failure = error,
+                }
+            }
+            Err(failure)
+        };
+        tokio::pin!(at_known, at_found);
+        match select(at_known, at_found).await {
+            Either::Left((Err(_), at_found)) => at_found.await,
+            Either::Right((Err(error), at_known)) => at_known.await.map_err(|_| error),
+            Either::Left((reached, _)) | Either::Right((reached, _)) => reached,
+        }
+    }
+
+    /// Whether addresses are only what was announced.
     pub fn is_sought(&self) -> bool {
         matches!(self, NodePlace::Sought(_))
     }
 
-    /// Who answered at this address is the node that is meant.
-    pub(crate) fn set_checked(&self, address: &Address) {
+    /// The program that answered at this address is the node that is meant.
+    fn set_checked(&self, address: &Address) {
         if let NodePlace::Sought(sought) = self {
             *sought.checked.lock().unwrap_or_else(PoisonError::into_inner) = Some(address.clone());
         }
@@ -89,5 +143,62 @@ impl fmt::Display for NodePlace {
 impl fmt::Debug for NodePlace {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "NodePlace({self})")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    use super::*;
+
+    fn at(port: usize) -> Address {
+        Address::Tcp(format!("192.0.2.1:{port}"))
+    }
+
+    /// The place of a node that is announced at ports from 1 on.
+    fn announced(count: usize) -> NodePlace {
+        NodePlace::sought(move || Box::pin(async move { (1..=count).map(at).collect() }))
+    }
+
+    async fn silent<T>() -> T {
+        std::future::pending().await
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn silent_addresses_do_not_keep_the_node_from_being_found() {
+        let (place, tried) = (announced(100), AtomicUsize::new(0));
+        let tried = &tried;
+        let attempt = |address: Address| async move {
+            tried.fetch_add(1, Ordering::Relaxed);
+            if address == at(40) { Ok(40) } else { silent().await }
+        };
+        let began = tokio::time::Instant::now();
+        assert_eq!(place.reach(attempt).await, Ok(40));
+        assert_eq!(began.elapsed(), 2 * FOUND_TIMEOUT, "it is among the third sixteen");
+        assert!(tried.load(Ordering::Relaxed) <= 3 * MAX_TRIED_AT_ONCE);
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn the_last_address_is_tried_whatever_is_announced() {
+        let place = announced(100);
+        let attempt =
+            |address: Address| async move { if address == at(7) { Ok(()) } else { silent().await } };
+        assert_eq!(place.reach(attempt).await, Ok(()));
+        let found = NodePlace::sought(|| Box::pin(silent()));
+        let (NodePlace::Sought(known), NodePlace::Sought(next)) = (&place, &found) else { panic!("sought") };
+        *next.checked.lock().expect("whole") = known.checked.lock().expect("whole").clone();
+        assert_eq!(found.reach(attempt).await, Ok(()));
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_refusal_is_reported_rather_than_silence() {
+        let attempt = |address: Address| async move {
+            if address == at(2) { Err::<(), _>(NodeError::Refused("no".into())) } else { silent().await }
+        };
+        let error = announced(3).reach(attempt).await.expect_err("refused");
+        assert_eq!(error.to_string(), "at 192.0.2.1:2: no");
+        let error = announced(0).reach(attempt).await.expect_err("not announced");
+        assert_eq!(error, NodeError::NotFound);
     }
 }

@@ -74,15 +74,9 @@ impl StatusClient {
         Ok(report)
     }
 
-    /// All addresses at which the node may be are tried at once; of those that were only found, the one that has the
-    /// cameras of the node that is meant.
+    /// Of a node that is looked for, it must have the cameras of the node that is meant.
     async fn reach(&self) -> Result<(NodeReport, NodeStatusClient<Channel>), NodeError> {
-        let addresses = self.node.place.addresses().await;
-        if addresses.is_empty() {
-            return Err(NodeError::NotFound);
-        }
-        let attempts = addresses.iter().map(|address| Box::pin(self.try_address(address)));
-        futures::future::select_ok(attempts).await.map(|(reached, _)| reached)
+        self.node.place.reach(|address| async move { self.try_address(&address).await }).await
     }
 
     async fn try_address(
@@ -102,10 +96,8 @@ impl StatusClient {
         if self.node.place.is_sought() {
             let lacks = |name: &str| found.iter().all(|camera| camera.name != clean(name, MAX_NAME_CHARS));
             if let Some(missing) = self.node.cameras.iter().find(|camera| lacks(&camera.name)) {
-                let error = Box::new(crate::Mismatch::NoCamera(missing.name.clone()).into());
-                return Err(NodeError::At { address: address.clone(), error });
+                return Err(crate::Mismatch::NoCamera(missing.name.clone()).into());
             }
-            self.node.place.set_checked(address);
         }
         Ok((report, client))
     }

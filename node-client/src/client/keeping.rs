@@ -27,8 +27,6 @@ const FIRST_BACKOFF: Duration = Duration::from_millis(50);
 const LONGEST_BACKOFF: Duration = Duration::from_secs(1);
 /// All calls of a connection's beginning together: sources open, programs start.
 const BEGIN_TIMEOUT: Duration = Duration::from_secs(30);
-/// Who answers at an address that was only found must say who it is within this.
-const FOUND_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// A node that another holds is asked so often, and for so long: whoever held it may have lost power just now.
 const CLAIM_EVERY: Duration = Duration::from_millis(200);
@@ -92,27 +90,9 @@ impl NodeClient {
         open_streams(client).await
     }
 
-    /// Connects to the node, and says with which term somebody holds it. All addresses at which it may be are tried
-    /// at once, so that nobody who only says to be the node keeps us from it.
+    /// Connects to the node, and says with which term it is held.
     async fn reach(&self) -> Result<(CameraNodeClient<Channel>, u64), NodeError> {
-        let addresses = self.node.place.addresses().await;
-        if addresses.is_empty() {
-            return Err(NodeError::NotFound);
-        }
-        let attempts = addresses.iter().map(|address| Box::pin(self.try_address(address)));
-        futures::future::select_ok(attempts).await.map(|(reached, _)| reached)
-    }
-
-    async fn try_address(&self, address: &Address) -> Result<(CameraNodeClient<Channel>, u64), NodeError> {
-        if !self.node.place.is_sought() {
-            return self.connect_checked(address).await;
-        }
-        let tried = tokio::time::timeout(FOUND_TIMEOUT, self.connect_checked(address)).await;
-        let tried = tried.unwrap_or(Err(NodeError::Timeout(FOUND_TIMEOUT)));
-        let place = &self.node.place;
-        tried
-            .inspect(|_| place.set_checked(address))
-            .map_err(|error| NodeError::At { address: address.clone(), error: Box::new(error) })
+        self.node.place.reach(|address| async move { self.connect_checked(&address).await }).await
     }
 
     /// Connects, and checks who answers.

@@ -45,7 +45,7 @@ fn of_node(node: &NodeFacts, facts: &Facts) -> Option<Finding> {
             format!("node {name}: no connection to {at}: {why}"),
             "look at address, cable and route: ping the PC",
         )),
-        Reach::Open => match node.found.as_ref()?.as_ref().err().map(innermost)? {
+        Reach::Open => match node.found.as_ref()?.as_ref().err().map(NodeError::innermost)? {
             NodeError::AtOnce { why, .. } if !super::certificates::is_about(node, facts) => other(why),
             NodeError::Timeout(_) => other("it takes connections and says nothing"),
             NodeError::Invalid(error) => other(&error.to_string()),
@@ -56,12 +56,5 @@ fn of_node(node: &NodeFacts, facts: &Facts) -> Option<Finding> {
             }
             _ => None,
         },
-    }
-}
-
-fn innermost(error: &NodeError) -> &NodeError {
-    match error {
-        NodeError::At { error, .. } => innermost(error),
-        error => error,
     }
 }

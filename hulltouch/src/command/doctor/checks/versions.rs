@@ -11,7 +11,8 @@ pub fn check(facts: &Facts) -> Vec<Finding> {
     let cure = || format!("install version {} everywhere, nodes first", facts.version);
     let mut wrong = Vec::new();
     for node in &facts.nodes {
-        if let Some(Err(NodeError::NoStatus)) = &node.found {
+        let failure = node.found.as_ref().and_then(|found| found.as_ref().err());
+        if let Some(NodeError::NoStatus) = failure.map(NodeError::innermost) {
             wrong.push(Finding::fail(format!("node {}: an older version than this one", node.name), cure()));
         }
         let Some(report) = node.report() else { continue };

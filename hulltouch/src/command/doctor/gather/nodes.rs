@@ -16,6 +16,8 @@ use crate::command::node::part::Part;
 
 /// A connection is made within this, or something keeps it from being made.
 const CONNECT_TIMEOUT: Duration = Duration::from_millis(1500);
+/// Addresses of a node that are looked at one by one; any machine may announce more.
+const MAX_LOOKED_AT: usize = 8;
 /// Looking a name up may take this long.
 const LOOKUP_TIMEOUT: Duration = Duration::from_secs(5);
 
@@ -67,7 +69,8 @@ async fn look_at(node: &ExpectedNode, dial: Option<&Arc<dyn Dial>>, agreement: &
 
 /// Where a node may be: for the check, and to be tried.
 async fn find(node: &ExpectedNode) -> (Place, Vec<Address>) {
-    let addresses = node.place.addresses().await;
+    let mut addresses = node.place.addresses().await;
+    addresses.truncate(MAX_LOOKED_AT);
     if node.place.is_sought() && addresses.is_empty() {
         return (Place::NotAnnounced, addresses);
     }
