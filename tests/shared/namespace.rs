@@ -46,6 +46,14 @@ impl Host {
         command
     }
 
+    /// The processes there.
+    #[allow(dead_code, reason = "not every test needs it")]
+    pub fn processes(&self) -> Vec<u32> {
+        let found = testkit::command("ip").args(["netns", "pids", &self.name]).output();
+        let found = found.map(|output| output.stdout).unwrap_or_default();
+        String::from_utf8_lossy(&found).lines().filter_map(|line| line.trim().parse().ok()).collect()
+    }
+
     fn inside(&self, command: &str) -> Result<(), String> {
         ip(&format!("netns exec {} {command}", self.name))
     }

@@ -1,29 +1,31 @@
 //! A node says where it is.
 
-use std::net::SocketAddr;
+use std::io;
+use std::net::{IpAddr, SocketAddr};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use mdns_sd::{DaemonEvent, IfKind, IfPredicate, Receiver, ServiceDaemon, ServiceInfo};
 use thiserror::Error;
 
-use super::{NODE, Networks, ROOM, SERVICE};
+use super::Networks;
+use super::message::{MessageKind, Service};
+use super::schedule::AnnouncementSchedule;
+use super::station::{Link, Speaker, Station, StationEvent, StopHandle};
 
-/// An announcement is made within a second of a network's being there.
-const ANNOUNCE_TIMEOUT: Duration = Duration::from_secs(5);
-/// The word that a node is gone is on its way within this.
-const GOODBYE_TIMEOUT: Duration = Duration::from_millis(250);
-/// An instance's name is a label of 63 bytes at most, and a number may be added to it.
-const MAX_INSTANCE_CHARS: usize = 56;
+/// Nodes answer the same query at different times, between these (RFC 6762, section 6).
+const MIN_DELAY_MS: u32 = 20;
+const MAX_DELAY_MS: u32 = 120;
 
 /// A node cannot be announced.
 #[derive(Debug, Error)]
 #[error("cannot announce the node by DNS-SD: {0}")]
-pub struct AnnounceError(#[from] mdns_sd::Error);
+pub struct AnnounceError(#[from] io::Error);
 
-/// A node is announced for as long as this lives.
+/// A node is announced for as long as this lives. What other machines announce is not read.
 pub struct Announcement {
-    daemon: ServiceDaemon,
-    full_name: String,
+    /// Both are there until the drop.
+    stop: Option<StopHandle>,
+    thread: Option<JoinHandle<()>>,
 }
 
 impl Announcement {
@@ -39,74 +41,106 @@ impl Announcement {
         node: &str,
         listens: SocketAddr,
     ) -> Result<Announcement, AnnounceError> {
-        let service = service(room, node, listens)?;
-        let full_name = service.get_fullname().to_owned();
-        let daemon = networks.daemon()?;
-        let events = daemon.monitor()?;
-        daemon.register(service)?;
-        let node = format!("node {node} of {room}");
-        let watched = std::thread::Builder::new().name("dns-sd".into()).spawn(move || watch(&node, &events));
-        watched.map_err(|error| mdns_sd::Error::Msg(error.to_string()))?;
-        Ok(Announcement { daemon, full_name })
+        let id = getrandom::u32().map_err(io::Error::other)?;
+        let service = Service { room: room.to_owned(), node: node.to_owned(), port: listens.port(), id };
+        let (station, stop) = Station::new(networks)?;
+        let mut log = AnnouncementLog::new(format!("node {node} of {room}"));
+        let announce = move || {
+            let responder = |link: &Link, now| Responder::new(&service, listens.ip(), link, now);
+            station.run(responder, |event| log.note(event));
+        };
+        let thread = std::thread::Builder::new().name("dns-sd".into()).spawn(announce)?;
+        Ok(Announcement { stop: Some(stop), thread: Some(thread) })
     }
 }
 
 impl Drop for Announcement {
     /// Says that the node is gone.
     fn drop(&mut self) {
-        if let Ok(said) = self.daemon.unregister(&self.full_name) {
-            let _ = said.recv_timeout(GOODBYE_TIMEOUT);
+        drop(self.stop.take());
+        // It never waits for another machine. One that panicked has said so.
+        let _ = self.thread.take().map(JoinHandle::join);
+    }
+}
+
+/// Announces a node on one network: by itself when it begins, and when it is asked.
+struct Responder {
+    service: Service,
+    announcement: Vec<u8>,
+    delay: Duration,
+    schedule: AnnouncementSchedule,
+}
+
+impl Responder {
+    /// `None` where the node does not listen.
+    fn new(service: &Service, listens: IpAddr, link: &Link, now: Instant) -> Option<Responder> {
+        let is_reached = |ip: &&IpAddr| {
+            **ip == listens || (listens.is_unspecified() && (listens.is_ipv6() || ip.is_ipv4()))
+        };
+        let addresses: Vec<IpAddr> = link.addresses.iter().filter(is_reached).copied().collect();
+        let announcement = service.announcement(&addresses, false);
+        let delay_ms = MIN_DELAY_MS + service.id % (MAX_DELAY_MS - MIN_DELAY_MS);
+        (!addresses.is_empty()).then(|| Responder {
+            service: service.clone(),
+            announcement,
+            delay: Duration::from_millis(delay_ms.into()),
+            schedule: AnnouncementSchedule::new(now),
+        })
+    }
+}
+
+impl Speaker for Responder {
+    fn receive(&mut self, _: IpAddr, _: &Link, datagram: &[u8], now: Instant) {
+        // One answer is enough for all that ask until then.
+        let is_due = self.schedule.due().is_some_and(|due| due <= now + self.delay);
+        let is_query = MessageKind::of(datagram) == Some(MessageKind::Query);
+        if !is_due && is_query && self.service.is_asked_by(datagram) {
+            self.schedule.ask(self.delay, now);
         }
-        let _ = self.daemon.shutdown();
+    }
+
+    fn due(&self) -> Option<Instant> {
+        self.schedule.due()
+    }
+
+    fn send(&mut self, now: Instant) -> Vec<u8> {
+        self.schedule.sent(now);
+        self.announcement.clone()
+    }
+
+    fn goodbye(&self) -> Option<Vec<u8>> {
+        Some(self.service.announcement(&[], true))
     }
 }
 
-/// What is said of a node. The instance's name is for people who look: the texts say which node it is.
-fn service(room: &str, node: &str, listens: SocketAddr) -> Result<ServiceInfo, mdns_sd::Error> {
-    let instance: String = format!("{node}@{room}").chars().take(MAX_INSTANCE_CHARS).collect();
-    // Not the machine's own name, for which its own responder answers.
-    let host = format!("{node}.node.{room}.hulltouch.local.");
-    let texts = [(ROOM, room), (NODE, node)];
-    let ip = listens.ip();
-    if !ip.is_unspecified() {
-        let mut service = ServiceInfo::new(SERVICE, &instance, &host, ip, listens.port(), &texts[..])?;
-        service.set_interfaces(vec![IfKind::Addr(ip)]);
-        return Ok(service);
-    }
-    let service = ServiceInfo::new(SERVICE, &instance, &host, "", listens.port(), &texts[..])?;
-    let mut service = service.enable_addr_auto();
-    let listens_there = IfPredicate::new(move |interface| {
-        !interface.is_loopback() && (ip.is_ipv6() || interface.ip().is_ipv4())
-    });
-    service.set_interfaces(vec![IfKind::Predicate(listens_there)]);
-    Ok(service)
+/// Logs what becomes of an announcement: success once, and trouble once.
+struct AnnouncementLog {
+    node: String,
+    is_announced: bool,
+    has_warned: bool,
 }
 
-/// Logs what becomes of an announcement, until it ends.
-fn watch(node: &str, events: &Receiver<DaemonEvent>) {
-    let deadline = Instant::now() + ANNOUNCE_TIMEOUT;
-    let (mut is_announced, mut has_warned) = (false, false);
-    loop {
-        let left = deadline.saturating_duration_since(Instant::now());
-        let is_late = left.is_zero();
-        let problem = match if is_late { events.recv().ok() } else { events.recv_timeout(left).ok() } {
-            Some(DaemonEvent::Announce(..)) => {
-                if !is_announced {
+impl AnnouncementLog {
+    fn new(node: String) -> AnnouncementLog {
+        AnnouncementLog { node, is_announced: false, has_warned: false }
+    }
+
+    fn note(&mut self, event: StationEvent) {
+        let node = &self.node;
+        let problem = match event {
+            StationEvent::Sent => {
+                if !std::mem::replace(&mut self.is_announced, true) {
                     tracing::info!("{node} is announced by DNS-SD");
                 }
-                is_announced = true;
-                continue;
+                return;
             }
-            Some(DaemonEvent::NameChange(_)) => "another says by DNS-SD that it is this node".to_owned(),
-            Some(DaemonEvent::Error(error)) => format!("DNS-SD: {error}"),
-            Some(_) => continue,
-            None if events.is_disconnected() => return,
-            None if is_announced => continue,
-            None => "it cannot be announced by DNS-SD: no network that carries multicast".to_owned(),
+            StationEvent::Unheard(Some(error)) => error.to_string(),
+            StationEvent::Unheard(None) => "no network that carries multicast".to_owned(),
         };
-        if !has_warned {
-            tracing::warn!("{node}: {problem}; with an address in the cluster file it need not be found");
+        if !std::mem::replace(&mut self.has_warned, true) {
+            tracing::warn!(
+                "{node}: it cannot be announced by DNS-SD: {problem}; with an address in the cluster file it need not be found"
+            );
         }
-        has_warned = true;
     }
 }

@@ -1,19 +1,28 @@
 //! Nodes without an address are found by their names: they announce themselves in the local network (DNS-SD over
-//! multicast DNS), and a coordinator looks for them. Whatever is found so is only somewhere to try: anybody in the
+//! multicast DNS), and a coordinator looks for them. Whatever is found so is only somewhere to try: any machine of the
 //! network may announce any name, and `node_client` checks who answers.
+//!
+//! Any machine may also send any number of messages. A node reads queries alone; a coordinator keeps a bounded number of
+//! candidates for each node (`candidates`); both read a bounded number of messages a second (`schedule`).
 
 mod announcement;
+mod candidates;
+mod message;
+mod schedule;
 mod search;
+mod station;
 #[cfg(test)]
 mod tests;
 
-use mdns_sd::{IfKind, ServiceDaemon};
+use std::net::IpAddr;
+
+pub(crate) use message::check_message;
+#[cfg(test)]
+pub(crate) use message::example_messages;
 
 pub use announcement::{AnnounceError, Announcement};
 pub use search::NodeSearch;
 
-/// What nodes are announced as.
-const SERVICE: &str = "_hulltouch._tcp.local.";
 /// The key of the text that says which room a node belongs to.
 const ROOM: &str = "room";
 /// The key of the text that says which node it is.
@@ -30,17 +39,11 @@ enum Networks {
 }
 
 impl Networks {
-    /// What speaks multicast DNS there, on a thread of its own. Without a network it waits for one.
-    fn daemon(self) -> mdns_sd::Result<ServiceDaemon> {
-        let daemon = ServiceDaemon::new()?;
+    fn includes(self, ip: IpAddr) -> bool {
         match self {
-            Networks::Others => daemon.disable_interface(vec![IfKind::LoopbackV4, IfKind::LoopbackV6])?,
+            Networks::Others => !ip.is_loopback(),
             #[cfg(test)]
-            Networks::Loopback => {
-                daemon.disable_interface(IfKind::All)?;
-                daemon.enable_interface(IfKind::LoopbackV4)?;
-            }
+            Networks::Loopback => ip == IpAddr::V4(std::net::Ipv4Addr::LOCALHOST),
         }
-        Ok(daemon)
     }
 }

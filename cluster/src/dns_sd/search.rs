@@ -1,45 +1,61 @@
 //! A coordinator looks for nodes.
 
 use std::collections::BTreeMap;
+use std::io;
 use std::net::{IpAddr, SocketAddr, SocketAddrV6};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError, Weak};
-use std::time::Duration;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::time::{Duration, Instant};
 
-use mdns_sd::{Receiver, ResolvedService, ScopedIp, ServiceDaemon, ServiceEvent};
 use node_client::NodePlace;
 use proto::Address;
 use tokio::sync::watch;
 
-use super::{NODE, Networks, ROOM, SERVICE};
+use super::Networks;
+use super::candidates::Candidates;
+use super::message::{Announced, MessageKind, announcements, query};
+use super::station::{Link, Speaker, Station, StopHandle};
 
 /// So long a node is waited for; one that does not answer is looked for again with the next connection.
 const FIND_TIMEOUT: Duration = Duration::from_secs(2);
-/// After the first answer: another network, or another who says to be the node, may answer too.
+/// After the first answer: another network, or another machine that claims to be the node, may answer too.
 const MORE_ANSWERS: Duration = Duration::from_millis(150);
-/// Answers about one node that are kept.
-const MAX_ANSWERS: usize = 8;
-/// Addresses of one answer that are kept.
-const MAX_ADDRESSES: usize = 8;
+/// Nodes answer once a second at most, so there is no use in more queries.
+const ASK_EVERY: Duration = Duration::from_secs(1);
+
+/// A node answers a query within a second and 120 ms: it sends one announcement a second at most.
+const RECENT: Duration = Duration::from_millis(1500);
 
 /// Looks for the nodes of a room by their names.
 pub struct NodeSearch {
-    room: String,
-    /// The names that are looked for: answers about others are not kept.
-    nodes: Vec<String>,
     networks: Networks,
-    /// What is under way. It ends with the last node that is looked for, and all that was heard with it.
+    /// What is under way. It ends with the last node that is looked for.
     running: Mutex<Weak<Search>>,
+    found: Arc<Found>,
     has_warned: AtomicBool,
 }
 
-/// By names of nodes, then of answers.
-type Found = BTreeMap<String, BTreeMap<String, Vec<SocketAddr>>>;
+/// What is known of the nodes of a room.
+struct Found {
+    room: String,
+    /// By the names that are looked for: announcements of others are not kept.
+    nodes: Mutex<BTreeMap<String, SoughtNode>>,
+    /// Counts announcements of these nodes.
+    news: watch::Sender<u64>,
+}
 
-/// A question that is out.
+#[derive(Default)]
+struct SoughtNode {
+    candidates: Candidates,
+    /// That several claim its name was logged.
+    is_ambiguous: bool,
+}
+
+/// Queries are sent for as long as this lives.
 struct Search {
-    daemon: ServiceDaemon,
-    found: watch::Receiver<Found>,
+    #[allow(dead_code, reason = "its drop ends the search")]
+    stop: StopHandle,
+    began: Instant,
 }
 
 impl NodeSearch {
@@ -53,13 +69,10 @@ impl NodeSearch {
         room: &str,
         nodes: impl IntoIterator<Item = String>,
     ) -> Arc<NodeSearch> {
-        Arc::new(NodeSearch {
-            room: room.to_owned(),
-            nodes: nodes.into_iter().collect(),
-            networks,
-            running: Mutex::default(),
-            has_warned: AtomicBool::new(false),
-        })
+        let nodes = nodes.into_iter().map(|node| (node, SoughtNode::default())).collect();
+        let found = Found { room: room.to_owned(), nodes: Mutex::new(nodes), news: watch::Sender::new(0) };
+        let has_warned = AtomicBool::new(false);
+        Arc::new(NodeSearch { networks, running: Mutex::default(), found: Arc::new(found), has_warned })
     }
 
     /// Where one of them is: looked for with every connection.
@@ -71,16 +84,20 @@ impl NodeSearch {
         })
     }
 
-    /// Where a node is said to be; within [`FIND_TIMEOUT`].
+    /// Where a node is said to be, in the order in which to try; within [`FIND_TIMEOUT`].
     pub(super) async fn find(&self, node: &str) -> Vec<Address> {
+        let mut news = self.found.news.subscribe();
         let Some(search) = self.running() else { return Vec::new() };
-        let mut found = search.found.clone();
-        let answered = found.wait_for(|found| found.contains_key(node));
-        if tokio::time::timeout(FIND_TIMEOUT, answered).await.is_err() {
+        // What was announced before, the search has not heard to be gone. A search that goes on for long asks each second.
+        let since =
+            || Instant::now().checked_sub(RECENT).map_or(search.began, |recent| recent.max(search.began));
+        let announced = news.wait_for(|_| self.found.is_announced(node, since()));
+        if tokio::time::timeout(FIND_TIMEOUT, announced).await.is_err() {
             return Vec::new();
         }
         tokio::time::sleep(MORE_ANSWERS).await;
-        found.borrow().get(node).map(in_turn).unwrap_or_default()
+        let next = self.found.next(node, since());
+        next.into_iter().map(|address| Address::Tcp(address.to_string())).collect()
     }
 
     /// The search that is under way, or a new one; none where there cannot be one.
@@ -89,7 +106,7 @@ impl NodeSearch {
         if let Some(search) = running.upgrade() {
             return Some(search);
         }
-        match Search::begin(self.networks, self.room.clone(), self.nodes.clone()) {
+        match Search::begin(self.networks, &self.found) {
             Ok(search) => {
                 let search = Arc::new(search);
                 *running = Arc::downgrade(&search);
@@ -106,83 +123,99 @@ impl NodeSearch {
 }
 
 impl Search {
-    fn begin(networks: Networks, room: String, nodes: Vec<String>) -> mdns_sd::Result<Search> {
-        let daemon = networks.daemon()?;
-        let events = daemon.browse(SERVICE)?;
-        let (keep, found) = watch::channel(Found::new());
-        let listener = move || listen(&room, &nodes, &events, &keep);
-        let spawned = std::thread::Builder::new().name("dns-sd".into()).spawn(listener);
-        spawned.map_err(|error| mdns_sd::Error::Msg(error.to_string()))?;
-        Ok(Search { daemon, found })
+    fn begin(networks: Networks, found: &Arc<Found>) -> io::Result<Search> {
+        let (station, stop) = Station::new(networks)?;
+        let (found, began) = (Arc::clone(found), Instant::now());
+        let search = move || {
+            let speaker = |_: &Link, now| Some(Seeker { found: Arc::clone(&found), due: now });
+            station.run(speaker, |event| tracing::debug!("looking for nodes by DNS-SD: {event:?}"));
+        };
+        std::thread::Builder::new().name("dns-sd".into()).spawn(search)?;
+        Ok(Search { stop, began })
     }
 }
 
-impl Drop for Search {
-    fn drop(&mut self) {
-        // Its threads end with it.
-        let _ = self.daemon.shutdown();
-    }
+/// Looks for nodes on one network.
+struct Seeker {
+    found: Arc<Found>,
+    due: Instant,
 }
 
-/// Keeps what is said of these nodes of the room, until the search ends.
-fn listen(room: &str, nodes: &[String], events: &Receiver<ServiceEvent>, keep: &watch::Sender<Found>) {
-    while let Ok(event) = events.recv() {
-        match event {
-            ServiceEvent::ServiceResolved(service) => {
-                let of_this_room = service.get_property_val_str(ROOM) == Some(room);
-                let said = service.get_property_val_str(NODE).filter(|_| of_this_room);
-                let Some(node) = said.and_then(|said| nodes.iter().find(|node| **node == said)) else {
-                    continue;
-                };
-                let addresses = addresses(&service);
-                keep.send_if_modified(|found| insert(found, node, service.get_fullname(), addresses));
+impl Speaker for Seeker {
+    fn receive(&mut self, from: IpAddr, link: &Link, datagram: &[u8], now: Instant) {
+        if MessageKind::of(datagram) == Some(MessageKind::Response) {
+            for announced in announcements(datagram) {
+                self.found.note(from, link, &announced, now);
             }
-            ServiceEvent::ServiceRemoved(_, answer) => keep.send_modify(|found| {
-                found.values_mut().for_each(|answers| drop(answers.remove(&answer)));
-                found.retain(|_, answers| !answers.is_empty());
-            }),
-            _ => {}
         }
+    }
+
+    fn due(&self) -> Option<Instant> {
+        Some(self.due)
+    }
+
+    fn send(&mut self, now: Instant) -> Vec<u8> {
+        self.due = now + ASK_EVERY;
+        query()
+    }
+
+    fn goodbye(&self) -> Option<Vec<u8>> {
+        None
     }
 }
 
-/// Whether there is something new.
-fn insert(found: &mut Found, node: &str, answer: &str, addresses: Vec<SocketAddr>) -> bool {
-    let known = found.get(node);
-    let is_full = known.is_some_and(|answers| answers.len() == MAX_ANSWERS && !answers.contains_key(answer));
-    if addresses.is_empty() || is_full {
-        return false;
+impl Found {
+    fn nodes(&self) -> MutexGuard<'_, BTreeMap<String, SoughtNode>> {
+        self.nodes.lock().unwrap_or_else(PoisonError::into_inner)
     }
-    found.entry(node.to_owned()).or_default().insert(answer.to_owned(), addresses);
-    true
+
+    /// Keeps an announcement, if it is of a node that is looked for.
+    fn note(&self, from: IpAddr, link: &Link, announced: &Announced, now: Instant) {
+        if announced.room != self.room {
+            return;
+        }
+        if let Some(node) = self.nodes().get_mut(&announced.node) {
+            if announced.is_goodbye {
+                node.candidates.withdraw(from, announced.instance);
+            } else {
+                node.candidates.announce(from, announced.instance, &addresses(announced, link), now);
+            }
+        } else {
+            return;
+        }
+        self.news.send_modify(|count| *count += 1);
+    }
+
+    fn is_announced(&self, node: &str, since: Instant) -> bool {
+        self.nodes().get(node).is_some_and(|node| node.candidates.are_announced(since))
+    }
+
+    /// What to try next. Logs once if several claimed to be the node since then.
+    fn next(&self, name: &str, since: Instant) -> Vec<SocketAddr> {
+        let mut nodes = self.nodes();
+        let Some(node) = nodes.get_mut(name) else { return Vec::new() };
+        let (machines, instances) = node.candidates.announcers(since);
+        if instances > 1 && !std::mem::replace(&mut node.is_ambiguous, true) {
+            let machines: Vec<String> = machines.iter().map(ToString::to_string).collect();
+            tracing::warn!(
+                "node {name} of {}: {instances} programs announce it by DNS-SD, from {}, expected one. Certificates tell \
+                 which is the node; with --insecure the first that has its cameras is used: give the node its address in \
+                 the cluster file",
+                self.room,
+                machines.join(", "),
+            );
+        }
+        node.candidates.next(Instant::now())
+    }
 }
 
-/// Where a service says it is, IPv4 first.
-fn addresses(service: &ResolvedService) -> Vec<SocketAddr> {
-    let port = service.get_port();
-    let of_one = |ip: &ScopedIp| match ip {
-        ScopedIp::V6(v6) if v6.addr().is_unicast_link_local() => {
-            SocketAddrV6::new(*v6.addr(), port, 0, v6.scope_id().index).into()
+/// Where an announcement says that the node is.
+fn addresses(announced: &Announced, link: &Link) -> Vec<SocketAddr> {
+    let of_one = |ip: &IpAddr| match ip {
+        IpAddr::V6(v6) if v6.is_unicast_link_local() => {
+            SocketAddrV6::new(*v6, announced.port, 0, link.index).into()
         }
-        other => SocketAddr::new(other.to_ip_addr(), port),
+        ip => SocketAddr::new(*ip, announced.port),
     };
-    let is_somewhere = |ip: IpAddr| !ip.is_unspecified() && !ip.is_multicast();
-    let all = service.get_addresses().iter().map(of_one);
-    let mut addresses: Vec<SocketAddr> = all.filter(|at| port > 0 && is_somewhere(at.ip())).collect();
-    addresses.sort_unstable();
-    addresses.truncate(MAX_ADDRESSES);
-    addresses
-}
-
-/// The first address of each answer, then the second of each: no answer keeps the others out.
-fn in_turn(answers: &BTreeMap<String, Vec<SocketAddr>>) -> Vec<Address> {
-    let mut found: Vec<SocketAddr> = Vec::new();
-    for turn in 0..MAX_ADDRESSES {
-        for address in answers.values().filter_map(|addresses| addresses.get(turn)) {
-            if !found.contains(address) {
-                found.push(*address);
-            }
-        }
-    }
-    found.into_iter().map(|address| Address::Tcp(address.to_string())).collect()
+    if announced.port == 0 { Vec::new() } else { announced.addresses.iter().map(of_one).collect() }
 }

@@ -1,9 +1,12 @@
 //! Nodes are announced and found on this machine's own network.
 
-use std::net::SocketAddr;
+use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
+use mdns_sd::{IfKind, ServiceDaemon, ServiceEvent, ServiceInfo};
+
+use super::message::Service;
 use super::*;
 
 const ADDRESS: &str = "127.0.0.1:7123";
@@ -39,14 +42,14 @@ async fn found(search: &NodeSearch, node: &str) -> Option<Vec<String>> {
 
 /// Sends a datagram to a multicast group on loopback, and waits for it.
 fn loopback_carries_multicast() -> bool {
-    let group = std::net::Ipv4Addr::new(224, 0, 0, 251);
-    let local = std::net::Ipv4Addr::LOCALHOST;
+    let group = Ipv4Addr::new(224, 0, 0, 251);
+    let local = Ipv4Addr::LOCALHOST;
     let attempt = || -> std::io::Result<()> {
         let socket = socket2::Socket::new(socket2::Domain::IPV4, socket2::Type::DGRAM, None)?;
-        socket.bind(&SocketAddr::from((std::net::Ipv4Addr::UNSPECIFIED, 0)).into())?;
+        socket.bind(&SocketAddr::from((Ipv4Addr::UNSPECIFIED, 0)).into())?;
         socket.join_multicast_v4(&group, &local)?;
         socket.set_multicast_if_v4(&local)?;
-        let socket = std::net::UdpSocket::from(socket);
+        let socket = UdpSocket::from(socket);
         socket.set_read_timeout(Some(Duration::from_secs(1)))?;
         let port = socket.local_addr()?.port();
         socket.send_to(b"hello", (group, port))?;
@@ -95,4 +98,105 @@ async fn nodes_are_looked_for_together_and_silence_takes_no_longer_than_one() {
     let (left, right) = tokio::join!(search.find("left"), search.find("right"));
     assert!(left.is_empty() && right.is_empty());
     assert!(began.elapsed() < Duration::from_secs(3), "took {:?}", began.elapsed());
+}
+
+/// Sends messages to all on this machine's own network.
+struct Liar(UdpSocket);
+
+impl Liar {
+    fn new() -> Liar {
+        let socket =
+            socket2::Socket::new(socket2::Domain::IPV4, socket2::Type::DGRAM, None).expect("a socket");
+        socket.set_multicast_if_v4(&Ipv4Addr::LOCALHOST).expect("loopback");
+        Liar(socket.into())
+    }
+
+    fn send(&self, message: &[u8]) {
+        self.0.send_to(message, (Ipv4Addr::new(224, 0, 0, 251), 5353)).expect("sent");
+    }
+
+    /// Announces instances of a node, each at a port of its own from 1 on.
+    fn invent(&self, room: &str, node: &str, count: u16) {
+        for port in 1..=count {
+            let service = Service { room: room.into(), node: node.into(), port, id: port.into() };
+            self.send(&service.announcement(&[Ipv4Addr::LOCALHOST.into()], false));
+            // The system drops what comes faster than it is read.
+            if port % 50 == 0 {
+                std::thread::sleep(Duration::from_millis(20));
+            }
+        }
+    }
+}
+
+#[tokio::test]
+async fn invented_instances_of_the_same_machine_delay_the_node_by_one_search() {
+    let room = room("invented");
+    let _left = announced(&room, "left", ADDRESS);
+    let search = search(&room);
+    if found(&search, "left").await.is_none() {
+        return;
+    }
+    let liar = Liar::new();
+    let mut times_missing = 0;
+    for _ in 0..4 {
+        // Keeps the search alive while it is flooded.
+        let (_, at) = tokio::join!(search.find("right"), async {
+            liar.invent(&room, "left", 200);
+            search.find("left").await
+        });
+        times_missing += u32::from(!at.iter().any(|at| at.to_string() == ADDRESS));
+    }
+    assert!(times_missing <= 2, "it was missing {times_missing} times of 4");
+}
+
+/// Another implementation of multicast DNS on this machine's own network.
+fn other_daemon() -> ServiceDaemon {
+    let daemon = ServiceDaemon::new().expect("a daemon");
+    daemon.disable_interface(IfKind::All).expect("asked");
+    daemon.enable_interface(IfKind::LoopbackV4).expect("asked");
+    daemon
+}
+
+#[test]
+fn another_browser_finds_our_announcement() {
+    let room = room("browsed");
+    let daemon = other_daemon();
+    let events = daemon.browse("_hulltouch._tcp.local.").expect("browses");
+    let left = announced(&room, "left", ADDRESS);
+    let of_this_room = |wanted: fn(&ServiceEvent, &str) -> bool| {
+        let until = Instant::now() + Duration::from_secs(10);
+        std::iter::from_fn(|| events.recv_deadline(until).ok()).find(|event| wanted(event, &room))
+    };
+    let resolved = of_this_room(
+        |event, room| matches!(event, ServiceEvent::ServiceResolved(found) if found.get_property_val_str("room") == Some(room)),
+    );
+    let Some(ServiceEvent::ServiceResolved(resolved)) = resolved else {
+        assert!(!loopback_carries_multicast(), "it is not found");
+        return testkit::skip("loopback carries no multicast");
+    };
+    assert_eq!((resolved.get_port(), resolved.get_property_val_str("node")), (7123, Some("left")));
+    let addresses = resolved.get_addresses_v4();
+    assert!(addresses.contains(&Ipv4Addr::LOCALHOST) && addresses.len() == 1, "{addresses:?}");
+    drop(left);
+    let removed = of_this_room(
+        |event, room| matches!(event, ServiceEvent::ServiceRemoved(_, instance) if instance.contains(room)),
+    );
+    assert!(removed.is_some(), "it has said that it is gone");
+    let _ = daemon.shutdown();
+}
+
+#[tokio::test]
+async fn the_announcement_of_another_program_is_found() {
+    let room = room("foreign");
+    let daemon = other_daemon();
+    let texts = [("room", &room[..]), ("node", "left")];
+    let (service, host) = ("_hulltouch._tcp.local.", format!("left.{room}.local."));
+    let service = ServiceInfo::new(service, &format!("left@{room}"), &host, "127.0.0.1", 7126, &texts[..]);
+    let mut service = service.expect("valid");
+    service.set_interfaces(vec![IfKind::LoopbackV4]);
+    daemon.register(service).expect("registered");
+    let search = search(&room);
+    let Some(at) = found(&search, "left").await else { return };
+    assert_eq!(at, ["127.0.0.1:7126"]);
+    let _ = daemon.shutdown();
 }

@@ -34,6 +34,12 @@ pub fn cluster_file(bytes: &[u8]) {
     }
 }
 
+/// A message of multicast DNS that any machine of the network sends: what it announces is bounded, and it asks a node for
+/// nothing if it is not a query.
+pub fn dns_message(bytes: &[u8]) {
+    crate::dns_sd::check_message(bytes);
+}
+
 /// The files that cluster files of the corpus name.
 fn room() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/room")

@@ -1,7 +1,7 @@
 #[path = "../../../tests/shared/corpora.rs"]
 mod corpora;
 
-use super::cluster_file;
+use super::{cluster_file, dns_message};
 
 const NAMED_NODES: &str = r#"name = "room-a"
 rig = "rig.toml"
@@ -80,4 +80,9 @@ fn cluster_files() {
     let seeds = [NAMED_NODES, OLD_FORM, STUDIO].map(str::to_owned).into_iter().chain(wrong);
     let seeds: Vec<Vec<u8>> = seeds.map(String::into_bytes).collect();
     corpora::run("cluster_file", cluster_file, &seeds);
+}
+
+#[test]
+fn dns_messages() {
+    corpora::run("dns_message", dns_message, &crate::dns_sd::example_messages());
 }
