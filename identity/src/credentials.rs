@@ -2,9 +2,8 @@
 
 use std::fmt;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use rustls::pki_types::{ServerName, UnixTime};
 use tokio::io::{AsyncRead, AsyncWrite};
@@ -18,27 +17,30 @@ use crate::socket::{ClientSocket, ServerSocket};
 
 /// A folder that cannot be read within this stands on a drive that hangs.
 const READ_TIMEOUT: Duration = Duration::from_secs(1);
+/// The folder is read no more often: handshakes between two readings use the certificates of the last one.
+const READ_EVERY: Duration = Duration::from_secs(1);
 /// A peer that begins and then says nothing is dropped after this.
 const HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(5);
 /// Connections show certificates anew this often, unless told otherwise.
 const MAX_CONNECTION_AGE: Duration = Duration::from_secs(3600);
 
-/// The certificates of one owner, which others may replace at any time: the folder is read at each handshake. What
-/// cannot be used leaves in use what was there before, and is logged.
+/// The certificates of one owner, which others may replace at any time: a handshake reads the folder if the last reading was
+/// a second ago. What cannot be used leaves in use what was there before, and is logged.
 pub struct Credentials {
     folder: PathBuf,
     own: Identity,
     max_connection_age: Duration,
     state: Mutex<State>,
-    /// The folder is read by one at a time: what was read before is not put in use after.
+    /// The folder is read by one at a time: what was read before is not put in use after. A reading on a drive that hangs
+    /// keeps this locked.
     reading: Arc<tokio::sync::Mutex<()>>,
-    /// A reading has not come to an end in time. Until it does no handshake waits for it.
-    is_stuck: AtomicBool,
 }
 
 struct State {
     files: Files,
     loaded: Arc<Loaded>,
+    /// When the last reading began.
+    read: Instant,
     /// What was logged last.
     problem: Option<String>,
 }
@@ -55,14 +57,13 @@ impl Credentials {
     pub fn open(folder: &Path, own: Identity) -> Result<Credentials, CertificateError> {
         let files = Files::read(folder)?;
         let loaded = Arc::new(Loaded::new(folder, &files, &own, UnixTime::now())?);
-        let state = Mutex::new(State { files, loaded, problem: None });
+        let state = Mutex::new(State { files, loaded, read: Instant::now(), problem: None });
         Ok(Credentials {
             folder: folder.to_owned(),
             own,
             max_connection_age: MAX_CONNECTION_AGE,
             state,
             reading: Arc::default(),
-            is_stuck: AtomicBool::new(false),
         })
     }
 
@@ -139,39 +140,30 @@ impl Credentials {
         Ok(ClientSocket(socket))
     }
 
-    /// What the folder holds now, or what is in use if its drive hangs.
+    /// What the folder holds, or what is in use if it was read within the last second, is being read, or its drive hangs.
     async fn read(self: &Arc<Self>) -> Arc<Loaded> {
-        if self.is_stuck.load(Ordering::Relaxed) && self.reading.try_lock().is_err() {
-            return Arc::clone(&self.state().loaded);
-        }
-        let credentials = Arc::clone(self);
-        let reading = async move {
-            let turn = Arc::clone(&credentials.reading).lock_owned().await;
-            let read = move || {
-                // Kept until it is read, also if no handshake waits for it any more.
+        if self.state().read.elapsed() >= READ_EVERY
+            && let Ok(turn) = Arc::clone(&self.reading).try_lock_owned()
+        {
+            self.state().read = Instant::now();
+            let credentials = Arc::clone(self);
+            let reading = tokio::task::spawn_blocking(move || {
+                // Kept until the folder is read, also if the handshake no longer waits for that.
                 let _turn = turn;
-                let loaded = credentials.current();
-                credentials.is_stuck.store(false, Ordering::Relaxed);
-                loaded
-            };
-            tokio::task::spawn_blocking(read).await.ok()
-        };
-        match tokio::time::timeout(READ_TIMEOUT, reading).await {
-            Ok(Some(loaded)) => loaded,
-            Ok(None) => Arc::clone(&self.state().loaded),
-            Err(_) => {
-                if !self.is_stuck.swap(true, Ordering::Relaxed) {
-                    let (folder, after_s) = (self.folder.display(), READ_TIMEOUT.as_secs());
-                    tracing::error!(
-                        "{folder} was not read within {after_s} s; the certificates that were there before stay in use"
-                    );
-                }
-                Arc::clone(&self.state().loaded)
+                credentials.current();
+            });
+            if tokio::time::timeout(READ_TIMEOUT, reading).await.is_err() {
+                let (folder, after_s) = (self.folder.display(), READ_TIMEOUT.as_secs());
+                tracing::error!(
+                    "{folder} was not read within {after_s} s; the certificates that were there before stay in use"
+                );
             }
         }
+        Arc::clone(&self.state().loaded)
     }
 
-    fn current(&self) -> Arc<Loaded> {
+    /// Reads the folder, and puts in use what it holds.
+    fn current(&self) {
         let read = Files::read(&self.folder);
         let mut state = self.state();
         let loaded = match read {
@@ -185,7 +177,7 @@ impl Credentials {
             None => state.problem = None,
             Some(Ok((files, loaded))) => {
                 tracing::info!("certificates of {} were read anew from {}", self.own, self.folder.display());
-                *state = State { files, loaded: Arc::new(loaded), problem: None };
+                (state.files, state.loaded, state.problem) = (files, Arc::new(loaded), None);
             }
             Some(Err(error)) => {
                 let problem = error.to_string();
@@ -195,7 +187,6 @@ impl Credentials {
                 state.problem = Some(problem);
             }
         }
-        Arc::clone(&state.loaded)
     }
 
     fn state(&self) -> std::sync::MutexGuard<'_, State> {
