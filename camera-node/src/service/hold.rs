@@ -10,7 +10,10 @@ use std::time::Duration;
 use proto::{Claim, HolderStatus};
 use thiserror::Error;
 use tokio::time::Instant;
-use tonic::Status;
+use tonic::{Request, Status};
+
+use super::seat;
+use super::seats::Seat;
 
 /// A holder whose stream broke may come back for so long before another takes its place.
 const GRACE: Duration = Duration::from_secs(3);
@@ -96,6 +99,11 @@ impl Hold {
         if is_gone { Ok(()) } else { Err(held.refusal(now)) }
     }
 
+    /// Whether the last claim is of that id.
+    pub fn is_holder(&self, id: u64) -> bool {
+        self.held.as_ref().is_some_and(|held| held.claim.id == id)
+    }
+
     /// Somebody of that id opened a stream; false if it is not counted.
     pub fn stream_began(&mut self, id: u64) -> bool {
         // Strangers must not keep the holder's own from being counted.
@@ -153,9 +161,20 @@ impl SharedHold {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Whether a call of somebody with that id may change something, or cost time.
-    pub fn check(&self, id: u64) -> Result<(), Status> {
-        self.lock().check(id, Instant::now()).map_err(|by| held(&by))
+    /// Whether a call with that id may change something, or cost time. The connection of the lease holder is known by it.
+    pub fn check(&self, id: u64, seat: Option<&Seat>) -> Result<(), HeldBy> {
+        let mut hold = self.lock();
+        hold.check(id, Instant::now())?;
+        if hold.is_holder(id) {
+            drop(hold);
+            seat.into_iter().for_each(|seat| seat.prove_lease(id));
+        }
+        Ok(())
+    }
+
+    /// The same of a call that is no stream.
+    pub fn check_call<T>(&self, id: u64, request: &Request<T>) -> Result<(), Status> {
+        self.check(id, seat(request).as_deref()).map_err(|by| held(&by))
     }
 }
 

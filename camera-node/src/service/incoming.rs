@@ -10,9 +10,9 @@ use std::net::IpAddr;
 use std::pin::Pin;
 use std::sync::Arc;
 use std::task::{Context, Poll};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use identity::{Credentials, HandshakeError, Identity, Peer, ServerSocket, UnixSocket};
+use identity::{Credentials, HandshakeError, HandshakeLimit, Identity, Peer, ServerSocket, UnixSocket};
 use thiserror::Error;
 use tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
@@ -85,7 +85,7 @@ pub(super) fn incoming(
     let (sender, receiver) = mpsc::channel(1);
     tokio::spawn(accept(
         listener,
-        Door { credentials, seats: SharedSeats::default(), log: Arc::default() },
+        Door { credentials, handshakes: Arc::default(), seats: SharedSeats::default(), log: Arc::default() },
         sender,
     ));
     ReceiverStream::new(receiver)
@@ -114,6 +114,10 @@ async fn accept(listener: Listener, door: Door, sender: mpsc::Sender<io::Result<
                 continue;
             }
         };
+        if let Err(why) = door.may_begin(&accepted) {
+            door.log.refused(accepted.from(), &why);
+            continue;
+        }
         by_age.retain(|(_, handle)| !handle.is_finished());
         if by_age.len() >= MAX_BEGINNING
             && let Some(place) = gives_way(by_age.iter().map(|(from, _)| *from))
@@ -147,6 +151,8 @@ fn gives_way(machines: impl Iterator<Item = Option<IpAddr>>) -> Option<usize> {
 enum Refusal {
     #[error(transparent)]
     Handshake(#[from] HandshakeError),
+    #[error("as many TLS handshakes as this node makes in a second have begun, expected it to come later")]
+    TooManyHandshakes,
     #[error("it left before it said anything")]
     Left,
     #[error("it said nothing within {} s", BEGIN_TIMEOUT.as_secs())]
@@ -163,11 +169,20 @@ enum Refusal {
 #[derive(Clone)]
 struct Door {
     credentials: Option<Arc<Credentials>>,
+    handshakes: Arc<HandshakeLimit>,
     seats: SharedSeats,
     log: Arc<Seldom>,
 }
 
 impl Door {
+    /// Refuses a TLS handshake that is one too many, before it costs anything.
+    fn may_begin(&self, accepted: &Accepted) -> Result<(), Refusal> {
+        let (Accepted::Tcp(_, from), Some(_)) = (accepted, &self.credentials) else { return Ok(()) };
+        let is_trusted = self.seats.is_of_lease(other_machine(*from));
+        let may_begin = self.handshakes.admit(*from, is_trusted, Instant::now());
+        may_begin.then_some(()).ok_or(Refusal::TooManyHandshakes)
+    }
+
     async fn let_in(&self, accepted: Accepted) -> Result<Connection, Refusal> {
         let from = accepted.from();
         // Only this user has a Unix socket.
@@ -191,11 +206,16 @@ impl Door {
             (Some(peer), Some(own)) => peer.is(&Identity::coordinator(&own.own().room)),
             _ => true,
         };
-        let seat = self.seats.take(from.filter(|from| !from.is_loopback()), leads, metered)?;
+        let seat = self.seats.take(from.and_then(other_machine), leads, metered)?;
         let ended = seat.ended();
         let ended = Box::pin(async move { ended.notified().await });
         Ok(Connection { socket, read_ahead: Some(preface), caller: Caller { peer, seat: Some(seat) }, ended })
     }
+}
+
+/// `None` for an address of this machine.
+fn other_machine(from: IpAddr) -> Option<IpAddr> {
+    (!from.is_loopback()).then_some(from)
 }
 
 /// The first byte of TLS.

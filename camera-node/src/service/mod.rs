@@ -143,18 +143,20 @@ impl CameraNode for Service {
     }
 
     async fn hold(&self, request: Request<v1::HoldRequest>) -> Result<Response<v1::HoldReply>, Status> {
+        let seat = seat(&request);
         let claim = claim_from_wire(request.into_inner()).map_err(invalid)?;
-        let name = claim.name.clone();
+        let (name, holder) = (claim.name.clone(), claim.id);
         self.hold.lock().claim(claim, Instant::now()).map_err(|refused| match refused {
             ClaimRefused::Held(by) => held(&by),
             ClaimRefused::Term { .. } => Status::invalid_argument(refused.to_string()),
         })?;
+        seat.iter().for_each(|seat| seat.prove_lease(holder));
         tracing::debug!("held by {name}");
         Ok(Response::new(v1::HoldReply {}))
     }
 
     async fn start(&self, request: Request<v1::StartRequest>) -> Result<Response<v1::StartReply>, Status> {
-        self.hold.check(request.get_ref().holder)?;
+        self.hold.check_call(request.get_ref().holder, &request)?;
         let start = start_from_wire(request.get_ref()).map_err(invalid)?;
         let film = Arc::clone(&self.film);
         // Opening sources blocks: programs start, files are read.
@@ -172,8 +174,8 @@ impl CameraNode for Service {
         request: Request<v1::KeepTimeRequest>,
     ) -> Result<Response<v1::KeepTimeReply>, Status> {
         let node_s = monotonic_s();
-        let v1::KeepTimeRequest { run, clock, holder, phase } = request.into_inner();
-        self.hold.check(holder)?;
+        self.hold.check_call(request.get_ref().holder, &request)?;
+        let v1::KeepTimeRequest { run, clock, holder: _, phase } = request.into_inner();
         if let Some(clock) = clock {
             self.film.keep_time(run, clock_from_wire(&clock).map_err(invalid)?);
         }
@@ -202,8 +204,8 @@ impl CameraNode for Service {
         request: Request<v1::RegisterShapesRequest>,
     ) -> Result<Response<v1::RegisterShapesReply>, Status> {
         let seat = seat(&request);
+        self.hold.check_call(request.get_ref().holder, &request)?;
         let v1::RegisterShapesRequest { shapes, holder } = request.into_inner();
-        self.hold.check(holder)?;
         // The message, and what is made of it.
         let bytes: usize = shapes.iter().map(|shape| shape.samples.len()).sum();
         let _share = Share::take(&seat, 2 * bytes).map_err(spent)?;
@@ -233,8 +235,8 @@ impl CameraNode for Service {
         &self,
         request: Request<v1::TakeBackgroundRequest>,
     ) -> Result<Response<v1::TakeBackgroundReply>, Status> {
-        let v1::TakeBackgroundRequest { first_frame, frames, check_only, holder } = request.into_inner();
-        self.hold.check(holder)?;
+        self.hold.check_call(request.get_ref().holder, &request)?;
+        let v1::TakeBackgroundRequest { first_frame, frames, check_only, holder: _ } = request.into_inner();
         let background = BackgroundRequest { first_frame, frames };
         let taken = if check_only {
             self.film.check_background(background)
@@ -313,8 +315,8 @@ impl CameraNode for Service {
         &self,
         request: Request<v1::KeepWorldRequest>,
     ) -> Result<Response<v1::KeepWorldReply>, Status> {
-        let v1::KeepWorldRequest { checkpoint, holder } = request.into_inner();
-        self.hold.check(holder)?;
+        self.hold.check_call(request.get_ref().holder, &request)?;
+        let v1::KeepWorldRequest { checkpoint, holder: _ } = request.into_inner();
         self.world.keep(&checkpoint).map_err(invalid)?;
         Ok(Response::new(v1::KeepWorldReply {}))
     }

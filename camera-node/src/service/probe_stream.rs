@@ -5,7 +5,6 @@ use std::sync::Arc;
 use hull::question::Question;
 use proto::convert::{Precision, QuestionReader, RefusalReason, refusal, trace_parent_from_wire};
 use proto::v1;
-use tokio::time::Instant;
 use tokio_stream::StreamExt;
 use tonic::Streaming;
 use traces::Span;
@@ -64,7 +63,7 @@ impl ProbeStream {
     fn read(&mut self, mut request: v1::ProbeRequest) -> Result<ProbeJob, Box<v1::ProbeReply>> {
         let (id, frame) = (request.id, request.frame);
         let span = Span::answer("answer", trace_parent_from_wire(&request.traceparent));
-        let is_held = self.hold.lock().check(request.holder, Instant::now());
+        let is_held = self.hold.check(request.holder, self.seat.as_deref());
         is_held.map_err(|by| Box::new(refusal(id, RefusalReason::Held, by.to_string())))?;
         let precision = if request.rounded { Precision::Quantised } else { Precision::Exact };
         let cameras = std::mem::take(&mut request.cameras);
