@@ -2,6 +2,7 @@
 
 mod common;
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use common::*;
@@ -175,4 +176,54 @@ async fn seats_of_programs_are_kept_for_holders_of_the_token() {
     assert_eq!(refusal(tokio_tungstenite::connect_async(url("")).await), full);
     let holder = url(&format!("&token={TOKEN}"));
     sockets.push(tokio_tungstenite::connect_async(holder).await.expect("a seat that is kept"));
+}
+
+/// A peer with a slow link: its receive buffer is small, and it reads a little at a time.
+async fn slow_load(run: &Run, path: &str, pause: Duration) -> usize {
+    let socket = tokio::net::TcpSocket::new_v4().expect("a socket");
+    socket.set_recv_buffer_size(16 << 10).expect("set");
+    let mut stream = socket.connect(run.feed.address()).await.expect("connects");
+    let request = get(run, "").replacen("GET /", &format!("GET {path}"), 1);
+    stream.write_all(request.as_bytes()).await.expect("sent");
+    let (mut bytes, mut part) = (0, vec![0; 16 << 10]);
+    loop {
+        match tokio::time::timeout(TIMEOUT, stream.read(&mut part)).await.expect("in time") {
+            Ok(0) | Err(_) => return bytes,
+            Ok(read) => bytes += read,
+        }
+        tokio::time::sleep(pause).await;
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn small_requests_cut_no_load_that_is_under_way() {
+    let run = Arc::new(Run::start());
+    let page = answer(&run, &get(&run, "")).await;
+    let asset = page.split('"').find(|part| part.starts_with("./assets/") && part.ends_with(".js"));
+    let path = asset.expect("a script").trim_start_matches("./").to_owned();
+    let path = format!("/{path}");
+    let whole = slow_load(&run, &path, Duration::ZERO).await;
+    // A hundred and fifty a second, each over its own connection, which stays open.
+    let flood = tokio::spawn({
+        let run = Arc::clone(&run);
+        async move {
+            let mut open = std::collections::VecDeque::new();
+            let request = format!("GET /nothing HTTP/1.1\r\nHost: {}\r\n\r\n", run.feed.address());
+            for count in 0u64.. {
+                let mut stream = connect_to(&run).await;
+                let _ = stream.write_all(request.as_bytes()).await;
+                open.push_back(stream);
+                if open.len() > 200 {
+                    open.pop_front();
+                }
+                if count % 3 == 0 {
+                    tokio::time::sleep(Duration::from_millis(20)).await;
+                }
+            }
+        }
+    });
+    let loads = (0..6).map(|_| slow_load(&run, &path, Duration::from_millis(16)));
+    let loaded = futures::future::join_all(loads).await;
+    flood.abort();
+    assert_eq!(loaded, [whole; 6], "of {whole} bytes");
 }

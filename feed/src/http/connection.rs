@@ -4,7 +4,7 @@
 //! asks nothing for a minute, unless it holds a socket or a stream.
 
 use std::net::IpAddr;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
@@ -15,15 +15,16 @@ use hyper::body::Incoming;
 use hyper::service::service_fn;
 use hyper_util::rt::{TokioExecutor, TokioIo, TokioTimer};
 use hyper_util::server::conn::auto::Builder;
-use identity::Credentials;
+use identity::{Credentials, HandshakeLimit};
 use socket2::SockRef;
 use tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite, AsyncWriteExt as _};
 use tokio::net::TcpStream;
 use tokio::sync::watch;
 use tokio::time::{Instant, sleep, sleep_until};
-use tokio_util::io::{InspectReader, InspectWriter};
+use tokio_util::io::InspectReader;
 use tower::ServiceExt as _;
 
+use super::progress::{BytesSent, Progress, ProgressSocket};
 use super::refusals::{Refusal, Refusals};
 use super::registry::{Registered, Registry, Staying};
 
@@ -54,6 +55,7 @@ const TLS_HANDSHAKE: u8 = 0x16;
 pub(super) struct PortShared {
     /// Encrypts, for whoever comes.
     pub credentials: Option<Arc<Credentials>>,
+    pub handshakes: HandshakeLimit,
     pub registry: Registry,
     pub refusals: Refusals,
 }
@@ -67,21 +69,10 @@ struct State {
     port: Arc<PortShared>,
     registered: Arc<Registered>,
     from: IpAddr,
-    bytes_sent: BytesSent,
+    progress: Arc<Progress>,
     /// Whether the peer has begun something that it has not ended.
     has_begun: AtomicBool,
     asked: Mutex<Option<Instant>>,
-}
-
-/// Bytes that the kernel has taken for a peer, encrypted ones if the connection is.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct BytesSent(Arc<AtomicU64>);
-
-impl BytesSent {
-    /// So many so far.
-    pub fn bytes(&self) -> u64 {
-        self.0.load(Ordering::Relaxed)
-    }
 }
 
 /// What HTTP is spoken over.
@@ -91,11 +82,12 @@ impl<S: AsyncRead + AsyncWrite + Send + Unpin> Socket for S {}
 impl Connection {
     /// A peer that was accepted.
     pub(super) fn new(port: &Arc<PortShared>, from: IpAddr) -> Connection {
+        let progress = Arc::<Progress>::default();
         Connection(Arc::new(State {
             port: Arc::clone(port),
-            registered: port.registry.begin(),
+            registered: port.registry.begin(from, Arc::clone(&progress)),
             from,
-            bytes_sent: BytesSent::default(),
+            progress,
             has_begun: AtomicBool::new(false),
             asked: Mutex::new(None),
         }))
@@ -108,7 +100,7 @@ impl Connection {
 
     /// What was sent to the peer.
     pub fn bytes_sent(&self) -> BytesSent {
-        self.0.bytes_sent.clone()
+        self.0.progress.bytes_sent()
     }
 
     /// Keeps it from being dropped for another, or as idle, as long as the result lives. Who asks for this bounds how many
@@ -144,9 +136,14 @@ impl Connection {
         let socket = self.socket(stream).await?;
         let service = service_fn(|request: Request<Incoming>| {
             self.has_asked();
+            let begun = self.0.progress.begin_request();
             let mut request = request.map(Body::new);
             request.extensions_mut().insert(self.clone());
-            router.clone().oneshot(request)
+            let answer = router.clone().oneshot(request);
+            async move {
+                let _until_it_is_made = begun;
+                answer.await
+            }
         });
         let builder = builder();
         let mut serving =
@@ -190,10 +187,11 @@ impl Connection {
             }
             credentials => credentials,
         };
-        let sent = self.bytes_sent();
-        let count = move |bytes: &[u8]| _ = sent.0.fetch_add(bytes.len() as u64, Ordering::Relaxed);
-        let counted = InspectWriter::new(stream, count);
+        let counted = ProgressSocket::new(stream, Arc::clone(&self.0.progress));
         let Some(credentials) = credentials else { return Ok(Box::new(counted)) };
+        if !self.0.port.handshakes.admit(self.0.from, false, std::time::Instant::now()) {
+            return Err(Refusal::TooManyHandshakes);
+        }
         let socket = credentials.accept_anybody(counted).await?;
         // Browsers connect ahead of what they ask.
         self.0.has_begun.store(false, Ordering::Relaxed);
@@ -227,10 +225,10 @@ impl Connection {
             let has_begun = self.0.has_begun.load(Ordering::Relaxed);
             return if has_begun { Refusal::Slow(HEAD_TIMEOUT) } else { Refusal::Silent };
         };
-        let mut sent = self.0.bytes_sent.bytes();
+        let mut sent = self.bytes_sent().bytes();
         loop {
             sleep_until(last + IDLE_TIMEOUT).await;
-            let (asked, taken) = (self.last_asked().unwrap_or(last), self.0.bytes_sent.bytes());
+            let (asked, taken) = (self.last_asked().unwrap_or(last), self.bytes_sent().bytes());
             if asked > last {
                 last = asked;
             } else if taken >= sent + SLOW_LINK_BYTES || self.0.registered.stays() {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use axum::Router;
-use identity::Credentials;
+use identity::{Credentials, HandshakeLimit};
 use socket2::SockRef;
 use tokio::net::TcpListener;
 use tokio::sync::watch;
@@ -37,7 +37,12 @@ impl Port {
         credentials: Option<Arc<Credentials>>,
     ) -> io::Result<Port> {
         SockRef::from(&listener).listen(BACKLOG)?;
-        let shared = PortShared { credentials, registry: Registry::default(), refusals: Refusals::new(name) };
+        let shared = PortShared {
+            credentials,
+            handshakes: HandshakeLimit::default(),
+            registry: Registry::default(),
+            refusals: Refusals::new(name),
+        };
         Ok(Port { listener: TcpListener::from_std(listener)?, shared: Arc::new(shared) })
     }
 
@@ -55,7 +60,7 @@ impl Port {
             };
             match accepted {
                 Ok((stream, from)) => {
-                    let connection = Connection::new(&self.shared, from.ip());
+                    let connection = Connection::new(&self.shared, from.ip().to_canonical());
                     connections.spawn(connection.serve(stream, router.clone(), of_connections.clone()));
                 }
                 Err(error) if is_of_the_peer(&error) => {}

@@ -5,12 +5,14 @@ mod connection;
 mod files;
 mod guesses;
 mod listener;
+mod progress;
 mod refusals;
 mod registry;
 
 pub(crate) use access::{Access, bearer_token, random_hex};
 pub use access::{Origin, OriginError, RandomError, Token, TokenError};
-pub(crate) use connection::{BytesSent, Connection};
+pub(crate) use connection::Connection;
 pub(crate) use files::routes;
 pub(crate) use guesses::Guesses;
 pub(crate) use listener::Port;
+pub(crate) use progress::BytesSent;

@@ -20,6 +20,9 @@ pub(super) enum Refusal {
     /// Its certificate is not trusted, or something else is wrong with TLS.
     #[error(transparent)]
     Handshake(#[from] HandshakeError),
+    /// Its machine, or all together, begin too many handshakes.
+    #[error("as many TLS handshakes as this port makes in a second have begun, expected it to come later")]
+    TooManyHandshakes,
     /// TLS on a plain port.
     #[error("it speaks TLS, and this port speaks plain HTTP: expected http://")]
     Encrypted,

@@ -1,11 +1,17 @@
 //! The connections of a port, and which of them gives way when there are too many.
 //!
-//! Nobody who only begins, or only asks, keeps others out: the one that came or asked longest ago gives way. Those that stay
-//! (a socket, a stream) are bounded by whoever lets them stay.
+//! A peer that only begins, or only asks, keeps no other out: a connection gives way. One that is not sending an answer comes
+//! first, of those one of the machine that has most, of those the one that came or asked longest ago. Connections that stay (a
+//! socket, a stream) are bounded where they are allowed to.
 
+use std::cmp::Reverse;
+use std::collections::HashMap;
+use std::net::IpAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use tokio::sync::Notify;
+
+use super::progress::Progress;
 
 /// Connections whose first request has not come, of all peers together.
 pub(crate) const MAX_BEGINNING: usize = 64;
@@ -26,8 +32,10 @@ struct Connections {
 #[derive(Debug)]
 struct Entry {
     id: u64,
+    machine: IpAddr,
     stage: Stage,
     turn: u64,
+    progress: Arc<Progress>,
     gives_way: Arc<Notify>,
 }
 
@@ -52,13 +60,14 @@ pub(super) struct Registered {
 pub(crate) struct Staying(Arc<Registered>);
 
 impl Registry {
-    /// Another connection.
-    pub fn begin(&self) -> Arc<Registered> {
+    /// Another connection, from that machine.
+    pub fn begin(&self, machine: IpAddr, progress: Arc<Progress>) -> Arc<Registered> {
         let mut connections = self.lock();
         connections.make_way(Stage::Beginning, MAX_BEGINNING);
         let id = connections.next_turn();
         let gives_way = Arc::new(Notify::new());
-        let entry = Entry { id, stage: Stage::Beginning, turn: id, gives_way: Arc::clone(&gives_way) };
+        let (stage, turn) = (Stage::Beginning, id);
+        let entry = Entry { id, machine, stage, turn, progress, gives_way: Arc::clone(&gives_way) };
         connections.list.push(entry);
         Arc::new(Registered { registry: self.clone(), id, gives_way })
     }
@@ -74,14 +83,19 @@ impl Connections {
         self.turns
     }
 
-    /// Makes room for one more in a stage.
+    /// Makes room in a stage for one more connection.
     fn make_way(&mut self, stage: Stage, most: usize) {
         let among = || self.list.iter().enumerate().filter(|(_, entry)| entry.stage == stage);
         if among().count() < most {
             return;
         }
-        if let Some((oldest, _)) = among().min_by_key(|(_, entry)| entry.turn) {
-            self.list.swap_remove(oldest).gives_way.notify_one();
+        let mut of_machine: HashMap<IpAddr, usize> = HashMap::new();
+        among().for_each(|(_, entry)| *of_machine.entry(entry.machine).or_default() += 1);
+        let rank = |(_, entry): &(usize, &Entry)| {
+            (!entry.progress.is_answering(), of_machine.get(&entry.machine).copied(), Reverse(entry.turn))
+        };
+        if let Some((gives_way, _)) = among().max_by_key(rank) {
+            self.list.swap_remove(gives_way).gives_way.notify_one();
         }
     }
 
@@ -149,6 +163,14 @@ mod tests {
     use super::*;
     use futures::FutureExt as _;
 
+    fn machine(last: u8) -> IpAddr {
+        IpAddr::from([10, 0, 0, last])
+    }
+
+    fn begin(registry: &Registry) -> Arc<Registered> {
+        registry.begin(machine(1), Arc::default())
+    }
+
     fn gave_way(connection: &Registered) -> bool {
         connection.gives_way().now_or_never().is_some()
     }
@@ -156,9 +178,9 @@ mod tests {
     #[test]
     fn whoever_began_longest_ago_gives_way_to_whoever_comes() {
         let registry = Registry::default();
-        let asked = registry.begin();
+        let asked = begin(&registry);
         asked.asked();
-        let silent: Vec<_> = (0..2 * MAX_BEGINNING).map(|_| registry.begin()).collect();
+        let silent: Vec<_> = (0..2 * MAX_BEGINNING).map(|_| begin(&registry)).collect();
         let gone = silent.iter().filter(|connection| gave_way(connection)).count();
         assert_eq!(gone, MAX_BEGINNING);
         assert!(silent[MAX_BEGINNING..].iter().all(|connection| !gave_way(connection)));
@@ -169,7 +191,7 @@ mod tests {
     fn whoever_asked_longest_ago_gives_way_and_never_one_that_stays() {
         let registry = Registry::default();
         let ask = || {
-            let connection = registry.begin();
+            let connection = begin(&registry);
             connection.asked();
             connection
         };
@@ -184,9 +206,49 @@ mod tests {
     }
 
     #[test]
+    fn a_flood_of_one_machine_ends_no_connection_of_another() {
+        let registry = Registry::default();
+        let page = registry.begin(machine(2), Arc::default());
+        page.asked();
+        for _ in 0..1000 {
+            begin(&registry).asked();
+        }
+        let _open: Vec<_> = (0..1000)
+            .map(|_| {
+                let connection = begin(&registry);
+                connection.asked();
+                connection
+            })
+            .collect();
+        assert!(!gave_way(&page));
+        let another = registry.begin(machine(3), Arc::default());
+        another.asked();
+        assert!(!gave_way(&another) && !gave_way(&page));
+    }
+
+    #[test]
+    fn a_connection_that_sends_an_answer_gives_way_after_those_that_do_not() {
+        let registry = Registry::default();
+        let progress = Arc::<Progress>::default();
+        let page = registry.begin(machine(1), Arc::clone(&progress));
+        page.asked();
+        let answer = progress.begin_request();
+        let ask = || {
+            let connection = begin(&registry);
+            connection.asked();
+            connection
+        };
+        let _others: Vec<_> = (0..3 * MAX_PASSING).map(|_| ask()).collect();
+        assert!(!gave_way(&page));
+        drop(answer);
+        let _another = ask();
+        assert!(gave_way(&page), "it asked longest ago");
+    }
+
+    #[test]
     fn a_connection_with_two_streams_stays_until_both_have_ended() {
         let registry = Registry::default();
-        let connection = registry.begin();
+        let connection = begin(&registry);
         let (one, other) = (connection.stay(), connection.stay());
         drop(one);
         assert!(connection.stays());

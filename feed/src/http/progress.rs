@@ -1,0 +1,121 @@
+//! A socket that counts what is sent over it, and knows whether some of an answer is still unsent.
+
+use std::io::{self, IoSlice};
+use std::pin::Pin;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::task::{Context, Poll};
+
+use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+
+/// What a connection is doing for its peer.
+#[derive(Debug, Default)]
+pub(super) struct Progress {
+    bytes_sent: AtomicU64,
+    /// The kernel did not take what was written last: its peer is still reading.
+    is_unsent: AtomicBool,
+    requests: AtomicUsize,
+}
+
+impl Progress {
+    /// What the kernel has taken.
+    pub fn bytes_sent(self: &Arc<Self>) -> BytesSent {
+        BytesSent(Arc::clone(self))
+    }
+
+    /// Whether an answer is being made, or not all of it was sent.
+    pub fn is_answering(&self) -> bool {
+        self.is_unsent.load(Ordering::Relaxed) || self.requests.load(Ordering::Relaxed) > 0
+    }
+
+    /// A request is being answered for as long as the result lives.
+    pub fn begin_request(self: &Arc<Self>) -> Request {
+        self.requests.fetch_add(1, Ordering::Relaxed);
+        Request(Arc::clone(self))
+    }
+
+    fn written(&self, written: Poll<io::Result<usize>>) -> Poll<io::Result<usize>> {
+        self.is_unsent.store(written.is_pending(), Ordering::Relaxed);
+        if let Poll::Ready(Ok(bytes)) = &written {
+            self.bytes_sent.fetch_add(*bytes as u64, Ordering::Relaxed);
+        }
+        written
+    }
+}
+
+/// Bytes that the kernel has taken for a peer, encrypted ones if the connection is.
+#[derive(Clone, Debug)]
+pub(crate) struct BytesSent(Arc<Progress>);
+
+impl BytesSent {
+    /// So many so far.
+    pub fn bytes(&self) -> u64 {
+        self.0.bytes_sent.load(Ordering::Relaxed)
+    }
+}
+
+/// A request whose answer is being made.
+#[derive(Debug)]
+pub(super) struct Request(Arc<Progress>);
+
+impl Drop for Request {
+    fn drop(&mut self) {
+        self.0.requests.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
+/// The socket.
+#[derive(Debug)]
+pub(super) struct ProgressSocket<S> {
+    socket: S,
+    progress: Arc<Progress>,
+}
+
+impl<S> ProgressSocket<S> {
+    /// Notes there what happens on the socket.
+    pub fn new(socket: S, progress: Arc<Progress>) -> ProgressSocket<S> {
+        ProgressSocket { socket, progress }
+    }
+}
+
+impl<S: AsyncRead + Unpin> AsyncRead for ProgressSocket<S> {
+    fn poll_read(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.socket).poll_read(context, buffer)
+    }
+}
+
+impl<S: AsyncWrite + Unpin> AsyncWrite for ProgressSocket<S> {
+    fn poll_write(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        bytes: &[u8],
+    ) -> Poll<io::Result<usize>> {
+        let written = Pin::new(&mut self.socket).poll_write(context, bytes);
+        self.progress.written(written)
+    }
+
+    fn poll_write_vectored(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        slices: &[IoSlice<'_>],
+    ) -> Poll<io::Result<usize>> {
+        let written = Pin::new(&mut self.socket).poll_write_vectored(context, slices);
+        self.progress.written(written)
+    }
+
+    fn is_write_vectored(&self) -> bool {
+        self.socket.is_write_vectored()
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.socket).poll_flush(context)
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.socket).poll_shutdown(context)
+    }
+}
