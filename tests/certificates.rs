@@ -61,7 +61,13 @@ async fn strangers_are_refused_in_one_line_and_the_run_goes_on() {
         "{}",
         said(&output)
     );
-    assert!(said(&output).contains("expected a node that was started without --certs"), "{}", said(&output));
+    assert!(
+        said(&output).contains(
+            "this program was started without --certs; a node that was started with --certs expects one"
+        ),
+        "{}",
+        said(&output)
+    );
 
     ask_to_end(&running);
     let Some(figures) = watch.judge(ended(running, &room.json())) else { return };

@@ -126,7 +126,9 @@ impl Dial for Sockets {
         match &self.credentials {
             // Under TLS 1.3 a client is done before the server has looked at its certificate.
             Some(own) => format!("it was shown the certificate of {}, and its log tells why", own.own()),
-            None => "expected a node that was started without --certs".to_owned(),
+            None => "no certificate was shown to it, as this program was started without --certs; a node that was \
+                     started with --certs expects one"
+                .to_owned(),
         }
     }
 

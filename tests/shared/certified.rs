@@ -105,10 +105,10 @@ impl Room {
     pub async fn refusal(&self, authority: &Authority, owner: Identity) -> String {
         let folder = self.folder.path().join("stranger");
         issue(&folder, authority, &owner, Validity::days(30));
-        let credentials = Credentials::open(&folder, owner.clone()).expect("its own");
         // It knows the room's authority: it must be the node that refuses.
         let both = format!("{}{}", authority.certificate(), self.authority.certificate());
         fs::write(folder.join(AUTHORITIES), both).expect("written");
+        let credentials = Credentials::open(&folder, owner.clone()).expect("its own");
         match self.first_event(credentials).await {
             NodeEvent::Down(error) => error.to_string(),
             event => panic!("{owner} got in: {event:?}"),
