@@ -153,6 +153,7 @@ const WIRE: [&str; 12] = [
     "tests/simulated/liar.rs",
     "tests/pinned_memory.rs",
     "tests/strangers.rs",
+    "tests/untrusted_peers.rs",
     // Of a collector, which is none of ours.
     "tests/traces.rs",
     "tests/tidy.rs",
