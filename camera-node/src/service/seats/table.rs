@@ -100,9 +100,9 @@ pub(super) struct Slot {
 /// What is missing for another connection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Shortage {
-    OfMachine,
-    OfViewers,
-    OfAll,
+    Machine,
+    Viewers,
+    All,
 }
 
 impl Table {
@@ -110,7 +110,7 @@ impl Table {
     /// this one is refused.
     pub fn admit(&mut self, machine: Option<IpAddr>, leads: bool, now: Instant) -> Result<u64, NoSeat> {
         if let Some(shortage) = self.shortage(machine, leads) {
-            let why = if shortage == Shortage::OfMachine { NoSeat::TooMany } else { NoSeat::Full };
+            let why = if shortage == Shortage::Machine { NoSeat::TooMany } else { NoSeat::Full };
             let gives_way = self.gives_way(shortage, machine, leads, now).ok_or(why)?;
             self.end(gives_way, Ended::GaveWay);
         }
@@ -135,11 +135,11 @@ impl Table {
         let kept = self.lease.as_ref().filter(|lease| lease.machine != machine);
         let kept = kept.map_or(0, |lease| LEASE_SLOTS.saturating_sub(self.count_of(lease.machine)));
         if machine.is_some() && self.count_of(machine) >= MAX_OF_A_MACHINE {
-            Some(Shortage::OfMachine)
+            Some(Shortage::Machine)
         } else if self.slots.len() + kept >= MAX_CONNECTIONS {
-            Some(Shortage::OfAll)
+            Some(Shortage::All)
         } else if !leads && viewers >= MAX_VIEWERS {
-            Some(Shortage::OfViewers)
+            Some(Shortage::Viewers)
         } else {
             None
         }
@@ -167,9 +167,9 @@ impl Table {
             let is_newcomer = own == 0 || machine.is_none();
             let is_settled = is_newcomer && now.saturating_duration_since(slot.admitted) >= SETTLED_AFTER;
             match shortage {
-                Shortage::OfMachine => slot.machine == machine && is_silent,
-                Shortage::OfViewers => !slot.leads && (is_silent || has_more || is_settled),
-                Shortage::OfAll => is_silent || (leads || !slot.leads) && (has_more || is_settled),
+                Shortage::Machine => slot.machine == machine && is_silent,
+                Shortage::Viewers => !slot.leads && (is_silent || has_more || is_settled),
+                Shortage::All => is_silent || (leads || !slot.leads) && (has_more || is_settled),
             }
         };
         let mut of_prefix: HashMap<Option<IpAddr>, usize> = HashMap::new();
