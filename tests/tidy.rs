@@ -94,13 +94,15 @@ const ALLOWED: [(&str, &[&str]); 21] = [
 const TESTKIT: &str = "testkit";
 
 /// The documents whose names are looked up.
-const DOCUMENTS: [&str; 15] = [
+const DOCUMENTS: [&str; 17] = [
     "ARCHITECTURE.md",
     "README.md",
     "CONTRIBUTING.md",
     "CHANGELOG.md",
     "docs/calibration.md",
+    "docs/fault-model.md",
     "docs/feed.md",
+    "docs/film.md",
     "docs/paper.md",
     "docs/performance.md",
     "docs/programs.md",

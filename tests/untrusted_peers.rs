@@ -103,7 +103,11 @@ async fn half_sent_messages_cost_the_lease_holder_no_question() {
     // What they have sent by now is all that they send.
     sleep(Duration::from_secs(3)).await;
 
-    let points = (0..POINTS).map(|at| [at as f64 * 1e-5, 1.0, 0.0]).collect();
+    // Without order, so that they cannot be packed.
+    let scattered = |at: usize, factor: f64| (at as f64 * factor).fract();
+    let point =
+        |at| [scattered(at, 0.754_877_666), scattered(at, 0.569_840_291), scattered(at, 0.819_172_513)];
+    let points = (0..POINTS).map(point).collect();
     let batches = vec![Batch::all(Points::World(points))];
     let question = Question { kind: QuestionKind::Classes, batches, ..Question::default() };
     let (sender, requests) = mpsc::channel(1);

@@ -161,17 +161,23 @@ impl Nodes {
         self.clients.iter().for_each(|client| client.use_frame(frame));
     }
 
-    /// Makes shapes known to all nodes that may lack them, whatever one of them answers.
+    /// Makes shapes known to all nodes that may lack them, whatever one of them answers. Fewer than half of the nodes that
+    /// refuse do so wrongly: such a node is excluded when it is asked about a shape that it does not have.
     pub async fn register(&self, shapes: &[Arc<Shape>]) -> Result<(), TransportError> {
-        each(&self.clients, |client| async move { client.register(shapes).await }).await
+        let (refused, others) =
+            call_all(&self.clients, |client| async move { client.register(shapes).await }).await;
+        if 2 * refused.len() < self.clients.len() {
+            return others.into_iter().collect();
+        }
+        refused.into_iter().chain(others).collect()
     }
 }
 
-/// Calls all nodes at once. Of several errors a refusal counts first: it will not pass by itself.
-async fn each<'a, F>(
+/// Calls all nodes at once, until all have answered. Returns the refusals apart from the rest: they will not pass by themselves.
+async fn call_all<'a, F>(
     clients: &'a [Arc<NodeClient>],
     call: impl Fn(&'a Arc<NodeClient>) -> F,
-) -> Result<(), TransportError>
+) -> (Vec<Result<(), TransportError>>, Vec<Result<(), TransportError>>)
 where
     F: Future<Output = Result<(), NodeError>>,
 {
@@ -179,10 +185,21 @@ where
         let called = call(client);
         async move { called.await.map_err(|error| TransportError::of(client, error)) }
     });
-    let (refused, others): (Vec<_>, Vec<_>) = futures::future::join_all(calls)
+    futures::future::join_all(calls)
         .await
         .into_iter()
-        .partition(|result| result.as_ref().is_err_and(TransportError::is_refusal));
+        .partition(|result| result.as_ref().is_err_and(TransportError::is_refusal))
+}
+
+/// Calls all nodes at once. Of several errors a refusal counts first.
+async fn each<'a, F>(
+    clients: &'a [Arc<NodeClient>],
+    call: impl Fn(&'a Arc<NodeClient>) -> F,
+) -> Result<(), TransportError>
+where
+    F: Future<Output = Result<(), NodeError>>,
+{
+    let (refused, others) = call_all(clients, call).await;
     refused.into_iter().chain(others).collect()
 }
 
