@@ -6,6 +6,7 @@ use std::fs;
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Duration;
 
 use common::*;
 use identity::{AUTHORITIES, Authority, CERTIFICATE, Credentials, Identity, KEY, Validity};
@@ -113,6 +114,8 @@ async fn a_certificate_that_was_replaced_is_shown_to_the_next_who_comes() {
     let refused = index(&run, &new).await.expect_err("of another authority").to_string();
     assert!(refused.contains("invalid peer certificate"), "{refused}");
     issue(folder.path(), &new);
+    // The folder is read once a second at most.
+    tokio::time::sleep(Duration::from_millis(1100)).await;
     assert!(index(&run, &new).await.expect("encrypted").starts_with("HTTP/1.1 200"));
 }
 
