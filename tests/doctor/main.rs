@@ -64,7 +64,7 @@ fn closed_port() -> (Room, Guard) {
 
 fn ending_certificate() -> (Room, Guard) {
     let room = Plan::of_stage().run();
-    // All anew: the old authority's key is not kept. Nodes read their folders at the next connection.
+    // All anew: the old authority's key is not kept.
     let authority = Authority::make("room", Validity::days(30)).expect("an authority");
     for (name, owner, days) in [
         ("left", Identity::node("room", "left"), 30),
@@ -73,6 +73,7 @@ fn ending_certificate() -> (Room, Guard) {
     ] {
         issue(&room.folder.path().join(name), &authority, &owner, Validity::days(days));
     }
+    await_reading();
     (room, nothing())
 }
 
@@ -80,7 +81,13 @@ fn other_authority() -> (Room, Guard) {
     let room = Plan::of_stage().run();
     let other = Authority::make("room", Validity::days(30)).expect("an authority");
     issue(&room.folder.path().join("right"), &other, &Identity::node("room", "right"), Validity::days(30));
+    await_reading();
     (room, nothing())
+}
+
+/// Nodes read their folders once a second at most.
+fn await_reading() {
+    std::thread::sleep(std::time::Duration::from_millis(1100));
 }
 
 fn open_key() -> (Room, Guard) {
