@@ -64,7 +64,7 @@ fn closed_port() -> (Room, Guard) {
 
 fn ending_certificate() -> (Room, Guard) {
     let room = Plan::of_stage().run();
-    // All anew: the old authority's key is not kept.
+    // All are new: the old authority's key is not kept.
     let authority = Authority::make("room", Validity::days(30)).expect("an authority");
     for (name, owner, days) in [
         ("left", Identity::node("room", "left"), 30),

@@ -77,7 +77,7 @@ pub enum Trouble {
     Network,
     /// A node lies.
     Liar,
-    /// A node lies about the world that it remembers, and the coordinator is started anew.
+    /// A node lies about the world that it remembers, and the coordinator is restarted.
     Poison,
 }
 
@@ -381,7 +381,7 @@ impl Log {
         }
     }
 
-    /// The coordinator that was started anew goes on from where it was, and says so.
+    /// The restarted coordinator goes on from where it was, and says so.
     fn check_gone_on(&self) {
         let kept = self.0.lock().expect("no panic");
         let gone_on = kept.lines.iter().filter(|line| line.contains("goes on from step")).count();

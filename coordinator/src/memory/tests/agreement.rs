@@ -62,7 +62,7 @@ fn a_world_that_one_node_alone_has_is_not_read() {
     assert_eq!(found.newest, Some(later(1)), "twice from one node is one node");
     let found = recall(&[&[&poisoned], &[], &[&later(1)]]);
     assert_eq!((found.newest, found.unfit), (None, Some(Unfit::Disputed)));
-    // The other node of two has been started anew, or claims so.
+    // The other node of two was restarted, or claims so.
     let found = recall(&[&[&poisoned], &[]]);
     assert_eq!((found.newest, found.unfit), (None, Some(Unfit::Disputed)));
 }

@@ -101,7 +101,7 @@ fn bodies_that_meet_at_one_place_end_at_an_error_before_the_step() {
     let error = world.step(&untouched(&world)).expect_err("too many").to_string();
     assert!(error.contains("pairs of overlapping bodies, expected at most 5000"), "{error}");
     assert_eq!((world.digest(), world.steps()), (before, steps), "the step was not made");
-    world.again().expect("its scene begins anew");
+    world.again().expect("its scene starts again");
 }
 
 #[test]
