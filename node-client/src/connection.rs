@@ -17,6 +17,7 @@ use tonic::transport::{Channel, Endpoint, Uri};
 
 use crate::counting::{ByteCounters, counted};
 use crate::error::{NodeError, root_cause};
+use crate::reply_limits::{Limited, NodeCalls, ReplyLimits};
 
 const CONNECT_TIMEOUT: Duration = Duration::from_millis(1500);
 /// A connection over which nothing comes for so long is given up, and made anew: a way that was cut may be open again long
@@ -24,13 +25,14 @@ const CONNECT_TIMEOUT: Duration = Duration::from_millis(1500);
 const KEEP_ALIVE: Duration = Duration::from_secs(1);
 const SILENT: Duration = Duration::from_secs(2);
 
-/// A client of the node at an address, connected now.
+/// The calls of the node at an address, connected now.
 pub(crate) async fn connect(
     to: &Destination,
     dial: &Arc<dyn Dial>,
     counters: &Arc<ByteCounters>,
-) -> Result<CameraNodeClient<Channel>, NodeError> {
-    channel(to, dial, counters).await.map(client)
+    limits: &Arc<ReplyLimits>,
+) -> Result<NodeCalls, NodeError> {
+    Ok(calls(channel(to, dial, counters).await?, limits))
 }
 
 /// A connection to the node at an address, made now.
@@ -43,17 +45,18 @@ pub(crate) async fn channel(
     connected.map_err(|error| NodeError::Unreachable(root_cause(&error)))
 }
 
-/// A client that connects when it is first used, and again whenever its connection breaks.
+/// Calls that connect when one is first made, and again whenever the connection breaks.
 pub(crate) fn connect_lazily(
     to: &Destination,
     dial: &Arc<dyn Dial>,
     counters: &Arc<ByteCounters>,
-) -> CameraNodeClient<Channel> {
-    client(endpoint().connect_with_connector_lazy(connector(to, dial, counters)))
+    limits: &Arc<ReplyLimits>,
+) -> NodeCalls {
+    calls(endpoint().connect_with_connector_lazy(connector(to, dial, counters)), limits)
 }
 
-fn client(channel: Channel) -> CameraNodeClient<Channel> {
-    CameraNodeClient::new(channel)
+fn calls(channel: Channel, limits: &Arc<ReplyLimits>) -> NodeCalls {
+    CameraNodeClient::new(Limited::new(channel, Arc::clone(limits)))
         .max_decoding_message_size(MAX_MESSAGE_BYTES)
         .max_encoding_message_size(MAX_MESSAGE_BYTES)
 }

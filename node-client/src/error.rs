@@ -6,6 +6,7 @@ use hull::ProbeSettings;
 use hull::rule::{NormalWindow, OutOfView};
 use proto::Address;
 use proto::convert::ConvertError;
+use proto::framing::TooLong;
 use proto::text::{MAX_MESSAGE_CHARS, clean};
 use thiserror::Error;
 
@@ -66,6 +67,9 @@ pub enum NodeError {
         /// Cameras of the node.
         expected: usize,
     },
+    /// A reply that is longer than its question allows.
+    #[error("invalid reply: {0}")]
+    TooLong(#[from] TooLong),
     /// A reply without a picture.
     #[error("invalid reply: no picture")]
     NoPictures,
@@ -115,6 +119,7 @@ impl NodeError {
             other => matches!(
                 other,
                 NodeError::Invalid(_)
+                    | NodeError::TooLong(_)
                     | NodeError::Cameras { .. }
                     | NodeError::NoPictures
                     | NodeError::OtherFrame { .. }
@@ -139,6 +144,7 @@ impl NodeError {
             | NodeError::Refused(_)
             | NodeError::Held(_)
             | NodeError::Invalid(_)
+            | NodeError::TooLong(_)
             | NodeError::Cameras { .. }
             | NodeError::NoPictures
             | NodeError::OtherFrame { .. }
@@ -213,6 +219,9 @@ impl Mismatch {
 
 impl From<tonic::Status> for NodeError {
     fn from(status: tonic::Status) -> NodeError {
+        if let Some(too_long) = cause_of(&status) {
+            return NodeError::TooLong(too_long);
+        }
         let said = std::error::Error::source(&status).map_or_else(|| status.message().to_owned(), root_cause);
         let message = clean(&said, MAX_MESSAGE_CHARS);
         match status.code() {
@@ -228,6 +237,18 @@ impl From<tonic::Status> for NodeError {
             _ => NodeError::Refused(message),
         }
     }
+}
+
+/// Why we did not read on, if that is why the call failed.
+fn cause_of(status: &tonic::Status) -> Option<TooLong> {
+    let mut cause = std::error::Error::source(status);
+    while let Some(error) = cause {
+        if let Some(too_long) = error.downcast_ref() {
+            return Some(*too_long);
+        }
+        cause = error.source();
+    }
+    None
 }
 
 /// The innermost cause: tonic's own words alone say only "transport error".

@@ -10,6 +10,7 @@ mod error;
 mod film_time;
 mod pictures;
 mod place;
+mod reply_limits;
 mod status;
 mod world;
 

@@ -5,15 +5,14 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use proto::convert::{frame_pictures_from_wire, picture_request_to_wire};
-use proto::v1::camera_node_client::CameraNodeClient;
 use proto::{Address, FramePictures, PictureKind, PictureRequest};
 use thiserror::Error;
-use tonic::transport::Channel;
 
 use crate::agreement::ExpectedNode;
 use crate::connection::{Dial, connect_lazily};
 use crate::counting::ByteCounters;
 use crate::error::NodeError;
+use crate::reply_limits::{NodeCalls, ReplyLimits};
 
 /// All cameras of a frame together get so long.
 pub const FETCH_TIMEOUT: Duration = Duration::from_millis(500);
@@ -56,8 +55,9 @@ struct PictureNode {
     node: ExpectedNode,
     dial: Arc<dyn Dial>,
     counters: Arc<ByteCounters>,
+    limits: Arc<ReplyLimits>,
     /// To the address where the node was found last.
-    client: Mutex<Option<(Address, CameraNodeClient<Channel>)>>,
+    client: Mutex<Option<(Address, NodeCalls)>>,
     rests_until: Mutex<Option<Instant>>,
 }
 
@@ -69,10 +69,12 @@ impl NodePictures {
         let counters = Arc::new(ByteCounters::default());
         let picture_node = |node: ExpectedNode| {
             let (dial, counters) = (Arc::clone(dial), Arc::clone(&counters));
+            let limits = ReplyLimits::of(&node.cameras);
             Arc::new(PictureNode {
                 node,
                 dial,
                 counters,
+                limits,
                 client: Mutex::default(),
                 rests_until: Mutex::default(),
             })
@@ -177,13 +179,13 @@ impl PictureNode {
 
     /// A client of the node where it is; none while that is not certain: what finds and checks it is the run's own
     /// connection.
-    fn client(&self) -> Option<CameraNodeClient<Channel>> {
+    fn client(&self) -> Option<NodeCalls> {
         let address = self.node.place.checked()?;
         let mut client = self.client.lock().unwrap_or_else(PoisonError::into_inner);
         if client.as_ref().is_none_or(|(known, _)| *known != address) {
             *client = {
                 let to = self.node.at(&address);
-                Some((address, connect_lazily(&to, &self.dial, &self.counters)))
+                Some((address, connect_lazily(&to, &self.dial, &self.counters, &self.limits)))
             };
         }
         client.as_ref().map(|(_, client)| client.clone())

@@ -1,13 +1,10 @@
 //! The worlds that a node remembers.
 
 use bytes::Bytes;
-use proto::{MAX_CHECKPOINT_BYTES, v1};
+use proto::v1;
 
 use crate::client::NodeClient;
 use crate::error::NodeError;
-
-/// The longest reply that is read: two checkpoints and their lengths.
-const MAX_REPLY_BYTES: usize = 2 * MAX_CHECKPOINT_BYTES + 64;
 
 impl NodeClient {
     /// Has the node remember a checkpoint; it keeps this one and the one before.
@@ -19,8 +16,7 @@ impl NodeClient {
 
     /// The last two checkpoints that the node was given, the newest first, not checked; fewer if it was given fewer.
     pub async fn fetch_worlds(&self) -> Result<Vec<Bytes>, NodeError> {
-        let mut client = self.client()?.max_decoding_message_size(MAX_REPLY_BYTES);
-        let reply = client.fetch_world(v1::FetchWorldRequest {}).await?;
+        let reply = self.client()?.fetch_world(v1::FetchWorldRequest {}).await?;
         let v1::FetchWorldReply { checkpoint, previous } = reply.into_inner();
         Ok([checkpoint, previous].into_iter().filter(|checkpoint| !checkpoint.is_empty()).collect())
     }

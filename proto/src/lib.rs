@@ -19,6 +19,7 @@ pub mod convert;
 mod cut;
 mod description;
 mod film;
+pub mod framing;
 mod histogram;
 mod pictures;
 mod simulation;

@@ -30,10 +30,23 @@ enum Lie {
     OtherFrame,
     OtherCount,
     Ended,
+    Long,
 }
 
-const LIES: [Lie; 8] =
-    [Lie::None, Lie::Late, Lie::Lost, Lie::Twice, Lie::Refused, Lie::OtherFrame, Lie::OtherCount, Lie::Ended];
+const LIES: [Lie; 9] = [
+    Lie::None,
+    Lie::Late,
+    Lie::Lost,
+    Lie::Twice,
+    Lie::Refused,
+    Lie::OtherFrame,
+    Lie::OtherCount,
+    Lie::Ended,
+    Lie::Long,
+];
+
+/// What a long lie adds to a message, bytes: more than any of these may have.
+const LONG_BYTES: usize = 2 << 20;
 
 /// How a seed's node lies: one way alone, or any of them.
 pub struct Habit {
@@ -50,7 +63,7 @@ impl Habit {
     }
 
     pub fn new(mut random: Random) -> Habit {
-        let always = (random.below(2) == 0).then(|| LIES[1 + random.below(7) as usize]);
+        let always = (random.below(2) == 0).then(|| LIES[1 + random.below(8) as usize]);
         let honest_of_8 = random.below(8);
         Habit { random, always, honest_of_8, poison: None }
     }
@@ -59,7 +72,7 @@ impl Habit {
         if self.random.below(8) < self.honest_of_8 {
             return Lie::None;
         }
-        self.always.unwrap_or_else(|| LIES[self.random.below(8) as usize])
+        self.always.unwrap_or_else(|| LIES[self.random.below(9) as usize])
     }
 
     fn frame(&mut self, frame: u64) -> u64 {
@@ -135,6 +148,7 @@ fn lied_of_film(habit: &mut Habit, lie: Lie, mut info: v1::FrameInfo) -> Result<
         Lie::OtherCount => info.cameras.truncate(1),
         Lie::Ended => (info.ended, info.cameras) = (true, vec![]),
         Lie::Refused => return Err(Status::invalid_argument("no")),
+        Lie::Long => info.failure = "x".repeat(LONG_BYTES),
         Lie::None | Lie::Late | Lie::Lost | Lie::Twice => {}
     }
     Ok(info)
@@ -152,6 +166,10 @@ fn lied_of_answer(habit: &mut Habit, lie: Lie, mut reply: v1::ProbeReply) -> Res
         (Lie::OtherCount, Some(probe_reply::Answer::Exits(exits))) => exits.count += 1,
         (Lie::OtherFrame, _) => reply.id += 1,
         (Lie::Ended, answer) => *answer = None,
+        (Lie::Long, answer) => {
+            let refusal = v1::Refusal { reason: Reason::Busy.into(), message: "x".repeat(LONG_BYTES) };
+            *answer = Some(probe_reply::Answer::Refusal(refusal));
+        }
         _ => {}
     }
     Ok(reply)

@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use bytes::Bytes;
 use http_body::{Frame, SizeHint};
+use proto::framing::Messages;
 use proto::text::{MAX_NAME_CHARS, clean};
 use proto::{MAX_CHECKPOINT_BYTES, MAX_MESSAGE_BYTES};
 use tokio::time::{Instant, Sleep};
@@ -23,8 +24,6 @@ use super::seldom::Seldom;
 const MAX_SHORT_BYTES: usize = 64 << 10;
 /// A message is whole within this.
 const WHOLE_WITHIN: Duration = Duration::from_secs(20);
-/// Before each message: whether it is compressed, and its length.
-const PREFIX_BYTES: usize = 5;
 /// The calls whose clients send messages one after the other; of all others they send one.
 const STREAMS: [&str; 3] = ["Probe", "WatchFrames", "ServerReflectionInfo"];
 /// Shorter parts of replies are not counted: of each stream one waits at most.
@@ -146,31 +145,35 @@ struct Received {
 
 impl Received {
     fn new(body: Body, takes: Takes, seat: Option<Arc<Seat>>) -> Received {
-        let (share, messages) = (Share::of(seat.clone()), Messages::of_at_most(takes.max_message_bytes));
+        let (share, messages) = (Share::of(seat.clone()), Messages::default());
         let whole_by = (!takes.is_stream).then(whole_by);
         Received { body, seat, takes, messages, share, kept_bytes: 0, whole_by }
     }
 
     /// What is held while more is waited for: whole messages have been read.
     fn held_bytes(&self) -> usize {
-        self.messages.partial.max(self.kept_bytes)
+        self.messages.partial().max(self.kept_bytes)
     }
 
     fn count(&mut self, data: &[u8]) -> Result<(), Status> {
-        let held = (self.messages.partial + data.len()).max(self.kept_bytes);
-        let whole = self.messages.read(data)?;
+        let held = (self.messages.partial() + data.len()).max(self.kept_bytes);
+        let most = self.takes.max_message_bytes;
+        let whole = self
+            .messages
+            .read(data, most)
+            .map_err(|too_long| Status::out_of_range(format!("{too_long} of this call")))?;
         if self.takes.is_stream {
-            if self.messages.longest > MAX_SHORT_BYTES {
-                self.kept_bytes = self.messages.longest;
+            if self.messages.longest() > MAX_SHORT_BYTES {
+                self.kept_bytes = self.messages.longest();
             }
             if whole > 0 {
                 self.whole_by = None;
             }
-            if self.messages.partial > 0 && self.whole_by.is_none() {
+            if self.messages.partial() > 0 && self.whole_by.is_none() {
                 self.whole_by = Some(whole_by());
             }
         } else {
-            if self.messages.count > 1 || self.messages.count == 1 && self.messages.partial > 0 {
+            if self.messages.count() > 1 || self.messages.count() == 1 && self.messages.partial() > 0 {
                 return Err(Status::invalid_argument("a second message, expected one of this call"));
             }
             self.kept_bytes = held;
@@ -219,61 +222,6 @@ impl http_body::Body for Received {
 
     fn size_hint(&self) -> SizeHint {
         self.body.size_hint()
-    }
-}
-
-/// Where messages begin and end in what comes.
-#[derive(Debug)]
-struct Messages {
-    most: usize,
-    prefix: [u8; PREFIX_BYTES],
-    /// Bytes of the message that has begun, with its prefix.
-    partial: usize,
-    /// Its whole length, once it is known.
-    length: usize,
-    /// Of those that were whole: the longest, and how many there were.
-    longest: usize,
-    count: usize,
-}
-
-impl Messages {
-    fn of_at_most(most: usize) -> Messages {
-        Messages { most, prefix: [0; PREFIX_BYTES], partial: 0, length: 0, longest: 0, count: 0 }
-    }
-
-    /// Reads on; how many messages have become whole.
-    fn read(&mut self, mut data: &[u8]) -> Result<usize, Status> {
-        let mut whole = 0;
-        while !data.is_empty() {
-            if self.partial < PREFIX_BYTES {
-                let take = data.len().min(PREFIX_BYTES - self.partial);
-                self.prefix[self.partial..self.partial + take].copy_from_slice(&data[..take]);
-                self.partial += take;
-                data = &data[take..];
-                if self.partial < PREFIX_BYTES {
-                    break;
-                }
-                let [_, length @ ..] = self.prefix;
-                self.length = PREFIX_BYTES + self.check(u32::from_be_bytes(length) as usize)?;
-            }
-            let take = data.len().min(self.length - self.partial);
-            self.partial += take;
-            data = &data[take..];
-            if self.partial == self.length {
-                self.longest = self.longest.max(self.length);
-                (self.partial, whole) = (0, whole + 1);
-            }
-        }
-        self.count += whole;
-        Ok(whole)
-    }
-
-    fn check(&self, length: usize) -> Result<usize, Status> {
-        if length > self.most {
-            let found = format!("a message of {length} bytes, expected at most {} of this call", self.most);
-            return Err(Status::out_of_range(found));
-        }
-        Ok(length)
     }
 }
 
@@ -333,6 +281,7 @@ impl AsRef<[u8]> for Unsent {
 
 #[cfg(test)]
 mod tests {
+    use proto::framing::PREFIX_BYTES;
     use tokio::sync::mpsc;
     use tokio_stream::StreamExt as _;
     use tokio_stream::wrappers::ReceiverStream;
@@ -348,19 +297,6 @@ mod tests {
     }
 
     #[test]
-    fn messages_are_found_however_they_are_cut() {
-        let stream = [message(3), message(0), message(900), message(1)].concat();
-        for part in [1, 2, 4, 5, 7, 100, 2000] {
-            let mut messages = Messages::of_at_most(1000);
-            let whole: usize = stream.chunks(part).map(|data| messages.read(data).expect("short")).sum();
-            assert_eq!((whole, messages.partial), (4, 0), "in parts of {part}");
-        }
-        let mut messages = Messages::of_at_most(1000);
-        assert_eq!(messages.read(&stream[..20]).expect("short"), 2);
-        assert_eq!(messages.partial, 20 - 13);
-    }
-
-    #[test]
     fn calls_of_another_major_version_are_told_apart() {
         for path in ["/hulltouch.v1.CameraNode/Probe", "/grpc.health.v1.Health/Check", "/", "", "/x"] {
             assert_eq!(other_version(path), None, "{path}");
@@ -369,10 +305,12 @@ mod tests {
         assert_eq!(why, "hulltouch.v2: this node speaks hulltouch.v1");
     }
 
-    #[test]
-    fn a_long_message_is_refused_before_it_comes() {
-        let refused = Messages::of_at_most(64).read(&message(65)[..5]).expect_err("too long");
-        assert_eq!(refused.message(), "a message of 65 bytes, expected at most 64 of this call");
+    #[tokio::test]
+    async fn a_long_message_is_refused_before_it_comes() {
+        let (sender, mut received) = received("/hulltouch.v1.CameraNode/Hold", &SharedSeats::default());
+        sender.send(message(65 << 10)[..PREFIX_BYTES].to_vec().into()).await.expect("open");
+        let refused = next(&mut received).await.expect("a frame").expect_err("too long");
+        assert_eq!(refused.message(), "a message of 66560 bytes, expected at most 65536 of this call");
         assert_eq!(Takes::of("/hulltouch.v1.CameraNode/Start").max_message_bytes, 64 << 10);
         assert_eq!(Takes::of("/hulltouch.v1.CameraNode/Probe").max_message_bytes, 48 << 20);
     }

@@ -123,12 +123,12 @@ pub fn play(
     drop(served);
     drop(telemetry);
     let overlaps = match console.finish() {
-        Some(album) => runtime.block_on(finish(album))?,
-        None => Vec::new(),
+        Some(album) => runtime.block_on(finish(album)),
+        None => Ok(Vec::new()),
     };
     // A certificate that cannot be read, on a drive that hangs, keeps a thread: the run does not wait for it.
     runtime.shutdown_background();
-    ended.outcome(setup, &overlaps)
+    ended.outcome(setup, &overlaps?)
 }
 
 /// Serves metrics where the outlets say. What is returned beside the port belongs to the run.

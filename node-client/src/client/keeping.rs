@@ -8,20 +8,19 @@ use futures::stream::FuturesUnordered;
 use proto::convert::{
     answer_from_wire, claim_to_wire, description_from_wire, film_event_from_wire, node_clock_from_wire,
 };
-use proto::v1::camera_node_client::CameraNodeClient;
 use proto::{Address, ClockLine, FilmEvent, monotonic_s, v1};
 use tokio::sync::mpsc;
 use tokio::time::Instant;
 use tokio_stream::StreamExt;
 use tokio_stream::wrappers::ReceiverStream;
-use tonic::transport::Channel;
 
 use super::state::{Connection, LAST_WORDS, Streams};
 use super::{MAX_SENDING, NodeClient, NodeEvent, register};
-use crate::agreement::Terms;
+use crate::agreement::{Agreement, Terms};
 use crate::connection::connect;
 use crate::error::NodeError;
 use crate::film_time::ClockEstimate;
+use crate::reply_limits::NodeCalls;
 
 const FIRST_BACKOFF: Duration = Duration::from_millis(50);
 const LONGEST_BACKOFF: Duration = Duration::from_secs(1);
@@ -39,8 +38,6 @@ const CLOCK_EVERY: Duration = Duration::from_millis(500);
 const FIRST_READINGS: usize = 4;
 /// A node that answers nothing else for so long is connected anew: film time there would go astray.
 const CLOCK_TIMEOUT: Duration = Duration::from_secs(5);
-/// The longest description that is read.
-const MAX_DESCRIPTION_BYTES: usize = 1 << 20;
 
 impl NodeClient {
     async fn report(&self, event: NodeEvent) -> Result<(), NodeError> {
@@ -91,19 +88,15 @@ impl NodeClient {
     }
 
     /// Connects to the node, and says with which term it is held.
-    async fn reach(&self) -> Result<(CameraNodeClient<Channel>, u64), NodeError> {
+    async fn reach(&self) -> Result<(NodeCalls, u64), NodeError> {
         self.node.place.reach(|address| async move { self.connect_checked(&address).await }).await
     }
 
     /// Connects, and checks who answers.
-    async fn connect_checked(
-        &self,
-        address: &Address,
-    ) -> Result<(CameraNodeClient<Channel>, u64), NodeError> {
-        let client = connect(&self.node.at(address), &self.agreement.dial, &self.agreement.counters).await?;
-        // Whoever answers: a thousand cameras are a quarter of that.
-        let mut asked = client.clone().max_decoding_message_size(MAX_DESCRIPTION_BYTES);
-        let described = asked.describe(v1::DescribeRequest {}).await;
+    async fn connect_checked(&self, address: &Address) -> Result<(NodeCalls, u64), NodeError> {
+        let Agreement { dial, counters, .. } = &*self.agreement;
+        let mut client = connect(&self.node.at(address), dial, counters, &self.limits).await?;
+        let described = client.describe(v1::DescribeRequest {}).await;
         let described = described.map_err(|status| match NodeError::from(status) {
             NodeError::Lost(why) => NodeError::AtOnce { why, hint: self.agreement.dial.hint() },
             other => other,
@@ -114,7 +107,7 @@ impl NodeClient {
     }
 
     /// Claims the node, which somebody holds with this term, and begins the run there, if one is on.
-    async fn lead(&self, client: &mut CameraNodeClient<Channel>, held_term: u64) -> Result<(), NodeError> {
+    async fn lead(&self, client: &mut NodeCalls, held_term: u64) -> Result<(), NodeError> {
         self.hold(client, held_term).await?;
         self.state().clock = ClockEstimate::default();
         for _ in 0..FIRST_READINGS {
@@ -129,7 +122,7 @@ impl NodeClient {
     }
 
     /// Claims the node. One that holds us off may yet find that who holds it is gone.
-    async fn hold(&self, client: &mut CameraNodeClient<Channel>, held_term: u64) -> Result<(), NodeError> {
+    async fn hold(&self, client: &mut NodeCalls, held_term: u64) -> Result<(), NodeError> {
         let claim = claim_to_wire(self.claim(held_term));
         let until = Instant::now() + HELD_PATIENCE;
         loop {
@@ -241,7 +234,7 @@ impl NodeClient {
         }
     }
 
-    async fn read_clock(&self, client: &mut CameraNodeClient<Channel>) -> Result<(), NodeError> {
+    async fn read_clock(&self, client: &mut NodeCalls) -> Result<(), NodeError> {
         let pace = self.agreement.terms().pace;
         let start = pace.and_then(|pace| self.run_start(pace).ok());
         let request = v1::KeepTimeRequest {
@@ -301,7 +294,7 @@ impl NodeClient {
     }
 }
 
-async fn open_streams(mut client: CameraNodeClient<Channel>) -> Result<(Connection, Streams), NodeError> {
+async fn open_streams(mut client: NodeCalls) -> Result<(Connection, Streams), NodeError> {
     let (credits, credit_stream) = mpsc::channel(MAX_SENDING);
     let (probes, probe_stream) = mpsc::channel(MAX_SENDING);
     let frames = client.watch_frames(ReceiverStream::new(credit_stream)).await?.into_inner();

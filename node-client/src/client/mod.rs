@@ -13,14 +13,13 @@ use proto::convert::{
     ExpectedAnswer, ProbeAnswer, SilhouetteEncoding, StreamKnows, WrittenQuestion, shape_to_wire,
     silhouette_from_data, start_to_wire,
 };
-use proto::v1::camera_node_client::CameraNodeClient;
 use proto::{CameraDescription, Claim, ClockLine, FilmEvent, Pace, RunStart, TraceParent, monotonic_s, v1};
 use tokio::sync::{Notify, mpsc};
-use tonic::transport::Channel;
 
 use self::state::State;
 use crate::agreement::{Agreement, ExpectedNode};
 use crate::error::NodeError;
+use crate::reply_limits::{NodeCalls, ReplyLimits};
 
 /// Requests on their way: a pass has one question at a time, and a stalled node must not collect more.
 const MAX_SENDING: usize = 8;
@@ -55,6 +54,7 @@ pub struct NodeClient {
     events: mpsc::Sender<(usize, NodeEvent)>,
     /// The term of our claim to this node.
     term: AtomicU64,
+    limits: Arc<ReplyLimits>,
     state: Mutex<State>,
     /// The connection in use is of no use.
     given_up: Notify,
@@ -70,8 +70,9 @@ impl NodeClient {
         events: mpsc::Sender<(usize, NodeEvent)>,
     ) -> Arc<NodeClient> {
         let (term, state) = (AtomicU64::new(0), Mutex::default());
-        let client =
-            Arc::new(NodeClient { node, index, agreement, events, term, state, given_up: Notify::new() });
+        let limits = ReplyLimits::of(&node.cameras);
+        let given_up = Notify::new();
+        let client = Arc::new(NodeClient { node, index, agreement, events, term, limits, state, given_up });
         client.state().credit = client.no_credit();
         tokio::spawn(Arc::clone(&client).keep_connected());
         client
@@ -172,7 +173,9 @@ impl NodeClient {
         let named =
             |camera: &&CameraDescription| cameras.is_empty() || cameras.contains(&camera.rig_index.into());
         let asked = self.node.cameras.iter().filter(named);
-        let expected = asked.map(|camera| (camera.rig_index, camera.size)).collect();
+        let cameras_asked = asked.map(|camera| (camera.rig_index, camera.size)).collect();
+        let expected = ExpectedAnswer { kind: question.kind, points: question.len(), cameras: cameras_asked };
+        self.limits.asked(expected.most_bytes(), !open.is_empty());
         let holder = self.holder();
         let traceparent = trace_field(trace);
         let message = v1::ProbeRequest { holder, cameras, traceparent, ..written.message(knows, id, frame) };
@@ -184,8 +187,7 @@ impl NodeClient {
         if open.len() == MAX_SENDING {
             open.pop_front();
         }
-        let (kind, points) = (question.kind, question.len());
-        open.push_back((id, ExpectedAnswer { kind, points, cameras: expected }));
+        open.push_back((id, expected));
         Ok(())
     }
 
@@ -252,7 +254,7 @@ impl NodeClient {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(crate) fn client(&self) -> Result<CameraNodeClient<Channel>, NodeError> {
+    pub(crate) fn client(&self) -> Result<NodeCalls, NodeError> {
         let state = self.state();
         state.connection.as_ref().map(|connection| connection.client.clone()).ok_or(NodeError::NotConnected)
     }
@@ -263,11 +265,7 @@ fn trace_field(trace: Option<TraceParent>) -> String {
     trace.map_or_else(String::new, |parent| parent.to_string())
 }
 
-async fn register(
-    client: &mut CameraNodeClient<Channel>,
-    shapes: &[Arc<Shape>],
-    holder: u64,
-) -> Result<(), NodeError> {
+async fn register(client: &mut NodeCalls, shapes: &[Arc<Shape>], holder: u64) -> Result<(), NodeError> {
     let shapes = shapes.iter().map(|shape| shape_to_wire(shape)).collect();
     client.register_shapes(v1::RegisterShapesRequest { shapes, holder }).await?;
     Ok(())

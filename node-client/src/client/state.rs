@@ -4,13 +4,12 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use proto::convert::{ExpectedAnswer, StreamKnows};
-use proto::v1::camera_node_client::CameraNodeClient;
 use proto::{ClockLine, FilmEvent, v1};
 use tokio::sync::mpsc;
 use tokio::time::Instant;
-use tonic::transport::Channel;
 
 use crate::film_time::ClockEstimate;
+use crate::reply_limits::NodeCalls;
 
 /// What is still on its way over an old connection comes within this.
 pub(super) const LAST_WORDS: Duration = Duration::from_secs(1);
@@ -76,7 +75,7 @@ impl State {
 }
 
 pub(super) struct Connection {
-    pub client: CameraNodeClient<Channel>,
+    pub client: NodeCalls,
     pub probes: mpsc::Sender<v1::ProbeRequest>,
     pub credits: mpsc::Sender<v1::FrameCredit>,
 }

@@ -28,11 +28,12 @@ pub use description::{description_from_wire, description_to_wire};
 pub use film::{film_event_from_wire, film_event_to_wire};
 pub use from_wire::{pixel_rect_from_wire, refusal_of, settings_from_wire, shape_from_wire};
 pub use pictures::{
-    frame_pictures_from_wire, picture_request_from_wire, picture_request_to_wire, picture_to_wire,
+    frame_pictures_from_wire, most_picture_bytes, picture_request_from_wire, picture_request_to_wire,
+    picture_to_wire,
 };
 pub use question::{QuestionReader, QuestionWriter, StreamKnows, WrittenQuestion};
 pub use rounded::Precision;
-pub use silhouette::{SilhouetteEncoding, silhouette_data, silhouette_from_data};
+pub use silhouette::{SilhouetteEncoding, most_silhouette_bytes, silhouette_data, silhouette_from_data};
 pub use status::{status_from_wire, status_to_wire};
 pub use to_wire::{pixel_rect_to_wire, refusal, settings_to_wire, shape_key, shape_to_wire};
 pub use trace::trace_parent_from_wire;

@@ -6,13 +6,23 @@ use super::ConvertError;
 use super::bulk::Field;
 use super::film::{MAX_TIME_S, described, within};
 use crate::{
-    CameraDescription, CameraPicture, FramePictures, MAX_SCALE_LOG2, Picture, PictureKind, PictureRequest, v1,
+    CameraDescription, CameraPicture, FramePictures, MAX_MESSAGE_BYTES, MAX_SCALE_LOG2, Picture, PictureKind,
+    PictureRequest, v1,
 };
 use v1::fetch_pictures_request::Kind;
 
 /// The most bytes of a picture's runs, or of its colours: noise at the best quality takes less.
 const MOST_BYTES_A_PIXEL: usize = 4;
 const MOST_BYTES_BESIDE: usize = 1 << 16;
+
+fn most_bytes_of_a_part((width, height): (u32, u32)) -> usize {
+    MOST_BYTES_A_PIXEL * width as usize * height as usize + MOST_BYTES_BESIDE
+}
+
+/// No message with a picture of a camera of that width and height, pixels, is longer, bytes: runs and colours.
+pub fn most_picture_bytes(size: (u32, u32)) -> usize {
+    (2 * most_bytes_of_a_part(size)).min(MAX_MESSAGE_BYTES)
+}
 /// Stands for the newest frame.
 const NEWEST: u64 = u64::MAX;
 
@@ -107,7 +117,7 @@ fn picture_from_wire(picture: v1::Picture, cameras: &[CameraDescription]) -> Res
             field("left, top, width, height").value(format!("{found}, expected within {across} x {down}"))
         );
     }
-    let most = MOST_BYTES_A_PIXEL * across as usize * down as usize + MOST_BYTES_BESIDE;
+    let most = most_bytes_of_a_part(described.size);
     for (name, length) in [("runs", runs.len()), ("jpeg", jpeg.len())] {
         if length > most {
             return Err(field(name).value(format!("holds {length} bytes, expected at most {most}")));

@@ -8,7 +8,7 @@ use hull::silhouette::{Run, SilhouetteBuilder};
 use super::ConvertError;
 use super::bulk::Field;
 use super::choice::{push_number, take_number};
-use crate::v1;
+use crate::{MAX_MESSAGE_BYTES, v1};
 
 /// How silhouettes travel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -46,6 +46,9 @@ impl From<v1::SilhouetteEncoding> for SilhouetteEncoding {
     }
 }
 
+/// Beside the runs: headers.
+const MOST_BESIDE_BYTES: usize = 128;
+
 const FIELD: Field = Field("Silhouette", "data");
 
 /// A silhouette as bytes.
@@ -56,6 +59,15 @@ pub fn silhouette_data(silhouette: &Silhouette, encoding: SilhouetteEncoding) ->
         SilhouetteEncoding::Mask => mask(silhouette).into(),
         SilhouetteEncoding::Grey => grey(silhouette).into(),
     }
+}
+
+/// No message with a silhouette of a camera of that width and height, pixels, is longer, whatever its encoding, bytes.
+pub fn most_silhouette_bytes((width, height): (u32, u32)) -> usize {
+    let (width, height) = (width as usize, height as usize);
+    // The fullest has a run at every other pixel: two bytes for each, and a count for each row. What LZ4 does not shorten it
+    // makes longer by one in 255.
+    let runs = (width + 3) * height;
+    (runs + runs / 255 + MOST_BESIDE_BYTES).min(MAX_MESSAGE_BYTES)
 }
 
 /// The silhouette of a camera of that width and height, pixels. Memory stays within what `size` and the
@@ -168,6 +180,7 @@ fn from_runs(data: &[u8], size: (u32, u32)) -> Result<Silhouette, ConvertError> 
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use prost::Message as _;
 
     const ALL: [SilhouetteEncoding; 4] = [
         SilhouetteEncoding::RunsLz4,
@@ -185,6 +198,8 @@ mod tests {
             let silhouette = Silhouette::from_mask(width, height, mask).expect("a mask");
             for encoding in ALL {
                 let data = silhouette_data(&silhouette, encoding);
+                let message = v1::Silhouette { rig_index: 9, data: data.clone() };
+                prop_assert!(message.encoded_len() <= most_silhouette_bytes((width, height)));
                 let back = silhouette_from_data(&data, (width, height), encoding);
                 prop_assert_eq!(back.as_ref(), Ok(&silhouette), "{:?}", encoding);
             }
@@ -199,6 +214,16 @@ mod tests {
                     prop_assert_eq!((silhouette.width(), silhouette.height()), size);
                 }
             }
+        }
+    }
+
+    #[test]
+    fn the_fullest_silhouette_is_no_longer_than_its_camera_allows() {
+        let (width, height) = (4096, 40);
+        let comb: Vec<u8> = (0..width * height).map(|pixel| (pixel % 2) as u8).collect();
+        let comb = Silhouette::from_mask(width, height, &comb).expect("a mask");
+        for encoding in ALL {
+            assert!(silhouette_data(&comb, encoding).len() <= most_silhouette_bytes((width, height)));
         }
     }
 

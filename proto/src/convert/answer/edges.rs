@@ -308,6 +308,25 @@ mod tests {
     }
 
     #[test]
+    fn the_fullest_reply_is_no_longer_than_its_question_allows() {
+        // Nothing repeats, so nothing packs.
+        let mut state = 1_u32;
+        let mut noise = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            state >> 8
+        };
+        let side = |noise: u32| (noise % 16_384) as i32;
+        let full = (0..3000).map(|_| {
+            let camera = if noise() % 2 == 0 { 1 } else { 3 };
+            let full = edge(noise() as f32 * 1e-8, camera, side(noise()), side(noise()))?;
+            Some(Edge { moved_m: Some(noise() as f32 * 1e-8), ..full })
+        });
+        let answer = Answer { edges: full.collect(), ..of(QuestionKind::Planes) };
+        let exits_within = answer.edges.iter().map(|_| Reach::from_code(noise() as u8)).collect();
+        there_and_back(&Answer { exits_within, ..answer }, Precision::Exact);
+    }
+
+    #[test]
     fn rounded_edges_and_planes_are_near() {
         let planes = Answer { edges: vec![moved(-0.08, -0.02), moved(0.1, 0.0)], ..of(QuestionKind::Planes) };
         let back = there_and_back(&planes, Precision::Quantised);

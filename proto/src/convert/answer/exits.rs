@@ -7,7 +7,7 @@ use super::super::bulk::{Field, pack_f32, unpack};
 use super::super::choice::choice;
 use super::super::packed::{pack, unpack_at_most};
 use super::super::rounded::{Precision, covering_code, step_m};
-use super::{ExpectedAnswer, STEPS, check_step, chosen, on_scale_of};
+use super::{CHANGE_BYTES, ExpectedAnswer, MOST_CHANGES_A_CAMERA, STEPS, check_step, chosen, on_scale_of};
 use crate::{MAX_MESSAGE_BYTES, v1};
 
 const FEW_STEPS: u32 = 0xffff;
@@ -71,12 +71,8 @@ fn changes_from_wire(
     cameras: usize,
     field: Field,
 ) -> Result<Vec<Change>, ConvertError> {
-    /// A ray crosses the borders of an image, or of what is ignored in it, a few times a camera: a fence of
-    /// fifty bars takes a hundred.
-    const MOST_A_RAY: usize = 128;
-    const CHANGE_BYTES: usize = 12;
     // What a message could hold unpacked is enough for whatever was asked.
-    let most = count.saturating_mul(cameras * MOST_A_RAY * CHANGE_BYTES).min(MAX_MESSAGE_BYTES);
+    let most = count.saturating_mul(cameras * MOST_CHANGES_A_CAMERA * CHANGE_BYTES).min(MAX_MESSAGE_BYTES);
     let bytes = unpack_at_most(bytes, most, field)?;
     let change = |bytes: [u8; 12]| {
         let [a, b, c, d, e, f, g, h, i, j, k, l] = bytes;

@@ -11,13 +11,20 @@ use super::choice::read_choice;
 use super::rounded::{Precision, on_scale};
 use super::{ConvertError, RefusalReason};
 use crate::text::{MAX_MESSAGE_CHARS, clean};
-use crate::v1;
+use crate::{MAX_MESSAGE_BYTES, v1};
 use classes::{classes_from_wire, classes_to_wire};
 use edges::{edges_from_wire, edges_to_wire};
 use exits::{exits_from_wire, exits_to_wire};
 
 /// Steps of the scale of rounded distances in three bytes.
 const STEPS: u32 = 0xff_ffff;
+
+/// A ray crosses the borders of an image, or of what is ignored in it, a few times a camera: a fence of fifty bars takes a
+/// hundred.
+const MOST_CHANGES_A_CAMERA: usize = 128;
+const CHANGE_BYTES: usize = 12;
+/// Beside what is told of points: a refusal's words, tables of packed fields.
+const MOST_BESIDE_BYTES: usize = 4096;
 
 /// A node's reply to a question.
 #[derive(Clone, Debug, PartialEq)]
@@ -63,6 +70,20 @@ impl ExpectedAnswer {
             return Err(field.value(format!("is {count}, expected {}", self.points)));
         }
         Ok(self.points)
+    }
+
+    /// No reply to the question is longer, bytes.
+    pub fn most_bytes(&self) -> usize {
+        let bytes_a_point = match self.kind {
+            // A bit, and a count of cameras.
+            QuestionKind::Classes => 3,
+            // Distance, normal, camera, pixel, the exit and how far it moved.
+            QuestionKind::Edges | QuestionKind::Planes => 1 + 4 + 12 + 2 + 8 + 1 + 4,
+            QuestionKind::Exits | QuestionKind::SharedExits => {
+                1 + 4 + self.cameras.len() * MOST_CHANGES_A_CAMERA * CHANGE_BYTES
+            }
+        };
+        MOST_BESIDE_BYTES.saturating_add(self.points.saturating_mul(bytes_a_point)).min(MAX_MESSAGE_BYTES)
     }
 }
 
@@ -123,6 +144,7 @@ mod tests {
     use super::*;
     use bytes::Bytes;
     use proptest::prelude::*;
+    use prost::Message as _;
     use v1::probe_reply::Answer as Wire;
 
     pub fn of(kind: QuestionKind) -> Answer {
@@ -142,6 +164,8 @@ mod tests {
 
     pub fn there_and_back(answer: &Answer, precision: Precision) -> Answer {
         let wire = answer_to_wire(9, answer, 2, precision, 0.5);
+        let (length, most) = (wire.encoded_len(), expected(answer.kind, answer.len()).most_bytes());
+        assert!(length <= most, "a reply of {length} bytes, expected at most {most}");
         match answer_from_wire(wire, &expected(answer.kind, answer.len())).expect("valid") {
             (ProbeAnswer::Answer(answer), 0.5) => answer,
             other => panic!("expected the answer, found {other:?}"),
