@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Counts the instructions of five kernels with callgrind and compares them with counts.txt, +-3 %: a
+# Counts the instructions of six kernels with callgrind and compares them with counts.txt, +-3 %: a
 # regression check that noise cannot hide. Portable path, release build, the hull alone.
 #
 #   bench/callgrind/check.sh            compares; status 1 and a line for each kernel that is off
@@ -8,7 +8,7 @@ set -euo pipefail
 cd "$(dirname "$0")/../.."
 
 counts=bench/callgrind/counts.txt
-kernels="inside nearest_edge normal_window exit index"
+kernels="inside nearest_edge normal_window exit touching index"
 program="${CARGO_TARGET_DIR:-target}/release/kernel_counts"
 update=""
 case "${1:-}" in

@@ -1,4 +1,4 @@
-//! Five kernels, each a piece of work over the studio that says something of what it found.
+//! Six kernels, each a piece of work over the studio that says something of what it found.
 
 use std::hint::black_box;
 
@@ -7,6 +7,7 @@ use hull::probe::classify::Block;
 use hull::probe::edge_normal::sum_of_background;
 use hull::probe::nearest_edge::nearest_edge;
 use hull::question::{Answer, Batch, Edge, Points, Question, QuestionKind, Standing};
+use hull::reach::Reach;
 use hull::silhouette::Index;
 use hull::view_set::Scratch;
 use hull::{VectorPath, ViewSet};
@@ -15,6 +16,8 @@ use crate::drawing::Studio;
 
 /// Points that ask for an edge, an exit or a window.
 const INSIDE: usize = 512;
+/// Planes are asked for no farther away, metres: as around bodies.
+const AROUND_M: f64 = 0.05;
 /// No limit to a search.
 const EVERYWHERE: i64 = i64::MAX;
 
@@ -22,11 +25,12 @@ const EVERYWHERE: i64 = i64::MAX;
 pub type Kernel = fn(&mut Kernels) -> u64;
 
 /// The kernels by name.
-pub const KERNELS: [(&str, Kernel); 5] = [
+pub const KERNELS: [(&str, Kernel); 6] = [
     ("inside", Kernels::inside),
     ("nearest_edge", Kernels::nearest_edge),
     ("normal_window", Kernels::normal_window),
     ("exit", Kernels::exit),
+    ("touching", Kernels::touching),
     ("index", Kernels::index),
 ];
 
@@ -39,6 +43,9 @@ pub struct Kernels {
     /// For each view the edges nearest to them.
     edges: Vec<Vec<Pixel>>,
     exits: Question,
+    planes: Question,
+    /// The frames of the person that planes are asked of by turns: what is kept of one is of no use to the next.
+    frames: [ViewSet; 2],
     block: Block,
     standings: Vec<Standing>,
     scratch: Scratch,
@@ -58,6 +65,9 @@ impl Kernels {
             .collect();
         let mut kernels = Kernels {
             exits: exits(&studio, &views),
+            planes: planes(&studio),
+            frames: [&views, &views]
+                .map(|before| ViewSet::new(studio.views()).with_path(path).after(before, 1)),
             edges: Vec::new(),
             studio,
             views,
@@ -120,6 +130,13 @@ impl Kernels {
         self.answer.exits_m.iter().filter(|t_m| t_m.is_finite()).count() as u64
     }
 
+    /// The planes of the surface near points in the box, of a frame that nothing was asked of: how many there are.
+    pub fn touching(&mut self) -> u64 {
+        self.frames.swap(0, 1);
+        self.frames[0].answer(black_box(&self.planes), &mut self.scratch, &mut self.answer);
+        self.answer.edges.iter().flatten().count() as u64
+    }
+
     /// Every camera's index, made anew: its bytes.
     pub fn index(&mut self) -> u64 {
         let made =
@@ -138,6 +155,14 @@ fn exits(studio: &Studio, views: &ViewSet) -> Question {
     let normal = |edge: &Option<Edge>| edge.map_or([0.0, 1.0, 0.0], |edge| edge.normal_world);
     let directions = answer.edges.iter().map(normal).collect();
     Question { kind: QuestionKind::Exits, batches, directions, ..Question::default() }
+}
+
+/// Every point in the box asks for a plane that is near.
+fn planes(studio: &Studio) -> Question {
+    let points: Vec<[f64; 3]> = (0..studio.in_box.len()).map(|at| studio.in_box.point(at).into()).collect();
+    let within = vec![Reach::covering(AROUND_M); points.len()];
+    let batches = vec![Batch::all(Points::World(points.into()))];
+    Question { kind: QuestionKind::Planes, batches, within, ..Question::default() }
 }
 
 #[cfg(test)]
