@@ -127,16 +127,22 @@ const EXAMPLES: [&str; 7] = [
 
 /// The files that may hold `unsafe`: vector instructions and the choice among them, each with its reason, and two
 /// tests of such things.
-const UNSAFE: [&str; 13] = [
+const UNSAFE: [&str; 19] = [
     "hull/src/probe/classify/avx512.rs",
     "hull/src/probe/classify/mod.rs",
+    "hull/src/probe/edge_line/avx512.rs",
+    "hull/src/probe/edge_line/mod.rs",
     "hull/src/probe/edge_normal/avx512.rs",
     "hull/src/probe/edge_normal/mod.rs",
     "hull/src/probe/nearest_edge/avx512.rs",
     "hull/src/probe/nearest_edge/cells.rs",
     "hull/src/probe/nearest_edge/mod.rs",
+    "hull/src/silhouette/bitmap/avx512.rs",
+    "hull/src/silhouette/bitmap/mod.rs",
     "hull/src/silhouette/depth/avx512.rs",
     "hull/src/silhouette/depth/mod.rs",
+    "hull/src/silhouette/surroundings/avx512.rs",
+    "hull/src/silhouette/surroundings/mod.rs",
     "hull/src/vector.rs",
     "hull/tests/allocation.rs",
     "segment/src/kernel/path.rs",

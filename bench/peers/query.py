@@ -365,13 +365,19 @@ def contact_pass(frame, maps, probes, around, body_probes, body_around):
     found[:, within] = planes_inside(frame, maps, points[:, within], places[:, within])
     out, planes = planes_beside(frame, maps, points, start[:, 2], places, seen)
     found[:, out] = planes
+    # Where nobody is near beside the silhouettes, the edges of those that see it inside, as near.
+    left = np.flatnonzero(np.isnan(found[3]) & seen.any(axis=0) & ~within)
+    planes = planes_inside(frame, maps, points.take(left, axis=1), places[:, left], seen[:, left])
+    is_near = planes[4] <= frame.around_m
+    found[:, left[is_near]] = planes[:, is_near]
     result[:, probes.shape[1] + near] = found
     return result
 
 
-def planes_inside(frame, maps, points, places):
-    """The planes (5, n) at the edges nearest to points inside, whose places are given."""
-    winner, nearest, edges_m = edge_rays(frame, maps, points, places)[:3]
+def planes_inside(frame, maps, points, places, judging=None):
+    """The planes (5, n) at the edges nearest to points inside, whose places are given; of those cameras alone that see
+    a point inside, if that is told."""
+    winner, nearest, edges_m = edge_rays(frame, maps, points, places, judging)[:3]
     each = np.arange(points.shape[1])
     planes = planes_at(frame, maps, winner, nearest[winner, each], places[winner, each], points)
     return np.concatenate([planes, edges_m[None]])
@@ -431,7 +437,7 @@ def planes_at(frame, maps, cameras, edges, starts, points):
     return np.concatenate([normal, depth[None]])
 
 
-def edge_rays(frame, maps, points, places):
+def edge_rays(frame, maps, points, places, judging=None):
     """The camera whose edge is nearest to each point inside, all cameras' edge pixels, how far the edges are, and all
     cameras' rays through them (cameras, n)."""
     kind = points.dtype
@@ -448,6 +454,8 @@ def edge_rays(frame, maps, points, places):
     cross_z = seen[:, 0] * ray_y - seen[:, 1] * ray_x
     squared = cross_x * cross_x + cross_y * cross_y + cross_z * cross_z
     squared /= 1 + ray_x * ray_x + ray_y * ray_y
+    if judging is not None:
+        squared = np.where(judging, squared, np.inf)
     winner = squared.argmin(axis=0)
     return winner, nearest, np.sqrt(squared[winner, np.arange(points.shape[1])]), ray_x, ray_y
 

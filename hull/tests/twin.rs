@@ -186,6 +186,35 @@ fn planes_equal_the_twin() {
     assert!(found > 1000, "only {found} planes: the rigs test nothing");
 }
 
+/// Planes are kept between questions: what is kept of one frame answers for no other, and not otherwise than what is fitted.
+#[test]
+fn planes_that_were_kept_are_those_that_are_found() {
+    let settings = settings(OutOfView::Outside, 2);
+    let mut dice = Dice(7);
+    let points: Vec<[f64; 3]> = (0..400).map(|_| std::array::from_fn(|_| dice.between(-0.9, 0.9))).collect();
+    let batches = vec![Batch::all(Points::World(points.into()))];
+    let question = Question { kind: QuestionKind::Planes, batches, ..Question::default() };
+    let planes = |set: &ViewSet, scratch: &mut Scratch| {
+        let mut answer = Answer::default();
+        set.answer(&question, scratch, &mut answer);
+        answer.edges
+    };
+    let mut kept = Scratch::default();
+    let mut before = ViewSet::new(random_rig(1, settings, false).1);
+    let mut moved = 0;
+    for seed in 2..8 {
+        let frame = ViewSet::new(random_rig(seed, settings, false).1).after(&before, 1);
+        let few = frame.only(|place| place != 1);
+        for set in [&frame, &few, &frame, &before, &frame] {
+            assert_eq!(planes(set, &mut kept), planes(set, &mut Scratch::default()), "seed {seed}");
+        }
+        let found = planes(&frame, &mut kept);
+        moved += found.iter().flatten().filter(|edge| edge.moved_m.is_some()).count();
+        before = frame;
+    }
+    assert!(moved > 20, "only {moved} planes tell how far they moved");
+}
+
 fn check_many(settings: ProbeSettings, with_ignored: bool) {
     let (mut inside, mut grazes) = (0, 0);
     for seed in 1..=25 {

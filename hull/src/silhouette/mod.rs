@@ -5,6 +5,7 @@ mod bytes;
 mod depth;
 mod index;
 mod sketch;
+mod surroundings;
 
 pub use bitmap::BitMap;
 pub(crate) use bitmap::STRIP;
@@ -12,6 +13,7 @@ pub use bytes::DecodeError;
 pub use depth::Depth;
 pub use index::Index;
 pub(crate) use sketch::{CODES, COLUMNS, NONE, ROWS, SIDES as SKETCH_SIDES, Sketch, UNKNOWN, UNSEEN};
+pub(crate) use surroundings::Surroundings;
 
 use thiserror::Error;
 

@@ -10,6 +10,8 @@ use crate::camera::Camera;
 pub(crate) struct Bounds {
     /// No image moves faster than this, pixels; over the padded image alone.
     pub stretch: f64,
+    /// No image moves slower than this, pixels; over the padded image alone. Nothing if that cannot be said.
+    pub shrink: f64,
     /// The normalised radius of the padded image, if its lens bends.
     pub reach: f64,
     /// On the second derivative along a line, pixels.
@@ -35,7 +37,8 @@ impl Bounds {
         let affine = affine_stretch(camera);
         if camera.lens().is_straight() {
             let endless = f64::INFINITY;
-            return Bounds { stretch: affine, reach: endless, bend: 0.0, twist: 0.0, span: endless };
+            let shrink = affine_shrink(camera);
+            return Bounds { stretch: affine, shrink, reach: endless, bend: 0.0, twist: 0.0, span: endless };
         }
         let reach = reach(camera, pad);
         let r = reach;
@@ -44,13 +47,15 @@ impl Bounds {
         // Across and along the radius.
         let radial = greatest([k1, k2, k3], r * r).max(greatest([3.0 * k1, 5.0 * k2, 7.0 * k3], r * r));
         let stretch = affine * (radial + 6.0 * r * tangential);
+        let least = least([k1, k2, k3], r * r).min(least([3.0 * k1, 5.0 * k2, 7.0 * k3], r * r));
+        let shrink = (affine_shrink(camera) * (least - 6.0 * r * tangential)).max(0.0);
         let r = (r + LONGEST_SPAN).min(camera.lens().max_radius_squared().sqrt());
         let s = r * r;
         let [k1, k2, k3] = [k1, k2, k3].map(f64::abs);
         let bend = affine * (r * (6.0 * k1 + s * (20.0 * k2 + s * 42.0 * k3)) + 8.0 * tangential);
         let twist = affine * (6.0 * k1 + s * (60.0 * k2 + s * 210.0 * k3));
         let span = LONGEST_SPAN.min(libm::cbrt(SPAN_TWIST_PIXELS / twist)).min(SPAN_BEND * affine / bend);
-        Bounds { stretch, reach, bend, twist, span }
+        Bounds { stretch, shrink, reach, bend, twist, span }
     }
 }
 
@@ -66,6 +71,27 @@ fn greatest(k: [f64; 3], most: f64) -> f64 {
         (1.0 + s * (k[0] + s * (k[1] + s * k[2]))).abs()
     });
     values.fold(0.0, f64::max) + 0.5 * apart * slope
+}
+
+/// A bound from below on `1 + k₁ s + k₂ s² + k₃ s³` for `s` up to `most`.
+fn least(k: [f64; 3], most: f64) -> f64 {
+    if !most.is_finite() {
+        return 0.0;
+    }
+    let slope = k[0].abs() + most * (2.0 * k[1].abs() + most * 3.0 * k[2].abs());
+    let apart = most / f64::from(PLACES);
+    let values = (0..=PLACES).map(|at| {
+        let s = f64::from(at) * apart;
+        1.0 + s * (k[0] + s * (k[1] + s * k[2]))
+    });
+    values.fold(f64::INFINITY, f64::min) - 0.5 * apart * slope
+}
+
+/// How far the intrinsic matrix stretches where it does so least.
+fn affine_shrink(camera: &Camera) -> f64 {
+    let k = camera.intrinsics();
+    let affine = (k[(0, 0)].powi(2) + k[(0, 1)].powi(2) + k[(1, 1)].powi(2)).sqrt();
+    if k[(0, 1)] == 0.0 { k[(0, 0)].min(k[(1, 1)]) } else { k[(0, 0)] * k[(1, 1)] / affine }
 }
 
 /// How far the intrinsic matrix stretches.
@@ -114,6 +140,7 @@ mod tests {
             let Some(images) = images else { return Ok(()) };
             let [a, b, c, d] = [images[0].coords, images[1].coords, images[2].coords, images[3].coords];
             prop_assert!((c - b).norm() <= 1.001 * bounds.stretch * h);
+            prop_assert!((c - b).norm() >= 0.999 * bounds.shrink * h);
             prop_assert!((a - b - c + d).norm() <= 2.0 * bounds.bend * h * h);
             prop_assert!((d - c * 3.0 + b * 3.0 - a).norm() <= bounds.twist * h.powi(3) + 1e-9);
         }

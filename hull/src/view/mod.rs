@@ -3,17 +3,19 @@
 mod bounds;
 pub(crate) mod sieve;
 
-use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, OnceLock};
 
 use nalgebra::{Point3, Vector3};
 
 use crate::camera::{Camera, Pixel};
 use crate::cull::Frustum;
 use crate::probe::coefficients::CameraCoefficients;
-use crate::probe::edge_line::{Discs, EdgeLine, edge_line, line_before};
-use crate::probe::nearest_edge::nearest_foreground;
+use crate::probe::edge_line::{Discs, EdgeLine, fit_edge, line_before};
+use crate::probe::nearest_edge::{EdgePixel, nearest_foreground};
 use crate::rule::{OutOfView, ProbeSettings};
-use crate::silhouette::{BitMap, Index, PixelRect, Silhouette};
+use crate::silhouette::{BitMap, Index, PixelRect, Silhouette, Surroundings};
+use crate::vector::VectorPath;
 pub(crate) use bounds::Bounds;
 use sieve::Sieve;
 
@@ -42,6 +44,7 @@ pub struct Observer {
     blocked: Option<BitMap>,
     window_pixels: u32,
     discs: Discs,
+    disc_pixels: f64,
     bounds: Bounds,
 }
 
@@ -58,6 +61,7 @@ impl Observer {
         let ignored = ignored.filter(|mask| mask.area() > 0);
         let blocked = blocked_pixels(&camera, settings.rule().out_of_view, ignored, pad);
         let bounds = Bounds::of(&camera, pad);
+        let discs = Discs::up_to(window_pixels);
         Observer {
             coefficients: CameraCoefficients::of(&camera),
             rig_index,
@@ -66,7 +70,8 @@ impl Observer {
             ignored_bounds: ignored.and_then(Silhouette::bounds),
             blocked,
             window_pixels,
-            discs: Discs::up_to(window_pixels),
+            disc_pixels: discs.reach_pixels(),
+            discs,
             bounds,
             camera,
         }
@@ -98,6 +103,12 @@ impl Observer {
         self.bounds.stretch
     }
 
+    /// No line of an edge is farther than this from its edge pixel, pixels.
+    #[inline]
+    pub(crate) fn disc_pixels(&self) -> f64 {
+        self.disc_pixels
+    }
+
     /// All that is known of how the image stretches and bends.
     #[inline]
     pub(crate) fn bounds(&self) -> &Bounds {
@@ -122,8 +133,12 @@ impl Observer {
 /// One observer at one frame.
 #[derive(Clone, Debug)]
 pub struct View {
+    /// No other frame of any camera has this number.
+    serial: u64,
     observer: Arc<Observer>,
     foreground: Arc<Index>,
+    /// Of the foreground; made when first asked for.
+    surroundings: Arc<OnceLock<Surroundings>>,
     sieve: Sieve,
     /// Zero where a pixel is a candidate for the background edge; `None` if that is the foreground.
     candidates: Option<Arc<Index>>,
@@ -141,11 +156,39 @@ struct Before {
 /// The hull's surface near an edge, as a plane through the camera's centre.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SurfacePlane {
-    /// Its outward unit normal, world.
-    pub normal_world: Vector3<f64>,
+    /// Its outward unit normal, world; not numbers where the lens sees nothing.
+    pub normal_world: [f32; 3],
     /// The edge through which it goes.
     pub line: EdgeLine,
 }
+
+/// How an edge's plane turned since the frame before.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Turn {
+    /// It was looked for so far, pixels; negative: not yet.
+    steps: i32,
+    /// So many pixels away its normal differs by so much.
+    by: Option<(i32, Vector3<f64>)>,
+}
+
+impl SurfacePlane {
+    /// No plane.
+    pub const NONE: SurfacePlane = SurfacePlane { normal_world: [f32::NAN; 3], line: EdgeLine::NONE };
+
+    /// Whether the lens sees something there.
+    #[inline(always)]
+    pub fn has_normal(&self) -> bool {
+        !self.normal_world[0].is_nan()
+    }
+}
+
+impl Turn {
+    /// That of an edge that was not looked for.
+    pub const UNKNOWN: Turn = Turn { steps: -1, by: None };
+}
+
+/// The serial number of the next view.
+static NEXT_SERIAL: AtomicU64 = AtomicU64::new(1);
 
 /// Frames back to which motion is measured.
 const MAX_FRAMES_BACK: u64 = 3;
@@ -169,7 +212,15 @@ impl View {
         });
         let admitted = observer.admitted(silhouette.bounds());
         let frustum = admitted.map(|rect| Frustum::of(&observer.camera, rect));
-        View { observer, foreground, sieve, candidates, frustum, before: None }
+        let serial = NEXT_SERIAL.fetch_add(1, Ordering::Relaxed);
+        let surroundings = Arc::default();
+        View { serial, observer, foreground, surroundings, sieve, candidates, frustum, before: None }
+    }
+
+    /// A number that no other frame has: what is known of this one may be kept under it.
+    #[inline]
+    pub(crate) fn serial(&self) -> u64 {
+        self.serial
     }
 
     /// The same, `frames` after another of the same camera: edges tell how far they moved since.
@@ -177,6 +228,7 @@ impl View {
         let candidates = Arc::clone(before.candidates.as_ref().unwrap_or(&before.foreground));
         let is_near = (1..=MAX_FRAMES_BACK).contains(&frames);
         self.before = is_near.then_some(Before { candidates, frames: frames as f64 });
+        self.serial = NEXT_SERIAL.fetch_add(1, Ordering::Relaxed);
         self
     }
 
@@ -210,25 +262,43 @@ impl View {
         &self.foreground
     }
 
+    /// How far the foreground is from what is around it.
+    #[inline]
+    pub(crate) fn surroundings(&self) -> &Surroundings {
+        let longer = self.camera().width().max(self.camera().height());
+        self.surroundings.get_or_init(|| Surroundings::new(&self.foreground, longer))
+    }
+
     /// Zeros at the pixels that count as background for the nearest edge and its normal (spec §3.1).
     #[inline]
     pub fn edge_candidates(&self) -> &Index {
         self.candidates.as_ref().unwrap_or(&self.foreground)
     }
 
-    /// The hull's surface near an edge pixel, which must be the candidate nearest to `start`. `None` where the lens
-    /// sees nothing.
+    /// The hull's surface near an edge pixel, which must be the candidate nearest to `start`, and whether it depends on
+    /// that. No normal where the lens sees nothing.
     #[inline(always)]
-    pub(crate) fn plane(&self, edge: Pixel, start: Pixel) -> Option<SurfacePlane> {
-        let line = edge_line(self.edge_candidates().map(), edge, start, &self.observer.discs);
-        Some(SurfacePlane { normal_world: self.plane_normal(&line)?, line })
+    pub(crate) fn plane(&self, edge: Pixel, start: Pixel, path: VectorPath) -> (SurfacePlane, bool) {
+        let fit = fit_edge(self.edge_candidates().map(), edge, start, &self.observer.discs, path);
+        let normal = self.plane_normal(&fit.line);
+        let normal_world = match normal {
+            Some(normal) => [normal.x as f32, normal.y as f32, normal.z as f32],
+            None => [f32::NAN; 3],
+        };
+        (SurfacePlane { normal_world, line: fit.line }, fit.depends_on_start)
     }
 
-    /// The plane of the foreground nearest to a pixel of the background, no farther than so many pixels squared, and
-    /// its edge pixel.
+    /// The pixel of the foreground nearest to one of the background, no farther than so many pixels squared, how far it
+    /// is, squared, and the edge pixel beside it.
     #[inline(always)]
-    pub(crate) fn plane_beside(&self, start: Pixel, limit_squared: i64) -> Option<(Pixel, SurfacePlane)> {
-        let found = nearest_foreground(self.foreground.map(), start, limit_squared)?.pixel;
+    pub(crate) fn edge_beside(
+        &self,
+        start: Pixel,
+        (clear_squared, limit_squared): (i32, i32),
+        path: VectorPath,
+    ) -> Option<(i64, Pixel, Pixel)> {
+        let EdgePixel { pixel: found, squared } =
+            nearest_foreground(&self.foreground, start, clear_squared, i64::from(limit_squared), path)?;
         let (across, down) = (start.column - found.column, start.row - found.row);
         // One pixel nearer to the start: no foreground, or it would have been found.
         let edge = if across.abs() >= down.abs() {
@@ -236,25 +306,52 @@ impl View {
         } else {
             Pixel { row: found.row + down.signum(), ..found }
         };
-        if self.edge_candidates().map().get(edge) {
-            return None;
-        }
-        Some((edge, self.plane(edge, found)?))
+        (self.is_plain() || !self.edge_candidates().map().get(edge)).then_some((squared, found, edge))
+    }
+
+    /// Whether it may tell how far surfaces moved.
+    #[inline]
+    pub(crate) fn tells_motion(&self) -> bool {
+        self.before.is_some()
+    }
+
+    /// How far from an edge its surface is looked for in the frame before, near where this camera sees `at_world`, pixels.
+    #[inline(always)]
+    fn steps_before(&self, to_camera: &Vector3<f64>, frames: f64) -> i32 {
+        let pixel_m = to_camera.norm() / self.observer.camera.intrinsics()[(0, 0)];
+        (MAX_MOVED_M * frames / pixel_m).min(MAX_STEPS) as i32
     }
 
     /// How far the surface of an edge moved out in a frame near where this camera sees `at_world`, metres; `None` where
-    /// the frame before does not tell.
+    /// the frame before does not tell. What is found is kept in `turn` for other places with the same edge.
     #[inline(always)]
-    pub(crate) fn moved_m(&self, line: &EdgeLine, at_world: &Point3<f64>) -> Option<f64> {
+    pub(crate) fn moved_m(
+        &self,
+        line: &EdgeLine,
+        at_world: &Point3<f64>,
+        turn: &mut Turn,
+        path: VectorPath,
+    ) -> Option<f64> {
         let before = self.before.as_ref()?;
-        let camera = &self.observer.camera;
-        let to_camera = camera.centre_world() - at_world;
-        let pixel_m = to_camera.norm() / camera.intrinsics()[(0, 0)];
-        let steps = (MAX_MOVED_M * before.frames / pixel_m).min(MAX_STEPS) as i32;
-        let line_before = line_before(before.candidates.map(), line, steps, &self.observer.discs)?;
-        let (now, then) = (self.plane_normal(line)?, self.plane_normal(&line_before)?);
-        let moved_m = (now - then).dot(&to_camera) / before.frames;
-        (now.dot(&then) > SAME_SURFACE && moved_m.abs() <= MAX_MOVED_M).then_some(moved_m)
+        let to_camera = self.observer.camera.centre_world() - at_world;
+        let steps = self.steps_before(&to_camera, before.frames);
+        if turn.steps < steps {
+            *turn = self.turn_since(before, line, steps, path);
+        }
+        let by = turn.by.filter(|&(away, _)| away <= steps)?.1;
+        let moved_m = by.dot(&to_camera) / before.frames;
+        (moved_m.abs() <= MAX_MOVED_M).then_some(moved_m)
+    }
+
+    #[inline(always)]
+    fn turn_since(&self, before: &Before, line: &EdgeLine, steps: i32, path: VectorPath) -> Turn {
+        let found = line_before(before.candidates.map(), line, steps, &self.observer.discs, path);
+        // What is as far is found first, however far others look.
+        let Some((away, line_before)) = found else { return Turn { steps, by: None } };
+        let normals = self.plane_normal(line).zip(self.plane_normal(&line_before));
+        let by =
+            normals.filter(|(now, then)| now.dot(then) > SAME_SURFACE).map(|(now, then)| (away, now - then));
+        Turn { steps: i32::MAX, by }
     }
 
     #[inline(always)]

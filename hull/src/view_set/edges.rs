@@ -3,9 +3,11 @@
 //! Many points go through every stage together, camera by camera: searches do not wait for each other, and what
 //! follows them is computed in vectors.
 
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 
-use super::projections::{CHUNK, Projection, SearchTarget};
+use super::beside::Beside;
+use super::planes::Planes;
+use super::projections::{CHUNK, Projection, Projections, SearchTarget};
 use super::selection::Selection;
 use super::{BatchQuestion, Scratch, ViewSet};
 use crate::camera::Pixel;
@@ -17,10 +19,8 @@ use crate::probe::nearest_edge::nearest_edge;
 use crate::question::{Answer, Edge, QuestionKind};
 use crate::reach::Reach;
 use crate::vector::VectorPath;
-use crate::view::{Class, View};
+use crate::view::{SurfacePlane, View};
 
-/// From outside no plane is searched farther than 256 pixels, squared: nothing makes such a search quick.
-const OUTSIDE_SQUARED: f32 = 65_536.0;
 /// No view.
 const NOBODY: u32 = u32::MAX;
 
@@ -38,10 +38,12 @@ pub(super) struct Nearest {
     moved_m: [f32; CHUNK],
     is_from_outside: [bool; CHUNK],
     /// Of a plane from outside: the edge through which it goes.
-    line: [Option<EdgeLine>; CHUNK],
+    line: [EdgeLine; CHUNK],
     exit_within: [Reach; CHUNK],
     selection: Selection,
     found: EdgePixels,
+    /// Of each view.
+    beside: Vec<Beside>,
 }
 
 /// The edge pixels that the search of one view found.
@@ -63,10 +65,11 @@ impl Default for Nearest {
             normal_world: [[0.0; 3]; CHUNK],
             moved_m: [f32::NAN; CHUNK],
             is_from_outside: [false; CHUNK],
-            line: [None; CHUNK],
+            line: [EdgeLine::NONE; CHUNK],
             exit_within: [Reach::UNBOUNDED; CHUNK],
             selection: Selection::default(),
             found: EdgePixels::default(),
+            beside: Vec::new(),
         }
     }
 }
@@ -86,10 +89,15 @@ impl ViewSet {
         let with_exits = self.always_judge && !is_of_planes && !batch.question.within.is_empty();
         for from in (0..points.len()).step_by(CHUNK) {
             let count = (points.len() - from).min(CHUNK);
-            let Scratch { projections, nearest, .. } = scratch;
+            let Scratch { projections, nearest, planes, .. } = scratch;
             projections.project(&self.views, points, from, SearchTarget::PixelCentre, self.path);
             nearest.view = [NOBODY; CHUNK];
             batch.reaches(from, &mut nearest.distance_m[..count]);
+            nearest.moved_m = [f32::NAN; CHUNK];
+            nearest.is_from_outside = [false; CHUNK];
+            if is_of_planes {
+                nearest.look_from_outside(&self.views, projections, planes, points, from, self.path);
+            }
             // First in the view that is likely to win: what it finds bounds the others' searches.
             let turns: &[bool] = if self.views.len() == 1 { &[true] } else { &[true, false] };
             for &is_first in turns {
@@ -97,26 +105,30 @@ impl ViewSet {
                     let projection = projections.of(index);
                     nearest.selection.select(count, |at| {
                         let may_win = projection.clear_m[at] <= nearest.distance_m[at];
-                        may_win & ((projections.least_clear(at) == index) == is_first)
+                        may_win
+                            & !nearest.is_from_outside[at]
+                            & ((projections.least_clear(at) == index) == is_first)
                     });
                     nearest.search(view, projection, self.path);
                     nearest.compare(view, index as u32, points, from);
                 }
             }
-            nearest.moved_m = [f32::NAN; CHUNK];
-            nearest.is_from_outside = [false; CHUNK];
-            if is_of_planes {
-                for (index, view) in self.views.iter().enumerate() {
-                    nearest.look_from_outside(view, index as u32, projections.of(index), points, from, batch);
-                }
+            if is_of_planes && self.views.iter().any(View::tells_motion) {
+                nearest.find_motions(&self.views, planes, points, from, self.path);
             }
             for (index, view) in self.views.iter().enumerate() {
                 nearest
                     .selection
                     .select(count, |at| nearest.view[at] == index as u32 && !nearest.is_from_outside[at]);
                 if is_of_planes {
-                    nearest.find_motions(view, index as u32, points, from);
-                    nearest.find_planes(view, projections.of(index), points, from);
+                    nearest.find_planes(
+                        view,
+                        (index, planes),
+                        projections.of(index),
+                        points,
+                        from,
+                        self.path,
+                    );
                 } else {
                     nearest.find_normals(view, projections.of(index), self.path);
                 }
@@ -199,65 +211,134 @@ impl Nearest {
 
     /// Finds the planes of the picked points' edges, which are this view's.
     #[inline(always)]
-    fn find_planes(&mut self, view: &View, projection: &Projection, points: &Coordinates, from: usize) {
-        for at in self.selection.iter() {
-            let edge = Pixel { column: self.column[at], row: self.row[at] };
-            let start = Pixel { column: projection.column[at], row: projection.row[at] };
-            let plane = view.plane(edge, start);
-            self.normal_world[at] = plane.map_or([f32::NAN; 3], |plane| flat(&plane.normal_world));
-            self.moved_m[at] = plane.map_or(f32::NAN, |plane| moved_m(view, &plane.line, points, from + at));
-        }
-    }
-
-    /// Finds how the planes from outside move that are this view's.
-    #[inline(always)]
-    fn find_motions(&mut self, view: &View, index: u32, points: &Coordinates, from: usize) {
-        for at in 0..(points.len() - from).min(CHUNK) {
-            if self.view[at] == index
-                && self.is_from_outside[at]
-                && let Some(line) = &self.line[at]
-            {
-                self.moved_m[at] = moved_m(view, line, points, from + at);
-            }
-        }
-    }
-
-    /// Keeps the planes of what a view sees beside it, of points that it says are outside, where they are farther from
-    /// them than any before. Ties go to the lower view.
-    #[inline(always)]
-    fn look_from_outside(
+    fn find_planes(
         &mut self,
         view: &View,
-        index: u32,
+        (index, planes): (usize, &mut Planes),
         projection: &Projection,
         points: &Coordinates,
         from: usize,
-        batch: &BatchQuestion,
+        path: VectorPath,
     ) {
-        for at in 0..(points.len() - from).min(CHUNK) {
+        for at in self.selection.iter() {
+            let edge = Pixel { column: self.column[at], row: self.row[at] };
             let start = Pixel { column: projection.column[at], row: projection.row[at] };
-            let is_outside = projection.clear_m[at].is_nan()
-                && view.camera().holds(start)
-                && view.class_at(Some(start)) == Class::Outside;
-            if !is_outside {
-                continue;
+            let plane = planes.of(index, view, edge, start, path);
+            self.normal_world[at] = plane.normal_world;
+            if plane.has_normal() && view.tells_motion() {
+                let point = points.point(from + at);
+                self.moved_m[at] = planes.moved_m(index, view, edge, &plane, &point, path);
             }
-            let limit_pixels = projection.pixels_within(at, batch.reach(from + at));
-            let limit = (limit_pixels * limit_pixels).min(OUTSIDE_SQUARED) as i64 + 1;
+        }
+    }
+
+    /// Finds how the planes from outside move.
+    #[inline(always)]
+    fn find_motions(
+        &mut self,
+        views: &[View],
+        planes: &mut Planes,
+        points: &Coordinates,
+        from: usize,
+        path: VectorPath,
+    ) {
+        self.selection.select((points.len() - from).min(CHUNK), |at| self.is_from_outside[at]);
+        for at in self.selection.iter() {
+            let index = self.view[at] as usize;
+            let edge = Pixel { column: self.column[at], row: self.row[at] };
+            let plane = SurfacePlane { normal_world: self.normal_world[at], line: self.line[at] };
             let point = points.point(from + at);
-            let Some((edge, plane)) = view.plane_beside(start, limit) else { continue };
-            let to_camera = view.camera().centre_world() - point;
-            // Rounded as the normal that goes with it.
-            let n = plane.normal_world.map(|n| f64::from(n as f32));
-            let distance_m = n.dot(&to_camera).min(0.0) as f32;
-            if !self.is_from_outside[at] || distance_m < self.distance_m[at] {
-                self.distance_m[at] = distance_m;
-                self.view[at] = index;
-                (self.column[at], self.row[at]) = (edge.column, edge.row);
-                self.is_from_outside[at] = true;
-                self.normal_world[at] = flat(&plane.normal_world);
-                self.line[at] = Some(plane.line);
+            self.moved_m[at] = planes.moved_m(index, &views[index], edge, &plane, &point, path);
+        }
+    }
+
+    /// Keeps of the planes that views see beside points that they say are outside the ones that are farthest from these.
+    /// Ties go to the lower view. First in the view that may have the farthest: then few others can.
+    #[inline(always)]
+    fn look_from_outside(
+        &mut self,
+        views: &[View],
+        projections: &Projections,
+        planes: &mut Planes,
+        points: &Coordinates,
+        from: usize,
+        path: VectorPath,
+    ) {
+        let count = (points.len() - from).min(CHUNK);
+        let first = self.bound_from_outside(views, projections, count, path);
+        for is_first in [true, false] {
+            for (index, view) in views.iter().enumerate() {
+                let beside = &self.beside[index];
+                self.selection.select(count, |at| {
+                    let may_win = !self.is_from_outside[at] | (beside.most_m[at] >= -self.distance_m[at]);
+                    (beside.most_m[at] >= 0.0) & may_win & ((first[at] == index as u32) == is_first)
+                });
+                let projection = projections.of(index);
+                for place in 0..self.selection.len() {
+                    let at = self.selection.place(place);
+                    let point = points.point(from + at);
+                    self.search_from_outside((index, view), projection, planes, (at, &point), path);
+                }
             }
+        }
+    }
+
+    /// Bounds how far the planes of all views may be from points, and says for each which view's may be farthest.
+    #[inline(always)]
+    fn bound_from_outside(
+        &mut self,
+        views: &[View],
+        projections: &Projections,
+        count: usize,
+        path: VectorPath,
+    ) -> [u32; CHUNK] {
+        self.beside.resize(views.len(), Beside::default());
+        let (mut farthest_m, mut first) = ([-1.0; CHUNK], [NOBODY; CHUNK]);
+        for (index, (beside, view)) in self.beside.iter_mut().zip(views).enumerate() {
+            beside.bound(view, projections.of(index), &self.distance_m, count, path);
+            for at in 0..CHUNK {
+                let is_farther = beside.most_m[at] > farthest_m[at];
+                farthest_m[at] = if is_farther { beside.most_m[at] } else { farthest_m[at] };
+                first[at] = if is_farther { index as u32 } else { first[at] };
+            }
+        }
+        first
+    }
+
+    /// Keeps the plane that a view sees beside a point, if it is farther than what was found before.
+    #[inline(always)]
+    fn search_from_outside(
+        &mut self,
+        (index, view): (usize, &View),
+        projection: &Projection,
+        planes: &mut Planes,
+        (at, point): (usize, &Point3<f64>),
+        path: VectorPath,
+    ) {
+        let start = Pixel { column: projection.column[at], row: projection.row[at] };
+        let beside = &self.beside[index];
+        let limit = (beside.clear_squared[at], beside.limit_squared[at]);
+        let Some((squared, found, edge)) = view.edge_beside(start, limit, path) else { return };
+        let pixels = (squared as f32).sqrt() + beside.slack_pixels;
+        if self.is_from_outside[at] && projection.metres_within(at, pixels) < -self.distance_m[at] {
+            return;
+        }
+        let plane = planes.of(index, view, edge, found, path);
+        if !plane.has_normal() {
+            return;
+        }
+        let [x, y, z] = plane.normal_world.map(f64::from);
+        let to_camera = view.camera().centre_world() - point;
+        let distance_m = Vector3::new(x, y, z).dot(&to_camera).min(0.0) as f32;
+        let is_farther = distance_m < self.distance_m[at]
+            || distance_m == self.distance_m[at] && (index as u32) < self.view[at];
+        if !self.is_from_outside[at] || is_farther {
+            self.distance_m[at] = distance_m;
+            self.view[at] = index as u32;
+            (self.column[at], self.row[at]) = (edge.column, edge.row);
+            self.is_from_outside[at] = true;
+            self.normal_world[at] = plane.normal_world;
+            self.line[at] = plane.line;
         }
     }
 
@@ -284,17 +365,6 @@ impl Nearest {
         let edge = Edge { distance_m: self.distance_m[at], camera, pixel, normal_world, moved_m };
         (!normal_world[0].is_nan()).then_some(edge)
     }
-}
-
-#[inline(always)]
-fn flat(normal_world: &Vector3<f64>) -> [f32; 3] {
-    (*normal_world).map(|part| part as f32).into()
-}
-
-/// How far an edge's surface moves near a point; not a number where nothing tells.
-#[inline(always)]
-fn moved_m(view: &View, line: &EdgeLine, points: &Coordinates, at: usize) -> f32 {
-    view.moved_m(line, &points.point(at)).map_or(f32::NAN, |moved_m| moved_m as f32)
 }
 
 /// A little longer, for the normal may be rounded on its way.

@@ -2,8 +2,10 @@
 //! other work: a camera is not searched farther than the best so far. The answers are those of the
 //! single cameras merged, bit for bit.
 
+mod beside;
 mod edges;
 mod exits;
+mod planes;
 mod projections;
 mod selection;
 
@@ -20,6 +22,7 @@ use crate::vector::{VectorPath, on_path};
 use crate::view::{Class, View};
 use edges::Nearest;
 use exits::Rays;
+use planes::Planes;
 use projections::Projections;
 
 /// Fewer points than this are classified one by one.
@@ -45,6 +48,7 @@ pub struct Scratch {
     block: Box<Block>,
     projections: Projections,
     nearest: Nearest,
+    planes: Planes,
     rays: Rays,
 }
 
@@ -146,6 +150,7 @@ impl ViewSet {
                     self.append_standings(&points, &mut scratch.block, &mut answer.standings);
                 }
                 QuestionKind::Edges | QuestionKind::Planes => {
+                    scratch.planes.prepare(&self.views);
                     self.edges(&batch_question, &points, scratch, answer);
                 }
                 QuestionKind::Exits | QuestionKind::SharedExits => {

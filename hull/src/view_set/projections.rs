@@ -9,6 +9,9 @@ use crate::view::{Class, View};
 /// Points that are projected together.
 pub(super) const CHUNK: usize = 64;
 
+/// From outside no plane is searched farther than 256 pixels, squared: nothing makes such a search quick.
+const OUTSIDE_SQUARED: f32 = 65_536.0;
+
 /// A chunk of points as one camera sees them.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Projection {
@@ -22,6 +25,9 @@ pub(super) struct Projection {
     range_m: [f32; CHUNK],
     clear_pixels: [f32; CHUNK],
     stretch_pixels: f32,
+    /// A pixel at unit distance is no wider than this; in a lens that bends, of the distance from the centre.
+    pixel_m: f32,
+    is_straight: bool,
 }
 
 /// The projections of all cameras of a group.
@@ -92,6 +98,8 @@ impl Projections {
             range_m: nothing,
             clear_pixels: nothing,
             stretch_pixels: 0.0,
+            pixel_m: 0.0,
+            is_straight: true,
         };
         self.views.resize(views.len(), blank);
         self.least.clear_m = [f32::INFINITY; CHUNK];
@@ -130,10 +138,55 @@ impl Projection {
     pub fn pixels_within(&self, at: usize, distance_m: f32) -> f32 {
         let (depth_m, range_m) = (self.depth_m[at], self.range_m[at]);
         let left_m = depth_m - 1.00001 * distance_m;
-        if left_m <= 0.0 || distance_m == f32::INFINITY {
-            return f32::INFINITY;
+        let is_endless = (left_m <= 0.0) | (distance_m == f32::INFINITY);
+        let pixels = self.stretch_pixels * distance_m * range_m / (depth_m * left_m) + 0.7073;
+        if is_endless { f32::INFINITY } else { pixels }
+    }
+
+    /// No plane through the camera's centre and a line of the image is farther from a point than this, metres, if the
+    /// line has a place within so many pixels of the point's image.
+    ///
+    /// Through a straight lens the distance from a line `l` is that of the plane `Pᵀl`, times the point's depth. Else
+    /// the plane holds the ray through that place, which passes the point at the sine of the angle between them.
+    #[inline(always)]
+    pub fn metres_within(&self, at: usize, pixels: f32) -> f32 {
+        1.0002 * pixels * self.pixel_m * self.away_m()[at] + 1e-6
+    }
+
+    #[inline(always)]
+    fn away_m(&self) -> &[f32; CHUNK] {
+        if self.is_straight { &self.depth_m } else { &self.range_m }
+    }
+
+    /// Of points that the camera sees on its image and not inside, how far planes from outside may be, metres, and how
+    /// far the foreground is searched, pixels squared, if it is no nearer than the one of these arrays and within the
+    /// other. Of all others −1.
+    #[inline(always)]
+    pub fn bounds_beside(
+        &self,
+        (width, height): (u32, u32),
+        reaches_m: &[f32; CHUNK],
+        slack_pixels: f32,
+        [clear_squared, within_squared]: [&[i32; CHUNK]; 2],
+        (most_m, limit_squared): (&mut [f32; CHUNK], &mut [i32; CHUNK]),
+    ) {
+        let (away_m, scale) = (self.away_m(), 1.0002 * self.pixel_m);
+        for at in 0..CHUNK {
+            let limit_pixels = self.pixels_within(at, reaches_m[at]);
+            // Not a number where nothing is seen: nobody looks at it then.
+            let squared = limit_pixels * limit_pixels;
+            let squared = if squared < OUTSIDE_SQUARED { squared } else { OUTSIDE_SQUARED };
+            let limit = squared as i32 + 1;
+            limit_squared[at] = if limit < within_squared[at] { limit } else { within_squared[at] };
         }
-        self.stretch_pixels * distance_m * range_m / (depth_m * left_m) + 0.7073
+        for at in 0..CHUNK {
+            let is_on_image = ((self.column[at] as u32) < width) & ((self.row[at] as u32) < height);
+            let is_outside = self.clear_m[at].is_nan() & is_on_image;
+            let may_have = is_outside & (clear_squared[at] <= limit_squared[at]);
+            let pixels = (limit_squared[at] as f32).sqrt() + slack_pixels;
+            let farthest_m = scale * pixels * away_m[at] + 1e-6;
+            most_m[at] = if may_have { farthest_m } else { -1.0 };
+        }
     }
 
     /// How far the image of a ray of that length from a point may be from its chord, pixels.
@@ -163,18 +216,27 @@ impl Projection {
         let (index, slack_pixels) = (target.index(view), target.slack_pixels());
         let looked_up = (&self.column[..count], &self.row[..count], &mut self.clear_pixels[..count]);
         index.depth().look_up(looked_up.0, looked_up.1, looked_up.2, path);
-        for at in 0..count {
-            let clear_pixels = self.clear_pixels[at];
-            // A cell that is full of foreground is inside.
-            let inside = if clear_pixels > 0.0 && view.is_plain() {
-                true
-            } else {
-                view.class_at(Some(Pixel { column: self.column[at], row: self.row[at] })) == Class::Inside
-            };
-            self.clear_pixels[at] = if inside { (clear_pixels - slack_pixels).max(0.0) } else { f32::NAN };
+        let mut is_inside = [false; CHUNK];
+        if view.is_plain() && path == VectorPath::Avx512 {
+            // Foreground is on the image.
+            view.foreground().map().look_up(&self.column, &self.row, &mut is_inside, path);
+        } else {
+            for (at, is_inside) in is_inside[..count].iter_mut().enumerate() {
+                // A cell that is full of foreground is inside.
+                let is_full = self.clear_pixels[at] > 0.0 && view.is_plain();
+                let pixel = Pixel { column: self.column[at], row: self.row[at] };
+                *is_inside = is_full || view.class_at(Some(pixel)) == Class::Inside;
+            }
+        }
+        for (clear_pixels, is_inside) in self.clear_pixels[..count].iter_mut().zip(is_inside) {
+            let clear = *clear_pixels - slack_pixels;
+            let clear = if clear > 0.0 { clear } else { 0.0 };
+            *clear_pixels = if is_inside { clear } else { f32::NAN };
         }
         let stretch = 1.0001 * view.observer().stretch_pixels() as f32;
         self.stretch_pixels = stretch;
+        self.pixel_m = (1.0 / view.observer().bounds().shrink) as f32;
+        self.is_straight = view.camera().lens().is_straight();
         let tangents = 1.0 / (1.00001 * view.observer().stretch_pixels() as f32);
         for at in 0..count {
             // The nearest ray that matters passes the point at this tangent or more.

@@ -45,6 +45,12 @@ impl Selection {
         self.count = kept;
     }
 
+    /// One of them.
+    #[inline(always)]
+    pub fn place(&self, index: usize) -> usize {
+        usize::from(self.places[index])
+    }
+
     /// How many there are.
     #[inline(always)]
     pub fn len(&self) -> usize {

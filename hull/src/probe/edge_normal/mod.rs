@@ -86,7 +86,7 @@ impl Sum {
 }
 
 /// The places of a word that have each binary digit, the highest first.
-const PLACES: [u32; 5] = [0xffff_0000, 0xff00_ff00, 0xf0f0_f0f0, 0xcccc_cccc, 0xaaaa_aaaa];
+pub(super) const PLACES: [u32; 5] = [0xffff_0000, 0xff00_ff00, 0xf0f0_f0f0, 0xcccc_cccc, 0xaaaa_aaaa];
 
 /// The sum of the places of the ones.
 #[inline(always)]

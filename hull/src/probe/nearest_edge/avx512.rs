@@ -8,10 +8,10 @@ use super::{CellPlace, NOWHERE, Place, ROWS};
 /// What no gap within reach is as wide as.
 const NO_GAP: i32 = 40;
 
-/// The zeros before the place's column and from it on.
+/// The zeros, or the ones, before the place's column and from it on.
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512cd,avx512vl")]
-fn zeros_beside([before, here, after]: [&[u32; ROWS]; 3], bit: u32) -> (__m512i, __m512i) {
+fn bits_beside<const ONES: bool>([before, here, after]: [&[u32; ROWS]; 3], bit: u32) -> (__m512i, __m512i) {
     #[allow(unsafe_code, reason = "loads of whole arrays of sixteen words")]
     let load = |words: &[u32; ROWS]| unsafe { _mm512_loadu_si512(words.as_ptr().cast()) };
     let (before, here, after) = (load(before), load(here), load(after));
@@ -19,6 +19,9 @@ fn zeros_beside([before, here, after]: [&[u32; ROWS]; 3], bit: u32) -> (__m512i,
     let left_by = _mm_cvtsi32_si128(32 - bit as i32);
     let left = _mm512_or_si512(_mm512_srl_epi32(before, right_by), _mm512_sll_epi32(here, left_by));
     let right = _mm512_or_si512(_mm512_srl_epi32(here, right_by), _mm512_sll_epi32(after, left_by));
+    if ONES {
+        return (left, right);
+    }
     let ones = _mm512_set1_epi32(-1);
     (_mm512_xor_si512(left, ones), _mm512_xor_si512(right, ones))
 }
@@ -35,8 +38,8 @@ fn lowest(bits: __m512i) -> __m512i {
 /// See [`super::key_of_rows`].
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512cd,avx512vl")]
-pub(super) fn key_of_rows(words: [&[u32; ROWS]; 3], place: &Place, first: i32) -> u32 {
-    let (left, right) = zeros_beside(words, place.bit);
+pub(super) fn key_of_rows<const ONES: bool>(words: [&[u32; ROWS]; 3], place: &Place, first: i32) -> u32 {
+    let (left, right) = bits_beside::<ONES>(words, place.bit);
     let gap_left = _mm512_add_epi32(_mm512_lzcnt_epi32(left), _mm512_set1_epi32(1));
     let gap_right = lowest(right);
     let is_left = _mm512_cmple_epu32_mask(gap_left, gap_right);
@@ -62,10 +65,7 @@ pub(super) fn gaps(
     start: &CellPlace,
     first: i32,
 ) -> ([i32; ROWS], [i32; ROWS], [i32; ROWS]) {
-    let (left, right) = zeros_beside(words, start.cell.bit);
-    // Here ones are what is looked for.
-    let ones = _mm512_set1_epi32(-1);
-    let (left, right) = (_mm512_xor_si512(left, ones), _mm512_xor_si512(right, ones));
+    let (left, right) = bits_beside::<true>(words, start.cell.bit);
     let one = _mm512_set1_epi32(1);
     let shift = _mm_cvtsi32_si128(start.shift as i32);
     let side = 1 << start.shift;
@@ -102,11 +102,11 @@ pub(super) fn gaps(
     (lefts, rights, mosts)
 }
 
-/// Of eight rows the zero nearest to the start, as squared distance, row of the eight and columns away; ties
+/// Of eight rows the zero, or the one, nearest to the start, as squared distance, row of the eight and columns away; ties
 /// go to the smaller row. Its squared distance is [`i32::MAX`] if there is none.
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512cd,avx512vl,avx512dq")]
-pub(super) fn eight_rows(
+pub(super) fn eight_rows<const ONES: bool>(
     [before, here, after]: [&[u32; 8]; 3],
     bit: u32,
     gap: i32,
@@ -120,7 +120,7 @@ pub(super) fn eight_rows(
         _mm256_srl_epi32(low, _mm_cvtsi32_si128(bit as i32)),
         _mm256_sll_epi32(high, _mm_cvtsi32_si128(32 - bit as i32)),
     );
-    let zeros = _mm256_xor_si256(bits, _mm256_set1_epi32(-1));
+    let zeros = if ONES { bits } else { _mm256_xor_si256(bits, _mm256_set1_epi32(-1)) };
     let single = _mm256_and_si256(zeros, _mm256_sub_epi32(_mm256_setzero_si256(), zeros));
     let more = if leftward {
         _mm256_lzcnt_epi32(zeros)

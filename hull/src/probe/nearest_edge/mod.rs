@@ -42,12 +42,41 @@ pub fn nearest_edge(index: &Index, start: Pixel, limit_squared: i64, path: Vecto
         return None;
     }
     if clear < SEEN_SQUARED / 2 || limit < SEEN_SQUARED {
-        let found = near(index.map(), start, limit, path);
+        let found = near::<false>(index.map(), start, limit, path);
         if found.is_some() || limit < SEEN_SQUARED {
             return found;
         }
     }
-    cells::far(index, start, limit, path)
+    cells::far::<false>(index, start, limit, path)
+}
+
+/// The one bit of the index's map at the least squared distance from `start`, not farther than `limit_squared`; ties as
+/// above. `start` may lie anywhere; no one bit may be nearer to it than `clear_squared`.
+#[inline(always)]
+pub fn nearest_foreground(
+    index: &Index,
+    start: Pixel,
+    clear_squared: i32,
+    limit_squared: i64,
+    path: VectorPath,
+) -> Option<EdgePixel> {
+    let limit = limit_squared.min(FAR_SQUARED) as i32;
+    let map = index.map();
+    // What the start is beside holds nothing.
+    let beside = |first: i32, start: i32, end: i32| (first - start).max(start - end + 1).max(0);
+    let across = beside(map.left(), start.column, map.right());
+    let down = beside(map.top(), start.row, map.bottom());
+    let farthest = across.max(down);
+    if i64::from(farthest) * i64::from(farthest) > i64::from(limit) {
+        return None;
+    }
+    if farthest < REACH && (clear_squared < SEEN_SQUARED / 2 || limit < SEEN_SQUARED) {
+        let found = near::<true>(map, start, limit, path);
+        if found.is_some() || limit < SEEN_SQUARED {
+            return found;
+        }
+    }
+    cells::far::<true>(index, start, limit, path)
 }
 
 /// The best so far. It is ranked by squared distance, row and column.
@@ -68,25 +97,25 @@ impl Best {
 
 /// Searches within [`REACH`] columns; `None` if nothing is nearer than that and within the limit.
 #[inline(always)]
-fn near(map: &BitMap, start: Pixel, limit: i32, path: VectorPath) -> Option<EdgePixel> {
+fn near<const ONES: bool>(map: &BitMap, start: Pixel, limit: i32, path: VectorPath) -> Option<EdgePixel> {
     let limit = limit.min(SEEN_SQUARED - 1);
     // A squared distance, and below it row and column: the least key is the nearest, ties included.
     let mut best = (limit as u32 + 1) << 14;
     let place = Place::of(map, start.column, start.row);
     let last = map.rows() as i32 - ROWS as i32;
     let centred = (place.row - ROWS as i32 / 2).min(last).max(0);
-    best = best.min(key_of_rows(map, &place, path, centred));
+    best = best.min(key_of_rows::<ONES>(map, &place, path, centred));
     let (mut above, mut below) = (centred, centred + ROWS as i32);
     loop {
         let reach = |row: i32| ((row - place.row) * (row - place.row)) as u32;
         let squared = best >> 14;
         if above > 0 && reach(above - 1) <= squared {
             above = (above - ROWS as i32).max(0);
-            best = best.min(key_of_rows(map, &place, path, above));
+            best = best.min(key_of_rows::<ONES>(map, &place, path, above));
         } else if below < map.rows() as i32 && reach(below) <= squared {
             let first = below.min(last);
             below = first + ROWS as i32;
-            best = best.min(key_of_rows(map, &place, path, first));
+            best = best.min(key_of_rows::<ONES>(map, &place, path, first));
         } else {
             break;
         }
@@ -101,7 +130,7 @@ fn near(map: &BitMap, start: Pixel, limit: i32, path: VectorPath) -> Option<Edge
     })
 }
 
-/// A pixel within a map.
+/// A pixel within a map, or beside it.
 struct Place {
     strip: usize,
     bit: u32,
@@ -126,20 +155,20 @@ impl Place {
     #[inline(always)]
     fn of(map: &BitMap, column: i32, row: i32) -> Place {
         let column = column - map.left();
-        Place { strip: column as usize / 32, bit: column as u32 % 32, row: row - map.top() }
+        Place { strip: (column >> 5) as usize, bit: column as u32 % 32, row: row - map.top() }
     }
 }
 
-/// The least key of the zeros in sixteen rows from `first` within [`REACH`] columns of the place.
+/// The least key of the zeros, or of the ones, in sixteen rows from `first` within [`REACH`] columns of the place.
 #[inline(always)]
-fn key_of_rows(map: &BitMap, place: &Place, path: VectorPath, first: i32) -> u32 {
+fn key_of_rows<const ONES: bool>(map: &BitMap, place: &Place, path: VectorPath, first: i32) -> u32 {
     #[cfg(target_arch = "x86_64")]
     if path == VectorPath::Avx512 {
         #[allow(unsafe_code, reason = "the path was asked whether it is available when it was chosen")]
-        return unsafe { avx512::key_of_rows(words_around(map, place, first), place, first) };
+        return unsafe { avx512::key_of_rows::<ONES>(words_around(map, place, first), place, first) };
     }
     let _ = path;
-    let (left, right) = zeros_beside::<ROWS>(map, place, first);
+    let (left, right) = bits_beside::<ROWS, ONES>(map, place, first);
     let mut keys = [0u32; ROWS];
     for at in 0..ROWS {
         // One to 33, zero to 32: beyond the last column there is nothing to be found.
@@ -166,28 +195,26 @@ fn words_around<'a, const COUNT: usize>(map: &'a BitMap, place: &Place, first: i
         let words = map.words().get(at..).and_then(|words| words.first_chunk());
         words.filter(|_| strip < map.strips()).unwrap_or(missing)
     };
-    [words(place.strip.wrapping_sub(1)), words(place.strip), words(place.strip + 1)]
+    [words(place.strip.wrapping_sub(1)), words(place.strip), words(place.strip.wrapping_add(1))]
 }
 
-/// For each of so many rows, the zeros of the 32 columns before the place's and of the 32 from it on.
+/// For each of so many rows, the zeros, or the ones, of the 32 columns before the place's and of the 32 from it on.
 #[inline(always)]
-fn zeros_beside<const COUNT: usize>(map: &BitMap, place: &Place, first: i32) -> ([u32; COUNT], [u32; COUNT]) {
+fn bits_beside<const COUNT: usize, const ONES: bool>(
+    map: &BitMap,
+    place: &Place,
+    first: i32,
+) -> ([u32; COUNT], [u32; COUNT]) {
+    let flip = if ONES { 0 } else { u32::MAX };
     let [before, here, after] = words_around::<COUNT>(map, place, first);
     let (mut left, mut right) = ([0u32; COUNT], [0u32; COUNT]);
     let bit = place.bit;
     for at in 0..COUNT {
         // A shift by 32 is none: shift by one first.
-        left[at] = !(before[at] >> bit | here[at] << 1 << (31 - bit));
-        right[at] = !(here[at] >> bit | after[at] << 1 << (31 - bit));
+        left[at] = (before[at] >> bit | here[at] << 1 << (31 - bit)) ^ flip;
+        right[at] = (here[at] >> bit | after[at] << 1 << (31 - bit)) ^ flip;
     }
     (left, right)
-}
-
-/// The one bit of a map at the least squared distance from `start`, not farther than `limit_squared`; ties as above.
-/// `start` may lie anywhere.
-#[inline(always)]
-pub fn nearest_foreground(map: &BitMap, start: Pixel, limit_squared: i64) -> Option<EdgePixel> {
-    by_rows(map, start, limit_squared.min(FAR_SQUARED) as i32, true)
 }
 
 /// The zeros, or the ones, of the whole map row by row: for what lies farther than cells are looked at.
@@ -320,13 +347,37 @@ mod tests {
 
         #[test]
         fn the_nearest_foreground_is_the_brute_minimum_too(
-            width in 1u32..260, height in 1u32..60, seed in any::<u64>(), across in 0.0..1.0f64,
-            down in 0.0..1.0f64, limit in limits(),
+            width in 1u32..260, height in 1u32..60, seed in any::<u64>(), across in -1.0..2.0f64,
+            down in -3.0..4.0f64, limit in limits(), size in 0u32..3,
         ) {
             let silhouette = Silhouette::from_mask(width, height, &random_mask(width, height, seed)).expect("size");
             let map = BitMap::foreground(&silhouette, 1);
             let start = Pixel { column: (f64::from(width) * across) as i32, row: (f64::from(height) * down) as i32 };
-            prop_assert_eq!(nearest_foreground(&map, start, limit), brute_of(&map, start, limit, true));
+            let expected = brute_of(&map, start, limit, true);
+            let index = Index::new(map, 640 << (2 * size));
+            for path in VectorPath::ALL.into_iter().filter(|path| path.is_available()) {
+                prop_assert_eq!(nearest_foreground(&index, start, 0, limit, path), expected, "{:?}", path);
+            }
+        }
+
+        #[test]
+        fn the_nearest_foreground_far_away_is_too(
+            things in proptest::collection::vec((0i32..880, 0i32..680, 1i32..20, 1i32..20), 1..9),
+            column in -300i32..1200, row in -300i32..1000, limit in limits(), size in 0u32..3,
+        ) {
+            let mut mask = vec![0u8; 900 * 700];
+            for &(left, top, across, down) in &things {
+                for row in top..top + down {
+                    mask[(row * 900 + left) as usize..][..across as usize].fill(255);
+                }
+            }
+            let map = BitMap::foreground(&Silhouette::from_mask(900, 700, &mask).expect("size"), 1);
+            let start = Pixel { column, row };
+            let expected = brute_of(&map, start, limit, true);
+            let index = Index::new(map, 640 << (2 * size));
+            for path in VectorPath::ALL.into_iter().filter(|path| path.is_available()) {
+                prop_assert_eq!(nearest_foreground(&index, start, 0, limit, path), expected, "{:?}", path);
+            }
         }
 
         #[test]

@@ -12,7 +12,7 @@ use crate::vector::VectorPath;
 
 /// The neighbours that each erosion looks at: eight, four, eight, four, four, and again. The octagon is
 /// then nearly a disc.
-const BY_EIGHT: [bool; 5] = [true, false, true, false, false];
+pub(super) const BY_EIGHT: [bool; 5] = [true, false, true, false, false];
 
 /// Erosions stop here: a cell deeper than that is deep enough.
 const MAX_LEVEL: usize = 120;
@@ -48,6 +48,8 @@ pub struct Depth {
     levels: Vec<u8>,
     /// Ones where a cell is not full, over the same cells.
     not_full: BitMap,
+    /// Ones where a cell holds a one.
+    not_empty: BitMap,
     clear_squared: [i32; 256],
     /// The same, its root.
     clear_pixels: [f32; 256],
@@ -69,7 +71,18 @@ impl Depth {
         let not_full = not_full(&full, map, shift);
         let clear_squared = clear_squared(side);
         let clear_pixels = clear_squared.map(|squared| (squared as f32).sqrt().next_down().max(0.0));
-        Depth { shift, left, top, columns, rows, levels, not_full, clear_squared, clear_pixels }
+        Depth {
+            shift,
+            left,
+            top,
+            columns,
+            rows,
+            levels,
+            not_full,
+            not_empty: some,
+            clear_squared,
+            clear_pixels,
+        }
     }
 
     /// Pixels of a cell's side are two to this.
@@ -82,6 +95,12 @@ impl Depth {
     #[inline]
     pub(crate) fn not_full(&self) -> &BitMap {
         &self.not_full
+    }
+
+    /// Ones where a cell holds a one, likewise.
+    #[inline]
+    pub(crate) fn not_empty(&self) -> &BitMap {
+        &self.not_empty
     }
 
     /// The level of the cell that holds a pixel.
@@ -120,7 +139,7 @@ impl Depth {
 
     /// Heap memory, bytes.
     pub fn heap_bytes(&self) -> usize {
-        self.levels.capacity() + self.not_full.heap_bytes()
+        self.levels.capacity() + self.not_full.heap_bytes() + self.not_empty.heap_bytes()
     }
 }
 
@@ -274,7 +293,7 @@ fn erode(alive: &[u32], next: &mut [u32], (strips, rows): (usize, usize), by_eig
 
 /// For every level the least squared distance, in pixels, from a pixel of such a cell to one of a cell
 /// that is not known to be full.
-fn clear_squared(side: i32) -> [i32; 256] {
+pub(super) fn clear_squared(side: i32) -> [i32; 256] {
     let gap = |cells: i32| if cells == 0 { 0 } else { (cells - 1) * side + 1 };
     let (mut reach, mut diagonal) = (0, 0);
     let mut table = [0; 256];

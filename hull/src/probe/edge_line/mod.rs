@@ -5,11 +5,15 @@
 //! angle to two thirds of it; a disc prefers no direction. A disc that reached across a thin limb, or across a
 //! gap between two, would take the other side for this one: so it is made smaller there.
 
+#[cfg(target_arch = "x86_64")]
+mod avx512;
+
 use nalgebra::{Point2, Vector2};
 
 use super::edge_normal::Sum;
 use crate::camera::Pixel;
 use crate::silhouette::{BitMap, STRIP};
+use crate::vector::VectorPath;
 
 /// The radius of the disc that first tells which way to look for another edge, pixels.
 const FIRST_RADIUS: usize = 2;
@@ -25,6 +29,11 @@ pub struct EdgeLine {
     pub normal: Vector2<f64>,
 }
 
+impl EdgeLine {
+    /// No line.
+    pub const NONE: EdgeLine = EdgeLine { image: Point2::new(0.0, 0.0), normal: Vector2::new(0.0, 0.0) };
+}
+
 /// The discs of every radius from one pixel up to the half side of a window.
 #[derive(Clone, Debug)]
 pub struct Discs(Vec<Disc>);
@@ -34,6 +43,8 @@ pub struct Discs(Vec<Disc>);
 struct Disc {
     /// By distance from the middle row, how many pixels a row has on either side of the middle.
     half_widths: Vec<i32>,
+    /// The same row by row from the first, then negative up to a multiple of sixteen rows.
+    half_by_row: Vec<i32>,
     /// By how many of its pixels are background: how far a straight edge is from its middle.
     offsets: Vec<f64>,
 }
@@ -42,6 +53,12 @@ impl Discs {
     /// Discs of radii from one to `most`, which is at least one.
     pub fn up_to(most: u32) -> Discs {
         Discs((1..=most.max(1) as i32).map(Disc::of_radius).collect())
+    }
+
+    /// No line is farther than this from its edge pixel, pixels.
+    pub fn reach_pixels(&self) -> f64 {
+        let radius = |disc: &Disc| ((disc.offsets.len() - 1) as f64 / std::f64::consts::PI).sqrt();
+        self.0.iter().map(radius).fold(0.0, f64::max)
     }
 
     fn most(&self) -> usize {
@@ -60,12 +77,21 @@ impl Disc {
         let twice: i32 = half_widths[1..].iter().map(|half| 2 * half + 1).sum();
         let count = 2 * twice + 2 * half_widths[0] + 1;
         let offsets = (0..=count).map(|background| offset(background, count)).collect();
-        Disc { half_widths, offsets }
+        let rows = (-radius..=radius).map(|row| half_widths[row.unsigned_abs() as usize]);
+        let mut half_by_row: Vec<i32> = rows.collect();
+        half_by_row.resize(half_by_row.len().next_multiple_of(16), -1);
+        Disc { half_widths, half_by_row, offsets }
     }
 
     /// The zeros of the map within the disc, and how many there are.
     #[inline(always)]
-    fn background(&self, candidates: &BitMap, centre: Pixel) -> (Sum, i32) {
+    fn background(&self, candidates: &BitMap, centre: Pixel, path: VectorPath) -> (Sum, i32) {
+        #[cfg(target_arch = "x86_64")]
+        if path == VectorPath::Avx512 {
+            #[allow(unsafe_code, reason = "the path was asked whether it is available when it was chosen")]
+            return unsafe { avx512::background(candidates, centre, &self.half_by_row) };
+        }
+        let _ = path;
         let radius = self.half_widths.len() as i32 - 1;
         let beyond = if candidates.beyond() { u32::MAX } else { 0 };
         let (mut sum, mut count) = (Sum::default(), 0);
@@ -89,41 +115,75 @@ impl Disc {
 
     /// See [`edge_line`].
     #[inline(always)]
-    fn edge_line(&self, candidates: &BitMap, edge: Pixel, start: Pixel) -> EdgeLine {
-        let (sum, background) = self.background(candidates, edge);
+    fn edge_line(&self, candidates: &BitMap, edge: Pixel, start: Pixel, path: VectorPath) -> Fit {
+        let (sum, background) = self.background(candidates, edge, path);
         let (across, down) = (f64::from(sum.across), f64::from(sum.down));
-        let normal = if sum.across == 0 && sum.down == 0 {
+        let depends_on_start = sum.across == 0 && sum.down == 0;
+        let normal = if depends_on_start {
             Vector2::new(f64::from(edge.column - start.column), f64::from(edge.row - start.row))
         } else {
             Vector2::new(across, down)
         };
         let normal = normal / (normal.x * normal.x + normal.y * normal.y).sqrt();
-        EdgeLine { image: edge.centre() + normal * self.offsets[background as usize], normal }
+        let line = EdgeLine { image: edge.centre() + normal * self.offsets[background as usize], normal };
+        Fit { line, depends_on_start }
     }
+}
+
+/// An edge line, and whether another start finds another line at the same edge pixel.
+#[derive(Clone, Copy, Debug)]
+pub struct Fit {
+    /// The line.
+    pub line: EdgeLine,
+    /// The background lies evenly around the edge pixel, and the start decides.
+    pub depends_on_start: bool,
 }
 
 /// The edge near `edge`, a background pixel that is the nearest to the pixel `start` of the foreground. The
 /// candidates are zero at background; `discs` say how much of the edge is averaged where there is room.
 #[inline(always)]
 pub fn edge_line(candidates: &BitMap, edge: Pixel, start: Pixel, discs: &Discs) -> EdgeLine {
-    let first = discs.of(FIRST_RADIUS).edge_line(candidates, edge, start);
+    fit_edge(candidates, edge, start, discs, VectorPath::Portable).line
+}
+
+/// The same, and whether it depends on the start.
+#[inline(always)]
+pub fn fit_edge(candidates: &BitMap, edge: Pixel, start: Pixel, discs: &Discs, path: VectorPath) -> Fit {
+    let first = discs.of(FIRST_RADIUS).edge_line(candidates, edge, start, path);
     let most = discs.most();
-    let radius = room_within_limb(candidates, edge, first.normal, most);
-    if radius == FIRST_RADIUS.min(most) { first } else { discs.of(radius).edge_line(candidates, edge, start) }
+    let radius = room_within_limb(candidates, edge, first.line.normal, most);
+    if radius == FIRST_RADIUS.min(most) {
+        return first;
+    }
+    let last = discs.of(radius).edge_line(candidates, edge, start, path);
+    Fit { depends_on_start: first.depends_on_start || last.depends_on_start, ..last }
 }
 
 /// Where an edge was in an earlier frame: the nearest step from foreground to background in its direction, no more
-/// than `steps` pixels away.
+/// than `steps` pixels away, and how many that takes.
 #[inline(always)]
-pub fn line_before(candidates: &BitMap, line: &EdgeLine, steps: i32, discs: &Discs) -> Option<EdgeLine> {
+pub fn line_before(
+    candidates: &BitMap,
+    line: &EdgeLine,
+    steps: i32,
+    discs: &Discs,
+    path: VectorPath,
+) -> Option<(i32, EdgeLine)> {
     let pixel = |step: i32| {
         let place = line.image + line.normal * f64::from(step);
         Pixel::holding(place.x, place.y)
     };
-    let is_step = |&step: &i32| candidates.get(pixel(step)) && !candidates.get(pixel(step + 1));
+    let is_step = |step: i32| candidates.get(pixel(step)) && !candidates.get(pixel(step + 1));
     // The line is between pixel -1/2 and 1/2: steps there come first.
-    let step = (0..=steps).flat_map(|step| [step, -step - 1]).find(is_step)?;
-    Some(edge_line(candidates, pixel(step + 1), pixel(step), discs))
+    for away in 0..=steps {
+        for step in [away, -away - 1] {
+            if is_step(step) {
+                let fit = fit_edge(candidates, pixel(step + 1), pixel(step), discs, path);
+                return Some((away, fit.line));
+            }
+        }
+    }
+    None
 }
 
 /// The greatest radius up to `most` of a disc around an edge pixel that does not reach across the foreground to
@@ -131,14 +191,27 @@ pub fn line_before(candidates: &BitMap, line: &EdgeLine, steps: i32, discs: &Dis
 #[inline(always)]
 fn room_within_limb(candidates: &BitMap, edge: Pixel, normal: Vector2<f64>, most: usize) -> usize {
     let is_foreground = |step: usize| {
-        let place = edge.centre() - normal * step as f64;
-        candidates.get(Pixel::holding(place.x, place.y))
+        let step = step as f64;
+        let place = (f64::from(edge.column) - normal.x * step, f64::from(edge.row) - normal.y * step);
+        candidates.get(Pixel::holding(place.0, place.1))
     };
-    let Some(entry) = (1..=FIRST_RADIUS).find(|&step| is_foreground(step)) else { return most };
+    let mut entry = 1;
+    while !is_foreground(entry) {
+        entry += 1;
+        if entry > FIRST_RADIUS {
+            return most;
+        }
+    }
     // A step may end three quarters of a pixel beyond the other edge, and a disc reaches half a pixel beyond its radius.
-    let is_across = |&step: &usize| !is_foreground(step) && !is_foreground(step + 1);
-    let across = (entry + 1..=most + 1).find(is_across);
-    across.map_or(most, |step| (step - 2).clamp(1, most))
+    let mut before = true;
+    for step in entry + 1..=most + 2 {
+        let now = is_foreground(step);
+        if !before && !now && step > entry + 1 {
+            return (step - 3).clamp(1, most);
+        }
+        before = now;
+    }
+    most
 }
 
 /// How far from the middle of a disc a straight edge is, towards the background, that leaves so many of its pixels to
@@ -232,12 +305,15 @@ mod tests {
         };
         let line = at(0.0);
         for moved in [-9.0, -2.5, -0.6, 0.0, 0.6, 2.5, 9.0] {
-            let before = line_before(&map(-moved), &line, 12, &discs).expect("nearer than 12 pixels");
+            let before = line_before(&map(-moved), &line, 12, &discs, VectorPath::best())
+                .expect("nearer than 12 pixels")
+                .1;
             let found = (line.image - before.image).dot(&line.normal);
             assert!((found - moved).abs() < 0.5, "{found}, expected {moved}");
         }
-        assert_eq!(line_before(&map(-20.0), &line, 12, &discs), None, "too far");
-        assert_eq!(line_before(&map(100.0), &line, 12, &discs), None, "foreground all over");
+        let far = |map: &BitMap| line_before(map, &line, 12, &discs, VectorPath::best());
+        assert_eq!(far(&map(-20.0)), None, "too far");
+        assert_eq!(far(&map(100.0)), None, "foreground all over");
     }
 
     #[test]
@@ -290,8 +366,10 @@ mod tests {
             }
             let disc = Disc::of_radius(radius);
             prop_assert_eq!(disc.offsets.len() as i32, count + 1);
-            let (sum, background) = disc.background(&map, Pixel { column, row });
-            prop_assert_eq!((sum.across, sum.down, background), (across, down, zeros));
+            for path in VectorPath::ALL.into_iter().filter(|path| path.is_available()) {
+                let (sum, background) = disc.background(&map, Pixel { column, row }, path);
+                prop_assert_eq!((sum.across, sum.down, background), (across, down, zeros), "{:?}", path);
+            }
         }
     }
 }

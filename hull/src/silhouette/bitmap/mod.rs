@@ -3,8 +3,12 @@
 //! The bits lie in strips 32 columns wide, each stored row by row: the words of neighbouring rows are
 //! neighbours in memory, so that one load brings 32 columns of many rows.
 
+#[cfg(target_arch = "x86_64")]
+mod avx512;
+
 use super::{PixelRect, Silhouette};
 use crate::camera::Pixel;
+use crate::vector::VectorPath;
 
 /// Columns of a strip: the bits of a word.
 pub(crate) const STRIP: i32 = 32;
@@ -84,6 +88,26 @@ impl BitMap {
             self.words[column / 32 * self.rows + row] >> (column % 32) & 1 != 0
         } else {
             self.beyond
+        }
+    }
+
+    /// The bits of many pixels.
+    #[inline(always)]
+    pub(crate) fn look_up<const N: usize>(
+        &self,
+        column: &[i32; N],
+        row: &[i32; N],
+        bits: &mut [bool; N],
+        path: VectorPath,
+    ) {
+        #[cfg(target_arch = "x86_64")]
+        if path == VectorPath::Avx512 {
+            #[allow(unsafe_code, reason = "the path was asked whether it is available when it was chosen")]
+            return unsafe { avx512::look_up(self, column, row, bits) };
+        }
+        let _ = path;
+        for at in 0..N {
+            bits[at] = self.get(Pixel { column: column[at], row: row[at] });
         }
     }
 
@@ -179,8 +203,8 @@ pub(super) fn bits_within(strip: usize, first: usize, last: usize) -> u32 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::random_mask;
     use super::*;
+    use crate::silhouette::tests::random_mask;
     use proptest::prelude::*;
 
     proptest! {
