@@ -164,6 +164,7 @@ impl http_body::Body for LimitedBody {
 mod tests {
     use hull::question::QuestionKind;
     use proto::convert::ExpectedAnswer;
+    use proto::framing::announcement;
 
     use super::*;
     use crate::error::NodeError;
@@ -171,8 +172,7 @@ mod tests {
     /// What becomes of a reply that announces so many bytes, before any of them has come.
     async fn announced(limits: &Arc<ReplyLimits>, reply: Reply, bytes: u32) -> Option<NodeError> {
         use http_body::Body as _;
-        let prefix: String = [0].into_iter().chain(bytes.to_be_bytes()).map(char::from).collect();
-        assert_eq!(prefix.len(), proto::framing::PREFIX_BYTES, "bytes below 128");
+        let prefix = String::from_utf8(announcement(bytes).to_vec()).expect("bytes below 128");
         let (body, limits) = (Body::new(prefix), Arc::clone(limits));
         let mut body = Body::new(LimitedBody { body, limits, reply, messages: Messages::default() });
         let frame = std::future::poll_fn(|context| Pin::new(&mut body).poll_frame(context)).await;

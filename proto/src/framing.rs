@@ -6,6 +6,12 @@ use thiserror::Error;
 /// Before each message: whether it is compressed, and its length.
 pub const PREFIX_BYTES: usize = 5;
 
+/// How a plain message of so many bytes is announced.
+pub fn announcement(bytes: u32) -> [u8; PREFIX_BYTES] {
+    let [a, b, c, d] = bytes.to_be_bytes();
+    [0, a, b, c, d]
+}
+
 /// A message announces more bytes than it may have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[error("a message of {found} bytes, expected at most {most}")]
@@ -78,8 +84,7 @@ mod tests {
     use super::*;
 
     fn message(length: usize) -> Vec<u8> {
-        let mut bytes = vec![0];
-        bytes.extend_from_slice(&(length as u32).to_be_bytes());
+        let mut bytes = announcement(length as u32).to_vec();
         bytes.resize(PREFIX_BYTES + length, 7);
         bytes
     }
@@ -101,9 +106,9 @@ mod tests {
 
     #[test]
     fn a_long_message_is_refused_at_its_announcement() {
-        let announced = &message(65)[..PREFIX_BYTES];
-        assert_eq!(Messages::default().read(announced, 65), Ok(0));
-        let refused = Messages::default().read(announced, 64).expect_err("too long");
+        let announced = announcement(65);
+        assert_eq!(Messages::default().read(&announced, 65), Ok(0));
+        let refused = Messages::default().read(&announced, 64).expect_err("too long");
         assert_eq!(refused.to_string(), "a message of 65 bytes, expected at most 64");
     }
 }

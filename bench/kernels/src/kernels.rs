@@ -3,11 +3,11 @@
 use std::hint::black_box;
 
 use hull::camera::Pixel;
+use hull::pass::AROUND_REACH;
 use hull::probe::classify::Block;
 use hull::probe::edge_normal::sum_of_background;
 use hull::probe::nearest_edge::nearest_edge;
 use hull::question::{Answer, Batch, Edge, Points, Question, QuestionKind, Standing};
-use hull::reach::Reach;
 use hull::silhouette::Index;
 use hull::view_set::Scratch;
 use hull::{VectorPath, ViewSet};
@@ -16,8 +16,6 @@ use crate::drawing::Studio;
 
 /// Points that ask for an edge, an exit or a window.
 const INSIDE: usize = 512;
-/// Planes are asked for no farther away, metres: as around bodies.
-const AROUND_M: f64 = 0.05;
 /// No limit to a search.
 const EVERYWHERE: i64 = i64::MAX;
 
@@ -157,10 +155,10 @@ fn exits(studio: &Studio, views: &ViewSet) -> Question {
     Question { kind: QuestionKind::Exits, batches, directions, ..Question::default() }
 }
 
-/// Every point in the box asks for a plane that is near.
+/// Every point in the box asks for a plane that is as near as those around bodies are.
 fn planes(studio: &Studio) -> Question {
     let points: Vec<[f64; 3]> = (0..studio.in_box.len()).map(|at| studio.in_box.point(at).into()).collect();
-    let within = vec![Reach::covering(AROUND_M); points.len()];
+    let within = vec![AROUND_REACH; points.len()];
     let batches = vec![Batch::all(Points::World(points.into()))];
     Question { kind: QuestionKind::Planes, batches, within, ..Question::default() }
 }

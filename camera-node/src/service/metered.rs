@@ -281,7 +281,7 @@ impl AsRef<[u8]> for Unsent {
 
 #[cfg(test)]
 mod tests {
-    use proto::framing::PREFIX_BYTES;
+    use proto::framing::{PREFIX_BYTES, announcement};
     use tokio::sync::mpsc;
     use tokio_stream::StreamExt as _;
     use tokio_stream::wrappers::ReceiverStream;
@@ -290,8 +290,7 @@ mod tests {
     use super::*;
 
     fn message(length: usize) -> Vec<u8> {
-        let mut bytes = vec![0];
-        bytes.extend_from_slice(&(length as u32).to_be_bytes());
+        let mut bytes = announcement(length as u32).to_vec();
         bytes.resize(PREFIX_BYTES + length, 7);
         bytes
     }
@@ -308,7 +307,7 @@ mod tests {
     #[tokio::test]
     async fn a_long_message_is_refused_before_it_comes() {
         let (sender, mut received) = received("/hulltouch.v1.CameraNode/Hold", &SharedSeats::default());
-        sender.send(message(65 << 10)[..PREFIX_BYTES].to_vec().into()).await.expect("open");
+        sender.send(announcement(65 << 10).to_vec().into()).await.expect("open");
         let refused = next(&mut received).await.expect("a frame").expect_err("too long");
         assert_eq!(refused.message(), "a message of 66560 bytes, expected at most 65536 of this call");
         assert_eq!(Takes::of("/hulltouch.v1.CameraNode/Start").max_message_bytes, 64 << 10);

@@ -11,7 +11,7 @@ use nalgebra::{Point3, Vector3};
 use crate::camera::{Camera, Pixel};
 use crate::cull::Frustum;
 use crate::probe::coefficients::CameraCoefficients;
-use crate::probe::edge_line::{Discs, EdgeLine, fit_edge, line_before};
+use crate::probe::edge_line::{Discs, EdgeLine, edge_line, line_before};
 use crate::probe::nearest_edge::{EdgePixel, nearest_foreground};
 use crate::rule::{OutOfView, ProbeSettings};
 use crate::silhouette::{BitMap, Index, PixelRect, Silhouette, Surroundings};
@@ -279,7 +279,7 @@ impl View {
     /// that. No normal where the lens sees nothing.
     #[inline(always)]
     pub(crate) fn plane(&self, edge: Pixel, start: Pixel, path: VectorPath) -> (SurfacePlane, bool) {
-        let fit = fit_edge(self.edge_candidates().map(), edge, start, &self.observer.discs, path);
+        let fit = edge_line(self.edge_candidates().map(), edge, start, &self.observer.discs, path);
         let normal = self.plane_normal(&fit.line);
         let normal_world = match normal {
             Some(normal) => [normal.x as f32, normal.y as f32, normal.z as f32],

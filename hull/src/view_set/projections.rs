@@ -12,6 +12,9 @@ pub(super) const CHUNK: usize = 64;
 /// From outside no plane is searched farther than 256 pixels, squared: nothing makes such a search quick.
 const OUTSIDE_SQUARED: f32 = 65_536.0;
 
+/// Bounds in single precision are so much wider.
+const SCALE_MARGIN: f32 = 1.0002;
+
 /// A chunk of points as one camera sees them.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Projection {
@@ -150,7 +153,13 @@ impl Projection {
     /// the plane holds the ray through that place, which passes the point at the sine of the angle between them.
     #[inline(always)]
     pub fn metres_within(&self, at: usize, pixels: f32) -> f32 {
-        1.0002 * pixels * self.pixel_m * self.away_m()[at] + 1e-6
+        SCALE_MARGIN * pixels * self.pixel_m * self.away_m()[at] + self.rounding_m(at)
+    }
+
+    /// What rounding to single precision adds to the distance of a plane, metres: of its normal, as far as the camera is away.
+    #[inline(always)]
+    fn rounding_m(&self, at: usize) -> f32 {
+        1e-6 + 2e-7 * self.range_m[at]
     }
 
     #[inline(always)]
@@ -170,10 +179,10 @@ impl Projection {
         [clear_squared, within_squared]: [&[i32; CHUNK]; 2],
         (most_m, limit_squared): (&mut [f32; CHUNK], &mut [i32; CHUNK]),
     ) {
-        let (away_m, scale) = (self.away_m(), 1.0002 * self.pixel_m);
+        let (away_m, scale) = (self.away_m(), SCALE_MARGIN * self.pixel_m);
         for at in 0..CHUNK {
             let limit_pixels = self.pixels_within(at, reaches_m[at]);
-            // Not a number where nothing is seen: nobody looks at it then.
+            // Not a number where the camera sees nothing: below, such a point is no point on the image.
             let squared = limit_pixels * limit_pixels;
             let squared = if squared < OUTSIDE_SQUARED { squared } else { OUTSIDE_SQUARED };
             let limit = squared as i32 + 1;
@@ -184,7 +193,7 @@ impl Projection {
             let is_outside = self.clear_m[at].is_nan() & is_on_image;
             let may_have = is_outside & (clear_squared[at] <= limit_squared[at]);
             let pixels = (limit_squared[at] as f32).sqrt() + slack_pixels;
-            let farthest_m = scale * pixels * away_m[at] + 1e-6;
+            let farthest_m = scale * pixels * away_m[at] + self.rounding_m(at);
             most_m[at] = if may_have { farthest_m } else { -1.0 };
         }
     }

@@ -142,13 +142,7 @@ pub struct Fit {
 /// The edge near `edge`, a background pixel that is the nearest to the pixel `start` of the foreground. The
 /// candidates are zero at background; `discs` say how much of the edge is averaged where there is room.
 #[inline(always)]
-pub fn edge_line(candidates: &BitMap, edge: Pixel, start: Pixel, discs: &Discs) -> EdgeLine {
-    fit_edge(candidates, edge, start, discs, VectorPath::Portable).line
-}
-
-/// The same, and whether it depends on the start.
-#[inline(always)]
-pub fn fit_edge(candidates: &BitMap, edge: Pixel, start: Pixel, discs: &Discs, path: VectorPath) -> Fit {
+pub fn edge_line(candidates: &BitMap, edge: Pixel, start: Pixel, discs: &Discs, path: VectorPath) -> Fit {
     let first = discs.of(FIRST_RADIUS).edge_line(candidates, edge, start, path);
     let most = discs.most();
     let radius = room_within_limb(candidates, edge, first.line.normal, most);
@@ -178,7 +172,7 @@ pub fn line_before(
     for away in 0..=steps {
         for step in [away, -away - 1] {
             if is_step(step) {
-                let fit = fit_edge(candidates, pixel(step + 1), pixel(step), discs, path);
+                let fit = edge_line(candidates, pixel(step + 1), pixel(step), discs, path);
                 return Some((away, fit.line));
             }
         }
@@ -265,7 +259,7 @@ mod tests {
             let squared =
                 |pixel: &Pixel| (pixel.column - start.column).pow(2) + (pixel.row - start.row).pow(2);
             let edge = background.filter(|&pixel| !map.get(pixel)).min_by_key(squared).expect("an edge");
-            let line = edge_line(&map, edge, start, &discs);
+            let line = edge_line(&map, edge, start, &discs, VectorPath::best()).line;
             let along = line.normal.x * cosine + line.normal.y * sine;
             angles_deg.push(libm::acos(along.min(1.0)).to_degrees());
             offsets.push(away(line.image.x, line.image.y).abs());
@@ -301,7 +295,7 @@ mod tests {
             let squared =
                 |pixel: &Pixel| (pixel.column - start.column).pow(2) + (pixel.row - start.row).pow(2);
             let edge = edges.filter(|&pixel| !map.get(pixel)).min_by_key(squared).expect("an edge");
-            edge_line(&map, edge, start, &discs)
+            edge_line(&map, edge, start, &discs, VectorPath::best()).line
         };
         let line = at(0.0);
         for moved in [-9.0, -2.5, -0.6, 0.0, 0.6, 2.5, 9.0] {
@@ -323,7 +317,8 @@ mod tests {
         let map = map_of(|_, y| (40.0..47.0).contains(&y));
         let (above, below) = (Pixel { column: 48, row: 39 }, Pixel { column: 48, row: 47 });
         for (edge, up) in [(above, -1.0), (below, 1.0)] {
-            let line = edge_line(&map, edge, Pixel { column: 48, row: 43 }, &discs);
+            let start = Pixel { column: 48, row: 43 };
+            let line = edge_line(&map, edge, start, &discs, VectorPath::best()).line;
             assert!((line.normal - Vector2::new(0.0, up)).norm() < 1e-12, "{line:?}");
             let expected = f64::from(edge.row) - 0.5 * up;
             assert!((line.image.y - expected).abs() < 0.2, "{line:?}, expected {expected}");
