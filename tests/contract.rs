@@ -16,8 +16,9 @@ use hull::question::{Answer, Batch, NO_EXIT_M, Points, Question, QuestionKind};
 use hull::view_set::Scratch;
 use hull::{Pose, ProbeSettings, Rig, Shape, Silhouette, View, ViewSet};
 use proto::convert::{
-    ExpectedAnswer, ProbeAnswer, QuestionWriter, RefusalReason, SilhouetteEncoding, StreamKnows,
-    answer_from_wire, pixel_rect_from_wire, shape_to_wire, silhouette_from_data, start_to_wire,
+    ExpectedAnswer, ExpectedCamera, ProbeAnswer, QuestionWriter, RefusalReason, SilhouetteEncoding,
+    StreamKnows, answer_from_wire, asked_world, pixel_rect_from_wire, shape_to_wire, silhouette_from_data,
+    start_to_wire,
 };
 use proto::v1::camera_node_client::CameraNodeClient;
 use proto::{Pace, RunStart, v1};
@@ -164,14 +165,13 @@ struct Probe {
     requests: mpsc::Sender<v1::ProbeRequest>,
     replies: Streaming<v1::ProbeReply>,
     next_id: u64,
-    /// The node's cameras: place in the rig, and size.
-    cameras: Vec<(u16, (u32, u32))>,
+    /// The node's cameras.
+    cameras: Vec<ExpectedCamera>,
 }
 
 impl Probe {
     async fn open(client: &mut Client, rig: &Rig) -> Probe {
-        let camera =
-            |(place, camera): (usize, &hull::Camera)| (place as u16, (camera.width(), camera.height()));
+        let camera = |(place, camera): (usize, &hull::Camera)| ExpectedCamera::new(camera, place as u16);
         let cameras = rig.cameras().iter().enumerate().map(camera).collect();
         let (requests, receiver) = mpsc::channel(4);
         let replies = client.probe(ReceiverStream::new(receiver)).await.expect("opens").into_inner();
@@ -191,8 +191,8 @@ impl Probe {
         let reply = tokio::time::timeout(TIMEOUT, self.replies.next()).await.expect("in time");
         let reply = reply.expect("a reply").expect("no error");
         assert_eq!(reply.id, id, "replies carry their question's id");
-        let (kind, points, cameras) = (question.kind, question.len(), self.cameras.clone());
-        answer_from_wire(reply, &ExpectedAnswer { kind, points, cameras }).expect("valid").0
+        let expected = ExpectedAnswer::new(question, &asked_world(question), self.cameras.clone());
+        answer_from_wire(reply, &expected).expect("valid").0
     }
 
     async fn ask(&mut self, frame: u64, question: &Question) -> ProbeAnswer {

@@ -8,7 +8,9 @@ use hull::pass::{BodyResult, Pass};
 use hull::question::{Answer, Points};
 use hull::view_set::Scratch;
 use hull::{HullRule, NormalWindow, Observer, OutOfView, ProbeSettings, View, ViewSet};
-use proto::convert::{ExpectedAnswer, Precision, ProbeAnswer, answer_from_wire, answer_to_wire};
+use proto::convert::{
+    ExpectedAnswer, ExpectedCamera, Precision, ProbeAnswer, answer_from_wire, answer_to_wire, asked_world,
+};
 use stage::{StageSettings, studio_rig, true_silhouette};
 
 /// Width and height of every camera's images, pixels.
@@ -53,8 +55,10 @@ fn over_nodes(nodes: &[ViewSet]) -> Vec<BodyResult> {
             nodes.iter().enumerate().rev().filter(|(node, _)| pass.asks(*node)).collect::<Vec<_>>()
         {
             views.answer(&question, &mut scratch, &mut answer);
-            let cameras = views.views().iter().map(|view| (view.observer().rig_index(), SIZE)).collect();
-            let expected = ExpectedAnswer { kind: question.kind, points: question.len(), cameras };
+            let observers = views.views().iter().map(View::observer);
+            let cameras =
+                observers.map(|observer| ExpectedCamera::new(observer.camera(), observer.rig_index()));
+            let expected = ExpectedAnswer::new(&question, &asked_world(&question), cameras.collect());
             let wire = answer_to_wire(1, &answer, views.views().len(), Precision::Exact, 0.0);
             match answer_from_wire(wire, &expected).expect("valid").0 {
                 ProbeAnswer::Answer(found) => pass.answer(node, &found).expect("answers the question"),

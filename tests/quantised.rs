@@ -10,8 +10,8 @@ use hull::question::{Answer, Points, Question};
 use hull::view_set::Scratch;
 use hull::{Observer, Pose, ProbeSettings, Rig, Shape, View, ViewSet};
 use proto::convert::{
-    ExpectedAnswer, Precision, ProbeAnswer, QuestionReader, QuestionWriter, StreamKnows, answer_from_wire,
-    answer_to_wire, shape_key,
+    ExpectedAnswer, ExpectedCamera, Precision, ProbeAnswer, QuestionReader, QuestionWriter, StreamKnows,
+    answer_from_wire, answer_to_wire, shape_key,
 };
 use sim::Solid;
 use stage::{StageSettings, studio_rig, true_silhouette};
@@ -106,7 +106,7 @@ impl Wire {
             (Scratch::default(), Answer::default(), Question::default());
         while let Some(question) = pass.question() {
             let written = self.writer.write(question);
-            let (kind, points) = (question.kind, question.len());
+            let question = question.clone();
             for node in (0..scene.apart.len()).filter(|&node| pass.asks(node)).collect::<Vec<_>>() {
                 let (knows, reader) = &mut self.streams[node];
                 let message = written.message(knows, 1, 0);
@@ -116,9 +116,9 @@ impl Wire {
                 scene.apart[node].answer(&read, &mut scratch, &mut answer);
                 let reply = answer_to_wire(1, &answer, 1, self.precision, 0.0);
                 self.bytes += prost::Message::encoded_len(&reply);
-                let camera = scene.apart[node].views()[0].observer();
-                let size = (camera.camera().width(), camera.camera().height());
-                let expected = ExpectedAnswer { kind, points, cameras: vec![(camera.rig_index(), size)] };
+                let observer = scene.apart[node].views()[0].observer();
+                let camera = ExpectedCamera::new(observer.camera(), observer.rig_index());
+                let expected = ExpectedAnswer::new(&question, written.points_world(), vec![camera]);
                 let (received, _) = answer_from_wire(reply, &expected).expect("an answer");
                 let ProbeAnswer::Answer(received) = received else { panic!("refused") };
                 pass.answer(node, &received).expect("answers the question");

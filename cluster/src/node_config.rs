@@ -7,6 +7,7 @@ use camera_node::{NodeCamera, NodeConfig, SourceConfig};
 use hull::{Camera, Rig, Silhouette};
 use node_client::{ExpectedNode, NodePlace};
 use proto::CameraDescription;
+use proto::convert::ExpectedCamera;
 use thiserror::Error;
 
 use crate::cluster_file::{CameraEntry, ClusterFile, NodeEntry};
@@ -110,5 +111,7 @@ fn ignored(entry: &CameraEntry, camera: &Camera) -> Result<Option<Silhouette>, N
 pub fn expected_node(rig: &Rig, place: impl Into<NodePlace>, indices: &[usize]) -> ExpectedNode {
     let camera = |&index: &usize| CameraDescription::new(&rig.cameras()[index], index as u16);
     let cameras = indices.iter().map(camera).collect();
-    ExpectedNode { name: None, place: place.into(), cameras, is_endless: false }
+    let expected = |&index: &usize| ExpectedCamera::new(&rig.cameras()[index], index as u16);
+    let expected_cameras = indices.iter().map(expected).collect();
+    ExpectedNode { name: None, place: place.into(), cameras, expected_cameras, is_endless: false }
 }

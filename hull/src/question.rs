@@ -4,6 +4,8 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use nalgebra::{Point3, Vector3};
+
 use crate::body::{Pose, Shape};
 use crate::camera::Pixel;
 use crate::coordinates::Coordinates;
@@ -132,13 +134,9 @@ impl QuestionKind {
 }
 
 impl QuestionKind {
-    /// True if an answer of this kind can be to a question of the other: exits are answered alike, and edges.
+    /// True if an answer of this kind can be to a question of the other: exits are answered alike.
     pub fn answers(self, question: QuestionKind) -> bool {
-        let plain = |kind| match kind {
-            QuestionKind::SharedExits => QuestionKind::Exits,
-            QuestionKind::Planes => QuestionKind::Edges,
-            kind => kind,
-        };
+        let plain = |kind| if kind == QuestionKind::SharedExits { QuestionKind::Exits } else { kind };
         plain(self) == plain(question)
     }
 }
@@ -265,7 +263,8 @@ impl Standing {
 /// The nearest edge of a group of cameras.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Edge {
-    /// From the point to the viewing ray through the edge pixel, metres; to a plane from outside, negative.
+    /// From the point to the viewing ray through the edge pixel, metres; of a [plane from outside](Edge::is_from_outside)
+    /// [`Edge::distance_from_outside_m`].
     pub distance_m: f32,
     /// The camera's place in the rig.
     pub camera: u16,
@@ -284,7 +283,24 @@ impl Edge {
         if self.distance_m != other.distance_m {
             return self.distance_m < other.distance_m;
         }
-        self.distance_m.total_cmp(&other.distance_m).then(self.camera.cmp(&other.camera)).is_lt()
+        self.camera < other.camera
+    }
+
+    /// To [`QuestionKind::Planes`]: whether its camera says that the point is outside.
+    pub fn is_from_outside(&self) -> bool {
+        self.distance_m.is_sign_negative()
+    }
+
+    /// From a plane through a camera's centre to a point that the camera says is outside, metres, negated: less than zero,
+    /// or -0.0 of a point behind the plane. Nodes and the coordinator compute the same bits.
+    #[inline(always)]
+    pub fn distance_from_outside_m(
+        normal_world: [f32; 3],
+        centre_world: &Point3<f64>,
+        point_world: &Point3<f64>,
+    ) -> f32 {
+        let inward_m = Vector3::from(normal_world.map(f64::from)).dot(&(centre_world - point_world));
+        -((-inward_m).max(0.0).abs() as f32)
     }
 }
 

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use hull::cull::WorldBox;
 use hull::faces::FaceNormals;
 use hull::pass::{AskedBody, BodyResult, Pass, Reaches, Touch};
-use hull::question::{Answer, Points};
+use hull::question::{Answer, Points, Question};
 use hull::rule::{HullRule, NormalWindow};
 use hull::view_set::Scratch;
 use hull::{Camera, Observer, Pose, ProbeSettings, Shape, Silhouette, View, ViewSet};
@@ -212,4 +212,65 @@ fn planes_tell_how_far_they_moved_since_the_frame_before() {
         );
         assert!(above.abs() < 1e-3, "{found:?}");
     }
+}
+
+/// A box of samples that reaches into the cube's side to the right.
+fn block() -> Vec<[f32; 3]> {
+    let at = |index: usize, count: usize| 0.02 * index as f32 - 0.01 * (count - 1) as f32;
+    let samples = (0..7usize.pow(3)).map(|index| [at(index % 7, 7), at(index / 7 % 7, 7), at(index / 49, 7)]);
+    samples.collect()
+}
+
+/// Passes of one body at these places, each as the pass before foresaw it if it does: the results, and the trips of each.
+fn follow(sets: &[ViewSet], places_m: &[f64], foresees: bool) -> (Vec<BodyResult>, Vec<usize>) {
+    let (shape, around) = (Shape::new(block()).expect("samples"), Shape::new(AROUND.into()).expect("points"));
+    let (shape, around) = (Arc::new(shape), Arc::new(around));
+    let mut pass = Pass::new(vec![], None, ProbeSettings::default(), sets.len());
+    pass.only_planes(true);
+    pass.foresee_planes(foresees);
+    let (mut reaches, mut results, mut trips) = (Reaches::default(), Vec::new(), Vec::new());
+    let (mut scratch, mut answer) = (Scratch::default(), Answer::default());
+    for &place_m in places_m {
+        let pose = Pose::IDENTITY.moved([place_m, 0.0, 0.0]);
+        let points = |shape: &Arc<Shape>| Points::Body { shape: Arc::clone(shape), pose };
+        let asked = AskedBody { around: Some(points(&around)), ..AskedBody::plain(points(&shape), &reaches) };
+        pass.restart([asked].into_iter(), Some(&WorldBox::EVERYWHERE));
+        trips.push(0);
+        while let Some(question) = pass.question().cloned() {
+            let beside = pass.question_beside().cloned();
+            let asked: Vec<usize> = (0..sets.len()).filter(|&group| pass.asks(group)).collect();
+            *trips.last_mut().expect("a pass") += 1;
+            // Some groups answer what is beside first, some last.
+            for &group in &asked {
+                let mut questions: Vec<&Question> = std::iter::once(&question).chain(&beside).collect();
+                if group % 2 == 0 {
+                    questions.reverse();
+                }
+                for question in questions {
+                    sets[group].answer(question, &mut scratch, &mut answer);
+                    pass.answer(group, &answer).expect("a fitting answer");
+                }
+            }
+        }
+        results.push(pass.results()[0].clone());
+        reaches.note(&results[results.len() - 1]);
+    }
+    (results, trips)
+}
+
+#[test]
+fn what_is_foreseen_changes_no_answer_and_takes_one_trip_where_little_changes() {
+    let sets = each_alone(&views(0));
+    // Far away, touching, still, a little deeper, away again, and at once deep.
+    let places_m = [1.0, 0.3, 0.3, 0.29, 0.29, 1.0, 0.2, 0.2];
+    let (seen, asked_late) = follow(&sets, &places_m, false);
+    let (foreseen, trips) = follow(&sets, &places_m, true);
+    assert_eq!(foreseen, seen);
+    assert_eq!(
+        asked_late,
+        [1, 2, 2, 2, 2, 1, 3, 2],
+        "two rounds where it touches, three where it is deep at once"
+    );
+    assert_eq!(trips, [1, 2, 1, 2, 1, 1, 2, 1], "one where the same samples touch");
+    assert!(!seen[1].touches.is_empty() && !seen[1].around.is_empty());
 }

@@ -4,6 +4,7 @@ use std::fmt;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use hull::{ProbeSettings, Shape};
+use proto::convert::ExpectedCamera;
 use proto::text::{MAX_NAME_CHARS, clean};
 use proto::{Address, CameraDescription, Claim, Cut, NodeDescription, Pace, unix_now_s};
 
@@ -21,6 +22,8 @@ pub struct ExpectedNode {
     pub place: NodePlace,
     /// Its cameras in rig order.
     pub cameras: Vec<CameraDescription>,
+    /// What their answers are checked against.
+    pub expected_cameras: Vec<ExpectedCamera>,
     /// Whether all its cameras film without end: live ones, and the synthetic studio's.
     pub is_endless: bool,
 }
@@ -207,7 +210,8 @@ mod tests {
     fn another_node_than_the_one_meant_is_refused_with_the_difference() {
         let agreement = Agreement::new(ProbeSettings::default(), 30.0, vec![]);
         let place = Address::Tcp("127.0.0.1:1".into()).into();
-        let node = ExpectedNode { name: None, place, cameras: vec![described("left")], is_endless: false };
+        let (cameras, expected_cameras) = (vec![described("left")], vec![]);
+        let node = ExpectedNode { name: None, place, cameras, expected_cameras, is_endless: false };
         let description = || NodeDescription {
             version: "0".into(),
             cameras: vec![described("left")],

@@ -183,12 +183,13 @@ mod tests {
     async fn an_answer_longer_than_its_question_allows_is_refused_at_its_announcement() {
         let limits = ReplyLimits::of(&[]);
         let question = |points| {
-            ExpectedAnswer { kind: QuestionKind::Edges, points, cameras: vec![(0, (640, 480))] }.most_bytes()
+            let points_world = Arc::default();
+            ExpectedAnswer { kind: QuestionKind::Edges, points, cameras: vec![], points_world }.most_bytes()
         };
         limits.asked(question(100), false);
         assert_eq!(announced(&limits, Reply::Answers, 0x1000).await, None);
         let refused = announced(&limits, Reply::Answers, 0x0200_0000).await.expect("32 MiB");
-        assert_eq!(refused.to_string(), "invalid reply: a message of 33554432 bytes, expected at most 7296");
+        assert_eq!(refused.to_string(), "invalid reply: a message of 33554432 bytes, expected at most 6896");
         assert!(refused.is_invalid() && !refused.is_absence());
         limits.asked(question(1_000_000), false);
         assert_eq!(announced(&limits, Reply::Answers, 0x0100_0000).await, None);

@@ -108,6 +108,11 @@ impl HullQuery {
         self.pass.ask_groups(group_count);
     }
 
+    /// From the next pass on asks for planes that are likely to matter together with the classes, to spare a trip.
+    pub fn foresee_planes(&mut self, foresees: bool) {
+        self.pass.foresee_planes(foresees);
+    }
+
     /// From the next pass on asks nothing of these groups of cameras; what is known of the frame's bounds no longer holds.
     pub fn leave_out(&mut self, is_left_out: impl Fn(usize) -> bool) {
         self.pass.leave_out(is_left_out);

@@ -31,6 +31,8 @@ pub(super) struct Cluster {
 
 /// A question on its way to several nodes.
 pub(super) struct Asking {
+    /// It is the one beside the round's own.
+    is_beside: bool,
     pub id: u64,
     pub frame: u64,
     /// The cameras that each node reported of the frame, by their places in the rig.
@@ -39,6 +41,14 @@ pub(super) struct Asking {
     began: Instant,
     pub deadline: Instant,
     timeout: Duration,
+}
+
+/// A question that a node has not answered.
+struct Open<'a> {
+    node: usize,
+    asking: &'a Asking,
+    span: Span,
+    is_asked_again: bool,
 }
 
 /// What the rounds of one pass cost that can be asked in two phases.
@@ -88,17 +98,25 @@ impl Cluster {
         while let Some(question) = pass.question() {
             let (kind, round, points) = (question.kind, pass.round(), question.len());
             let asks_all = (0..nodes.clients.len()).all(|node| pass.asks(node));
-            let asking = self.asking(question, frame, roster, timeout);
+            let mut asked = vec![self.asking(question, frame, roster, timeout)];
+            if let Some(question) = pass.question_beside() {
+                asked.push(Asking { is_beside: true, ..self.asking(question, frame, roster, timeout) });
+            }
             let span = nodes.trace.part(stage_of(round));
             span.count("hulltouch.points", points);
-            let answered = self.run_round(nodes, pass, &asking, (roster, &span)).await;
+            let answered = self.run_round(nodes, pass, &asked, (roster, &span)).await;
             if let Err(error) = &answered {
                 span.fail(error);
                 self.forget_sent(nodes);
             }
             computed_ms += answered?;
-            let ms = asking.began.elapsed().as_secs_f64() * 1e3;
+            let ms = asked[0].began.elapsed().as_secs_f64() * 1e3;
             took(round, ms);
+            if round == Round::Edges && pass.asks_planes() {
+                // Asked beside the classes if these are asked at once.
+                classes.ms += ms;
+                continue;
+            }
             let cost = if kind == QuestionKind::Classes { &mut classes } else { &mut distances };
             cost.in_two_phases |= !asks_all;
             if round != Round::Check {
@@ -131,6 +149,7 @@ impl Cluster {
         };
         self.next_id += 1;
         Asking {
+            is_beside: false,
             id: self.next_id,
             frame,
             cameras: roster.nodes().iter().map(cameras).collect(),
@@ -141,42 +160,45 @@ impl Cluster {
         }
     }
 
-    /// Asks the pass's question of all nodes that it asks, and hands it their answers. Returns what they computed,
-    /// milliseconds.
+    /// Asks the pass's question, and the one beside it, of all nodes that it asks, and hands it their answers. Returns what
+    /// they computed, milliseconds.
     async fn run_round(
         &mut self,
         nodes: &mut Nodes,
         pass: &mut Pass,
-        asking: &Asking,
+        asked: &[Asking],
         (roster, span): (&mut Roster, &Span),
     ) -> Result<f64, TransportError> {
-        let (round, mut computed_ms) = (pass.round(), 0.0);
-        let mut waiting: Vec<bool> = (0..nodes.clients.len()).map(|node| pass.asks(node)).collect();
-        let mut asked_again = vec![false; waiting.len()];
-        let mut spans = Vec::with_capacity(waiting.len());
-        for (node, &is_asked) in waiting.iter().enumerate() {
-            let client = &nodes.clients[node];
-            spans.push(if is_asked { question_span(span, "ask a node", client) } else { Span::NONE });
-            if is_asked {
-                ask(nodes, node, pass, asking, &spans[node])?;
+        let mut computed_ms = 0.0;
+        let is_asked: Vec<bool> = (0..nodes.clients.len()).map(|node| pass.asks(node)).collect();
+        let mut open = Vec::with_capacity(asked.len() * is_asked.len());
+        for node in (0..is_asked.len()).filter(|&node| is_asked[node]) {
+            for asking in asked {
+                let span = question_span(span, "ask a node", &nodes.clients[node]);
+                ask(nodes, node, pass, asking, &span)?;
+                open.push(Open { node, asking, span, is_asked_again: false });
             }
         }
-        self.asked.push(waiting.clone());
-        while let Some(slowest) = waiting.iter().position(|&waits| waits) {
+        self.asked.push(is_asked);
+        while let Some(&Open { node: slowest, asking, .. }) = open.first() {
             let event = tokio::time::timeout_at(asking.deadline, nodes.next(roster)).await;
             if event.is_err() {
                 roster.silent(slowest);
             }
-            let (node, answer, compute_ms) = match event.map_err(|_| late(nodes, slowest, asking))? {
-                Some(PassEvent::Reply(node, id, answer, compute_ms)) if id == asking.id && waiting[node] => {
-                    (node, answer, compute_ms)
+            let (place, answer, compute_ms) = match event.map_err(|_| late(nodes, slowest, asking))? {
+                Some(PassEvent::Reply(node, id, answer, compute_ms)) => {
+                    let is_its = |open: &Open<'_>| open.node == node && open.asking.id == id;
+                    let Some(place) = open.iter().position(is_its) else { continue };
+                    (place, answer, compute_ms)
                 }
-                Some(PassEvent::Down(node, error)) if waiting[node] => {
+                Some(PassEvent::Down(node, error)) if open.iter().any(|open| open.node == node) => {
                     return Err(failed(nodes, node, error));
                 }
-                Some(PassEvent::Reply(..) | PassEvent::Down(..)) | None => continue,
+                Some(PassEvent::Down(..)) | None => continue,
             };
-            let may_ask_again = !std::mem::replace(&mut asked_again[node], true);
+            let Open { node, asking, span, is_asked_again } = &mut open[place];
+            let (node, asking) = (*node, *asking);
+            let may_ask_again = !std::mem::replace(is_asked_again, true);
             let refusal = match &answer {
                 ProbeAnswer::Refused(reason, _) => Some(*reason),
                 ProbeAnswer::Answer(_) => None,
@@ -184,7 +206,7 @@ impl Cluster {
             let answered = match answer {
                 ProbeAnswer::Answer(answer) => Ok(Some(answer)),
                 ProbeAnswer::Refused(reason, message) if may_ask_again => {
-                    ask_again(nodes, node, reason, message, (pass, &spans[node]), asking).await
+                    ask_again(nodes, node, reason, message, (pass, span), asking).await
                 }
                 ProbeAnswer::Refused(_, message) => Err(failed(nodes, node, NodeError::Refused(message))),
             };
@@ -197,9 +219,9 @@ impl Cluster {
             let Some(answer) = answered.inspect_err(note)? else {
                 continue;
             };
-            (waiting[node], spans[node]) = (false, Span::NONE);
+            open.remove(place);
             computed_ms += compute_ms;
-            if round == Round::Classes {
+            if answer.kind == QuestionKind::Classes && pass.round() == Round::Classes {
                 self.note_classes(node, &answer, asking, compute_ms);
             }
             let invalid =
@@ -220,7 +242,8 @@ impl Cluster {
 }
 
 fn ask(nodes: &Nodes, node: usize, pass: &Pass, asking: &Asking, span: &Span) -> Result<(), TransportError> {
-    let Some(question) = pass.question() else { return Ok(()) };
+    let question = if asking.is_beside { pass.question_beside() } else { pass.question() };
+    let Some(question) = question else { return Ok(()) };
     let sent = nodes.clients[node].ask(
         asking.id,
         (asking.frame, asking.cameras[node].clone()),

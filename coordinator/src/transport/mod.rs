@@ -195,6 +195,11 @@ impl Transport {
         matches!(&self.layout, Layout::Remote(remote) if !remote.asks())
     }
 
+    /// Whether nodes answer passes, so that a question takes a trip.
+    pub fn asks_nodes(&self) -> bool {
+        matches!(&self.layout, Layout::Remote(remote) if remote.asks())
+    }
+
     /// How many groups a pass asks.
     pub fn group_count(&self) -> usize {
         match &self.layout {

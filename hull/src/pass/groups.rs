@@ -91,6 +91,11 @@ impl Pass {
     pub fn answer(&mut self, group: usize, answer: &Answer) -> Result<(), AnswerError> {
         let expected = self.groups.len();
         let asked = *self.groups.get(group).ok_or(AnswerError::Group { found: group, expected })?;
+        if self.round == Round::Classes && answer.kind == QuestionKind::Planes {
+            self.answer_beside(group, answer)?;
+            self.advance_if_answered();
+            return Ok(());
+        }
         if self.round == Round::Done || !asked.is_asked || asked.has_answered {
             return Err(AnswerError::Twice(group));
         }
@@ -102,10 +107,15 @@ impl Pass {
         }
         self.merge(answer);
         self.groups[group].has_answered = true;
-        if self.groups.iter().all(|group| group.has_answered || !group.is_asked) {
+        self.advance_if_answered();
+        Ok(())
+    }
+
+    fn advance_if_answered(&mut self) {
+        let is_answered = self.groups.iter().all(|group| group.has_answered || !group.is_asked);
+        if is_answered && self.beside.is_answered() {
             self.advance();
         }
-        Ok(())
     }
 
     /// Asks the question that stands there, or ends if it is empty.
@@ -134,11 +144,11 @@ impl Pass {
     }
 
     /// Asks the current question in two phases, if there are any and its search is
-    /// bounded anyway; what is asked again is worth no more trips, unless bytes are dearer. Nor are planes: most are
+    /// bounded anyway; what is asked again is worth no more trips, unless bytes are dearer. Planes never are: most are
     /// of points around bodies, which no other group can spare any work.
     pub(super) fn ask_distances(&mut self, round: Round) {
-        let is_bounded = !self.question.within.is_empty() && !self.only_planes;
-        let is_worth_it = self.saves_bytes || is_bounded;
+        let is_bounded = !self.question.within.is_empty();
+        let is_worth_it = !self.only_planes && (self.saves_bytes || is_bounded);
         let two_phases =
             is_worth_it && self.groups.iter().any(|group| group.is_in_first_phase && !group.is_left_out);
         self.ask(round, |group| !two_phases || group.is_in_first_phase);

@@ -10,6 +10,7 @@
 //! others for the points that are left; edges and exits of some groups first and of the others within what
 //! these have found. None of it changes an answer.
 
+mod beside;
 mod body_exits;
 mod found;
 mod groups;
@@ -25,6 +26,7 @@ use crate::faces::FaceNormals;
 use crate::question::{Answer, Batch, Change, Points, Question, QuestionKind};
 use crate::reach::Reach;
 use crate::rule::ProbeSettings;
+use beside::Beside;
 use body_exits::Along;
 use groups::Group;
 
@@ -99,6 +101,9 @@ pub struct Pass {
     is_first_phase: bool,
     /// Planes are asked for instead of edges, and no exits.
     only_planes: bool,
+    /// Planes that are likely to matter are asked for beside the classes.
+    foresees: bool,
+    beside: Beside,
     /// Few exits are asked for, each not far, at the price of rounds.
     saves_bytes: bool,
     changes_sorted: bool,
@@ -124,6 +129,8 @@ struct PassBody {
     /// The body that these points are around, if they are no body.
     owner: Option<usize>,
     faces: Option<Arc<FaceNormals>>,
+    /// All its planes were asked for beside the classes.
+    is_foreseen: bool,
 }
 
 /// The body of each of the question's points, and which of its samples or touches it is.
@@ -154,6 +161,8 @@ impl Pass {
             groups: vec![Group::default(); group_count],
             is_first_phase: false,
             only_planes: false,
+            foresees: false,
+            beside: Beside::default(),
             saves_bytes: false,
             changes_sorted: true,
             points_asked: [0; QuestionKind::ALL.len()],
@@ -184,6 +193,7 @@ impl Pass {
             is_near,
             owner,
             faces: None,
+            is_foreseen: false,
         };
         if self.count < self.bodies.len() {
             self.bodies[self.count] = body;
@@ -231,6 +241,7 @@ impl Pass {
         self.is_first_phase = false;
         let has_first = self.groups.iter().any(|group| group.is_first && !group.is_left_out);
         self.ask(Round::Classes, |group| !has_first || group.is_first);
+        self.ask_beside();
     }
 
     /// From the next pass on, asks for planes instead of edges: touches have the hull's surface near them, bodies no

@@ -41,6 +41,11 @@ impl Reaches {
         self.samples.extend(distances().map(|(sample, distance_m)| (sample, about(1.25, distance_m))));
     }
 
+    /// The samples that were inside, ascending, and their reaches.
+    pub(super) fn touched(&self) -> impl ExactSizeIterator<Item = (u32, Reach)> {
+        self.samples.iter().copied()
+    }
+
     /// The same, in the buffers of another.
     pub(super) fn copy_from(&mut self, other: &Reaches) {
         self.others = other.others;

@@ -31,8 +31,9 @@ impl Pass {
         if self.only_planes {
             self.drop_needless_feelers();
             self.add_around();
+            self.take_foreseen();
         }
-        self.ask_edges(|_, _| true);
+        self.ask_edges(|body, touch| touch.edge.is_none() && !body.is_foreseen);
     }
 
     /// A sample that is inside itself takes the plane where it is: its feeler's is not needed.
@@ -104,7 +105,8 @@ impl Pass {
         self.pick_touches([0.0; 3], |body, _, touch| fits(body, touch));
         let has_around =
             self.results[self.asked_count..self.count].iter().any(|around| !around.touches.is_empty());
-        let Pass { question, targets, bodies, results, count, .. } = self;
+        let Pass { question, targets, bodies, results, count, foresees, only_planes, .. } = self;
+        let foresees = *foresees && *only_planes;
         if !again && (!alone || has_around) {
             for (body, result) in bodies[..*count].iter_mut().zip(results.iter()) {
                 body.exits_within.clear();
@@ -117,10 +119,14 @@ impl Pass {
                 let is_around = bodies[body].owner.is_some();
                 question.within.extend(samples.map(|sample| match is_around {
                     true => AROUND_REACH,
-                    false if alone => Reach::UNBOUNDED,
+                    // What was not foreseen is to take no third trip.
+                    false if alone || foresees => Reach::UNBOUNDED,
                     false => bodies[body].reaches.of(sample, &mut from),
                 }));
             }
+        }
+        if self.only_planes && self.question.is_empty() {
+            return self.after_planes();
         }
         self.ask_distances(Round::Edges);
     }
@@ -139,10 +145,14 @@ impl Pass {
             return self.ask_edges(|body, touch| touch.edge.is_none() && body.owner.is_none());
         }
         if self.only_planes {
-            self.hand_over_around();
-            return self.ask_ways_out();
+            return self.after_planes();
         }
         self.ask_exits(|_| true);
+    }
+
+    fn after_planes(&mut self) {
+        self.hand_over_around();
+        self.ask_ways_out();
     }
 
     /// Gives the bodies what was found around them.

@@ -327,9 +327,8 @@ impl Nearest {
         if !plane.has_normal() {
             return;
         }
-        let [x, y, z] = plane.normal_world.map(f64::from);
-        let to_camera = view.camera().centre_world() - point;
-        let distance_m = Vector3::new(x, y, z).dot(&to_camera).min(0.0) as f32;
+        let centre_world = view.camera().centre_world();
+        let distance_m = Edge::distance_from_outside_m(plane.normal_world, &centre_world, point);
         let is_farther = distance_m < self.distance_m[at]
             || distance_m == self.distance_m[at] && (index as u32) < self.view[at];
         if !self.is_from_outside[at] || is_farther {

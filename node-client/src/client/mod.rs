@@ -10,8 +10,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use hull::question::Question;
 use hull::{Shape, Silhouette};
 use proto::convert::{
-    ExpectedAnswer, ProbeAnswer, SilhouetteEncoding, StreamKnows, WrittenQuestion, shape_to_wire,
-    silhouette_from_data, start_to_wire,
+    ExpectedAnswer, ExpectedCamera, ProbeAnswer, SilhouetteEncoding, StreamKnows, WrittenQuestion,
+    shape_to_wire, silhouette_from_data, start_to_wire,
 };
 use proto::{CameraDescription, Claim, ClockLine, FilmEvent, Pace, RunStart, TraceParent, monotonic_s, v1};
 use tokio::sync::{Notify, mpsc};
@@ -170,11 +170,10 @@ impl NodeClient {
         let mut state = self.state();
         let State { connection, knows, open, .. } = &mut *state;
         let connection = connection.as_ref().ok_or(NodeError::NotConnected)?;
-        let named =
-            |camera: &&CameraDescription| cameras.is_empty() || cameras.contains(&camera.rig_index.into());
-        let asked = self.node.cameras.iter().filter(named);
-        let cameras_asked = asked.map(|camera| (camera.rig_index, camera.size)).collect();
-        let expected = ExpectedAnswer { kind: question.kind, points: question.len(), cameras: cameras_asked };
+        let is_asked =
+            |camera: &&ExpectedCamera| cameras.is_empty() || cameras.contains(&camera.rig_index.into());
+        let asked = self.node.expected_cameras.iter().filter(is_asked).copied().collect();
+        let expected = ExpectedAnswer::new(question, written.points_world(), asked);
         self.limits.asked(expected.most_bytes(), !open.is_empty());
         let holder = self.holder();
         let traceparent = trace_field(trace);

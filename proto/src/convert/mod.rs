@@ -19,7 +19,9 @@ mod status;
 mod to_wire;
 mod trace;
 
-pub use answer::{ExpectedAnswer, ProbeAnswer, answer_from_wire, answer_to_wire};
+pub use answer::{
+    ExpectedAnswer, ExpectedCamera, ProbeAnswer, answer_from_wire, answer_to_wire, asked_world,
+};
 pub use claim::{claim_from_wire, claim_to_wire};
 pub use clock::{
     clock_from_wire, clock_to_wire, node_clock_from_wire, phase_from_wire, start_from_wire, start_to_wire,

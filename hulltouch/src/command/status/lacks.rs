@@ -110,6 +110,7 @@ mod tests {
             name: Some(name.into()),
             place,
             cameras: status.node.cameras.clone(),
+            expected_cameras: vec![],
             is_endless: false,
         };
         let report = NodeReport { address, status, clock_offset_s: 0.0, clock_bound_s: 1e-4 };

@@ -67,7 +67,10 @@ fn width_of(camera_count: usize) -> usize {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Precision;
+    use std::sync::Arc;
+
+    use super::super::super::Precision;
+    use super::super::ExpectedCamera;
     use super::super::tests::{of, refusal, there_and_back};
     use super::*;
     use v1::probe_reply::Answer as Wire;
@@ -90,11 +93,14 @@ mod tests {
             let inside = [Some(cameras), None, Some(cameras - 1), Some(1), Some(0)];
             let standings: Vec<Standing> =
                 inside.map(|count| count.map_or(Standing::OUTSIDE, Standing::inside)).to_vec();
-            let expected = ExpectedAnswer {
-                kind: QuestionKind::Classes,
-                points: standings.len(),
-                cameras: (0..cameras as u16).map(|place| (place, (160, 120))).collect(),
+            let (kind, points) = (QuestionKind::Classes, standings.len());
+            let camera = |rig_index| {
+                let centre_world = nalgebra::Point3::origin();
+                ExpectedCamera { rig_index, size: (160, 120), centre_world }
             };
+            let all = (0..cameras as u16).map(camera).collect();
+            let points_world = Arc::default();
+            let expected = ExpectedAnswer { kind, points, cameras: all, points_world };
             let wire = classes_to_wire(&standings, cameras);
             let answer = classes_from_wire(&wire, &expected).expect("valid");
             assert_eq!(answer.standings, standings, "{cameras} cameras");

@@ -1,5 +1,6 @@
-//! Edges, and planes, which travel as edges do.
+//! The nearest edges of points.
 
+use bytes::Bytes;
 use hull::camera::Pixel;
 use hull::question::{Answer, Edge, QuestionKind};
 use hull::reach::Reach;
@@ -9,36 +10,20 @@ use super::super::bulk::{Field, pack_f32, unpack, unpack_f32x3};
 use super::super::choice::{choice, push_number, take_number};
 use super::super::packed::{pack, unpack_at_most};
 use super::super::rounded::{Precision, UnitBits, from_octahedral, nearest_code, octahedral, step_m};
-use super::{ExpectedAnswer, STEPS, check_step, chosen, on_scale_of};
+use super::{ExpectedAnswer, ExpectedCamera, STEPS, check_step, chosen, on_scale_of};
 use crate::v1;
 
 /// Up to here 16 bits for each part of a normal are enough: ways of that length end a few micrometres off.
 const SHORT_NORMALS_M: f32 = 0.12;
 
-/// No point is farther below a plane, metres: bodies that fell beside the floor may be far.
-const MAX_BELOW_M: f32 = 1e10;
-/// No plane moves farther in a frame, metres.
-const MAX_MOVED_M: f32 = 1.0;
 /// Unit vectors of single precision, or rounded, differ from length 1 by less.
 const UNIT_TOLERANCE: f32 = 1e-3;
 /// Stands for the pixel of an edge whose pixel was not sent.
-const NO_PIXEL: Pixel = Pixel { column: 0, row: 0 };
+pub(super) const NO_PIXEL: Pixel = Pixel { column: 0, row: 0 };
 
 pub(super) fn edges_to_wire(answer: &Answer, precision: Precision) -> v1::EdgesAnswer {
     let Answer { edges, exits_within, .. } = answer;
     let present = || edges.iter().flatten();
-    let all_same = present().zip(present().skip(1)).all(|(a, b)| a.camera == b.camera);
-    let mut cameras = Vec::new();
-    let sent = present().take(if all_same { 1 } else { edges.len() });
-    sent.for_each(|edge| cameras.extend_from_slice(&edge.camera.to_le_bytes()));
-    let (mut pixels, mut before) = (Vec::new(), NO_PIXEL);
-    // Where numbers are rounded nobody asks for the pixel.
-    for Edge { pixel, .. } in present().filter(|_| precision == Precision::Exact) {
-        for difference in [pixel.column - before.column, pixel.row - before.row] {
-            push_number(&mut pixels, (difference << 1 ^ difference >> 31).cast_unsigned() as usize);
-        }
-        before = *pixel;
-    }
     let of_present = edges.iter().zip(exits_within).filter(|(edge, _)| edge.is_some());
     let mut exits_within: Vec<u8> = of_present.map(|(_, &within)| within.code()).collect();
     if precision == Precision::Quantised {
@@ -48,161 +33,181 @@ pub(super) fn edges_to_wire(answer: &Answer, precision: Precision) -> v1::EdgesA
     let mut wire = v1::EdgesAnswer {
         count: edges.len() as u32,
         present: choice(edges, Option::is_some),
-        distances: bytes::Bytes::new(),
-        normals: bytes::Bytes::new(),
-        cameras: pack(&cameras),
-        pixels: pack(&pixels),
+        distances: Bytes::new(),
+        normals: Bytes::new(),
+        cameras: cameras_to_wire(present()),
+        pixels: pixels_to_wire(present(), precision),
         step_m: 0.0,
         exits_within: pack(&exits_within),
-        least_m: 0.0,
-        moved: bytes::Bytes::new(),
     };
-    if present().any(|edge| edge.moved_m.is_some()) {
-        wire.moved = pack_f32(present().map(|edge| edge.moved_m.unwrap_or(f32::INFINITY)));
-    }
     if precision == Precision::Exact {
         wire.distances = pack_f32(present().map(|edge| edge.distance_m));
         wire.normals = pack_f32(present().flat_map(|edge| edge.normal_world));
         return wire;
     }
     let longest_m = present().map(|edge| edge.distance_m).fold(0.0, f32::max);
-    let least_m = present().map(|edge| edge.distance_m).fold(0.0, f32::min);
-    let step_m = step_m(longest_m - least_m, STEPS);
-    let code =
-        |edge: &Edge| nearest_code(edge.distance_m - least_m, step_m).to_le_bytes().into_iter().take(3);
-    (wire.step_m, wire.least_m) = (step_m, least_m);
-    wire.distances = present().flat_map(code).collect::<Vec<u8>>().into();
+    wire.step_m = step_m(longest_m, STEPS);
+    wire.distances = to_scale(present().map(|edge| edge.distance_m), wire.step_m);
     let bits = if longest_m <= SHORT_NORMALS_M { UnitBits::Sixteen } else { UnitBits::Twenty };
     wire.normals = octahedral(present().map(|edge| edge.normal_world), bits);
     wire
+}
+
+/// The cameras of edges: one, if it is always the same.
+pub(super) fn cameras_to_wire<'a>(edges: impl Iterator<Item = &'a Edge> + Clone) -> Bytes {
+    let all_same = edges.clone().zip(edges.clone().skip(1)).all(|(a, b)| a.camera == b.camera);
+    let sent = edges.take(if all_same { 1 } else { usize::MAX });
+    pack(&sent.flat_map(|edge| edge.camera.to_le_bytes()).collect::<Vec<u8>>())
+}
+
+/// The pixels of edges as differences. Where numbers are rounded pixels are not used.
+pub(super) fn pixels_to_wire<'a>(edges: impl Iterator<Item = &'a Edge>, precision: Precision) -> Bytes {
+    let (mut pixels, mut before) = (Vec::new(), NO_PIXEL);
+    for Edge { pixel, .. } in edges.take_while(|_| precision == Precision::Exact) {
+        for difference in [pixel.column - before.column, pixel.row - before.row] {
+            push_number(&mut pixels, (difference << 1 ^ difference >> 31).cast_unsigned() as usize);
+        }
+        before = *pixel;
+    }
+    pack(&pixels)
+}
+
+/// Distances as three bytes each.
+pub(super) fn to_scale(distances_m: impl Iterator<Item = f32>, step_m: f32) -> Bytes {
+    let code = |distance_m| nearest_code(distance_m, step_m).to_le_bytes().into_iter().take(3);
+    distances_m.flat_map(code).collect::<Vec<u8>>().into()
 }
 
 pub(super) fn edges_from_wire(
     answer: &v1::EdgesAnswer,
     expected: &ExpectedAnswer,
 ) -> Result<Answer, ConvertError> {
-    let v1::EdgesAnswer {
-        count,
-        present,
-        distances,
-        normals,
-        cameras,
-        pixels,
-        step_m,
-        exits_within,
-        least_m,
-        moved,
-    } = answer;
+    let v1::EdgesAnswer { count, present, distances, normals, cameras, pixels, step_m, exits_within } =
+        answer;
     let field = |name| Field("EdgesAnswer", name);
     let mut edges = vec![None; expected.check_count(*count, field("count"))?];
     let set = chosen(present, edges.len(), field("present"))?;
     check_step(*step_m, field("step_m"))?;
-    if !(-MAX_BELOW_M..=0.0).contains(least_m) {
-        return Err(field("least_m").value(format!("is {least_m}, expected metres below a plane")));
-    }
-    let rounded = *step_m > 0.0;
-    let distances = if rounded {
-        let mut above = on_scale_of(distances, set.len(), *step_m, field("distances"))?;
-        above.iter_mut().for_each(|distance_m| *distance_m += least_m);
-        above
-    } else {
-        unpack(distances, set.len(), field("distances"), f32::from_le_bytes)?
-    };
-    let normals = if rounded {
-        from_octahedral(normals, set.len(), field("normals"))?
-    } else {
-        field("normals").check_length(normals.len(), set.len() * 12)?;
-        unpack_f32x3(normals, field("normals"))?
-    };
-    let cameras = unpack_at_most(cameras, set.len() * 2, field("cameras"))?;
-    let cameras = unpack(&cameras, cameras.len() / 2, field("cameras"), u16::from_le_bytes)?;
-    if cameras.len() != set.len() && (cameras.len() != 1 || set.is_empty()) {
-        return Err(field("cameras").value(format!(
-            "holds {}, expected one or {}",
-            cameras.len(),
-            set.len()
-        )));
-    }
-    let pixels = if rounded && pixels.is_empty() {
-        vec![NO_PIXEL; set.len()]
-    } else {
-        pixels_from_wire(pixels, set.len(), field("pixels"))?
-    };
-    let moved = if moved.is_empty() {
-        vec![f32::INFINITY; set.len()]
-    } else {
-        unpack(moved, set.len(), field("moved"), f32::from_le_bytes)?
-    };
-    let codes = unpack_at_most(exits_within, set.len(), field("exits_within"))?;
+    let (is_rounded, count) = (*step_m > 0.0, set.len());
+    let seen = Seen::from_wire((cameras, pixels, normals), count, is_rounded, expected, field)?;
+    let distances = distances_from_wire(distances, count, *step_m, field("distances"))?;
+    let codes = unpack_at_most(exits_within, count, field("exits_within"))?;
     let mut exits_within = Vec::new();
     if !codes.is_empty() {
-        field("exits_within").check_length(codes.len(), set.len())?;
+        field("exits_within").check_length(codes.len(), count)?;
         exits_within.resize(edges.len(), Reach::UNBOUNDED);
         let places = set.iter().map(|&index| index as usize);
         places.zip(codes).for_each(|(index, code)| exits_within[index] = Reach::from_code(code));
     }
-    let parts = EdgeParts { distances, normals, cameras, pixels, moved };
-    let unchecked = if parts.fit(expected) { set.len() } else { 0 };
-    for (at, index) in set.into_iter().enumerate() {
-        let edge = parts.edge(at);
-        if at >= unchecked {
-            expected.check_edge(&edge, field)?;
-        }
-        edges[index as usize] = Some(edge);
+    for (at, (index, distance_m)) in set.into_iter().zip(distances).enumerate() {
+        edges[index as usize] = Some(Edge { distance_m, ..seen.edge(at) });
     }
-    let is_of_planes = expected.kind == QuestionKind::Planes;
-    let kind = if is_of_planes { QuestionKind::Planes } else { QuestionKind::Edges };
-    Ok(Answer { kind, edges, exits_within, ..Answer::default() })
+    Ok(Answer { kind: QuestionKind::Edges, edges, exits_within, ..Answer::default() })
 }
 
-/// The numbers of edges, each kind in an array.
-struct EdgeParts {
-    distances: Vec<f32>,
+/// Finite distances that are no less than zero, metres; rounded if there is a step.
+pub(super) fn distances_from_wire(
+    bytes: &[u8],
+    count: usize,
+    step_m: f32,
+    field: Field,
+) -> Result<Vec<f32>, ConvertError> {
+    let distances = if step_m > 0.0 {
+        on_scale_of(bytes, count, step_m, field)?
+    } else {
+        unpack(bytes, count, field, f32::from_le_bytes)?
+    };
+    let is_distance = |m: f32| m.is_sign_positive() & (m <= f32::MAX);
+    // All at once, without branches; which one it is matters only if there is one.
+    if distances.iter().fold(true, |all, &m| all & is_distance(m)) {
+        return Ok(distances);
+    }
+    let wrong = distances.into_iter().find(|&m| !is_distance(m)).unwrap_or_default();
+    Err(field.value(format!("holds a distance of {wrong}, expected finite metres")))
+}
+
+/// Where cameras saw edges, or planes, and their normals: checked, each in an array.
+pub(super) struct Seen {
     normals: Vec<[f32; 3]>,
     /// One for each, or one for all.
     cameras: Vec<u16>,
     pixels: Vec<Pixel>,
-    moved: Vec<f32>,
 }
 
-impl EdgeParts {
-    #[inline]
-    fn edge(&self, at: usize) -> Edge {
-        Edge {
-            distance_m: self.distances[at],
-            camera: self.camera(at),
-            pixel: self.pixels[at],
-            normal_world: self.normals[at],
-            moved_m: Some(self.moved[at]).filter(|&moved_m| moved_m != f32::INFINITY),
+impl Seen {
+    /// So many of cameras, pixels and normals.
+    pub fn from_wire(
+        (cameras, pixels, normals): (&[u8], &[u8], &[u8]),
+        count: usize,
+        is_rounded: bool,
+        expected: &ExpectedAnswer,
+        field: impl Fn(&'static str) -> Field,
+    ) -> Result<Seen, ConvertError> {
+        let normals = if is_rounded {
+            from_octahedral(normals, count, field("normals"))?
+        } else {
+            field("normals").check_length(normals.len(), count * 12)?;
+            unpack_f32x3(normals, field("normals"))?
+        };
+        let cameras = unpack_at_most(cameras, count * 2, field("cameras"))?;
+        let cameras = unpack(&cameras, cameras.len() / 2, field("cameras"), u16::from_le_bytes)?;
+        if cameras.len() != count && (cameras.len() != 1 || count == 0) {
+            let found = cameras.len();
+            return Err(field("cameras").value(format!("holds {found}, expected one or {count}")));
         }
+        let pixels = if is_rounded && pixels.is_empty() {
+            vec![NO_PIXEL; count]
+        } else {
+            pixels_from_wire(pixels, count, field("pixels"))?
+        };
+        let seen = Seen { normals, cameras, pixels };
+        seen.check(expected, field)?;
+        Ok(seen)
     }
 
-    /// Whether all is in order, array by array. False says nothing: each edge is to be looked at.
-    fn fit(&self, expected: &ExpectedAnswer) -> bool {
-        let EdgeParts { distances, normals, cameras: _, pixels: _, moved } = self;
-        let least_m = if expected.kind == QuestionKind::Planes { f32::MIN } else { 0.0 };
-        let is_way = |m: f32| (m.abs() <= MAX_MOVED_M) | (m == f32::INFINITY);
-        // Without branches.
-        distances.iter().fold(true, |all, &m| all & (m >= least_m) & (m <= f32::MAX))
-            && moved.iter().fold(true, |all, &m| all & is_way(m))
-            && normals.iter().fold(true, |all, normal| all & is_unit(normal))
-            && self.pixels_fit(expected)
-    }
-
-    fn pixels_fit(&self, expected: &ExpectedAnswer) -> bool {
-        let mut known: Option<(u16, (u32, u32))> = None;
-        self.pixels.iter().enumerate().all(|(at, pixel)| {
-            let camera = self.camera(at);
-            if known.is_none_or(|(place, _)| place != camera) {
-                known = expected.size_of(camera).map(|size| (camera, size));
-            }
-            known.is_some_and(|(_, size)| is_near(*pixel, size))
-        })
+    /// One of them, at no distance.
+    #[inline]
+    pub fn edge(&self, at: usize) -> Edge {
+        let (camera, pixel, normal_world) = (self.camera(at), self.pixels[at], self.normals[at]);
+        Edge { distance_m: 0.0, camera, pixel, normal_world, moved_m: None }
     }
 
     #[inline]
-    fn camera(&self, at: usize) -> u16 {
+    pub fn camera(&self, at: usize) -> u16 {
         self.cameras[if self.cameras.len() == 1 { 0 } else { at }]
+    }
+
+    /// Refuses edges of cameras that the node has not, or beside their images, and normals that are none. Pixels that were
+    /// not sent pass.
+    fn check(
+        &self,
+        expected: &ExpectedAnswer,
+        field: impl Fn(&'static str) -> Field,
+    ) -> Result<(), ConvertError> {
+        let mut known: Option<&ExpectedCamera> = None;
+        for (at, pixel) in self.pixels.iter().enumerate() {
+            let camera = self.camera(at);
+            if known.is_none_or(|known| known.rig_index != camera) {
+                known = expected.camera(camera);
+            }
+            let Some(&ExpectedCamera { size: (width, height), .. }) = known else {
+                return Err(
+                    field("cameras").value(format!("holds camera {camera}, not one of the node's own"))
+                );
+            };
+            if !is_near(*pixel, (width, height)) {
+                let Pixel { column, row } = pixel;
+                return Err(field("pixels")
+                    .value(format!("holds pixel ({column}, {row}) of camera {camera}, {width} x {height}")));
+            }
+        }
+        // Without branches.
+        if self.normals.iter().fold(true, |all, normal| all & is_unit(normal)) {
+            return Ok(());
+        }
+        let wrong = self.normals.iter().find(|normal| !is_unit(normal)).copied().unwrap_or_default();
+        let length = wrong.iter().map(|n| n * n).sum::<f32>().sqrt();
+        Err(field("normals").value(format!("holds a normal of length {length}, expected 1")))
     }
 }
 
@@ -218,41 +223,6 @@ fn is_near(pixel: Pixel, (width, height): (u32, u32)) -> bool {
 fn is_unit([x, y, z]: &[f32; 3]) -> bool {
     let length = (x * x + y * y + z * z).sqrt();
     (1.0 - UNIT_TOLERANCE..=1.0 + UNIT_TOLERANCE).contains(&length)
-}
-
-impl ExpectedAnswer {
-    /// Width and height of one of the node's cameras, pixels.
-    fn size_of(&self, camera: u16) -> Option<(u32, u32)> {
-        self.cameras.iter().find(|(place, _)| *place == camera).map(|(_, size)| *size)
-    }
-
-    /// Refuses edges of cameras that the node has not, or beside their images. Those whose pixel was not sent
-    /// pass.
-    fn check_edge(&self, edge: &Edge, field: impl Fn(&'static str) -> Field) -> Result<(), ConvertError> {
-        let Edge { camera, pixel, distance_m, normal_world, moved_m } = *edge;
-        let (width, height) = self.size_of(camera).ok_or_else(|| {
-            field("cameras").value(format!("holds camera {camera}, not one of the node's own"))
-        })?;
-        if !is_near(pixel, (width, height)) {
-            let Pixel { column, row } = pixel;
-            return Err(field("pixels")
-                .value(format!("holds pixel ({column}, {row}) of camera {camera}, {width} x {height}")));
-        }
-        if !distance_m.is_finite() || distance_m < 0.0 && self.kind != QuestionKind::Planes {
-            return Err(
-                field("distances").value(format!("holds a distance of {distance_m}, expected finite metres"))
-            );
-        }
-        if let Some(moved_m) = moved_m.filter(|moved_m| !(-MAX_MOVED_M..=MAX_MOVED_M).contains(moved_m)) {
-            return Err(field("moved")
-                .value(format!("holds a way of {moved_m} a frame, expected at most {MAX_MOVED_M} metres")));
-        }
-        if !is_unit(&normal_world) {
-            let length = normal_world.iter().map(|n| n * n).sum::<f32>().sqrt();
-            return Err(field("normals").value(format!("holds a normal of length {length}, expected 1")));
-        }
-        Ok(())
-    }
 }
 
 fn pixels_from_wire(bytes: &[u8], count: usize, field: Field) -> Result<Vec<Pixel>, ConvertError> {
@@ -283,12 +253,8 @@ mod tests {
         Some(Edge { distance_m, camera, pixel, normal_world, moved_m: None })
     }
 
-    fn moved(distance_m: f32, moved_m: f32) -> Option<Edge> {
-        edge(distance_m, 3, 7, 8).map(|edge| Edge { moved_m: Some(moved_m), ..edge })
-    }
-
     #[test]
-    fn edges_and_planes_survive_the_wire() {
+    fn edges_survive_the_wire() {
         for answer in [
             Answer { edges: vec![None, edge(0.25, 3, -1, 479), None], ..of(QuestionKind::Edges) },
             Answer {
@@ -301,7 +267,6 @@ mod tests {
                 ..of(QuestionKind::Edges)
             },
             Answer { edges: vec![None], ..of(QuestionKind::Edges) },
-            Answer { edges: vec![moved(-0.05, 0.01), None, edge(0.3, 1, 4, 9)], ..of(QuestionKind::Planes) },
         ] {
             assert_eq!(there_and_back(&answer, Precision::Exact), answer);
         }
@@ -318,21 +283,15 @@ mod tests {
         let side = |noise: u32| (noise % 16_384) as i32;
         let full = (0..3000).map(|_| {
             let camera = if noise() % 2 == 0 { 1 } else { 3 };
-            let full = edge(noise() as f32 * 1e-8, camera, side(noise()), side(noise()))?;
-            Some(Edge { moved_m: Some(noise() as f32 * 1e-8), ..full })
+            edge(noise() as f32 * 1e-8, camera, side(noise()), side(noise()))
         });
-        let answer = Answer { edges: full.collect(), ..of(QuestionKind::Planes) };
+        let answer = Answer { edges: full.collect(), ..of(QuestionKind::Edges) };
         let exits_within = answer.edges.iter().map(|_| Reach::from_code(noise() as u8)).collect();
         there_and_back(&Answer { exits_within, ..answer }, Precision::Exact);
     }
 
     #[test]
-    fn rounded_edges_and_planes_are_near() {
-        let planes = Answer { edges: vec![moved(-0.08, -0.02), moved(0.1, 0.0)], ..of(QuestionKind::Planes) };
-        let back = there_and_back(&planes, Precision::Quantised);
-        for (edge, back) in planes.edges.iter().flatten().zip(back.edges.iter().flatten()) {
-            assert!((edge.distance_m - back.distance_m).abs() < 5e-8 && edge.moved_m == back.moved_m);
-        }
+    fn rounded_edges_are_near() {
         let answer =
             Answer { edges: vec![edge(0.03, 3, 7, 8), None, edge(0.4, 3, 7, 9)], ..of(QuestionKind::Edges) };
         let back = there_and_back(&answer, Precision::Quantised);
@@ -348,7 +307,7 @@ mod tests {
     #[test]
     fn an_edge_that_cannot_be_is_the_nodes_own_fault() {
         type Lie = fn(&mut Edge);
-        let lies: [(Lie, &str); 7] = [
+        let lies: [(Lie, &str); 6] = [
             (|edge| edge.camera = 2, "EdgesAnswer.cameras: holds camera 2, not one of the node's own"),
             (
                 |edge| edge.normal_world = [2.0, 0.0, 0.0],
@@ -357,10 +316,6 @@ mod tests {
             (
                 |edge| edge.normal_world = [0.0; 3],
                 "EdgesAnswer.normals: holds a normal of length 0, expected 1",
-            ),
-            (
-                |edge| edge.moved_m = Some(f32::NAN),
-                "EdgesAnswer.moved: holds a way of NaN a frame, expected at most 1 metres",
             ),
             (
                 |edge| edge.normal_world[1] = f32::NAN,

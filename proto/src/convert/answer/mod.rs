@@ -3,8 +3,14 @@
 mod classes;
 mod edges;
 mod exits;
+mod planes;
 
-use hull::question::{Answer, QuestionKind};
+use std::sync::Arc;
+
+use hull::Camera;
+use hull::coordinates::Coordinates;
+use hull::question::{Answer, Question, QuestionKind};
+use nalgebra::Point3;
 
 use super::bulk::{Field, unpack};
 use super::choice::read_choice;
@@ -15,6 +21,7 @@ use crate::{MAX_MESSAGE_BYTES, v1};
 use classes::{classes_from_wire, classes_to_wire};
 use edges::{edges_from_wire, edges_to_wire};
 use exits::{exits_from_wire, exits_to_wire};
+use planes::{planes_from_wire, planes_to_wire};
 
 /// Steps of the scale of rounded distances in three bytes.
 const STEPS: u32 = 0xff_ffff;
@@ -46,7 +53,8 @@ pub fn answer_to_wire(
     use v1::probe_reply::Answer as Wire;
     let answer = match answer.kind {
         QuestionKind::Classes => Wire::Classes(classes_to_wire(&answer.standings, camera_count)),
-        QuestionKind::Edges | QuestionKind::Planes => Wire::Edges(edges_to_wire(answer, precision)),
+        QuestionKind::Edges => Wire::Edges(edges_to_wire(answer, precision)),
+        QuestionKind::Planes => Wire::Planes(planes_to_wire(answer, precision)),
         QuestionKind::Exits | QuestionKind::SharedExits => Wire::Exits(exits_to_wire(answer, precision)),
     };
     v1::ProbeReply { id, answer: Some(answer), compute_ms: compute_ms as f32 }
@@ -59,11 +67,56 @@ pub struct ExpectedAnswer {
     pub kind: QuestionKind,
     /// Of how many points.
     pub points: usize,
-    /// The node's cameras: place in the rig, width and height in pixels.
-    pub cameras: Vec<(u16, (u32, u32))>,
+    /// The node's cameras.
+    pub cameras: Vec<ExpectedCamera>,
+    /// To [`QuestionKind::Planes`], the points, as [`asked_world`] gives them; empty otherwise.
+    pub points_world: Arc<Coordinates>,
+}
+
+/// A camera of the node that answers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ExpectedCamera {
+    /// Its place in the rig.
+    pub rig_index: u16,
+    /// Width and height, pixels.
+    pub size: (u32, u32),
+    /// Where it stands, metres, world.
+    pub centre_world: Point3<f64>,
+}
+
+impl ExpectedCamera {
+    /// A camera of a rig at its place there.
+    pub fn new(camera: &Camera, rig_index: u16) -> ExpectedCamera {
+        let size = (camera.width(), camera.height());
+        ExpectedCamera { rig_index, size, centre_world: camera.centre_world() }
+    }
+}
+
+/// The points of a question to whose answer they are needed, in its order, metres, world.
+pub fn asked_world(question: &Question) -> Arc<Coordinates> {
+    let mut points_world = Coordinates::default();
+    if question.kind == QuestionKind::Planes {
+        question.batches.iter().for_each(|batch| question.append_world(batch, &mut points_world));
+    }
+    Arc::new(points_world)
 }
 
 impl ExpectedAnswer {
+    /// What cameras must answer to a question whose points are these.
+    pub fn new(
+        question: &Question,
+        points_world: &Arc<Coordinates>,
+        cameras: Vec<ExpectedCamera>,
+    ) -> ExpectedAnswer {
+        let points_world = Arc::clone(points_world);
+        ExpectedAnswer { kind: question.kind, points: question.len(), cameras, points_world }
+    }
+
+    /// One of the node's cameras.
+    fn camera(&self, rig_index: u16) -> Option<&ExpectedCamera> {
+        self.cameras.iter().find(|camera| camera.rig_index == rig_index)
+    }
+
     /// Refuses any other count, before memory is set aside for it.
     fn check_count(&self, count: u32, field: Field) -> Result<usize, ConvertError> {
         if count as usize != self.points {
@@ -77,8 +130,10 @@ impl ExpectedAnswer {
         let bytes_a_point = match self.kind {
             // A bit, and a count of cameras.
             QuestionKind::Classes => 3,
-            // Distance, normal, camera, pixel, the exit and how far it moved.
-            QuestionKind::Edges | QuestionKind::Planes => 1 + 4 + 12 + 2 + 8 + 1 + 4,
+            // Distance, normal, camera, pixel and the exit.
+            QuestionKind::Edges => 1 + 4 + 12 + 2 + 8 + 1,
+            // The same but for the exit, and which plane it is, and how far it moved.
+            QuestionKind::Planes => 1 + 4 + 12 + 2 + 8 + 3 + 4,
             QuestionKind::Exits | QuestionKind::SharedExits => {
                 1 + 4 + self.cameras.len() * MOST_CHANGES_A_CAMERA * CHANGE_BYTES
             }
@@ -96,10 +151,13 @@ pub fn answer_from_wire(
     use v1::probe_reply::Answer as Wire;
     let v1::ProbeReply { id: _, answer, compute_ms } = reply;
     let field = |name| Field("ProbeReply", name);
+    let other_kind = field("answer").value("is of another kind than the question");
     let missing = ConvertError::Missing { message: "ProbeReply", field: "answer" };
     let answer = match answer.ok_or(missing)? {
         Wire::Classes(classes) => classes_from_wire(&classes, expected)?,
         Wire::Edges(edges) => edges_from_wire(&edges, expected)?,
+        Wire::Planes(planes) if expected.kind == QuestionKind::Planes => planes_from_wire(&planes, expected)?,
+        Wire::Planes(_) => return Err(other_kind),
         Wire::Exits(exits) => exits_from_wire(&exits, expected)?,
         Wire::Refusal(refusal) => {
             let message = clean(&refusal.message, MAX_MESSAGE_CHARS);
@@ -108,7 +166,7 @@ pub fn answer_from_wire(
         }
     };
     if !answer.kind.answers(expected.kind) {
-        return Err(field("answer").value("is of another kind than the question"));
+        return Err(other_kind);
     }
     let compute_ms = f64::from(compute_ms);
     if !compute_ms.is_finite() || compute_ms < 0.0 {
@@ -154,7 +212,16 @@ mod tests {
     /// Two cameras of the largest images there are.
     fn expected(kind: QuestionKind, points: usize) -> ExpectedAnswer {
         let size = (16_384, 16_384);
-        ExpectedAnswer { kind, points, cameras: vec![(1, size), (3, size)] }
+        let camera = |rig_index| ExpectedCamera { rig_index, size, centre_world: Point3::origin() };
+        let mut points_world = Coordinates::default();
+        (0..points).for_each(|at| points_world.push(point_at(at)));
+        let cameras = vec![camera(1), camera(3)];
+        ExpectedAnswer { kind, points, cameras, points_world: Arc::new(points_world) }
+    }
+
+    /// Where the points of questions are.
+    pub fn point_at(at: usize) -> Point3<f64> {
+        Point3::new(1.0 + at as f64 * 1e-3, 0.0, -1.0)
     }
 
     /// As a node of those two cameras sends it.
@@ -193,18 +260,23 @@ mod tests {
         fn any_bytes_make_an_answer_or_an_error(
             count in 0u32..80, a in proptest::collection::vec(any::<u8>(), 0..40),
             b in proptest::collection::vec(any::<u8>(), 0..100), c in proptest::collection::vec(any::<u8>(), 0..40),
-            kind in 0usize..3, step_m in -0.1f32..0.2,
+            kind in 0usize..4, step_m in -0.1f32..0.2,
         ) {
             let (a, b, c) = (Bytes::from(a), Bytes::from(b), Bytes::from(c));
             let answer = match kind {
                 0 => Wire::Classes(v1::ClassesAnswer { count, not_outside: a, inside_counts: b, cameras: 2 }),
                 1 => Wire::Edges(v1::EdgesAnswer {
                     count, present: a, distances: b.clone(), normals: b.clone(), cameras: b.clone(), pixels: b,
-                    step_m, exits_within: c.clone(), least_m: -step_m, moved: c,
+                    step_m, exits_within: c.clone(),
+                }),
+                2 => Wire::Planes(v1::PlanesAnswer {
+                    count, present: a.clone(), which: c.clone(), inside: a, distances: b.clone(), moved: c,
+                    normals: b.clone(), cameras: b.clone(), pixels: b, step_m,
                 }),
                 _ => Wire::Exits(v1::ExitsAnswer { count, present: a, outside: b.clone(), changes: b, step_m }),
             };
-            let kind = [QuestionKind::Classes, QuestionKind::Planes, QuestionKind::Exits][kind];
+            let kinds = [QuestionKind::Classes, QuestionKind::Edges, QuestionKind::Planes, QuestionKind::Exits];
+            let kind = kinds[kind];
             let expected = expected(kind, count as usize);
             drop(answer_from_wire(v1::ProbeReply { id: 0, answer: Some(answer), compute_ms: 0.0 }, &expected));
         }

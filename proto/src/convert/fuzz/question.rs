@@ -14,8 +14,8 @@ use hull::{
 use prost::Message;
 
 use super::super::{
-    ExpectedAnswer, Precision, ProbeAnswer, QuestionReader, QuestionWriter, StreamKnows, answer_from_wire,
-    answer_to_wire, trace_parent_from_wire,
+    ExpectedAnswer, ExpectedCamera, Precision, ProbeAnswer, QuestionReader, QuestionWriter, StreamKnows,
+    answer_from_wire, answer_to_wire, asked_world, trace_parent_from_wire,
 };
 use crate::codec::counts;
 use crate::{MAX_POINTS, v1};
@@ -70,11 +70,11 @@ fn check(question: &Question) {
         if !is_near(question) {
             continue;
         }
-        let expected = ExpectedAnswer {
-            kind: question.kind,
-            points: question.len(),
-            cameras: views.views().iter().map(|view| (view.observer().rig_index(), SIZE)).collect(),
-        };
+        let cameras = views.views().iter().map(|view| {
+            let observer = view.observer();
+            ExpectedCamera::new(observer.camera(), observer.rig_index())
+        });
+        let expected = ExpectedAnswer::new(question, &asked_world(question), cameras.collect());
         for precision in [Precision::Exact, Precision::Quantised] {
             let reply = answer_to_wire(0, &found, views.views().len(), precision, 0.0);
             match answer_from_wire(reply, &expected) {

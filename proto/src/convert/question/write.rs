@@ -3,8 +3,10 @@
 use std::sync::Arc;
 
 use bytes::Bytes;
+use hull::coordinates::Coordinates;
 use hull::question::{Batch, Points, Question, QuestionKind};
 
+use super::super::answer::asked_world;
 use super::super::bulk::{pack_f32, pack_f64};
 use super::super::choice::ChoiceWriter;
 use super::super::packed::pack;
@@ -57,6 +59,7 @@ pub struct WrittenQuestion {
     picked: Option<Bytes>,
     serials: Serials,
     is_kept: bool,
+    points_world: Arc<Coordinates>,
 }
 
 impl QuestionWriter {
@@ -92,6 +95,7 @@ impl QuestionWriter {
             picked,
             serials: list.serials(),
             is_kept: is_kept(&list.bodies),
+            points_world: asked_world(question),
         }
     }
 
@@ -206,6 +210,11 @@ impl List {
 }
 
 impl WrittenQuestion {
+    /// The question's points as the answers to it need them.
+    pub fn points_world(&self) -> &Arc<Coordinates> {
+        &self.points_world
+    }
+
     /// The message for a node, with what its stream does not know yet.
     pub fn message(&self, knows: &StreamKnows, id: u64, frame: u64) -> v1::ProbeRequest {
         let [list, kept, picked] = knows.0;
