@@ -6,6 +6,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use hull::silhouette::PixelRect;
 
 use crate::clock::{ClockLine, monotonic_s};
+use crate::simulation::simulated_clock;
 
 /// The least and the most film that a background is learnt from, seconds: shorter learns noise, longer keeps
 /// the room waiting.
@@ -174,5 +175,8 @@ pub enum FilmEvent {
 
 /// The wall clock, unix seconds.
 pub fn unix_now_s() -> f64 {
+    if let Some(clock) = simulated_clock() {
+        return clock();
+    }
     SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64())
 }

@@ -40,7 +40,7 @@ pub use film::{
 };
 pub use histogram::Histogram;
 pub use pictures::{CameraPicture, FramePictures, MAX_SCALE_LOG2, Picture, PictureKind, PictureRequest};
-pub use simulation::{apart, simulate};
+pub use simulation::{apart, is_simulated, simulate};
 pub use status::{CameraStatus, CameraTrouble, HolderStatus, NewestFrame, NodeStatus, TroubleKind};
 pub use trace::TraceParent;
 

@@ -4,8 +4,8 @@ use std::sync::OnceLock;
 
 static CLOCK: OnceLock<fn() -> f64> = OnceLock::new();
 
-/// From now on [`monotonic_s`](crate::monotonic_s) is this clock, and no work is given to other threads. The first call
-/// decides.
+/// From now on [`monotonic_s`](crate::monotonic_s) and [`unix_now_s`](crate::unix_now_s) follow this clock, and no work is
+/// given to other threads. The first call decides.
 pub fn simulate(clock: fn() -> f64) {
     // A second one changes nothing.
     let _ = CLOCK.set(clock);
@@ -14,6 +14,11 @@ pub fn simulate(clock: fn() -> f64) {
 /// The clock of the simulation, if this is one.
 pub(crate) fn simulated_clock() -> Option<fn() -> f64> {
     CLOCK.get().copied()
+}
+
+/// Whether time is simulated: then nothing that is sent may depend on the wall clock.
+pub fn is_simulated() -> bool {
+    simulated_clock().is_some()
 }
 
 /// Does work that takes long on a thread of its own; in a simulation at once. `None` if it panicked, or the runtime ends.

@@ -3,6 +3,7 @@
 use std::net::Ipv4Addr;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use http::header::{DATE, HeaderValue};
 use proto::v1::camera_node_client::CameraNodeClient;
 use proto::v1::camera_node_server::{CameraNode, CameraNodeServer};
 use proto::v1::{self, probe_reply, refusal::Reason};
@@ -11,6 +12,7 @@ use tokio_stream::wrappers::ReceiverStream;
 use tokio_stream::{Stream, StreamExt as _};
 use tonic::transport::{Channel, Endpoint, Server};
 use tonic::{Request, Response, Status, Streaming};
+use tower::util::MapResponseLayer;
 use turmoil::net::TcpStream;
 
 use crate::poison::Poison;
@@ -103,7 +105,12 @@ pub async fn serve(port: u16, honest: u16, habit: Habit) -> Result<(), Box<dyn s
     let liar = Liar { honest, habit: Arc::new(Mutex::new(habit)) };
     let service =
         CameraNodeServer::new(liar).max_decoding_message_size(limit).max_encoding_message_size(limit);
-    Server::builder().add_service(service).serve_with_incoming(accepted(port).await?).await?;
+    // Otherwise hyper adds the wall clock's, and the same seed sends other bytes.
+    let dated = MapResponseLayer::new(|mut reply: http::Response<tonic::body::Body>| {
+        reply.headers_mut().insert(DATE, HeaderValue::from_static("Thu, 01 Jan 1970 00:00:00 GMT"));
+        reply
+    });
+    Server::builder().layer(dated).add_service(service).serve_with_incoming(accepted(port).await?).await?;
     Ok(())
 }
 
@@ -163,6 +170,7 @@ fn lied_of_answer(habit: &mut Habit, lie: Lie, mut reply: v1::ProbeReply) -> Res
         }
         (Lie::OtherCount, Some(probe_reply::Answer::Classes(classes))) => classes.count += 1,
         (Lie::OtherCount, Some(probe_reply::Answer::Edges(edges))) => edges.count += 1,
+        (Lie::OtherCount, Some(probe_reply::Answer::Planes(planes))) => planes.count += 1,
         (Lie::OtherCount, Some(probe_reply::Answer::Exits(exits))) => exits.count += 1,
         (Lie::OtherFrame, _) => reply.id += 1,
         (Lie::Ended, answer) => *answer = None,
