@@ -1,6 +1,8 @@
 //! Machines of the network that announce what is not so, or anything at all: what it costs a node and a coordinator, and
 //! whether the node is found.
 
+#[path = "shared/announcements.rs"]
+mod announcements;
 #[path = "shared/certified.rs"]
 mod certified;
 #[path = "shared/namespace.rs"]
@@ -9,12 +11,13 @@ mod namespace;
 mod room;
 
 use std::fs;
-use std::net::{Ipv4Addr, TcpListener, UdpSocket};
+use std::net::{Ipv4Addr, TcpListener};
 use std::path::Path;
 use std::process::Stdio;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use announcements::{Announcer, instance, new_hosts};
 use certified::issue;
 use identity::{Authority, Identity, Validity};
 use namespace::Host;
@@ -35,82 +38,6 @@ fn host() -> Option<Host> {
             None
         }
     }
-}
-
-/// A machine at this end of a host's cable, which multicasts what it likes.
-struct Liar {
-    address: Ipv4Addr,
-    socket: UdpSocket,
-}
-
-impl Liar {
-    fn beside(host: &Host) -> Liar {
-        let address = Ipv4Addr::from_bits(host.address.to_bits() - 1);
-        let socket =
-            socket2::Socket::new(socket2::Domain::IPV4, socket2::Type::DGRAM, None).expect("a socket");
-        socket.set_multicast_if_v4(&address).expect("a network");
-        Liar { address, socket: socket.into() }
-    }
-
-    fn send(&self, message: &[u8]) {
-        self.socket.send_to(message, (Ipv4Addr::new(224, 0, 0, 251), 5353)).expect("sent");
-    }
-
-    /// Sends so many bytes at this rate, each message made from its number.
-    fn flood(&self, bytes: usize, bytes_per_s: usize, message: impl Fn(u32) -> Vec<u8>) {
-        let (began, mut sent) = (Instant::now(), 0);
-        for number in 0.. {
-            if sent >= bytes {
-                return;
-            }
-            let message = message(number);
-            self.send(&message);
-            sent += message.len();
-            let due = began + Duration::from_secs_f64(sent as f64 / bytes_per_s as f64);
-            std::thread::sleep(due.saturating_duration_since(Instant::now()));
-        }
-    }
-}
-
-fn name(labels: &[&str]) -> Vec<u8> {
-    let labels = labels.iter().flat_map(|label| [&[label.len() as u8], label.as_bytes()].concat());
-    labels.chain([0]).collect()
-}
-
-fn record(name: &[u8], kind: u16, data: &[u8]) -> Vec<u8> {
-    let fixed = [&kind.to_be_bytes()[..], &1_u16.to_be_bytes(), &4500_u32.to_be_bytes()].concat();
-    [name, &fixed, &(data.len() as u16).to_be_bytes(), data].concat()
-}
-
-fn response(records: &[Vec<u8>]) -> Vec<u8> {
-    let count = (records.len() as u16).to_be_bytes();
-    [&[0, 0, 0x84, 0, 0, 0][..], &count, &[0; 4], &records.concat()].concat()
-}
-
-/// Addresses of forty hosts that no message named before.
-fn new_hosts(number: u32) -> Vec<u8> {
-    let host = |at: u32| {
-        let number = 40 * number + at;
-        record(&name(&[&format!("host{number}"), "local"]), 1, &number.to_be_bytes())
-    };
-    response(&(0..40).map(host).collect::<Vec<_>>())
-}
-
-/// An instance of a node, of a number of its own.
-fn instance(node: &str, number: u32, address: Ipv4Addr, port: u16) -> Vec<u8> {
-    let service = name(&["_hulltouch", "_tcp", "local"]);
-    let instance = name(&[&format!("{node} {number}"), "_hulltouch", "_tcp", "local"]);
-    let host = name(&[&format!("host{number}"), "local"]);
-    let port = [&[0; 4][..], &port.to_be_bytes(), &host].concat();
-    let text = |text: String| [&[text.len() as u8], text.as_bytes()].concat();
-    let texts = [text("room=room".into()), text(format!("node={node}"))].concat();
-    let records = [
-        record(&service, 12, &instance),
-        record(&instance, 33, &port),
-        record(&instance, 16, &texts),
-        record(&host, 1, &address.octets()),
-    ];
-    response(&records)
 }
 
 /// The memory that a process has, and the time that the threads of its DNS-SD computed.
@@ -156,12 +83,12 @@ fn answers_to_no_question_cost_a_node_neither_memory_nor_time() {
     let mut command = host.command(&program());
     command.args(["node", "--insecure", "--host", "left", "--listen", "0.0.0.0:7001"]);
     let _left = Node::start_at(command, &cluster, &[]);
-    let (liar, node) = (Liar::beside(&host), process_in(&host, "node"));
+    let (announcer, node) = (Announcer::beside(&host), process_in(&host, "node"));
     let watch = Watch::start();
     let (before_kib, before_s) = cost(node);
-    liar.flood(400_000, 134_000, new_hosts);
+    announcer.flood(400_000, 134_000, new_hosts);
     let (_, slow_s) = cost(node);
-    liar.flood(28_000_000, 14_000_000, new_hosts);
+    announcer.flood(28_000_000, 14_000_000, new_hosts);
     let (after_kib, _) = cost(node);
     assert!(after_kib < before_kib + MAX_GROWTH_KIB, "it grew from {before_kib} to {after_kib} KiB");
     timely!(watch, slow_s - before_s < 0.3, "it computed {} s in 3 s", slow_s - before_s);
@@ -176,16 +103,16 @@ fn a_coordinator_that_looks_for_nodes_stays_small_whatever_is_announced() {
     let mut command = coordinator(host.command(&program()), &cluster, "1", &json);
     command.args(["--insecure", "--headless", "--patience", "300"]).stderr(Stdio::null());
     let _run = Running::start(&mut command);
-    let (liar, process) = (Liar::beside(&host), process_in(&host, "coordinator"));
+    let (announcer, process) = (Announcer::beside(&host), process_in(&host, "coordinator"));
     let invented = |number: u32| {
         let node = if number.is_multiple_of(2) { "left" } else { "right" };
         instance(node, number, Ipv4Addr::from_bits(0x0a00_0000 + number), number as u16)
     };
     // What it takes to try as many addresses as are tried.
-    liar.flood(400_000, 134_000, invented);
+    announcer.flood(400_000, 134_000, invented);
     let (before_kib, _) = cost(process);
-    liar.flood(28_000_000, 7_000_000, invented);
-    liar.flood(400_000, 134_000, new_hosts);
+    announcer.flood(28_000_000, 7_000_000, invented);
+    announcer.flood(400_000, 134_000, new_hosts);
     let (after_kib, _) = cost(process);
     assert!(after_kib < before_kib + MAX_GROWTH_KIB, "it grew from {before_kib} to {after_kib} KiB");
 }
@@ -193,9 +120,9 @@ fn a_coordinator_that_looks_for_nodes_stays_small_whatever_is_announced() {
 /// Runs a coordinator while one machine announces so many instances of each node, at addresses where it says nothing or does
 /// not listen. What the coordinator said.
 fn run_beside_invented(host: &Host, folder: &Path, cluster: &Path, access: &[&str], count: u32) -> String {
-    let liar = Liar::beside(host);
+    let announcer = Announcer::beside(host);
     let silent: Vec<TcpListener> =
-        (0..4).map(|_| TcpListener::bind((liar.address, 0)).expect("a port")).collect();
+        (0..4).map(|_| TcpListener::bind((announcer.address, 0)).expect("a port")).collect();
     let ports: Vec<u16> = silent.iter().map(|port| port.local_addr().expect("bound").port()).collect();
     let (json, watch, is_over) = (folder.join("out.json"), Watch::start(), AtomicBool::new(false));
     let mut command = coordinator(host.command(&program()), cluster, "2", &json);
@@ -206,7 +133,7 @@ fn run_beside_invented(host: &Host, folder: &Path, cluster: &Path, access: &[&st
                 for number in 0..count {
                     let port = ports.get(number as usize).copied().unwrap_or(20_000 + number as u16);
                     for node in ["left", "right"] {
-                        liar.send(&instance(node, number, liar.address, port));
+                        announcer.send(&instance(node, number, announcer.address, port));
                     }
                 }
                 // Two thousand messages a second: no query is answered sooner by the nodes.

@@ -150,7 +150,7 @@ const UNSAFE: [&str; 19] = [
 ];
 
 /// Where generated types of the wire may stand: the two sides of a call, and tests that are clients themselves.
-const WIRE: [&str; 13] = [
+const WIRE: [&str; 12] = [
     "proto/",
     "camera-node/src/service/",
     "node-client/src/",
@@ -160,8 +160,7 @@ const WIRE: [&str; 13] = [
     "tests/programs.rs",
     "tests/simulated/liar.rs",
     "tests/pinned_memory.rs",
-    "tests/strangers.rs",
-    "tests/untrusted_peers.rs",
+    "tests/under_attack/",
     // Of a collector, which is none of ours.
     "tests/traces.rs",
     "tests/tidy.rs",

@@ -1,11 +1,6 @@
 //! What untrusted peers take from a node without certificates, they do not take from its lease holder: memory for messages,
 //! and a connection slot.
 
-#![allow(clippy::disallowed_macros, reason = "a test says what it measured")]
-
-#[path = "shared/room.rs"]
-mod room;
-
 use std::net::SocketAddr;
 use std::process::Stdio;
 use std::time::Duration;
@@ -15,7 +10,6 @@ use hull::question::{Batch, Points, Question, QuestionKind};
 use proto::Claim;
 use proto::convert::{QuestionWriter, RefusalReason, StreamKnows, claim_to_wire, refusal_of};
 use proto::v1::{self, camera_node_client::CameraNodeClient};
-use room::{Node, named_room, program};
 use testkit::{Watch, timely};
 use tokio::net::TcpStream;
 use tokio::sync::mpsc;
@@ -23,6 +17,9 @@ use tokio::task::JoinSet;
 use tokio::time::{Instant, sleep};
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::{Channel, Endpoint};
+
+use super::ATTACK;
+use super::room::{Node, named_room, program};
 
 /// Points of a question: more than a pass of a thousand bodies asks at once.
 const POINTS: usize = 100_000;
@@ -87,6 +84,7 @@ async fn half_message(address: SocketAddr, sent_bytes: usize) -> Option<()> {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn half_sent_messages_cost_the_lease_holder_no_question() {
+    let _alone = ATTACK.lock().await;
     let attacked = Attacked::start();
     let mut leader = attacked.client().await.expect("a slot");
     claim(&mut leader).await.expect("free");
@@ -143,6 +141,7 @@ async fn ask_again_and_again(address: SocketAddr) {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn connections_that_ask_all_the_time_keep_no_coordinator_out() {
+    let _alone = ATTACK.lock().await;
     let watch = Watch::start();
     let attacked = Attacked::start();
     let mut attackers = JoinSet::new();
