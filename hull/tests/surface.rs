@@ -221,13 +221,13 @@ fn block() -> Vec<[f32; 3]> {
     samples.collect()
 }
 
-/// Passes of one body at these places, each as the pass before foresaw it if it does: the results, and the trips of each.
-fn follow(sets: &[ViewSet], places_m: &[f64], foresees: bool) -> (Vec<BodyResult>, Vec<usize>) {
+/// Passes of one body at these places, one after the other: the results, and the trips of each.
+fn follow(sets: &[ViewSet], places_m: &[f64], speculates: bool) -> (Vec<BodyResult>, Vec<usize>) {
     let (shape, around) = (Shape::new(block()).expect("samples"), Shape::new(AROUND.into()).expect("points"));
     let (shape, around) = (Arc::new(shape), Arc::new(around));
     let mut pass = Pass::new(vec![], None, ProbeSettings::default(), sets.len());
     pass.only_planes(true);
-    pass.foresee_planes(foresees);
+    pass.speculate(speculates);
     let (mut reaches, mut results, mut trips) = (Reaches::default(), Vec::new(), Vec::new());
     let (mut scratch, mut answer) = (Scratch::default(), Answer::default());
     for &place_m in places_m {
@@ -237,12 +237,12 @@ fn follow(sets: &[ViewSet], places_m: &[f64], foresees: bool) -> (Vec<BodyResult
         pass.restart([asked].into_iter(), Some(&WorldBox::EVERYWHERE));
         trips.push(0);
         while let Some(question) = pass.question().cloned() {
-            let beside = pass.question_beside().cloned();
+            let speculative = pass.speculative_question().cloned();
             let asked: Vec<usize> = (0..sets.len()).filter(|&group| pass.asks(group)).collect();
             *trips.last_mut().expect("a pass") += 1;
-            // Some groups answer what is beside first, some last.
+            // Some groups answer the speculative question first, some last.
             for &group in &asked {
-                let mut questions: Vec<&Question> = std::iter::once(&question).chain(&beside).collect();
+                let mut questions: Vec<&Question> = std::iter::once(&question).chain(&speculative).collect();
                 if group % 2 == 0 {
                     questions.reverse();
                 }
@@ -259,18 +259,18 @@ fn follow(sets: &[ViewSet], places_m: &[f64], foresees: bool) -> (Vec<BodyResult
 }
 
 #[test]
-fn what_is_foreseen_changes_no_answer_and_takes_one_trip_where_little_changes() {
+fn speculation_changes_no_result_and_spares_trips_where_the_same_samples_touch() {
     let sets = each_alone(&views(0));
     // Far away, touching, still, a little deeper, away again, and at once deep.
     let places_m = [1.0, 0.3, 0.3, 0.29, 0.29, 1.0, 0.2, 0.2];
-    let (seen, asked_late) = follow(&sets, &places_m, false);
-    let (foreseen, trips) = follow(&sets, &places_m, true);
-    assert_eq!(foreseen, seen);
+    let (plain, plain_trips) = follow(&sets, &places_m, false);
+    let (speculative, trips) = follow(&sets, &places_m, true);
+    assert_eq!(speculative, plain);
     assert_eq!(
-        asked_late,
+        plain_trips,
         [1, 2, 2, 2, 2, 1, 3, 2],
         "two rounds where it touches, three where it is deep at once"
     );
     assert_eq!(trips, [1, 2, 1, 2, 1, 1, 2, 1], "one where the same samples touch");
-    assert!(!seen[1].touches.is_empty() && !seen[1].around.is_empty());
+    assert!(!plain[1].touches.is_empty() && !plain[1].around.is_empty());
 }

@@ -11,7 +11,6 @@ use proto::Claim;
 use proto::convert::{QuestionWriter, RefusalReason, StreamKnows, claim_to_wire, refusal_of};
 use proto::v1::{self, camera_node_client::CameraNodeClient};
 use testkit::{Watch, timely};
-use tokio::net::TcpStream;
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 use tokio::time::{Instant, sleep};
@@ -19,6 +18,7 @@ use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::{Channel, Endpoint};
 
 use super::ATTACK;
+use super::node_port::{call, http2};
 use super::room::{Node, named_room, program};
 
 /// Points of a question: more than a pass of a thousand bodies asks at once.
@@ -59,13 +59,7 @@ async fn claim(client: &mut CameraNodeClient<Channel>) -> Result<(), tonic::Stat
 
 /// Opens a connection with a message of 47 MiB of which only a part is sent, and keeps it open.
 async fn half_message(address: SocketAddr, sent_bytes: usize) -> Option<()> {
-    let socket = TcpStream::connect(address).await.ok()?;
-    let (requests, connection) = h2::client::handshake(socket).await.ok()?;
-    tokio::spawn(connection);
-    let request = http::Request::post(format!("http://{address}/hulltouch.v1.CameraNode/Probe"));
-    let request =
-        request.header("content-type", "application/grpc").header("te", "trailers").body(()).ok()?;
-    let (reply, mut stream) = requests.ready().await.ok()?.send_request(request, false).ok()?;
+    let (reply, mut stream) = http2(address).await?.send_request(call(address, "Probe"), false).ok()?;
     let mut announced = vec![0];
     announced.extend_from_slice(&(47u32 << 20).to_be_bytes());
     stream.send_data(announced.into(), false).ok()?;

@@ -18,7 +18,7 @@ mod page_port;
 mod room;
 
 use std::fs::{self, File};
-use std::net::{Ipv4Addr, SocketAddr};
+use std::net::SocketAddr;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
@@ -267,8 +267,7 @@ fn announce_until(announcer: &Announcer, is_over: &AtomicBool) {
         }
         announcer.flood(13_400, 134_000, |part| new_hosts(number * 100 + part));
         for node in ["left", "right"] {
-            let address = Ipv4Addr::from_bits(announcer.address.to_bits());
-            announcer.send(&instance(node, number, address, 20_000 + (number % 1000) as u16));
+            announcer.send(&instance(node, number, announcer.address, 20_000 + (number % 1000) as u16));
         }
         ANNOUNCEMENTS.add(1);
     }

@@ -30,14 +30,14 @@ pub fn attack(peers: &mut JoinSet<()>, address: SocketAddr, until: Instant) {
 
 type Requests = SendRequest<Bytes>;
 
-async fn http2(address: SocketAddr) -> Option<Requests> {
+pub async fn http2(address: SocketAddr) -> Option<Requests> {
     let socket = TcpStream::connect(address).await.ok()?;
     let (requests, connection) = h2::client::handshake(socket).await.ok()?;
     tokio::spawn(connection);
     requests.ready().await.ok()
 }
 
-fn call(address: SocketAddr, name: &str) -> http::Request<()> {
+pub fn call(address: SocketAddr, name: &str) -> http::Request<()> {
     let request = http::Request::post(format!("http://{address}/hulltouch.v1.CameraNode/{name}"));
     request.header("content-type", "application/grpc").header("te", "trailers").body(()).expect("valid")
 }
@@ -99,7 +99,7 @@ async fn too_long(address: SocketAddr) -> Option<()> {
     Some(())
 }
 
-/// Short questions about a million samples whose answers nobody reads.
+/// Short questions about a million samples. The peer reads one answer and leaves the others.
 async fn dear_questions(address: SocketAddr, until: Instant) -> Option<()> {
     let endpoint = tonic::transport::Endpoint::new(format!("http://{address}")).ok()?;
     let channel = endpoint.initial_stream_window_size(1024).connect().await.ok()?;

@@ -122,7 +122,7 @@ impl ClusterClient {
         })?;
         let news_bytes_per_frame = (news.to_nodes + news.from_nodes) as f64 / frames as f64;
         let mut passes = Passes::new(settings, transport.group_count());
-        passes.pass.foresee_planes(transport.asks_nodes());
+        passes.pass.speculate(transport.asks_nodes());
         let serving = threads_named(SERVING_THREADS);
         Ok(ClusterClient { runtime, transport, passes, serving, frames, news_bytes_per_frame })
     }

@@ -109,8 +109,8 @@ impl HullQuery {
     }
 
     /// From the next pass on asks for planes that are likely to matter together with the classes, to spare a trip.
-    pub fn foresee_planes(&mut self, foresees: bool) {
-        self.pass.foresee_planes(foresees);
+    pub fn speculate(&mut self, speculates: bool) {
+        self.pass.speculate(speculates);
     }
 
     /// From the next pass on asks nothing of these groups of cameras; what is known of the frame's bounds no longer holds.

@@ -164,7 +164,7 @@ impl Coordinator {
     /// Asks those who compute now.
     pub(super) fn regroup(&mut self) {
         self.query.ask_groups(self.transport.group_count());
-        self.query.foresee_planes(self.transport.asks_nodes());
+        self.query.speculate(self.transport.asks_nodes());
         self.query.leave_out(|group| self.transport.is_left_out(group));
     }
 

@@ -212,7 +212,7 @@ impl Coordinator {
         if world.settings().response == ResponseMode::Contacts {
             query.ask_planes();
         }
-        query.foresee_planes(transport.asks_nodes());
+        query.speculate(transport.asks_nodes());
         let surfaces = Surfaces::of(fps, world.settings().hull_time, eyes);
         let mut coordinator = Coordinator {
             transport,

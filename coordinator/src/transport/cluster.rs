@@ -31,8 +31,8 @@ pub(super) struct Cluster {
 
 /// A question on its way to several nodes.
 pub(super) struct Asking {
-    /// It is the one beside the round's own.
-    is_beside: bool,
+    /// It is the pass's speculative question.
+    is_speculative: bool,
     pub id: u64,
     pub frame: u64,
     /// The cameras that each node reported of the frame, by their places in the rig.
@@ -44,7 +44,7 @@ pub(super) struct Asking {
 }
 
 /// A question that a node has not answered.
-struct Open<'a> {
+struct OpenQuestion<'a> {
     node: usize,
     asking: &'a Asking,
     span: Span,
@@ -99,8 +99,8 @@ impl Cluster {
             let (kind, round, points) = (question.kind, pass.round(), question.len());
             let asks_all = (0..nodes.clients.len()).all(|node| pass.asks(node));
             let mut asked = vec![self.asking(question, frame, roster, timeout)];
-            if let Some(question) = pass.question_beside() {
-                asked.push(Asking { is_beside: true, ..self.asking(question, frame, roster, timeout) });
+            if let Some(question) = pass.speculative_question() {
+                asked.push(Asking { is_speculative: true, ..self.asking(question, frame, roster, timeout) });
             }
             let span = nodes.trace.part(stage_of(round));
             span.count("hulltouch.points", points);
@@ -113,7 +113,7 @@ impl Cluster {
             let ms = asked[0].began.elapsed().as_secs_f64() * 1e3;
             took(round, ms);
             if round == Round::Edges && pass.asks_planes() {
-                // Asked beside the classes if these are asked at once.
+                // Asked together with the classes if these are asked in one phase.
                 classes.ms += ms;
                 continue;
             }
@@ -149,7 +149,7 @@ impl Cluster {
         };
         self.next_id += 1;
         Asking {
-            is_beside: false,
+            is_speculative: false,
             id: self.next_id,
             frame,
             cameras: roster.nodes().iter().map(cameras).collect(),
@@ -160,7 +160,7 @@ impl Cluster {
         }
     }
 
-    /// Asks the pass's question, and the one beside it, of all nodes that it asks, and hands it their answers. Returns what
+    /// Asks the pass's question, and the speculative one, of all nodes that it asks, and hands it their answers. Returns what
     /// they computed, milliseconds.
     async fn run_round(
         &mut self,
@@ -176,18 +176,18 @@ impl Cluster {
             for asking in asked {
                 let span = question_span(span, "ask a node", &nodes.clients[node]);
                 ask(nodes, node, pass, asking, &span)?;
-                open.push(Open { node, asking, span, is_asked_again: false });
+                open.push(OpenQuestion { node, asking, span, is_asked_again: false });
             }
         }
         self.asked.push(is_asked);
-        while let Some(&Open { node: slowest, asking, .. }) = open.first() {
+        while let Some(&OpenQuestion { node: slowest, asking, .. }) = open.first() {
             let event = tokio::time::timeout_at(asking.deadline, nodes.next(roster)).await;
             if event.is_err() {
                 roster.silent(slowest);
             }
             let (place, answer, compute_ms) = match event.map_err(|_| late(nodes, slowest, asking))? {
                 Some(PassEvent::Reply(node, id, answer, compute_ms)) => {
-                    let is_its = |open: &Open<'_>| open.node == node && open.asking.id == id;
+                    let is_its = |open: &OpenQuestion<'_>| open.node == node && open.asking.id == id;
                     let Some(place) = open.iter().position(is_its) else { continue };
                     (place, answer, compute_ms)
                 }
@@ -196,7 +196,7 @@ impl Cluster {
                 }
                 Some(PassEvent::Down(..)) | None => continue,
             };
-            let Open { node, asking, span, is_asked_again } = &mut open[place];
+            let OpenQuestion { node, asking, span, is_asked_again } = &mut open[place];
             let (node, asking) = (*node, *asking);
             let may_ask_again = !std::mem::replace(is_asked_again, true);
             let refusal = match &answer {
@@ -242,7 +242,7 @@ impl Cluster {
 }
 
 fn ask(nodes: &Nodes, node: usize, pass: &Pass, asking: &Asking, span: &Span) -> Result<(), TransportError> {
-    let question = if asking.is_beside { pass.question_beside() } else { pass.question() };
+    let question = if asking.is_speculative { pass.speculative_question() } else { pass.question() };
     let Some(question) = question else { return Ok(()) };
     let sent = nodes.clients[node].ask(
         asking.id,

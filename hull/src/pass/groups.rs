@@ -92,7 +92,7 @@ impl Pass {
         let expected = self.groups.len();
         let asked = *self.groups.get(group).ok_or(AnswerError::Group { found: group, expected })?;
         if self.round == Round::Classes && answer.kind == QuestionKind::Planes {
-            self.answer_beside(group, answer)?;
+            self.answer_speculation(group, answer)?;
             self.advance_if_answered();
             return Ok(());
         }
@@ -113,7 +113,7 @@ impl Pass {
 
     fn advance_if_answered(&mut self) {
         let is_answered = self.groups.iter().all(|group| group.has_answered || !group.is_asked);
-        if is_answered && self.beside.is_answered() {
+        if is_answered && self.speculation.is_answered() {
             self.advance();
         }
     }

@@ -10,12 +10,12 @@
 //! others for the points that are left; edges and exits of some groups first and of the others within what
 //! these have found. None of it changes an answer.
 
-mod beside;
 mod body_exits;
 mod found;
 mod groups;
 mod reaches;
 mod sample_rounds;
+mod speculation;
 mod ways_out;
 
 use std::ops::Range;
@@ -26,9 +26,9 @@ use crate::faces::FaceNormals;
 use crate::question::{Answer, Batch, Change, Points, Question, QuestionKind};
 use crate::reach::Reach;
 use crate::rule::ProbeSettings;
-use beside::Beside;
 use body_exits::Along;
 use groups::Group;
+use speculation::Speculation;
 
 pub use found::{BodyResult, NoResponse, Touch};
 pub use groups::AnswerError;
@@ -101,9 +101,9 @@ pub struct Pass {
     is_first_phase: bool,
     /// Planes are asked for instead of edges, and no exits.
     only_planes: bool,
-    /// Planes that are likely to matter are asked for beside the classes.
-    foresees: bool,
-    beside: Beside,
+    /// Planes that are likely to matter are asked for together with the classes.
+    speculates: bool,
+    speculation: Speculation,
     /// Few exits are asked for, each not far, at the price of rounds.
     saves_bytes: bool,
     changes_sorted: bool,
@@ -129,8 +129,8 @@ struct PassBody {
     /// The body that these points are around, if they are no body.
     owner: Option<usize>,
     faces: Option<Arc<FaceNormals>>,
-    /// All its planes were asked for beside the classes.
-    is_foreseen: bool,
+    /// All its planes were asked for together with the classes.
+    is_speculated: bool,
 }
 
 /// The body of each of the question's points, and which of its samples or touches it is.
@@ -161,8 +161,8 @@ impl Pass {
             groups: vec![Group::default(); group_count],
             is_first_phase: false,
             only_planes: false,
-            foresees: false,
-            beside: Beside::default(),
+            speculates: false,
+            speculation: Speculation::default(),
             saves_bytes: false,
             changes_sorted: true,
             points_asked: [0; QuestionKind::ALL.len()],
@@ -193,7 +193,7 @@ impl Pass {
             is_near,
             owner,
             faces: None,
-            is_foreseen: false,
+            is_speculated: false,
         };
         if self.count < self.bodies.len() {
             self.bodies[self.count] = body;
@@ -241,7 +241,7 @@ impl Pass {
         self.is_first_phase = false;
         let has_first = self.groups.iter().any(|group| group.is_first && !group.is_left_out);
         self.ask(Round::Classes, |group| !has_first || group.is_first);
-        self.ask_beside();
+        self.ask_speculatively();
     }
 
     /// From the next pass on, asks for planes instead of edges: touches have the hull's surface near them, bodies no

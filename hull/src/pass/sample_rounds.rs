@@ -31,9 +31,9 @@ impl Pass {
         if self.only_planes {
             self.drop_needless_feelers();
             self.add_around();
-            self.take_foreseen();
+            self.take_speculation();
         }
-        self.ask_edges(|body, touch| touch.edge.is_none() && !body.is_foreseen);
+        self.ask_edges(|body, touch| touch.edge.is_none() && !body.is_speculated);
     }
 
     /// A sample that is inside itself takes the plane where it is: its feeler's is not needed.
@@ -105,8 +105,8 @@ impl Pass {
         self.pick_touches([0.0; 3], |body, _, touch| fits(body, touch));
         let has_around =
             self.results[self.asked_count..self.count].iter().any(|around| !around.touches.is_empty());
-        let Pass { question, targets, bodies, results, count, foresees, only_planes, .. } = self;
-        let foresees = *foresees && *only_planes;
+        let Pass { question, targets, bodies, results, count, speculates, only_planes, .. } = self;
+        let speculates = *speculates && *only_planes;
         if !again && (!alone || has_around) {
             for (body, result) in bodies[..*count].iter_mut().zip(results.iter()) {
                 body.exits_within.clear();
@@ -119,8 +119,8 @@ impl Pass {
                 let is_around = bodies[body].owner.is_some();
                 question.within.extend(samples.map(|sample| match is_around {
                     true => AROUND_REACH,
-                    // What was not foreseen is to take no third trip.
-                    false if alone || foresees => Reach::UNBOUNDED,
+                    // A plane that was missing takes no third trip.
+                    false if alone || speculates => Reach::UNBOUNDED,
                     false => bodies[body].reaches.of(sample, &mut from),
                 }));
             }

@@ -21,8 +21,10 @@ use crate::agreement::{Agreement, ExpectedNode};
 use crate::error::NodeError;
 use crate::reply_limits::{NodeCalls, ReplyLimits};
 
-/// Requests on their way: a pass has one question at a time, and a stalled node must not collect more.
+/// Requests on their way: a pass asks two questions at a time at most, and a stalled node must not collect more.
 const MAX_SENDING: usize = 8;
+/// Questions whose replies are read. Earlier ones are given up: what they need to be read is not kept for a silent node.
+const MAX_OPEN: usize = 2;
 
 /// What a node reports.
 #[derive(Debug)]
@@ -183,7 +185,7 @@ impl NodeClient {
             mpsc::error::TrySendError::Closed(_) => NodeError::NotConnected,
         })?;
         knows.learn(written);
-        if open.len() == MAX_SENDING {
+        if open.len() == MAX_OPEN {
             open.pop_front();
         }
         open.push_back((id, expected));

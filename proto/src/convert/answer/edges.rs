@@ -63,7 +63,10 @@ pub(super) fn cameras_to_wire<'a>(edges: impl Iterator<Item = &'a Edge> + Clone)
 /// The pixels of edges as differences. Where numbers are rounded pixels are not used.
 pub(super) fn pixels_to_wire<'a>(edges: impl Iterator<Item = &'a Edge>, precision: Precision) -> Bytes {
     let (mut pixels, mut before) = (Vec::new(), NO_PIXEL);
-    for Edge { pixel, .. } in edges.take_while(|_| precision == Precision::Exact) {
+    if precision == Precision::Quantised {
+        return Bytes::new();
+    }
+    for Edge { pixel, .. } in edges {
         for difference in [pixel.column - before.column, pixel.row - before.row] {
             push_number(&mut pixels, (difference << 1 ^ difference >> 31).cast_unsigned() as usize);
         }
@@ -89,7 +92,7 @@ pub(super) fn edges_from_wire(
     let set = chosen(present, edges.len(), field("present"))?;
     check_step(*step_m, field("step_m"))?;
     let (is_rounded, count) = (*step_m > 0.0, set.len());
-    let seen = Seen::from_wire((cameras, pixels, normals), count, is_rounded, expected, field)?;
+    let seen = SeenEdges::from_wire((cameras, pixels, normals), count, is_rounded, expected, field)?;
     let distances = distances_from_wire(distances, count, *step_m, field("distances"))?;
     let codes = unpack_at_most(exits_within, count, field("exits_within"))?;
     let mut exits_within = Vec::new();
@@ -127,14 +130,14 @@ pub(super) fn distances_from_wire(
 }
 
 /// Where cameras saw edges, or planes, and their normals: checked, each in an array.
-pub(super) struct Seen {
+pub(super) struct SeenEdges {
     normals: Vec<[f32; 3]>,
     /// One for each, or one for all.
     cameras: Vec<u16>,
     pixels: Vec<Pixel>,
 }
 
-impl Seen {
+impl SeenEdges {
     /// So many of cameras, pixels and normals.
     pub fn from_wire(
         (cameras, pixels, normals): (&[u8], &[u8], &[u8]),
@@ -142,7 +145,7 @@ impl Seen {
         is_rounded: bool,
         expected: &ExpectedAnswer,
         field: impl Fn(&'static str) -> Field,
-    ) -> Result<Seen, ConvertError> {
+    ) -> Result<SeenEdges, ConvertError> {
         let normals = if is_rounded {
             from_octahedral(normals, count, field("normals"))?
         } else {
@@ -160,7 +163,7 @@ impl Seen {
         } else {
             pixels_from_wire(pixels, count, field("pixels"))?
         };
-        let seen = Seen { normals, cameras, pixels };
+        let seen = SeenEdges { normals, cameras, pixels };
         seen.check(expected, field)?;
         Ok(seen)
     }
@@ -245,7 +248,7 @@ fn pixels_from_wire(bytes: &[u8], count: usize, field: Field) -> Result<Vec<Pixe
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::{of, refusal, there_and_back, wire_of};
+    use super::super::tests::{noise, of, refusal, there_and_back, wire_of};
     use super::*;
 
     fn edge(distance_m: f32, camera: u16, column: i32, row: i32) -> Option<Edge> {
@@ -274,15 +277,10 @@ mod tests {
 
     #[test]
     fn the_fullest_reply_is_no_longer_than_its_question_allows() {
-        // Nothing repeats, so nothing packs.
-        let mut state = 1_u32;
-        let mut noise = || {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            state >> 8
-        };
+        let mut noise = noise();
         let side = |noise: u32| (noise % 16_384) as i32;
         let full = (0..3000).map(|_| {
-            let camera = if noise() % 2 == 0 { 1 } else { 3 };
+            let camera = if noise().is_multiple_of(2) { 1 } else { 3 };
             edge(noise() as f32 * 1e-8, camera, side(noise()), side(noise()))
         });
         let answer = Answer { edges: full.collect(), ..of(QuestionKind::Edges) };

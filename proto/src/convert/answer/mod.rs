@@ -219,6 +219,15 @@ mod tests {
         ExpectedAnswer { kind, points, cameras, points_world: Arc::new(points_world) }
     }
 
+    /// Numbers of 24 bits that do not repeat, so that nothing packs.
+    pub fn noise() -> impl FnMut() -> u32 {
+        let mut state = 1_u32;
+        move || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            state >> 8
+        }
+    }
+
     /// Where the points of questions are.
     pub fn point_at(at: usize) -> Point3<f64> {
         Point3::new(1.0 + at as f64 * 1e-3, 0.0, -1.0)

@@ -9,7 +9,7 @@ use super::super::bulk::{Field, pack_f32, unpack};
 use super::super::choice::{choice, push_number, take_number};
 use super::super::packed::{pack, unpack_at_most};
 use super::super::rounded::{Precision, UnitBits, octahedral, step_m};
-use super::edges::{Seen, cameras_to_wire, distances_from_wire, pixels_to_wire, to_scale};
+use super::edges::{SeenEdges, cameras_to_wire, distances_from_wire, pixels_to_wire, to_scale};
 use super::{ExpectedAnswer, STEPS, check_step, chosen};
 use crate::v1;
 
@@ -117,7 +117,7 @@ pub(super) fn planes_from_wire(
     check_step(*step_m, field("step_m"))?;
     let is_rounded = *step_m > 0.0;
     let (which, plane_count) = which_from_wire(which, set.len(), field("which"))?;
-    let seen = Seen::from_wire((cameras, pixels, normals), plane_count, is_rounded, expected, field)?;
+    let seen = SeenEdges::from_wire((cameras, pixels, normals), plane_count, is_rounded, expected, field)?;
     let inside = chosen(inside, set.len(), field("inside"))?;
     let distances = distances_from_wire(distances, inside.len(), *step_m, field("distances"))?;
     let moved = moved_from_wire(moved, set.len(), is_rounded, field("moved"))?;
@@ -190,7 +190,7 @@ mod tests {
     use hull::camera::Pixel;
 
     use super::super::super::Precision::{Exact, Quantised};
-    use super::super::tests::{of, point_at, refusal, there_and_back, wire_of};
+    use super::super::tests::{noise, of, point_at, refusal, there_and_back, wire_of};
     use super::*;
     use v1::probe_reply::Answer as Wire;
 
@@ -248,14 +248,9 @@ mod tests {
 
     #[test]
     fn the_fullest_reply_is_no_longer_than_its_question_allows() {
-        // Nothing repeats, so nothing packs.
-        let mut state = 1_u32;
-        let mut noise = || {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            state >> 8
-        };
+        let mut noise = noise();
         let full = (0..3000).map(|_| {
-            let camera = if noise() % 2 == 0 { 1 } else { 3 };
+            let camera = if noise().is_multiple_of(2) { 1 } else { 3 };
             let (column, row) = ((noise() % 16_384) as i32, (noise() % 16_384) as i32);
             let edge = plane(noise() as f32 * 1e-8, camera, column, Some(noise() as f32 * 1e-8));
             Some(Edge { pixel: Pixel { column, row }, ..edge })

@@ -1,14 +1,15 @@
-//! Planes that are asked for beside the classes: of samples that touched in the pass before, and of points around their
-//! bodies. Where little changes that is all there is to ask, and a pass takes one trip. What was foreseen in vain is not
-//! used, and what was not foreseen is asked for next, so answers never depend on it.
+//! The speculative question: planes that are asked for together with the classes, of samples that touched in the pass
+//! before, and of points around their bodies. Where little changes nothing else is to be asked, and a pass takes one trip.
+//! Planes of samples that no longer touch are dropped, and planes that are missing are asked for next: the results do not
+//! depend on it.
 
 use super::groups::AnswerError;
 use super::{AROUND_REACH, Pass, PassBody, Targets};
 use crate::question::{Answer, Edge, Question, QuestionKind};
 
-/// The question beside the classes, and what was answered to it.
+/// The speculative question, and the answers to it.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Beside {
+pub(super) struct Speculation {
     question: Question,
     targets: Targets,
     /// One for each target.
@@ -17,7 +18,7 @@ pub(super) struct Beside {
     waits: Vec<bool>,
 }
 
-impl Beside {
+impl Speculation {
     pub fn is_answered(&self) -> bool {
         !self.waits.contains(&true)
     }
@@ -25,26 +26,26 @@ impl Beside {
 
 impl Pass {
     /// From the next pass on, asks for planes that are likely to matter together with the classes, if all groups are asked
-    /// for these at once: fewer trips, and some planes in vain. Needs [`Pass::only_planes`].
-    pub fn foresee_planes(&mut self, foresees: bool) {
-        self.foresees = foresees;
+    /// for these at once: it takes fewer trips, and some of the planes are dropped. Needs [`Pass::only_planes`].
+    pub fn speculate(&mut self, speculates: bool) {
+        self.speculates = speculates;
     }
 
     /// The question to ask together with [`Pass::question`], of the same groups. Its answers may come before or after the
     /// other's.
-    pub fn question_beside(&self) -> Option<&Question> {
-        (!self.beside.is_answered()).then_some(&self.beside.question)
+    pub fn speculative_question(&self) -> Option<&Question> {
+        (!self.speculation.is_answered()).then_some(&self.speculation.question)
     }
 
-    /// Puts the question beside the classes, which are asked.
-    pub(super) fn ask_beside(&mut self) {
-        let Pass { beside, bodies, count, groups, .. } = self;
-        let Beside { question, targets, merged, waits } = beside;
+    /// Makes the speculative question. The classes are asked already.
+    pub(super) fn ask_speculatively(&mut self) {
+        let Pass { speculation, bodies, count, groups, .. } = self;
+        let Speculation { question, targets, merged, waits } = speculation;
         question.restart(QuestionKind::Planes);
         targets.0.clear();
         waits.clear();
         let is_in_one_phase = groups.iter().all(|group| group.is_asked || group.is_left_out);
-        let is_wanted = self.foresees && self.only_planes && is_in_one_phase;
+        let is_wanted = self.speculates && self.only_planes && is_in_one_phase;
         let (all, count) = (&*bodies, if is_wanted { *count } else { 0 });
         for (index, body) in all[..count].iter().enumerate().filter(|(_, body)| body.is_near) {
             let first = targets.0.len();
@@ -70,12 +71,12 @@ impl Pass {
         merged.resize(targets.0.len(), None);
         if !targets.0.is_empty() {
             waits.extend(groups.iter().map(|group| group.is_asked));
-            self.points_asked[QuestionKind::Planes as usize] += self.beside.targets.0.len() as u64;
+            self.points_asked[QuestionKind::Planes as usize] += self.speculation.targets.0.len() as u64;
         }
     }
 
-    pub(super) fn answer_beside(&mut self, group: usize, answer: &Answer) -> Result<(), AnswerError> {
-        let Beside { merged, waits, .. } = &mut self.beside;
+    pub(super) fn answer_speculation(&mut self, group: usize, answer: &Answer) -> Result<(), AnswerError> {
+        let Speculation { merged, waits, .. } = &mut self.speculation;
         if !waits.get(group).is_some_and(|&waits| waits) {
             return Err(AnswerError::Twice(group));
         }
@@ -92,16 +93,15 @@ impl Pass {
         Ok(())
     }
 
-    /// Gives touches the planes that were found beside the classes. Points around bodies need no other question, also
-    /// those without a plane.
-    pub(super) fn take_foreseen(&mut self) {
-        let Pass { beside, bodies, results, .. } = self;
-        let foreseen = beside.targets.0.chunk_by(|a, b| a.0 == b.0);
-        let mut edges = beside.merged.iter();
-        for of_body in foreseen {
+    /// Gives touches the planes that were found speculatively. Points around bodies need no other question, also those
+    /// without a plane.
+    pub(super) fn take_speculation(&mut self) {
+        let Pass { speculation, bodies, results, .. } = self;
+        let mut edges = speculation.merged.iter();
+        for of_body in speculation.targets.0.chunk_by(|a, b| a.0 == b.0) {
             let index = of_body[0].0 as usize;
-            let PassBody { owner, is_foreseen, .. } = &mut bodies[index];
-            *is_foreseen = owner.is_some();
+            let PassBody { owner, is_speculated, .. } = &mut bodies[index];
+            *is_speculated = owner.is_some();
             let mut touches = results[index].touches.iter_mut().peekable();
             for (&(_, sample), edge) in of_body.iter().zip(edges.by_ref()) {
                 while touches.next_if(|touch| touch.sample < sample).is_some() {}
