@@ -5,10 +5,12 @@ mod room;
 
 use std::io::{BufRead as _, BufReader};
 use std::path::Path;
-use std::process::Output;
-use std::time::Duration;
+use std::process::{ChildStderr, Command, Output};
+use std::time::{Duration, Instant};
 
-use room::{Node, Running, cameras, cluster_file, cluster_file_of, coordinator, ended, program};
+use room::{
+    Node, Running, await_leader, cameras, cluster_file, cluster_file_of, coordinator, ended, program,
+};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 use tempfile::TempDir;
@@ -54,6 +56,29 @@ fn run_in(
     (said, Some(serde_json::from_slice(&figures).expect("JSON")))
 }
 
+/// What a program says, line by line.
+struct Said {
+    lines: BufReader<ChildStderr>,
+    so_far: String,
+}
+
+impl Said {
+    /// Reads on until a line contains this.
+    fn until(&mut self, sought: &str) {
+        while !self.so_far.lines().any(|line| line.contains(sought)) {
+            let read = self.lines.read_line(&mut self.so_far);
+            assert!(read.is_ok_and(|read| read > 0), "no {sought:?}: {}", self.so_far);
+        }
+    }
+}
+
+/// A coordinator that runs, and what it says.
+fn leader(command: &mut Command) -> (Running, Said) {
+    let mut run = Running::start(command.env("RUST_LOG", "info"));
+    let lines = BufReader::new(run.child().stderr.take().expect("piped"));
+    (run, Said { lines, so_far: String::new() })
+}
+
 fn steps(figures: &Value, what: &str) -> u64 {
     figures["missed"][what].as_u64().expect("a number")
 }
@@ -89,24 +114,42 @@ fn a_run_begins_without_a_node_that_is_away_and_takes_it_in_later() {
     let (cluster, json) = (cluster_file(folder.path(), NODES), folder.path().join("out.json"));
     let start = |node| Node::start(program(), &cluster, &cameras(node));
     let mut nodes: Vec<Node> = [0, 2, 3].map(start).into();
-    let mut run = coordinator(program(), &cluster, "600", &json);
-    let mut run = Running::start(run.args(["--patience", "2"]).env("RUST_LOG", "info"));
-    let mut said = String::new();
-    let mut lines = BufReader::new(run.child().stderr.take().expect("piped"));
-    let mut until = |sought: &str| {
-        while !said.lines().any(|line| line.contains(sought)) {
-            assert!(lines.read_line(&mut said).is_ok_and(|read| read > 0), "no {sought:?}: {said}");
-        }
-    };
-    until("it begins without node");
-    until("going on with 6 cameras");
+    let (mut run, mut said) =
+        leader(coordinator(program(), &cluster, "600", &json).args(["--patience", "2"]));
+    said.until("it begins without node");
+    said.until("going on with 6 cameras");
     nodes.push(start(1));
-    until("is back, 8 cameras");
+    said.until("is back, 8 cameras");
     let process = Pid::from_raw(run.child().id().cast_signed()).expect("a number");
     kill_process(process, Signal::INT).expect("asked to end");
     let Some(figures) = watch.judge(ended(run, &json)) else { return };
     assert!(steps(&figures, "reduced_steps") > 0, "{}", figures["missed"]);
     assert_eq!(figures["cameras"], 8);
+}
+
+#[test]
+fn a_restarted_coordinator_does_not_wait_for_a_node_that_is_away() {
+    let watch = Watch::start();
+    let folder = tempfile::tempdir().expect("a folder");
+    let (cluster, json) = (cluster_file(folder.path(), NODES), folder.path().join("out.json"));
+    let mut nodes: Vec<Node> =
+        (0..NODES).map(|node| Node::start(program(), &cluster, &cameras(node))).collect();
+    let (first, _) = leader(&mut coordinator(program(), &cluster, "600", &json));
+    await_leader(|| {
+        let mut status = program();
+        status.arg("status").arg(&cluster);
+        status
+    });
+    // Nodes are handed the world once a second.
+    std::thread::sleep(Duration::from_secs(4));
+    drop(first);
+    drop(nodes.remove(1));
+    let began = Instant::now();
+    let (_next, mut said) = leader(&mut coordinator(program(), &cluster, "600", &json));
+    said.until("it begins without node");
+    let took = began.elapsed();
+    timely!(watch, took < Duration::from_secs(20), "it waited for {took:?} of a minute");
+    said.until("going on from the world");
 }
 
 #[test]

@@ -67,18 +67,22 @@ async fn a_page_gets_frames_and_bodies_as_it_wants_them() {
     )
     .await;
     run.publish(11);
+    // On a busy machine pings are answered late, and the page gets smaller colours than half.
     let mut set = page.hear_frame(10).await;
-    while set[48 + 3] != 1 {
+    while set[48 + 3] == 0 {
         set = page.hear_kind(1).await;
     }
-    assert_eq!(u32_at(&set, 48 + 24) as usize, JPEG_BYTES[1]);
+    assert_eq!(u32_at(&set, 48 + 24) as usize, JPEG_BYTES[usize::from(set[48 + 3])]);
     let image = page.hear_kind(3).await;
     assert_eq!((u16_at(&image, 6), u16_at(&image, 48), u32_at(&image, 40)), (1, 2, 0), "camera 2 alone");
     let thumbnails = page.hear_kind(3).await;
     assert_eq!((usize::from(u16_at(&thumbnails, 6)), u32_at(&thumbnails, 40)), (CAMERAS, 1));
     assert_eq!(thumbnails[48 + 3], 2, "640 pixels become 160");
     run.publish(12);
-    let world = page.hear_kind(2).await;
+    let mut world = page.hear_kind(2).await;
+    while frame_of(&world[24..]) != 12 {
+        world = page.hear_kind(2).await;
+    }
     assert_eq!(world.len(), 48 + 48 + 4, "without touches");
     page.say(json!({"op": "want", "patches": true})).await;
     let world = page.hear_kind(2).await;

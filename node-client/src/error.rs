@@ -128,6 +128,11 @@ impl NodeError {
         }
     }
 
+    /// Whether the node is another than the cluster file means.
+    pub fn is_mismatch(&self) -> bool {
+        matches!(self.innermost(), NodeError::Mismatch(_))
+    }
+
     /// Whether the node is away, rather than there and another than is expected: its PC, its program or its cable.
     pub fn is_absence(&self) -> bool {
         match self {

@@ -1,7 +1,8 @@
 //! A node that lies: it stands before an honest one, and changes what that one says.
 
 use std::net::Ipv4Addr;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use http::header::{DATE, HeaderValue};
 use proto::v1::camera_node_client::CameraNodeClient;
@@ -11,7 +12,7 @@ use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tokio_stream::{Stream, StreamExt as _};
 use tonic::transport::{Channel, Endpoint, Server};
-use tonic::{Request, Response, Status, Streaming};
+use tonic::{Code, Request, Response, Status, Streaming};
 use tower::util::MapResponseLayer;
 use turmoil::net::TcpStream;
 
@@ -49,6 +50,20 @@ const LIES: [Lie; 9] = [
 
 /// What a long lie adds to a message, bytes: more than any of these may have.
 const LONG_BYTES: usize = 2 << 20;
+
+/// The text of a refusal, bytes: near what a header may have.
+const LONG_STATUS_BYTES: usize = 12 << 10;
+
+/// How it refuses a call.
+const CODES: [Code; 7] = [
+    Code::Aborted,
+    Code::Unavailable,
+    Code::FailedPrecondition,
+    Code::PermissionDenied,
+    Code::Internal,
+    Code::ResourceExhausted,
+    Code::Unimplemented,
+];
 
 /// How a seed's node lies: one way alone, or any of them.
 pub struct Habit {
@@ -90,6 +105,30 @@ impl Habit {
 pub struct Liar {
     honest: CameraNodeClient<Channel>,
     habit: Arc<Mutex<Habit>>,
+    /// Whether it was told to film.
+    has_begun: AtomicBool,
+}
+
+impl Liar {
+    fn habit(&self) -> MutexGuard<'_, Habit> {
+        self.habit.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What it does with a call that has one reply: late, lost and refused ones are so already.
+    async fn lied_of_call(&self) -> Result<Lie, Status> {
+        let (lie, delay, code) = {
+            let mut habit = self.habit();
+            (habit.next(), habit.random.ms(20, 400), CODES[habit.random.below(CODES.len() as u64) as usize])
+        };
+        match lie {
+            Lie::Late => tokio::time::sleep(delay).await,
+            Lie::Lost => std::future::pending().await,
+            Lie::Refused => return Err(Status::new(code, "no")),
+            Lie::Long => return Err(Status::unavailable("x".repeat(LONG_STATUS_BYTES))),
+            _ => {}
+        }
+        Ok(lie)
+    }
 }
 
 /// Serves lies at a port, of the honest node at another of the same host.
@@ -102,7 +141,7 @@ pub async fn serve(port: u16, honest: u16, habit: Habit) -> Result<(), Box<dyn s
     let limit = proto::MAX_MESSAGE_BYTES;
     let honest =
         CameraNodeClient::new(channel).max_decoding_message_size(limit).max_encoding_message_size(limit);
-    let liar = Liar { honest, habit: Arc::new(Mutex::new(habit)) };
+    let liar = Liar { honest, habit: Arc::new(Mutex::new(habit)), has_begun: AtomicBool::new(false) };
     let service =
         CameraNodeServer::new(liar).max_decoding_message_size(limit).max_encoding_message_size(limit);
     // Otherwise hyper adds the wall clock's, and the same seed sends other bytes.
@@ -194,14 +233,26 @@ impl CameraNode for Liar {
         &self,
         request: Request<v1::DescribeRequest>,
     ) -> Result<Response<v1::DescribeReply>, Status> {
-        self.honest.clone().describe(request.into_inner()).await
+        let lie = self.lied_of_call().await?;
+        let described = self.honest.clone().describe(request.into_inner()).await?;
+        // With a node that differs from the cluster file no run begins, by design.
+        let has_begun = self.has_begun.load(Ordering::Relaxed);
+        Ok(described.map(|mut described| {
+            if lie == Lie::OtherCount && has_begun {
+                described.cameras.truncate(1);
+            }
+            described
+        }))
     }
 
     async fn hold(&self, request: Request<v1::HoldRequest>) -> Result<Response<v1::HoldReply>, Status> {
+        self.lied_of_call().await?;
         self.honest.clone().hold(request.into_inner()).await
     }
 
     async fn start(&self, request: Request<v1::StartRequest>) -> Result<Response<v1::StartReply>, Status> {
+        self.has_begun.store(true, Ordering::Relaxed);
+        self.lied_of_call().await?;
         self.honest.clone().start(request.into_inner()).await
     }
 
@@ -209,13 +260,23 @@ impl CameraNode for Liar {
         &self,
         request: Request<v1::KeepTimeRequest>,
     ) -> Result<Response<v1::KeepTimeReply>, Status> {
-        self.honest.clone().keep_time(request.into_inner()).await
+        let lie = self.lied_of_call().await?;
+        let kept = self.honest.clone().keep_time(request.into_inner()).await?;
+        let mut habit = self.habit();
+        Ok(kept.map(|mut kept| {
+            if lie == Lie::OtherFrame {
+                kept.node_s =
+                    [kept.node_s + 1000.0, kept.node_s - 1.0, f64::NAN][habit.random.below(3) as usize];
+            }
+            kept
+        }))
     }
 
     async fn register_shapes(
         &self,
         request: Request<v1::RegisterShapesRequest>,
     ) -> Result<Response<v1::RegisterShapesReply>, Status> {
+        self.lied_of_call().await?;
         self.honest.clone().register_shapes(request.into_inner()).await
     }
 
@@ -230,6 +291,7 @@ impl CameraNode for Liar {
         &self,
         request: Request<v1::KeepWorldRequest>,
     ) -> Result<Response<v1::KeepWorldReply>, Status> {
+        self.lied_of_call().await?;
         self.honest.clone().keep_world(request.into_inner()).await
     }
 
@@ -237,8 +299,9 @@ impl CameraNode for Liar {
         &self,
         request: Request<v1::FetchWorldRequest>,
     ) -> Result<Response<v1::FetchWorldReply>, Status> {
+        self.lied_of_call().await?;
         let honest = self.honest.clone().fetch_world(request.into_inner()).await?;
-        let poison = self.habit.lock().unwrap_or_else(PoisonError::into_inner).poison;
+        let poison = self.habit().poison;
         let Some(poison) = poison else { return Ok(honest) };
         Ok(honest.map(|v1::FetchWorldReply { checkpoint, previous }| {
             let (checkpoint, previous) = poison.spoil(&checkpoint, previous);

@@ -11,6 +11,7 @@ use camera_node::frames::FrameRing;
 use camera_node::service::serve_film;
 use cluster::expected_node;
 use coordinator::hooks::{EndRecord, FrameRecord, Recorder, StepRecord};
+use coordinator::live::{Command, Follower, live};
 use coordinator::{
     AskEvery, Coordinator, GoingOn, GoneOn, MemoryUse, Placement, Progress, RunSettings, Snapshot, Transport,
     Watcher,
@@ -20,7 +21,7 @@ use futures::future::BoxFuture;
 use hull::ProbeSettings;
 use node_client::{Agreement, Destination, Dial, ExpectedNode, Socket};
 use proto::{Address, ring_frames};
-use sim::{Scene, World, WorldSettings};
+use sim::{BodyRequest, Scene, World, WorldSettings};
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tonic::transport::server::Connected;
 use tracing_subscriber::fmt::MakeWriter;
@@ -42,12 +43,17 @@ const PORT: u16 = 7001;
 /// Behind a node that lies, the honest one.
 const HONEST_PORT: u16 = 7002;
 /// A run with a node that lies, seconds.
-const LYING_S: u64 = 8;
+const LYING_S: u64 = 9;
+/// A body of another shape is spawned so often beside a liar.
+const SPAWN_EVERY: Duration = Duration::from_millis(400);
+/// For so long a run waits for its nodes, seconds; beside a liar for less, as it may never say that it is there.
+const PATIENCE_S: u64 = 60;
+const PATIENCE_WITH_LIAR_S: u64 = 1;
 /// Steps without a hull that a node that lies may cost: a second's.
 const MOST_BLIND_STEPS: u64 = 120;
 /// Beside a liar the first hull comes within so long, simulated seconds, and so many steps of a run's 120 a second are made.
-const FIRST_HULL_WITHIN_S: f64 = 3.0;
-const LEAST_STEPS: u64 = 120 * (LYING_S - 3);
+const FIRST_HULL_WITHIN_S: f64 = 4.0;
+const LEAST_STEPS: u64 = 120 * (LYING_S - 4);
 /// A coordinator that begins anew goes on from at most so many steps before.
 const MOST_LOST_STEPS: u64 = 240;
 /// Bodies of this scene never move faster, m/s.
@@ -235,7 +241,7 @@ fn run(studio: &Studio, seed: u64, trouble: Trouble, log: &Log) {
     let coordinator_log = log.clone();
     sim.host(COORDINATOR, move || {
         let log = coordinator_log.clone();
-        let made = coordinator(studio, &log);
+        let made = coordinator(studio, &log, trouble);
         async move {
             let mut watcher = log.clone();
             let ended = made().run(&mut watcher, std::future::pending()).await;
@@ -295,7 +301,7 @@ fn steps(sim: &mut turmoil::Sim<'_>, until: Duration, log: &Log) {
 }
 
 /// What makes a coordinator once its host runs.
-fn coordinator(studio: &Studio, log: &Log) -> impl FnOnce() -> Coordinator + use<> {
+fn coordinator(studio: &Studio, log: &Log, trouble: Trouble) -> impl FnOnce() -> Coordinator + use<> {
     let observers = studio.config(0..CAMERAS).observers();
     let node = |node: usize| {
         let address: Address = format!("{}:{PORT}", node_name(node)).parse().expect("an address");
@@ -304,6 +310,7 @@ fn coordinator(studio: &Studio, log: &Log) -> impl FnOnce() -> Coordinator + use
     };
     let nodes: Vec<_> = (0..NODES).map(node).collect();
     let log = log.clone();
+    let patience_s = if trouble == Trouble::Liar { PATIENCE_WITH_LIAR_S } else { PATIENCE_S };
     move || {
         let scene = Scene::from_toml("simulated", SCENE).expect("a scene");
         let world = World::new(&scene, WorldSettings::default()).expect("a world");
@@ -322,11 +329,31 @@ fn coordinator(studio: &Studio, log: &Log) -> impl FnOnce() -> Coordinator + use
             lock_step: false,
             ask_every: AskEvery::Frame,
             reuse_within_m: scene.hull().reuse_within_m,
-            connect_timeout: Duration::from_secs(60),
+            connect_timeout: Duration::from_secs(patience_s),
         };
-        Coordinator::new(transport, world, observers, settings)
+        let coordinator = Coordinator::new(transport, world, observers, settings)
             .with_memory(MemoryUse::GoOn)
-            .with_recorder(Box::new(log))
+            .with_recorder(Box::new(log.clone()));
+        if trouble != Trouble::Liar {
+            return coordinator;
+        }
+        let (live, follower) = live();
+        tokio::spawn(spawn_bodies(follower, log));
+        coordinator.with_live(live)
+    }
+}
+
+/// Now and then another ball of a size of its own: nodes must be told of its shape.
+async fn spawn_bodies(follower: Follower, log: Log) {
+    for count in 1.. {
+        tokio::time::sleep(SPAWN_EVERY).await;
+        let ball =
+            format!("shape.ball.radius = {}\nposition = [0.5, 1.5, 0.1]", 0.05 + 1e-3 * f64::from(count));
+        let request: BodyRequest = toml::from_str(&ball).expect("the keys of a request");
+        let body = Box::new(request.check().expect("a body"));
+        if let Err(why) = follower.order(Command::Spawn(body)).await {
+            log.wrong(format!("ball {count} is refused: {why}"));
+        }
     }
 }
 

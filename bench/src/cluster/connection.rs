@@ -113,7 +113,7 @@ impl ClusterClient {
                 Agreement::new(settings, FPS, shapes).dialling(dial),
             );
             transport.ready(READY_TIMEOUT).await.map_err(Failure::run)?;
-            transport.start(Pace::lock_step(1)).await.map_err(Failure::run)?;
+            transport.start(Pace::lock_step(1), None).await.map_err(Failure::run)?;
             let before = transport.bytes();
             transport.credit(frames - 1);
             transport.frame(frames - 1, READY_TIMEOUT).await.map_err(Failure::run)?;

@@ -282,12 +282,7 @@ impl Coordinator {
     async fn register(&mut self, shapes: Vec<Arc<Shape>>) -> Result<(), Refusal> {
         let distinct: HashMap<[u8; 32], Arc<Shape>> =
             shapes.into_iter().map(|shape| (shape.digest(), shape)).collect();
-        let registered = self.transport.register_shapes(distinct.into_values().collect());
-        match timeout(REGISTER_TIMEOUT, registered).await {
-            Ok(Err(error)) if error.is_refusal() => Err(error.into()),
-            // A node that is gone, or slow, is sent them when it is back, or when it first misses one.
-            Ok(_) | Err(_) => Ok(()),
-        }
+        Ok(self.transport.register_shapes(distinct.into_values().collect(), REGISTER_TIMEOUT).await?)
     }
 
     /// Has all cameras learn their backgrounds, or fails with the reason; it does not need the run any more.

@@ -3,13 +3,11 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::watch::REPORT_EVERY;
-use super::{Coordinator, MemoryUse, RunError};
+use super::Coordinator;
 use crate::figures::{Figures, Progress};
 use crate::live::{CameraStatus, MAX_WAITING};
 use crate::metrics::{MetricsSender, NodeMetrics, Queue, RunCounts, RunMetrics, RunTimes};
 use crate::roster::{HullUnavailable, RosterNode};
-use crate::transport::TransportError;
 
 impl Coordinator {
     /// Hands out metrics from now on.
@@ -19,31 +17,8 @@ impl Coordinator {
         self
     }
 
-    /// Waits until all nodes are there. A live run that its nodes remember begins without those that are away by then, if
-    /// enough cameras are there: whoever starts it anew, after a crash or by hand, needs no broken cable mended first.
-    pub(super) async fn await_nodes(&mut self) -> Result<(), RunError> {
-        let deadline = tokio::time::Instant::now() + self.settings.connect_timeout;
-        loop {
-            let left = deadline - tokio::time::Instant::now();
-            match self.transport.ready(left.min(REPORT_EVERY)).await {
-                Err(TransportError::Missing(_)) if left > REPORT_EVERY => self.publish_waiting(),
-                Err(TransportError::Missing(missing)) if self.may_begin_without_missing() => {
-                    missing.iter().for_each(|missing| tracing::warn!("it begins without {missing}"));
-                    return Ok(());
-                }
-                ready => return Ok(ready?),
-            }
-        }
-    }
-
-    fn may_begin_without_missing(&self) -> bool {
-        let least = self.settings.going_on.min_cameras.min(self.query.observers().len());
-        self.memory_use != MemoryUse::Off
-            && !self.settings.lock_step
-            && self.transport.roster().may_begin_without_missing(least)
-    }
-
-    fn publish_waiting(&mut self) {
+    /// Publishes which nodes the run waits for.
+    pub(super) fn publish_waiting(&mut self) {
         if self.publisher.metrics.is_some() {
             let cameras = self.camera_status();
             self.publish_metrics(None, &cameras);

@@ -8,6 +8,7 @@
 //! The loop waits; what is decided is decided by the [`Roster`](crate::roster::Roster), the [`HullQuery`] and the
 //! clock.
 
+mod begin;
 mod budget;
 mod clock;
 mod commands;
@@ -59,8 +60,6 @@ const MAX_LAG_S: f64 = 0.15;
 const LEAST_LAG_S: f64 = 0.02;
 /// No node has a frame so long before its time, seconds of film.
 const MOST_EARLY_S: f64 = 1.0;
-/// From the start of a live run to its first frame, seconds: the nodes begin meanwhile.
-const LEAD_S: f64 = 0.3;
 
 /// How a run goes.
 #[derive(Clone, Debug)]
@@ -300,18 +299,6 @@ impl Coordinator {
         self.figures.wall_s = began.elapsed().as_secs_f64();
         self.finish(is_stopped);
         Ok((self.figures, self.world))
-    }
-
-    /// Waits for the nodes, takes up what they remember, and has them film.
-    async fn begin(&mut self, watcher: &mut dyn Watcher) -> Result<(), RunError> {
-        self.await_nodes().await?;
-        self.begin_memory(watcher).await;
-        let run = getrandom::u64().map_err(RunError::NoRandom)?;
-        let lock_step = self.settings.lock_step;
-        self.clock.pace = if lock_step { Pace::lock_step(run) } else { Pace::live(run, LEAD_S) };
-        self.transport.start(self.clock.pace).await?;
-        self.regroup();
-        Ok(())
     }
 
     /// Adds what is known at the end alone.

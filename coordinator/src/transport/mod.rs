@@ -301,8 +301,9 @@ impl Transport {
         }
     }
 
-    /// Begins a run everywhere. From now on passes may ask other groups.
-    pub async fn start(&mut self, pace: Pace) -> Result<(), TransportError> {
+    /// Starts a run at all nodes; a live one also if some do not start and the others have at least so many cameras. From now
+    /// on passes may ask other groups.
+    pub async fn start(&mut self, pace: Pace, least_cameras: Option<usize>) -> Result<(), TransportError> {
         self.drain();
         self.roster.begin_run();
         if let Some(nodes) = self.nodes() {
@@ -312,7 +313,7 @@ impl Transport {
         match layout {
             Layout::Remote(remote) => {
                 remote.begin(roster);
-                remote.nodes.start(pace).await
+                remote.nodes.start(pace, least_cameras).await
             }
             Layout::InProcess(cameras) => cameras.frames.start(pace).map_err(TransportError::Local),
         }
@@ -334,16 +335,19 @@ impl Transport {
         }
     }
 
-    /// Makes shapes known to all nodes, also to those that come back later: these and no others.
-    pub(crate) async fn register_shapes(&self, shapes: Vec<Arc<Shape>>) -> Result<(), TransportError> {
-        let Some(nodes) = self.nodes() else { return Ok(()) };
-        let new = nodes.agreement.replace_shapes(shapes);
+    /// Makes shapes known to all nodes, also to those that come back later: these and no others. Takes at most so long.
+    pub(crate) async fn register_shapes(
+        &mut self,
+        shapes: Vec<Arc<Shape>>,
+        at_most: Duration,
+    ) -> Result<(), TransportError> {
+        let Transport { roster, layout: Layout::Remote(remote) } = self else { return Ok(()) };
+        let new = remote.nodes.agreement.replace_shapes(shapes);
         // Where silhouettes are gathered, no node is asked about shapes.
-        let may_ask = matches!(&self.layout, Layout::Remote(remote) if remote.may_ask());
-        if new.is_empty() || !may_ask {
+        if new.is_empty() || !remote.may_ask() {
             return Ok(());
         }
-        nodes.register(&new).await
+        remote.nodes.register(&Arc::from(new), at_most, roster).await
     }
 
     /// Has every camera of every node learn its background anew from so many frames of film. If one cannot, none

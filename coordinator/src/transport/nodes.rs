@@ -4,11 +4,13 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
+use futures::stream::{FuturesUnordered, StreamExt};
 use hull::{Shape, Silhouette};
 use node_client::{Agreement, NodeClient, NodeError, NodeEvent};
 use proto::convert::{ProbeAnswer, SilhouetteEncoding};
 use proto::{FilmEvent, Pace, monotonic_s};
 use tokio::sync::mpsc;
+use tokio::time::Instant;
 use traces::Span;
 
 use super::trace::question_span;
@@ -20,6 +22,9 @@ pub(super) const CALL_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// Sources open and programs start within this, or the node hangs.
 const START_TIMEOUT: Duration = Duration::from_secs(30);
+
+/// A live run with enough cameras waits so long for the remaining nodes to start.
+const START_PATIENCE: Duration = Duration::from_millis(500);
 
 /// Clients of all nodes, in the order of the roster.
 pub(super) struct Nodes {
@@ -96,12 +101,12 @@ impl Nodes {
             NodeEvent::Down(error) => {
                 match &error {
                     NodeError::Held(by) => roster.held(node, by.clone()),
-                    away if away.is_absence() => roster.down(node, away.to_string()),
-                    wrong => {
-                        if wrong.is_invalid() {
-                            roster.fault(node, monotonic_s(), wrong.to_string());
+                    error if error.is_mismatch() => roster.wrong(node, error.to_string()),
+                    error => {
+                        if error.is_invalid() {
+                            roster.fault(node, monotonic_s(), error.to_string());
                         }
-                        roster.wrong(node, wrong.to_string());
+                        roster.down(node, error.to_string());
                     }
                 }
                 return Some(PassEvent::Down(node, error));
@@ -132,25 +137,44 @@ impl Nodes {
         }
     }
 
-    /// Begins a run everywhere, also at nodes that come back later. A live run goes on without those that are away, or do
-    /// not answer: these are connected anew.
-    pub async fn start(&self, pace: Pace) -> Result<(), TransportError> {
+    /// Starts a run at all nodes, also at those that connect later. `least_cameras` is of a live run: it goes on without nodes
+    /// that are away, and without nodes that refuse or do not answer while the others have at least so many cameras. These
+    /// nodes are reconnected, and start then.
+    pub async fn start(&self, pace: Pace, least_cameras: Option<usize>) -> Result<(), TransportError> {
         self.agreement.begin_run(pace);
-        let begin = |client: &'_ Arc<NodeClient>| {
-            let client = Arc::clone(client);
-            async move {
-                let started = tokio::time::timeout(START_TIMEOUT, client.start(pace)).await;
-                match started.unwrap_or(Err(NodeError::Timeout(START_TIMEOUT))) {
-                    Err(error) if error.is_absence() && !pace.lock_step => {
-                        tracing::debug!("node {} does not begin: {error}", client.node());
-                        client.connect_anew();
-                        Ok(())
-                    }
-                    started => started,
-                }
-            }
+        let Some(least_cameras) = least_cameras else {
+            return each(&self.clients, |client| start_at(client, pace)).await;
         };
-        each(&self.clients, begin).await
+        let started = |client: Arc<NodeClient>| async move {
+            let started = start_at(&client, pace).await;
+            if let Err(error) = &started {
+                tracing::warn!("node {}: cannot start: {error}", client.node());
+                client.connect_anew();
+            }
+            (client, started)
+        };
+        let mut starts: FuturesUnordered<_> = self.clients.iter().cloned().map(started).collect();
+        let patience = Instant::now() + START_PATIENCE;
+        let (mut cameras, mut refused) = (0, None);
+        loop {
+            let is_enough = cameras >= least_cameras;
+            let next = if is_enough {
+                tokio::time::timeout_at(patience, starts.next()).await
+            } else {
+                Ok(starts.next().await)
+            };
+            match next {
+                Ok(Some((client, Ok(())))) => cameras += client.node().cameras.len(),
+                Ok(Some((client, Err(error)))) if !error.is_absence() => {
+                    refused.get_or_insert_with(|| TransportError::of(&client, error));
+                }
+                Ok(Some(_)) => {}
+                Ok(None) => return refused.filter(|_| !is_enough).map_or(Ok(()), Err),
+                Err(_) => break,
+            }
+        }
+        tokio::spawn(async move { while starts.next().await.is_some() {} });
+        Ok(())
     }
 
     pub fn credit(&self, up_to_frame: u64) {
@@ -162,33 +186,50 @@ impl Nodes {
     }
 
     /// Makes shapes known to all nodes that may lack them, whatever one of them answers. Fewer than half of the nodes that
-    /// refuse do so wrongly: such a node is excluded when it is asked about a shape that it does not have.
-    pub async fn register(&self, shapes: &[Arc<Shape>]) -> Result<(), TransportError> {
-        let (refused, others) =
-            call_all(&self.clients, |client| async move { client.register(shapes).await }).await;
-        if 2 * refused.len() < self.clients.len() {
-            return others.into_iter().collect();
+    /// refuse do so wrongly: such a node is excluded when it is asked about a shape that it does not have. Does not wait for
+    /// excluded nodes; no answer within `at_most` is a fault.
+    pub async fn register(
+        &self,
+        shapes: &Arc<[Arc<Shape>]>,
+        at_most: Duration,
+        roster: &mut Roster,
+    ) -> Result<(), TransportError> {
+        let mut calls = Vec::new();
+        for (place, client) in self.clients.iter().enumerate() {
+            let (client, shapes) = (Arc::clone(client), Arc::clone(shapes));
+            let registered = async move { client.register(&shapes).await };
+            if roster.nodes()[place].is_left_out() {
+                // If it fails, the node reports the missing shape when it is asked.
+                tokio::spawn(tokio::time::timeout(CALL_TIMEOUT, registered));
+            } else {
+                let registered = tokio::time::timeout(at_most, registered);
+                calls.push(
+                    async move { (place, registered.await.unwrap_or(Err(NodeError::Timeout(at_most)))) },
+                );
+            }
         }
-        refused.into_iter().chain(others).collect()
+        let mut refused = Vec::new();
+        for (place, registered) in futures::future::join_all(calls).await {
+            match registered {
+                Err(error @ NodeError::Timeout(_)) => {
+                    roster.fault(place, monotonic_s(), format!("{error} to new shapes"));
+                }
+                Err(error @ NodeError::Refused(_)) => {
+                    refused.push(TransportError::of(&self.clients[place], error));
+                }
+                // A node that is gone receives them when it reconnects.
+                Ok(()) | Err(_) => {}
+            }
+        }
+        let are_many = 2 * refused.len() >= self.clients.len();
+        refused.into_iter().next().filter(|_| are_many).map_or(Ok(()), Err)
     }
 }
 
-/// Calls all nodes at once, until all have answered. Returns the refusals apart from the rest: they will not pass by themselves.
-async fn call_all<'a, F>(
-    clients: &'a [Arc<NodeClient>],
-    call: impl Fn(&'a Arc<NodeClient>) -> F,
-) -> (Vec<Result<(), TransportError>>, Vec<Result<(), TransportError>>)
-where
-    F: Future<Output = Result<(), NodeError>>,
-{
-    let calls = clients.iter().map(|client| {
-        let called = call(client);
-        async move { called.await.map_err(|error| TransportError::of(client, error)) }
-    });
-    futures::future::join_all(calls)
-        .await
-        .into_iter()
-        .partition(|result| result.as_ref().is_err_and(TransportError::is_refusal))
+/// Starts a run at a node.
+async fn start_at(client: &NodeClient, pace: Pace) -> Result<(), NodeError> {
+    let started = tokio::time::timeout(START_TIMEOUT, client.start(pace)).await;
+    started.unwrap_or(Err(NodeError::Timeout(START_TIMEOUT)))
 }
 
 /// Calls all nodes at once. Of several errors a refusal counts first.
@@ -199,7 +240,13 @@ async fn each<'a, F>(
 where
     F: Future<Output = Result<(), NodeError>>,
 {
-    let (refused, others) = call_all(clients, call).await;
+    let calls = clients.iter().map(|client| {
+        let called = call(client);
+        async move { called.await.map_err(|error| TransportError::of(client, error)) }
+    });
+    let results = futures::future::join_all(calls).await.into_iter();
+    let (refused, others): (Vec<_>, Vec<_>) =
+        results.partition(|result| result.as_ref().is_err_and(TransportError::is_refusal));
     refused.into_iter().chain(others).collect()
 }
 

@@ -42,7 +42,7 @@ pub fn results(query: &Query) -> Outcome<Vec<BodyResult>> {
 
 async fn answer(transport: &mut Transport, pass: &mut Pass) -> Result<(), TransportError> {
     transport.ready(START_TIMEOUT).await?;
-    transport.start(Pace::lock_step(1)).await?;
+    transport.start(Pace::lock_step(1), None).await?;
     transport.credit(FRAME);
     transport.frame(FRAME, START_TIMEOUT).await?;
     transport.run_pass(pass, FRAME, Some(ROUND_TIMEOUT), &mut |_, _| {}).await
