@@ -9,6 +9,7 @@ use std::process::{Command, Output, Stdio};
 
 use demo::{Demo, TOKEN};
 use serde_json::Value;
+use testkit::{Watch, timely};
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
@@ -33,6 +34,7 @@ fn text(output: &Output) -> String {
 #[test]
 fn the_python_program_follows_and_kicks_its_ball() {
     let Some(mut python) = python() else { return };
+    let watch = Watch::start();
     let demo = Demo::start(&[]);
     let output = python
         .arg(root().join("examples/python/follow_and_push.py"))
@@ -44,7 +46,8 @@ fn the_python_program_follows_and_kicks_its_ball() {
     let last = said.lines().last().unwrap_or_default();
     let numbers: Vec<u32> = last.split(' ').filter_map(|word| word.parse().ok()).collect();
     assert!(last.ends_with("kicks") && numbers.len() == 2, "{last}");
-    assert!(numbers[0] > 60 && numbers[1] >= 1, "{said}");
+    // Of a run without time for its steps fewer states come, and the ball does not come to rest.
+    timely!(watch, numbers[0] > 60 && numbers[1] >= 1, "{last}: {said}");
 }
 
 #[test]

@@ -240,6 +240,12 @@ impl Roster {
         node.conduct.fault(now_s, why);
     }
 
+    /// Whether steps ask a node, and it has answered so far.
+    pub fn answers(&self, node: usize, now_s: f64) -> bool {
+        let node = &self.nodes[node];
+        node.is_up && !node.is_silent && !node.is_left_out && !node.conduct.is_excluded(now_s)
+    }
+
     /// Whether a node may refuse a question about a frame for this reason: it no longer has an old frame, and not yet one that
     /// it has not reported. A late question is no fault of the node.
     pub fn excuses(&self, node: usize, reason: RefusalReason, frame: u64) -> bool {

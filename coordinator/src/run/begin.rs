@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use proto::Pace;
+use proto::{Pace, unix_now_s};
 use tokio::time::Instant;
 
 use super::watch::REPORT_EVERY;
@@ -12,6 +12,8 @@ use crate::transport::TransportError;
 
 /// A run that resumes a remembered world waits so long for all its nodes.
 const RESUME_PATIENCE: Duration = Duration::from_secs(2);
+/// If that world is not older, seconds: nodes that are away may remember a newer one.
+const RECENT_S: f64 = 300.0;
 /// From the start of a live run to its first frame, seconds: nodes open their cameras meanwhile.
 const LEAD_S: f64 = 0.3;
 
@@ -35,6 +37,7 @@ impl Coordinator {
     async fn await_nodes(&mut self) -> Result<(), RunError> {
         let began = Instant::now();
         let deadline = began + self.settings.connect_timeout;
+        let mut look_at = began + RESUME_PATIENCE;
         loop {
             let left = deadline - Instant::now();
             let missing = match self.transport.ready(left.min(REPORT_EVERY)).await {
@@ -43,7 +46,11 @@ impl Coordinator {
             };
             let is_last = left <= REPORT_EVERY;
             let is_enough = self.may_begin_without_missing();
-            if is_enough && (is_last || began.elapsed() >= RESUME_PATIENCE && self.is_remembered().await) {
+            let looks = is_enough && Instant::now() >= look_at;
+            if looks {
+                look_at = Instant::now() + RESUME_PATIENCE;
+            }
+            if is_enough && is_last || looks && self.is_remembered().await {
                 missing.iter().for_each(|missing| tracing::warn!("it begins without {missing}"));
                 return Ok(());
             }
@@ -60,13 +67,14 @@ impl Coordinator {
             && self.transport.roster().may_begin_without_missing(self.least_cameras())
     }
 
-    /// Whether the connected nodes remember a world that this run resumes.
+    /// Whether the connected nodes remember a recent world that this run resumes.
     async fn is_remembered(&self) -> bool {
         if self.memory_use != MemoryUse::GoOn {
             return false;
         }
         let scene = self.world.scene();
         let home = Home::new(Place::of(self.query.observers(), scene), scene);
-        newest_world(home, self.transport.clients().to_vec()).await.is_some()
+        let newest = newest_world(home, self.transport.clients().to_vec()).await;
+        newest.is_some_and(|found| (unix_now_s() - found.kept.unix_s).abs() < RECENT_S)
     }
 }

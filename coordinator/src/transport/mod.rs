@@ -347,7 +347,7 @@ impl Transport {
         if new.is_empty() || !remote.may_ask() {
             return Ok(());
         }
-        remote.nodes.register(&Arc::from(new), at_most, roster).await
+        remote.nodes.register(&new, at_most, roster).await
     }
 
     /// Has every camera of every node learn its background anew from so many frames of film. If one cannot, none

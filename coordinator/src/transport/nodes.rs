@@ -24,7 +24,7 @@ pub(super) const CALL_TIMEOUT: Duration = Duration::from_secs(2);
 const START_TIMEOUT: Duration = Duration::from_secs(30);
 
 /// A live run with enough cameras waits so long for the remaining nodes to start.
-const START_PATIENCE: Duration = Duration::from_millis(500);
+const START_PATIENCE: Duration = Duration::from_secs(1);
 
 /// Clients of all nodes, in the order of the roster.
 pub(super) struct Nodes {
@@ -137,9 +137,9 @@ impl Nodes {
         }
     }
 
-    /// Starts a run at all nodes, also at those that connect later. `least_cameras` is of a live run: it goes on without nodes
-    /// that are away, and without nodes that refuse or do not answer while the others have at least so many cameras. These
-    /// nodes are reconnected, and start then.
+    /// Starts a run at all nodes, also at those that connect later. With `least_cameras`, of a live run, it goes on without
+    /// nodes that do not start: these are reconnected, and start then. It fails if a node refuses and all that start have
+    /// fewer cameras.
     pub async fn start(&self, pace: Pace, least_cameras: Option<usize>) -> Result<(), TransportError> {
         self.agreement.begin_run(pace);
         let Some(least_cameras) = least_cameras else {
@@ -148,8 +148,10 @@ impl Nodes {
         let started = |client: Arc<NodeClient>| async move {
             let started = start_at(&client, pace).await;
             if let Err(error) = &started {
-                tracing::warn!("node {}: cannot start: {error}", client.node());
-                client.connect_anew();
+                if !error.is_absence() {
+                    tracing::warn!("node {}: cannot start: {error}", client.node());
+                }
+                client.reconnect();
             }
             (client, started)
         };
@@ -185,43 +187,42 @@ impl Nodes {
         self.clients.iter().for_each(|client| client.use_frame(frame));
     }
 
-    /// Makes shapes known to all nodes that may lack them, whatever one of them answers. Fewer than half of the nodes that
-    /// refuse do so wrongly: such a node is excluded when it is asked about a shape that it does not have. Does not wait for
-    /// excluded nodes; no answer within `at_most` is a fault.
+    /// Makes shapes known to all nodes that answer at present; the others receive them when they first miss one. Fewer than
+    /// half of the nodes that refuse do so wrongly: such a node is excluded when it is asked about a shape that it does not
+    /// have. If fewer than half do not answer within `at_most`, that is their fault.
     pub async fn register(
         &self,
-        shapes: &Arc<[Arc<Shape>]>,
+        shapes: &[Arc<Shape>],
         at_most: Duration,
         roster: &mut Roster,
     ) -> Result<(), TransportError> {
-        let mut calls = Vec::new();
-        for (place, client) in self.clients.iter().enumerate() {
-            let (client, shapes) = (Arc::clone(client), Arc::clone(shapes));
-            let registered = async move { client.register(&shapes).await };
-            if roster.nodes()[place].is_left_out() {
-                // If it fails, the node reports the missing shape when it is asked.
-                tokio::spawn(tokio::time::timeout(CALL_TIMEOUT, registered));
-            } else {
-                let registered = tokio::time::timeout(at_most, registered);
-                calls.push(
-                    async move { (place, registered.await.unwrap_or(Err(NodeError::Timeout(at_most)))) },
-                );
-            }
-        }
-        let mut refused = Vec::new();
-        for (place, registered) in futures::future::join_all(calls).await {
+        let now_s = monotonic_s();
+        let asked = self.clients.iter().enumerate().filter(|&(place, _)| roster.answers(place, now_s));
+        let calls = asked.map(|(place, client)| async move {
+            let registered = tokio::time::timeout(at_most, client.register(shapes)).await;
+            (place, registered.unwrap_or(Err(NodeError::Timeout(at_most))))
+        });
+        let answers = futures::future::join_all(calls).await;
+        let (mut silent, mut refused) = (Vec::new(), Vec::new());
+        let are_few = |places: usize| 2 * places < answers.len();
+        for (place, registered) in &answers {
             match registered {
-                Err(error @ NodeError::Timeout(_)) => {
-                    roster.fault(place, monotonic_s(), format!("{error} to new shapes"));
-                }
+                Err(NodeError::Timeout(_)) => silent.push(*place),
                 Err(error @ NodeError::Refused(_)) => {
-                    refused.push(TransportError::of(&self.clients[place], error));
+                    refused.push(TransportError::of(&self.clients[*place], error.clone()));
                 }
                 // A node that is gone receives them when it reconnects.
                 Ok(()) | Err(_) => {}
             }
         }
-        let are_many = 2 * refused.len() >= self.clients.len();
+        // Of most nodes it is the network, or the size of the shapes.
+        if are_few(silent.len()) {
+            for place in silent {
+                let why = format!("no answer to new shapes within {} ms", at_most.as_millis());
+                roster.fault(place, monotonic_s(), why);
+            }
+        }
+        let are_many = !are_few(refused.len());
         refused.into_iter().next().filter(|_| are_many).map_or(Ok(()), Err)
     }
 }

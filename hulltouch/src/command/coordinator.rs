@@ -48,7 +48,7 @@ pub struct CoordinatorArguments {
     #[arg(long)]
     fresh: bool,
     /// How long to wait for all nodes at the beginning, and then for their first frame, seconds. A live run then begins
-    /// without those that are away, if min_cameras are there. One that goes on where it was waits 2 s for them.
+    /// without those that are away, if min_cameras are there. One that is restarted within five minutes waits 2 s for them.
     #[arg(long, value_name = "S", default_value_t = 60.0)]
     patience: f64,
     #[command(flatten)]

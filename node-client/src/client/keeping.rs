@@ -47,6 +47,9 @@ impl NodeClient {
     pub(super) async fn keep_connected(self: Arc<NodeClient>) {
         let mut backoff = FIRST_BACKOFF;
         while !self.events.is_closed() {
+            // From here on: a run that starts while this connection is made does not reach the node over it.
+            let mut given_up = std::pin::pin!(self.given_up.notified());
+            given_up.as_mut().enable();
             let begun = tokio::time::timeout(BEGIN_TIMEOUT, self.begin()).await;
             let error = match begun.unwrap_or(Err(NodeError::Timeout(BEGIN_TIMEOUT))) {
                 Ok((connection, streams)) => {
@@ -56,7 +59,7 @@ impl NodeClient {
                     let error = tokio::select! {
                         biased;
                         error = self.read(streams) => error,
-                        () = self.given_up.notified() => NodeError::NotConnected,
+                        () = given_up => NodeError::NotConnected,
                     };
                     self.state().connection = None;
                     error

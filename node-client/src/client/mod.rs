@@ -95,8 +95,8 @@ impl NodeClient {
         self.state().clock_line
     }
 
-    /// Gives up the connection in use, if there is one, for another: the node does not answer.
-    pub fn connect_anew(&self) {
+    /// Gives up the connection in use, or being made, for another: the node does not answer, or does not know of the run.
+    pub fn reconnect(&self) {
         self.given_up.notify_waiters();
     }
 
