@@ -221,20 +221,35 @@ fn block() -> Vec<[f32; 3]> {
     samples.collect()
 }
 
-/// Passes of one body at these places, one after the other: the results, and the trips of each.
-fn follow(sets: &[ViewSet], places_m: &[f64], speculates: bool) -> (Vec<BodyResult>, Vec<usize>) {
+/// Passes of bodies side by side at these places, one after the other, whose samples all have the body's face: the results,
+/// and the trips of each.
+fn follow(
+    sets: &[ViewSet],
+    places_m: &[f64],
+    faces: &[Option<Vector3<f64>>],
+    speculates: bool,
+) -> (Vec<Vec<BodyResult>>, Vec<usize>) {
     let (shape, around) = (Shape::new(block()).expect("samples"), Shape::new(AROUND.into()).expect("points"));
     let (shape, around) = (Arc::new(shape), Arc::new(around));
+    let of_samples = |face: &Option<Vector3<f64>>| {
+        let mut of_samples = FaceNormals::default();
+        block().iter().for_each(|_| of_samples.push(*face));
+        face.map(|_| Arc::new(of_samples))
+    };
+    let faces: Vec<Option<Arc<FaceNormals>>> = faces.iter().map(of_samples).collect();
     let mut pass = Pass::new(vec![], None, ProbeSettings::default(), sets.len());
     pass.only_planes(true);
     pass.speculate(speculates);
-    let (mut reaches, mut results, mut trips) = (Reaches::default(), Vec::new(), Vec::new());
+    let (mut reaches, mut results, mut trips) = (vec![Reaches::default(); faces.len()], vec![], vec![]);
     let (mut scratch, mut answer) = (Scratch::default(), Answer::default());
     for &place_m in places_m {
-        let pose = Pose::IDENTITY.moved([place_m, 0.0, 0.0]);
-        let points = |shape: &Arc<Shape>| Points::Body { shape: Arc::clone(shape), pose };
-        let asked = AskedBody { around: Some(points(&around)), ..AskedBody::plain(points(&shape), &reaches) };
-        pass.restart([asked].into_iter(), Some(&WorldBox::EVERYWHERE));
+        let asked = faces.iter().zip(&reaches).enumerate().map(|(body, (faces, reaches))| {
+            let pose = Pose::IDENTITY.moved([place_m, 0.0, 0.05 * body as f64]);
+            let points = |shape: &Arc<Shape>| Points::Body { shape: Arc::clone(shape), pose };
+            let (around, faces) = (Some(points(&around)), faces.clone());
+            AskedBody { around, faces, ..AskedBody::plain(points(&shape), reaches) }
+        });
+        pass.restart(asked, Some(&WorldBox::EVERYWHERE));
         trips.push(0);
         while let Some(question) = pass.question().cloned() {
             let speculative = pass.speculative_question().cloned();
@@ -252,8 +267,8 @@ fn follow(sets: &[ViewSet], places_m: &[f64], speculates: bool) -> (Vec<BodyResu
                 }
             }
         }
-        results.push(pass.results()[0].clone());
-        reaches.note(&results[results.len() - 1]);
+        reaches.iter_mut().zip(pass.results()).for_each(|(reaches, result)| reaches.note(result));
+        results.push(pass.results().to_vec());
     }
     (results, trips)
 }
@@ -263,8 +278,8 @@ fn speculation_changes_no_result_and_spares_trips_where_the_same_samples_touch()
     let sets = each_alone(&views(0));
     // Far away, touching, still, a little deeper, away again, and at once deep.
     let places_m = [1.0, 0.3, 0.3, 0.29, 0.29, 1.0, 0.2, 0.2];
-    let (plain, plain_trips) = follow(&sets, &places_m, false);
-    let (speculative, trips) = follow(&sets, &places_m, true);
+    let (plain, plain_trips) = follow(&sets, &places_m, &[None], false);
+    let (speculative, trips) = follow(&sets, &places_m, &[None], true);
     assert_eq!(speculative, plain);
     assert_eq!(
         plain_trips,
@@ -272,5 +287,26 @@ fn speculation_changes_no_result_and_spares_trips_where_the_same_samples_touch()
         "two rounds where it touches, three where it is deep at once"
     );
     assert_eq!(trips, [1, 2, 1, 2, 1, 1, 2, 1], "one where the same samples touch");
-    assert!(!plain[1].touches.is_empty() && !plain[1].around.is_empty());
+    assert!(!plain[1][0].touches.is_empty() && !plain[1][0].around.is_empty());
+}
+
+#[test]
+fn ways_out_are_asked_for_together_with_planes_and_end_a_pass_in_three_trips() {
+    let sets = each_alone(&views(0));
+    let places_m = [1.0, 0.2, 0.2, 0.19, 1.0, 0.22];
+    let (faced, unfaced) = (Some(-Vector3::x()), Some(-Vector3::y()));
+    for (faces, expected) in [
+        (&[unfaced][..], [1, 3, 3, 3, 1, 3]),
+        (&[faced], [1, 2, 1, 2, 1, 2]),
+        (&[faced, unfaced, faced, unfaced], [1, 3, 3, 3, 1, 3]),
+    ] {
+        let (plain, plain_trips) = follow(&sets, &places_m, faces, false);
+        let (speculative, trips) = follow(&sets, &places_m, faces, true);
+        assert_eq!(speculative, plain);
+        assert_eq!(trips, expected, "not {plain_trips:?}");
+        for (result, face) in plain[1].iter().zip(faces) {
+            let ends_above = |touch: &Touch| touch.edge.is_some() && normal(touch).y > 0.95;
+            assert_eq!(result.touches.iter().any(ends_above), *face == unfaced, "{:?}", result.touches);
+        }
+    }
 }

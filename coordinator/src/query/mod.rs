@@ -108,7 +108,7 @@ impl HullQuery {
         self.pass.ask_groups(group_count);
     }
 
-    /// From the next pass on asks for planes that are likely to matter together with the classes, to spare a trip.
+    /// From the next pass on asks for what is likely to matter beside the pass's own questions, to spare trips.
     pub fn speculate(&mut self, speculates: bool) {
         self.pass.speculate(speculates);
     }

@@ -3,7 +3,7 @@
 use thiserror::Error;
 
 use super::{Pass, Round};
-use crate::question::{Answer, Change, NO_EXIT_M, QuestionKind, Standing};
+use crate::question::{Answer, Change, NO_EXIT_M, Question, QuestionKind, Standing};
 use crate::reach::Reach;
 
 /// Why a group's answer was refused.
@@ -91,7 +91,7 @@ impl Pass {
     pub fn answer(&mut self, group: usize, answer: &Answer) -> Result<(), AnswerError> {
         let expected = self.groups.len();
         let asked = *self.groups.get(group).ok_or(AnswerError::Group { found: group, expected })?;
-        if self.round == Round::Classes && answer.kind == QuestionKind::Planes {
+        if self.round != Round::Done && self.speculation.is_answered_by(answer, &self.question) {
             self.answer_speculation(group, answer)?;
             self.advance_if_answered();
             return Ok(());
@@ -105,7 +105,7 @@ impl Pass {
         if answer.len() != self.merged.len() {
             return Err(AnswerError::Count { group, found: answer.len(), expected: self.merged.len() });
         }
-        self.merge(answer);
+        merge(&mut self.merged, &mut self.exits_within, answer);
         self.groups[group].has_answered = true;
         self.advance_if_answered();
         Ok(())
@@ -127,19 +127,12 @@ impl Pass {
             group.is_asked = !group.is_left_out && asks(group);
             group.has_answered = false;
         }
-        let merged = &mut self.merged;
-        merged.restart(self.question.kind);
-        self.changes_sorted = true;
-        match self.question.kind {
-            QuestionKind::Classes => merged.standings.resize(count, Standing::inside(0)),
-            QuestionKind::Edges | QuestionKind::Planes => {
-                merged.edges.resize(count, None);
-                // One group alone finds exits at once.
-                let told = if self.groups.len() == 1 { 0 } else { count };
-                self.exits_within.clear();
-                self.exits_within.resize(told, None);
-            }
-            QuestionKind::Exits | QuestionKind::SharedExits => merged.exits_m.resize(count, NO_EXIT_M),
+        nothing_yet(&mut self.merged, &self.question);
+        if matches!(self.question.kind, QuestionKind::Edges | QuestionKind::Planes) {
+            // One group alone finds exits at once.
+            let told = if self.groups.len() == 1 { 0 } else { count };
+            self.exits_within.clear();
+            self.exits_within.resize(told, None);
         }
     }
 
@@ -179,35 +172,11 @@ impl Pass {
         }
     }
 
-    fn merge(&mut self, answer: &Answer) {
-        let merged = &mut self.merged;
-        for (merged, &standing) in merged.standings.iter_mut().zip(&answer.standings) {
-            *merged = merged.and(standing);
-        }
-        for (at, (merged, edge)) in merged.edges.iter_mut().zip(&answer.edges).enumerate() {
-            let Some(edge) = edge else { continue };
-            if merged.is_none_or(|before| edge.is_nearer(&before)) {
-                *merged = Some(*edge);
-                if let Some(within) = self.exits_within.get_mut(at) {
-                    *within = answer.exits_within.get(at).copied();
-                }
-            }
-        }
-        for (merged, &exit_m) in merged.exits_m.iter_mut().zip(&answer.exits_m) {
-            *merged = merged.min(exit_m);
-        }
-        self.changes_sorted &= merged.changes.is_empty() || answer.changes.is_empty();
-        merged.changes.extend_from_slice(&answer.changes);
-    }
-
     fn advance(&mut self) {
         if self.is_first_phase {
             return self.ask_within_found();
         }
-        if !self.changes_sorted {
-            let order = |a: &Change, b: &Change| a.point.cmp(&b.point).then(a.t_m.total_cmp(&b.t_m));
-            self.merged.changes.sort_unstable_by(order);
-        }
+        sort_changes(&mut self.merged);
         match self.round {
             Round::Classes => self.after_classes(),
             Round::Edges => self.after_edges(),
@@ -218,5 +187,44 @@ impl Pass {
             Round::Check => self.after_check(),
             Round::Done => {}
         }
+    }
+}
+
+/// The answer to a question that no group has answered.
+pub(super) fn nothing_yet(merged: &mut Answer, question: &Question) {
+    merged.restart(question.kind);
+    let count = question.len();
+    match question.kind {
+        QuestionKind::Classes => merged.standings.resize(count, Standing::inside(0)),
+        QuestionKind::Edges | QuestionKind::Planes => merged.edges.resize(count, None),
+        QuestionKind::Exits | QuestionKind::SharedExits => merged.exits_m.resize(count, NO_EXIT_M),
+    }
+}
+
+/// Merges a group's answer with those of others, in any order. `exits_within` follows the merged edges, if it has places.
+pub(super) fn merge(merged: &mut Answer, exits_within: &mut [Option<Reach>], answer: &Answer) {
+    for (merged, &standing) in merged.standings.iter_mut().zip(&answer.standings) {
+        *merged = merged.and(standing);
+    }
+    for (at, (merged, edge)) in merged.edges.iter_mut().zip(&answer.edges).enumerate() {
+        let Some(edge) = edge else { continue };
+        if merged.is_none_or(|before| edge.is_nearer(&before)) {
+            *merged = Some(*edge);
+            if let Some(within) = exits_within.get_mut(at) {
+                *within = answer.exits_within.get(at).copied();
+            }
+        }
+    }
+    for (merged, &exit_m) in merged.exits_m.iter_mut().zip(&answer.exits_m) {
+        *merged = merged.min(exit_m);
+    }
+    merged.changes.extend_from_slice(&answer.changes);
+}
+
+/// Sorts the merged changes by point and along each ray: of several groups they are not.
+pub(super) fn sort_changes(merged: &mut Answer) {
+    let order = |a: &Change, b: &Change| a.point.cmp(&b.point).then(a.t_m.total_cmp(&b.t_m));
+    if !merged.changes.is_sorted_by(|a, b| order(a, b).is_le()) {
+        merged.changes.sort_unstable_by(order);
     }
 }

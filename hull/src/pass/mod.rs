@@ -101,12 +101,11 @@ pub struct Pass {
     is_first_phase: bool,
     /// Planes are asked for instead of edges, and no exits.
     only_planes: bool,
-    /// Planes that are likely to matter are asked for together with the classes.
+    /// Planes that are likely to matter are asked for together with the classes, and ways out together with planes.
     speculates: bool,
     speculation: Speculation,
     /// Few exits are asked for, each not far, at the price of rounds.
     saves_bytes: bool,
-    changes_sorted: bool,
     /// Points that were asked about since it was made, by kind.
     points_asked: [u64; QuestionKind::ALL.len()],
 }
@@ -164,7 +163,6 @@ impl Pass {
             speculates: false,
             speculation: Speculation::default(),
             saves_bytes: false,
-            changes_sorted: true,
             points_asked: [0; QuestionKind::ALL.len()],
         };
         let unknown = Reaches::default();
@@ -241,7 +239,7 @@ impl Pass {
         self.is_first_phase = false;
         let has_first = self.groups.iter().any(|group| group.is_first && !group.is_left_out);
         self.ask(Round::Classes, |group| !has_first || group.is_first);
-        self.ask_speculatively();
+        self.speculate_on_planes();
     }
 
     /// From the next pass on, asks for planes instead of edges: touches have the hull's surface near them, bodies no

@@ -31,7 +31,7 @@ impl Pass {
         if self.only_planes {
             self.drop_needless_feelers();
             self.add_around();
-            self.take_speculation();
+            self.take_planes();
         }
         self.ask_edges(|body, touch| touch.edge.is_none() && !body.is_speculated);
     }
@@ -129,6 +129,9 @@ impl Pass {
             return self.after_planes();
         }
         self.ask_distances(Round::Edges);
+        if !again {
+            self.speculate_on_ways_out();
+        }
     }
 
     pub(super) fn after_edges(&mut self) {

@@ -1,32 +1,73 @@
-//! The speculative question: planes that are asked for together with the classes, of samples that touched in the pass
-//! before, and of points around their bodies. Where little changes nothing else is to be asked, and a pass takes one trip.
-//! Planes of samples that no longer touch are dropped, and planes that are missing are asked for next: the results do not
+//! The speculative question, beside the pass's own: what is likely to be asked next. Together with the classes these are the
+//! planes of samples that touched in the pass before, and of points around their bodies: where little changes nothing else
+//! is to be asked, and a pass takes one trip. Together with planes these are the ways out of bodies of which no sample is
+//! known to be faced. What turns out not to matter is dropped, and what is missing is asked for next: the results do not
 //! depend on it.
 
-use super::groups::AnswerError;
-use super::{AROUND_REACH, Pass, PassBody, Targets};
-use crate::question::{Answer, Edge, Question, QuestionKind};
+use super::groups::{AnswerError, merge, nothing_yet, sort_changes};
+use super::ways_out::MAX_WAY_OUT_M;
+use super::{AROUND_REACH, Pass, PassBody, Targets, changes_of};
+use crate::question::{Answer, Change, NO_EXIT_M, Question, QuestionKind};
+use crate::reach::Reach;
 
 /// The speculative question, and the answers to it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Speculation {
     question: Question,
     targets: Targets,
-    /// One for each target.
-    merged: Vec<Option<Edge>>,
+    /// Of the groups that have answered.
+    merged: Answer,
     /// The groups that have not answered.
     waits: Vec<bool>,
 }
 
 impl Speculation {
+    /// Whether all groups that were asked have answered.
     pub fn is_answered(&self) -> bool {
         !self.waits.contains(&true)
+    }
+
+    /// Whether an answer is to this question, which is of another kind than the pass's own.
+    pub fn is_answered_by(&self, answer: &Answer, own: &Question) -> bool {
+        !answer.kind.answers(own.kind) && answer.kind.answers(self.question.kind)
+    }
+
+    fn restart(&mut self, kind: QuestionKind) {
+        self.question.restart(kind);
+        self.merged.restart(kind);
+        self.targets.0.clear();
+        self.waits.clear();
+    }
+
+    /// Hands over the exits of touches, in their order, if they were asked for.
+    pub fn take_exits(&mut self, touches: &Targets, merged: &mut Answer) -> bool {
+        if touches.0.is_empty() || self.question.kind != QuestionKind::Exits || self.targets.0.is_empty() {
+            return false;
+        }
+        sort_changes(&mut self.merged);
+        merged.restart(QuestionKind::Exits);
+        let (mut at, mut changes) = (0, 0..0);
+        for (point, touch) in touches.0.iter().enumerate() {
+            // Both are in order.
+            at += self.targets.0[at..].iter().take_while(|asked| *asked < touch).count();
+            if self.targets.0.get(at) != Some(touch) {
+                return false;
+            }
+            let before = self.merged.changes[changes.end..].iter();
+            let start = changes.end + before.take_while(|change| (change.point as usize) < at).count();
+            changes = changes_of(&self.merged.changes, at, start);
+            let of_point = self.merged.changes[changes.clone()].iter();
+            merged.changes.extend(of_point.map(|&change| Change { point: point as u32, ..change }));
+            merged.exits_m.push(self.merged.exits_m.get(at).copied().unwrap_or(NO_EXIT_M));
+        }
+        true
     }
 }
 
 impl Pass {
-    /// From the next pass on, asks for planes that are likely to matter together with the classes, if all groups are asked
-    /// for these at once: it takes fewer trips, and some of the planes are dropped. Needs [`Pass::only_planes`].
+    /// From the next pass on, asks together with classes for planes that are likely to matter, if all groups are asked
+    /// for these at once, and together with planes for ways out: it takes fewer trips, and some of the answers are dropped.
+    /// Needs [`Pass::only_planes`].
     pub fn speculate(&mut self, speculates: bool) {
         self.speculates = speculates;
     }
@@ -37,13 +78,11 @@ impl Pass {
         (!self.speculation.is_answered()).then_some(&self.speculation.question)
     }
 
-    /// Makes the speculative question. The classes are asked already.
-    pub(super) fn ask_speculatively(&mut self) {
+    /// Speculates on planes. The classes are asked already.
+    pub(super) fn speculate_on_planes(&mut self) {
         let Pass { speculation, bodies, count, groups, .. } = self;
-        let Speculation { question, targets, merged, waits } = speculation;
-        question.restart(QuestionKind::Planes);
-        targets.0.clear();
-        waits.clear();
+        speculation.restart(QuestionKind::Planes);
+        let Speculation { question, targets, .. } = speculation;
         let is_in_one_phase = groups.iter().all(|group| group.is_asked || group.is_left_out);
         let is_wanted = self.speculates && self.only_planes && is_in_one_phase;
         let (all, count) = (&*bodies, if is_wanted { *count } else { 0 });
@@ -67,11 +106,44 @@ impl Pass {
                 question.pick(&body.points, [0.0; 3], picks.iter().map(|&(_, sample)| sample));
             }
         }
-        merged.clear();
-        merged.resize(targets.0.len(), None);
+        self.ask_speculation();
+    }
+
+    /// Speculates on ways out. Planes are asked already: of touches without one it is not known whether it faces them.
+    pub(super) fn speculate_on_ways_out(&mut self) {
+        let Pass { speculation, bodies, results, asked_count, .. } = self;
+        speculation.restart(QuestionKind::Exits);
+        let Speculation { question, targets, .. } = speculation;
+        let is_wanted = self.speculates && self.only_planes;
+        let count = if is_wanted { *asked_count } else { 0 };
+        for (index, (body, result)) in bodies[..count].iter().zip(results).enumerate() {
+            if result.touches.iter().any(|touch| touch.edge.is_some() && body.is_faced(touch)) {
+                continue;
+            }
+            let first = targets.0.len();
+            for (touch, found) in result.touches.iter().enumerate() {
+                let Some(direction) = body.against_faces(found.sample) else { continue };
+                targets.0.push((index as u32, touch as u32));
+                question.directions.push(direction);
+                question.within.push(Reach::covering(MAX_WAY_OUT_M));
+            }
+            let picks = &targets.0[first..];
+            if !picks.is_empty() {
+                let sample = |&(_, touch): &(u32, u32)| result.touches[touch as usize].sample;
+                question.pick(&body.points, [0.0; 3], picks.iter().map(sample));
+            }
+        }
+        self.ask_speculation();
+    }
+
+    /// Asks the groups that the pass's own question asks.
+    fn ask_speculation(&mut self) {
+        let Pass { speculation, groups, points_asked, .. } = self;
+        let Speculation { question, targets, merged, waits } = speculation;
+        nothing_yet(merged, question);
         if !targets.0.is_empty() {
             waits.extend(groups.iter().map(|group| group.is_asked));
-            self.points_asked[QuestionKind::Planes as usize] += self.speculation.targets.0.len() as u64;
+            points_asked[question.kind as usize] += targets.0.len() as u64;
         }
     }
 
@@ -80,24 +152,19 @@ impl Pass {
         if !waits.get(group).is_some_and(|&waits| waits) {
             return Err(AnswerError::Twice(group));
         }
-        if answer.edges.len() != merged.len() {
-            return Err(AnswerError::Count { group, found: answer.edges.len(), expected: merged.len() });
+        if answer.len() != merged.len() {
+            return Err(AnswerError::Count { group, found: answer.len(), expected: merged.len() });
         }
-        for (merged, edge) in merged.iter_mut().zip(&answer.edges) {
-            let Some(edge) = edge else { continue };
-            if merged.is_none_or(|before| edge.is_nearer(&before)) {
-                *merged = Some(*edge);
-            }
-        }
+        merge(merged, &mut [], answer);
         waits[group] = false;
         Ok(())
     }
 
     /// Gives touches the planes that were found speculatively. Points around bodies need no other question, also those
     /// without a plane.
-    pub(super) fn take_speculation(&mut self) {
+    pub(super) fn take_planes(&mut self) {
         let Pass { speculation, bodies, results, .. } = self;
-        let mut edges = speculation.merged.iter();
+        let mut edges = speculation.merged.edges.iter();
         for of_body in speculation.targets.0.chunk_by(|a, b| a.0 == b.0) {
             let index = of_body[0].0 as usize;
             let PassBody { owner, is_speculated, .. } = &mut bodies[index];
@@ -110,5 +177,31 @@ impl Pass {
                 }
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exits_of_some_of_the_touches_that_were_asked_about_are_handed_over_with_their_changes() {
+        let change = |point: u32, t_m: f32| Change { point, t_m, by: 1 };
+        let mut speculation = Speculation::default();
+        speculation.restart(QuestionKind::Exits);
+        speculation.targets = Targets(vec![(0, 0), (0, 1), (1, 0), (1, 2), (2, 5)]);
+        speculation.merged.exits_m = vec![0.1, 0.2, 0.3, 0.4, 0.5];
+        speculation.merged.changes = [(3, 0.2), (1, 0.3), (3, 0.1), (4, 0.4), (0, 0.5)]
+            .map(|(point, t_m)| change(point, t_m))
+            .to_vec();
+        let mut merged = Answer::default();
+        assert!(speculation.take_exits(&Targets(vec![(0, 1), (1, 2), (2, 5)]), &mut merged));
+        assert_eq!((merged.kind, &merged.exits_m[..]), (QuestionKind::Exits, &[0.2, 0.4, 0.5][..]));
+        assert_eq!(merged.changes, [change(0, 0.3), change(1, 0.1), change(1, 0.2), change(2, 0.4)]);
+        assert!(
+            !speculation.take_exits(&Targets(vec![(0, 1), (1, 1)]), &mut merged),
+            "one was not asked about"
+        );
+        assert!(!speculation.take_exits(&Targets::default(), &mut merged));
     }
 }

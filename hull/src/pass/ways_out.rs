@@ -1,16 +1,17 @@
 //! Bodies of which no sample is faced by the surface found for it: deep in the hull, or met by a limb between two
-//! frames. Each sample asks for its exit against its own face, and for the plane of the surface there. Rare, and a round
-//! each. Where some are faced these push the body out, and the others have nothing to add: their ways lead through the
-//! limb to another side of it.
+//! frames. Each sample asks for its exit against its own face, and then for the plane of the surface there. Where some
+//! are faced these push the body out, and the others have nothing to add: their ways lead through the limb to another
+//! side of it.
 
 use nalgebra::{Point3, Vector3};
 
 use super::{Pass, PassBody, Round, Touch, changes_of};
 use crate::merge::first_exit;
 use crate::question::{Batch, Points, QuestionKind};
+use crate::reach::Reach;
 
 /// A longer way out is none, metres: what moves so far in a frame is another limb.
-const MAX_WAY_OUT_M: f64 = 0.2;
+pub(super) const MAX_WAY_OUT_M: f64 = 0.2;
 /// The plane is asked for so far before the exit, metres: there it is the nearest.
 const BEFORE_EXIT_M: f64 = 1e-3;
 
@@ -25,10 +26,14 @@ impl Pass {
             }
         }
         self.pick_touches([0.0; 3], |body, _, touch| way_out(body, touch).is_some());
-        let Pass { question, targets, bodies, results, .. } = self;
+        let Pass { question, targets, bodies, results, merged, speculation, .. } = self;
         for &(body, touch) in &targets.0 {
             let touch = &results[body as usize].touches[touch as usize];
             question.directions.extend(way_out(&bodies[body as usize], touch));
+        }
+        question.within.resize(targets.0.len(), Reach::covering(MAX_WAY_OUT_M));
+        if speculation.take_exits(targets, merged) {
+            return self.after_ways_out();
         }
         self.ask(Round::Exits, |_| true);
     }
@@ -75,16 +80,21 @@ impl Pass {
 
 /// Against a sample's faces, if it is in the hull and the surface found for it does not face it.
 fn way_out(body: &PassBody, touch: &Touch) -> Option<[f32; 3]> {
-    let (Points::Body { pose, .. }, Some(faces)) = (&body.points, &body.faces) else { return None };
-    let sum: Vector3<f64> = faces.at(touch.sample as usize).iter().sum();
     let is_odd = touch.edge.is_some() && !body.is_faced(touch);
-    let way = (pose.rotation() * -sum).try_normalize(1e-6).filter(|_| is_odd)?;
-    Some(way.map(|part| part as f32).into())
+    body.against_faces(touch.sample).filter(|_| is_odd)
 }
 
 impl PassBody {
+    /// Against a sample's faces, if it has some.
+    pub(super) fn against_faces(&self, sample: u32) -> Option<[f32; 3]> {
+        let (Points::Body { pose, .. }, Some(faces)) = (&self.points, &self.faces) else { return None };
+        let sum: Vector3<f64> = faces.at(sample as usize).iter().sum();
+        let way = (pose.rotation() * -sum).try_normalize(1e-6)?;
+        Some(way.map(|part| part as f32).into())
+    }
+
     /// Whether the surface found for a touch faces its sample.
-    fn is_faced(&self, touch: &Touch) -> bool {
+    pub(super) fn is_faced(&self, touch: &Touch) -> bool {
         let (Points::Body { pose, .. }, Some(faces)) = (&self.points, &self.faces) else { return false };
         faces.is_faced(touch.sample as usize, pose, &touch.normal_world())
     }

@@ -5,7 +5,7 @@ use bytes::Bytes;
 use hull::question::{Answer, Edge, QuestionKind};
 
 use super::super::ConvertError;
-use super::super::bulk::{Field, pack_f32, unpack};
+use super::super::bulk::{Field, pack_f32};
 use super::super::choice::{choice, push_number, take_number};
 use super::super::packed::{pack, unpack_at_most};
 use super::super::rounded::{Precision, UnitBits, octahedral, step_m};
@@ -28,7 +28,7 @@ pub(super) fn planes_to_wire(answer: &Answer, precision: Precision) -> v1::Plane
     let edges = &answer.edges;
     let present: Vec<&Edge> = edges.iter().flatten().collect();
     let (distinct, which) = distinct(&present);
-    let planes = || distinct.iter().copied();
+    let (planes, plane_count) = (|| distinct.iter().copied(), distinct.len());
     let inside = || present.iter().filter(|edge| !edge.is_from_outside()).map(|edge| edge.distance_m);
     let is_exact = precision == Precision::Exact;
     let step_m = if is_exact { 0.0 } else { step_m(inside().fold(0.0, f32::max), STEPS) };
@@ -36,10 +36,10 @@ pub(super) fn planes_to_wire(answer: &Answer, precision: Precision) -> v1::Plane
     v1::PlanesAnswer {
         count: edges.len() as u32,
         present: choice(edges, Option::is_some),
-        which: pack(&which),
+        which: which_to_wire(&which),
         inside: choice(&present, |edge| !edge.is_from_outside()),
         distances: if is_exact { pack_f32(inside()) } else { to_scale(inside(), step_m) },
-        moved: moved_to_wire(&present, precision),
+        moved: moved_to_wire(&present, &which, plane_count, precision),
         normals: if is_exact {
             pack_f32(normals().flatten())
         } else {
@@ -54,7 +54,7 @@ pub(super) fn planes_to_wire(answer: &Answer, precision: Precision) -> v1::Plane
 
 /// The planes that differ, in the order in which they come first, and for each edge which of them it has. One that has left
 /// its slot to another comes again.
-fn distinct<'a>(present: &[&'a Edge]) -> (Vec<&'a Edge>, Vec<u8>) {
+fn distinct<'a>(present: &[&'a Edge]) -> (Vec<&'a Edge>, Vec<u32>) {
     let mut slots = vec![0_u32; SLOTS];
     let mut planes: Vec<&Edge> = Vec::new();
     let mut which = Vec::with_capacity(present.len());
@@ -69,30 +69,68 @@ fn distinct<'a>(present: &[&'a Edge]) -> (Vec<&'a Edge>, Vec<u8>) {
             (plane.camera, plane.pixel, plane.normal_world.map(f32::to_bits))
                 == (*camera, *pixel, edge.normal_world.map(f32::to_bits))
         };
-        if planes.get(*slot as usize).filter(is_same).is_some() {
-            push_number(&mut which, planes.len() - *slot as usize);
-        } else {
+        if planes.get(*slot as usize).filter(is_same).is_none() {
             *slot = planes.len() as u32;
             planes.push(edge);
-            push_number(&mut which, 0);
         }
+        which.push(*slot);
     }
     (planes, which)
 }
 
-fn moved_to_wire(present: &[&Edge], precision: Precision) -> Bytes {
+/// How many planes came before, less the one that is meant: 0 is a new one.
+fn which_to_wire(which: &[u32]) -> Bytes {
+    let (mut bytes, mut planes) = (Vec::with_capacity(which.len()), 0);
+    for &plane in which {
+        push_number(&mut bytes, (planes - plane) as usize);
+        planes = planes.max(plane + 1);
+    }
+    pack(&bytes)
+}
+
+/// Points of one plane move alike: each way is sent as it differs from the way of the plane's point before.
+fn moved_to_wire(present: &[&Edge], which: &[u32], plane_count: usize, precision: Precision) -> Bytes {
     if present.iter().all(|edge| edge.moved_m.is_none()) {
         return Bytes::new();
     }
-    let moved = present.iter().map(|edge| edge.moved_m);
-    let bytes: Vec<u8> = match precision {
-        Precision::Exact => moved.flat_map(|m| m.unwrap_or(f32::INFINITY).to_le_bytes()).collect(),
+    let moved = present.iter().zip(which).map(|(edge, &plane)| (edge.moved_m, plane as usize));
+    let bytes = match precision {
+        Precision::Exact => {
+            let mut before = vec![0; plane_count];
+            let differences = moved.map(|(m, plane)| {
+                let bits = m.unwrap_or(f32::INFINITY).to_bits();
+                std::mem::replace(&mut before[plane], bits) ^ bits
+            });
+            in_columns(&differences.collect::<Vec<u32>>())
+        }
         Precision::Quantised => {
+            let (mut before, mut bytes) = (vec![0; plane_count], Vec::with_capacity(present.len()));
             let code = |m: f32| (m / MAX_MOVED_M * MOVED_STEPS).round() as i16;
-            moved.flat_map(|m| m.map_or(NOT_MOVED, code).to_le_bytes()).collect()
+            for (m, plane) in moved {
+                let code = m.map_or(NOT_MOVED, code);
+                let difference = code.wrapping_sub(std::mem::replace(&mut before[plane], code));
+                push_number(&mut bytes, usize::from((difference << 1 ^ difference >> 15).cast_unsigned()));
+            }
+            bytes
         }
     };
     pack(&bytes)
+}
+
+/// All highest bytes first, then all next ones: of numbers that are small, or alike, these are the same.
+fn in_columns(numbers: &[u32]) -> Vec<u8> {
+    let column = |shift: u32| numbers.iter().map(move |number| (number >> shift) as u8);
+    [24, 16, 8, 0].into_iter().flat_map(column).collect()
+}
+
+/// What [`in_columns`] made of so many numbers.
+fn from_columns(bytes: &[u8], count: usize, field: Field) -> Result<Vec<u32>, ConvertError> {
+    field.check_length(bytes.len(), 4 * count)?;
+    let mut numbers = vec![0; count];
+    for column in bytes.chunks_exact(count.max(1)) {
+        numbers.iter_mut().zip(column).for_each(|(number, &byte)| *number = *number << 8 | u32::from(byte));
+    }
+    Ok(numbers)
 }
 
 pub(super) fn planes_from_wire(
@@ -120,7 +158,7 @@ pub(super) fn planes_from_wire(
     let seen = SeenEdges::from_wire((cameras, pixels, normals), plane_count, is_rounded, expected, field)?;
     let inside = chosen(inside, set.len(), field("inside"))?;
     let distances = distances_from_wire(distances, inside.len(), *step_m, field("distances"))?;
-    let moved = moved_from_wire(moved, set.len(), is_rounded, field("moved"))?;
+    let moved = moved_from_wire(moved, &which, plane_count, is_rounded, field("moved"))?;
     let mut inside = inside.into_iter().zip(distances).peekable();
     let mut camera = None;
     for (at, (index, plane)) in set.into_iter().zip(which).enumerate() {
@@ -162,20 +200,24 @@ fn which_from_wire(bytes: &[u8], count: usize, field: Field) -> Result<(Vec<u32>
 /// How far planes move; nothing if no frame before tells.
 fn moved_from_wire(
     bytes: &[u8],
-    count: usize,
+    which: &[u32],
+    plane_count: usize,
     is_rounded: bool,
     field: Field,
 ) -> Result<Vec<Option<f32>>, ConvertError> {
-    let bytes = unpack_at_most(bytes, count * 4, field)?;
+    let bytes = unpack_at_most(bytes, which.len() * 4, field)?;
     if bytes.is_empty() {
         return Ok(Vec::new());
     }
     if is_rounded {
-        let codes = unpack(&bytes, count, field, i16::from_le_bytes)?;
-        let way = |code: i16| (code != NOT_MOVED).then(|| f32::from(code) / MOVED_STEPS * MAX_MOVED_M);
-        return Ok(codes.into_iter().map(way).collect());
+        return rounded_moved_from_wire(&bytes, which, plane_count, field);
     }
-    let ways = unpack(&bytes, count, field, f32::from_le_bytes)?;
+    let (mut before, mut ways) = (vec![0; plane_count], Vec::with_capacity(which.len()));
+    for (difference, &plane) in from_columns(&bytes, which.len(), field)?.into_iter().zip(which) {
+        let bits = &mut before[plane as usize];
+        *bits ^= difference;
+        ways.push(f32::from_bits(*bits));
+    }
     let is_way = |m: f32| (m.abs() <= MAX_MOVED_M) | (m == f32::INFINITY);
     // Without branches.
     if ways.iter().fold(true, |all, &m| all & is_way(m)) {
@@ -183,6 +225,26 @@ fn moved_from_wire(
     }
     let wrong = ways.into_iter().find(|&m| !is_way(m)).unwrap_or_default();
     Err(field.value(format!("holds a way of {wrong} a frame, expected at most {MAX_MOVED_M} metres")))
+}
+
+fn rounded_moved_from_wire(
+    bytes: &[u8],
+    which: &[u32],
+    plane_count: usize,
+    field: Field,
+) -> Result<Vec<Option<f32>>, ConvertError> {
+    let (mut rest, mut before) = (bytes, vec![0_i16; plane_count]);
+    let mut ways = Vec::with_capacity(which.len());
+    for &plane in which {
+        let number = take_number(&mut rest, field)?;
+        let number =
+            u16::try_from(number).map_err(|_| field.value(format!("holds {number}, expected 16 bits")))?;
+        let code = &mut before[plane as usize];
+        *code = code.wrapping_add((number >> 1).cast_signed() ^ -(number & 1).cast_signed());
+        ways.push((*code != NOT_MOVED).then(|| f32::from(*code) / MOVED_STEPS * MAX_MOVED_M));
+    }
+    field.check_length(bytes.len(), bytes.len() - rest.len())?;
+    Ok(ways)
 }
 
 #[cfg(test)]
@@ -301,6 +363,22 @@ mod tests {
             "PlanesAnswer.distances: holds a distance of inf, expected finite metres"
         );
         let Wire::Planes(wire) = wire_of(&answer(vec![Some(plane(0.1, 3, 5, None))])) else { panic!() };
+        let of_moved = |moved: &[u8], step_m: f32| {
+            let (distances, normals) = match step_m > 0.0 {
+                true => (
+                    to_scale([0.1].into_iter(), step_m),
+                    octahedral([[0.6, 0.0, -0.8]].into_iter(), UnitBits::Twenty),
+                ),
+                false => (wire.distances.clone(), wire.normals.clone()),
+            };
+            let pixels = if step_m > 0.0 { Bytes::new() } else { wire.pixels.clone() };
+            let moved = pack(moved);
+            let lied = v1::PlanesAnswer { moved, step_m, distances, normals, pixels, ..wire.clone() };
+            refusal(Wire::Planes(lied), QuestionKind::Planes, 1)
+        };
+        assert_eq!(of_moved(&[0, 0, 0], 0.0), "PlanesAnswer.moved holds 3 bytes, expected 4");
+        assert_eq!(of_moved(&[0x80, 0x80, 4], 1e-5), "PlanesAnswer.moved: holds 65536, expected 16 bits");
+        assert_eq!(of_moved(&[2, 2], 1e-5), "PlanesAnswer.moved holds 2 bytes, expected 1");
         let lied = v1::PlanesAnswer { which: pack(&[1]), ..wire };
         assert_eq!(
             refusal(Wire::Planes(lied), QuestionKind::Planes, 1),
