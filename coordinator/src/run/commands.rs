@@ -19,7 +19,7 @@ use crate::transport::FirstFrame;
 
 /// Commands between two steps that a recording keeps.
 const MAX_KEPT: usize = 10_000;
-/// A node that does not take a shape within this time is sent it again when it first misses it.
+/// A node that does not take new shapes within this time receives them when it first misses one.
 const REGISTER_TIMEOUT: Duration = Duration::from_millis(500);
 /// From a message to the cameras until all have received it, seconds.
 const MESSAGE_S: f64 = 0.25;

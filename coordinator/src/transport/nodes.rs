@@ -26,6 +26,9 @@ const START_TIMEOUT: Duration = Duration::from_secs(30);
 /// A live run with enough cameras waits so long for the remaining nodes to start.
 const START_PATIENCE: Duration = Duration::from_secs(1);
 
+/// Half of the nodes know new shapes: the others are waited for so much longer.
+const SLOWER_THAN_HALF: Duration = Duration::from_millis(20);
+
 /// Clients of all nodes, in the order of the roster.
 pub(super) struct Nodes {
     pub clients: Vec<Arc<NodeClient>>,
@@ -187,42 +190,31 @@ impl Nodes {
         self.clients.iter().for_each(|client| client.use_frame(frame));
     }
 
-    /// Makes shapes known to all nodes that answer at present; the others receive them when they first miss one. Fewer than
-    /// half of the nodes that refuse do so wrongly: such a node is excluded when it is asked about a shape that it does not
-    /// have. If fewer than half do not answer within `at_most`, that is their fault.
+    /// Makes shapes known to all nodes that answer at present. Waits at most `at_most`, and not long for nodes that are slower
+    /// than half of the others: they, and nodes that come back, receive the shapes when they first miss one. Fewer than half of
+    /// the nodes that refuse do so wrongly: such a node is excluded when it is asked about a shape that it does not have.
     pub async fn register(
         &self,
         shapes: &[Arc<Shape>],
         at_most: Duration,
-        roster: &mut Roster,
+        roster: &Roster,
     ) -> Result<(), TransportError> {
         let now_s = monotonic_s();
         let asked = self.clients.iter().enumerate().filter(|&(place, _)| roster.answers(place, now_s));
-        let calls = asked.map(|(place, client)| async move {
-            let registered = tokio::time::timeout(at_most, client.register(shapes)).await;
-            (place, registered.unwrap_or(Err(NodeError::Timeout(at_most))))
-        });
-        let answers = futures::future::join_all(calls).await;
-        let (mut silent, mut refused) = (Vec::new(), Vec::new());
-        let are_few = |places: usize| 2 * places < answers.len();
-        for (place, registered) in &answers {
-            match registered {
-                Err(NodeError::Timeout(_)) => silent.push(*place),
-                Err(error @ NodeError::Refused(_)) => {
-                    refused.push(TransportError::of(&self.clients[*place], error.clone()));
-                }
-                // A node that is gone receives them when it reconnects.
-                Ok(()) | Err(_) => {}
+        let mut calls: FuturesUnordered<_> =
+            asked.map(|(_, client)| async move { (client, client.register(shapes).await) }).collect();
+        let (count, mut answered, mut refused) = (calls.len(), 0, Vec::new());
+        let mut until = Instant::now() + at_most;
+        while let Ok(Some((client, registered))) = tokio::time::timeout_at(until, calls.next()).await {
+            if let Err(error @ NodeError::Refused(_)) = registered {
+                refused.push(TransportError::of(client, error));
+            }
+            answered += 1;
+            if 2 * answered >= count {
+                until = until.min(Instant::now() + SLOWER_THAN_HALF);
             }
         }
-        // Of most nodes it is the network, or the size of the shapes.
-        if are_few(silent.len()) {
-            for place in silent {
-                let why = format!("no answer to new shapes within {} ms", at_most.as_millis());
-                roster.fault(place, monotonic_s(), why);
-            }
-        }
-        let are_many = !are_few(refused.len());
+        let are_many = 2 * refused.len() >= count;
         refused.into_iter().next().filter(|_| are_many).map_or(Ok(()), Err)
     }
 }
