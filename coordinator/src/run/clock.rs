@@ -6,6 +6,7 @@ use std::time::Duration;
 use proto::{FrameReport, Pace, unix_now_s};
 
 use super::latency::FilmLatency;
+use super::{LEAST_LAG_S, MAX_LAG_S};
 use tokio::time::Instant;
 
 /// Film times a billionth of a frame before a frame count as that frame's: sums of steps fall short.
@@ -27,8 +28,6 @@ pub(super) fn steps_that_share(film_s: f64, dt_s: f64, fps: f64, most: usize) ->
 pub(super) struct Clock {
     pub pace: Pace,
     pub latency: FilmLatency,
-    /// A run that lags more than that gives up film.
-    pub max_lag_s: f64,
     /// What nodes keep of film, seconds.
     kept_s: f64,
     /// It has begun and was not in time yet: it may lag by what nodes keep.
@@ -44,9 +43,9 @@ pub(super) struct Clock {
 
 impl Clock {
     /// A clock of nodes that keep so much film, seconds.
-    pub fn new(pace: Pace, latency: FilmLatency, max_lag_s: f64, kept_s: f64) -> Clock {
+    pub fn new(pace: Pace, latency: FilmLatency, kept_s: f64) -> Clock {
         let (slipped_s, passed_s, shifted_s) = (0.0, 0.0, 0.0);
-        Clock { pace, latency, max_lag_s, kept_s, catches_up: false, slipped_s, passed_s, shifted_s }
+        Clock { pace, latency, kept_s, catches_up: false, slipped_s, passed_s, shifted_s }
     }
 
     /// The first step is about to be made: if there is film, what nodes still keep of it is made good.
@@ -92,8 +91,13 @@ impl Clock {
     /// The film time of a step, later by what steps can no longer make good.
     pub fn slipped_film_s(&self, film_s: f64) -> f64 {
         let now_s = self.now_s(film_s);
-        let most_s = if self.catches_up { self.kept_s - self.latency.now_s() } else { self.max_lag_s };
-        if now_s - film_s > most_s { now_s } else { film_s }
+        if now_s - film_s > self.most_lag_s() { now_s } else { film_s }
+    }
+
+    /// Steps that lag by more give up film: what is older than nodes keep is not there when they ask for it.
+    fn most_lag_s(&self) -> f64 {
+        let kept_s = self.kept_s - self.latency.now_s();
+        if self.catches_up { kept_s } else { kept_s.clamp(LEAST_LAG_S, MAX_LAG_S) }
     }
 
     /// Gives up film time that steps can no longer make good.
@@ -136,6 +140,15 @@ mod tests {
         assert_eq!(shared(25.0, 10), [3, 2, 1, 0, 4, 3, 2, 1, 0, 4]);
         assert_eq!(shared(120.0, 3), [0, 0, 0]);
         assert_eq!(shared(240.0, 3), [0, 0, 0]);
+    }
+
+    #[test]
+    fn steps_never_lag_so_far_that_nodes_no_longer_have_their_frames() {
+        let most_lag_s = |latency_s: f64| {
+            let latency = FilmLatency::new(Some(latency_s), (1, 1), 0.68);
+            Clock::new(Pace::live(1, 0.0), latency, 0.7).most_lag_s()
+        };
+        assert_eq!([0.1, 0.68].map(most_lag_s), [MAX_LAG_S, LEAST_LAG_S]);
     }
 
     #[test]

@@ -205,7 +205,6 @@ impl Coordinator {
         let kept_s = (ring_frames(fps) - 1) as f64 / fps;
         let nodes = transport.roster().nodes().len();
         let latency = FilmLatency::new(latency_s, (nodes, observers.len()), kept_s - LEAST_LAG_S);
-        let max_lag_s = (kept_s - latency_s.unwrap_or_default()).clamp(LEAST_LAG_S, MAX_LAG_S);
         let eyes = observers.iter().map(|observer| Eye::of(observer.camera())).collect();
         let mut query = HullQuery::new(observers, probes, transport.group_count(), ask_every);
         if world.settings().response == ResponseMode::Contacts {
@@ -216,7 +215,7 @@ impl Coordinator {
         let mut coordinator = Coordinator {
             transport,
             world,
-            clock: Clock::new(pace, latency, max_lag_s, kept_s),
+            clock: Clock::new(pace, latency, kept_s),
             settings,
             query,
             surfaces,
