@@ -16,8 +16,8 @@ use room::{Outcome, Trouble, play};
 use testkit::{Watch, timely};
 
 /// Seeds from 0 of each trouble; `HULLTOUCH_SEEDS` says another number.
-const SEEDS_OF_NETWORKS: u64 = 30;
-const SEEDS_OF_LIARS: u64 = 24;
+const SEEDS_OF_NETWORKS: u64 = 50;
+const SEEDS_OF_LIARS: u64 = 40;
 const SEEDS_OF_POISON: u64 = 4;
 
 /// What is wrong with a seed.

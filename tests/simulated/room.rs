@@ -52,9 +52,8 @@ const PATIENCE_WITH_LIAR_S: u64 = 1;
 /// Steps without a hull that a node that lies may cost: a second's.
 const MOST_BLIND_STEPS: u64 = 120;
 /// Beside a liar the first hull comes within so long, simulated seconds, and so many steps of a run's 120 a second are made.
-/// The fewest are beside one that answers everything, each time up to 0.4 s late.
 const FIRST_HULL_WITHIN_S: f64 = 4.0;
-const LEAST_STEPS: u64 = 120 * (LYING_S - 5);
+const LEAST_STEPS: u64 = 120 * (LYING_S - 4);
 /// A coordinator that begins anew goes on from at most so many steps before.
 const MOST_LOST_STEPS: u64 = 240;
 /// Bodies of this scene never move faster, m/s.
