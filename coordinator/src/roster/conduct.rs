@@ -1,6 +1,7 @@
-//! How a node behaves: one that refuses or answers wrongly again and again is excluded for a while, longer each time.
+//! How a node behaves: one that refuses, answers wrongly or is late again and again is excluded for a while; for faults longer each
+//! time.
 
-/// So many faults within this time exclude a node, seconds. Fewer cost the run a step each, and no more.
+/// So many faults or late answers within this time exclude a node, seconds. Fewer cost the run a step each, and no more.
 const FAULTS: usize = 3;
 const WITHIN_S: f64 = 10.0;
 /// The first exclusion lasts so long, and each one after it twice as long, up to this, seconds.
@@ -38,14 +39,28 @@ impl Conduct {
         if now_s > self.until_s + PROBATION_S {
             self.exclusions = 0;
         }
-        let is_one_too_many = now_s - self.faults_s[0] <= WITHIN_S;
-        self.faults_s.rotate_left(1);
-        self.faults_s[FAULTS - 2] = now_s;
-        self.why = why;
+        let is_one_too_many = self.note(now_s, why);
         if is_one_too_many || self.exclusions > 0 {
             self.until_s = now_s + (FIRST_S * 2f64.powi(self.exclusions)).min(LONGEST_S);
             self.exclusions = (self.exclusions + 1).min(16);
         }
+    }
+
+    /// It did not answer in time. Exclusions for that do not become longer: a way that is slow for a while is no fault of the
+    /// node.
+    pub fn late(&mut self, now_s: f64, why: String) {
+        if !self.is_excluded(now_s) && self.note(now_s, why) {
+            self.until_s = now_s + FIRST_S;
+        }
+    }
+
+    /// Notes one of both; whether that is one too many.
+    fn note(&mut self, now_s: f64, why: String) -> bool {
+        let is_one_too_many = now_s - self.faults_s[0] <= WITHIN_S;
+        self.faults_s.rotate_left(1);
+        self.faults_s[FAULTS - 2] = now_s;
+        self.why = why;
+        is_one_too_many
     }
 
     /// Whether it is excluded.
@@ -80,6 +95,18 @@ mod tests {
             conduct.fault(now_s, "busy".into());
             assert!((conduct.until_s - now_s - f64::from(expected) * 0.1).abs() < 1e-9, "{expected}");
         }
+    }
+
+    #[test]
+    fn a_node_that_is_late_again_and_again_is_excluded_for_a_second_each_time() {
+        let mut conduct = Conduct::default();
+        let mut excluded_s = |now_s| {
+            conduct.late(now_s, "no answer within 26 ms".into());
+            conduct.exclusion(now_s).map(|(lasts_s, _)| lasts_s)
+        };
+        assert_eq!([0.0, 0.1, 0.2].map(&mut excluded_s), [None, None, Some(1.0)]);
+        assert_eq!([1.5, 2.75, 4.0].map(&mut excluded_s), [Some(1.0); 3]);
+        assert_eq!([30.0, 36.0].map(&mut excluded_s), [None; 2], "now and then");
     }
 
     #[test]

@@ -188,6 +188,8 @@ pub struct Roster {
     nodes: Vec<RosterNode>,
     /// What nobody has asked about yet.
     arrivals: VecDeque<Arrival>,
+    /// What live steps need, as of the last decision whom they go on without.
+    least_cameras: Option<usize>,
 }
 
 /// When a node's report of a frame came.
@@ -204,7 +206,7 @@ pub(crate) struct Arrival {
 impl Roster {
     /// Nodes that are not there yet.
     pub fn new(nodes: Vec<RosterNode>) -> Roster {
-        Roster { nodes, arrivals: VecDeque::new() }
+        Roster { nodes, arrivals: VecDeque::new(), least_cameras: None }
     }
 
     /// The nodes.

@@ -40,6 +40,14 @@ impl RosterNode {
         let behaves = !self.conduct.is_excluded(now_s) && !matches!(self.film, FilmState::Failed(_));
         self.is_up && !self.is_silent && behaves && (in_time || has_ended)
     }
+
+    /// How many cameras it films with.
+    fn films(&self) -> usize {
+        match self.newest() {
+            Some(newest) if !newest.cameras.is_empty() => newest.cameras.len(),
+            _ => self.cameras.len(),
+        }
+    }
 }
 
 impl Roster {
@@ -53,9 +61,21 @@ impl Roster {
         self.nodes.iter().any(RosterNode::is_left_out)
     }
 
-    /// A node did not answer in time: it is left out until it is heard of.
-    pub fn silent(&mut self, node: usize) {
+    /// A node did not answer in time, by [`proto::monotonic_s`]: it is left out until it is heard of, and for a second if that
+    /// happens often and the run can go on without it.
+    pub fn late(&mut self, node: usize, now_s: f64, why: String) {
+        if self.can_spare(node, now_s) {
+            self.nodes[node].conduct.late(now_s, why);
+        }
         self.nodes[node].is_silent = true;
+    }
+
+    /// Whether live steps have enough cameras without a node: of nodes that are there, answer and behave.
+    pub fn can_spare(&self, node: usize, now_s: f64) -> bool {
+        let Some(least) = self.least_cameras else { return false };
+        let answers = |node: &RosterNode| node.is_up && !node.is_silent && !node.conduct.is_excluded(now_s);
+        let others = self.nodes.iter().enumerate().filter(|&(other, _)| other != node).map(|(_, node)| node);
+        others.filter(|node| answers(node)).map(RosterNode::films).sum::<usize>() >= least.max(1)
     }
 
     /// Decides whom a step that wants a frame goes on without, by [`proto::monotonic_s`]. No node is left out where fewer than
@@ -68,12 +88,9 @@ impl Roster {
         let is_there = |node: &RosterNode| node.is_there(wanted, (lead, common), whom, now_s);
         let there: Vec<bool> = self.nodes.iter().map(is_there).collect();
         let pairs = || self.nodes.iter().zip(&there);
-        let films = |node: &RosterNode| match node.newest() {
-            Some(newest) if !newest.cameras.is_empty() => newest.cameras.len(),
-            _ => node.cameras.len(),
-        };
-        let left: usize = pairs().filter(|(_, there)| **there).map(|(node, _)| films(node)).sum();
+        let left: usize = pairs().filter(|(_, there)| **there).map(|(node, _)| node.films()).sum();
         let is_enough = left >= least && there.contains(&true);
+        self.least_cameras = (whom == LeaveOut::Late).then_some(least);
         let mut changed = Vec::new();
         for (index, (node, there)) in self.nodes.iter_mut().zip(&there).enumerate() {
             let is_left_out = is_enough && !there;

@@ -267,7 +267,7 @@ fn late_and_silent_nodes_are_left_out_and_a_frame_late_is_not() {
     assert_eq!(roster.leave_out(7, LeaveOut::Late, 3, 0.0), [(3, false)]);
     film(&mut roster, 3, [6, 7]);
     assert_eq!(roster.leave_out(7, LeaveOut::Late, 3, 0.0), [(3, true)]);
-    roster.silent(0);
+    roster.late(0, 0.0, "no answer within 26 ms".into());
     assert_eq!(roster.leave_out(7, LeaveOut::Late, 3, 0.0), [(0, false)]);
     film(&mut roster, 0, [8]);
     assert_eq!(roster.leave_out(7, LeaveOut::Late, 3, 0.0), [(0, true)], "it was heard of");

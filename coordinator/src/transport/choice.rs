@@ -4,7 +4,6 @@
 //! Plain decisions, made between two frames.
 
 use std::collections::VecDeque;
-use std::time::Duration;
 
 /// Passes that decide.
 const KEPT: usize = 30;
@@ -16,15 +15,6 @@ const HARMLESS: f64 = 0.25;
 const USUAL: f64 = 0.9;
 /// Questions of a pass, before passes are measured.
 const USUAL_TRIPS: f64 = 5.0;
-
-/// A node that takes three usual trips and so much longer is silent.
-const SILENT_MS: f64 = 20.0;
-/// Whatever is usual, and before it is known.
-const LONGEST: Duration = Duration::from_millis(500);
-/// What a trip took at the longest is forgotten by so much with every other.
-const FORGET: f64 = 0.995;
-/// What is usual is not known before so many.
-const KNOWN_TRIPS: usize = 5;
 
 /// Where probes are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -106,29 +96,6 @@ impl Choice {
     }
 }
 
-/// What a trip to the nodes usually takes.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct UsualTrip {
-    longest_ms: f64,
-    trips: usize,
-}
-
-impl UsualTrip {
-    /// Notes a trip.
-    pub fn took(&mut self, ms: f64) {
-        self.longest_ms = ms.max(FORGET * self.longest_ms);
-        self.trips += 1;
-    }
-
-    /// How long a node may take before it is silent.
-    pub fn timeout(&self) -> Duration {
-        if self.trips < KNOWN_TRIPS {
-            return LONGEST;
-        }
-        Duration::from_secs_f64((3.0 * self.longest_ms + SILENT_MS) * 1e-3).min(LONGEST)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -173,17 +140,5 @@ mod tests {
             assert!(!choice.change());
         }
         assert!(!took(&mut Choice::fixed(Way::Asks), 600, 90.0, 1.0));
-    }
-
-    #[test]
-    fn a_node_is_silent_after_three_usual_trips_and_a_little() {
-        let mut usual = UsualTrip::default();
-        assert_eq!(usual.timeout(), LONGEST);
-        (0..KNOWN_TRIPS).for_each(|_| usual.took(2.0));
-        assert_eq!(usual.timeout(), Duration::from_millis(26));
-        usual.took(1000.0);
-        assert_eq!(usual.timeout(), LONGEST);
-        (0..2000).for_each(|_| usual.took(2.0));
-        assert!(usual.timeout() < Duration::from_millis(27));
     }
 }

@@ -13,6 +13,7 @@ use traces::Span;
 use super::TransportError;
 use super::nodes::{Nodes, PassEvent};
 use super::trace::question_span;
+use super::usual_trip::UsualTrip;
 use crate::ask_policy::AskPolicy;
 use crate::figures::stage_of;
 use crate::roster::{Roster, RosterNode};
@@ -24,6 +25,7 @@ pub(super) struct Cluster {
     classes: AskPolicy,
     /// and for edges and exits.
     distances: AskPolicy,
+    usual_trip: UsualTrip,
     next_id: u64,
     /// Which nodes each question of the last pass asked.
     pub(super) asked: Vec<Vec<bool>>,
@@ -64,7 +66,14 @@ impl Cluster {
         let count = nodes.clients.len();
         let (classes, distances) =
             (AskPolicy::of_classes(count, precision), AskPolicy::of_distances(count, precision));
-        Cluster { writer: QuestionWriter::new(precision), classes, distances, next_id: 0, asked: Vec::new() }
+        Cluster {
+            writer: QuestionWriter::new(precision),
+            classes,
+            distances,
+            usual_trip: UsualTrip::default(),
+            next_id: 0,
+            asked: Vec::new(),
+        }
     }
 
     /// The same nodes, asked with numbers of another precision.
@@ -73,17 +82,18 @@ impl Cluster {
         Cluster { next_id: self.next_id, ..Cluster::new(nodes, precision) }
     }
 
-    /// Asks until the pass is done; every round may take `timeout`. `took` receives each round and its
-    /// milliseconds. Returns what all nodes computed, milliseconds.
+    /// Asks until the pass is done; every round may take `timeout`, or without one what is usual. `took` receives each round
+    /// and its milliseconds. Returns what all nodes computed, milliseconds.
     pub async fn run_pass(
         &mut self,
         nodes: &mut Nodes,
         pass: &mut Pass,
         frame: u64,
-        timeout: Duration,
+        timeout: Option<Duration>,
         roster: &mut Roster,
         took: &mut dyn FnMut(Round, f64),
     ) -> Result<f64, TransportError> {
+        let timeout = timeout.unwrap_or_else(|| self.usual_trip.timeout());
         // What came before these questions is no answer to them.
         nodes.drain(roster);
         self.asked.clear();
@@ -180,10 +190,12 @@ impl Cluster {
             }
         }
         self.asked.push(is_asked);
+        let mut nodes_ms: Vec<(usize, f64)> = Vec::with_capacity(open.len());
         while let Some(&OpenQuestion { node: slowest, asking, .. }) = open.first() {
             let event = tokio::time::timeout_at(asking.deadline, nodes.next(roster)).await;
             if event.is_err() {
-                roster.silent(slowest);
+                self.usual_trip.timed_out(slowest, asking.timeout, roster, monotonic_s());
+                roster.late(slowest, monotonic_s(), NodeError::Timeout(asking.timeout).to_string());
             }
             let (place, answer, compute_ms) = match event.map_err(|_| late(nodes, slowest, asking))? {
                 Some(PassEvent::Reply(node, id, answer, compute_ms)) => {
@@ -220,6 +232,7 @@ impl Cluster {
                 continue;
             };
             open.remove(place);
+            nodes_ms.push((node, asking.began.elapsed().as_secs_f64() * 1e3));
             computed_ms += compute_ms;
             if answer.kind == QuestionKind::Classes && pass.round() == Round::Classes {
                 self.note_classes(node, &answer, asking, compute_ms);
@@ -229,6 +242,7 @@ impl Cluster {
             let taken = pass.answer(node, &answer).map_err(invalid);
             taken.inspect_err(|error| note_fault(roster, node, error))?;
         }
+        self.usual_trip.took(&nodes_ms, roster, monotonic_s());
         Ok(computed_ms)
     }
 

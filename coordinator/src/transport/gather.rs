@@ -14,6 +14,7 @@ use traces::Span;
 use super::TransportError;
 use super::in_process::LocalProbes;
 use super::nodes::{Nodes, Unfetched, fetch};
+use super::usual_trip::UsualTrip;
 use crate::roster::Roster;
 
 /// The frame whose silhouettes were fetched last.
@@ -22,8 +23,10 @@ pub(super) struct Gather {
     pub silhouette_bytes: u64,
     observers: Vec<Arc<Observer>>,
     fetched: Option<(u64, ViewSet)>,
-    /// The nodes that were fetched from.
+    /// The nodes that were fetched from, and their places in the roster.
     clients: Vec<Arc<NodeClient>>,
+    places: Vec<usize>,
+    usual_fetch: UsualTrip,
     probes: LocalProbes,
 }
 
@@ -31,6 +34,8 @@ impl Gather {
     pub fn new(nodes: &Nodes, observers: Vec<Arc<Observer>>) -> Gather {
         Gather {
             clients: nodes.clients.clone(),
+            places: (0..nodes.clients.len()).collect(),
+            usual_fetch: UsualTrip::default(),
             encoding: SilhouetteEncoding::default(),
             silhouette_bytes: 0,
             observers,
@@ -39,13 +44,14 @@ impl Gather {
         }
     }
 
-    /// Answers a pass; returns what fetching the frame took, milliseconds, if it was not there.
+    /// Answers a pass; each fetch may take `timeout`, or without one what is usual. Returns what fetching the frame took,
+    /// milliseconds, if it was not there.
     pub async fn run_pass(
         &mut self,
         nodes: &Nodes,
         pass: &mut Pass,
         frame: u64,
-        timeout: Duration,
+        timeout: Option<Duration>,
         roster: &mut Roster,
         took: &mut dyn FnMut(Round, f64),
     ) -> Result<Option<f64>, TransportError> {
@@ -55,14 +61,18 @@ impl Gather {
         self.go_on_with(nodes, roster);
         let (began, is_there) = (Instant::now(), self.fetched.as_ref().is_some_and(|(at, _)| *at == frame));
         let span = if is_there { Span::NONE } else { nodes.trace.part("fetch") };
-        if let Err(Unfetched { failed, error }) = self.fetch(frame, pass.asks_planes(), timeout, &span).await
-        {
+        let timeout = timeout.unwrap_or_else(|| self.usual_fetch.timeout());
+        let fetched = self.fetch(frame, pass.asks_planes(), timeout, (&*roster, &span)).await;
+        if let Err(Unfetched { failed, error }) = fetched {
             for (client, error) in &failed {
                 let Some(node) = nodes.clients.iter().position(|other| Arc::ptr_eq(other, client)) else {
                     continue;
                 };
                 match error {
-                    NodeError::Timeout(_) => roster.silent(node),
+                    NodeError::Timeout(_) => {
+                        self.usual_fetch.timed_out(node, timeout, roster, monotonic_s());
+                        roster.late(node, monotonic_s(), error.to_string());
+                    }
                     away if away.is_absence() => {}
                     wrong => roster.fault(node, monotonic_s(), wrong.to_string()),
                 }
@@ -80,12 +90,11 @@ impl Gather {
 
     /// Takes note of who is there. Frames of other cameras are other frames.
     fn go_on_with(&mut self, nodes: &Nodes, roster: &Roster) {
-        let nodes = nodes.clients.iter().zip(roster.nodes());
-        let clients: Vec<_> =
-            nodes.filter(|(_, node)| !node.is_left_out()).map(|(client, _)| Arc::clone(client)).collect();
-        let is_same = |(a, b): (&Arc<NodeClient>, &Arc<NodeClient>)| Arc::ptr_eq(a, b);
-        if clients.len() != self.clients.len() || !clients.iter().zip(&self.clients).all(is_same) {
-            self.clients = clients;
+        let is_there = |&place: &usize| !roster.nodes()[place].is_left_out();
+        let places: Vec<usize> = (0..nodes.clients.len()).filter(is_there).collect();
+        if places != self.places {
+            self.clients = places.iter().map(|&place| Arc::clone(&nodes.clients[place])).collect();
+            self.places = places;
             self.fetched = None;
         }
     }
@@ -97,7 +106,7 @@ impl Gather {
         frame: u64,
         needs_before: bool,
         timeout: Duration,
-        span: &Span,
+        (roster, span): (&Roster, &Span),
     ) -> Result<(), Unfetched> {
         let fetched = self.fetched.as_ref().map(|(fetched, _)| *fetched);
         if fetched == Some(frame) {
@@ -105,11 +114,11 @@ impl Gather {
         }
         if let Some(before) = frame.checked_sub(1).filter(|&before| needs_before && fetched != Some(before)) {
             // A node that has passed it over tells of an earlier one at best.
-            if let Ok(views) = self.views(before, timeout, span).await {
+            if let Ok(views) = self.views(before, timeout, (roster, span)).await {
                 self.fetched = Some((before, views));
             }
         }
-        let views = self.views(frame, timeout, span).await?;
+        let views = self.views(frame, timeout, (roster, span)).await?;
         let views = match &self.fetched {
             Some((before, seen)) => views.after(seen, frame.saturating_sub(*before)),
             None => views,
@@ -118,13 +127,20 @@ impl Gather {
         Ok(())
     }
 
-    async fn views(&mut self, frame: u64, timeout: Duration, span: &Span) -> Result<ViewSet, Unfetched> {
-        let (silhouettes, bytes) = fetch(&self.clients, frame, self.encoding, timeout, span).await?;
-        self.silhouette_bytes += bytes;
+    async fn views(
+        &mut self,
+        frame: u64,
+        timeout: Duration,
+        (roster, span): (&Roster, &Span),
+    ) -> Result<ViewSet, Unfetched> {
+        let fetched = fetch(&self.clients, frame, self.encoding, timeout, span).await?;
+        self.silhouette_bytes += fetched.bytes;
+        let nodes_ms: Vec<(usize, f64)> = self.places.iter().copied().zip(fetched.took_ms).collect();
+        self.usual_fetch.took(&nodes_ms, roster, monotonic_s());
         let view = |(rig_index, seen): &(u16, Silhouette)| {
             let observer = self.observers.iter().find(|observer| observer.rig_index() == *rig_index)?;
             Some(View::new(Arc::clone(observer), seen))
         };
-        Ok(ViewSet::new(silhouettes.iter().filter_map(view).collect()))
+        Ok(ViewSet::new(fetched.silhouettes.iter().filter_map(view).collect()))
     }
 }

@@ -11,6 +11,7 @@ mod in_process;
 mod nodes;
 mod remote;
 mod trace;
+mod usual_trip;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -409,7 +410,7 @@ impl Transport {
         Box::pin(async move {
             let fetching =
                 nodes::fetch(&clients, frame, SilhouetteEncoding::RunsLz4, CALL_TIMEOUT, &Span::NONE);
-            let (silhouettes, _) = fetching.await.map_err(|unfetched| unfetched.error)?;
+            let silhouettes = fetching.await.map_err(|unfetched| unfetched.error)?.silhouettes;
             Ok(silhouettes.into_iter().map(|(place, silhouette)| (place, Arc::new(silhouette))).collect())
         })
     }

@@ -256,6 +256,16 @@ async fn ask_for_background(
     .await
 }
 
+/// Silhouettes of a frame.
+pub(super) struct Fetched {
+    /// By their cameras' places in the rig, ascending.
+    pub silhouettes: Vec<(u16, Silhouette)>,
+    /// What they travelled as.
+    pub bytes: u64,
+    /// What each node took, in the order of the clients, milliseconds.
+    pub took_ms: Vec<f64>,
+}
+
 /// Why silhouettes did not come.
 pub(super) struct Unfetched {
     /// The nodes that did not send them, and why.
@@ -264,27 +274,29 @@ pub(super) struct Unfetched {
     pub error: TransportError,
 }
 
-/// Silhouettes of nodes by their cameras' places in the rig, ascending, and the bytes they travelled as; a part of a
-/// trace.
+/// Fetches the silhouettes of a frame from nodes; a part of a trace.
 pub(super) async fn fetch(
     clients: &[Arc<NodeClient>],
     frame: u64,
     encoding: SilhouetteEncoding,
     timeout: Duration,
     trace: &Span,
-) -> Result<(Vec<(u16, Silhouette)>, u64), Unfetched> {
+) -> Result<Fetched, Unfetched> {
+    let began = Instant::now();
     let calls = clients.iter().map(|client| async move {
         let span = question_span(trace, "fetch from a node", client);
         let call = tokio::time::timeout(timeout, client.silhouettes(frame, encoding, span.parent()));
         let fetched = call.await.unwrap_or(Err(NodeError::Timeout(timeout)));
-        fetched.inspect_err(|error| span.fail(error))
+        (fetched.inspect_err(|error| span.fail(error)), began.elapsed().as_secs_f64() * 1e3)
     });
-    let (mut all, mut bytes, mut failed, mut first) = (Vec::new(), 0, Vec::new(), None);
-    for (client, fetched) in clients.iter().zip(futures::future::join_all(calls).await) {
+    let mut all = Fetched { silhouettes: Vec::new(), bytes: 0, took_ms: Vec::with_capacity(clients.len()) };
+    let (mut failed, mut first) = (Vec::new(), None);
+    for (client, (fetched, took_ms)) in clients.iter().zip(futures::future::join_all(calls).await) {
+        all.took_ms.push(took_ms);
         match fetched {
-            Ok((silhouettes, more)) => {
-                all.extend(silhouettes);
-                bytes += more;
+            Ok((silhouettes, bytes)) => {
+                all.silhouettes.extend(silhouettes);
+                all.bytes += bytes;
             }
             Err(error) => {
                 first.get_or_insert_with(|| TransportError::of(client, error.clone()));
@@ -292,8 +304,8 @@ pub(super) async fn fetch(
             }
         }
     }
-    all.sort_by_key(|(rig_index, _)| *rig_index);
-    first.map_or(Ok((all, bytes)), |error| Err(Unfetched { failed, error }))
+    all.silhouettes.sort_by_key(|(rig_index, _)| *rig_index);
+    first.map_or(Ok(all), |error| Err(Unfetched { failed, error }))
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use tokio::sync::oneshot;
 use tokio::time::Instant;
 use traces::Span;
 
-use super::choice::{Choice, UsualTrip, Way};
+use super::choice::{Choice, Way};
 use super::cluster::Cluster;
 use super::gather::Gather;
 use super::nodes::{CALL_TIMEOUT, Nodes, fetch};
@@ -25,9 +25,6 @@ pub(super) struct Remote {
     pub gather: Gather,
     cluster: Cluster,
     choice: Choice,
-    /// What a question takes, and a frame's silhouettes.
-    trips: UsualTrip,
-    fetches: UsualTrip,
     trial: Trial,
 }
 
@@ -49,8 +46,7 @@ impl Remote {
         };
         let cluster = Cluster::new(&nodes, Precision::Exact);
         let gather = Gather::new(&nodes, observers);
-        let (trips, fetches, trial) = Default::default();
-        Remote { nodes, gather, cluster, choice, trips, fetches, trial }
+        Remote { nodes, gather, cluster, choice, trial: Trial::default() }
     }
 
     pub fn with_precision(mut self, precision: Precision) -> Remote {
@@ -106,13 +102,11 @@ impl Remote {
         roster: &mut Roster,
         took: &mut dyn FnMut(Round, f64),
     ) -> Result<(), TransportError> {
-        let Remote { nodes, gather, cluster, choice, trips, fetches, trial } = self;
+        let Remote { nodes, gather, cluster, choice, trial } = self;
         let is_empty = pass.question().is_none();
         let (mut rounds, mut rounds_ms) = (0, 0.0);
         if choice.way() == Way::Asks {
-            let timeout = timeout.unwrap_or_else(|| trips.timeout());
             let mut count = |round, ms| {
-                trips.took(ms);
                 rounds_ms += ms;
                 took(round, ms);
             };
@@ -121,17 +115,15 @@ impl Remote {
                 choice.took(rounds_ms, fetch_ms + computed_ms);
             }
             if choice.is_free() {
-                trial.go_on(nodes, frame);
+                trial.go_on(nodes, frame, roster);
             }
         } else {
-            let timeout = timeout.unwrap_or_else(|| fetches.timeout());
             let mut count = |round, ms| {
                 rounds += 1;
                 rounds_ms += ms;
                 took(round, ms);
             };
             let fetched_ms = gather.run_pass(nodes, pass, frame, timeout, roster, &mut count).await?;
-            fetched_ms.into_iter().for_each(|ms| fetches.took(ms));
             if !is_empty {
                 let asks_ms =
                     f64::from(rounds) * trip_ms(nodes, roster) + rounds_ms / nodes.clients.len() as f64;
@@ -149,8 +141,8 @@ fn trip_ms(nodes: &Nodes, roster: &Roster) -> f64 {
 }
 
 impl Trial {
-    /// Fetches a frame beside the passes, now and then.
-    fn go_on(&mut self, nodes: &Nodes, frame: u64) {
+    /// Fetches a frame beside the passes, now and then, from the nodes that steps go on with.
+    fn go_on(&mut self, nodes: &Nodes, frame: u64, roster: &Roster) {
         if let Some(running) = &mut self.running {
             match running.try_recv() {
                 Ok(took_ms) => self.took_ms = Some(took_ms),
@@ -166,7 +158,8 @@ impl Trial {
         self.began = Some(Instant::now());
         let (tell, running) = oneshot::channel();
         self.running = Some(running);
-        let clients: Vec<_> = nodes.clients.iter().map(Arc::clone).collect();
+        let there = nodes.clients.iter().zip(roster.nodes()).filter(|(_, node)| !node.is_left_out());
+        let clients: Vec<_> = there.map(|(client, _)| Arc::clone(client)).collect();
         tokio::spawn(async move {
             let began = Instant::now();
             if fetch(&clients, frame, SilhouetteEncoding::default(), CALL_TIMEOUT, &Span::NONE).await.is_ok()
