@@ -228,9 +228,8 @@ async fn a_message_that_is_none_closes_the_page_with_one_line_and_nothing_else()
         (tungstenite::Message::binary(vec![1, 2, 3]), "a binary message, expected texts"),
         (tungstenite::Message::text("x".repeat(100_000)), "no message: "),
     ] {
-        use futures::SinkExt as _;
         let mut page = run.controller().await;
-        page.socket.send(bad).await.expect("sent");
+        page.send(bad).await;
         let bye = page.hear_op("bye").await["why"].as_str().expect("a reason").to_owned();
         assert!(bye.starts_with(why) && !bye.contains('\n'), "{bye}");
         assert!(matches!(page.hear().await, Heard::Close(_)));

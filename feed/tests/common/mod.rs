@@ -14,6 +14,7 @@ use coordinator::live::{
 use feed::pictures::Pictures;
 use feed::{Feed, FeedSettings, RunInfo, Token};
 use futures::future::BoxFuture;
+use futures::stream::SplitSink;
 use futures::{SinkExt as _, StreamExt as _};
 use hull::{Camera, Pose, ProbeSettings, Rig};
 use identity::Credentials;
@@ -22,7 +23,8 @@ use proto::{CameraPicture, FramePictures, PictureKind, PictureRequest};
 use serde_json::Value;
 use sim::Solid;
 use tokio::net::TcpStream;
-use tokio::sync::watch;
+use tokio::sync::{mpsc, watch};
+use tokio::task::AbortHandle;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest as _;
 use tokio_tungstenite::tungstenite::{self, Message};
 use tokio_tungstenite::{MaybeTlsStream, WebSocketStream};
@@ -118,7 +120,7 @@ fn rig() -> Rig {
 }
 
 impl Run {
-    /// A run that nobody steps but the test. Orders are recorded and done; a removal of body 99 is refused.
+    /// A run that only the test steps. Orders are recorded and done; a removal of body 99 is refused.
     pub fn start() -> Run {
         Run::start_with(None)
     }
@@ -291,9 +293,11 @@ impl Run {
 
 pub type Socket = WebSocketStream<MaybeTlsStream<TcpStream>>;
 
-/// A page as a test sees it.
+/// A page as a test sees it. It reads and answers pings all the time, whatever its test does: one that does not is dropped.
 pub struct Page {
-    pub socket: Socket,
+    writing: SplitSink<Socket, Message>,
+    messages: mpsc::UnboundedReceiver<Message>,
+    reading: AbortHandle,
     /// Whether it acknowledges frame sets by itself.
     pub shows: bool,
     /// By then it has heard all that its test waits for.
@@ -347,6 +351,12 @@ pub async fn connect(url: &str, token: Option<&str>) -> Result<Socket, tungsteni
     tokio_tungstenite::connect_async(request).await.map(|(socket, _)| socket)
 }
 
+impl Drop for Page {
+    fn drop(&mut self) {
+        self.reading.abort();
+    }
+}
+
 impl Page {
     pub async fn open(url: &str) -> Page {
         Page::open_with(url, None).await
@@ -354,22 +364,36 @@ impl Page {
 
     async fn open_with(url: &str, token: Option<&str>) -> Page {
         let deadline = tokio::time::Instant::now() + TIMEOUT;
-        Page { socket: connect(url, token).await.expect("connects"), shows: true, deadline }
+        let (writing, mut socket) = connect(url, token).await.expect("connects").split();
+        let (sender, messages) = mpsc::unbounded_channel();
+        let reading = tokio::spawn(async move {
+            while let Some(Ok(message)) = socket.next().await {
+                if sender.send(message).is_err() {
+                    break;
+                }
+            }
+        });
+        Page { writing, messages, reading: reading.abort_handle(), shows: true, deadline }
     }
 
     pub async fn say(&mut self, text: Value) {
-        self.socket.send(Message::text(text.to_string())).await.expect("sent");
+        self.send(Message::text(text.to_string())).await;
     }
 
-    /// The next message. Pings are answered on the way.
+    pub async fn send(&mut self, message: Message) {
+        self.writing.send(message).await.expect("sent");
+    }
+
+    /// The next message but pings.
     pub async fn hear(&mut self) -> Heard {
         loop {
-            let message = tokio::time::timeout_at(self.deadline, self.socket.next()).await.expect("in time");
+            let message =
+                tokio::time::timeout_at(self.deadline, self.messages.recv()).await.expect("in time");
             match message {
-                Some(Ok(Message::Text(text))) => {
+                Some(Message::Text(text)) => {
                     return Heard::Text(serde_json::from_str(&text).expect("JSON"));
                 }
-                Some(Ok(Message::Binary(bytes))) => {
+                Some(Message::Binary(bytes)) => {
                     assert_eq!(u32_at(&bytes, 12) as usize, bytes.len(), "a message knows its length");
                     if bytes[4] == 1 && self.shows {
                         let shown = serde_json::json!({"op": "shown", "seq": seq_of(&bytes)});
@@ -377,11 +401,11 @@ impl Page {
                     }
                     return Heard::Binary(bytes.to_vec());
                 }
-                Some(Ok(Message::Close(frame))) => {
+                Some(Message::Close(frame)) => {
                     return Heard::Close(frame.map(|frame| frame.reason.to_string()));
                 }
-                Some(Ok(_)) => {}
-                Some(Err(_)) | None => return Heard::Close(None),
+                Some(_) => {}
+                None => return Heard::Close(None),
             }
         }
     }
