@@ -94,7 +94,7 @@ fn film_that_says_nothing_of_time_is_refused_in_one_line() {
     let path = folder.path();
     write_masks(path, Motion::Idle, [0.0; 4], FRAMES);
     let said = refused(path, &MASKS);
-    assert!(said.starts_with("hulltouch: masks: nobody moved enough: outlines move by "), "{said}");
+    assert!(said.starts_with("hulltouch: masks: too little motion: outlines move by "), "{said}");
     for camera in studio().cameras() {
         let masks = path.join("masks").join(camera.name());
         for frame in 1..FRAMES {

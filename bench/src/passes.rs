@@ -102,7 +102,7 @@ impl Passes {
     pub fn answer(&mut self, groups: &[ViewSet], mut lap: impl FnMut(Round)) -> Outcome {
         while let Some(question) = self.pass.question() {
             let next = (0..groups.len()).find(|&group| self.pass.asks(group));
-            let group = next.ok_or_else(|| Failure::run("a pass asks nobody"))?;
+            let group = next.ok_or_else(|| Failure::run("a pass asks no group"))?;
             let round = self.pass.round();
             groups[group].answer(question, &mut self.scratch, &mut self.answer);
             lap(round);

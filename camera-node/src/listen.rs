@@ -73,7 +73,7 @@ pub(crate) enum Listener {
 }
 
 impl Listener {
-    /// Listens; must run within a tokio runtime. A socket file of this user that nobody listens on any
+    /// Listens; must run within a tokio runtime. A socket file of this user that no process listens on any
     /// more is replaced.
     pub async fn bind(listen: &Listen) -> io::Result<Listener> {
         match listen {
@@ -83,7 +83,7 @@ impl Listener {
                 let socket = socket2::Socket::new(socket2::Domain::UNIX, socket2::Type::STREAM, None)?;
                 socket.bind(&socket2::SockAddr::unix(path)?)?;
                 let file = SocketFile::of(path)?;
-                // Before it listens nobody can connect, so nobody else ever can.
+                // Before it listens no process can connect, so other users never can.
                 std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o600))?;
                 socket.listen(BACKLOG)?;
                 socket.set_nonblocking(true)?;
@@ -154,7 +154,7 @@ fn identity(path: &Path) -> io::Result<(u64, u64)> {
     std::fs::symlink_metadata(path).map(|found| (found.dev(), found.ino()))
 }
 
-/// Removes a socket of this user that nobody listens on. Anything else stays, and is an error.
+/// Removes a socket of this user that no process listens on. Anything else stays, and is an error.
 fn remove_stale(path: &Path) -> io::Result<()> {
     let found = match std::fs::symlink_metadata(path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),

@@ -1,5 +1,5 @@
-//! What a node counts of itself, for those who watch it: each meter stands where its figures arise, and is read by
-//! whoever asks.
+//! What a node counts of itself, for monitoring: each meter stands where its figures arise, and is read at each
+//! scrape.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};

@@ -13,7 +13,7 @@ pub fn write_whole(path: &Path, contents: &[u8]) -> Outcome {
     let beside = beside(path);
     let written = std::fs::write(&beside, contents).and_then(|()| std::fs::rename(&beside, path));
     written.map_err(|error| {
-        // What is left of a failed attempt helps nobody.
+        // What is left of a failed attempt is of no use.
         let _ = std::fs::remove_file(&beside);
         Failure::unwritable(path, error)
     })

@@ -2,7 +2,7 @@
 //!
 //! The loop publishes the world after every step and its status four times a second, and takes commands
 //! between steps. A [`Follower`] is the other end: cheap to copy, free to lag, without back-pressure. Nothing
-//! is published while nobody follows.
+//! is published while there is no follower.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -162,7 +162,7 @@ pub struct BodyState {
     pub inside_samples: u32,
     /// How the hull moved it, metres, if it did.
     pub response_m: Option<[f64; 3]>,
-    /// Whether somebody holds it.
+    /// Whether a follower holds it.
     pub grabbed: bool,
     /// Whether the solver has put it to sleep.
     pub asleep: bool,
@@ -301,7 +301,7 @@ pub struct Follower {
     watching: Arc<AtomicUsize>,
 }
 
-/// Counts somebody who watches, until dropped.
+/// Counts a follower, until dropped.
 #[derive(Debug)]
 pub struct Watching(Arc<AtomicUsize>);
 

@@ -1,4 +1,4 @@
-//! What a run has counted so far, for those who watch it. The loop hands it out four times a second if somebody asked for
+//! What a run has counted so far, for monitoring. The loop publishes it four times a second if a viewer asked for
 //! it ([`Coordinator::with_metrics`](crate::Coordinator::with_metrics)); a reader never holds it up.
 
 use std::sync::Arc;

@@ -60,14 +60,14 @@ pub(crate) struct Seats(Arc<AtomicUsize>);
 pub(crate) struct Seat(Seats);
 
 impl Seats {
-    /// A seat, if one is free for somebody with or without the token.
+    /// A seat, if one is free for a peer with or without the token.
     pub fn take(&self, has_token: bool) -> Option<Seat> {
         let before = self.0.fetch_add(1, Ordering::AcqRel);
         let seat = Seat(self.clone());
         (before < Seats::open_to(has_token)).then_some(seat)
     }
 
-    /// How many seats may be taken when somebody with or without the token comes.
+    /// How many seats may be taken when a peer with or without the token comes.
     pub fn open_to(has_token: bool) -> usize {
         if has_token { MAX_SEATS } else { MAX_SEATS - KEPT_SEATS }
     }

@@ -1,4 +1,4 @@
-//! Whoever only holds the port open keeps nobody out, and seats are kept for holders of the token.
+//! A peer that only holds the port open keeps no other out, and seats are kept for holders of the token.
 
 mod common;
 

@@ -45,7 +45,7 @@ async fn a_page_that_joins_gets_the_frame_set_at_which_the_world_stands() {
     let set = set.expect("a set");
     assert_eq!(world, Some(1), "paused");
     assert_eq!((frame_of(&set), usize::from(u16_at(&set, 6))), (7, CAMERAS), "the bodies' own frame, whole");
-    assert_eq!(set[48 + 2], 3, "runs and colours, though nobody looked at colours before");
+    assert_eq!(set[48 + 2], 3, "runs and colours, though no viewer looked at colours before");
     for (colour, kind) in [("off", 1), ("half", 3)] {
         late.say(json!({"op": "want", "colour": colour})).await;
         let set = late.hear_kind(1).await;

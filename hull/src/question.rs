@@ -103,7 +103,7 @@ pub enum QuestionKind {
     Edges,
     /// The same, with the normal of the plane through the camera's centre and the straightened edge: the hull's
     /// surface there. Of a point that cameras say is outside, the plane that is farthest from it among theirs, at a
-    /// negative distance; cameras that see nobody within 256 pixels of it say nothing.
+    /// negative distance; cameras without foreground within 256 pixels of it do not answer.
     Planes,
     /// Where does the ray along the point's own direction leave?
     Exits,

@@ -15,7 +15,7 @@ mod counting {
 
     unsafe impl GlobalAlloc for Counting {
         unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-            // While a thread ends its counter is gone, and nobody asks for it.
+            // While a thread ends its counter is gone, and is not read.
             let _ = COUNT.try_with(|count| count.set(count.get() + 1));
             unsafe { System.alloc(layout) }
         }

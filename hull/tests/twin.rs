@@ -134,7 +134,7 @@ fn check_planes(seed: u64, settings: ProbeSettings, with_ignored: bool) -> usize
         pass.ask_in_two_phases(two_phases);
         let found = finish(pass, sets);
         assert!(found.touches.iter().all(|touch| touch.edge == planes[touch.sample as usize]), "seed {seed}");
-        assert!(found.touches.iter().all(|touch| touch.exit_m.is_none()), "nobody asked for exits");
+        assert!(found.touches.iter().all(|touch| touch.exit_m.is_none()), "exits were not asked for");
     }
     let edges = ask(QuestionKind::Edges, VectorPath::Portable);
     let mut from_outside = 0;

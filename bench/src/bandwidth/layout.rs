@@ -94,7 +94,7 @@ impl Cost {
         let crossing_ms = |bytes: f64| bytes * 8e3 / link_bits_per_s;
         let frame_ms = crossing_ms(self.bytes_per_frame) + self.frame_ms + self.frame_trips * trip_s * 1e3;
         let pass_ms = crossing_ms(self.bytes_per_pass) + self.pass_ms + self.pass_trips * trip_s * 1e3;
-        // News of a frame delays nobody who gathers nothing.
+        // A layout that gathers nothing does not wait for frame reports.
         let frame_ms = if self.layout.is_gathered() { frame_ms } else { 0.0 };
         (frame_ms + pass_ms, frame_ms * rates.frames_per_s / rates.passes_per_s + pass_ms)
     }

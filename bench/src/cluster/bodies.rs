@@ -111,7 +111,7 @@ impl Bodies {
         })
     }
 
-    /// The same points as [`Bodies::at_pass`], but as points of the world that nobody has registered.
+    /// The same points as [`Bodies::at_pass`], but as points of the world, not registered at nodes.
     pub fn world_at_pass(&self, pass: u64) -> Vec<Points> {
         self.at_pass(pass).into_iter().map(to_world).collect()
     }
@@ -226,7 +226,7 @@ fn inside_count(views: &ViewSet, points: Points, scratch: &mut Scratch) -> usize
     answer.standings.iter().filter(|standing| standing.inside_count().is_some()).count()
 }
 
-/// The same points, as points of the world that nobody has registered.
+/// The same points, as points of the world, not registered at nodes.
 fn to_world(points: Points) -> Points {
     let Points::Body { shape, pose } = points else { return points };
     let world_from_body = pose.world_from_body();

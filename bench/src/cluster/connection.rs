@@ -95,7 +95,7 @@ pub struct FrameCosts {
 }
 
 impl ClusterClient {
-    /// Connects to the nodes of a film, which nobody has asked yet, and lets them read all of it.
+    /// Connects to the nodes of a film before the first question, and lets them read all of it.
     pub fn to(
         film: &Film,
         nodes: Vec<ExpectedNode>,

@@ -66,7 +66,8 @@ impl Film {
         let frames = 0..plan.frames as usize;
         let silhouettes = frames.map(|frame| of_cameras.iter().map(|film| film[frame].clone()).collect());
         let silhouettes = silhouettes.collect();
-        let (low, high) = settings.bounds_world(START_S).ok_or_else(|| Failure::run("nobody is there"))?;
+        let (low, high) =
+            settings.bounds_world(START_S).ok_or_else(|| Failure::run("no person is on the stage"))?;
         let file = ClusterFile::open(&write_cluster(folder.path(), &rig, &plan)?)?;
         let person_world = WorldBox { min: low.into(), max: high.into() };
         Ok(Film { plan, file, person_world, silhouettes, folder })

@@ -25,7 +25,7 @@ pub const BODY_POINTS: usize = 64;
 const CONTACT_M: std::ops::Range<f32> = 0.01..0.03;
 /// Points thrown at once while points inside are looked for.
 const THROW: usize = 1 << 14;
-/// Throws without enough points inside mean that there is nobody.
+/// Throws without enough points inside mean that there is no person.
 const MAX_THROWS: usize = 1000;
 /// Distortion of a plain wide-angle lens: 3 % at the middle of a long side.
 const BENT: [f64; 5] = [-0.12, 0.02, 0.001, -0.001, 0.0];

@@ -87,7 +87,7 @@ impl Showing {
         Showing { film: Arc::clone(film), ring, flicker, seed, tells_speeds: true, next: Mutex::new(0) }
     }
 
-    /// The same; without speeds nobody tells how far planes moved since the frame before.
+    /// The same; without speeds it is unknown how far planes moved since the frame before.
     pub fn telling_speeds(self, tells_speeds: bool) -> Showing {
         Showing { tells_speeds, ..self }
     }

@@ -43,7 +43,7 @@ Examples:
 Every run sees the true silhouettes of the studio, in lock-step; with noise, a share of the pixels on either side of
 every outline is inverted in every frame. Of several seeds each figure is the worst; of `drops` each lets one cube fall.
 
-`between` is `contacts` with the hull between the two newest frames, one frame later; of `no-speeds` nobody tells how
+`between` is `contacts` with the hull between the two newest frames, one frame later; in `no-speeds` it is unknown how
 surfaces move. `one-contact` leaves each body the deepest of its contacts. Two responses are references: `solids` has no hull, its bodies meet the studio's true solids;
 `8k` is `contacts` seen at 7680x4320. Of lift and topple the falls and ends of the others are compared with those of the
 references that are asked for too, and ends with the spread of the reference's own ends when its bodies start a

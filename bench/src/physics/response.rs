@@ -13,7 +13,7 @@ pub enum Response {
     Contacts,
     /// With contacts in the solver, and the hull between the two newest frames.
     Between,
-    /// With contacts in the solver, of surfaces of which nobody tells how they move.
+    /// With contacts in the solver, of surfaces whose motion is unknown.
     NoSpeeds,
     /// With the deepest of each body's contacts alone.
     OneContact,

@@ -137,9 +137,9 @@ impl Recorder for Keeper {
     fn end(&mut self, _: &EndRecord<'_>) {}
 }
 
-struct Nobody;
+struct NoWatcher;
 
-impl Watcher for Nobody {
+impl Watcher for NoWatcher {
     fn progress(&mut self, _: &Progress) {}
 
     fn wants_snapshot(&mut self, _: f64) -> bool {
@@ -193,7 +193,7 @@ impl Track {
             Coordinator::new(Transport::in_process(frames), world, observers, run)
                 .with_recorder(Box::new(Keeper(Arc::clone(&steps))))
                 .with_altered(plan.response.alter())
-                .run(&mut Nobody, std::future::pending())
+                .run(&mut NoWatcher, std::future::pending())
                 .await
                 .map_err(Failure::run)
         })?;

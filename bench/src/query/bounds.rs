@@ -26,12 +26,12 @@ pub struct BoundSavings {
     pub frustum_planes: f64,
     /// Some camera sees it on background.
     pub silhouette: f64,
-    /// Nobody rejects it.
+    /// No stage rejects it.
     pub inside: f64,
 }
 
 impl BoundSavings {
-    /// The shares of the stages in order, and last of what nobody rejects.
+    /// The shares of the stages in order, and last of what no stage rejects.
     pub fn shares(&self) -> [f64; 5] {
         [self.body_box, self.frustum_box, self.frustum_planes, self.silhouette, self.inside]
     }

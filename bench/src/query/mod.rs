@@ -239,7 +239,7 @@ impl Report {
     fn measure_paper(&mut self) -> Outcome {
         let plan = StudioPlan { cameras: paper_mix::CAMERAS, size: paper_mix::SIZE, bent: false };
         let studio = Studio::new(plan)?;
-        let hull_box = studio.hull_box().ok_or_else(|| Failure::run("nobody is on the stage"))?;
+        let hull_box = studio.hull_box().ok_or_else(|| Failure::run("no person is on the stage"))?;
         let heap = studio.heap(&mut Random::new(1))?;
         let samples = heap.iter().map(Points::len).sum();
         let sets = Sets::new(&studio, hull_box);

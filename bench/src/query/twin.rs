@@ -10,7 +10,7 @@ use crate::passes::{ContactBody, Passes, world_points};
 
 /// Pixels that the twin looks at, one point after the other.
 const PIXELS: usize = 1 << 28;
-/// Nobody needs the exits of the twin: its rays make one step.
+/// The exits of the twin are not used: its rays make one step.
 const MARCH_M: f64 = 10.0;
 /// Distances differ by no more, metres, and so do normals: they travel in single precision.
 const SAME: f64 = 2e-6;

@@ -322,7 +322,7 @@ mod tests {
 
     #[test]
     fn rigs_spread_over_the_cores() {
-        // Links that hold nobody up.
+        // Links that delay no message.
         let network = Network { link_bits_per_s: 1e12, ..GIGABIT };
         let pass_ms = |rigs, cores| {
             predict(&MEASURED, &network, &Room { rigs, nodes_per_rig: 8, cores, ..ONE }).pass_ms

@@ -13,7 +13,7 @@ pub struct Row {
     pub turned_deg: f64,
     /// How many runs, each with other offsets and other noise.
     pub runs: usize,
-    /// Runs that were refused because nobody moved enough.
+    /// Runs that were refused because there was too little motion.
     pub refused: usize,
     /// Runs that named a camera as out of its place: the turned one …
     pub named_rightly: usize,

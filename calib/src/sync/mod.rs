@@ -1,8 +1,8 @@
-//! Each camera's time against the others, from film in which somebody moves.
+//! Each camera's time against the others, from film in which a person moves.
 //!
 //! An outline pixel of a camera at its own frame is a ray that touches the person at that moment. It must meet the
 //! silhouettes of all others there, whose distance fields are mixed between the two frames beside the moment. A camera
-//! whose frames are older than they say makes gaps before and behind whoever moves.
+//! whose frames are older than they say makes gaps before and behind a moving person.
 
 mod film;
 mod fit;
@@ -84,15 +84,15 @@ pub enum SyncError {
         /// What all cameras have, seconds.
         found_s: f64,
     },
-    /// All cameras never see somebody at once.
+    /// All cameras never see a person at once.
     #[error(
-        "found no moment at which every camera sees somebody, expected somebody who walks about in the middle"
+        "found no moment at which every camera sees a person, expected a person who walks about in the middle"
     )]
-    Nobody,
+    NoPerson,
     /// Who stands still has no time.
     #[error(
-        "nobody moved enough: outlines move by {found_px_per_s:.1} pixels a second (of an image 640 wide), expected at \
-         least {expected_px_per_s:.1}: somebody who walks about"
+        "too little motion: outlines move by {found_px_per_s:.1} pixels a second (of an image 640 wide), expected at \
+         least {expected_px_per_s:.1}: a person who walks about"
     )]
     Still {
         /// How fast outlines move, root mean square, pixels of an image 640 wide a second.
@@ -102,7 +102,7 @@ pub enum SyncError {
     },
     /// The film does not say enough.
     #[error(
-        "nobody moved enough: the time of camera {camera:?} is uncertain by {found_ms:.1} ms, expected at most \
+        "too little motion: the time of camera {camera:?} is uncertain by {found_ms:.1} ms, expected at most \
          {expected_ms:.1}"
     )]
     Uncertain {
@@ -122,14 +122,14 @@ pub fn check_sync(rig: &Rig, films: &[Vec<TimedSilhouette>]) -> Result<SyncRepor
     let cameras = rig.cameras();
     let range_s = compared(cameras, films)?;
     let films = Films::new(films, cameras, range_s, MOMENTS);
-    let found_px_per_s = motion::motion_px_per_s(&films).ok_or(SyncError::Nobody)?;
+    let found_px_per_s = motion::motion_px_per_s(&films).ok_or(SyncError::NoPerson)?;
     let expected_px_per_s = LEAST_PX_PER_S / films.scale_px().min(1.0);
     if found_px_per_s < expected_px_per_s {
         return Err(SyncError::Still { found_px_per_s, expected_px_per_s });
     }
     let rays = outline_rays(&films, cameras);
     if rays.iter().all(Vec::is_empty) {
-        return Err(SyncError::Nobody);
+        return Err(SyncError::NoPerson);
     }
     let found = fit::fit(&films, cameras, &rays);
     let report = found.report(&films, cameras, found_px_per_s);

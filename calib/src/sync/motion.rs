@@ -19,7 +19,7 @@ const AROUND_S: f64 = 0.067;
 const TRIED: usize = 4;
 
 /// How fast outlines move, root mean square over all cameras and moments: pixels of an image 640 wide a second, what
-/// only flickers from frame to frame left out. `None` where nobody is seen.
+/// only flickers from frame to frame left out. `None` where no person is seen.
 pub(super) fn motion_px_per_s(films: &Films) -> Option<f64> {
     let jobs: Vec<(usize, usize)> = (0..films.frames.len())
         .flat_map(|moment| (0..films.cameras.len()).map(move |camera| (moment, camera)))

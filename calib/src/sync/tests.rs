@@ -124,7 +124,7 @@ fn a_camera_that_was_turned_is_told_from_one_that_is_late() {
 fn somebody_who_stands_still_has_no_time() {
     let error = check_sync(&rig(), &films(&[0.0; 4], 0.01)).expect_err("still");
     assert!(matches!(error, SyncError::Still { .. }), "{error}");
-    assert!(error.to_string().starts_with("nobody moved enough: "), "{error}");
+    assert!(error.to_string().starts_with("too little motion: "), "{error}");
 }
 
 #[test]
@@ -143,7 +143,7 @@ fn what_cannot_be_compared_is_refused() {
     let mut empty = films.clone();
     let nothing = Silhouette::empty(240, 180).expect("size");
     empty[3].iter_mut().for_each(|frame| frame.silhouette = nothing.clone());
-    assert!(refused(&empty).starts_with("found no moment at which every camera sees somebody"));
+    assert!(refused(&empty).starts_with("found no moment at which every camera sees a person"));
     let alone = Rig::new(cameras()[..1].to_vec()).expect("one");
     let error = check_sync(&alone, &films[..1]).expect_err("refused").to_string();
     assert_eq!(error, "found 1 cameras, expected at least two");

@@ -58,7 +58,7 @@ struct Progress {
 
 impl CaptureLoop {
     /// Whether a source that fails, ends or cannot be opened is opened again: a live camera has no end, and
-    /// nobody waits for it. In lock-step its frames would be missing.
+    /// no step waits for it. In lock-step its frames would be missing.
     pub fn reopens(&self) -> bool {
         self.is_live && !self.start.lock_step
     }

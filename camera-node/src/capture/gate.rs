@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use super::film_clock::FilmClock;
 
-/// The longest sleep, seconds: film time may be told anew meanwhile.
+/// The longest sleep, seconds: film time may be set again meanwhile.
 const MAX_SLEEP_S: f64 = 0.1;
 
 /// Shared by the film threads of one run.

@@ -509,7 +509,7 @@ mod tests {
         assert_eq!(held(&ring).len(), 3, "what comes too late is dropped");
         let waits = FrameRing::new(2);
         (0..9).for_each(|number| offer(&waits, 0, number));
-        assert!(held(&waits).is_empty(), "a run that waits for all leaves nobody out");
+        assert!(held(&waits).is_empty(), "a run that waits for all excludes no camera");
     }
 
     #[test]

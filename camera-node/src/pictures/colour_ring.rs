@@ -1,4 +1,4 @@
-//! The colours of recent frames, kept only while somebody requests them.
+//! The colours of recent frames, kept only while a viewer requests them.
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};

@@ -150,7 +150,7 @@ fn runs_are_the_silhouette() {
     let runs = set.camera(0, PictureKind::Silhouettes, 0).runs;
     let back = proto::convert::silhouette_from_data(&runs, (WIDTH, HEIGHT), SilhouetteEncoding::Runs);
     assert_eq!(back.expect("a silhouette"), film_frame(Layout::Rgb).1);
-    assert_eq!(set.colours.bytes(), 0, "nobody requested colours");
+    assert_eq!(set.colours.bytes(), 0, "no viewer requested colours");
 }
 
 #[test]

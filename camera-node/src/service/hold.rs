@@ -1,5 +1,5 @@
-//! Who leads a node: one coordinator at a time. Nobody is elected; a node refuses all others while the one that holds it
-//! is there.
+//! The leader lease of a node: one coordinator at a time. There is no election; a node refuses all others while the lease holder
+//! is connected.
 //!
 //! Plain decisions, but for what calls see of them: time is an argument.
 
@@ -17,10 +17,10 @@ use super::seats::Seat;
 
 /// A holder whose stream broke may come back for so long before another takes its place.
 const GRACE: Duration = Duration::from_secs(3);
-/// A holder that is there is heard of twice a second. One that is not may have lost power, with its stream left open: it
-/// may begin anew.
+/// A connected holder sends a message twice a second. One that does not may have lost power, with its stream left open: it
+/// may claim the node again.
 const HEARD_WITHIN: Duration = Duration::from_millis(1500);
-/// A node that nobody has held for so long stops its cameras.
+/// A node without a lease holder for so long stops its cameras.
 pub(super) const DESERTED_AFTER: Duration = Duration::from_secs(10);
 /// A coordinator that takes over claims the next term. So many may have been claimed meanwhile; one far above is there to end the order of
 /// terms.
@@ -62,8 +62,8 @@ struct Held {
 }
 
 impl Hold {
-    /// Claims the node. A holder that is there is displaced by a higher term alone; one whose stream has ended, or that is
-    /// silent, by itself started anew, and after a while by anybody.
+    /// Claims the node. A connected holder is displaced by a higher term alone; one whose stream has ended, or that is
+    /// silent, by its own restarted process, and after a while by any coordinator.
     pub fn claim(&mut self, claim: Claim, now: Instant) -> Result<(), ClaimRefused> {
         let most = self.term().saturating_add(MOST_TERMS_AHEAD);
         if claim.term > most {
@@ -88,7 +88,7 @@ impl Hold {
         Ok(())
     }
 
-    /// Whether somebody of that id may change something; 0 is nobody.
+    /// Whether a peer of that id may change anything; id 0 is anonymous.
     pub fn check(&mut self, id: u64, now: Instant) -> Result<(), HeldBy> {
         let Some(held) = &mut self.held else { return Ok(()) };
         if held.claim.id == id {
@@ -104,9 +104,9 @@ impl Hold {
         self.held.as_ref().is_some_and(|held| held.claim.id == id)
     }
 
-    /// Somebody of that id opened a stream; false if it is not counted.
+    /// A peer of that id opened a stream; false if it is not counted.
     pub fn stream_began(&mut self, id: u64) -> bool {
-        // Strangers must not keep the holder's own from being counted.
+        // Untrusted peers must not keep the holder's own from being counted.
         let holds = self.held.as_ref().is_some_and(|held| held.claim.id == id);
         let has_room = holds || self.streams.len() < MAX_STREAMS || self.streams.contains_key(&id);
         if id != 0 && has_room {
@@ -127,7 +127,7 @@ impl Hold {
         held.map(|held| held.heard = now).is_some()
     }
 
-    /// Whether nobody has held the node for so long that its cameras may stop.
+    /// Whether the node has been without a lease holder for so long that its cameras may stop.
     pub fn is_deserted(&self, now: Instant) -> bool {
         self.held.as_ref().is_none_or(|held| {
             !self.streams.contains_key(&held.claim.id) && now - held.heard >= DESERTED_AFTER
@@ -145,7 +145,7 @@ impl Hold {
         })
     }
 
-    /// The term of who holds it; nothing if nobody does.
+    /// The term of the lease; 0 without a lease holder.
     pub fn term(&self) -> u64 {
         self.held.as_ref().map_or(0, |held| held.claim.term)
     }
@@ -204,7 +204,7 @@ mod tests {
     #[test]
     fn nobody_gets_past_a_holder_that_is_there() {
         let (mut hold, began) = (Hold::default(), Instant::now());
-        assert_eq!(hold.check(0, began), Ok(()), "nobody holds it");
+        assert_eq!(hold.check(0, began), Ok(()), "no lease holder");
         assert_eq!(hold.claim(claim(7, "first", 1), began), Ok(()));
         assert!(hold.stream_began(7));
         let late = after(100, began);

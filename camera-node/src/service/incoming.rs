@@ -1,6 +1,6 @@
-//! Who gets in: connections are accepted, encrypted where certificates are in use, and counted.
+//! Admission: connections are accepted, encrypted where certificates are in use, and counted.
 //!
-//! Strangers hold nothing for long: whoever has not said who it is gives way to the next, oldest first of the machine that
+//! An unauthenticated connection is evicted when the next one needs its slot, oldest first of the machine that
 //! has most of them, so that no number of silent ones keeps a coordinator out.
 
 use std::cmp::Reverse;
@@ -40,12 +40,12 @@ const IDLE_CHECK: Duration = Duration::from_secs(1);
 /// Who may connect.
 #[derive(Clone, Default)]
 pub enum Access {
-    /// Whoever is on this machine.
+    /// Processes of this machine.
     #[default]
     ThisMachine,
-    /// Whoever reaches the address: nothing is encrypted.
+    /// Any peer that reaches the address: nothing is encrypted.
     Anybody,
-    /// Over TCP, whoever has a certificate of the same authority.
+    /// Over TCP, peers with a certificate of the same authority.
     Certified(Arc<Credentials>),
 }
 
@@ -91,7 +91,7 @@ pub(super) fn incoming(
     ReceiverStream::new(receiver)
 }
 
-/// Accepts until nobody takes what comes.
+/// Accepts until the receiver is dropped.
 async fn accept(listener: Listener, door: Door, sender: mpsc::Sender<io::Result<Connection>>) {
     let mut beginning = JoinSet::new();
     let mut by_age: VecDeque<(Option<IpAddr>, AbortHandle)> = VecDeque::new();
@@ -146,7 +146,7 @@ fn gives_way(machines: impl Iterator<Item = Option<IpAddr>>) -> Option<usize> {
     count_and_first.into_values().max().map(|(_, Reverse(first))| first)
 }
 
-/// Why somebody does not get in.
+/// Why a peer is not admitted.
 #[derive(Debug, Error)]
 enum Refusal {
     #[error(transparent)]

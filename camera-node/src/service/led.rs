@@ -1,4 +1,4 @@
-//! What a coordinator tells of film while its stream lives, and what becomes of the film when nobody is left.
+//! What a coordinator tells of film while its stream lives, and what becomes of the film when no lease holder is left.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use super::hold::{DESERTED_AFTER, SharedHold};
 use crate::capture::Filming;
 use crate::frames::FrameRing;
 
-/// Film that is led by whoever holds the node.
+/// Film that the lease holder of the node controls.
 pub(super) struct Led {
     pub hold: SharedHold,
     pub film: Arc<dyn Filming>,
@@ -45,7 +45,7 @@ impl Led {
         }
     }
 
-    /// Cameras that film for nobody are stopped after a while; a coordinator that comes back starts them again.
+    /// Cameras without a lease holder are stopped after a while; a coordinator that comes back starts them again.
     async fn stop_if_deserted(self) {
         tokio::time::sleep(DESERTED_AFTER).await;
         // Film threads end between two frames.

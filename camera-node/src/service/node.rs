@@ -137,7 +137,7 @@ impl Node {
 }
 
 /// Serves film of the caller's over connections of the caller's, until those end. No thread is started: questions are
-/// answered by whoever polls this, and time is the runtime's, so that both may be simulated. There are no pictures.
+/// answered by the task that polls this, and time is the runtime's, so that both may be simulated. There are no pictures.
 pub async fn serve_film<C>(
     config: &NodeConfig,
     film: Arc<dyn Filming>,

@@ -40,9 +40,9 @@ impl tonic::service::Interceptor for Permission {
     fn call(&mut self, request: Request<()>) -> Result<Request<()>, Status> {
         let Some(allowed) = &self.allowed else { return Ok(request) };
         let Some(caller) = request.extensions().get::<Caller>() else {
-            return Err(Status::permission_denied("nobody knows who asks"));
+            return Err(Status::permission_denied("the caller has no identity"));
         };
-        // Over a Unix socket nobody shows a certificate: its file lets this user in alone.
+        // Over a Unix socket there are no certificates: the mode of its file admits this user alone.
         let Some(peer) = &caller.peer else { return Ok(request) };
         if allowed.iter().any(|identity| peer.is(identity)) {
             return Ok(request);

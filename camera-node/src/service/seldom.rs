@@ -1,4 +1,4 @@
-//! Log lines that thousands of strangers may cause: one a second, and how many were left out.
+//! Rate-limited log for lines that thousands of untrusted peers may cause: one a second, and how many were left out.
 
 use std::fmt::Display;
 use std::net::IpAddr;

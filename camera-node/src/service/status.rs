@@ -1,4 +1,4 @@
-//! What the node says of itself to whoever looks: coordinators and viewers. It changes nothing, and costs next to
+//! What the node reports of itself to coordinators and viewers. It changes nothing, and costs next to
 //! nothing.
 
 use std::sync::Arc;

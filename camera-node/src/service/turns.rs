@@ -1,4 +1,4 @@
-//! Questions that wait for the worker: connections have turns, so that nobody waits longer for another's many questions
+//! Questions that wait for the worker: connections have turns, so that none waits longer for another's many questions
 //! than for one of them.
 
 use std::collections::VecDeque;
@@ -9,7 +9,7 @@ use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 pub(super) enum NoTurn {
     /// So many of its connection wait.
     Full,
-    /// Nobody will take it.
+    /// The worker has ended.
     Closed,
 }
 
@@ -41,7 +41,7 @@ impl<T> Turns<T> {
         self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Forgets what nobody wants any more, and how much that was.
+    /// Drops what is no longer wanted; returns how much that was.
     pub fn forget(&self, is_unwanted: impl Fn(&T) -> bool) -> usize {
         let mut waiting = self.lock();
         let before: usize = waiting.queues.iter().map(|(_, queue)| queue.len()).sum();

@@ -68,7 +68,7 @@ impl ReplySender {
         self.seat.as_ref().map_or(0, |seat| seat.id())
     }
 
-    /// Nobody will read what is sent: the connection or its stream has ended.
+    /// Replies are not read any more: the connection or its stream has ended.
     fn is_closed(&self) -> bool {
         self.replies.is_closed()
     }
@@ -96,7 +96,7 @@ impl ReplySender {
     }
 }
 
-/// Nobody reads the stream's replies.
+/// The peer no longer reads the stream's replies.
 #[derive(Debug)]
 pub(super) struct Closed;
 

@@ -143,7 +143,7 @@ impl SourceConfig {
         Ok(())
     }
 
-    /// Whether its images are silhouettes already: nothing is learnt or segmented, and nobody sees colours.
+    /// Whether its images are silhouettes already: nothing is learnt or segmented, and there are no colours.
     pub fn gives_masks(&self) -> bool {
         matches!(self, SourceConfig::Masks(_))
     }

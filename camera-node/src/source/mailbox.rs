@@ -70,7 +70,7 @@ impl<T> Mailbox<T> {
         Ok(message)
     }
 
-    /// No more messages: the writer is done, or nobody reads. Messages inside can still be taken.
+    /// No more messages: the writer is done, or the reader is gone. Messages inside can still be taken.
     pub fn close(&self) {
         self.lock().closed = true;
         self.changed.notify_all();

@@ -261,7 +261,7 @@ struct PipeReader {
 impl PipeReader {
     fn run(self, mut stdout: ChildStdout, mut numbers: FrameNumbers) {
         if let Err(failure) = self.frames(&mut stdout, &mut numbers) {
-            // This fails only if nobody reads any more.
+            // This fails only if the reader is gone.
             let _ = self.mailbox.send(PipeMessage::Failed(failure, stdout));
         }
         self.mailbox.close();

@@ -220,7 +220,7 @@ mod tests {
         stdout.read_exact(&mut byte).expect("started");
         let started = Instant::now();
         drop(program);
-        // The pipe ends only when nobody holds it any more.
+        // The pipe ends only when no process holds it any more.
         stdout.read_to_end(&mut Vec::new()).expect("ends");
         assert!(started.elapsed() < Duration::from_secs(100));
     }
@@ -232,7 +232,7 @@ mod tests {
         assert!(
             matches!(program.finish(Duration::from_secs(100)), Ending::Exited(status) if status.code() == Some(3))
         );
-        // The pipe ends only when nobody holds it any more.
+        // The pipe ends only when no process holds it any more.
         stdout.read_to_end(&mut Vec::new()).expect("ends");
         assert!(started.elapsed() < Duration::from_secs(100));
     }

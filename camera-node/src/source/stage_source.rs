@@ -1,4 +1,4 @@
-//! The synthetic studio as a source, so that nobody needs cameras.
+//! The synthetic studio as a source, so that no cameras are needed.
 
 use hull::Camera;
 use segment::Layout;

@@ -36,7 +36,7 @@ pub(crate) struct Checkpoint {
 pub(crate) struct Place {
     /// BLAKE3 of the calibration digests of all cameras in rig order.
     pub rig: [u8; 32],
-    /// The digest of the scene with which the run begins, whatever scene somebody chose later.
+    /// The digest of the scene with which the run begins, whatever scene was chosen later.
     pub scene: [u8; 32],
 }
 

@@ -1,4 +1,4 @@
-//! The messages of a checkpoint's contents. Nobody else reads them, so they stand here instead of in a `.proto` file.
+//! The messages of a checkpoint's contents. No other program reads them, so they stand here instead of in a `.proto` file.
 //! Metres, seconds, radians; world frame; world from body.
 
 use prost::{Message, Oneof};

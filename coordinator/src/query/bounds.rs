@@ -67,7 +67,7 @@ mod tests {
         turns.into_iter().enumerate().map(observer).collect()
     }
 
-    /// Both cameras see somebody in the middle of the picture: a cube of about half a metre.
+    /// Both cameras see a person in the middle of the picture: a cube of about half a metre.
     fn report(admitted: Option<PixelRect>) -> FrameReport {
         let camera = |rig_index| CameraReport {
             rig_index,

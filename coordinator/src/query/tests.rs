@@ -12,7 +12,7 @@ use proto::{CameraReport, Stamps};
 use super::*;
 
 const SIDE: u32 = 101;
-/// What both cameras see of somebody in the middle: a cube of about half a metre.
+/// What both cameras see of a person in the middle: a cube of about half a metre.
 const SEEN: PixelRect = PixelRect { left: 42, top: 42, right: 59, bottom: 59 };
 
 /// Two cameras at 3 m that look at the origin, along z and along x.
@@ -111,7 +111,7 @@ fn bounds_are_those_of_the_frame() {
     query.begin_step(0, &[&report(0, None)], [at(0.0)].into_iter());
     assert!(!query.must_ask());
     query.begin_step(1, &[&report(1, Some(SEEN))], [at(0.0)].into_iter());
-    assert!(query.must_ask(), "somebody has come");
+    assert!(query.must_ask(), "a person has come");
 }
 
 #[test]

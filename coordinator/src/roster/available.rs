@@ -8,7 +8,7 @@ use super::{Missing, Roster, RosterNode};
 /// Live film that is older than this has stopped, seconds; a run that has no frame after this has a fault.
 const STALE_S: f64 = 1.0;
 
-/// Why a step has no hull: its bodies collide with nobody.
+/// Why a step has no hull: collisions are disabled.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum HullUnavailable {
     /// A node is not there.
@@ -31,7 +31,7 @@ pub enum HullUnavailable {
         /// How long ago that should have been followed by another, seconds.
         age_s: f64,
     },
-    /// Nobody remembers where the hull of the frame is: a node has come back since.
+    /// The reports of the frame are lost: a node has come back since.
     #[error("frame {frame} was reported before a node came back")]
     Forgotten {
         /// The frame in use.

@@ -186,7 +186,7 @@ impl RosterNode {
 #[derive(Clone, Debug)]
 pub struct Roster {
     nodes: Vec<RosterNode>,
-    /// What nobody has asked about yet.
+    /// Reports that have not been read yet.
     arrivals: VecDeque<Arrival>,
     /// What live steps need, as of the last decision whom they go on without.
     least_cameras: Option<usize>,

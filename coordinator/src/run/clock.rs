@@ -109,7 +109,7 @@ impl Clock {
         }
     }
 
-    /// Lets the film go by that came since a step was due: nobody wanted the step.
+    /// Lets the film go by that came since a step was due: the step was not wanted.
     pub fn pass(&mut self, film_s: f64) {
         self.passed_s += self.lag_s(film_s).max(0.0);
     }

@@ -33,7 +33,7 @@ pub(super) enum Steering {
     /// So many steps more.
     Counting {
         left: u64,
-        /// They see the frame at which the run was paused: somebody steps through a moment.
+        /// They see the frame at which the run was paused: a viewer steps through a moment.
         is_frozen: bool,
     },
     /// None.
@@ -102,7 +102,7 @@ impl Coordinator {
         };
         match timeout(patience, order).await {
             Ok(Some(order)) => self.waiting.push_back(order),
-            // Nobody is left who could ever resume.
+            // No viewer is left that could resume.
             Ok(None) => self.steering = Steering::Running,
             Err(_) => {}
         }
@@ -112,7 +112,7 @@ impl Coordinator {
         !self.is_over(self.film_s())
     }
 
-    /// Film that came since the last step was due is nobody's.
+    /// Film that came since the last step was due is passed over.
     fn let_film_pass(&mut self) {
         if self.settings.lock_step {
             return;

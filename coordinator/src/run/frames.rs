@@ -37,7 +37,7 @@ pub(super) struct FilmInUse {
     pub frame: Option<u64>,
     /// Why the last step had no hull, if it had none.
     pub unavailable: Option<HullUnavailable>,
-    /// Frames that nobody expected: film went by while no steps were wanted.
+    /// Frames that were not wanted: film went by while no steps were wanted.
     pub frames_passed: u64,
     /// The same when the frame was taken into use.
     passed_before: u64,

@@ -43,7 +43,7 @@ impl Coordinator {
         let mut places: Vec<u16> = cameras.map(|camera| camera.rig_index).collect();
         places.sort_unstable();
         let expected = self.least_cameras();
-        // A frame that nobody remembers tells nothing.
+        // A frame without reports tells nothing.
         if places.is_empty() || places == self.film.cameras {
             return Ok(());
         }

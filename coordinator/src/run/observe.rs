@@ -28,7 +28,7 @@ struct Look {
 }
 
 impl Coordinator {
-    /// Shows the run of whoever leads the nodes until `stop` completes or the time is over; commands are refused. Needs a
+    /// Shows the run of the lease holder until `stop` completes or the time is over; commands are refused. Needs a
     /// transport of [`Role::Observes`](node_client::Role). Nodes may come and go.
     pub async fn observe(
         mut self,

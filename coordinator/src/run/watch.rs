@@ -118,7 +118,7 @@ impl Coordinator {
         };
         watcher.progress(&progress);
         self.publish_status(progress);
-        // Somebody may have begun to watch a world that does not move.
+        // A viewer may have begun to watch a world that does not move.
         self.publish_world();
         self.recent = RecentFigures::since(bytes, passes);
     }

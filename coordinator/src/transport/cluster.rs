@@ -290,11 +290,11 @@ async fn ask_again(
     asking: &Asking,
 ) -> Result<Option<Answer>, TransportError> {
     let client = &nodes.clients[node];
-    // Whatever it did not understand, it is sent everything anew.
+    // Whatever it did not understand, it is sent everything again.
     client.forget_sent();
     match reason {
         RefusalReason::UnknownShape => {
-            // The node began anew since the shapes were registered.
+            // The node was restarted since the shapes were registered.
             let registered = tokio::time::timeout_at(asking.deadline, client.register_again()).await;
             registered.map_err(|_| late(nodes, node, asking))?.map_err(|error| failed(nodes, node, error))?;
         }

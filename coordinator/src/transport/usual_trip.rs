@@ -82,7 +82,7 @@ mod tests {
             let mut usual = UsualTrip::default();
             for _ in 0..10 {
                 usual.took(&[(0, 2.0), (1, 200.0), (2, 1.0)], &roster, 0.0);
-                // Nobody else was asked.
+                // No other node was asked.
                 usual.took(&[(1, 300.0)], &roster, 0.0);
             }
             usual.timeout()

@@ -1,6 +1,6 @@
 //! One connection of a port: encrypted or not, HTTP/1.1 or HTTP/2.
 //!
-//! Whoever has not sent a whole request head within 5 s (a TLS handshake before it included) is dropped, and whoever then
+//! A peer that has not sent a whole request head within 5 s (a TLS handshake before it included) is dropped, and one that then
 //! asks nothing for a minute, unless it holds a socket or a stream.
 
 use std::net::IpAddr;
@@ -32,7 +32,7 @@ use super::registry::{Registered, Registry, Staying};
 const HEAD_TIMEOUT: Duration = Duration::from_secs(5);
 /// A connection is kept so long for another request.
 const IDLE_TIMEOUT: Duration = Duration::from_secs(60);
-/// Whoever takes so much meanwhile is no idle one, but has a slow link. Pings are less.
+/// A peer that receives so much meanwhile is not idle, but has a slow link. Pings are less.
 const SLOW_LINK_BYTES: u64 = 1 << 10;
 /// The longest head of a request, bytes: browsers send one or two thousand.
 const MAX_HEAD_BYTES: usize = 8 << 10;
@@ -53,7 +53,7 @@ const TLS_HANDSHAKE: u8 = 0x16;
 /// What the connections of a port share.
 #[derive(Debug)]
 pub(super) struct PortShared {
-    /// Encrypts, for whoever comes.
+    /// Encrypts; clients show no certificates.
     pub credentials: Option<Arc<Credentials>>,
     pub handshakes: HandshakeLimit,
     pub registry: Registry,

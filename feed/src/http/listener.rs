@@ -29,8 +29,8 @@ pub(crate) struct Port {
 }
 
 impl Port {
-    /// Takes over a listener that does not block; `name` is what the log calls it. With credentials it speaks HTTPS, and asks
-    /// nobody for a certificate: browsers have none. Must run within a runtime.
+    /// Takes over a listener that does not block; `name` is what the log calls it. With credentials it speaks HTTPS, and requests
+    /// no certificate of clients: browsers have none. Must run within a runtime.
     pub fn new(
         listener: std::net::TcpListener,
         name: &'static str,
@@ -69,7 +69,7 @@ impl Port {
                     tokio::time::sleep(ACCEPT_PAUSE).await;
                 }
             }
-            // Whoever came reads what was sent already before the next one may make it give way.
+            // A new connection reads what was sent already before the next one may evict it.
             tokio::task::yield_now().await;
         }
         drop(self.listener);

@@ -75,7 +75,7 @@ impl Refusals {
 
     /// Logs it, or counts it for the next line.
     pub fn log(&self, from: Option<IpAddr>, why: &Refusal) {
-        let from = from.map_or_else(|| "somebody".to_owned(), |from| from.to_string());
+        let from = from.map_or_else(|| "an unknown address".to_owned(), |from| from.to_string());
         if why.is_usual() {
             tracing::debug!("{}: a connection from {from} ends: {why}", self.port);
         } else if let Some(line) = self.line(&from, why, Instant::now()) {

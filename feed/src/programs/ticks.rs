@@ -40,7 +40,7 @@ impl Ticks {
     pub async fn next(&mut self) -> Option<Arc<WorldState>> {
         loop {
             self.interval.tick().await;
-            // An error says that nobody makes steps any more.
+            // An error says that the run has ended.
             self.world.has_changed().ok()?;
             let newest = self.world.borrow_and_update().clone();
             if newest.is_some() {

@@ -18,7 +18,7 @@ pub struct Touch {
     pub exit_m: Option<f32>,
     /// Of a contact: how fast the surface moves out along its normal, m/s, where the frame before tells.
     pub speed_m_s: Option<f32>,
-    /// Of a contact: how fast the surface moves along itself, world, m/s; nothing where nobody tells.
+    /// Of a contact: how fast the surface moves along itself, world, m/s; nothing where it is unknown.
     pub slide_m_s: [f32; 3],
 }
 
@@ -76,7 +76,7 @@ pub struct BodyResult {
     pub response_m: Result<[f64; 3], NoResponse>,
     /// How many of the samples inside are still inside after the response.
     pub left_inside: usize,
-    /// Of contacts: how fast the surface turns, world, rad/s; nothing where nobody tells.
+    /// Of contacts: how fast the surface turns, world, rad/s; nothing where it is unknown.
     pub spin_rad_s: [f32; 3],
     /// Of points around it that have a plane near, if it touches and they were asked about.
     pub around: Vec<Touch>,

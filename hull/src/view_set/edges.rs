@@ -22,7 +22,7 @@ use crate::vector::VectorPath;
 use crate::view::{SurfacePlane, View};
 
 /// No view.
-const NOBODY: u32 = u32::MAX;
+const NO_VIEW: u32 = u32::MAX;
 
 /// The nearest edges of a chunk of points so far.
 #[derive(Clone, Debug)]
@@ -58,7 +58,7 @@ impl Default for Nearest {
     fn default() -> Nearest {
         Nearest {
             distance_m: [0.0; CHUNK],
-            view: [NOBODY; CHUNK],
+            view: [NO_VIEW; CHUNK],
             column: [0; CHUNK],
             row: [0; CHUNK],
             normalised: [[0.0; CHUNK]; 2],
@@ -91,7 +91,7 @@ impl ViewSet {
             let count = (points.len() - from).min(CHUNK);
             let Scratch { projections, nearest, planes, .. } = scratch;
             projections.project(&self.views, points, from, SearchTarget::PixelCentre, self.path);
-            nearest.view = [NOBODY; CHUNK];
+            nearest.view = [NO_VIEW; CHUNK];
             batch.reaches(from, &mut nearest.distance_m[..count]);
             nearest.moved_m = [f32::NAN; CHUNK];
             nearest.is_from_outside = [false; CHUNK];
@@ -139,7 +139,7 @@ impl ViewSet {
             answer.edges.extend((0..count).map(|at| nearest.edge(at, &self.views)));
             if with_exits {
                 let within = nearest.view[..count].iter().zip(nearest.exit_within);
-                let or_unbounded = |(&view, within)| if view == NOBODY { Reach::UNBOUNDED } else { within };
+                let or_unbounded = |(&view, within)| if view == NO_VIEW { Reach::UNBOUNDED } else { within };
                 answer.exits_within.extend(within.map(or_unbounded));
             }
         }
@@ -293,7 +293,7 @@ impl Nearest {
         path: VectorPath,
     ) -> [u32; CHUNK] {
         self.beside.resize(views.len(), Beside::default());
-        let (mut farthest_m, mut first) = ([-1.0; CHUNK], [NOBODY; CHUNK]);
+        let (mut farthest_m, mut first) = ([-1.0; CHUNK], [NO_VIEW; CHUNK]);
         for (index, (beside, view)) in self.beside.iter_mut().zip(views).enumerate() {
             beside.bound(view, projections.of(index), &self.distance_m, count, path);
             for at in 0..CHUNK {

@@ -27,7 +27,7 @@ const AUTHORITY_DAYS: u32 = 3650;
 #[command(after_help = "Example, and then each machine gets the folder of its name:\n  \
     hulltouch certs studio.cluster.toml --into certs\n  \
     scp certs/nodes/left/* root@left-pc:/etc/hulltouch/certs/\n\n\
-    Keep certs/authority on a machine of its own: whoever has its key may make himself the coordinator.")]
+    Keep certs/authority on a machine of its own: a holder of its key can act as the coordinator.")]
 pub struct CertsArguments {
     /// The cluster file.
     cluster: PathBuf,
@@ -112,7 +112,7 @@ fn authority(folder: &Path, room: &str, owners: &[(PathBuf, Identity)]) -> Outco
         return Authority::open(room, &read(&certificate)?, &read(&key)?)
             .map_err(|error| wrong(&key, &error));
     }
-    // Nodes that have copies of their folders would know nobody whom a new authority signs for.
+    // Nodes that have copies of their folders would refuse all certificates of a new authority.
     for path in owners.iter().map(|(folder, _)| folder.join(KEY)).chain([certificate.clone()]) {
         if is_there(&path)? {
             return Err(Failure::input(format_args!(
@@ -159,7 +159,7 @@ fn make_folder(folder: &Path) -> Outcome {
     made.map_err(|error| wrong(folder, &error))
 }
 
-/// Replaces the file at once: whoever reads it meanwhile finds the old one or the new one.
+/// Replaces the file at once: a reader finds the old one or the new one.
 fn write(path: &Path, text: &str, mode: u32) -> Outcome {
     let beside = path.with_extension("new");
     let open = |path: &Path| OpenOptions::new().write(true).create(true).truncate(true).mode(mode).open(path);

@@ -34,11 +34,11 @@ fn who_holds_most_gives_way_and_nobody_else() {
 fn what_a_machine_holds_over_several_connections_counts_together() {
     let seats = SharedSeats::default();
     let seat = |last| seats.take(machine(last), true, true).expect("room");
-    let (leader, strangers) = (seat(1), [seat(2), seat(2), seat(2)]);
+    let (leader, others) = (seat(1), [seat(2), seat(2), seat(2)]);
     let take = |seat: &Arc<Seat>, mib| Share::take(&Some(Arc::clone(seat)), mib * MIB);
     let led = take(&leader, 20).expect("room");
-    let held = strangers.each_ref().map(|seat| take(seat, 16).expect("room"));
-    assert!(take(&strangers[0], 2).is_err(), "the leader holds less than they do together");
+    let held = others.each_ref().map(|seat| take(seat, 16).expect("room"));
+    assert!(take(&others[0], 2).is_err(), "the leader holds less than they do together");
     let more = take(&leader, 10).expect("one of them gives way");
     assert_eq!(seats.lock().held_bytes, 62 * MIB);
     assert!(seats.lock().slots.contains_key(&leader.id()));

@@ -222,7 +222,7 @@ fn a_counter_is_anchored_once_and_a_gap_is_a_missed_frame() {
         let found = push(700 + frame, frame, phase);
         assert_eq!((found.number, found.anchored_anew), (Some(u64::from(frame)), None));
     }
-    // The trigger's box was started anew: it counts from somewhere else.
+    // The trigger's box was restarted: it counts from somewhere else.
     let found: Vec<_> = (200..300).map(|frame| push(707 + frame, frame, Some(0.0))).collect();
     assert!(found[..4].iter().all(|found| found.number.is_none()), "{found:?}");
     assert_eq!(found[4].anchored_anew, Some(-7));

@@ -5,11 +5,11 @@
 //! that hold for the poses its bodies have and asks the rest; nothing is kept from frame to frame. Bodies
 //! that lie beyond the hull's bounds are clear without a question.
 //!
-//! The world's own prediction is exact for as long as the hull touches nobody. Then the poses of all steps
-//! that share the frame go into one question, and the others ask nothing. Once somebody is touched, what
+//! The world's own prediction is exact for as long as the hull touches no body. Then the poses of all steps
+//! that share the frame go into one question, and the others ask nothing. Once a body is touched, what
 //! was foreseen is wrong for the bodies that are pushed, and the next step must ask again anyway. So touches are
-//! expected where they were: at a new frame, if the frame before began or ended with one (somebody moves
-//! into bodies); at its later steps, if the later step before had one (bodies rest on somebody). A step
+//! expected where they were: at a new frame, if the frame before began or ended with one (a person moves
+//! into bodies); at its later steps, if the later step before had one (bodies rest on a person). A step
 //! that expects touches asks about present poses alone. That is a matter of cost and never of answers.
 //!
 //! An answer holds for a pose of the same bits: then a run is the same, bit for bit, as one that asks at
@@ -39,7 +39,7 @@ const MAX_SAMPLES_AHEAD: usize = 200_000;
 /// How often the hull is asked.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum AskEvery {
-    /// Once a film frame where nobody is touched, for all steps that share it.
+    /// Once a film frame where no body is touched, for all steps that share it.
     #[default]
     Frame,
     /// At every step, about every body: what the other is measured against.

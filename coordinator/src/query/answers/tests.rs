@@ -148,7 +148,7 @@ fn asked_of(is_touched: impl Fn(usize, usize) -> bool) -> Vec<[usize; 4]> {
     let pose_at = |frame: usize, k: usize| at(if is_touched(frame, k) { 0.0 } else { 5.0 } + 1e-3 * k as f64);
     let hull = Ball { centre_m: [0.0; 3], radius_m: 0.5 };
     let mut counts = |frame: usize, k: usize| {
-        // The world foresees that nobody is touched.
+        // The world foresees that no body is touched.
         let ahead: Vec<Vec<Pose>> = (k + 1..4).map(|later| vec![at(5.0 + 1e-3 * later as f64)]).collect();
         step(&mut answers, frame as u64, &hull, &[pose_at(frame, k)], &ahead).0.len()
     };
@@ -157,10 +157,10 @@ fn asked_of(is_touched: impl Fn(usize, usize) -> bool) -> Vec<[usize; 4]> {
 
 #[test]
 fn steps_that_expect_touches_ask_about_present_poses_alone() {
-    assert_eq!(asked_of(|_, _| false), [[4, 0, 0, 0]; 4], "nobody is touched");
+    assert_eq!(asked_of(|_, _| false), [[4, 0, 0, 0]; 4], "no body is touched");
     // Pushed by every frame: once for the push, and once for the rest of the frame.
     assert_eq!(asked_of(|_, k| k == 0), [[4, 0, 0, 0], [1, 3, 0, 0], [1, 3, 0, 0], [1, 3, 0, 0]]);
-    // At rest on somebody: every step, as it is needed.
+    // At rest on a person: every step, as it is needed.
     assert_eq!(asked_of(|_, _| true), [[4, 1, 1, 1], [1; 4], [1; 4], [1; 4]]);
     // RecentTouches once: the next frame is cautious, the one after is not.
     let once = asked_of(|frame, k| (frame, k) == (1, 0));

@@ -4,17 +4,17 @@ use super::super::facts::{CameraFacts, Facts};
 use super::super::finding::{Finding, or_ok};
 use super::filmed;
 
-/// Nobody fills so much of an image whose background is right.
+/// No person fills so much of an image whose background is right.
 const MOST: f64 = 0.6;
-/// Whoever has so much foreground sees somebody.
-const SOMEBODY: f64 = 0.005;
+/// A camera with so much foreground sees a person.
+const PERSON: f64 = 0.005;
 
 /// Fails for cameras that take the room for a person; warns of those that never see one whom others see.
 pub fn check(facts: &Facts) -> Vec<Finding> {
     let missing = facts.missing_backgrounds.iter().map(|(camera, path)| {
         Finding::fail(
             format!("camera {camera}: its film of the empty room, {}, is not there", path.display()),
-            "film it: lights as they will be, nobody in view",
+            "film it: lights as they will be, no person in view",
         )
     });
     let mut wrong: Vec<Finding> = missing.collect();
@@ -26,7 +26,7 @@ pub fn check(facts: &Facts) -> Vec<Finding> {
     if all.is_empty() {
         return or_ok(wrong, || Finding::skip("no camera films"));
     }
-    let see_somebody = all.iter().filter(|(_, _, most)| (SOMEBODY..=MOST).contains(most)).count();
+    let see_a_person = all.iter().filter(|(_, _, most)| (PERSON..=MOST).contains(most)).count();
     for (name, least, most) in &all {
         if *least > MOST {
             wrong.push(Finding::fail(
@@ -34,10 +34,10 @@ pub fn check(facts: &Facts) -> Vec<Finding> {
                 "light, exposure or the camera have changed since: film the empty room again (background), or learn it \
                  anew from the page",
             ));
-        } else if *most == 0.0 && 2 * see_somebody > all.len() {
+        } else if *most == 0.0 && 2 * see_a_person > all.len() {
             wrong.push(Finding::warn(
                 format!("camera {name} never has foreground, and most others do"),
-                "look whether its lens is covered, and that nobody stood in the film of its empty room",
+                "look whether its lens is covered, and that no person stood in the film of its empty room",
             ));
         }
     }
