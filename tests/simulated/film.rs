@@ -23,7 +23,7 @@ const TAKES_S: f64 = 0.015;
 /// What all rooms film.
 pub struct Studio {
     pub rig: Rig,
-    /// By camera and frame; film begins anew after the last.
+    /// By camera and frame; film starts over after the last.
     silhouettes: Arc<Vec<Vec<Silhouette>>>,
 }
 

@@ -34,9 +34,11 @@ enum Lie {
     OtherCount,
     Ended,
     Long,
+    /// It reads nothing more of the stream.
+    Unread,
 }
 
-const LIES: [Lie; 9] = [
+const LIES: [Lie; 10] = [
     Lie::None,
     Lie::Late,
     Lie::Lost,
@@ -46,6 +48,7 @@ const LIES: [Lie; 9] = [
     Lie::OtherCount,
     Lie::Ended,
     Lie::Long,
+    Lie::Unread,
 ];
 
 /// What a long lie adds to a message, bytes: more than any of these may have.
@@ -80,7 +83,7 @@ impl Habit {
     }
 
     pub fn new(mut random: Random) -> Habit {
-        let always = (random.below(2) == 0).then(|| LIES[1 + random.below(8) as usize]);
+        let always = (random.below(2) == 0).then(|| LIES[1 + random.below(9) as usize]);
         let honest_of_8 = random.below(8);
         Habit { random, always, honest_of_8, poison: None }
     }
@@ -89,7 +92,7 @@ impl Habit {
         if self.random.below(8) < self.honest_of_8 {
             return Lie::None;
         }
-        self.always.unwrap_or_else(|| LIES[self.random.below(9) as usize])
+        self.always.unwrap_or_else(|| LIES[self.random.below(10) as usize])
     }
 
     fn frame(&mut self, frame: u64) -> u64 {
@@ -195,7 +198,7 @@ fn lied_of_film(habit: &mut Habit, lie: Lie, mut info: v1::FrameInfo) -> Result<
         Lie::Ended => (info.ended, info.cameras) = (true, vec![]),
         Lie::Refused => return Err(Status::invalid_argument("no")),
         Lie::Long => info.failure = "x".repeat(LONG_BYTES),
-        Lie::None | Lie::Late | Lie::Lost | Lie::Twice => {}
+        Lie::None | Lie::Late | Lie::Lost | Lie::Twice | Lie::Unread => {}
     }
     Ok(info)
 }
@@ -321,7 +324,21 @@ impl CameraNode for Liar {
         &self,
         request: Request<Streaming<v1::ProbeRequest>>,
     ) -> Result<Response<Self::ProbeStream>, Status> {
-        let replies = self.honest.clone().probe(requests(request)).await?.into_inner();
+        let (sender, read) = mpsc::channel(1);
+        let habit = Arc::clone(&self.habit);
+        tokio::spawn(async move {
+            let mut questions = std::pin::pin!(requests(request));
+            while let Some(question) = questions.next().await {
+                let lie = habit.lock().unwrap_or_else(PoisonError::into_inner).next();
+                if lie == Lie::Unread {
+                    return sender.closed().await;
+                }
+                if sender.send(question).await.is_err() {
+                    return;
+                }
+            }
+        });
+        let replies = self.honest.clone().probe(ReceiverStream::new(read)).await?.into_inner();
         Ok(forward(replies, Arc::clone(&self.habit), lied_of_answer))
     }
 
@@ -330,8 +347,8 @@ impl CameraNode for Liar {
         request: Request<v1::FetchSilhouettesRequest>,
     ) -> Result<Response<Self::FetchSilhouettesStream>, Status> {
         let silhouettes = self.honest.clone().fetch_silhouettes(request.into_inner()).await?.into_inner();
-        Ok(forward(silhouettes, Arc::clone(&self.habit), |_, lie, silhouette| match lie {
-            Lie::Refused => Err(Status::not_found("no")),
+        Ok(forward(silhouettes, Arc::clone(&self.habit), |habit, lie, silhouette| match lie {
+            Lie::Refused => Err(Status::new(CODES[habit.random.below(CODES.len() as u64) as usize], "no")),
             _ => Ok(silhouette),
         }))
     }

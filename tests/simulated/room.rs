@@ -54,7 +54,7 @@ const MOST_BLIND_STEPS: u64 = 120;
 /// Beside a liar the first hull comes within so long, simulated seconds, and so many steps of a run's 120 a second are made.
 const FIRST_HULL_WITHIN_S: f64 = 4.0;
 const LEAST_STEPS: u64 = 120 * (LYING_S - 4);
-/// A coordinator that begins anew goes on from at most so many steps before.
+/// A coordinator that starts over goes on from at most so many steps before.
 const MOST_LOST_STEPS: u64 = 240;
 /// Bodies of this scene never move faster, m/s.
 const FASTEST_M_S: f64 = 20.0;
@@ -115,7 +115,7 @@ enum Fault {
     Slow(usize),
     /// One message in so many hundred is lost, and with it its connection.
     Lossy(usize),
-    /// A computer without power: nobody is told.
+    /// A computer without power: its peers are not told.
     NodeDead(usize),
     CoordinatorDead,
 }

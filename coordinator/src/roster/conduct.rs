@@ -1,21 +1,30 @@
-//! How a node behaves: one that refuses, answers wrongly or is late again and again is excluded for a while; for faults longer each
-//! time.
+//! How a node behaves: one that refuses, answers wrongly or is late again and again is excluded for a while, longer each time.
 
-/// So many faults or late answers within this time exclude a node, seconds. Fewer cost the run a step each, and no more.
-const FAULTS: usize = 3;
+/// So many faults, or late answers, within this time exclude a node, seconds. Each of fewer costs the run a step without a hull
+/// at most.
+const MOST: usize = 3;
 const WITHIN_S: f64 = 10.0;
-/// The first exclusion lasts so long, and each one after it twice as long, up to this, seconds.
+/// The first exclusion lasts so long, and each one after it twice as long, seconds.
 const FIRST_S: f64 = 1.0;
+/// The longest exclusion for faults, and for late answers: a network that is slow for a while is no fault of the node.
 const LONGEST_S: f64 = 32.0;
-/// A node without a fault for so long after an exclusion is as one that was never excluded, seconds. Until then one fault
-/// excludes it again.
+const LONGEST_FOR_LATE_S: f64 = 2.0;
+/// A node without a fault (or late answer) for so long after an exclusion is as one that was never excluded, seconds. Until then
+/// one excludes it again.
 const PROBATION_S: f64 = 10.0;
 
 /// What a node has done wrong of late. Times are of [`proto::monotonic_s`].
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Conduct {
-    /// The last faults, oldest first.
-    faults_s: [f64; FAULTS - 1],
+    faults: History,
+    late: History,
+}
+
+/// Faults, or late answers.
+#[derive(Clone, Debug)]
+struct History {
+    /// The last ones, oldest first.
+    at_s: [f64; MOST - 1],
     /// Exclusions, one after the other.
     exclusions: i32,
     /// When the last exclusion ends.
@@ -23,54 +32,57 @@ pub(super) struct Conduct {
     why: String,
 }
 
-impl Default for Conduct {
-    fn default() -> Conduct {
+impl Default for History {
+    fn default() -> History {
         let never = f64::NEG_INFINITY;
-        Conduct { faults_s: [never; FAULTS - 1], exclusions: 0, until_s: never, why: String::new() }
+        History { at_s: [never; MOST - 1], exclusions: 0, until_s: never, why: String::new() }
+    }
+}
+
+impl History {
+    fn add(&mut self, now_s: f64, longest_s: f64, why: String) {
+        if now_s > self.until_s + PROBATION_S {
+            self.exclusions = 0;
+        }
+        let is_one_too_many = now_s - self.at_s[0] <= WITHIN_S;
+        self.at_s.rotate_left(1);
+        self.at_s[MOST - 2] = now_s;
+        self.why = why;
+        if is_one_too_many || self.exclusions > 0 {
+            self.until_s = now_s + (FIRST_S * 2f64.powi(self.exclusions)).min(longest_s);
+            self.exclusions = (self.exclusions + 1).min(16);
+        }
     }
 }
 
 impl Conduct {
     /// It did something wrong. What it does while it is excluded changes nothing.
     pub fn fault(&mut self, now_s: f64, why: String) {
-        if self.is_excluded(now_s) {
-            return;
-        }
-        if now_s > self.until_s + PROBATION_S {
-            self.exclusions = 0;
-        }
-        let is_one_too_many = self.note(now_s, why);
-        if is_one_too_many || self.exclusions > 0 {
-            self.until_s = now_s + (FIRST_S * 2f64.powi(self.exclusions)).min(LONGEST_S);
-            self.exclusions = (self.exclusions + 1).min(16);
+        if !self.is_excluded(now_s) {
+            self.faults.add(now_s, LONGEST_S, why);
         }
     }
 
-    /// It did not answer in time. Exclusions for that do not become longer: a way that is slow for a while is no fault of the
-    /// node.
+    /// It did not answer in time.
     pub fn late(&mut self, now_s: f64, why: String) {
-        if !self.is_excluded(now_s) && self.note(now_s, why) {
-            self.until_s = now_s + FIRST_S;
+        if !self.is_excluded(now_s) {
+            self.late.add(now_s, LONGEST_FOR_LATE_S, why);
         }
-    }
-
-    /// Notes one of both; whether that is one too many.
-    fn note(&mut self, now_s: f64, why: String) -> bool {
-        let is_one_too_many = now_s - self.faults_s[0] <= WITHIN_S;
-        self.faults_s.rotate_left(1);
-        self.faults_s[FAULTS - 2] = now_s;
-        self.why = why;
-        is_one_too_many
     }
 
     /// Whether it is excluded.
     pub fn is_excluded(&self, now_s: f64) -> bool {
-        now_s < self.until_s
+        now_s < self.faults.until_s.max(self.late.until_s)
     }
 
-    /// For how much longer it is excluded, seconds, and why.
-    pub fn exclusion(&self, now_s: f64) -> Option<(f64, &str)> {
-        self.is_excluded(now_s).then_some((self.until_s - now_s, self.why.as_str()))
+    /// For how much longer it is excluded, and why, if it is.
+    pub fn exclusion(&self, now_s: f64) -> Option<String> {
+        let (history, after) = match now_s < self.faults.until_s {
+            true => (&self.faults, "repeated faults"),
+            false => (&self.late, "late answers"),
+        };
+        let left_s = history.until_s - now_s;
+        (left_s > 0.0).then(|| format!("excluded for {left_s:.1} s after {after}: {}", history.why))
     }
 }
 
@@ -91,22 +103,40 @@ mod tests {
         assert_eq!([fault(1.3), fault(5.0), fault(10.0)], [20, 40, 80]);
         assert_eq!([fault(60.0), fault(60.1), fault(60.2)], [0, 0, 10], "forgiven");
         for expected in [20, 40, 80, 160, 320, 320] {
-            let now_s = conduct.until_s + 0.1;
+            let now_s = conduct.faults.until_s + 0.1;
             conduct.fault(now_s, "busy".into());
-            assert!((conduct.until_s - now_s - f64::from(expected) * 0.1).abs() < 1e-9, "{expected}");
+            assert!((conduct.faults.until_s - now_s - f64::from(expected) * 0.1).abs() < 1e-9, "{expected}");
         }
     }
 
     #[test]
-    fn a_node_that_is_late_again_and_again_is_excluded_for_a_second_each_time() {
+    fn a_node_that_is_late_again_and_again_is_excluded_for_two_seconds_at_most() {
         let mut conduct = Conduct::default();
-        let mut excluded_s = |now_s| {
-            conduct.late(now_s, "no answer within 26 ms".into());
-            conduct.exclusion(now_s).map(|(lasts_s, _)| lasts_s)
+        let mut excluded = |now_s| {
+            conduct.late(now_s, "no answer within 39 ms".into());
+            conduct.exclusion(now_s)
         };
-        assert_eq!([0.0, 0.1, 0.2].map(&mut excluded_s), [None, None, Some(1.0)]);
-        assert_eq!([1.5, 2.75, 4.0].map(&mut excluded_s), [Some(1.0); 3]);
-        assert_eq!([30.0, 36.0].map(&mut excluded_s), [None; 2], "now and then");
+        let for_s = |s: &str| Some(format!("excluded for {s} s after late answers: no answer within 39 ms"));
+        assert_eq!([0.0, 0.1, 0.2].map(&mut excluded), [None, None, for_s("1.0")]);
+        assert_eq!([1.5, 4.0].map(&mut excluded), [for_s("2.0"), for_s("2.0")]);
+        assert_eq!([30.0, 36.0].map(&mut excluded), [None, None], "now and then");
+    }
+
+    #[test]
+    fn late_answers_make_no_exclusion_for_faults_longer() {
+        let mut conduct = Conduct::default();
+        for late in 0..100 {
+            conduct.late(3.0 * f64::from(late), "no answer within 39 ms".into());
+        }
+        let now_s = 310.0;
+        conduct.fault(now_s, "busy".into());
+        conduct.fault(now_s + 0.1, "busy".into());
+        assert!(!conduct.is_excluded(now_s + 0.1));
+        conduct.fault(now_s + 0.2, "busy".into());
+        assert_eq!(
+            conduct.exclusion(now_s + 0.2),
+            Some("excluded for 1.0 s after repeated faults: busy".into())
+        );
     }
 
     #[test]

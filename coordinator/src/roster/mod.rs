@@ -43,7 +43,7 @@ pub enum Missing {
     Down {
         /// The node and its cameras.
         node: String,
-        /// Why.
+        /// Why it is not there.
         problem: String,
     },
 }
@@ -68,6 +68,8 @@ pub struct RosterNode {
     is_silent: bool,
     /// Steps go on without it.
     is_left_out: bool,
+    /// Steps could use it, as of the last [`Roster::leave_out`].
+    is_there: bool,
     /// Another coordinator leads it.
     is_held: bool,
     /// It answered, and is not what is expected.
@@ -92,6 +94,7 @@ impl RosterNode {
             reports,
             is_silent: false,
             is_left_out: false,
+            is_there: false,
             is_held: false,
             is_wrong: false,
             conduct: Conduct::default(),
@@ -168,7 +171,7 @@ impl RosterNode {
 
     fn add(&mut self, report: FrameReport) {
         if self.newest_frame().is_some_and(|newest| newest >= report.frame) {
-            // Its film began anew: what it reported before is gone.
+            // Its film started over: what it reported before is gone.
             self.forget_film();
         }
         // No frame follows an end: this is another film.
@@ -188,7 +191,7 @@ pub struct Roster {
     nodes: Vec<RosterNode>,
     /// Reports that have not been read yet.
     arrivals: VecDeque<Arrival>,
-    /// What live steps need, as of the last decision whom they go on without.
+    /// `min_cameras` of the last [`Roster::leave_out`] of a live run; `None` in lock-step.
     least_cameras: Option<usize>,
 }
 
@@ -251,10 +254,10 @@ impl Roster {
     /// Whether a node may refuse a question about a frame for this reason: it no longer has an old frame, and not yet one that
     /// it has not reported. A late question is no fault of the node.
     pub fn excuses(&self, node: usize, reason: RefusalReason, frame: u64) -> bool {
-        let node = &self.nodes[node];
         match reason {
-            RefusalReason::Gone => node.newest_frame().is_some_and(|newest| newest > frame + HELD_FRAMES),
-            RefusalReason::NotYet => node.report(frame).is_none(),
+            // One node alone may say anything of its film.
+            RefusalReason::Gone => self.newest_of_two().is_some_and(|newest| newest > frame + HELD_FRAMES),
+            RefusalReason::NotYet => self.nodes[node].report(frame).is_none(),
             _ => false,
         }
     }
@@ -389,4 +392,4 @@ pub enum LastFrame {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -61,19 +61,25 @@ impl Roster {
         self.nodes.iter().any(RosterNode::is_left_out)
     }
 
-    /// A node did not answer in time, by [`proto::monotonic_s`]: it is left out until it is heard of, and for a second if that
-    /// happens often and the run can go on without it.
-    pub fn late(&mut self, node: usize, now_s: f64, why: String) {
-        if self.can_spare(node, now_s) {
-            self.nodes[node].conduct.late(now_s, why);
+    /// Nodes did not answer a question in time, by [`proto::monotonic_s`]: they are left out until they are heard of. One alone
+    /// that is late again and again is excluded where the run has enough cameras without it. Several at once are no fault of
+    /// theirs, but of the network.
+    pub fn record_late(&mut self, late: &[usize], now_s: f64, why: &str) {
+        if let &[node] = late
+            && self.nodes[node].is_up
+            && self.has_enough_cameras_without(node, now_s)
+        {
+            self.nodes[node].conduct.late(now_s, why.to_owned());
         }
-        self.nodes[node].is_silent = true;
+        late.iter().for_each(|&node| self.nodes[node].is_silent = true);
     }
 
     /// Whether live steps have enough cameras without a node: of nodes that are there, answer and behave.
-    pub fn can_spare(&self, node: usize, now_s: f64) -> bool {
+    pub fn has_enough_cameras_without(&self, node: usize, now_s: f64) -> bool {
         let Some(least) = self.least_cameras else { return false };
-        let answers = |node: &RosterNode| node.is_up && !node.is_silent && !node.conduct.is_excluded(now_s);
+        let answers = |node: &RosterNode| {
+            node.is_there && node.is_up && !node.is_silent && !node.conduct.is_excluded(now_s)
+        };
         let others = self.nodes.iter().enumerate().filter(|&(other, _)| other != node).map(|(_, node)| node);
         others.filter(|node| answers(node)).map(RosterNode::films).sum::<usize>() >= least.max(1)
     }
@@ -93,6 +99,7 @@ impl Roster {
         self.least_cameras = (whom == LeaveOut::Late).then_some(least);
         let mut changed = Vec::new();
         for (index, (node, there)) in self.nodes.iter_mut().zip(&there).enumerate() {
+            node.is_there = *there;
             let is_left_out = is_enough && !there;
             if node.is_left_out != is_left_out {
                 node.is_left_out = is_left_out;
@@ -117,8 +124,8 @@ impl Roster {
     /// The name of a node, and why it is left out.
     pub fn why_left_out(&self, node: usize, now_s: f64) -> String {
         let node = &self.nodes[node];
-        if let Some((lasts_s, why)) = node.conduct.exclusion(now_s) {
-            return format!("node {}: excluded for {lasts_s:.0} s after repeated faults: {why}", node.name);
+        if let Some(why) = node.conduct.exclusion(now_s) {
+            return format!("node {}: {why}", node.name);
         }
         match node.missing() {
             Some(missing) => missing.to_string(),

@@ -17,6 +17,8 @@ use crate::transport::TransportError;
 
 /// After a camera has gone or come back, bodies are moved gently for so long, seconds.
 const GENTLE_S: f64 = 1.0;
+/// A step asks at most so many times more, without the nodes that did not answer: they may be heard of and fail again meanwhile.
+const MAX_REPEATS: usize = 3;
 
 impl Coordinator {
     /// Leaves out who is not there for a step that wants a frame, and takes back who is again; whether that changed.
@@ -98,12 +100,14 @@ impl Coordinator {
                 if by_contacts { surfaces.pose_to_ask(index, at, body) } else { body.pose }
             });
         self.query.begin_step(frame, &reports, poses);
-        let passes_before = self.figures.passes;
+        let (passes_before, mut repeats) = (self.figures.passes, 0);
         while self.query.must_ask() {
             let Err(error) = self.ask(frame, film_s).await else { break };
-            // Who did not answer is left out, and the others are asked again; each time there is one less to ask.
+            // Nodes that failed to answer are left out, and the pass is repeated without them.
             self.transport.drain();
-            if phase == FilmPhase::Given || !self.go_on_without(frame) {
+            repeats += 1;
+            let may_repeat = phase != FilmPhase::Given && repeats <= MAX_REPEATS;
+            if !may_repeat || !self.go_on_without(frame) {
                 self.lose_hull(HullUnavailable::Unanswered(error.to_string()));
                 return None;
             }

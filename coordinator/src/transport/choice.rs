@@ -21,7 +21,7 @@ const USUAL_TRIPS: f64 = 5.0;
 pub(super) enum Way {
     /// At the nodes.
     Asks,
-    /// Here.
+    /// In this process, of silhouettes that nodes send.
     Gathers,
 }
 

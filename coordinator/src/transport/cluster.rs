@@ -1,5 +1,6 @@
 //! Questions travel, nodes compute: each question of a pass to the nodes that it asks, each reply to the pass.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use hull::pass::{Pass, Round};
@@ -11,9 +12,9 @@ use tokio::time::Instant;
 use traces::Span;
 
 use super::TransportError;
-use super::nodes::{Nodes, PassEvent};
+use super::nodes::{CALL_TIMEOUT, Nodes, PassEvent};
+use super::round_trips::RoundTrips;
 use super::trace::question_span;
-use super::usual_trip::UsualTrip;
 use crate::ask_policy::AskPolicy;
 use crate::figures::stage_of;
 use crate::roster::{Roster, RosterNode};
@@ -21,11 +22,11 @@ use crate::roster::{Roster, RosterNode};
 /// Nodes that are asked.
 pub(super) struct Cluster {
     writer: QuestionWriter,
-    /// Whether some nodes are asked for classes before the others,
+    /// Whether some nodes are asked for classes before the others.
     classes: AskPolicy,
-    /// and for edges and exits.
+    /// Whether some nodes are asked for edges and exits before the others.
     distances: AskPolicy,
-    usual_trip: UsualTrip,
+    round_trips: RoundTrips,
     next_id: u64,
     /// Which nodes each question of the last pass asked.
     pub(super) asked: Vec<Vec<bool>>,
@@ -70,7 +71,7 @@ impl Cluster {
             writer: QuestionWriter::new(precision),
             classes,
             distances,
-            usual_trip: UsualTrip::default(),
+            round_trips: RoundTrips::new(count, nodes.agreement.fps()),
             next_id: 0,
             asked: Vec::new(),
         }
@@ -93,7 +94,7 @@ impl Cluster {
         roster: &mut Roster,
         took: &mut dyn FnMut(Round, f64),
     ) -> Result<f64, TransportError> {
-        let timeout = timeout.unwrap_or_else(|| self.usual_trip.timeout());
+        let timeout = timeout.unwrap_or_else(|| self.round_trips.timeout(roster, monotonic_s()));
         // What came before these questions is no answer to them.
         nodes.drain(roster);
         self.asked.clear();
@@ -185,7 +186,7 @@ impl Cluster {
         for node in (0..is_asked.len()).filter(|&node| is_asked[node]) {
             for asking in asked {
                 let span = question_span(span, "ask a node", &nodes.clients[node]);
-                ask(nodes, node, pass, asking, &span)?;
+                ask(nodes, node, pass, asking, &span).inspect_err(|error| note_fault(roster, node, error))?;
                 open.push(OpenQuestion { node, asking, span, is_asked_again: false });
             }
         }
@@ -194,8 +195,11 @@ impl Cluster {
         while let Some(&OpenQuestion { node: slowest, asking, .. }) = open.first() {
             let event = tokio::time::timeout_at(asking.deadline, nodes.next(roster)).await;
             if event.is_err() {
-                self.usual_trip.timed_out(slowest, asking.timeout, roster, monotonic_s());
-                roster.late(slowest, monotonic_s(), NodeError::Timeout(asking.timeout).to_string());
+                let mut late: Vec<usize> = open.iter().map(|open| open.node).collect();
+                late.dedup();
+                nodes_ms.extend(late.iter().map(|&node| (node, asking.timeout.as_secs_f64() * 1e3)));
+                self.round_trips.record(&nodes_ms);
+                roster.record_late(&late, monotonic_s(), &NodeError::Timeout(asking.timeout).to_string());
             }
             let (place, answer, compute_ms) = match event.map_err(|_| late(nodes, slowest, asking))? {
                 Some(PassEvent::Reply(node, id, answer, compute_ms)) => {
@@ -223,10 +227,9 @@ impl Cluster {
                 ProbeAnswer::Refused(_, message) => Err(failed(nodes, node, NodeError::Refused(message))),
             };
             let is_excused = refusal.is_some_and(|reason| roster.excuses(node, reason, asking.frame));
-            let note = |error: &TransportError| {
-                if !is_excused {
-                    note_fault(roster, node, error);
-                }
+            let note = |error: &TransportError| match is_excused {
+                true => roster.record_late(&[node], monotonic_s(), &error.to_string()),
+                false => note_fault(roster, node, error),
             };
             let Some(answer) = answered.inspect_err(note)? else {
                 continue;
@@ -242,7 +245,7 @@ impl Cluster {
             let taken = pass.answer(node, &answer).map_err(invalid);
             taken.inspect_err(|error| note_fault(roster, node, error))?;
         }
-        self.usual_trip.took(&nodes_ms, roster, monotonic_s());
+        self.round_trips.record(&nodes_ms);
         Ok(computed_ms)
     }
 
@@ -268,15 +271,13 @@ fn ask(nodes: &Nodes, node: usize, pass: &Pass, asking: &Asking, span: &Span) ->
     sent.map_err(|error| failed(nodes, node, error))
 }
 
-/// Takes note of a node that refused, or answered wrongly. To be away or late is no fault.
-fn note_fault(roster: &mut Roster, node: usize, error: &TransportError) {
-    let is_fault = match error {
-        TransportError::Node { error, .. } => !error.is_absence(),
-        TransportError::Answer { .. } => true,
-        _ => false,
-    };
-    if is_fault {
-        roster.fault(node, monotonic_s(), error.to_string());
+/// Records why a node's answer is missing: a refusal or a wrong answer is a fault, all else is late.
+pub(super) fn note_fault(roster: &mut Roster, node: usize, error: &TransportError) {
+    match error {
+        TransportError::Node { error, .. } if error.is_absence() => {
+            roster.record_late(&[node], monotonic_s(), &error.to_string());
+        }
+        error => roster.fault(node, monotonic_s(), error.to_string()),
     }
 }
 
@@ -295,8 +296,15 @@ async fn ask_again(
     match reason {
         RefusalReason::UnknownShape => {
             // The node was restarted since the shapes were registered.
-            let registered = tokio::time::timeout_at(asking.deadline, client.register_again()).await;
-            registered.map_err(|_| late(nodes, node, asking))?.map_err(|error| failed(nodes, node, error))?;
+            // A narrow link may take longer than this round lasts.
+            let registering = Arc::clone(client);
+            let registering = tokio::spawn(async move {
+                let registered = tokio::time::timeout(CALL_TIMEOUT, registering.register_again()).await;
+                registered.unwrap_or(Err(NodeError::Timeout(CALL_TIMEOUT)))
+            });
+            let registered = tokio::time::timeout_at(asking.deadline, registering).await;
+            let registered = registered.map_err(|_| late(nodes, node, asking))?;
+            registered.unwrap_or(Err(NodeError::Closed)).map_err(|error| failed(nodes, node, error))?;
         }
         RefusalReason::UnknownList => {}
         RefusalReason::Held => return Err(failed(nodes, node, NodeError::Held(message))),

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use hull::pass::{Pass, Round};
 use hull::{Observer, Silhouette, View, ViewSet};
-use node_client::{NodeClient, NodeError};
+use node_client::NodeClient;
 use proto::convert::SilhouetteEncoding;
 use proto::monotonic_s;
 use tokio::time::Instant;
@@ -14,7 +14,7 @@ use traces::Span;
 use super::TransportError;
 use super::in_process::LocalProbes;
 use super::nodes::{Nodes, Unfetched, fetch};
-use super::usual_trip::UsualTrip;
+use super::round_trips::RoundTrips;
 use crate::roster::Roster;
 
 /// The frame whose silhouettes were fetched last.
@@ -26,7 +26,7 @@ pub(super) struct Gather {
     /// The nodes that were fetched from, and their places in the roster.
     clients: Vec<Arc<NodeClient>>,
     places: Vec<usize>,
-    usual_fetch: UsualTrip,
+    fetches: RoundTrips,
     probes: LocalProbes,
 }
 
@@ -35,7 +35,7 @@ impl Gather {
         Gather {
             clients: nodes.clients.clone(),
             places: (0..nodes.clients.len()).collect(),
-            usual_fetch: UsualTrip::default(),
+            fetches: RoundTrips::new(nodes.clients.len(), nodes.agreement.fps()),
             encoding: SilhouetteEncoding::default(),
             silhouette_bytes: 0,
             observers,
@@ -61,21 +61,16 @@ impl Gather {
         self.go_on_with(nodes, roster);
         let (began, is_there) = (Instant::now(), self.fetched.as_ref().is_some_and(|(at, _)| *at == frame));
         let span = if is_there { Span::NONE } else { nodes.trace.part("fetch") };
-        let timeout = timeout.unwrap_or_else(|| self.usual_fetch.timeout());
-        let fetched = self.fetch(frame, pass.asks_planes(), timeout, (&*roster, &span)).await;
+        let timeout = timeout.unwrap_or_else(|| self.fetches.timeout(roster, monotonic_s()));
+        let fetched = self.fetch(frame, pass.asks_planes(), timeout, &span).await;
         if let Err(Unfetched { failed, error }) = fetched {
-            for (client, error) in &failed {
-                let Some(node) = nodes.clients.iter().position(|other| Arc::ptr_eq(other, client)) else {
-                    continue;
-                };
-                match error {
-                    NodeError::Timeout(_) => {
-                        self.usual_fetch.timed_out(node, timeout, roster, monotonic_s());
-                        roster.late(node, monotonic_s(), error.to_string());
-                    }
-                    away if away.is_absence() => {}
-                    wrong => roster.fault(node, monotonic_s(), wrong.to_string()),
-                }
+            let now_s = monotonic_s();
+            let failed = failed.into_iter().map(|(client, error)| (self.places[client], error));
+            let (late, wrong): (Vec<_>, Vec<_>) = failed.partition(|(_, error)| error.is_absence());
+            wrong.iter().for_each(|(node, error)| roster.fault(*node, now_s, error.to_string()));
+            if let Some((_, why)) = late.first() {
+                let nodes: Vec<usize> = late.iter().map(|(node, _)| *node).collect();
+                roster.record_late(&nodes, now_s, &why.to_string());
             }
             return Err(error);
         }
@@ -106,7 +101,7 @@ impl Gather {
         frame: u64,
         needs_before: bool,
         timeout: Duration,
-        (roster, span): (&Roster, &Span),
+        span: &Span,
     ) -> Result<(), Unfetched> {
         let fetched = self.fetched.as_ref().map(|(fetched, _)| *fetched);
         if fetched == Some(frame) {
@@ -114,11 +109,11 @@ impl Gather {
         }
         if let Some(before) = frame.checked_sub(1).filter(|&before| needs_before && fetched != Some(before)) {
             // A node that has passed it over tells of an earlier one at best.
-            if let Ok(views) = self.views(before, timeout, (roster, span)).await {
+            if let Ok(views) = self.views(before, timeout, span).await {
                 self.fetched = Some((before, views));
             }
         }
-        let views = self.views(frame, timeout, (roster, span)).await?;
+        let views = self.views(frame, timeout, span).await?;
         let views = match &self.fetched {
             Some((before, seen)) => views.after(seen, frame.saturating_sub(*before)),
             None => views,
@@ -127,16 +122,12 @@ impl Gather {
         Ok(())
     }
 
-    async fn views(
-        &mut self,
-        frame: u64,
-        timeout: Duration,
-        (roster, span): (&Roster, &Span),
-    ) -> Result<ViewSet, Unfetched> {
-        let fetched = fetch(&self.clients, frame, self.encoding, timeout, span).await?;
+    async fn views(&mut self, frame: u64, timeout: Duration, span: &Span) -> Result<ViewSet, Unfetched> {
+        let (fetched, took_ms) = fetch(&self.clients, frame, self.encoding, timeout, span).await;
+        let nodes_ms: Vec<(usize, f64)> = self.places.iter().copied().zip(took_ms).collect();
+        self.fetches.record(&nodes_ms);
+        let fetched = fetched?;
         self.silhouette_bytes += fetched.bytes;
-        let nodes_ms: Vec<(usize, f64)> = self.places.iter().copied().zip(fetched.took_ms).collect();
-        self.usual_fetch.took(&nodes_ms, roster, monotonic_s());
         let view = |(rig_index, seen): &(u16, Silhouette)| {
             let observer = self.observers.iter().find(|observer| observer.rig_index() == *rig_index)?;
             Some(View::new(Arc::clone(observer), seen))

@@ -40,7 +40,7 @@ pub trait LocalFrames: Send {
     fn with_views(&self, frame: u64, use_views: &mut dyn FnMut(&ViewSet)) -> bool;
     /// The silhouettes of a frame.
     fn silhouettes(&self, frame: u64) -> Option<Silhouettes>;
-    /// Has every camera learn its background anew from so many frames.
+    /// Has every camera learn its background again from so many frames.
     fn take_background(&self, first_frame: u64, frames: u64) -> Result<(), BoxError> {
         let _ = (first_frame, frames);
         Err("these cameras learn no background".into())

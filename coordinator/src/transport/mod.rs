@@ -10,8 +10,8 @@ mod gather;
 mod in_process;
 mod nodes;
 mod remote;
+mod round_trips;
 mod trace;
-mod usual_trip;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -50,7 +50,7 @@ pub enum TransportError {
     Node {
         /// The node and its cameras.
         node: String,
-        /// Why.
+        /// What failed.
         error: NodeError,
     },
     /// A node's answer does not fit its question.
@@ -58,7 +58,7 @@ pub enum TransportError {
     Answer {
         /// The node and its cameras.
         node: String,
-        /// How.
+        /// What does not fit.
         error: hull::pass::AnswerError,
     },
     /// A node is led by another coordinator.
@@ -351,7 +351,7 @@ impl Transport {
         remote.nodes.register(&new, at_most, roster).await
     }
 
-    /// Has every camera of every node learn its background anew from so many frames of film. If one cannot, none
+    /// Has every camera of every node learn its background again from so many frames of film. If one cannot, none
     /// does. What is returned holds on to the nodes by itself.
     pub(crate) fn take_background(
         &self,
@@ -410,7 +410,7 @@ impl Transport {
         Box::pin(async move {
             let fetching =
                 nodes::fetch(&clients, frame, SilhouetteEncoding::RunsLz4, CALL_TIMEOUT, &Span::NONE);
-            let silhouettes = fetching.await.map_err(|unfetched| unfetched.error)?.silhouettes;
+            let silhouettes = fetching.await.0.map_err(|unfetched| unfetched.error)?.silhouettes;
             Ok(silhouettes.into_iter().map(|(place, silhouette)| (place, Arc::new(silhouette))).collect())
         })
     }

@@ -191,8 +191,8 @@ impl Nodes {
     }
 
     /// Makes shapes known to all nodes that answer at present. Waits at most `at_most`, and not long for nodes that are slower
-    /// than half of the others: they, and nodes that come back, receive the shapes when they first miss one. Fewer than half of
-    /// the nodes that refuse do so wrongly: such a node is excluded when it is asked about a shape that it does not have.
+    /// than half of the others: they receive the shapes meanwhile, and nodes that come back when they first miss one. Fewer than
+    /// half of the nodes that refuse do so wrongly: such a node is excluded when it is asked about a shape that it does not have.
     pub async fn register(
         &self,
         shapes: &[Arc<Shape>],
@@ -201,19 +201,25 @@ impl Nodes {
     ) -> Result<(), TransportError> {
         let now_s = monotonic_s();
         let asked = self.clients.iter().enumerate().filter(|&(place, _)| roster.answers(place, now_s));
+        let register = |client: Arc<NodeClient>, shapes: Vec<Arc<Shape>>| async move {
+            let registered = tokio::time::timeout(CALL_TIMEOUT, client.register(&shapes)).await;
+            (client, registered.unwrap_or(Err(NodeError::Timeout(CALL_TIMEOUT))))
+        };
         let mut calls: FuturesUnordered<_> =
-            asked.map(|(_, client)| async move { (client, client.register(shapes).await) }).collect();
-        let (count, mut answered, mut refused) = (calls.len(), 0, Vec::new());
+            asked.map(|(_, client)| register(Arc::clone(client), shapes.to_vec())).collect();
+        let (count, mut know, mut refused) = (calls.len(), 0, Vec::new());
         let mut until = Instant::now() + at_most;
         while let Ok(Some((client, registered))) = tokio::time::timeout_at(until, calls.next()).await {
-            if let Err(error @ NodeError::Refused(_)) = registered {
-                refused.push(TransportError::of(client, error));
+            match registered {
+                Ok(()) => know += 1,
+                Err(error @ NodeError::Refused(_)) => refused.push(TransportError::of(&client, error)),
+                Err(_) => {}
             }
-            answered += 1;
-            if 2 * answered >= count {
+            if 2 * know >= count {
                 until = until.min(Instant::now() + SLOWER_THAN_HALF);
             }
         }
+        tokio::spawn(async move { while calls.next().await.is_some() {} });
         let are_many = 2 * refused.len() >= count;
         refused.into_iter().next().filter(|_| are_many).map_or(Ok(()), Err)
     }
@@ -262,26 +268,25 @@ pub(super) struct Fetched {
     pub silhouettes: Vec<(u16, Silhouette)>,
     /// What they travelled as.
     pub bytes: u64,
-    /// What each node took, in the order of the clients, milliseconds.
-    pub took_ms: Vec<f64>,
 }
 
 /// Why silhouettes did not come.
 pub(super) struct Unfetched {
-    /// The nodes that did not send them, and why.
-    pub failed: Vec<(Arc<NodeClient>, NodeError)>,
+    /// The places among the clients of the nodes that did not send them, and why.
+    pub failed: Vec<(usize, NodeError)>,
     /// The first of these.
     pub error: TransportError,
 }
 
-/// Fetches the silhouettes of a frame from nodes; a part of a trace.
+/// Fetches the silhouettes of a frame from nodes; a part of a trace. Also returns what each node took, or had at its disposal,
+/// milliseconds.
 pub(super) async fn fetch(
     clients: &[Arc<NodeClient>],
     frame: u64,
     encoding: SilhouetteEncoding,
     timeout: Duration,
     trace: &Span,
-) -> Result<Fetched, Unfetched> {
+) -> (Result<Fetched, Unfetched>, Vec<f64>) {
     let began = Instant::now();
     let calls = clients.iter().map(|client| async move {
         let span = question_span(trace, "fetch from a node", client);
@@ -289,10 +294,10 @@ pub(super) async fn fetch(
         let fetched = call.await.unwrap_or(Err(NodeError::Timeout(timeout)));
         (fetched.inspect_err(|error| span.fail(error)), began.elapsed().as_secs_f64() * 1e3)
     });
-    let mut all = Fetched { silhouettes: Vec::new(), bytes: 0, took_ms: Vec::with_capacity(clients.len()) };
+    let mut all = Fetched { silhouettes: Vec::new(), bytes: 0 };
     let (mut failed, mut first) = (Vec::new(), None);
-    for (client, (fetched, took_ms)) in clients.iter().zip(futures::future::join_all(calls).await) {
-        all.took_ms.push(took_ms);
+    let (results, took_ms): (Vec<_>, Vec<f64>) = futures::future::join_all(calls).await.into_iter().unzip();
+    for (place, (client, fetched)) in clients.iter().zip(results).enumerate() {
         match fetched {
             Ok((silhouettes, bytes)) => {
                 all.silhouettes.extend(silhouettes);
@@ -300,12 +305,12 @@ pub(super) async fn fetch(
             }
             Err(error) => {
                 first.get_or_insert_with(|| TransportError::of(client, error.clone()));
-                failed.push((Arc::clone(client), error));
+                failed.push((place, error));
             }
         }
     }
     all.silhouettes.sort_by_key(|(rig_index, _)| *rig_index);
-    first.map_or(Ok(all), |error| Err(Unfetched { failed, error }))
+    (first.map_or(Ok(all), |error| Err(Unfetched { failed, error })), took_ms)
 }
 
 #[cfg(test)]

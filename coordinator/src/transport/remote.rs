@@ -162,8 +162,8 @@ impl Trial {
         let clients: Vec<_> = there.map(|(client, _)| Arc::clone(client)).collect();
         tokio::spawn(async move {
             let began = Instant::now();
-            if fetch(&clients, frame, SilhouetteEncoding::default(), CALL_TIMEOUT, &Span::NONE).await.is_ok()
-            {
+            let encoding = SilhouetteEncoding::default();
+            if fetch(&clients, frame, encoding, CALL_TIMEOUT, &Span::NONE).await.0.is_ok() {
                 // The run may have ended.
                 let _ = tell.send(began.elapsed().as_secs_f64() * 1e3);
             }
