@@ -70,7 +70,7 @@ fn a_recording_that_cannot_be_written_is_refused_before_anything_starts() {
     );
     check(&[&["demo", "--headless", "--record", &inside], &studio[..]].concat(), 2, &["cannot write"]);
     let cluster = write_cluster(folder.path(), "source = { kind = \"stage\" }");
-    // Nobody listens at its nodes' address: waiting for them would end with status 1.
+    // No program listens at its nodes' address: waiting for them would end with status 1.
     check(&["record", &inside, "--cluster", &cluster], 2, &["cannot write"]);
 }
 
@@ -309,7 +309,7 @@ fn a_node_with_another_calibration_is_refused_by_name() {
     let mut line = String::new();
     let stdout = node.child().stdout.take().expect("piped");
     std::io::BufRead::read_line(&mut std::io::BufReader::new(stdout), &mut line).expect("announces");
-    // The coordinator's rig has since been calibrated anew.
+    // The coordinator's rig has since been calibrated again.
     let rig = stage::studio_rig(3, (160, 120)).expect("a rig");
     let moved = hull::Rig::new(rig.cameras()[1..].iter().enumerate().map(renamed).collect()).expect("a rig");
     std::fs::write(folder.path().join("rig.toml"), moved.to_toml()).expect("written");

@@ -35,7 +35,7 @@ fn a_room_with_certificates_runs_as_without() {
 }
 
 #[tokio::test]
-async fn strangers_are_refused_in_one_line_and_the_run_goes_on() {
+async fn untrusted_peers_are_refused_in_one_line_and_the_run_goes_on() {
     let watch = Watch::start();
     let room = Room::new();
     let running = Running::start(&mut room.coordinator("600"));

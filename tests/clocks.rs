@@ -1,4 +1,4 @@
-//! A run does not care what wall clocks say, nor when somebody sets them.
+//! A run does not care what wall clocks say, nor when they are set.
 
 #[path = "shared/room.rs"]
 mod room;

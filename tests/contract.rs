@@ -378,10 +378,10 @@ async fn answers_are_the_hulls_own(client: &mut Client, probe: &mut Probe, rig: 
 async fn obeys_one_coordinator_at_a_time(client: &mut Client, probe: &mut Probe, question: &Question) {
     let hold = |holder, term, name: &str| v1::HoldRequest { holder, term, name: name.into() };
     assert_eq!(
-        client.hold(hold(0, 1, "nobody")).await.expect_err("no id").code(),
+        client.hold(hold(0, 1, "anonymous")).await.expect_err("no id").code(),
         tonic::Code::InvalidArgument
     );
-    client.hold(hold(7, 1, "the first")).await.expect("nobody holds it");
+    client.hold(hold(7, 1, "the first")).await.expect("it has no lease holder");
     let start =
         v1::StartRequest { holder: 8, ..start_to_wire(RunStart::of_this_process(Pace::lock_step(9))) };
     let background = v1::TakeBackgroundRequest { check_only: true, holder: 8, ..Default::default() };
@@ -402,7 +402,7 @@ async fn obeys_one_coordinator_at_a_time(client: &mut Client, probe: &mut Probe,
         );
     }
     assert_eq!(probe.refused(12, question).await, RefusalReason::Held);
-    let description = client.describe(v1::DescribeRequest {}).await.expect("anybody may ask").into_inner();
+    let description = client.describe(v1::DescribeRequest {}).await.expect("every peer may ask").into_inner();
     assert_eq!(description.term, 1);
     client.hold(hold(8, 2, "the second")).await.expect("a higher term");
     let late = client.keep_time(v1::KeepTimeRequest { holder: 7, ..Default::default() }).await;

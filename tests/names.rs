@@ -146,6 +146,6 @@ async fn who_is_found_is_not_trusted() {
         panic!("another node was taken for it")
     };
     assert_eq!(error.to_string(), format!("at {right}: it has no camera \"cam_0\""));
-    let NodeEvent::Down(error) = first_event(&file, vec![]).await else { panic!("nobody is there") };
+    let NodeEvent::Down(error) = first_event(&file, vec![]).await else { panic!("no node is there") };
     assert!(error.to_string().starts_with("not found by its name"), "{error}");
 }

@@ -104,7 +104,7 @@ fn one_that_was_killed_is_followed_at_once() {
 }
 
 #[test]
-fn a_stranger_changes_nothing() {
+fn an_untrusted_peer_changes_nothing() {
     let watch = Watch::start();
     let folder = tempfile::tempdir().expect("a folder");
     let (cluster, json) = (cluster_file(folder.path(), NODES), folder.path().join("out.json"));
@@ -114,7 +114,7 @@ fn a_stranger_changes_nothing() {
     let run = lock_step("100000");
     await_leader(|| status(&cluster));
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
-    runtime.block_on(strangers_start(&cluster));
+    runtime.block_on(untrusted_start(&cluster));
     ask_to_end(&run);
     let Some(disturbed) = watch.judge(ended(run, &json)) else { return };
     let steps = disturbed["steps"].as_f64().expect("a count");
@@ -126,8 +126,8 @@ fn a_stranger_changes_nothing() {
     assert_eq!(disturbed["missed"]["blind_steps"], 0, "{disturbed}");
 }
 
-/// A `Start` of somebody who claims nothing.
-async fn strangers_start(cluster: &Path) {
+/// A `Start` of a peer that claims nothing.
+async fn untrusted_start(cluster: &Path) {
     let folder = cluster.parent().expect("a folder");
     let socket = folder.join("0.sock");
     let connect = tower::service_fn(move |_: tonic::transport::Uri| {
@@ -138,8 +138,8 @@ async fn strangers_start(cluster: &Path) {
     let channel = endpoint.connect_with_connector(connect).await.expect("connects");
     let mut client = v1::camera_node_client::CameraNodeClient::new(channel);
     let deadline = Instant::now() + Duration::from_secs(120);
-    while client.describe(v1::DescribeRequest {}).await.expect("anybody may ask").into_inner().term == 0 {
-        assert!(Instant::now() < deadline, "nobody leads it");
+    while client.describe(v1::DescribeRequest {}).await.expect("every peer may ask").into_inner().term == 0 {
+        assert!(Instant::now() < deadline, "no coordinator leads it");
         tokio::time::sleep(Duration::from_millis(50)).await;
     }
     for pace in [Pace::lock_step(1), Pace::live(2, 0.0)] {

@@ -160,7 +160,7 @@ async fn a_run_is_seen_and_steered(more: &[&str]) {
     let mut page = demo.connect(Some(TOKEN)).await;
     assert_eq!(page.op("hello").await["controller"], json!(true));
     assert_eq!(page.op("scene").await["scene"], json!("topple"));
-    // The first frames come before anybody asked for colours.
+    // The first frames come before colours were requested.
     while !shows_the_person(&page.binary(1).await) {}
     let world = page.binary(2).await;
     assert_eq!(u16::from_le_bytes([world[6], world[7]]), 12, "bodies of the scene");

@@ -1,4 +1,4 @@
-//! The page's port as operators have it: its token, its certificate, and what strangers do to it.
+//! The page's port as operators have it: its token, its certificate, and what untrusted peers do to it.
 
 #[path = "shared/namespace.rs"]
 mod namespace;
@@ -91,7 +91,7 @@ impl Run {
         let mut stream = self.connect();
         stream.write_all(request.as_bytes()).expect("sent");
         let mut answer = Vec::new();
-        // Whoever is refused may be reset.
+        // A connection that is refused may be reset.
         let _ = stream.read_to_end(&mut answer);
         String::from_utf8_lossy(&answer).into_owned()
     }
@@ -185,7 +185,7 @@ fn a_page_for_other_machines_is_refused_without_encryption_or_consent() {
 }
 
 #[test]
-fn strangers_are_logged_once_a_second_and_what_is_refused_is_told_apart() {
+fn untrusted_peers_are_logged_once_a_second_and_what_is_refused_is_told_apart() {
     let folder = tempfile::tempdir().expect("a folder");
     let run = Run::demo(folder.path());
     assert_eq!(run.line("token: "), "that of HULLTOUCH_TOKEN");
@@ -223,7 +223,7 @@ async fn a_port_without_descriptors_pauses_and_the_run_goes_on() {
     assert!(!said.contains("hulltouch: "), "{said}");
 }
 
-/// Writes the certificates of somebody into a folder.
+/// Writes the certificates of an owner into a folder.
 fn issue(folder: &Path, authority: &Authority, owner: &Identity) {
     let issued = authority.issue(owner, &[], Validity::days(30), None).expect("issued");
     fs::create_dir_all(folder).expect("a folder");
@@ -283,7 +283,8 @@ async fn a_coordinator_with_certificates_shows_its_page_by_https() {
 async fn a_page_that_is_not_encrypted_says_so_in_the_log_and_to_those_who_look() {
     let Some(room) = Open::new() else { return };
     let run = room.coordinator("http", &["--insecure"]);
-    let expected = "--insecure: this page is not encrypted, and whoever is on the way may read its token";
+    let expected =
+        "--insecure: this page is not encrypted, and anyone on the network path may read its token";
     assert_eq!(run.hello(TOKEN).await["insecure"], expected);
     assert!(run.end().contains(expected));
 }

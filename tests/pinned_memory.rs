@@ -1,4 +1,4 @@
-//! What strangers can have a node hold by calls that they never end, by streams on which nothing more comes, and by messages
+//! What untrusted peers can make a node hold by calls that they never end, by streams on which nothing more comes, and by messages
 //! that grow when they are decoded: no more than all connections may hold together. Each by itself, so that none gives way
 //! to another.
 
@@ -27,7 +27,7 @@ const CONNECTIONS: usize = 4;
 /// Nearly the longest message of a call.
 const LONG_BYTES: usize = 47 << 20;
 
-/// A node that nobody leads: it reads what strangers send.
+/// A node without a coordinator: it reads what untrusted peers send.
 struct Attacked {
     node: Node,
     address: SocketAddr,
@@ -153,7 +153,7 @@ async fn calls_that_are_never_ended_hold_no_more_than_all_may() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn streams_that_fall_silent_hold_no_more_than_all_may() {
     let attacked = Attacked::start();
-    // A question about bodies that nobody knows: it is refused.
+    // A question about bodies that are not registered: it is refused.
     let message = v1::ProbeRequest {
         bodies: Some(v1::Bodies { shapes: vec![0; 40 << 20].into(), ..v1::Bodies::default() }),
         ..v1::ProbeRequest::default()

@@ -116,9 +116,9 @@ async fn a_program_follows_and_steers_over_grpc() {
     state(&mut states, |state| body(state, id).is_none()).await;
     let refused = client.remove(steering(v1::RemoveRequest { body: id })).await.expect_err("twice");
     assert_eq!(refused.message(), format!("there is no body {id}"));
-    client.reset(steering(v1::ResetRequest {})).await.expect("anew");
-    let anew = state(&mut states, |state| state.generation == 1).await;
-    assert_eq!((anew.step, anew.bodies.len()), (0, 12));
+    client.reset(steering(v1::ResetRequest {})).await.expect("again");
+    let again = state(&mut states, |state| state.generation == 1).await;
+    assert_eq!((again.step, again.bodies.len()), (0, 12));
     client.resume(steering(v1::ResumeRequest {})).await.expect("resumed");
     state(&mut states, |state| state.step > 10).await;
     let set =

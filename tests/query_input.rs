@@ -56,8 +56,8 @@ fn silhouettes_that_are_not_the_rigs_are_refused() {
     let path = folder.path();
     let image = |width, height| image::GrayImage::from_pixel(width, height, image::Luma([255]));
     image(8, 6).save(path.join("sil/right.png")).expect("written");
-    let stranger = "sil/right.png: found camera \"right\", expected one of the rig: left";
-    refused(path, &[], stranger);
+    let unexpected = "sil/right.png: found camera \"right\", expected one of the rig: left";
+    refused(path, &[], unexpected);
     fs::remove_file(path.join("sil/right.png")).expect("removed");
 
     image(8, 7).save(path.join("sil/left.png")).expect("written");

@@ -153,10 +153,10 @@ fn colours_are_recorded_and_a_replay_has_a_page() {
     }
 }
 
-/// Nobody looks.
-struct Nobody;
+/// A run without viewers.
+struct NoWatcher;
 
-impl Watcher for Nobody {
+impl Watcher for NoWatcher {
     fn progress(&mut self, _progress: &Progress) {}
     fn wants_snapshot(&mut self, _film_s: f64) -> bool {
         false
@@ -238,8 +238,8 @@ fn what_was_asked_of_a_run_is_asked_again() {
         let transport = Transport::in_process(Box::new(film.frames().expect("readable")));
         let coordinator = Coordinator::new(transport, world, header.observers(), settings);
         let coordinator = coordinator.with_live(live).with_recorder(Box::new(recorder));
-        let (mut nobody, for_ever) = (Nobody, std::future::pending());
-        tokio::join!(coordinator.run(&mut nobody, for_ever), steer(follower)).0.expect("it runs")
+        let (mut watcher, for_ever) = (NoWatcher, std::future::pending());
+        tokio::join!(coordinator.run(&mut watcher, for_ever), steer(follower)).0.expect("it runs")
     });
     assert_eq!(file.finish().expect("written").steps, figures.steps);
     let (output, replayed) = replay(&steered, &["--unpaced"]);
@@ -305,7 +305,7 @@ fn python_reads_every_message() {
     assert!(
         silhouettes.clone().count() == 3 && silhouettes.clone().all(|(_, count)| *count == run["frames"])
     );
-    assert!(found["area"].as_u64().expect("a number") > 100_000, "somebody is there");
+    assert!(found["area"].as_u64().expect("a number") > 100_000, "a person is there");
     for topic in ["/header", "/end", "/scene"] {
         assert_eq!(channels[topic], 1, "{topic}");
     }

@@ -185,7 +185,7 @@ fn a_man_who_walks_knocks_over_a_stack_in_his_way() {
 }
 
 #[test]
-fn the_stack_stands_while_nobody_walks() {
+fn the_stack_stands_while_no_person_walks() {
     let Some(report) = play("pose2sim_balance", &["--transport", "inprocess", "--empty"]) else { return };
     assert!(greatest_tilt_deg(&report) < 2.0, "the stack stands");
     assert_eq!(number(&report, "/inside_samples"), 0.0);

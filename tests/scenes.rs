@@ -59,7 +59,7 @@ fn bodies(run: &Value) -> Vec<BodyRecord> {
     run["bodies"].as_array().expect("bodies").iter().map(body).filter(|body| !body.fixed).collect()
 }
 
-/// What holds for every scene: responses free the samples, numbers are numbers, and nobody is faster than
+/// What holds for every scene: responses free the samples, numbers are numbers, and no body is faster than
 /// falling makes it. The paper's response hands no speed on (it displaces, and mirrors what a body has), so
 /// that speed comes from height: what the body had at the start and what responses lifted it by. The solver
 /// pushes overlapping bodies apart at up to 1 m/s.

@@ -96,7 +96,7 @@ fn lift_within(folder: &Path, reuse_within_m: f64) -> String {
 }
 
 #[test]
-fn within_a_tolerance_bodies_that_rest_on_somebody_are_asked_about_once_a_frame() {
+fn within_a_tolerance_bodies_that_rest_on_a_person_are_asked_about_once_a_frame() {
     let folder = tempfile::tempdir().expect("folder");
     let (exact, loose) = (lift_within(folder.path(), 0.0), lift_within(folder.path(), 0.005));
     let run = |scene: &str, transport| play(&["--seconds", "3", "--scene", scene, "--transport", transport]);

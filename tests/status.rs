@@ -1,4 +1,4 @@
-//! A room at a glance, whoever leads it.
+//! A room at a glance.
 
 #[path = "shared/room.rs"]
 mod room;
@@ -35,7 +35,7 @@ fn a_run_is_seen_and_does_not_notice() {
     let ((cluster, _nodes), json) = (nodes(folder.path()), folder.path().join("out.json"));
     let idle = status(&cluster, &[]);
     assert_eq!(idle.status.code(), Some(1), "{}", text(&idle.stderr));
-    assert!(text(&idle.stdout).ends_with("lacks: nobody leads the nodes: no camera films\n"));
+    assert!(text(&idle.stdout).ends_with("lacks: no coordinator leads the nodes: no camera films\n"));
 
     let mut run = Running::start(&mut coordinator(program(), &cluster, "600", &json));
     let deadline = Instant::now() + Duration::from_secs(60);
@@ -113,7 +113,10 @@ fn viewers_see_it_with_their_certificate_and_nodes_do_not_with_theirs() {
     for whose in ["viewer", "coordinator"] {
         let found = text(&seen(whose).stdout);
         assert!(found.contains("364 days"), "{whose}: {found}");
-        assert!(found.ends_with("lacks: nobody leads the nodes: no camera films\n"), "{whose}: {found}");
+        assert!(
+            found.ends_with("lacks: no coordinator leads the nodes: no camera films\n"),
+            "{whose}: {found}"
+        );
     }
     let refused = seen("nodes/right");
     assert_eq!(refused.status.code(), Some(2));

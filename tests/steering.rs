@@ -235,7 +235,7 @@ async fn commands_at_the_same_steps_are_the_same_run_over_every_layout_and_from_
 }
 
 #[tokio::test]
-async fn a_world_goes_on_from_an_earlier_run_and_film_begins_anew_over_every_layout_and_from_a_record() {
+async fn a_world_goes_on_from_an_earlier_run_and_film_starts_over_over_every_layout_and_from_a_record() {
     let studio = Studio::new(Motion::Wave, 0.5);
     let mut earlier = studio.world();
     earlier.remove(1).expect("gone");
@@ -271,7 +271,7 @@ async fn seen(follower: &mut Follower, is_it: impl Fn(&WorldState) -> bool) -> A
 }
 
 #[tokio::test]
-async fn a_run_is_paused_stepped_changed_and_begun_anew_by_those_who_follow_it() {
+async fn a_run_is_paused_stepped_changed_and_begun_again_by_those_who_follow_it() {
     let studio = Studio::new(Motion::Idle, 1000.0);
     let (live, mut follower) = live();
     let coordinator = studio.coordinator(studio.in_process()).with_live(live);
@@ -300,9 +300,9 @@ async fn a_run_is_paused_stepped_changed_and_begun_anew_by_those_who_follow_it()
             follower.order(Command::Remove(3)).await.expect_err("twice").to_string(),
             "there is no body 3"
         );
-        follower.order(Command::Reset).await.expect("anew");
-        let anew = seen(&mut follower, |world| world.generation == 1).await;
-        assert_eq!((anew.step, anew.bodies.len(), anew.paused), (0, 3, true));
+        follower.order(Command::Reset).await.expect("again");
+        let again = seen(&mut follower, |world| world.generation == 1).await;
+        assert_eq!((again.step, again.bodies.len(), again.paused), (0, 3, true));
         follower.order(Command::Choose(Scene::named("crowd").expect("shipped"))).await.expect("chosen");
         assert_eq!(follower.scene.borrow().clone().expect("a scene").scene, "crowd");
         follower.order(Command::Resume).await.expect("resumed");
@@ -508,7 +508,7 @@ async fn what_stands_still_vanishes_once_the_background_is_taken() {
     let areas = kept.lock().expect("whole").areas.clone();
     let (first, last) = (areas[1].1, areas[areas.len() - 1].1);
     assert!(first > 1000, "the person and the table are seen: {areas:?}");
-    assert!(last < first / 10, "nobody is seen any more: {areas:?}");
+    assert!(last < first / 10, "no person is seen any more: {areas:?}");
     let kept_up = areas.iter().filter(|(frame, _)| (2..25).contains(frame));
     assert!(kept_up.into_iter().all(|(_, area)| 2 * area > first), "until then the old one stays: {areas:?}");
 }

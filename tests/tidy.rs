@@ -424,6 +424,39 @@ fn every_fuzz_target_has_a_corpus_and_a_test() {
 }
 
 #[test]
+fn prose_names_who_acts() {
+    const WORDS: [&str; 6] = ["whoever", "nobody", "somebody", "anew", "stranger", "strangers"];
+    let offences = [".rs", ".ts", ".md"].into_iter().flat_map(|ending| files("", ending)).flat_map(|file| {
+        let named = |(number, line): (usize, &str)| {
+            let found = line.split(|letter: char| !letter.is_alphabetic()).map(str::to_lowercase);
+            found.filter(|word| WORDS.contains(&word.as_str())).map(|word| format!("{number}: {word}")).next()
+        };
+        let lines: Vec<String> = (1..).zip(file.text.lines()).filter_map(named).collect();
+        lines.into_iter().map(|line| format!("{}:{line}", file.path)).collect::<Vec<_>>()
+    });
+    none(
+        offences.filter(|line| !line.starts_with("tests/tidy.rs:")),
+        "name the actor, or use the field's term",
+    );
+}
+
+#[test]
+fn doc_comments_are_no_single_words() {
+    let comment = |line: &str| line.trim_start().strip_prefix("///").map(str::to_owned);
+    let offences = rust().into_iter().flat_map(|file| {
+        let lines: Vec<Option<String>> = file.text.lines().map(comment).collect();
+        let alone = |&at: &usize| {
+            let beside = [at.checked_sub(1), Some(at + 1)].into_iter().flatten();
+            let is_alone = beside.filter_map(|at| lines.get(at)).all(Option::is_none);
+            is_alone && lines[at].as_ref().is_some_and(|text| text.split_whitespace().count() == 1)
+        };
+        let alone: Vec<usize> = (0..lines.len()).filter(alone).collect();
+        alone.into_iter().map(|at| format!("{}:{}", file.path, at + 1)).collect::<Vec<_>>()
+    });
+    none(offences, "say what it is, its unit and its range, or let its name do");
+}
+
+#[test]
 fn nothing_is_left_unfinished() {
     none(lines_with(&rust(), &["todo!(", "unimplemented!(", "#[ignore", "dbg!("]), "this is not finished");
     let marks = ["TODO", "FIXME", "XXX"];

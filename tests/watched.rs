@@ -253,9 +253,9 @@ fn a_node_without_a_coordinator_is_live_and_not_ready() {
         (503, "camera \"cam_0\" does not film: no coordinator leads this node\n")
     );
     assert_eq!(get(node.metrics, "/").status, 404);
-    let nobody = program().args(["ready", "127.0.0.1:1"]).output().expect("ends");
-    assert_eq!(nobody.status.code(), Some(1), "{nobody:?}");
-    assert!(nobody.stderr.starts_with(b"hulltouch: 127.0.0.1:1: "), "{nobody:?}");
+    let refused = program().args(["ready", "127.0.0.1:1"]).output().expect("ends");
+    assert_eq!(refused.status.code(), Some(1), "{refused:?}");
+    assert!(refused.stderr.starts_with(b"hulltouch: 127.0.0.1:1: "), "{refused:?}");
 }
 
 #[test]

@@ -203,12 +203,12 @@ fn position(state: &Value, body: u64) -> Option<[f64; 3]> {
 }
 
 #[tokio::test]
-async fn a_killed_coordinator_goes_on_where_it_was_and_with_fresh_begins_anew() {
+async fn a_killed_coordinator_goes_on_where_it_was_and_with_fresh_starts_over() {
     let watch = Watch::start();
     let studio = Studio::start();
     let mut first = Run::start(&studio, &[]).await;
     let ball = first.throw(1).await;
-    assert_eq!(first.gone_on(), None, "nobody remembers anything");
+    assert_eq!(first.gone_on(), None, "no node remembers a world");
     let last = first.kill().await;
 
     let mut second = Run::start(&studio, &[]).await;
@@ -223,7 +223,7 @@ async fn a_killed_coordinator_goes_on_where_it_was_and_with_fresh_begins_anew() 
     let expected_m = place(&last)[1] + SPEED_M_S * flown_s;
     assert!((place(&begun)[1] - expected_m).abs() < 1e-3, "{begun} {last}");
     assert_eq!(position(&begun, 0), position(&last, 0), "what lay still");
-    // Film has begun anew, and its numbers with it.
+    // Film has begun again, and its numbers with it.
     let film_s = begun["time_s"].as_f64().expect("film time");
     timely!(watch, (0.0..5.0).contains(&film_s), "film began {film_s} s ago");
     let on = second.heard(|message| message["frame"].as_u64().is_some_and(|frame| frame > 5)).await;
@@ -232,8 +232,8 @@ async fn a_killed_coordinator_goes_on_where_it_was_and_with_fresh_begins_anew() 
     timely!(watch, frame > (film_s - 1.0) * FPS, "frame {frame} at {film_s} s");
 
     second.command(2, json!({"command": "reset"})).await;
-    let anew = second.heard(|message| message["op"] == "state" && message["generation"] == 2).await;
-    assert!(position(&anew, ball).is_none() && step(&anew) < STEPS_PER_S, "the scene's start: {anew}");
+    let again = second.heard(|message| message["op"] == "state" && message["generation"] == 2).await;
+    assert!(position(&again, ball).is_none() && step(&again) < STEPS_PER_S, "the scene's start: {again}");
     second.throw(3).await;
     second.kill().await;
 

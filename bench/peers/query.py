@@ -365,7 +365,7 @@ def contact_pass(frame, maps, probes, around, body_probes, body_around):
     found[:, within] = planes_inside(frame, maps, points[:, within], places[:, within])
     out, planes = planes_beside(frame, maps, points, start[:, 2], places, seen)
     found[:, out] = planes
-    # Where nobody is near beside the silhouettes, the edges of those that see it inside, as near.
+    # Where no silhouette is near, the edges of those that see it inside, as near.
     left = np.flatnonzero(np.isnan(found[3]) & seen.any(axis=0) & ~within)
     planes = planes_inside(frame, maps, points.take(left, axis=1), places[:, left], seen[:, left])
     is_near = planes[4] <= frame.around_m

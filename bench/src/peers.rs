@@ -15,7 +15,7 @@ use cli::{Failure, Outcome, outln, temporary_folder};
 const ONE_THREAD: [&str; 4] =
     ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS"];
 
-/// Memory that was freed is kept for the next array (glibc): large images are not mapped anew, page by page,
+/// Memory that was freed is kept for the next array (glibc): large images are not mapped again, page by page,
 /// every time.
 const KEEP_MEMORY: [(&str, &str); 2] =
     [("MALLOC_MMAP_MAX_", "0"), ("MALLOC_TRIM_THRESHOLD_", "1099511627776")];

@@ -19,7 +19,7 @@ pub struct Beat {
 /// Work that does not get on.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Stuck {
-    /// Which.
+    /// The name of the work, for the log.
     pub name: String,
     /// For how long.
     pub since: Duration,

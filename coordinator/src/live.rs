@@ -69,7 +69,7 @@ pub enum Command {
     },
     /// Parameters of the world.
     Set(Parameters),
-    /// Every camera learns its background anew from the film of the next seconds.
+    /// Every camera learns its background again from the film of the next seconds.
     TakeBackground {
         /// How long, seconds.
         seconds: f64,
@@ -150,7 +150,7 @@ pub struct Order {
 /// One body after a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BodyState {
-    /// Which.
+    /// Its id, unique in the run.
     pub id: BodyId,
     /// World from body.
     pub pose: Pose,
@@ -203,7 +203,7 @@ pub struct WorldState {
 /// What a body looks like.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BodyLook {
-    /// Which.
+    /// Its id, unique in the run.
     pub id: BodyId,
     /// Its name.
     pub name: String,
@@ -296,7 +296,7 @@ pub struct Follower {
     pub world: watch::Receiver<Option<Arc<WorldState>>>,
     /// Bodies and parameters.
     pub scene: watch::Receiver<Option<Arc<SceneState>>>,
-    /// Status.
+    /// The run's figures, four times a second.
     pub status: watch::Receiver<Option<Arc<RunStatus>>>,
     watching: Arc<AtomicUsize>,
 }
@@ -314,7 +314,7 @@ pub struct Live {
     pub world: watch::Sender<Option<Arc<WorldState>>>,
     /// Bodies and parameters.
     pub scene: watch::Sender<Option<Arc<SceneState>>>,
-    /// Status.
+    /// The run's figures, four times a second.
     pub status: watch::Sender<Option<Arc<RunStatus>>>,
     watching: Arc<AtomicUsize>,
 }
@@ -380,7 +380,7 @@ mod tests {
     use super::*;
 
     #[tokio::test]
-    async fn an_order_is_answered_or_told_that_nobody_will() {
+    async fn an_order_is_answered_or_told_that_it_never_will_be() {
         let (mut live, follower) = live();
         let asking = tokio::spawn({
             let follower = follower.clone();
@@ -416,7 +416,7 @@ mod tests {
     }
 
     #[test]
-    fn the_world_is_published_while_somebody_watches() {
+    fn the_world_is_published_while_a_viewer_watches() {
         let (live, follower) = live();
         assert!(!live.is_watched());
         let watching = follower.clone().watch();

@@ -30,7 +30,7 @@ pub enum InputError {
     /// A field is not there.
     #[error("{field} is missing, expected {expected}")]
     Missing {
-        /// Which.
+        /// Its path in the message.
         field: String,
         /// What would be right.
         expected: String,
@@ -38,7 +38,7 @@ pub enum InputError {
     /// A field has another value or kind.
     #[error("{field} is {found}, expected {expected}")]
     Wrong {
-        /// Which.
+        /// Its path in the message.
         field: String,
         /// Its value.
         found: String,
@@ -48,7 +48,7 @@ pub enum InputError {
     /// A field that the message has not.
     #[error("{field} is unknown, expected {expected}")]
     Unknown {
-        /// Which.
+        /// Its path in the message.
         field: String,
         /// What there is.
         expected: String,

@@ -44,7 +44,7 @@ fn allow_descriptors() {
 }
 
 #[tokio::test]
-async fn nine_hundred_half_sent_headers_keep_nobody_out() {
+async fn nine_hundred_half_sent_headers_keep_no_peer_out() {
     let watch = Watch::start();
     allow_descriptors();
     let run = Run::start();

@@ -43,7 +43,7 @@ async fn the_page_is_served_fresh_and_its_assets_for_ever() {
 }
 
 #[tokio::test]
-async fn what_a_browser_asks_for_somebody_else_is_refused() {
+async fn what_a_browser_asks_for_another_site_is_refused() {
     let run = Run::start();
     let port = run.feed.address().port();
     let rebound = format!("GET / HTTP/1.1\nHost: evil.example:{port}\nConnection: close\n\n");

@@ -100,7 +100,7 @@ async fn a_page_gets_frames_and_bodies_as_it_wants_them() {
 }
 
 #[tokio::test]
-async fn nobody_is_asked_for_pictures_while_nobody_looks() {
+async fn no_pictures_are_requested_without_a_viewer() {
     let run = Run::start();
     for frame in 0..20 {
         run.publish(frame);
@@ -162,7 +162,7 @@ async fn touches_wanted_while_paused_come_with_the_world_that_stands() {
 }
 
 #[tokio::test]
-async fn who_has_the_token_steers_and_nobody_else() {
+async fn a_page_with_the_token_steers_and_no_other() {
     let run = Run::start();
     let mut viewer = run.viewer().await;
     viewer.say(json!({"op": "command", "id": 1, "command": "pause"})).await;

@@ -1,5 +1,5 @@
 //! The very bytes that other programs' parsers are tested on: `viewer/tests/vectors/`. Run with
-//! `HULLTOUCH_WRITE_VECTORS=1` to write them anew after the format has changed.
+//! `HULLTOUCH_WRITE_VECTORS=1` to write them again after the format has changed.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -75,7 +75,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Logs go to standard error; `RUST_LOG` chooses, warnings by default. What HTTP/2 says of strangers is ours to say.
+/// Logs go to standard error; `RUST_LOG` chooses, warnings by default. What HTTP/2 says of untrusted peers is logged by our own code.
 fn log_to_stderr() {
     use tracing_subscriber::filter::{LevelFilter, Targets};
     use tracing_subscriber::layer::SubscriberExt as _;

@@ -1,5 +1,5 @@
 //! What systemd hears of this process: that it serves, how it is, that it works, that it ends. Says nothing where there is
-//! no NOTIFY_SOCKET. A manager that reads nothing holds nobody up: what it has no room for is dropped.
+//! no NOTIFY_SOCKET. A manager that reads nothing does not block the process: what it has no room for is dropped.
 
 use std::ffi::OsStr;
 use std::io;
@@ -122,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn a_manager_that_reads_nothing_holds_nobody_up() {
+    fn a_manager_that_reads_nothing_blocks_nothing() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("notify");
         let _manager = UnixDatagram::bind(&path).expect("a socket");

@@ -22,7 +22,7 @@ pub struct Authority {
 
 /// A certificate, and the key that belongs to it.
 pub struct Issued {
-    /// PEM.
+    /// The certificate and its chain, PEM.
     pub certificate: String,
     /// PEM, a secret.
     pub key: String,
@@ -75,7 +75,7 @@ impl Authority {
         self.issuer.key().serialize_pem()
     }
 
-    /// A certificate of somebody, who may also be reached by other names (DNS names and IP addresses), for a key that is
+    /// A certificate of an owner, who may also be reached by other names (DNS names and IP addresses), for a key that is
     /// there (PEM) or a new one.
     pub fn issue(
         &self,

@@ -21,7 +21,7 @@ const READ_TIMEOUT: Duration = Duration::from_secs(1);
 const READ_EVERY: Duration = Duration::from_secs(1);
 /// A peer that begins and then says nothing is dropped after this.
 const HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(5);
-/// Connections show certificates anew this often, unless told otherwise.
+/// Connections show certificates again this often, unless told otherwise.
 const MAX_CONNECTION_AGE: Duration = Duration::from_secs(3600);
 
 /// The certificates of one owner, which others may replace at any time: a handshake reads the folder if the last reading was
@@ -67,7 +67,7 @@ impl Credentials {
         })
     }
 
-    /// The same where connections live for so long, and then show certificates anew.
+    /// The same where connections live for so long, and then show certificates again.
     pub fn with_max_connection_age(self, max_connection_age: Duration) -> Credentials {
         Credentials { max_connection_age, ..self }
     }
@@ -98,7 +98,7 @@ impl Credentials {
         self.not_after_in_use()
     }
 
-    /// When the certificate ends that the last handshake used: the folder is not read anew.
+    /// When the certificate ends that the last handshake used: the folder is not read again.
     pub fn not_after_in_use(&self) -> SystemTime {
         UNIX_EPOCH + self.state().loaded.not_after
     }
@@ -117,7 +117,7 @@ impl Credentials {
     }
 
     /// Makes a server's side of a connection to a browser, which shows no certificate.
-    pub async fn accept_anybody<S: AsyncRead + AsyncWrite + Unpin>(
+    pub async fn accept_without_certificate<S: AsyncRead + AsyncWrite + Unpin>(
         self: &Arc<Self>,
         socket: S,
     ) -> Result<ServerSocket<S>, HandshakeError> {
@@ -176,7 +176,7 @@ impl Credentials {
         match loaded {
             None => state.problem = None,
             Some(Ok((files, loaded))) => {
-                tracing::info!("certificates of {} were read anew from {}", self.own, self.folder.display());
+                tracing::info!("certificates of {} were read again from {}", self.own, self.folder.display());
                 (state.files, state.loaded, state.problem) = (files, Arc::new(loaded), None);
             }
             Some(Err(error)) => {

@@ -62,15 +62,15 @@ pub enum CertificateError {
         /// The certificate.
         certificate: PathBuf,
     },
-    /// The certificate is not good, whoever looks at it.
+    /// The certificate is not valid for any peer.
     #[error("{path}: {reason}", path = .path.display())]
     Refused {
         /// The certificate.
         path: PathBuf,
-        /// Why.
+        /// What the check says.
         reason: String,
     },
-    /// The certificate is of somebody else.
+    /// The certificate is another owner's.
     #[error("{path} is of {found}, expected {expected}", path = .path.display())]
     Name {
         /// The certificate.

@@ -1,4 +1,4 @@
-//! Who somebody is in a room. A certificate of the room's authority names its owner (an [`Identity`]); a folder of such
+//! Identities of a room. A certificate of the room's authority names its owner (an [`Identity`]); a folder of such
 //! certificates ([`Credentials`]) makes TLS 1.3 sockets between those who have one, and [`Authority`] makes the folder
 //! where no other authority does.
 

@@ -77,7 +77,7 @@ impl Loaded {
         let (certificates, private) = pair();
         let with_clients = server().map_err(refused)?.with_client_cert_verifier(verifier);
         let mut of_service = with_clients.with_single_cert(certificates, private).map_err(refused)?;
-        // Whoever comes back shows its certificate again: it may have ended since, or its authority.
+        // A client that comes back shows its certificate again: it may have ended since, or its authority.
         of_service.session_storage = Arc::new(NoServerSessionStorage {});
         of_service.send_tls13_tickets = 0;
         of_service.alpn_protocols = vec![HTTP2.to_vec()];

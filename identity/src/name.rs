@@ -9,7 +9,7 @@ const NODE: &str = "node";
 const COORDINATOR: &str = "coordinator";
 const VIEWER: &str = "viewer";
 
-/// Who somebody is: a DNS name in a certificate, whatever the address.
+/// A DNS name in a certificate, whatever the address.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Identity {
     /// The room.
@@ -18,7 +18,7 @@ pub struct Identity {
     pub role: Role,
 }
 
-/// What somebody is in a room.
+/// The role of a certificate's owner.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Role {
     /// The node of that name.
@@ -100,7 +100,7 @@ impl fmt::Display for Peer {
     /// All that it is, in words for a message.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.identities.is_empty() {
-            return f.write_str("nobody of any room");
+            return f.write_str("a peer of no room");
         }
         let names: Vec<String> = self.identities.iter().map(Identity::to_string).collect();
         f.write_str(&names.join(" and "))

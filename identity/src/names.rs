@@ -23,7 +23,7 @@ pub struct CertificateNames {
 }
 
 impl CertificateNames {
-    /// Of the certificate in a folder, whoever issued it and whenever it ends.
+    /// Of the certificate in a folder, of any authority and also if it has ended.
     pub fn read(folder: &Path) -> Result<CertificateNames, CertificateError> {
         let path = folder.join(CERTIFICATE);
         let chain = certificates(&path, &read(path.clone())?)?;
@@ -38,8 +38,8 @@ impl CertificateNames {
 fn of(certificate: &CertificateDer<'_>) -> Result<CertificateNames, Error> {
     let parsed = EndEntityCert::try_from(certificate)?;
     let is_there = |name: &ServerName<'_>| parsed.verify_is_valid_for_subject_name(name);
-    let nobody = DnsName::try_from(NO_NAME).map_err(|_| Error::MalformedDnsIdentifier)?;
-    let presented = match is_there(&ServerName::DnsName(nobody)) {
+    let no_name = DnsName::try_from(NO_NAME).map_err(|_| Error::MalformedDnsIdentifier)?;
+    let presented = match is_there(&ServerName::DnsName(no_name)) {
         Err(Error::CertNotValidForName(context)) => context.presented,
         Err(error) => return Err(error),
         Ok(()) => Vec::new(),

@@ -21,7 +21,7 @@ fn write(folder: &Path, name: &str, text: &str) {
     fs::set_permissions(&path, fs::Permissions::from_mode(0o600)).expect("its own");
 }
 
-/// Writes a folder of somebody's.
+/// Writes a folder of certificates.
 fn issue(folder: &Path, authority: &Authority, owner: &Identity, validity: Validity) {
     let issued = authority.issue(owner, &[], validity, None).expect("issued");
     write(folder, AUTHORITIES, authority.certificate());
@@ -80,7 +80,7 @@ fn refused<T>(why: &str) -> Result<T, HandshakeError> {
 }
 
 #[test]
-fn names_say_who_somebody_is() {
+fn names_say_who_a_peer_is() {
     for identity in [left(), Identity::coordinator(ROOM), Identity::viewer(ROOM)] {
         assert_eq!(Identity::from_dns_name(&identity.to_string()), Some(identity));
     }
@@ -106,13 +106,13 @@ async fn those_of_one_authority_know_each_other() {
 }
 
 #[tokio::test]
-async fn a_stranger_is_refused_and_hears_why() {
+async fn an_untrusted_peer_is_refused_and_told_why() {
     let node = Owner::new(&authority(), left());
     let other = Owner::new(&authority(), Identity::coordinator(ROOM));
     // It believes the node, which does not believe it.
     fs::copy(node.folder.path().join(AUTHORITIES), other.folder.path().join("theirs")).expect("copied");
-    let stranger = other.open().expect("valid");
-    let (_, byte) = meet(&node.open().expect("valid"), &stranger, &left()).await;
+    let untrusted = other.open().expect("valid");
+    let (_, byte) = meet(&node.open().expect("valid"), &untrusted, &left()).await;
     assert_eq!(byte, refused("its certificate is of no authority in ca.crt"));
     let both = format!(
         "{}{}",
@@ -214,7 +214,7 @@ async fn certificates_are_replaced_while_they_are_in_use() {
 }
 
 #[tokio::test]
-async fn a_pipe_in_the_place_of_a_certificate_is_refused_and_blocks_nobody() {
+async fn a_pipe_in_the_place_of_a_certificate_is_refused_and_blocks_no_connection() {
     let authority = authority();
     let node = Owner::new(&authority, left());
     let serving = node.open().expect("valid");

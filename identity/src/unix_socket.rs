@@ -1,4 +1,4 @@
-//! A Unix socket that nobody is woken for in vain. Linux tells a writer whenever its peer has read something; who waits
+//! A Unix socket without needless wake-ups. Linux tells a writer whenever its peer has read something; a task that waits
 //! for answers on such a socket is woken once more a message, and pays for waking the other. So this one waits for room
 //! only where there was none.
 
@@ -77,7 +77,7 @@ impl AsyncRead for UnixSocket {
             match socket.get_ref().read(&mut read[..most]) {
                 Ok(count) => {
                     if count > 0 && count < most {
-                        // That was all: what comes later is told anew.
+                        // That was all: what comes later is announced again.
                         there.clear_ready();
                     }
                     into.put_slice(&read[..count]);
@@ -159,7 +159,7 @@ mod tests {
         let [mut a, b] = pair();
         drop(b);
         assert_eq!(a.read(&mut [0; 8]).await.expect("the end"), 0);
-        assert_eq!(a.write(&[1; 8]).await.expect_err("nobody reads").kind(), ErrorKind::BrokenPipe);
+        assert_eq!(a.write(&[1; 8]).await.expect_err("the reader is gone").kind(), ErrorKind::BrokenPipe);
     }
 
     #[tokio::test]

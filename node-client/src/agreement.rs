@@ -50,12 +50,12 @@ impl fmt::Display for ExpectedNode {
 /// What a coordinator is to its nodes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Role {
-    /// Leads nodes that nobody leads.
+    /// Leads nodes without a coordinator.
     #[default]
     Leads,
     /// Displaces another that leads them.
     TakesOver,
-    /// Reads what they report, whoever leads them, and changes nothing.
+    /// Reads what they report, and changes nothing.
     Observes,
 }
 
@@ -145,13 +145,13 @@ impl Agreement {
         self.counters.read()
     }
 
-    /// Our claim to a node that somebody holds with this term, or nobody.
+    /// Our claim to a node whose lease has this term; 0 without a holder.
     pub(crate) fn claim(&self, held_term: u64) -> Claim {
         let over = if self.role == Role::TakesOver { held_term.saturating_add(1) } else { 0 };
         Claim { term: self.claim.term.max(over), ..self.claim.clone() }
     }
 
-    /// By what nodes know us: 0, nobody, for one that only observes.
+    /// The id by which nodes know us: 0, anonymous, for one that only observes.
     pub(crate) fn holder(&self) -> u64 {
         if self.observes() { 0 } else { self.claim.id }
     }

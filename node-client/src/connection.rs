@@ -20,7 +20,7 @@ use crate::error::{NodeError, root_cause};
 use crate::reply_limits::{Limited, NodeCalls, ReplyLimits};
 
 const CONNECT_TIMEOUT: Duration = Duration::from_millis(1500);
-/// A connection over which nothing comes for so long is given up, and made anew: a way that was cut may be open again long
+/// A connection over which nothing comes for so long is given up, and made again: a way that was cut may be open again long
 /// before the system tries the old connection.
 const KEEP_ALIVE: Duration = Duration::from_secs(1);
 const SILENT: Duration = Duration::from_secs(2);

@@ -19,7 +19,7 @@ pub enum NodeError {
     /// A connection could not be made.
     #[error("cannot connect: {0}")]
     Unreachable(String),
-    /// Nobody says where it is.
+    /// It is not announced, and has no address.
     #[error("not found by its name (DNS-SD): expected it to run and to announce itself, or an address")]
     NotFound,
     /// Its version has no [`StatusClient`](crate::StatusClient)'s call.
@@ -42,7 +42,7 @@ pub enum NodeError {
     /// The connection broke before it was of any use.
     #[error("the connection broke at once ({why}): {hint}")]
     AtOnce {
-        /// How.
+        /// How it broke.
         why: String,
         /// What may be wrong.
         hint: String,
@@ -189,7 +189,7 @@ pub enum Mismatch {
         /// Its place in ours.
         expected: u16,
     },
-    /// Cameras that nobody expects there.
+    /// Cameras that are not expected there.
     #[error("it has {found} cameras, expected {expected}")]
     Count {
         /// Cameras of the node.

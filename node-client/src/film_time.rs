@@ -187,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_that_stood_still_is_believed_anew() {
+    fn a_clock_that_stood_still_is_believed_again() {
         let mut estimate = ClockEstimate::default();
         for tick in 0..60 {
             let our_s = f64::from(tick);

@@ -40,7 +40,7 @@ pub enum PicturesError {
     Node {
         /// The node and its cameras.
         node: String,
-        /// Why.
+        /// What failed.
         error: NodeError,
     },
 }

@@ -1,4 +1,4 @@
-//! Asking a node how it is, as somebody who only looks: whoever leads it does not notice.
+//! Asking a node how it is, as a viewer: its run does not notice.
 
 use std::sync::Arc;
 use std::time::Duration;

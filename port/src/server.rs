@@ -1,4 +1,4 @@
-//! HTTP/1.1 for strangers: one request a connection, and few connections.
+//! HTTP/1.1 for untrusted peers: one request a connection, and few connections.
 
 use std::collections::VecDeque;
 use std::convert::Infallible;
@@ -65,7 +65,7 @@ where
                 serve_connection(socket, Arc::clone(&answer)),
             )),
         );
-        // Whoever came reads what was sent already before the next one may make it give way.
+        // A new connection reads what was sent already before the next one may evict it.
         tokio::task::yield_now().await;
     }
 }

@@ -26,7 +26,7 @@ pub trait Telemetry: Send + Sync + 'static {
     /// Writes all metrics.
     fn metrics(&self, sheet: &mut Sheet<'_>) -> fmt::Result;
 
-    /// Why the service must be started anew, if so: its loop no longer turns.
+    /// Why the service must be restarted, if so: its loop no longer turns.
     fn stuck(&self) -> Option<String>;
 
     /// What it lacks to do its work now, if anything.

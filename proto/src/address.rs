@@ -15,7 +15,7 @@ pub const MAX_SOCKET_PATH_BYTES: usize = 107;
 /// The address of a node.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub enum Address {
-    /// `host:port`.
+    /// `host:port`, over TCP.
     Tcp(String),
     /// `unix:PATH`: a socket in the file system, for nodes on the coordinator's own machine.
     Unix(PathBuf),

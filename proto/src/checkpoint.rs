@@ -24,7 +24,7 @@ pub enum CheckpointError {
     /// Another version of the format.
     #[error("a checkpoint of version {found}, expected {VERSION}")]
     Version {
-        /// Which.
+        /// The version that was found.
         found: u32,
     },
     /// More than any checkpoint has.

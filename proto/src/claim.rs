@@ -3,7 +3,7 @@
 /// A claim to a node: one coordinator at a time leads it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Claim {
-    /// A number that nobody else knows; never 0.
+    /// A number that no other peer knows; never 0.
     pub id: u64,
     /// A higher one displaces a holder that is there.
     pub term: u64,

@@ -38,6 +38,6 @@ pub struct NodeDescription {
     pub settings: ProbeSettings,
     /// Frames per second.
     pub fps: f64,
-    /// The term of who holds it; 0 if nobody does.
+    /// The term of the lease; 0 without a holder.
     pub term: u64,
 }

@@ -1,4 +1,4 @@
-//! What a node says of itself to whoever looks.
+//! What a node reports of itself to coordinators and viewers.
 
 use crate::description::NodeDescription;
 use crate::film::{CameraPace, Stamps};

@@ -12,7 +12,7 @@ pub enum Channel {
     Silhouette(usize),
     /// Colour of a camera.
     Colour(usize),
-    /// Steps.
+    /// The world after each step.
     Step,
     /// The bodies.
     Scene,

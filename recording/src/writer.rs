@@ -37,7 +37,7 @@ pub enum WriteError {
     Unwritable {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// What the system says.
         problem: String,
     },
 }

@@ -151,7 +151,7 @@ impl BackgroundBuilder {
     }
 }
 
-/// The empty room as one camera sees it. To take it anew, build another.
+/// The empty room as one camera sees it. To take it again, build another.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BackgroundModel {
     format: Format,

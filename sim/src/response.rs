@@ -53,7 +53,7 @@ pub struct HullContact {
     pub depth_m: f32,
     /// How fast the surface moves out along its normal, m/s; `None` where nothing tells.
     pub speed_m_s: Option<f32>,
-    /// How fast it moves along itself, world, m/s; nothing where nobody tells.
+    /// How fast it moves along itself, world, m/s; nothing where it is unknown.
     pub slide_m_s: [f32; 3],
 }
 

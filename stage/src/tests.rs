@@ -446,8 +446,8 @@ fn silhouettes_drawn_by_rows_are_the_masks() {
             }
         }
     }
-    let nobody = StageSettings { person: false, ..StageSettings::default() };
-    assert_eq!(true_silhouette(&nobody, &camera(1), 2.0).expect("a size").area(), 0);
+    let empty = StageSettings { person: false, ..StageSettings::default() };
+    assert_eq!(true_silhouette(&empty, &camera(1), 2.0).expect("a size").area(), 0);
 }
 
 #[test]

@@ -111,7 +111,7 @@ impl Engine {
         said(command.env("PATH", PATH));
     }
 
-    /// Asks as somebody on the engine's machine.
+    /// Asks from the engine's machine.
     pub fn get(&self, address: SocketAddr, path: &str) -> std::io::Result<Answer> {
         let engine = self.process().ok_or(std::io::ErrorKind::NotFound)?.as_raw_pid();
         let network = File::open(format!("/proc/{engine}/ns/net"))?;
@@ -119,7 +119,7 @@ impl Engine {
             move_into_link_name_space(network.as_fd(), Some(LinkNameSpaceType::Network))?;
             try_get(address, path)
         };
-        // A thread of its own, that nobody else has another network.
+        // A thread of its own: other threads keep their network.
         thread::scope(|scope| scope.spawn(ask).join()).expect("no panic")
     }
 

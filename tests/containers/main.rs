@@ -65,7 +65,7 @@ fn a_room_in_containers_goes_on_whatever_becomes_of_its_nodes() {
         room.renew(node);
         room.is_ready();
     }
-    assert_eq!(room.began("coordinator"), began, "the coordinator was started anew: {}", room.log());
+    assert_eq!(room.began("coordinator"), began, "the coordinator was restarted: {}", room.log());
     room.renew("coordinator");
     room.is_ready();
     assert!(room.log().contains("going on from the world that the nodes remember"), "{}", room.log());

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
-/// Whoever connects to its address reaches the node. Ends with the test.
+/// A peer that connects to its address reaches the node. Ends with the test.
 pub struct Replacing {
     pub address: SocketAddr,
     is_over: Arc<AtomicBool>,

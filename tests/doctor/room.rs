@@ -171,7 +171,7 @@ impl Room {
     }
 }
 
-/// Writes the certificates of somebody into a folder.
+/// Writes the certificates of an owner into a folder.
 pub fn issue(folder: &Path, authority: &Authority, owner: &Identity, validity: Validity) {
     let issued = authority.issue(owner, &[], validity, None).expect("issued");
     fs::create_dir_all(folder).expect("a folder");

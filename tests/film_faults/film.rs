@@ -61,7 +61,7 @@ impl Film {
     }
 
     fn draw(&self, number: u64, content: u64) {
-        // Nothing moves where there is nobody.
+        // Nothing moves where there is no person.
         let content = if self.stage.person { content } else { 0 };
         let time_s = self.stage.time_s(content);
         let mut seen = self.seen.lock().expect("whole");

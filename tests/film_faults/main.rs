@@ -142,7 +142,7 @@ async fn bodies_only_fall_once_a_node_is_lost() {
     let blind = &steps[steps.partition_point(|step| step.frame.is_some())..];
     assert!(blind.len() > 40 && blind.len() as u64 == figures.blind_steps, "{} steps", blind.len());
     check_falls("a node is lost", blind, blind[0].film_s - 1.0 / 120.0);
-    assert!(farthest_m(blind) > 0.3, "they fall through what nobody sees");
+    assert!(farthest_m(blind) > 0.3, "they fall through what no camera sees");
     assert_eq!(figures.faults, 0);
 }
 
@@ -236,7 +236,7 @@ fn with_camera_at(rig: &Rig, at_m: [f64; 3]) -> Rig {
 }
 
 #[tokio::test]
-async fn a_camera_that_stands_in_a_contact_throws_nobody() {
+async fn a_camera_that_stands_in_a_contact_throws_no_body() {
     let scene = Scene::named("rest").expect("shipped");
     let (still, _) =
         play(Film::of(&scene, &rig(), all(80)), &scene, settings(2.0), std::future::pending()).await;

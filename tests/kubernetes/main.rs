@@ -116,7 +116,7 @@ fn nodes_and_coordinator_behave_as_the_guide_says() {
     }
 }
 
-/// A pod's container runs the program as it is, asks its own port how it is, and is nobody.
+/// A pod's container runs the program as it is, asks its own port how it is, and runs without privileges.
 #[track_caller]
 fn check_pod(overlay: &str, pod: &Value, port: u16) {
     let containers = pod["containers"].as_array().expect("containers");

@@ -17,7 +17,7 @@ use crate::room::{Node, coordinator, named_room, program};
 /// The name of every test's room.
 pub const ROOM: &str = "room";
 
-/// Writes the certificates of somebody into a folder.
+/// Writes the certificates of an owner into a folder.
 pub fn issue(folder: &Path, authority: &Authority, owner: &Identity, validity: Validity) {
     let issued = authority.issue(owner, &[], validity, None).expect("issued");
     fs::create_dir_all(folder).expect("a folder");
@@ -101,9 +101,9 @@ impl Room {
         self.first_event(Credentials::open(&folder, owner).expect("its own")).await
     }
 
-    /// What somebody hears who shows another certificate.
+    /// What a peer with another certificate is told.
     pub async fn refusal(&self, authority: &Authority, owner: Identity) -> String {
-        let folder = self.folder.path().join("stranger");
+        let folder = self.folder.path().join("untrusted");
         issue(&folder, authority, &owner, Validity::days(30));
         // It knows the room's authority: it must be the node that refuses.
         let both = format!("{}{}", authority.certificate(), self.authority.certificate());

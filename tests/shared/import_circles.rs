@@ -100,7 +100,7 @@ fn follow<'a>(
         if depth > 0 && behind.last().is_some_and(|last| last != "*") {
             let path = [&behind[..], others].concat();
             let found = resolve(modules, &at, &path, depth - 1);
-            // An item of another crate: whoever takes it from here depends on this file.
+            // An item of another crate: a file that imports it from here depends on this file.
             return found.or_else(|| modules.get_key_value(&at).map(|(module, _)| module));
         }
         break;

@@ -17,7 +17,7 @@ pub struct Delay {
     pub jitter_ms: f64,
 }
 
-/// A way to a node: whoever connects to its address reaches the node. Ends with the test.
+/// A way to a node: a peer that connects to its address reaches the node. Ends with the test.
 pub struct Link {
     pub address: SocketAddr,
     shared: Arc<Shared>,

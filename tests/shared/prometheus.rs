@@ -28,7 +28,7 @@ impl Prometheus {
              scrape_configs:\n  - job_name: hulltouch\n    static_configs: [{{targets: [{targets}]}}]\n"
         );
         fs::write(&config, text).expect("written");
-        // Whoever else takes the port meanwhile makes the test fail, and not pass.
+        // Another program that takes the port meanwhile makes the test fail, and not pass.
         let address = TcpListener::bind("127.0.0.1:0").and_then(|port| port.local_addr()).expect("a port");
         let mut command = testkit::command("prometheus");
         command

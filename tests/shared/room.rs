@@ -109,7 +109,7 @@ pub fn coordinator(mut program: Command, cluster: &Path, seconds: &str, json: &P
     program
 }
 
-/// Waits until all nodes of a room are led by somebody who is there.
+/// Waits until all nodes of a room have a connected lease holder.
 #[allow(dead_code, reason = "not every test needs it")]
 pub fn await_leader(status: impl Fn() -> Command) {
     let by = Instant::now() + Duration::from_secs(60);
@@ -120,7 +120,11 @@ pub fn await_leader(status: impl Fn() -> Command) {
         if !nodes.is_empty() && nodes.iter().all(|node| node["leader"]["is_there"] == true) {
             return;
         }
-        assert!(Instant::now() < by, "nobody leads: {found} {}", String::from_utf8_lossy(&output.stderr));
+        assert!(
+            Instant::now() < by,
+            "no coordinator leads: {found} {}",
+            String::from_utf8_lossy(&output.stderr)
+        );
         std::thread::sleep(Duration::from_millis(100));
     }
 }

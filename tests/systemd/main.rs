@@ -50,7 +50,7 @@ fn a_node_says_when_it_serves_that_it_works_and_that_it_ends() {
     let ready = node.await_word("READY=1");
     assert!(ready.contains("STATUS=serves cam_0, cam_1 at unix:"), "{ready}");
     UnixStream::connect(folder.path().join("left.sock")).expect("its port is open");
-    // Nobody leads it, and it is well.
+    // No coordinator leads it, and it is well.
     node.is_fed();
     let (status, said) = node.end();
     assert!(status.success(), "{status}: {said}");

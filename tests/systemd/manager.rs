@@ -109,7 +109,7 @@ impl Service {
         }
     }
 
-    /// Nobody reads standard error any more, and it takes not one byte: a journal that hangs.
+    /// Standard error is not read any more, and takes not one byte: a journal that hangs.
     pub fn clog(&self) {
         // A description of its own: the program's end must go on blocking.
         let path = format!("/proc/self/fd/{}", self.pipe.as_raw_fd());

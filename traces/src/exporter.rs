@@ -63,7 +63,7 @@ pub struct Exporter {
 }
 
 impl Exporter {
-    /// From now on, spans of this process go to a collector. Nobody waits for it; one that is not there is logged once, and
+    /// From now on, spans of this process go to a collector. The process does not wait for it; one that is not there is logged once, and
     /// spans are dropped until it is.
     pub fn begin(endpoint: &Endpoint, process: Process<'_>) -> Result<Exporter, OtlpError> {
         let threads = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build();

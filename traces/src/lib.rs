@@ -1,4 +1,4 @@
-//! What one pass takes, and where: a tree of spans over all processes, by OpenTelemetry, for whoever has a collector.
+//! What one pass takes, and where: a tree of spans over all processes, by OpenTelemetry, for users with a collector.
 //! Without an [`Exporter`] a [`Span`] is nothing, and costs nothing.
 
 mod endpoint;

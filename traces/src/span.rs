@@ -22,7 +22,7 @@ impl Span {
     /// No span.
     pub const NONE: Span = Span(None);
 
-    /// The first span of a trace; nothing where nobody wants traces, and for those that are not sampled.
+    /// The first span of a trace; nothing where traces are off, and for those that are not sampled.
     pub fn root(name: &'static str) -> Span {
         Span::begin(name, SpanKind::Internal, &Context::new())
     }

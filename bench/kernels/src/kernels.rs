@@ -135,7 +135,7 @@ impl Kernels {
         self.answer.edges.iter().flatten().count() as u64
     }
 
-    /// Every camera's index, made anew: its bytes.
+    /// Every camera's index, made again: its bytes.
     pub fn index(&mut self) -> u64 {
         let made =
             self.studio.silhouettes.iter().map(|silhouette| Index::foreground(black_box(silhouette), 1));

@@ -59,7 +59,7 @@ pub const FRAMES_ONLY: Rates = Rates { frames_per_s: FPS, passes_per_s: FPS };
 /// What one layout costs, for all cameras together.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cost {
-    /// Which.
+    /// The layout.
     pub layout: Layout,
     /// How numbers travel.
     pub precision: &'static str,

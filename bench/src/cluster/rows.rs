@@ -70,7 +70,7 @@ pub struct Row {
 /// One round of the passes.
 #[derive(Clone, Debug, Serialize)]
 pub struct Stage {
-    /// Which.
+    /// Its name in tables and JSON.
     pub name: String,
     /// Round trips of it in a pass.
     pub trips: f64,
@@ -99,7 +99,7 @@ pub fn stages(costs: &PassCosts) -> Vec<Stage> {
 pub enum Varied {
     /// Node processes.
     Nodes,
-    /// Bodies.
+    /// The number of bodies.
     Bodies,
     /// Pixels of a camera.
     Size,

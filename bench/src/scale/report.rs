@@ -43,7 +43,7 @@ pub struct ScaleRow {
 pub struct ScaleReport {
     /// What this is.
     pub note: String,
-    /// Predictions.
+    /// One predicted setup a row.
     pub rows: Vec<ScaleRow>,
     /// What breaks first, at which link, in words.
     pub breaking: Vec<String>,

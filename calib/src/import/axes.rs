@@ -11,17 +11,17 @@ use super::{ImportError, ImportOptions, Imported};
 /// An axis of the source's world, with its sign.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axis {
-    /// +x.
+    /// Along +x.
     PlusX,
-    /// −x.
+    /// Along −x.
     MinusX,
-    /// +y.
+    /// Along +y.
     PlusY,
-    /// −y.
+    /// Along −y.
     MinusY,
-    /// +z.
+    /// Along +z.
     PlusZ,
-    /// −z.
+    /// Along −z.
     MinusZ,
 }
 

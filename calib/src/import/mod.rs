@@ -121,9 +121,9 @@ pub enum ImportError {
     /// A file or folder cannot be read.
     #[error("{file}: {error}")]
     Read {
-        /// Which.
+        /// Its path, as it was given.
         file: String,
-        /// Why.
+        /// What the system or the decoder says.
         error: ReadError,
     },
     /// The content is of no known format.
@@ -218,7 +218,7 @@ pub enum ImportError {
     /// An option that makes no sense.
     #[error("option {option}: found {found}, expected {expected}")]
     Option {
-        /// Which.
+        /// Its name, as on the command line.
         option: &'static str,
         /// What was given.
         found: String,

@@ -121,7 +121,7 @@ fn a_camera_that_was_turned_is_told_from_one_that_is_late() {
 }
 
 #[test]
-fn somebody_who_stands_still_has_no_time() {
+fn a_person_who_stands_still_has_no_time() {
     let error = check_sync(&rig(), &films(&[0.0; 4], 0.01)).expect_err("still");
     assert!(matches!(error, SyncError::Still { .. }), "{error}");
     assert!(error.to_string().starts_with("too little motion: "), "{error}");

@@ -1,4 +1,4 @@
-//! The background learnt anew while film goes on: from so many frames of the film itself, beginning at the
+//! The background learnt again while film goes on: from so many frames of the film itself, beginning at the
 //! same frame in every camera. Frames are cut out with the old background until the new one is there.
 
 use std::sync::{Mutex, PoisonError};

@@ -7,7 +7,7 @@ use super::background::{BackgroundError, BackgroundRequest};
 
 /// Film of a node's cameras: it begins and ends as it is told, and offers its frames to a ring.
 pub trait Filming: Send + Sync + 'static {
-    /// Begins a run. The run that is on already changes nothing; another one begins film anew. Blocks while
+    /// Begins a run. The run that is on already changes nothing; another one starts film again. Blocks while
     /// sources open and an earlier run stops. Refused if a source cannot be opened; but live ones of a run
     /// that is not in lock-step, which the system may only lack something for, are opened until they film.
     fn start(&self, start: RunStart) -> Result<(), CaptureError>;
@@ -25,7 +25,7 @@ pub trait Filming: Send + Sync + 'static {
     /// Tells where a run's film is cut into frames, in periods from their numbers.
     fn cut_at(&self, run: u64, phase: f64);
 
-    /// Has every camera learn its background anew from frames of the film; until it has, the old one stays in
+    /// Has every camera learn its background again from frames of the film; until it has, the old one stays in
     /// use. Refused if a camera has none to learn.
     fn take_background(&self, request: BackgroundRequest) -> Result<(), BackgroundError>;
 

@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn pauses_begin_anew_once_a_source_has_run_well() {
+    fn pauses_start_over_once_a_source_has_run_well() {
         let (mut retry, began) = (Retry::new(1), Instant::now());
         pauses(&mut retry, 10);
         assert!(!retry.filmed(began));

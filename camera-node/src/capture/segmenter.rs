@@ -42,7 +42,7 @@ pub(super) struct ColourSegmenter {
 }
 
 impl ColourSegmenter {
-    /// For frames of that format; others cost a start anew.
+    /// For frames of that format; others cost a start again.
     pub fn new(
         settings: &SegmentSettings,
         format: Format,

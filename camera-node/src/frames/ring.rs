@@ -70,7 +70,7 @@ struct Inner {
     state: FilmState,
     /// How each camera films.
     health: Vec<CameraHealth>,
-    /// Counts runs: each begins with an empty ring and numbers its frames anew.
+    /// Counts runs: each begins with an empty ring and numbers its frames again.
     run: u64,
     /// What the coordinator calls this run, 0 before the first.
     called: u64,

@@ -182,7 +182,7 @@ fn picture(colours: &ColourRing, frame: &Frame, camera: Place, request: &Picture
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Key {
     frame: u64,
-    /// Tells runs apart: each numbers its frames anew.
+    /// Tells runs apart: each numbers its frames again.
     captured_bits: u64,
     camera: Place,
     kind: PictureKind,

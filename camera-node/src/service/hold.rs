@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_gets_past_a_holder_that_is_there() {
+    fn no_claim_displaces_a_connected_holder() {
         let (mut hold, began) = (Hold::default(), Instant::now());
         assert_eq!(hold.check(0, began), Ok(()), "no lease holder");
         assert_eq!(hold.claim(claim(7, "first", 1), began), Ok(()));
@@ -226,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn one_that_lost_power_begins_anew_though_its_stream_is_open() {
+    fn one_that_lost_power_starts_over_though_its_stream_is_open() {
         let (mut hold, began) = (Hold::default(), Instant::now());
         hold.claim(claim(7, "first", 1), began).expect("free");
         hold.stream_began(7);
@@ -280,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn streams_of_strangers_are_bounded() {
+    fn streams_of_untrusted_peers_are_bounded() {
         let mut hold = Hold::default();
         assert!(!hold.stream_began(0));
         let counted = (1..1000).filter(|&id| hold.stream_began(id)).count();

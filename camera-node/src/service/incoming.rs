@@ -44,7 +44,7 @@ pub enum Access {
     #[default]
     ThisMachine,
     /// Any peer that reaches the address: nothing is encrypted.
-    Anybody,
+    AnyPeer,
     /// Over TCP, peers with a certificate of the same authority.
     Certified(Arc<Credentials>),
 }
@@ -80,7 +80,7 @@ pub(super) fn incoming(
 ) -> impl Stream<Item = io::Result<Connection>> + use<> {
     let credentials = match access {
         Access::Certified(credentials) => Some(Arc::clone(credentials)),
-        Access::ThisMachine | Access::Anybody => None,
+        Access::ThisMachine | Access::AnyPeer => None,
     };
     let (sender, receiver) = mpsc::channel(1);
     tokio::spawn(accept(

@@ -92,7 +92,7 @@ impl Node {
         if matches!(address, Listen::Tcp(address) if !address.ip().is_loopback()) {
             match access {
                 Access::ThisMachine => return Err(ServeError::Exposed(address)),
-                Access::Anybody => tracing::warn!(
+                Access::AnyPeer => tracing::warn!(
                     "listening on {address} without encryption or passwords: anyone who reaches it may ask"
                 ),
                 Access::Certified(_) => {}

@@ -17,7 +17,7 @@ pub(super) struct Permission {
 }
 
 impl Permission {
-    /// Coordinators.
+    /// The permission of coordinators.
     pub fn to_lead(access: &Access) -> Permission {
         Permission::of(access, |room| vec![Identity::coordinator(room)])
     }
@@ -30,7 +30,7 @@ impl Permission {
     fn of(access: &Access, allowed: impl Fn(&str) -> Vec<Identity>) -> Permission {
         let allowed = match access {
             Access::Certified(credentials) => Some(allowed(&credentials.own().room)),
-            Access::ThisMachine | Access::Anybody => None,
+            Access::ThisMachine | Access::AnyPeer => None,
         };
         Permission { allowed, log: Arc::default() }
     }

@@ -34,7 +34,7 @@ impl StatusService {
     pub fn of(service: &Service, access: &Access) -> NodeStatusServer<StatusService> {
         let credentials = match access {
             Access::Certified(credentials) => Some(Arc::clone(credentials)),
-            Access::ThisMachine | Access::Anybody => None,
+            Access::ThisMachine | Access::AnyPeer => None,
         };
         let description = service.description.clone();
         let status = StatusService {

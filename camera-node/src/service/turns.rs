@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn what_nobody_wants_any_more_does_not_wait() {
+    fn what_is_no_longer_wanted_does_not_wait() {
         let turns = Turns::new(3);
         for (connection, item) in [(1, "a1"), (1, "a2"), (2, "b1"), (3, "c1")] {
             turns.push(connection, item).expect("room");

@@ -49,7 +49,7 @@ impl NodeWatch {
     pub(super) fn with(self, access: &Access) -> NodeWatch {
         let credentials = match access {
             Access::Certified(credentials) => Some(Arc::clone(credentials)),
-            Access::ThisMachine | Access::Anybody => None,
+            Access::ThisMachine | Access::AnyPeer => None,
         };
         NodeWatch { credentials, ..self }
     }

@@ -194,7 +194,7 @@ pub enum SourceError {
     /// A file or folder is not what it should be.
     #[error("{}: {problem}", path.display())]
     File {
-        /// Which.
+        /// Its path.
         path: PathBuf,
         /// What was found and expected.
         problem: String,

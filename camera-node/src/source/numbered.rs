@@ -164,7 +164,7 @@ fn plain_number(name: &str) -> Option<Result<u64, TooLarge>> {
     Some(stem[start..end].parse().map_err(|_| TooLarge))
 }
 
-/// `before%0<width>dafter`.
+/// A pattern of file names: `before%0<width>dafter`.
 struct Pattern<'a> {
     before: &'a str,
     width: usize,

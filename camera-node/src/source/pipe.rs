@@ -313,9 +313,9 @@ impl PipeReader {
             .map_err(|error| PipeFailure::Numbers(TroubleKind::Stamps, error.to_string()))?;
         let numbered = numbers.push(arrival_s, said, (self.phase)());
         let numbered = numbered.map_err(|fault| PipeFailure::Numbers(fault.kind(), fault.to_string()))?;
-        if let Some(by) = numbered.anchored_anew {
+        if let Some(by) = numbered.anchored_again {
             let camera = &self.camera;
-            tracing::warn!("camera {camera:?}: its counter was off by {by} frames, and is anchored anew");
+            tracing::warn!("camera {camera:?}: its counter was off by {by} frames, and is anchored again");
         }
         let capture_time_s = numbered.capture_time_s;
         let stamp = numbered.number.map(|number| SourceFrame { number, capture_time_s });

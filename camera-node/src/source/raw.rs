@@ -40,7 +40,7 @@ impl RawLayout {
 /// Bytes that become frames: with headers, or without.
 #[derive(Debug)]
 pub enum FrameReader<R> {
-    /// YUV4MPEG2.
+    /// A YUV4MPEG2 stream: its header gives size and rate.
     Y4m(Reader<R>),
     /// Frames of a known format, nothing else.
     Raw {

@@ -20,7 +20,7 @@
 //! unused_cameras = ["cam4"]            # cameras of the rig that take no part
 //! [wire]
 //! precision = "exact"                  # or "quantised": about half the bytes, responses to about 0.1 mm
-//! max_connection_age_s = 3600          # with certificates: both sides show them anew this often
+//! max_connection_age_s = 3600          # with certificates: both sides show them again this often
 //! [segmentation]                       # for all cameras; each may override single keys
 //! high = 110
 //! [[node]]                             # a process that serves cameras: `hulltouch node FILE --host left`
@@ -93,7 +93,7 @@ pub struct ClusterFile {
     pub probes: ProbeSettings,
     /// How numbers travel between coordinator and nodes.
     pub precision: Precision,
-    /// Connections that show certificates show them anew after so long, seconds.
+    /// Connections that show certificates show them again after so long, seconds.
     pub max_connection_age_s: f64,
     /// The processes that serve the cameras, in the order of their first ones in the rig.
     pub nodes: Vec<NodeEntry>,

@@ -38,7 +38,7 @@ impl AnnouncementSchedule {
         self.due
     }
 
-    /// Announced.
+    /// Notes that an announcement was sent.
     pub(super) fn sent(&mut self, now: Instant) {
         self.last_sent = Some(now);
         self.unasked = self.unasked.saturating_sub(1);

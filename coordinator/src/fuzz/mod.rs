@@ -17,7 +17,7 @@ pub fn world(bytes: &[u8]) {
         Ok(world) => world,
         Err(error) => return assert!(!error.to_string().contains('\n'), "an error of one line: {error}"),
     };
-    assert_eq!(world_from_bytes(&world_to_bytes(&world)).as_ref(), Ok(&world), "what was written anew");
+    assert_eq!(world_from_bytes(&world_to_bytes(&world)).as_ref(), Ok(&world), "what was written again");
     if world.bodies().len() <= MAX_STEPPED
         && let Ok(empty) = Scene::from_toml("empty", "")
         && let Ok(begun) = World::new(&empty, WorldSettings::default())

@@ -29,7 +29,7 @@ pub enum WorldBytesError {
     /// A field that is not there, or holds another count of numbers.
     #[error("{field} holds {found} numbers, expected {expected}")]
     Count {
-        /// Which.
+        /// Its name in the message.
         field: &'static str,
         /// Numbers found.
         found: usize,

@@ -89,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn what_misses_somebody_in_one_camera_needs_no_question() {
+    fn what_misses_the_person_in_one_camera_needs_no_question() {
         let rect = PixelRect { left: 42, top: 42, right: 59, bottom: 59 };
         let bounds = HullBounds::of(&[&report(Some(rect))], &observers(), ProbeSettings::default().rule());
         for (position_m, expected) in [

@@ -98,7 +98,7 @@ fn a_body_beyond_the_hulls_bounds_needs_no_question() {
 }
 
 #[test]
-fn a_frame_in_which_nobody_is_seen_needs_no_question() {
+fn a_frame_without_a_person_needs_no_question() {
     let mut query = query();
     query.begin_step(0, &[&report(0, None)], [at(0.0)].into_iter());
     assert!(!query.must_ask());
@@ -142,7 +142,7 @@ fn where_bodies_are_touched_nothing_is_foreseen() {
 }
 
 #[test]
-fn other_bodies_are_asked_about_anew() {
+fn other_bodies_are_asked_about_again() {
     let mut query = query();
     step(&mut query, 0, at(0.0), &[]);
     let other = Arc::new(Shape::new(vec![[0.0; 3]]).expect("a shape"));

@@ -36,7 +36,7 @@ pub(super) enum Steering {
         /// They see the frame at which the run was paused: a viewer steps through a moment.
         is_frozen: bool,
     },
-    /// None.
+    /// No steps until a command.
     Paused,
 }
 

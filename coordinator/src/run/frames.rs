@@ -172,8 +172,8 @@ impl Coordinator {
     pub(super) async fn use_frame(&mut self, frame: u64) -> Result<(), RunError> {
         let passed = self.film.frames_passed;
         if let Some(before) = self.film.frame.replace(frame) {
-            let nobodys = passed.saturating_sub(self.film.passed_before);
-            self.figures.frames_missed += frame.saturating_sub(before + 1).saturating_sub(nobodys);
+            let unwanted = passed.saturating_sub(self.film.passed_before);
+            self.figures.frames_missed += frame.saturating_sub(before + 1).saturating_sub(unwanted);
         }
         self.film.passed_before = passed;
         self.transport.use_frame(frame);

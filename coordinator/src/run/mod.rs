@@ -119,7 +119,7 @@ pub enum RunError {
     Recorded {
         /// The frame.
         frame: u64,
-        /// Why.
+        /// Why the recorded step had no hull.
         why: crate::roster::HullUnavailable,
     },
     /// The recorder could not take a frame in time.

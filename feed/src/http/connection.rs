@@ -192,7 +192,7 @@ impl Connection {
         if !self.0.port.handshakes.admit(self.0.from, false, std::time::Instant::now()) {
             return Err(Refusal::TooManyHandshakes);
         }
-        let socket = credentials.accept_anybody(counted).await?;
+        let socket = credentials.accept_without_certificate(counted).await?;
         // Browsers connect ahead of what they ask.
         self.0.has_begun.store(false, Ordering::Relaxed);
         let connection = self.clone();

@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn whoever_began_longest_ago_gives_way_to_whoever_comes() {
+    fn the_connection_that_began_longest_ago_gives_way_to_a_new_one() {
         let registry = Registry::default();
         let asked = begin(&registry);
         asked.asked();
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn whoever_asked_longest_ago_gives_way_and_never_one_that_stays() {
+    fn the_connection_that_asked_longest_ago_gives_way_and_never_one_that_stays() {
         let registry = Registry::default();
         let ask = || {
             let connection = begin(&registry);

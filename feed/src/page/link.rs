@@ -58,7 +58,7 @@ impl Link {
         self.tier
     }
 
-    /// The page asks for another tier; what was learnt of the link begins anew.
+    /// The page asks for another tier; what was learnt of the link starts over.
     pub fn ask(&mut self, asked: Tier) {
         if asked != self.asked {
             *self = Link::new(asked);
@@ -180,7 +180,7 @@ mod tests {
         let tiers = play(&mut link, Instant::now(), 60, |_| Duration::from_millis(1));
         assert_eq!(tiers.last(), Some(&Tier::Quarter));
         link.ask(Tier::Half);
-        assert_eq!(link.tier(), Tier::Half, "what it asks for anew it gets at once");
+        assert_eq!(link.tier(), Tier::Half, "what it asks for again it gets at once");
     }
 
     #[test]

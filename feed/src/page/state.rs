@@ -168,7 +168,7 @@ impl Page {
         if want != self.want {
             self.frames.again();
         }
-        // A world that stands still is not made anew.
+        // A world that stands still is not made again.
         self.is_state_new |= want.world != self.want.world;
         self.want = want;
         None

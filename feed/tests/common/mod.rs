@@ -158,7 +158,7 @@ impl Run {
         tokio::spawn(async move {
             while let Some(Order { command, reply }) = orders.recv().await {
                 let answer = match &command {
-                    Command::Remove(99) => Err(Refusal::World(sim::CommandError::NoBody(99))),
+                    Command::Remove(99) => Err(Refusal::World(sim::CommandError::NoSuchBody(99))),
                     Command::Spawn(_) => Ok(Outcome::Spawned(12)),
                     _ => Ok(Outcome::Applied),
                 };

@@ -10,7 +10,7 @@ use crate::camera::{Camera, Pixel};
 pub struct DenseView {
     /// The camera.
     pub camera: Camera,
-    /// Foreground.
+    /// One byte a pixel, row by row: not zero is foreground.
     pub mask: Vec<u8>,
     /// Static occluders, a byte a pixel, if there are any.
     pub ignored: Option<Vec<u8>>,

@@ -16,7 +16,7 @@ const ALONG: f64 = 0.3;
 const LEAST_SIGMA_M: f64 = 1e-5;
 /// A plane that is off by so many times that counts a quarter: it may be of something else.
 const OFF_SIGMAS: f64 = 3.0;
-/// How often planes are weighed anew.
+/// How often planes are weighed again.
 const ROUNDS: usize = 5;
 /// What a frame counts in the next.
 const KEPT: f64 = 0.4;

@@ -269,7 +269,7 @@ mod tests {
         }
         take(&mut beliefs, &odd);
         assert_eq!(cameras(&beliefs), [0, 0, 1, 0, 0]);
-        // Agreeing once begins the count anew.
+        // Agreeing once begins the count again.
         for _ in 0..3 {
             (0..6).for_each(|_| take(&mut beliefs, &seen(0..5)));
             take(&mut beliefs, &odd);

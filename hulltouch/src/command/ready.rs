@@ -77,7 +77,7 @@ mod tests {
 
     #[test]
     fn who_says_nothing_is_named_with_the_time_it_had() {
-        // It connects by itself, and nobody answers.
+        // It connects by itself, and gets no answer.
         let silent = TcpListener::bind("127.0.0.1:0").expect("a port");
         let address = silent.local_addr().expect("bound");
         let refused = run(&ReadyArguments { address }).expect_err("refused").to_string();

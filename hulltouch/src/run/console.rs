@@ -70,7 +70,7 @@ impl Watcher for Console {
             let _ = writeln!(
                 std::io::stderr(),
                 "going on from the world that the nodes remember: scene {scene}, {bodies} bodies, step {steps} \
-                 ({time_s:.1} s), {age_s:.1} s old; --fresh begins anew"
+                 ({time_s:.1} s), {age_s:.1} s old; --fresh starts over"
             );
         });
     }

@@ -63,7 +63,7 @@ impl PageArguments {
         }
         let page_in_clear = is_open && origin.is_none();
         let clear = [
-            (page_in_clear, "this page is not encrypted, and whoever is on the way may read its token"),
+            (page_in_clear, "this page is not encrypted, and anyone on the network path may read its token"),
             (security.nodes_in_clear, "cameras are asked without encryption and certificates"),
         ];
         let clear: Vec<&str> = clear.iter().filter(|(is_so, _)| *is_so).map(|(_, what)| *what).collect();
@@ -83,7 +83,7 @@ impl PagePlan {
             tracing::warn!("{insecure}");
         } else if !address.ip().is_loopback() && self.feed.credentials.is_none() {
             tracing::warn!(
-                "the page at {address} is not encrypted: nobody but the proxy of --origin should reach it"
+                "the page at {address} is not encrypted: only the proxy of --origin should reach it"
             );
         }
     }

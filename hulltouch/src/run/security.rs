@@ -18,7 +18,7 @@ pub struct SecurityArguments {
     /// sides show one.
     #[arg(long, value_name = "FOLDER", env = "HULLTOUCH_CERTS", conflicts_with = "insecure")]
     certs: Option<PathBuf>,
-    /// Allow addresses of other machines without certificates: nothing is encrypted, and nobody is asked who he is.
+    /// Allow addresses of other machines without certificates: nothing is encrypted, and peers are not authenticated.
     #[arg(long)]
     insecure: bool,
 }
@@ -95,7 +95,7 @@ impl SecurityArguments {
         self.among(file, self.credentials(file, Identity::coordinator(&file.name))?)
     }
 
-    /// The sockets of somebody who only looks: with the certificates of viewers, or the coordinator's.
+    /// The sockets of a viewer: with the certificates of viewers, or the coordinator's.
     pub fn looking(&self, file: &ClusterFile) -> Outcome<Arc<dyn Dial>> {
         let viewer = self.credentials(file, Identity::viewer(&file.name));
         let credentials = viewer.or_else(|_| self.credentials(file, Identity::coordinator(&file.name)))?;

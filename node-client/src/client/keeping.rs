@@ -27,7 +27,7 @@ const LONGEST_BACKOFF: Duration = Duration::from_secs(1);
 /// All calls of a connection's beginning together: sources open, programs start.
 const BEGIN_TIMEOUT: Duration = Duration::from_secs(30);
 
-/// A node that another holds is asked so often, and for so long: whoever held it may have lost power just now.
+/// A node that another holds is asked so often, and for so long: its holder may have lost power just now.
 const CLAIM_EVERY: Duration = Duration::from_millis(200);
 const HELD_PATIENCE: Duration = Duration::from_secs(2);
 /// A renewal that fails is tried again after this part of a connection's age.
@@ -36,7 +36,7 @@ const RENEW_AGAIN: f64 = 0.03;
 /// How often the clock of a node is read, and first how many times before a run begins there.
 const CLOCK_EVERY: Duration = Duration::from_millis(500);
 const FIRST_READINGS: usize = 4;
-/// A node that answers nothing else for so long is connected anew: film time there would go astray.
+/// A node that answers nothing else for so long is connected again: film time there would go astray.
 const CLOCK_TIMEOUT: Duration = Duration::from_secs(5);
 
 impl NodeClient {
@@ -66,7 +66,7 @@ impl NodeClient {
                 }
                 Err(error) => error,
             };
-            // The run may have ended, and then there is nobody to hear it.
+            // The run may have ended, and then there is no receiver.
             let _ = self.report(NodeEvent::Down(error)).await;
             tokio::time::sleep(backoff).await;
             backoff = (backoff * 2).min(LONGEST_BACKOFF);
@@ -81,8 +81,8 @@ impl NodeClient {
         open_streams(client).await
     }
 
-    /// Another connection to a node that we lead already: who answers, and who asks, show certificates anew.
-    async fn begin_anew(&self) -> Result<(Connection, Streams), NodeError> {
+    /// Another connection to a node that we lead already: both sides show certificates again.
+    async fn renew(&self) -> Result<(Connection, Streams), NodeError> {
         let (mut client, held_term) = self.reach().await?;
         if !self.agreement.observes() {
             self.hold(&mut client, held_term).await?;
@@ -109,7 +109,7 @@ impl NodeClient {
         Ok((client, description.term))
     }
 
-    /// Claims the node, which somebody holds with this term, and begins the run there, if one is on.
+    /// Claims the node, whose lease has this term, and begins the run there, if one is on.
     async fn lead(&self, client: &mut NodeCalls, held_term: u64) -> Result<(), NodeError> {
         self.hold(client, held_term).await?;
         self.state().clock = ClockEstimate::default();
@@ -207,7 +207,7 @@ impl NodeClient {
         let Some(age) = self.agreement.dial.renews_after() else { return std::future::pending().await };
         tokio::time::sleep(age).await;
         loop {
-            let begun = tokio::time::timeout(BEGIN_TIMEOUT, self.begin_anew()).await;
+            let begun = tokio::time::timeout(BEGIN_TIMEOUT, self.renew()).await;
             match begun.unwrap_or(Err(NodeError::Timeout(BEGIN_TIMEOUT))) {
                 Ok(begun) => return begun,
                 Err(error) => {

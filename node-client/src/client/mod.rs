@@ -37,7 +37,7 @@ pub enum NodeEvent {
     Film {
         /// Of which run.
         run: u64,
-        /// What.
+        /// What the node reports.
         event: FilmEvent,
         /// When it came, by this process's monotonic clock, seconds.
         heard_s: f64,
@@ -63,7 +63,7 @@ pub struct NodeClient {
 }
 
 impl NodeClient {
-    /// Begins to connect, and does so again whenever the connection breaks, until nobody receives events. They
+    /// Begins to connect, and does so again whenever the connection breaks, until the receiver of events is gone. They
     /// carry `index`. Must run within a tokio runtime.
     pub fn spawn(
         node: ExpectedNode,
@@ -124,8 +124,8 @@ impl NodeClient {
         Ok(v1::StartRequest { holder: self.holder(), ..start })
     }
 
-    /// Our claim to the node, which somebody holds with this term, or nobody: the same for as long as we live, so that
-    /// whoever displaces us is not displaced again.
+    /// Our claim to the node, whose lease has this term: the same for as long as we live, so that
+    /// a coordinator that displaces us is not displaced again.
     fn claim(&self, held_term: u64) -> Claim {
         let claim = self.agreement.claim(held_term);
         let kept = self.term.compare_exchange(0, claim.term, Ordering::Relaxed, Ordering::Relaxed);
@@ -192,7 +192,7 @@ impl NodeClient {
         Ok(())
     }
 
-    /// Sends everything anew with the next question: one was refused, so what the node has is unknown.
+    /// Sends everything again with the next question: one was refused, so what the node has is unknown.
     pub fn forget_sent(&self) {
         self.state().knows = StreamKnows::default();
     }
@@ -208,7 +208,7 @@ impl NodeClient {
         register(&mut self.client()?, shapes, self.holder()).await
     }
 
-    /// Has the node's cameras learn their backgrounds anew from so many frames; or only asks whether they can.
+    /// Has the node's cameras learn their backgrounds again from so many frames; or only asks whether they can.
     pub async fn take_background(
         &self,
         first_frame: u64,

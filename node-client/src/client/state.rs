@@ -34,7 +34,7 @@ pub(super) struct State {
 }
 
 impl State {
-    /// Begins anew over another connection; what the node may do stays.
+    /// Starts over with another connection; what the node may do stays.
     pub fn connect(&mut self, connection: Connection) {
         let (credit, clock) = (self.credit, std::mem::take(&mut self.clock));
         *self = State { connection: Some(connection), credit, clock, ..State::default() };

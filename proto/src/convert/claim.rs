@@ -14,11 +14,11 @@ pub fn claim_to_wire(claim: Claim) -> v1::HoldRequest {
     v1::HoldRequest { holder: id, term, name }
 }
 
-/// A claim of somebody; its name is cleaned.
+/// A claim of a peer; its name is cleaned.
 pub fn claim_from_wire(request: v1::HoldRequest) -> Result<Claim, ConvertError> {
     let v1::HoldRequest { holder, term, name } = request;
     if holder == 0 {
-        return Err(Field("HoldRequest", "holder").value("is 0, expected a number that nobody else knows"));
+        return Err(Field("HoldRequest", "holder").value("is 0, expected a number that no other peer knows"));
     }
     if term > MAX_TERM {
         return Err(Field("HoldRequest", "term").value(format!("is {term}, expected at most {MAX_TERM}")));
@@ -34,8 +34,8 @@ mod tests {
     fn a_claim_has_an_id_and_a_clean_name() {
         let claim = Claim { id: 7, term: 3, name: "left".into() };
         assert_eq!(claim_from_wire(claim_to_wire(claim.clone())), Ok(claim.clone()));
-        let nobody = v1::HoldRequest { holder: 0, ..claim_to_wire(claim.clone()) };
-        assert!(claim_from_wire(nobody).is_err());
+        let anonymous = v1::HoldRequest { holder: 0, ..claim_to_wire(claim.clone()) };
+        assert!(claim_from_wire(anonymous).is_err());
         for term in [u64::MAX, u64::MAX - 1, MAX_TERM + 1] {
             let for_ever = v1::HoldRequest { term, ..claim_to_wire(claim.clone()) };
             assert!(claim_from_wire(for_ever).is_err(), "{term}");

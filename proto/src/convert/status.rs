@@ -1,4 +1,4 @@
-//! What a node says of itself to whoever looks: message and back.
+//! What a node reports of itself to coordinators and viewers: message and back.
 
 use super::ConvertError;
 use super::bulk::Field;

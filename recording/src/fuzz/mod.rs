@@ -75,7 +75,7 @@ fn read(path: &std::path::Path) -> Result<(), ReadError> {
     let recording = Recording::open(path)?;
     let header = recording.header();
     let cameras = header.rig.cameras();
-    assert_eq!(RunHeader::from_message(&header.to_message()).as_ref(), Ok(header), "what was written anew");
+    assert_eq!(RunHeader::from_message(&header.to_message()).as_ref(), Ok(header), "what was written again");
     if cameras.len() > MAX_CAMERAS {
         return Ok(());
     }

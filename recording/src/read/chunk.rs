@@ -12,7 +12,7 @@ use mcap::{MAGIC, McapError, parse_record};
 use super::error::ReadProblem;
 
 /// No record is larger, packed or not: sixteen times what we write, for files that other tools have packed
-/// anew.
+/// again.
 const MAX_RECORD_BYTES: u64 = 64 << 20;
 /// A record's kind and length.
 const HEAD_BYTES: u64 = 9;

@@ -71,7 +71,7 @@ pub enum ReadProblem {
     Decode {
         /// The message's name.
         message: &'static str,
-        /// Why.
+        /// What the decoder says.
         error: prost::DecodeError,
     },
     /// A message that would take far more memory than file.

@@ -166,7 +166,7 @@ impl Default for StageHint {
 /// How heavy a body is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum MassSpec {
-    /// Kilograms.
+    /// The mass, kilograms.
     MassKg(f64),
     /// Kilograms per cubic metre.
     DensityKgM3(f64),

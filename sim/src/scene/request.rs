@@ -33,7 +33,7 @@ pub struct BodyRequest {
     /// Kilograms; instead of a density.
     #[serde(default)]
     pub mass: Option<f64>,
-    /// kg/m³.
+    /// Density, kg/m³; instead of a mass.
     #[serde(default)]
     pub density: Option<f64>,
     /// Coulomb friction coefficient.

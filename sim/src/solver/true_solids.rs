@@ -1,4 +1,4 @@
-//! Convex solids that move as they are told and are pushed by nobody: what stands there in truth, for experiments
+//! Convex solids that move as they are told and that nothing pushes: what stands there in truth, for experiments
 //! that compare bodies on the hull with bodies on that.
 
 use hull::Pose;

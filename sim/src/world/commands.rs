@@ -29,7 +29,7 @@ const BESIDE_M: f64 = 0.5;
 pub enum CommandError {
     /// No such body, any more or yet.
     #[error("there is no body {0}")]
-    NoBody(BodyId),
+    NoSuchBody(BodyId),
     /// A body that never moves.
     #[error("body `{0}` is fixed and never moves")]
     Fixed(String),
@@ -159,7 +159,7 @@ impl World {
     }
 
     /// Holds a body by a point of it (body frame) and draws that point to a target (world), metres, until it
-    /// is let go; held again, it is held anew.
+    /// is let go; held again, it starts from the new point.
     pub fn grab(
         &mut self,
         id: BodyId,
@@ -248,7 +248,7 @@ impl World {
     }
 
     fn index_of(&self, id: BodyId) -> Result<usize, CommandError> {
-        self.bodies.binary_search_by_key(&id, |body| body.id).map_err(|_| CommandError::NoBody(id))
+        self.bodies.binary_search_by_key(&id, |body| body.id).map_err(|_| CommandError::NoSuchBody(id))
     }
 
     fn moving_index(&self, id: BodyId) -> Result<usize, CommandError> {

@@ -43,9 +43,9 @@ pub struct Body {
     pub shape: Arc<Shape>,
     /// What the hull is asked about: the samples, and under [`ResponseMode::Contacts`](crate::ResponseMode::Contacts) after them a feeler of each.
     pub probes: Arc<Shape>,
-    /// Points around it that tell how surfaces slide; `None` where nobody asks.
+    /// Points around it that tell how surfaces slide; `None` where that is not used.
     pub around: Option<Arc<Shape>>,
-    /// Which way its surface faces at the samples; `None` where nobody asks.
+    /// Which way its surface faces at the samples; `None` where that is not used.
     pub faces: Option<Arc<FaceNormals>>,
     /// Its geometry, body frame.
     pub solid: Solid,

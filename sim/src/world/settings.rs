@@ -70,7 +70,7 @@ pub enum WorldError {
     /// A setting out of its range.
     #[error("{key} is {found}, expected {low} to {high}")]
     Setting {
-        /// Which.
+        /// Its key in the scene file.
         key: &'static str,
         /// Its value.
         found: f64,
@@ -82,15 +82,15 @@ pub enum WorldError {
     /// Geometry that the solver refuses.
     #[error("body `{body}` has a hull that is no closed convex surface, expected points well apart")]
     Solid {
-        /// Whose.
+        /// The body's name.
         body: String,
     },
     /// Geometry that cannot be sampled.
     #[error("body `{body}`: {source}")]
     Samples {
-        /// Whose.
+        /// The body's name.
         body: String,
-        /// Why.
+        /// What is wrong with its geometry.
         source: BodyError,
     },
     /// More than a world may hold.

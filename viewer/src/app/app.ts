@@ -43,7 +43,7 @@ export class App {
   fovDeg = FOV_DEG;
   colour: Want["colour"] = "full";
   moment: Moment | null = null;
-  /** Whether bodies or touches are to be drawn anew though they did not move. */
+  /** Whether bodies or touches are to be drawn again though they did not move. */
   isOutdated = false;
   /** CSS pixels that panels cover at the right and at the bottom: the view's middle is that of the rest. */
   covered: readonly [number, number] = [0, 0];

@@ -70,7 +70,7 @@ export class Frames {
     this.shown = null;
   }
 
-  /** The connection went: nothing is owed to anybody. What it brought last is still shown: no other set follows it. */
+  /** The connection went: nothing is owed any more. What it brought last is still shown: no other set follows it. */
   disconnected(): void {
     this.drawing = null;
     if (this.playout.live && !this.ready) this.showNewest();

@@ -1,7 +1,7 @@
 /** Array textures with a layer a camera, as large as the largest crop needs; they grow on demand. */
 import { DataArrayTexture, LinearFilter, NoColorSpace, RedFormat, RGBAFormat, UnsignedByteType, type WebGLRenderer } from "three";
 
-/** Layers grow in steps of so many texels, so that a person who turns does not allocate anew each frame. */
+/** Layers grow in steps of so many texels, so that a person who turns does not allocate again each frame. */
 const STEP = 64;
 
 export class Layers {

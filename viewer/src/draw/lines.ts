@@ -21,7 +21,7 @@ export function drawnOver(thing: Object3D & { readonly material: Material }): vo
   thing.renderOrder = 50;
 }
 
-/** Arrows of one colour, set anew all together; those beyond the most are left out. */
+/** Arrows of one colour, set again all together; those beyond the most are left out. */
 export class Arrows {
   readonly lines: LineSegments<BufferGeometry, LineBasicMaterial>;
   private readonly most: number;

@@ -94,7 +94,7 @@ export class Stage {
     this.scene.add(this.ground, this.bodies.group, this.touches.group, this.patches.group);
   }
 
-  /** A rig: everything that depends on the cameras is made anew. */
+  /** A rig: everything that depends on the cameras is made again. */
   async setRig(hello: Hello): Promise<void> {
     this.hello = hello;
     this.rig = hello.cameras.map(makeCamera);

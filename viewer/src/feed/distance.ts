@@ -69,7 +69,7 @@ export class Scratch {
   private first = new Float32Array(0);
   private second = new Float32Array(0);
 
-  /** Two buffers of so many numbers; their contents are anybody's. */
+  /** Two buffers of so many numbers; their contents do not matter. */
   of(length: number): { inside: Float32Array; outside: Float32Array } {
     if (this.first.length < length) {
       this.first = new Float32Array(length);

@@ -110,7 +110,7 @@ export class Orbit {
     this.view = this.allowed(to);
   }
 
-  /** Somebody holds on: nothing coasts. */
+  /** A pointer holds the view: nothing coasts. */
   hold(): void {
     this.coast = { azimuth: 0, polar: 0, zoom: 0 };
   }

@@ -85,7 +85,7 @@ export async function untilStanding(page: Page): Promise<Record<string, any>> {
 }
 
 /**
- * Pauses the run at a frame that the page shows, with one before it to look back at. A busy machine may drop a frame before anybody has fetched it:
+ * Pauses the run at a frame that the page shows, with one before it to look back at. A busy machine may drop a frame before it was fetched:
  * then it is another frame's turn.
  */
 export async function pauseAtItsFrame(page: Page): Promise<Record<string, any>> {

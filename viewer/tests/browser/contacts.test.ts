@@ -53,7 +53,7 @@ describe("boxes on a table, under contacts", { skip: PROGRAM ? false : "HULLTOUC
   test("a recording shows it again", async () => {
     const program = await Program.start([file, ...LISTEN], "replay");
     try {
-      // It waits for nobody: held at a step at which the boxes have come to the table.
+      // It does not wait: held at a step at which the boxes have come to the table.
       await steer(program, "pause");
       await steer(program, "step", { steps: 60 });
       const { page, complaints } = await open(browser, program.page, { viewport: { width: 960, height: 600 } }, GONE);

@@ -181,7 +181,7 @@ describe("the page", { skip: PROGRAM ? false : "HULLTOUCH_BIN names no program" 
         await page.getByRole("button", { name: "Go on" }).click();
         paused = await pauseAtItsFrame(page);
       }
-      return assert.fail("a late page sees nobody");
+      return assert.fail("a late page sees no person");
     })();
     const masks = [late.page, page].map(async (each) => (await picture(each, { camera: 0 }, 160, 120, "shaded")).mask);
     const [mask, truth] = await Promise.all(masks);
@@ -387,7 +387,7 @@ describe("when the program goes", { skip: PROGRAM ? false : "HULLTOUCH_BIN names
   });
 });
 
-describe("a page of somebody who touches a body all the time", { skip: PROGRAM ? false : "HULLTOUCH_BIN names no program" }, () => {
+describe("a page of a viewer that touches a body all the time", { skip: PROGRAM ? false : "HULLTOUCH_BIN names no program" }, () => {
   let browser: Browser;
   let program: Program;
   before(async () => {

@@ -42,7 +42,7 @@ describe("a recording", { skip: PROGRAM ? false : "HULLTOUCH_BIN names no progra
     recorded = JSON.parse(readFileSync(json, "utf8")).bodies;
     browser = await launch();
     program = await Program.start([file, "--listen", "127.0.0.1:0"], "replay");
-    // It waits for nobody: held until there is a browser, at a step that has seen film.
+    // It does not wait: held until there is a browser, at a step that has seen film.
     await steer(program, "pause");
     await steer(program, "step", { steps: 12 });
     watched = await open(browser, program.page, { viewport: { width: 960, height: 600 } }, GONE);

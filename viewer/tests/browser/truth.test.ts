@@ -98,7 +98,7 @@ function compare(shown: { mask: Uint8Array; rgba: Uint8Array }, { mask: person, 
 }
 
 test("from every side the outline and the colours are the person's", async (t) => {
-  // The run stands at one frame, so that all pictures are of it however long they take. A busy machine may drop a frame before anybody has fetched it.
+  // The run stands at one frame, so that all pictures are of it however long they take. A busy machine may drop a frame before it was fetched.
   for (let tries = 0; ; tries++) {
     assert.ok(tries < 10, "the page never shows the frame at which the run is paused");
     await steer(program, "pause");

@@ -181,7 +181,7 @@ function holds(runs: Runs, column: number, row: number): boolean {
   return false;
 }
 
-/** A camera before which something stands: its pixels in a rectangle are ignored, and show nobody. */
+/** A camera before which something stands: its pixels in a rectangle are ignored, and show no person. */
 export function occluded(text: CameraText, mask: Uint8Array, { left, top, right, bottom }: Rect): { text: CameraText; mask: Uint8Array } {
   const { width, height } = text;
   const inRect = (i: number) => i % width >= left && i % width < right && Math.floor(i / width) >= top && Math.floor(i / width) < bottom;

@@ -88,7 +88,7 @@ test("no distance and no box rejects what the rule keeps, and nothing is kept th
   }
 });
 
-test("where a camera sees nobody, there may be somebody behind what it ignores", () => {
+test("where a camera sees no person, there may be one behind what it ignores", () => {
   const { cameras, masks } = filmed(true);
   masks[0].fill(0);
   const seen = cameras.map((each, k) => ({ camera: each, field: field(each, runsOf(masks[k], WIDTH, HEIGHT), true, false, new Scratch()).field }));

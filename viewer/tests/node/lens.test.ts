@@ -63,7 +63,7 @@ test("the box around the hull holds the person, and is not much larger", () => {
   assert.ok(box.low[0] < -0.25 && box.low[0] > -1.1 && box.high[0] > 0.25 && box.high[0] < 1.1, `${box.low[0]} to ${box.high[0]}`);
 });
 
-test("there is no box where a camera sees nobody", () => {
+test("there is no box where a camera sees no person", () => {
   const cameras = ringOfCameras(2, 320, 240).map(camera);
   const seen = cameras.map((each, index) => {
     const runs = decodeRuns(encodeRuns(silhouetteOf(each, 0), each.width, each.height), each.width, each.height);

@@ -34,7 +34,7 @@ test("rotations turn the short way", () => {
   near(Math.abs(2 * Math.atan2(z, w)), Math.PI / 4);
 });
 
-test("a picture is drawn anew when the surface at a body moves, though the body does not", () => {
+test("a picture is drawn again when the surface at a body moves, though the body does not", () => {
   const key = (speed: number) => {
     const made = world(1);
     return posesKey({ world: { ...made, patches: Float32Array.of(0, 4, 0, 0, 0, 0, 1, 0, speed, 0, 0, 0, 0.1) }, bodies: made.bodies });

@@ -23,7 +23,7 @@ test("cameras that stay away for long are no longer waited for", () => {
   assert.equal(sets.accepts(6, later + 1), false, "they are back, and are waited for again");
 });
 
-test("every connection begins anew", () => {
+test("every connection starts over", () => {
   const sets = ofEight();
   sets.accepts(4, 0);
   assert.equal(sets.accepts(4, REFUSAL_MS), true);

@@ -10,7 +10,7 @@ fn machine(last: u8) -> Option<IpAddr> {
 }
 
 #[test]
-fn who_holds_most_gives_way_and_nobody_else() {
+fn the_connection_that_holds_most_gives_way_and_no_other() {
     let (seats, now) = (SharedSeats::default(), Instant::now());
     let seat = |last| {
         let id = seats.lock().admit(machine(last), true, now).expect("room");

@@ -27,7 +27,7 @@ const RATED_S: f64 = 2.0;
 const MOST_OFF: f64 = 0.01;
 /// Times that a camera says never jump by more, seconds; its clock may be set a little.
 const MOST_JUMP_S: f64 = 1.0;
-/// A counter that is off by more, periods, numbers no frame before it is anchored anew.
+/// A counter that is off by more, periods, numbers no frame before it is anchored again.
 const MAD_PERIODS: f64 = 2.0;
 
 /// Why a frame has no number, and none that follows will.
@@ -77,7 +77,7 @@ pub struct Numbered {
     /// Seconds of film.
     pub capture_time_s: f64,
     /// A counter was off, and counts from somewhere else from now on: by so many frames.
-    pub anchored_anew: Option<i64>,
+    pub anchored_again: Option<i64>,
 }
 
 /// A frame that came.
@@ -183,10 +183,10 @@ impl LiveNumbers {
         if settles {
             (self.base, self.before) = (None, None);
         }
-        let (number, anchored_anew) = self.follow(point.unit, ticks - phase.unwrap_or_default());
+        let (number, anchored_again) = self.follow(point.unit, ticks - phase.unwrap_or_default());
         self.before = number.or(self.before);
         let number = number.and_then(|number| u64::try_from(number).ok());
-        Ok(Numbered { number, capture_time_s, anchored_anew })
+        Ok(Numbered { number, capture_time_s, anchored_again })
     }
 
     /// Phase and rate, once they are known.
@@ -253,7 +253,7 @@ impl LiveNumbers {
         offsets.fold(f64::INFINITY, f64::min)
     }
 
-    /// Measures the pace anew, now and then: a median over spans of several frames, each counting as long as it takes,
+    /// Measures the pace again, now and then: a median over spans of several frames, each counting as long as it takes,
     /// so that neither frames that are missed nor those that come in a burst change it.
     fn rate(&mut self) -> Result<(), NumberFault> {
         if self.frames < self.next_rating || !self.spans(RATED_S) {

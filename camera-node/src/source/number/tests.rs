@@ -220,12 +220,12 @@ fn a_counter_is_anchored_once_and_a_gap_is_a_missed_frame() {
     for frame in (10..200).filter(|frame| !(60..64).contains(frame)) {
         let phase = (frame > 30).then_some(0.0);
         let found = push(700 + frame, frame, phase);
-        assert_eq!((found.number, found.anchored_anew), (Some(u64::from(frame)), None));
+        assert_eq!((found.number, found.anchored_again), (Some(u64::from(frame)), None));
     }
     // The trigger's box was restarted: it counts from somewhere else.
     let found: Vec<_> = (200..300).map(|frame| push(707 + frame, frame, Some(0.0))).collect();
     assert!(found[..4].iter().all(|found| found.number.is_none()), "{found:?}");
-    assert_eq!(found[4].anchored_anew, Some(-7));
-    assert!(found[5..].iter().all(|found| found.anchored_anew.is_none()));
+    assert_eq!(found[4].anchored_again, Some(-7));
+    assert!(found[5..].iter().all(|found| found.anchored_again.is_none()));
     assert_eq!(found[99].number, Some(299));
 }

@@ -110,7 +110,7 @@ fn one_question_answers_all_steps_of_a_frame() {
 }
 
 #[test]
-fn another_frame_is_asked_anew() {
+fn another_frame_is_asked_again() {
     let mut answers = answers(1, 0.05);
     assert_eq!(step(&mut answers, 7, &NOWHERE, &[at(0.0)], &[]).0.len(), 1);
     assert_eq!(step(&mut answers, 7, &NOWHERE, &[at(0.0)], &[]).0.len(), 0);

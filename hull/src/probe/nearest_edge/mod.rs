@@ -16,7 +16,7 @@ use crate::vector::VectorPath;
 /// A background pixel and its squared distance in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EdgePixel {
-    /// Where.
+    /// Its column and row.
     pub pixel: Pixel,
     /// Squared pixel distance from the start.
     pub squared: i64,

@@ -60,7 +60,7 @@ pub enum Place {
     At(Vec<String>),
     /// The host of its address is not known: which, and the system's reason.
     UnknownHost(String, String),
-    /// It is looked for by DNS-SD, and nobody announces it.
+    /// It is looked for by DNS-SD, and is not announced.
     NotAnnounced,
 }
 
@@ -69,9 +69,9 @@ pub enum Place {
 pub enum Reach {
     /// There was nowhere to try.
     NotTried,
-    /// Somebody listens there.
+    /// A program listens there.
     Open,
-    /// Nobody listens there.
+    /// No program listens there.
     Refused(String),
     /// Nothing came back.
     Timeout(String),
@@ -92,7 +92,7 @@ pub enum Certificates {
     },
     /// A folder of them.
     Folder {
-        /// Where.
+        /// The folder's path.
         folder: PathBuf,
         /// Whose they are and when they end, unix seconds; or what is wrong with them.
         found: Result<(Identity, f64), CertificateError>,
@@ -102,7 +102,7 @@ pub enum Certificates {
 /// Why nothing is known of what cameras film.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum NoFilm {
-    /// Nobody tried: it was not asked for, or what it needs is missing, which other checks name.
+    /// It was not tried: not asked for, or what it needs is missing, which other checks name.
     NotTried(String),
     /// It was tried, and failed.
     Failed(String),
@@ -137,7 +137,7 @@ pub struct DeviceFacts {
 /// What is there at a device's path.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Device {
-    /// Nothing.
+    /// There is no such file.
     Missing,
     /// This user may not open it.
     Denied,
@@ -156,7 +156,7 @@ pub struct Usb {
 
 /// A folder that film is written to.
 pub struct DiskFacts {
-    /// Where.
+    /// Its path.
     pub folder: PathBuf,
     /// What is written there.
     pub what: &'static str,

@@ -21,7 +21,7 @@ use crate::run::security::SecurityArguments;
 const MAX_CHARS: usize = 600;
 
 /// Check everything that a room needs, a line each with its cure: files, names, ports, certificates, versions, clocks,
-/// cameras, disks. Where nobody leads the nodes their cameras are filmed for some seconds. Exit status 1 if a check fails.
+/// cameras, disks. Cameras of nodes without a coordinator film for some seconds. Exit status 1 if a check fails.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples, on a camera PC before its node runs, and on the coordinator's PC when all do:\n  \
@@ -34,7 +34,7 @@ pub struct DoctorArguments {
     /// Check the PC of this node alone, whether it runs yet or not.
     #[arg(long, value_name = "NAME")]
     host: Option<String>,
-    /// Only look: cameras that nobody leads are not filmed.
+    /// Only look: cameras of nodes without a coordinator do not film.
     #[arg(long)]
     no_film: bool,
     /// Where recordings will go.

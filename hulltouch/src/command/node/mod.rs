@@ -126,7 +126,7 @@ fn access(file: &ClusterFile, part: &Part, security: &SecurityArguments) -> Outc
             "--certs is for a [[node]] of the cluster file, expected --host NAME instead of --camera",
         )),
         Some(credentials) => Ok(Access::Certified(credentials)),
-        None if security.insecure() => Ok(Access::Anybody),
+        None if security.insecure() => Ok(Access::AnyPeer),
         None => Ok(Access::ThisMachine),
     }
 }
@@ -146,7 +146,7 @@ fn announcement(file: &ClusterFile, part: &Part, address: &Listen) -> Option<Ann
         Listen::Tcp(listens) if !listens.ip().is_loopback() => *listens,
         Listen::Tcp(_) | Listen::Unix(_) => {
             tracing::warn!(
-                "node {name} listens on {address} and has no address in the cluster file: nobody finds it"
+                "node {name} listens on {address} and has no address in the cluster file: no coordinator finds it"
             );
             return None;
         }

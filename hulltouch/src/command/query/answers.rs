@@ -28,7 +28,7 @@ enum PointAnswer<'a> {
         camera: Option<&'a str>,
         /// Column and row.
         pixel: Option<[i32; 2]>,
-        /// Metres.
+        /// From the point to the surface, metres.
         distance: Option<f64>,
         /// Of unit length, world.
         normal: Option<[f64; 3]>,

@@ -67,7 +67,7 @@ pub struct QueryArguments {
 enum OutOfViewChoice {
     /// Outside: the paper's bounding frusta.
     Outside,
-    /// Nothing.
+    /// Nothing: cameras that do not see the point have no vote.
     Abstain,
 }
 

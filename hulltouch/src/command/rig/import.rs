@@ -51,7 +51,7 @@ enum FormatChoice {
     Qualisys,
     /// The TOML of aniposelib, Pose2Sim, FreeMoCap and Caliscope, its camera_array.toml too.
     Aniposelib,
-    /// MultiCamSelfCal.
+    /// The projection matrices of MultiCamSelfCal.
     Svoboda,
     /// Plain 3 x 4 projection matrices.
     Matrices,

@@ -22,9 +22,9 @@ pub fn lacks(samples: &[NodeSample], fps: f64) -> Vec<String> {
         let without = samples
             .iter()
             .filter(|sample| sample.found.as_ref().is_ok_and(|report| report.status.holder.is_none()));
-        found.extend(without.map(|sample| format!("node {}: nobody leads it", sample.name())));
+        found.extend(without.map(|sample| format!("node {}: no coordinator leads it", sample.name())));
     } else if statuses().next().is_some() {
-        found.push("nobody leads the nodes: no camera films".to_owned());
+        found.push("no coordinator leads the nodes: no camera films".to_owned());
     }
     let mut holders: Vec<&str> =
         statuses().filter_map(|status| status.holder.as_ref()).map(|holder| &holder.name[..]).collect();
@@ -130,9 +130,9 @@ mod tests {
             (|room| room[1].found = Err(NodeError::NotFound), "node right: not found by its name"),
             (
                 |room| *room = [sample("left", 0, None, 0.0), sample("right", 1, None, 0.0)],
-                "nobody leads the nodes: no camera films",
+                "no coordinator leads the nodes: no camera films",
             ),
-            (|room| room[1] = sample("right", 1, None, 0.0), "node right: nobody leads it"),
+            (|room| room[1] = sample("right", 1, None, 0.0), "node right: no coordinator leads it"),
             (
                 |room| room[1] = sample("right", 1, Some("another"), 30.0),
                 "the nodes are led by different coordinators: another, one",

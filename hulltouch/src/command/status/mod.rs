@@ -23,7 +23,7 @@ const EVERY: Duration = Duration::from_secs(1);
 /// To the terminal's upper left corner, and what is below gone.
 const HOME: &str = "\x1b[H\x1b[J";
 
-/// Show how the nodes and cameras of a room are; whoever leads them does not notice. Exit status 1 if something lacks.
+/// Show how the nodes and cameras of a room are; their run does not notice. Exit status 1 if something lacks.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  hulltouch status studio.cluster.toml --certs /etc/hulltouch/certs --watch\n  \

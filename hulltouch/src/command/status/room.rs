@@ -28,7 +28,7 @@ impl NodeSample {
 }
 
 impl Room {
-    /// The nodes of a cluster file, over sockets of somebody who may look.
+    /// The nodes of a cluster file, over sockets of a viewer.
     pub fn of(file: &ClusterFile, dial: &Arc<dyn Dial>) -> Outcome<Room> {
         let nodes = file.expected_nodes()?;
         let client = |node| StatusClient::new(node, Arc::clone(dial));

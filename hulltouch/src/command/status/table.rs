@@ -40,7 +40,7 @@ fn of_node(sample: &NodeSample) -> Vec<String> {
             format!("{}, term {}, for {:.0} s", holder.name, holder.term, holder.held_s)
         }
         Some(holder) => format!("{}, which is gone", holder.name),
-        None => "nobody".to_owned(),
+        None => "no coordinator".to_owned(),
     };
     vec![
         sample.name(),

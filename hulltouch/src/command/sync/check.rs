@@ -14,7 +14,7 @@ use crate::command::query::read_rig;
 use crate::run::security::SecurityArguments;
 use crate::run::setup::checked_seconds;
 
-/// Says how late each camera is against the others, from film of somebody who moves.
+/// Says how late each camera is against the others, from film of a person who moves.
 ///
 /// Let one person walk about for ten seconds where all cameras see them. Times come with one standard
 /// deviation. A camera that is out of its place is told from one that is late: both are fitted.

@@ -28,7 +28,7 @@ pub enum FilmSource<'a> {
     Silhouettes { folder: &'a Path, rig: Rig, fps: f64 },
     /// A recorded run.
     Recording(&'a Path),
-    /// Cameras.
+    /// The running cameras of a room.
     Cluster {
         cluster: &'a ClusterFile,
         security: &'a SecurityArguments,

@@ -13,7 +13,7 @@ use super::super::{
 use crate::v1;
 
 /// A reply, after what was asked (a byte) and of how many points (two bytes): one that is accepted is of that kind and has an
-/// answer a point, and written anew it is the same.
+/// answer a point, and written again it is the same.
 pub fn answer(bytes: &[u8]) {
     let Some((&[kind, a, b], message)) = bytes.split_first_chunk() else { return };
     let Ok(reply) = v1::ProbeReply::decode(message) else { return };
@@ -36,5 +36,5 @@ pub fn answer(bytes: &[u8]) {
     assert!(answer.kind.answers(kind));
     let reply = answer_to_wire(0, &answer, expected.cameras.len(), Precision::Exact, compute_ms);
     let again = answer_from_wire(reply, &expected);
-    assert_eq!(again, Ok((ProbeAnswer::Answer(answer), compute_ms)), "what was written anew");
+    assert_eq!(again, Ok((ProbeAnswer::Answer(answer), compute_ms)), "what was written again");
 }

@@ -19,17 +19,17 @@ use crate::{open_checkpoint, seal_checkpoint};
 
 const FIELD: Field = Field("Fuzz", "field");
 
-/// A packed field, after its bound (two bytes): never longer than that, and packed anew it is the same.
+/// A packed field, after its bound (two bytes): never longer than that, and packed again it is the same.
 pub fn packed(bytes: &[u8]) {
     let Some((most, packed)) = bytes.split_first_chunk() else { return };
     let most = usize::from(u16::from_le_bytes(*most));
     if let Ok(plain) = unpack_at_most(packed, most, FIELD) {
         assert!(plain.len() <= most, "{} bytes, at most {most} were asked for", plain.len());
-        assert_eq!(unpack_exactly(&pack(&plain), plain.len(), FIELD), Ok(plain), "what was packed anew");
+        assert_eq!(unpack_exactly(&pack(&plain), plain.len(), FIELD), Ok(plain), "what was packed again");
     }
 }
 
-/// A choice, after the number of things (two bytes): ascending things that there are, and written anew the same.
+/// A choice, after the number of things (two bytes): ascending things that there are, and written again the same.
 pub fn choice(bytes: &[u8]) {
     let Some((count, choice)) = bytes.split_first_chunk() else { return };
     let count = usize::from(u16::from_le_bytes(*count));
@@ -42,12 +42,12 @@ pub fn choice(bytes: &[u8]) {
         taken.iter().for_each(|&index| writer.take(index));
         let mut again: Vec<usize> = Vec::new();
         let read = read_choice(&writer.finish(count), count, FIELD, |run| again.extend(run));
-        assert_eq!((read, again), (Ok(()), taken), "what was written anew");
+        assert_eq!((read, again), (Ok(()), taken), "what was written again");
     }
 }
 
 /// A silhouette, after its width and height (two bytes each) and its encoding (a byte): of that size, and written
-/// anew the same.
+/// again the same.
 pub fn runs(bytes: &[u8]) {
     let Some((&[a, b, c, d, encoding], data)) = bytes.split_first_chunk() else { return };
     let size = (u16::from_le_bytes([a, b]).into(), u16::from_le_bytes([c, d]).into());
@@ -61,7 +61,7 @@ pub fn runs(bytes: &[u8]) {
         assert_eq!((silhouette.width(), silhouette.height()), size);
         assert!(silhouette.area() <= u64::from(size.0) * u64::from(size.1));
         let again = silhouette_from_data(&silhouette_data(&silhouette, encoding), size, encoding);
-        assert_eq!(again, Ok(silhouette), "what was written anew");
+        assert_eq!(again, Ok(silhouette), "what was written again");
     }
 }
 

@@ -11,7 +11,7 @@ use super::super::{
 };
 use crate::{CameraDescription, v1};
 
-/// A message after its kind (a byte): one that is accepted and written anew is the same.
+/// A message after its kind (a byte): one that is accepted and written again is the same.
 pub fn node_messages(bytes: &[u8]) {
     let Some((&kind, message)) = bytes.split_first() else { return };
     match kind % 9 {

@@ -58,8 +58,8 @@ fn check(question: &Question) {
     let written = QuestionWriter::default().write(question).message(&StreamKnows::default(), 0, 0);
     let mut again = Question::default();
     let read = QuestionReader::default().read(written, shape_of_digest, &mut again);
-    assert_eq!(read, Ok(()), "what was written anew");
-    assert_eq!(again.len(), question.len(), "what was written anew");
+    assert_eq!(read, Ok(()), "what was written again");
+    assert_eq!(again.len(), question.len(), "what was written again");
     for views in rooms() {
         let mut found = Answer::default();
         views.answer(question, &mut Scratch::default(), &mut found);
@@ -97,7 +97,7 @@ fn is_near(question: &Question) -> bool {
     [&points.x, &points.y, &points.z].into_iter().flatten().all(|part| part.abs() < 1e9)
 }
 
-/// An answer as the wire carries it: exits are exits, and of a point without an edge nobody asks how far one matters.
+/// An answer as the wire carries it: exits are exits, and for a point without an edge it does not matter how far one counts.
 fn as_read(answer: &Answer) -> Answer {
     let mut read = answer.clone();
     if read.kind == QuestionKind::SharedExits {

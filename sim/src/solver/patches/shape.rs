@@ -1,6 +1,6 @@
 //! A piece of the hull's surface as rapier sees it: a plane that touches one body at a few of its samples.
 //!
-//! Rapier takes a contact manifold from whoever computes one: the collider of a piece is a shape of our own, and
+//! Rapier accepts a contact manifold that other code computes: the collider of a piece is a shape of our own, and
 //! [`Dispatcher`] writes the manifold between it and its body from the samples and the plane. Everything else goes to
 //! rapier's own dispatcher.
 

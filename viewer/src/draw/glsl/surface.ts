@@ -94,7 +94,7 @@ vec4 photo(vec3 P, vec3 normal, vec3 eyeDir, float slack) {
 #endif
     vec3 toCam = normalize(CAM(k, 11).xyz - P);
     float facing = dot(normal, toCam);
-    // Who looks at the back of it has no say, unless nobody looks at its front.
+    // A camera behind the surface does not count, unless none is in front of it.
     if (facing < -0.6) continue;
     // Never quite nothing: a colour is better than none.
     float w = 1e-3 + smoothstep(-1.0, 3.5, -fieldAt(k, px));

@@ -32,7 +32,7 @@ pub fn check(facts: &Facts) -> Vec<Finding> {
             wrong.push(Finding::fail(
                 format!("camera {name}: {:.0} % of its image is foreground", 1e2 * least),
                 "light, exposure or the camera have changed since: film the empty room again (background), or learn it \
-                 anew from the page",
+                 again from the page",
             ));
         } else if *most == 0.0 && 2 * see_a_person > all.len() {
             wrong.push(Finding::warn(

@@ -15,7 +15,7 @@ pub fn check(facts: &Facts) -> Vec<Finding> {
     let well = match &facts.certificates {
         Certificates::NotNeeded => "none are needed: all stays on this machine".to_owned(),
         Certificates::Missing { node, is_wanted } => {
-            let what = format!("what is sent to {node} is not encrypted, and nobody is asked who he is");
+            let what = format!("what is sent to {node} is not encrypted, and peers are not authenticated");
             let cure = "hulltouch certs FILE --into FOLDER, and then --certs FOLDER everywhere";
             wrong.push(if *is_wanted { Finding::warn(what, cure) } else { Finding::fail(what, cure) });
             String::new()

@@ -3,7 +3,7 @@
 use super::super::facts::{Facts, Place};
 use super::super::finding::{Finding, or_ok};
 
-/// Fails for hosts that are not known, and for nodes that nobody announces.
+/// Fails for hosts that are not known, and for nodes that are not announced.
 pub fn check(facts: &Facts) -> Vec<Finding> {
     let wrong = facts.nodes.iter().filter_map(|node| match &node.place {
         Place::At(_) => None,
@@ -13,7 +13,7 @@ pub fn check(facts: &Facts) -> Vec<Finding> {
              libnss-mdns)",
         )),
         Place::NotAnnounced => Some(Finding::fail(
-            format!("node {}: nobody announces it in this network (DNS-SD)", node.name),
+            format!("node {}: it is not announced in this network (DNS-SD)", node.name),
             "look at its power and its cable, start its node, allow UDP port 5353 on both machines, or give it an address \
              in the cluster file",
         )),

@@ -5,7 +5,7 @@ use node_client::NodeError;
 use super::super::facts::{Facts, NodeFacts, Reach};
 use super::super::finding::{Finding, or_ok};
 
-/// Fails for ports that are closed, filtered, or somebody else's.
+/// Fails for ports that are closed, filtered, or another program's.
 pub fn check(facts: &Facts) -> Vec<Finding> {
     let wrong: Vec<Finding> = facts.nodes.iter().filter_map(|node| of_node(node, facts)).collect();
     let tried = facts.nodes.iter().filter(|node| node.reach != Reach::NotTried).count();

@@ -147,7 +147,7 @@ const FAULTS: [(&str, Level, Plant, &str); 32] = [
         "names",
         Level::Fail,
         |facts| nowhere(facts, Some(Place::NotAnnounced), Reach::NotTried),
-        "node node1: nobody announces it",
+        "node node1: it is not announced",
     ),
     (
         "ports",
@@ -183,7 +183,7 @@ const FAULTS: [(&str, Level, Plant, &str); 32] = [
         "certificates",
         Level::Fail,
         |facts| {
-            refused(facts, NodeError::Refused("this is for coordinator.room.hulltouch or viewer.room.hulltouch, and was asked by nobody of any room".into()));
+            refused(facts, NodeError::Refused("this is for coordinator.room.hulltouch or viewer.room.hulltouch, and was asked by a peer of no room".into()));
         },
         "node node1: this is for coordinator.room.hulltouch",
     ),
@@ -356,7 +356,7 @@ fn each_fault_is_named_by_its_check_and_by_no_other() {
 fn nothing_runs_yet_and_nothing_panics() {
     let facts = Facts {
         nodes: vec![],
-        film: Err(NoFilm::NotTried("nobody films".into())),
+        film: Err(NoFilm::NotTried("no camera films".into())),
         devices: vec![],
         disks: vec![],
         ..healthy()

@@ -1,4 +1,4 @@
-//! What cameras do while they film: in the run of whoever leads them, or in one of our own of some seconds.
+//! What cameras do while they film: in the run of their lease holder, or in one of our own of some seconds.
 
 use std::io::{IsTerminal as _, Write as _};
 use std::sync::Arc;
@@ -50,7 +50,7 @@ pub async fn look(
 
 /// In whose run cameras film.
 enum Films {
-    /// In that of whoever leads them.
+    /// In that of their lease holder.
     Led,
     /// In one of our own.
     Ours,
@@ -81,7 +81,7 @@ fn preparation<'a>(
     }
     if !may_film || !trust.may_lead {
         let why = if may_film { "this certificate may not lead them" } else { "--no-film is given" };
-        return Err(format!("nobody leads the nodes, so that no camera films, and {why}"));
+        return Err(format!("no coordinator leads the nodes, so that no camera films, and {why}"));
     }
     Ok((dial, Films::Ours))
 }
@@ -89,8 +89,11 @@ fn preparation<'a>(
 fn say_that_it_films(lasts: Duration) {
     if std::io::stderr().is_terminal() {
         // A closed standard error is no reason to fail.
-        let _ =
-            writeln!(std::io::stderr(), "nobody leads the nodes: filming for {:.0} s", lasts.as_secs_f64());
+        let _ = writeln!(
+            std::io::stderr(),
+            "no coordinator leads the nodes: filming for {:.0} s",
+            lasts.as_secs_f64()
+        );
     }
 }
 
@@ -127,7 +130,7 @@ impl Run {
         };
         let late = || Err("not all nodes let themselves be led".to_owned());
         timeout(CONNECTS_WITHIN, connecting).await.unwrap_or_else(|_| late())?;
-        // Somebody must read what they report.
+        // Their reports must be read.
         tokio::spawn(async move { while events.recv().await.is_some() {} });
         // A number that no run before had.
         let pace = Pace::live(unix_now_s().to_bits(), LEAD_S);

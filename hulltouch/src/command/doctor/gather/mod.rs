@@ -25,7 +25,7 @@ pub struct Scope<'a> {
     pub host: Option<&'a str>,
     /// With whose certificates.
     pub security: &'a SecurityArguments,
-    /// Whether nodes that nobody leads may be led for some seconds.
+    /// Whether nodes without a coordinator may be led for some seconds.
     pub may_film: bool,
     /// Where recordings go.
     pub recordings: PathBuf,

@@ -1,4 +1,4 @@
-//! What strangers can do to a port: nothing that keeps a scraper out.
+//! What untrusted peers can do to a port: nothing that keeps a scraper out.
 
 use std::fmt;
 use std::io::{ErrorKind, Read as _, Write as _};
@@ -126,7 +126,7 @@ fn nothing_else_is_answered() {
 }
 
 #[test]
-fn hundreds_of_silent_connections_keep_nobody_out() {
+fn hundreds_of_silent_connections_keep_no_peer_out() {
     let (port, _) = port();
     let silent: Vec<TcpStream> = (0..300).map(|_| connect(port.address())).collect();
     // Were the silent ones waited for, this would take ten times their timeout of 5 s, and more than a read's 20 s.
