@@ -18,6 +18,10 @@ use hull::Pose;
 use recording::{Overwrites, Recording};
 use serde_json::Value;
 use sim::{BodyResponse, BodySpec, MassSpec, Scene, Solid, World};
+use testkit::{Watch, timely};
+
+/// Physics steps of a second.
+const STEPS_PER_S: u64 = 120;
 
 fn hulltouch() -> Command {
     testkit::command(env!("CARGO_BIN_EXE_hulltouch"))
@@ -251,15 +255,15 @@ fn what_was_asked_of_a_run_is_asked_again() {
     );
 }
 
-/// Follows a run until its world is so old; how old it was last, seconds.
-async fn followed(address: &str, time_s: f64) -> f64 {
+/// Follows a run until it has made so many steps; how many it had made last.
+async fn followed(address: &str, steps: u64) -> u64 {
     let socket = tokio_tungstenite::connect_async(format!("ws://{address}/state?rate=120")).await;
     let mut socket = socket.expect("connects").0;
     loop {
         let message = socket.next().await.expect("not closed").expect("a message");
         let state: Value = serde_json::from_str(message.to_text().expect("text")).expect("JSON");
-        if let Some(now_s) = state["time_s"].as_f64().filter(|now_s| *now_s >= time_s) {
-            return now_s;
+        if let Some(made) = state["step"].as_u64().filter(|made| *made >= steps) {
+            return made;
         }
     }
 }
@@ -268,18 +272,21 @@ async fn followed(address: &str, time_s: f64) -> f64 {
 fn a_run_that_is_killed_leaves_a_recording_up_to_its_last_second() {
     let folder = tempfile::tempdir().expect("folder");
     let file = folder.path().join("run.mcap");
+    let watch = Watch::start();
     let demo = Demo::start(&["--record", file.to_str().expect("a path")]);
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
-    let followed =
-        async { tokio::time::timeout(Duration::from_secs(120), followed(&demo.address, 3.0)).await };
-    let reached_s = runtime.block_on(followed).expect("three seconds pass sooner or later");
+    let followed = async {
+        tokio::time::timeout(Duration::from_secs(120), followed(&demo.address, 3 * STEPS_PER_S)).await
+    };
+    let made = runtime.block_on(followed).expect("three seconds of steps are made sooner or later");
     // SIGKILL.
     drop(demo);
     let (output, replayed) = replay(&file, &["--unpaced"]);
     assert!(output.status.success(), "{}", said(&output));
     assert!(said(&output).contains("not complete"), "{}", said(&output));
-    let steps = replayed["replay"]["steps"].as_f64().expect("a number");
-    assert!(steps / 120.0 > reached_s - 1.0, "{steps} steps of {reached_s} s");
+    let steps = replayed["replay"]["steps"].as_u64().expect("a number");
+    assert!(steps > 0, "nothing was recorded");
+    timely!(watch, steps + STEPS_PER_S > made, "{steps} steps of {made}");
     assert_eq!(replayed["replay"]["difference"], Value::Null);
     if let Some(found) = read_by_python(&file, &["--stream"]) {
         assert_eq!(
