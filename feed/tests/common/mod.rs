@@ -293,10 +293,13 @@ impl Run {
 
 pub type Socket = WebSocketStream<MaybeTlsStream<TcpStream>>;
 
+/// Messages that a page has read and its test has not: more than any test waits.
+const MAX_UNHEARD: usize = 4096;
+
 /// A page as a test sees it. It reads and answers pings all the time, whatever its test does: one that does not is dropped.
 pub struct Page {
     writing: SplitSink<Socket, Message>,
-    messages: mpsc::UnboundedReceiver<Message>,
+    messages: mpsc::Receiver<Message>,
     reading: AbortHandle,
     /// Whether it acknowledges frame sets by itself.
     pub shows: bool,
@@ -365,10 +368,10 @@ impl Page {
     async fn open_with(url: &str, token: Option<&str>) -> Page {
         let deadline = tokio::time::Instant::now() + TIMEOUT;
         let (writing, mut socket) = connect(url, token).await.expect("connects").split();
-        let (sender, messages) = mpsc::unbounded_channel();
+        let (sender, messages) = mpsc::channel(MAX_UNHEARD);
         let reading = tokio::spawn(async move {
             while let Some(Ok(message)) = socket.next().await {
-                if sender.send(message).is_err() {
+                if sender.send(message).await.is_err() {
                     break;
                 }
             }
