@@ -186,7 +186,8 @@ impl Cluster {
         for node in (0..is_asked.len()).filter(|&node| is_asked[node]) {
             for asking in asked {
                 let span = question_span(span, "ask a node", &nodes.clients[node]);
-                ask(nodes, node, pass, asking, &span).inspect_err(|error| note_fault(roster, node, error))?;
+                ask(nodes, node, pass, asking, &span)
+                    .inspect_err(|error| record_failure(roster, node, error))?;
                 open.push(OpenQuestion { node, asking, span, is_asked_again: false });
             }
         }
@@ -229,7 +230,7 @@ impl Cluster {
             let is_excused = refusal.is_some_and(|reason| roster.excuses(node, reason, asking.frame));
             let note = |error: &TransportError| match is_excused {
                 true => roster.record_late(&[node], monotonic_s(), &error.to_string()),
-                false => note_fault(roster, node, error),
+                false => record_failure(roster, node, error),
             };
             let Some(answer) = answered.inspect_err(note)? else {
                 continue;
@@ -243,7 +244,7 @@ impl Cluster {
             let invalid =
                 |error| TransportError::Answer { node: nodes.clients[node].node().to_string(), error };
             let taken = pass.answer(node, &answer).map_err(invalid);
-            taken.inspect_err(|error| note_fault(roster, node, error))?;
+            taken.inspect_err(|error| record_failure(roster, node, error))?;
         }
         self.round_trips.record(&nodes_ms);
         Ok(computed_ms)
@@ -272,7 +273,7 @@ fn ask(nodes: &Nodes, node: usize, pass: &Pass, asking: &Asking, span: &Span) ->
 }
 
 /// Records why a node's answer is missing: a refusal or a wrong answer is a fault, all else is late.
-pub(super) fn note_fault(roster: &mut Roster, node: usize, error: &TransportError) {
+fn record_failure(roster: &mut Roster, node: usize, error: &TransportError) {
     match error {
         TransportError::Node { error, .. } if error.is_absence() => {
             roster.record_late(&[node], monotonic_s(), &error.to_string());

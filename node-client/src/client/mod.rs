@@ -60,6 +60,8 @@ pub struct NodeClient {
     state: Mutex<State>,
     /// The connection in use is of no use.
     given_up: Notify,
+    /// Held while shapes are registered once more.
+    registering: tokio::sync::Mutex<()>,
 }
 
 impl NodeClient {
@@ -74,7 +76,18 @@ impl NodeClient {
         let (term, state) = (AtomicU64::new(0), Mutex::default());
         let limits = ReplyLimits::of(&node.cameras);
         let given_up = Notify::new();
-        let client = Arc::new(NodeClient { node, index, agreement, events, term, limits, state, given_up });
+        let registering = tokio::sync::Mutex::default();
+        let client = Arc::new(NodeClient {
+            node,
+            index,
+            agreement,
+            events,
+            term,
+            limits,
+            state,
+            given_up,
+            registering,
+        });
         client.state().credit = client.no_credit();
         tokio::spawn(Arc::clone(&client).keep_connected());
         client
@@ -199,6 +212,11 @@ impl NodeClient {
 
     /// Registers the run's shapes once more.
     pub async fn register_again(&self) -> Result<(), NodeError> {
+        let Ok(_one_at_a_time) = self.registering.try_lock() else {
+            // Over a narrow link one takes long, and several take longer.
+            drop(self.registering.lock().await);
+            return Ok(());
+        };
         let shapes = self.agreement.terms().shapes.clone();
         self.register(&shapes).await
     }
