@@ -2,9 +2,14 @@
 
 mod common;
 
+use std::net::SocketAddr;
+
 use common::*;
 use futures::{SinkExt as _, StreamExt as _};
 use serde_json::{Value, json};
+use testkit::{Watch, timely};
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+use tokio::net::TcpStream;
 use tokio_tungstenite::tungstenite::Message;
 
 /// Escape sequences, a forged line, a mark that reverses text, and 40 KB.
@@ -62,6 +67,34 @@ async fn what_a_program_sends_comes_back_short_and_clean() {
         let answer: Value = serde_json::from_str(&answer).expect("JSON");
         assert_eq!(answer["op"], "refused");
         is_clean(&answer["why"]);
+    }
+}
+
+/// Opens a WebSocket by hand, sends the head of a message of 8 MB and half a megabyte of it, and reads to the end.
+async fn told_to_one_that_sends_too_much(address: SocketAddr, path: &str) -> std::io::Result<Vec<u8>> {
+    let mut stream = TcpStream::connect(address).await?;
+    let key = "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: aGVsbG8gaHVsbHRvdWNoIQ==";
+    let upgrade = format!("Host: {address}\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n{key}");
+    stream.write_all(format!("GET {path} HTTP/1.1\r\n{upgrade}\r\n\r\n").as_bytes()).await?;
+    let head = [0x81, 0x80 | 127, 0, 0, 0, 0, 0, 0x80, 0, 0, 1, 2, 3, 4];
+    stream.write_all(&head).await?;
+    stream.write_all(&vec![b'x'; 512 << 10]).await?;
+    stream.shutdown().await?;
+    let mut told = Vec::new();
+    stream.read_to_end(&mut told).await?;
+    Ok(told)
+}
+
+#[tokio::test]
+async fn a_message_that_is_too_long_is_answered_though_more_of_it_is_on_its_way() {
+    let run = Run::start();
+    let address = run.feed.address();
+    let watch = Watch::start();
+    for (path, expected) in [("/feed", r#""op":"bye""#), ("/state", r#""op":"refused""#)] {
+        let told = told_to_one_that_sends_too_much(address, path).await;
+        timely!(watch, told.is_ok(), "{path}: {told:?}");
+        let told = String::from_utf8_lossy(told.as_deref().unwrap_or_default()).into_owned();
+        assert!(told.contains(expected) && told.contains("no message: "), "{path}: {told}");
     }
 }
 

@@ -17,13 +17,14 @@ use hyper_util::rt::{TokioExecutor, TokioIo, TokioTimer};
 use hyper_util::server::conn::auto::Builder;
 use identity::{Credentials, HandshakeLimit};
 use socket2::SockRef;
-use tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite, AsyncWriteExt as _};
+use tokio::io::{AsyncRead, AsyncWrite, AsyncWriteExt as _};
 use tokio::net::TcpStream;
 use tokio::sync::watch;
 use tokio::time::{Instant, sleep, sleep_until};
 use tokio_util::io::InspectReader;
 use tower::ServiceExt as _;
 
+use super::linger::{Lingering, LingeringSocket};
 use super::progress::{BytesSent, Progress, ProgressSocket};
 use super::refusals::{Refusal, Refusals};
 use super::registry::{Registered, Registry, Staying};
@@ -56,6 +57,7 @@ pub(super) struct PortShared {
     /// Encrypts; clients show no certificates.
     pub credentials: Option<Arc<Credentials>>,
     pub handshakes: HandshakeLimit,
+    pub lingering: Lingering,
     pub registry: Registry,
     pub refusals: Refusals,
 }
@@ -170,11 +172,12 @@ impl Connection {
     }
 
     /// What HTTP is spoken over, once it is clear that the peer speaks what this port does.
-    async fn socket(&self, mut stream: TcpStream) -> Result<Box<dyn Socket>, Refusal> {
+    async fn socket(&self, stream: TcpStream) -> Result<Box<dyn Socket>, Refusal> {
         let mut first = [0];
         if !matches!(stream.peek(&mut first).await, Ok(1)) {
             return Err(Refusal::Silent);
         }
+        let mut stream = LingeringSocket::new(stream, &self.0.port.lingering);
         self.0.has_begun.store(true, Ordering::Relaxed);
         let is_tls = first[0] == TLS_HANDSHAKE;
         let credentials = match &self.0.port.credentials {
@@ -259,13 +262,9 @@ fn builder() -> Builder<TokioExecutor> {
 }
 
 /// Tells a browser that was given the wrong address.
-async fn say_https(stream: &mut TcpStream) {
+async fn say_https(stream: &mut LingeringSocket) {
     let text = "this port speaks HTTPS, expected https://\n";
     let head = "HTTP/1.1 400 Bad Request\r\nContent-Type: text/plain\r\nConnection: close";
     let answer = format!("{head}\r\nContent-Length: {}\r\n\r\n{text}", text.len());
-    // What stays unread breaks the connection before the answer arrives.
-    let mut request = [0; MAX_HEAD_BYTES];
-    let _ = stream.read(&mut request).await;
     let _ = stream.write_all(answer.as_bytes()).await;
-    let _ = stream.shutdown().await;
 }

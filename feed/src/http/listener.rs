@@ -12,6 +12,7 @@ use tokio::sync::watch;
 use tokio::task::JoinSet;
 
 use super::connection::{Connection, PortShared};
+use super::linger::Lingering;
 use super::refusals::{Refusal, Refusals};
 use super::registry::Registry;
 
@@ -40,6 +41,7 @@ impl Port {
         let shared = PortShared {
             credentials,
             handshakes: HandshakeLimit::default(),
+            lingering: Lingering::default(),
             registry: Registry::default(),
             refusals: Refusals::new(name),
         };

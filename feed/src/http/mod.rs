@@ -4,6 +4,7 @@ mod access;
 mod connection;
 mod files;
 mod guesses;
+mod linger;
 mod listener;
 mod progress;
 mod refusals;
