@@ -8,6 +8,10 @@ use crate::rotation::{matrix_from_rodrigues, rodrigues_from_matrix, rotation_def
 
 /// The largest side of an image, pixels. Runs store columns in 16 bits; no camera comes near.
 pub const MAX_SIDE_PIXELS: u32 = 16_384;
+/// A rotation vector is at most so long, radians: OpenCV writes up to π, optimisers some more.
+const MAX_ROTATION_RAD: f64 = core::f64::consts::TAU;
+/// A focal length is at least this share of an image's side: the whole side is 157 degrees then.
+const MIN_FOCAL_SHARE: f64 = 0.1;
 
 /// A pixel by column (to the right) and row (down); may lie off the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -73,6 +77,26 @@ pub enum CameraError {
         /// What about it.
         found: String,
     },
+    /// The rotation vector is longer than any program writes in radians.
+    #[error("rotation is a vector of {length:.1} rad, expected at most 2 π: are these degrees?")]
+    Turns {
+        /// Its length.
+        length: f64,
+    },
+    /// The intrinsics belong to another image.
+    #[error(
+        "matrix has {found} for an image of {width} x {height}, expected {expected}: is it in pixels of this size?"
+    )]
+    OtherImage {
+        /// What about it.
+        found: String,
+        /// Pixels across.
+        width: u32,
+        /// Pixels down.
+        height: u32,
+        /// What would do.
+        expected: &'static str,
+    },
     /// The rotation is not one.
     #[error("rotation is off by {defect:.2e} from R Rᵀ = 1, expected a rotation (within 1e-6)")]
     Rotation {
@@ -128,6 +152,10 @@ impl Camera {
         if k[(0, 0)] <= 0.0 || k[(1, 1)] <= 0.0 {
             return Err(CameraError::Matrix { found: format!("has fx = {}, fy = {}", k[(0, 0)], k[(1, 1)]) });
         }
+        let length = rotation_rad.norm();
+        if length > MAX_ROTATION_RAD {
+            return Err(CameraError::Turns { length });
+        }
         let rotation = matrix_from_rodrigues(&rotation_rad);
         let centre_world = Point3::from(-(rotation.transpose() * translation_m));
         Ok(Camera {
@@ -160,6 +188,25 @@ impl Camera {
             return Err(CameraError::Rotation { defect });
         }
         Camera::new(name, size, intrinsics, distortion, rodrigues_from_matrix(rotation), translation_m)
+    }
+
+    /// An error if the intrinsics cannot be those of this camera's image in pixels: they are normalised, in another unit, or
+    /// of another size. For files, whose numbers are not proven yet.
+    pub fn check_image(&self) -> Result<(), CameraError> {
+        let (width, height) = (self.width, self.height);
+        let (sides, k) = ([f64::from(width), f64::from(height)], &self.intrinsics);
+        let wrong = |found, expected| Err(CameraError::OtherImage { found, width, height, expected });
+        let focal = [k[(0, 0)], k[(1, 1)]];
+        if (0..2).any(|axis| focal[axis] < MIN_FOCAL_SHARE * sides[axis]) {
+            let found = format!("focal lengths of {:.4} and {:.4} pixels", focal[0], focal[1]);
+            return wrong(found, "a tenth of the image's side or more");
+        }
+        let centre = [k[(0, 2)], k[(1, 2)]];
+        if (0..2).any(|axis| !(0.0..sides[axis]).contains(&centre[axis])) {
+            let found = format!("its principal point at {:.1}, {:.1}", centre[0], centre[1]);
+            return wrong(found, "a point in the image");
+        }
+        Ok(())
     }
 
     /// The camera's name, unique within its rig.

@@ -72,6 +72,14 @@ const MODEL_KEYS: &[&str] = &[
     "intrinsicmodel",
     "intrinsicstype",
     "intrinsictype",
+    "equi",
+    "eucm",
+    "ucm",
+    "mei",
+    "kb4",
+    "kb8",
+    "ocam",
+    "ftheta",
 ];
 /// Parts of key names that speak of a lens model.
 const MODEL_KEY_PARTS: &[&str] = &[
@@ -89,6 +97,19 @@ const MODEL_KEY_PARTS: &[&str] = &[
     "distortmodel",
     "projectionmodel",
     "camerageometry",
+    "lensgeometry",
+    "lensprojection",
+    "lensdistortion",
+    "lensfunction",
+    "projectionfunction",
+    "coefficientsmodel",
+    "coeffsmodel",
+    "distfunc",
+    "distortionfunc",
+    "rationalmodel",
+    "scaramuzza",
+    "meixi",
+    "ucmalpha",
 ];
 /// Words that name another model wherever a text of flags or of a kind holds them.
 const FOREIGN: &[&str] = &[

@@ -1,7 +1,7 @@
 //! Names by which browsers call the machine of the page.
 
 use std::fmt;
-use std::net::{IpAddr, Ipv6Addr};
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
 use std::str::FromStr;
 
 use thiserror::Error;
@@ -35,6 +35,9 @@ pub enum PageNameError {
     /// Four numbers of which one is too large, or fewer.
     #[error("found a last part of digits, expected a DNS name or a whole IP address")]
     Digits,
+    /// An address of no machine, or of many.
+    #[error("found an address of no single machine, expected that of the page's")]
+    NoMachine,
     /// A star that browsers do not take.
     #[error("found a star, expected one only as the first part, before two others: *.studio.example")]
     Star,
@@ -64,14 +67,14 @@ impl FromStr for PageName {
         }
         if let Some((inside, after)) = text.strip_prefix('[').and_then(|rest| rest.split_once(']')) {
             return match inside.parse::<Ipv6Addr>() {
-                Ok(address) if after.is_empty() => Ok(PageName(address.to_string())),
+                Ok(address) if after.is_empty() => of_address(address.into()),
                 Ok(_) => Err(PageNameError::Port),
                 Err(_) if inside.contains('%') => Err(PageNameError::Zone),
                 Err(_) => Err(PageNameError::Label),
             };
         }
         if let Ok(address) = text.parse::<IpAddr>() {
-            return Ok(PageName(address.to_string()));
+            return of_address(address);
         }
         match text.split_once(':') {
             Some((_, port)) if !port.contains(':') => Err(PageNameError::Port),
@@ -79,6 +82,14 @@ impl FromStr for PageName {
             _ => dns_name(text),
         }
     }
+}
+
+/// The name of an address that one machine can have.
+fn of_address(address: IpAddr) -> Result<PageName, PageNameError> {
+    if address.is_unspecified() || address.is_multicast() || address == Ipv4Addr::BROADCAST {
+        return Err(PageNameError::NoMachine);
+    }
+    Ok(PageName(address.to_string()))
 }
 
 /// A DNS name in lower case, without the point at its end.
@@ -95,7 +106,12 @@ fn dns_name(text: &str) -> Result<PageName, PageNameError> {
     if !labels.iter().all(|label| is_label(label)) {
         return Err(PageNameError::Label);
     }
-    if labels.last().is_some_and(|last| last.bytes().all(|c| c.is_ascii_digit())) {
+    // Browsers read such a name as an IPv4 address, hexadecimal numbers too.
+    let is_number = |label: &str| {
+        label.bytes().all(|c| c.is_ascii_digit())
+            || label.strip_prefix("0x").is_some_and(|digits| digits.bytes().all(|c| c.is_ascii_hexdigit()))
+    };
+    if labels.last().is_some_and(|last| is_number(last)) {
         return Err(PageNameError::Digits);
     }
     let of_room = |name: &str| Identity::from_dns_name(name).is_some();
@@ -160,6 +176,12 @@ mod tests {
             ("10.0.0.256", PageNameError::Digits),
             ("10.0.0", PageNameError::Digits),
             ("8470", PageNameError::Digits),
+            ("0x7f000001", PageNameError::Digits),
+            ("a.0x1", PageNameError::Digits),
+            ("0.0.0.0", PageNameError::NoMachine),
+            ("[::]", PageNameError::NoMachine),
+            ("224.0.0.1", PageNameError::NoMachine),
+            ("255.255.255.255", PageNameError::NoMachine),
             ("*", PageNameError::Star),
             ("*.example", PageNameError::Star),
             ("cam*.studio.example", PageNameError::Star),

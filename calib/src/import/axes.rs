@@ -91,9 +91,11 @@ pub(super) fn finished(
                 // Without a turn the Rodrigues vector keeps its bits.
                 None => Camera::new(camera.name(), size, k, lens, *camera.rotation_rad(), translation_m),
             }
+            .and_then(|camera| camera.check_image().map(|()| camera))
             .map_err(|error| ImportError::camera(file, error))
         })
         .collect::<Result<Vec<Camera>, ImportError>>()?;
+    check_poses(file, &cameras)?;
     let first = cameras.first().map(Camera::centre_world).unwrap_or_default();
     let far_m = cameras.iter().map(|camera| (camera.centre_world() - first).norm()).fold(0.0, f64::max);
     if far_m > FAR_M {
@@ -103,6 +105,26 @@ pub(super) fn finished(
     }
     let rig = Rig::new(cameras).map_err(|error| ImportError::Rig { file: file.to_owned(), error })?;
     Ok(Imported { rig, warnings })
+}
+
+/// An error for two cameras at the world's origin without a turn: a calibration that failed leaves zeros.
+fn check_poses(file: &str, cameras: &[Camera]) -> Result<(), ImportError> {
+    let is_zero = |camera: &&Camera| {
+        camera.rotation_rad().iter().chain(camera.translation_m()).all(|&number| number == 0.0)
+    };
+    let mut zeros = cameras.iter().filter(is_zero);
+    match zeros.next().zip(zeros.next()) {
+        Some((one, other)) => {
+            let key = format!("cameras {} and {}", one.name(), other.name());
+            Err(ImportError::key(
+                file,
+                &key,
+                "rotation and translation of zeros",
+                "a calibrated pose of each",
+            ))
+        }
+        None => Ok(()),
+    }
 }
 
 #[cfg(test)]

@@ -31,6 +31,11 @@ pub(super) fn rig(file: &TextFile, warnings: &mut Vec<String>) -> Result<Option<
         }
         cameras.push(section.camera(&format!("cam_{number}"), warnings)?);
     }
+    let is_camera = |value: &Value| value.as_table().is_some_and(|keys| keys.contains_key("matrix"));
+    if let Some((key, _)) = table.iter().find(|(key, value)| *key != "cameras" && is_camera(value)) {
+        let found = "a camera beside sections [cameras.0] and so on";
+        return Err(ImportError::key(&file.path, key, found, "all cameras in sections of one form"));
+    }
     if cameras.is_empty() {
         return Err(ImportError::key(&file.path, "cameras", "no camera with a pose", "a calibrated camera"));
     }

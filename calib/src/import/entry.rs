@@ -13,6 +13,10 @@ pub(super) struct Entry {
     pub(super) numbers: Option<Vec<f64>>,
     /// A word, flag or single number as it is written; empty for others.
     pub(super) text: String,
+    /// The first thing in a list, matrix or map that is no number.
+    pub(super) unread: Option<String>,
+    /// Whether its value is a list or a map in braces.
+    pub(super) is_list: bool,
 }
 
 impl Entry {

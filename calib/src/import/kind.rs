@@ -2,8 +2,11 @@
 
 use super::TextFile;
 
-/// Numbers that a matrix with a missing or doubled number may hold.
-const NEARLY: std::ops::RangeInclusive<usize> = 9..=16;
+/// Names of a camera matrix, in lower case without `_` and `-`; the first is preferred.
+pub(super) const MATRIX_NAMES: [&str; 7] =
+    ["cameramatrix", "k", "m", "mtx", "intrinsicmatrix", "intrinsics", "intrinsic"];
+/// Numbers that a matrix with a missing number, or a few matrices in one file, may hold.
+const NEARLY: std::ops::RangeInclusive<usize> = 9..=48;
 
 /// OpenCV FileStorage in XML or YAML, or the YAML of a ROS camera, which has the same form.
 pub(super) fn is_storage(file: &TextFile) -> bool {
@@ -12,6 +15,22 @@ pub(super) fn is_storage(file: &TextFile) -> bool {
         || text.starts_with("%YAML")
         || (text.contains("!!opencv-matrix") && !text.starts_with('{'))
         || text.lines().any(|line| line.starts_with("camera_matrix:"))
+        || (is_yaml(&file.path) && text.lines().any(begins_matrix))
+}
+
+fn is_yaml(path: &str) -> bool {
+    let path = path.to_ascii_lowercase();
+    let plain = path.strip_suffix(".gz").unwrap_or(&path);
+    plain.ends_with(".yml") || plain.ends_with(".yaml")
+}
+
+/// Whether a line begins the list of a camera matrix: `K: [500.0, …`, or `K:` with the list below.
+fn begins_matrix(line: &str) -> bool {
+    line.split_once(':').is_some_and(|(key, value)| {
+        let value = value.trim();
+        let name = key.trim_matches(['"', '\'']).to_ascii_lowercase().replace(['_', '-'], "");
+        (value.is_empty() || value.starts_with('[')) && MATRIX_NAMES.contains(&name.as_str())
+    })
 }
 
 /// Twelve numbers, lines with `#` in front left out.
@@ -34,7 +53,7 @@ fn counted(text: &str, most: usize) -> Option<usize> {
 
 /// Whether a text holds twelve numbers and, beside these, brackets or a few words: `P = [1 2 3 4; …]`, a title line.
 pub(super) fn is_dressed_matrix(text: &str) -> bool {
-    const MOST_WORDS: usize = 6;
+    const MOST_WORDS: usize = 24;
     let split = |c: char| c.is_whitespace() || "[](){},;=:\"'".contains(c);
     let words =
         text.lines().filter(|line| !line.trim_start().starts_with('#')).flat_map(|line| line.split(split));
@@ -56,7 +75,7 @@ pub(super) fn looks_like_calibration(text: &str) -> bool {
 
 /// Whether a text has the keys of a camera's calibration.
 pub(super) fn names_camera(text: &str) -> bool {
-    const WORDS: [&str; 8] = [
+    const WORDS: [&str; 13] = [
         "opencv_storage",
         "opencv-matrix",
         "camera_matrix",
@@ -65,6 +84,11 @@ pub(super) fn names_camera(text: &str) -> bool {
         "distcoeffs",
         "camera_model",
         "t_cn_cnm1",
+        "<camera",
+        "<k>",
+        "<rvec",
+        "rvec:",
+        "intrinsics:",
     ];
     let text = text.to_ascii_lowercase();
     WORDS.iter().any(|word| text.contains(word))

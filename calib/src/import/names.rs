@@ -9,9 +9,45 @@ use super::natural_order::natural_key;
 const ENDINGS: [&str; 10] =
     [".pmat.cal", ".qca.txt", ".xml", ".yml", ".yaml", ".txt", ".cal", ".rad", ".dat", ".p"];
 /// Words that a second version of a file has in its name.
-const VERSION_WORDS: [&str; 22] = [
-    "old", "bak", "backup", "copy", "kopie", "copie", "copia", "orig", "original", "tmp", "temp", "prev",
-    "previous", "new", "final", "fixed", "bad", "wrong", "test", "save", "saved", "conflict",
+const VERSION_WORDS: [&str; 38] = [
+    "old",
+    "bak",
+    "backup",
+    "copy",
+    "kopie",
+    "copie",
+    "copia",
+    "orig",
+    "original",
+    "tmp",
+    "temp",
+    "prev",
+    "previous",
+    "new",
+    "final",
+    "fixed",
+    "bad",
+    "wrong",
+    "test",
+    "save",
+    "saved",
+    "conflict",
+    "latest",
+    "outdated",
+    "obsolete",
+    "deprecated",
+    "unused",
+    "archive",
+    "archived",
+    "recalib",
+    "recalibrated",
+    "updated",
+    "alt",
+    "alte",
+    "neu",
+    "vieux",
+    "ancien",
+    "nouveau",
 ];
 /// Words that say which half of a camera a file or folder holds.
 const HALF_WORDS: [&str; 18] = [
@@ -109,6 +145,18 @@ pub(super) fn half_key(path: &str) -> String {
     parts.filter(|part| !part.is_empty()).collect::<Vec<String>>().join("/")
 }
 
+/// Whether two files are of two cameras by their own names: numbers that differ, or halves of which each names a camera.
+pub(super) fn are_two_cameras(one: &str, other: &str) -> bool {
+    let (one, other) = (stem(one), stem(other));
+    let (one_kept, other_kept) = (half_key(one), half_key(other));
+    let are_halves = || one_kept.len() < one.len() && other_kept.len() < other.len();
+    let are_numbered = || ends_in_digit(&one_kept) && ends_in_digit(&other_kept);
+    one_kept != other_kept
+        && !one_kept.is_empty()
+        && !other_kept.is_empty()
+        && (are_numbered() || are_halves())
+}
+
 /// Cameras in the order people count, an error if two files look like one camera and differ. Of two that hold
 /// the same camera one is kept, with a warning.
 pub(super) fn settled<T>(
@@ -125,7 +173,7 @@ pub(super) fn settled<T>(
     while at < cameras.len() {
         let version = &cameras[at];
         let base = cameras.iter().enumerate().find(|(index, base)| {
-            let equal = version.name.eq_ignore_ascii_case(&base.name);
+            let equal = version.name.to_lowercase() == base.name.to_lowercase();
             (*index < at && equal) || (!equal && is_version(&version.name, &base.name))
         });
         let Some((_, base)) = base else {
@@ -207,18 +255,56 @@ fn unversioned(name: &str) -> Vec<&str> {
     let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
     let copied = name.rsplit_once('(').filter(|(_, rest)| rest.strip_suffix(')').is_some_and(is_number));
     let name = copied.map_or(name, |(base, _)| base);
-    words(name).into_iter().filter(|word| !is_version_word(word)).collect()
+    undated(&words(name)).into_iter().filter(|word| !is_version_word(word)).collect()
+}
+
+/// Words without dates (2021, 05, 03 or 20210503) and what follows a version's number (v1, 2).
+fn undated<'a>(words: &[&'a str]) -> Vec<&'a str> {
+    let is_of =
+        |word: &str, digits: usize| word.len() == digits && word.bytes().all(|byte| byte.is_ascii_digit());
+    let mut kept: Vec<&str> = Vec::new();
+    let mut rest = words;
+    while let [word, behind @ ..] = rest {
+        rest = match behind {
+            [month, day, after @ ..]
+                if is_of(word, 4) && word.starts_with("20") && is_of(month, 2) && is_of(day, 2) =>
+            {
+                after
+            }
+            _ if is_of(word, 8) && word.starts_with("20") => behind,
+            [minor, after @ ..]
+                if is_version_number(word)
+                    && minor.len() < 3
+                    && minor.bytes().all(|byte| byte.is_ascii_digit()) =>
+            {
+                kept.push(word);
+                after
+            }
+            _ => {
+                kept.push(word);
+                behind
+            }
+        };
+    }
+    kept
 }
 
 /// The words of a name that tell of a version, without numbers behind them.
 fn version_words(name: &str) -> Vec<&str> {
     let plain = |word: &'_ str| word.trim_end_matches(|c: char| c.is_ascii_digit()).len();
-    words(name).into_iter().filter(|word| is_version_word(word)).map(|word| &word[..plain(word)]).collect()
+    let has_date = undated(&words(name)).len() < words(name).len();
+    let date = has_date.then_some("date");
+    let words = words(name).into_iter().filter(|word| is_version_word(word)).map(|word| &word[..plain(word)]);
+    words.chain(date).collect()
 }
 
-fn is_version_word(word: &str) -> bool {
-    let number = word.strip_prefix('v').is_some_and(|rest| rest.parse::<u32>().is_ok());
-    number || VERSION_WORDS.contains(&word.trim_end_matches(|c: char| c.is_ascii_digit()))
+fn is_version_number(word: &str) -> bool {
+    word.strip_prefix('v').is_some_and(|rest| rest.parse::<u32>().is_ok())
+}
+
+/// Whether a word in lower case tells of a version: "old", "v2".
+pub(super) fn is_version_word(word: &str) -> bool {
+    is_version_number(word) || VERSION_WORDS.contains(&word.trim_end_matches(|c: char| c.is_ascii_digit()))
 }
 
 #[cfg(test)]

@@ -77,6 +77,19 @@ pub(super) fn matrix_from(file: &TextFile) -> Result<Matrix3x4<f64>, ImportError
     if let Some(wrong) = found.iter().find(|number| !number.is_finite()) {
         return Err(ImportError::key(&file.path, "P", wrong.to_string(), expected));
     }
+    let counts = lines.lines().map(|line| numbers(line).map_or(0, |numbers| numbers.len()));
+    let counts: Vec<usize> = counts.filter(|count| *count > 0).collect();
+    if counts != [4, 4, 4] && counts != [12] {
+        // A pose of four lines, R above t, has twelve numbers too.
+        let shown: Vec<String> = counts.iter().map(usize::to_string).collect();
+        let found = format!("lines of {} numbers", shown.join(", "));
+        return Err(ImportError::key(
+            &file.path,
+            "P",
+            found,
+            "three lines of four numbers, or one of twelve",
+        ));
+    }
     Ok(Matrix3x4::from_row_slice(&found))
 }
 
@@ -221,6 +234,17 @@ mod tests {
         for text in ["1 0 0 0\n0 1 0 0\n0 0 1 3\n", "0 2 0 0.5\n-2 0 0 0.2\n0 0 -2 3\n"] {
             let found = import("cam1.txt", text.to_owned()).expect_err("no camera matrix").to_string();
             assert!(found.starts_with("cam1.txt: P: found a rotation and a translation [R t]"), "{found}");
+        }
+    }
+
+    #[test]
+    fn twelve_numbers_in_other_lines_are_no_projection_matrix() {
+        for text in ["1 0 0\n0 1 0\n0 0 1\n0 0 3\n", "1 2\n3 4\n5 6\n7 8\n9 1\n2 3\n", &"1\n".repeat(12)] {
+            let found = import("cam1.txt", text.to_owned()).expect_err("another form").to_string();
+            assert!(
+                found.starts_with("cam1.txt: P: found lines of ") && found.contains("three lines of four"),
+                "{found}"
+            );
         }
     }
 

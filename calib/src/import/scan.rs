@@ -64,6 +64,10 @@ impl Scan {
         let mut targets = BTreeSet::new();
         for (name, is_folder) in entries(folder)? {
             let (path, shown) = (folder.join(&name), format!("{prefix}{name}"));
+            if name.contains(char::REPLACEMENT_CHARACTER) && fs::symlink_metadata(&path).is_err() {
+                self.warnings.push(format!("{shown}: left out, its name is not UTF-8"));
+                continue;
+            }
             if is_folder {
                 if name.starts_with('.') {
                     continue;
@@ -122,11 +126,15 @@ impl Scan {
         {
             self.whole_rig = Some(shown.to_owned());
         }
-        if plain.ends_with(".csv") && is_matrix(&head(path)) {
+        if ends(&MEDIA_ENDINGS) {
+            return false;
+        }
+        let head = head(path);
+        if is_matrix(&head) {
             self.warnings.push(format!(
                 "{shown}: left out for its name, it is a 3 x 4 matrix: expected .txt, .dat or .P at its end"
             ));
-        } else if !ends(&MEDIA_ENDINGS) && looks_like_calibration(&head(path)) {
+        } else if looks_like_calibration(&head) {
             self.warnings.push(format!(
                 "{shown}: looks like a calibration, left out for its name: expected .xml, .yml, .yaml or .txt at its end"
             ));

@@ -1,9 +1,11 @@
 //! A small XML file as a tree: what calibration files need of XML.
 
+use hull::text::{MAX_QUOTED_CHARS, shortened};
 use quick_xml::Reader;
 use quick_xml::encoding::EncodingError;
+use quick_xml::escape::resolve_predefined_entity;
 use quick_xml::events::attributes::AttrError;
-use quick_xml::events::{BytesStart, Event};
+use quick_xml::events::{BytesRef, BytesStart, Event};
 use thiserror::Error;
 
 use super::{ImportError, TextFile};
@@ -30,6 +32,10 @@ enum XmlError {
     Cut,
     #[error("no element")]
     Empty,
+    #[error("a second document behind the first")]
+    Roots,
+    #[error("the entity &{0};")]
+    Entity(String),
 }
 
 /// An element with its attributes, text and child elements.
@@ -89,14 +95,40 @@ fn root(reader: &mut Reader<&[u8]>) -> Result<Element, XmlError> {
                     parent.text.push_str(&text);
                 }
             }
+            Event::CData(text) => {
+                let text = text.decode()?;
+                if let Some(parent) = open.last_mut() {
+                    parent.text.push_str(&text);
+                }
+            }
+            Event::GeneralRef(entity) => {
+                let text = resolved(&entity)?;
+                if let Some(parent) = open.last_mut() {
+                    parent.text.push_str(&text);
+                }
+            }
             Event::Eof if open.len() > 1 => return Err(XmlError::Cut),
             Event::Eof => {
-                let root = open.pop().and_then(|mut document| document.children.pop());
-                return root.ok_or(XmlError::Empty);
+                let mut roots = open.pop().map(|document| document.children).unwrap_or_default();
+                return match (roots.pop(), roots.pop()) {
+                    (Some(root), None) => Ok(root),
+                    (None, _) => Err(XmlError::Empty),
+                    (Some(_), Some(_)) => Err(XmlError::Roots),
+                };
             }
             _ => {}
         }
     }
+}
+
+/// The text that an entity stands for: `&#45;`, `&lt;`.
+fn resolved(entity: &BytesRef) -> Result<String, XmlError> {
+    if let Some(character) = entity.resolve_char_ref()? {
+        return Ok(character.to_string());
+    }
+    let name = entity.decode()?;
+    let text = resolve_predefined_entity(&name).map(str::to_owned);
+    text.ok_or_else(|| XmlError::Entity(shortened(&name, MAX_QUOTED_CHARS)))
 }
 
 fn element(tag: &BytesStart) -> Result<Element, XmlError> {

@@ -32,7 +32,7 @@ pub(super) fn parse(file: &TextFile) -> Result<Vec<Entry>, ImportError> {
         let Some((key, _)) = text.split_once(':') else {
             if indent > 0 || line.text.starts_with('-') {
                 if let Some(entry) = entries.last_mut().filter(|_| is_unfinished) {
-                    add_line(entry, text);
+                    add_line(entry, line.text);
                 }
                 continue;
             }
@@ -46,12 +46,13 @@ pub(super) fn parse(file: &TextFile) -> Result<Vec<Entry>, ImportError> {
         if let Some(parent) = parent.and_then(|index| entries.get_mut(index))
             && describes(file, parent, key, &value)?
         {
-            is_unfinished = false;
+            is_unfinished = key == "data" && value.is_empty();
             continue;
         }
         let key = parent.map_or_else(|| key.to_owned(), |parent| format!("{}/{key}", entries[parent].key));
+        let is_list = value.starts_with(['[', '{']);
         let bare = value.trim_matches(['"', '\'']).trim();
-        is_unfinished = bare.is_empty();
+        is_unfinished = value.is_empty();
         open.push((indent, entries.len()));
         if open.len() > MAX_DEPTH {
             return Err(ImportError::syntax(
@@ -61,28 +62,88 @@ pub(super) fn parse(file: &TextFile) -> Result<Vec<Entry>, ImportError> {
                 "at most 16 maps in maps",
             ));
         }
+        let found =
+            if is_list { list(&value) } else { numbers(bare).map_err(|word| NoNumber(word.to_owned())) };
         entries.push(Entry {
             key,
             shape: None,
-            numbers: numbers(bare).ok().filter(|found| !found.is_empty()),
-            text: bare.to_owned(),
+            text: if is_list { plain(bare) } else { bare.to_owned() },
+            unread: found.as_ref().err().filter(|_| is_list).map(|NoNumber(word)| word.clone()),
+            numbers: found.ok().filter(|found| !found.is_empty()),
+            is_list,
         });
     }
     Ok(entries)
 }
 
 /// Adds a value, or an item of a list, that stands in a line below its key.
-fn add_line(entry: &mut Entry, text: &str) {
-    let plain = text.replace(['[', ']', '"', '\''], " ");
-    let mut words = plain.trim();
-    while let Some(item) = words.strip_prefix("- ") {
-        words = item.trim_start();
+fn add_line(entry: &mut Entry, line: &str) {
+    let (mut item, mut is_item) = (line.trim(), false);
+    while let Some(inner) = item.strip_prefix('-').filter(|inner| inner.is_empty() || inner.starts_with(' '))
+    {
+        (item, is_item) = (inner.trim_start(), true);
     }
-    match numbers(words) {
-        Ok(found) => entry.numbers.get_or_insert_default().extend(found),
-        Err(_) if entry.text.is_empty() => words.clone_into(&mut entry.text),
-        Err(_) => entry.text = format!("{} {words}", entry.text),
+    entry.is_list |= is_item || item.starts_with('[');
+    // In an item of its own a comma is none between numbers.
+    let found = match item {
+        "" => Err(NoNumber("an item without a value".to_owned())),
+        _ if !is_item || item.contains(['[', ']']) => list(item),
+        _ => item.parse().map(|number| vec![number]).map_err(|_| NoNumber(item.to_owned())),
+    };
+    let (numbers, words) = match found {
+        Ok(found) if entry.unread.is_none() => (found, String::new()),
+        Ok(_) => (Vec::new(), plain(item)),
+        Err(NoNumber(word)) => {
+            let first = entry.unread.get_or_insert(word);
+            (Vec::new(), if item.is_empty() { first.clone() } else { plain(item) })
+        }
+    };
+    if entry.unread.is_some() {
+        // Text of numbers before it is not needed: a list of numbers has none.
+        entry.numbers = None;
+    } else {
+        entry.numbers.get_or_insert_default().extend(numbers);
     }
+    if !words.is_empty() && entry.text.len() < MAX_TEXT_BYTES {
+        let gap = if entry.text.is_empty() { "" } else { " " };
+        entry.text = format!("{}{gap}{words}", entry.text);
+    }
+}
+
+/// What is kept of the words in a list: names of cameras.
+const MAX_TEXT_BYTES: usize = 64 << 10;
+
+/// The words of a list, without what stands around them.
+fn plain(list: &str) -> String {
+    let bare = list.replace(['[', ']', '"', '\'', ','], " ");
+    bare.split_whitespace().collect::<Vec<&str>>().join(" ")
+}
+
+/// What stands in a list and is no number.
+#[derive(Clone)]
+struct NoNumber(String);
+
+/// The numbers of a list in brackets, lists in lists too, in their order; the error is the first thing that is none.
+fn list(text: &str) -> Result<Vec<f64>, NoNumber> {
+    if text.starts_with('{') {
+        return Err(NoNumber(text.to_owned()));
+    }
+    let bare = text.replace(['[', ']', ';'], " ");
+    let mut items: Vec<&str> = bare.split(',').collect();
+    // `[]`, and a comma before the end.
+    if items.last().is_some_and(|last| last.trim().is_empty()) {
+        items.pop();
+    }
+    let mut numbers = Vec::with_capacity(items.len());
+    for item in items {
+        if item.trim().is_empty() {
+            return Err(NoNumber("nothing between two commas".to_owned()));
+        }
+        for word in item.split_whitespace() {
+            numbers.push(word.parse().map_err(|_| NoNumber(word.to_owned()))?);
+        }
+    }
+    Ok(numbers)
 }
 
 /// OpenCV's files nest three deep; keys are joined, so depth costs memory.
@@ -96,10 +157,10 @@ fn describes(file: &TextFile, matrix: &mut Entry, key: &str, value: &str) -> Res
         "cols" => matrix.shape = whole(value).map(|cols| (matrix.shape.map_or(0, |shape| shape.0), cols)),
         "dt" => {}
         "data" => {
-            let found = numbers(value).map_err(|word| {
+            let found = if value.is_empty() { Ok(Vec::new()) } else { list(value) };
+            matrix.numbers = Some(found.map_err(|NoNumber(word)| {
                 ImportError::key(&file.path, &matrix.key, format!("{word:?} in its data"), "numbers")
-            })?;
-            matrix.numbers = Some(found);
+            })?);
         }
         _ => return Ok(false),
     }
@@ -116,18 +177,47 @@ fn lines(text: &str) -> impl Iterator<Item = Line<'_>> {
     })
 }
 
-/// The value that starts in a line, brackets followed over lines and taken off, and the next line's index.
+/// The value that starts in a line, a list or map in brackets followed over lines, and the next line's index. Tags and
+/// anchors are left out.
 fn value_from(file: &TextFile, lines: &[Line], at: usize) -> Result<(String, usize), ImportError> {
-    let value = lines[at].text.split_once(':').map_or("", |(_, value)| value).trim();
-    let value =
-        if value.starts_with("!!") { value.split_once(' ').map_or("", |(_, rest)| rest) } else { value };
-    let Some(list) = value.strip_prefix('[') else { return Ok((value.to_owned(), at + 1)) };
+    let mut value = lines[at].text.split_once(':').map_or("", |(_, value)| value).trim();
+    while value.starts_with(['!', '&']) {
+        value = value.split_once(char::is_whitespace).map_or("", |(_, rest)| rest.trim_start());
+    }
+    let below = lines.get(at + 1).filter(|below| below.indent > lines[at].indent).map(|below| below.text);
+    let (begins, first) = match below {
+        Some(below) if value.is_empty() && below.starts_with('[') => (at + 1, below),
+        _ => (at, value),
+    };
+    if !first.starts_with(['[', '{']) {
+        return Ok((value.to_owned(), at + 1));
+    }
     let mut text = String::new();
-    let parts = iter::once(list).chain(lines[at + 1..].iter().map(|line| line.text));
-    for (part, next) in parts.zip(at + 1..) {
-        if let Some((last, _)) = part.split_once(']') {
-            text.push_str(last);
-            return Ok((text.replace('[', " "), next));
+    let (mut depth, mut quote) = (0_usize, None);
+    let parts = iter::once(first).chain(lines[begins + 1..].iter().map(|line| line.text));
+    for (part, next) in parts.zip(begins + 1..) {
+        for (place, c) in part.char_indices() {
+            match (quote, c) {
+                (Some(open), _) => quote = Some(open).filter(|open| *open != c),
+                (None, '"' | '\'') => quote = Some(c),
+                (None, '[' | '{') => depth += 1,
+                (None, ']' | '}') => depth -= 1,
+                _ => {}
+            }
+            if depth == 0 {
+                let (inside, behind) = part.split_at(place + c.len_utf8());
+                if !behind.trim().is_empty() {
+                    let found = format!("{behind:?} behind a list");
+                    return Err(ImportError::syntax(
+                        file,
+                        lines[next - 1].number,
+                        &found,
+                        "the end of the line",
+                    ));
+                }
+                text.push_str(inside);
+                return Ok((text, next));
+            }
         }
         text.push_str(part);
         text.push(' ');
@@ -171,7 +261,7 @@ mod tests {
                 ("camera_0", None, ""),
                 ("camera_0/camera_matrix", Some((1, 1)), ""),
                 ("camera_0/distortion_type", None, "1"),
-                ("names", None, ""),
+                ("names", None, "01"),
                 ("names/model", None, "x"),
                 ("last", None, "a b"),
             ]

@@ -5,6 +5,7 @@ use std::io::{BufRead, BufReader, Seek};
 use std::path::{Path, PathBuf};
 
 use hull::{Camera, Silhouette};
+use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use segment::Layout;
 use segment::mask::{Channels, MaskError, MaskFilm, MaskImage, Samples};
@@ -90,9 +91,17 @@ pub(super) fn decode(
         ImageReader::new(bytes).with_guessed_format().map_err(|error| SourceError::file(path, error))?;
     let is_lossy = reader.format() == Some(ImageFormat::Jpeg);
     reader.limits(limits(fit.size()));
-    let decoder = reader.into_decoder().map_err(|error| SourceError::file(path, error))?;
+    let mut decoder = reader.into_decoder().map_err(|error| SourceError::file(path, error))?;
     // Checked before anything of that size is decoded.
     fit.check(&path.display().to_string(), decoder.dimensions())?;
+    let orientation = decoder.orientation().map_err(|error| SourceError::file(path, error))?;
+    if orientation != Orientation::NoTransforms {
+        let turned = orientation.to_exif();
+        let problem = format!(
+            "found orientation {turned} in its tag, expected 1: some programs would turn it, write it as it is seen"
+        );
+        return Err(SourceError::file(path, problem));
+    }
     let decoded = DynamicImage::from_decoder(decoder).map_err(|error| SourceError::file(path, error))?;
     (image.width, image.height) = (decoded.width(), decoded.height());
     match kind {

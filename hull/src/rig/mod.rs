@@ -71,6 +71,9 @@ pub enum RigError {
         /// How many.
         found: usize,
     },
+    /// A name that is no file's either: masks lie in folders of the cameras' names.
+    #[error("camera name {0:?}, expected printable characters without / and \\")]
+    Name(String),
     /// Two cameras share a name.
     #[error("camera name {0:?} is used twice, expected unique names")]
     Duplicate(String),
@@ -87,6 +90,14 @@ impl Rig {
         }
         if cameras.len() > MAX_CAMERAS {
             return Err(RigError::TooMany { found: cameras.len() });
+        }
+        let is_name = |name: &str| {
+            !name.is_empty()
+                && ![".", ".."].contains(&name)
+                && !name.contains(|c: char| c.is_control() || "/\\".contains(c))
+        };
+        if let Some(wrong) = cameras.iter().find(|camera| !is_name(camera.name())) {
+            return Err(RigError::Name(shortened(wrong.name(), MAX_QUOTED_CHARS)));
         }
         let mut names = BTreeSet::new();
         if let Some(twice) = cameras.iter().find(|camera| !names.insert(camera.name())) {
@@ -179,6 +190,13 @@ fn camera_from_section(section: &str, keys: &Table) -> Result<Camera, RigError> 
     for (key, value) in keys {
         check_camera_words(key, value).map_err(in_section(&section, key))?;
     }
+    for (key, is_out) in [("ignore", true), ("calibrated", false)] {
+        if let Some(found @ Value::Boolean(said)) = keys.get(key)
+            && *said == is_out
+        {
+            return Err(wrong(key, Some(found), "a camera that takes part: remove its section"));
+        }
+    }
     let size = vector::<2>(keys.get("size"))
         .filter(|size| size.iter().all(|&side| side >= 0.0 && side.fract() == 0.0 && side < 1e6))
         .ok_or_else(|| wrong("size", keys.get("size"), "[width, height] in whole pixels"))?;
@@ -205,6 +223,7 @@ fn camera_from_section(section: &str, keys: &Table) -> Result<Camera, RigError> 
         Vector3::from(rotation),
         Vector3::from(translation),
     )
+    .and_then(|camera| camera.check_image().map(|()| camera))
     .map_err(|error| RigError::Camera { section: section.clone(), error })
 }
 

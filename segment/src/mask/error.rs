@@ -67,6 +67,19 @@ pub enum MaskError {
         /// The most common value over half.
         high: u32,
     },
+    /// Too many pixels may be on either side.
+    #[error(
+        "found a picture: pixels that are neither near {low} nor near {high}, and no soft edge, make {percent} % of the \
+         foreground; expected a mask"
+    )]
+    Doubtful {
+        /// Such pixels, in percent of those over half.
+        percent: u32,
+        /// The most common value up to half.
+        low: u32,
+        /// The most common value over half.
+        high: u32,
+    },
     /// Most pixels are near one of two greys, and these are no extremes.
     #[error(
         "found a picture: most of its pixels are near {low} or {high}; expected a mask, with background near 0 and \

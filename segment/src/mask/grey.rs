@@ -15,6 +15,16 @@ const LABEL_SHARE: usize = 50;
 /// video of limited range (16 to 235) is, and pictures of a bright wall are not.
 const EXTREME_SHARE: u32 = 8;
 
+/// What is farther than one of so many parts of the way from background and from foreground is in doubt.
+const DOUBTFUL_MARGIN: u32 = 8;
+/// Of a mask less than one of so many parts of the foreground is in doubt, edges apart: limbs that moved fast.
+const DOUBTFUL_SHARE: usize = 10;
+/// Fewer pixels in doubt than one of so many are no clothes.
+const LEAST_DOUBTFUL: usize = 500;
+/// The half of a soft edge is at most one of so many parts of the image's width, or so many pixels.
+const EDGE_SHARE: usize = 40;
+const LEAST_EDGE_PIXELS: usize = 8;
+
 /// Background, shadow and foreground of background subtraction.
 const SHADOWS: [u32; 3] = [0, 127, 255];
 
@@ -192,12 +202,74 @@ impl Greys<'_> {
         if has_label {
             return labels();
         }
+        self.check_doubtful(values, width)?;
         let max = self.counts.len() as u32 - 1;
         let most = max / EXTREME_SHARE;
         if self.low > most || self.high < max - most {
             return Err(MaskError::Peaks { low: self.low, high: self.high, max });
         }
         Ok(())
+    }
+}
+
+impl Greys<'_> {
+    /// Refuses a person cut out in grey, whose dark clothes would be background. A soft edge lies between background and
+    /// foreground: both are near each of its pixels.
+    fn check_doubtful<S: Sample>(&self, values: &[S], width: usize) -> Result<(), MaskError> {
+        let margin = (self.high - self.low) / DOUBTFUL_MARGIN;
+        let sum = |from: u32, to: u32| (from..to).map(|value| self.counts[value as usize]).sum::<usize>();
+        let max = self.counts.len() as u32 - 1;
+        let (doubtful, foreground) = (sum(self.low + margin, self.high - margin), sum(max / 2 + 1, max + 1));
+        let is_much =
+            |pixels: usize| DOUBTFUL_SHARE * pixels > foreground && LEAST_DOUBTFUL * pixels > values.len();
+        if !is_much(doubtful) {
+            return Ok(());
+        }
+        let reach = LEAST_EDGE_PIXELS.max(width / EDGE_SHARE);
+        let near = |is: &dyn Fn(u32) -> bool| {
+            near_any(values.iter().map(|&value| is(value.into())).collect(), width, reach)
+        };
+        let by_low = near(&|value| value < self.low + margin);
+        let by_high = near(&|value| value >= self.high - margin);
+        let is_lone = |(&value, by): (&S, (&bool, &bool))| {
+            let grey: u32 = value.into();
+            (self.low + margin..self.high - margin).contains(&grey) && !(*by.0 && *by.1)
+        };
+        let lone = values.iter().zip(by_low.iter().zip(&by_high)).filter(|pixel| is_lone(*pixel)).count();
+        if !is_much(lone) {
+            return Ok(());
+        }
+        let percent = (100 * lone / foreground.max(1)) as u32;
+        Err(MaskError::Doubtful { percent, low: self.low, high: self.high })
+    }
+}
+
+/// Of each pixel, whether one that `is` lies no farther than `reach` pixels across and down.
+fn near_any(is: Vec<bool>, width: usize, reach: usize) -> Vec<bool> {
+    let mut across = is;
+    across.chunks_mut(width).for_each(|row| spread(row, 1, reach));
+    let last = across.len() - width;
+    for column in 0..width {
+        spread(&mut across[column..=last + column], width, reach);
+    }
+    across
+}
+
+/// Spreads what is true so far to both sides, among every `step`-th of the pixels.
+fn spread(line: &mut [bool], step: usize, reach: usize) {
+    let places = || (0..line.len()).step_by(step);
+    let whole: Vec<bool> = places().map(|place| line[place]).collect();
+    let mut to_last = vec![usize::MAX; whole.len()];
+    let mut last = None;
+    for (index, &is) in whole.iter().enumerate() {
+        last = if is { Some(index) } else { last };
+        to_last[index] = last.map_or(usize::MAX, |last| index - last);
+    }
+    let mut next = None;
+    for (index, &is) in whole.iter().enumerate().rev() {
+        next = if is { Some(index) } else { next };
+        let to_next = next.map_or(usize::MAX, |next| next - index);
+        line[index * step] = to_next.min(to_last[index]) <= reach;
     }
 }
 

@@ -440,6 +440,35 @@ fn foreground_of_a_film_is_the_same_in_all_masks() {
     refused(read_film(&[&one, &[2; 64 * 48]]), "found the grey value 2 in every pixel");
 }
 
+/// A person of two parts before black: bright above, darker below, both with some texture.
+fn clothed(bright: u8, dark: u8) -> Vec<u8> {
+    drawn(160, 120, |x, y| {
+        let texture = ((x * 31 + y * 17 + x * y * 7) % 13) as u8;
+        match (x, y) {
+            (60..100, 10..60) => bright - texture % 6,
+            (60..100, 60..110) => dark + 2 * texture,
+            _ => 0,
+        }
+    })
+}
+
+#[test]
+fn a_person_cut_out_in_grey_is_no_mask() {
+    for (bright, dark) in [(255, 40), (255, 90), (250, 180)] {
+        refused(
+            read_greys(160, &clothed(bright, dark)),
+            "found a picture: pixels that are neither near 0 nor near",
+        );
+    }
+    // A shadow of background subtraction with noise.
+    let shadow = drawn(160, 120, |x, y| match (x, y) {
+        (60..100, 10..100) => 255,
+        (40..130, 100..118) => 124 + ((x * 31 + y * 17) % 7) as u8,
+        _ => ((x * 7 + y * 3) % 4) as u8,
+    });
+    refused(read_greys(160, &shadow), "found flat regions");
+}
+
 #[test]
 fn samples_of_another_size_are_refused() {
     refused(

@@ -124,12 +124,33 @@ fn no_camera_is_lost_without_a_word() {
         ("cam5.yml", ""),
         ("cam6.txt", P),
         ("a/b/c/d/e/cam7.yml", &storage(7)),
+        ("cam10.mat", P),
+        (".cam11.txt", P),
+        ("cam12", P),
+        ("cam13.txt", &format!("{P}{P}")),
+        ("cam14.xml", "<camera><K>500 0 320 0 500 240 0 0 1</K></camera>"),
     ]);
     fs::write(room.path().join("cam8.yml"), [0u8, 159]).expect("written");
     let warnings = import(room.path(), None, &SIZE).expect("a rig").warnings;
-    for name in ["cam2.yml.bak", "cam3.json", ".cam4.yml", "cam5.yml", "cam6.txt", "a/b/c/d/e", "cam8.yml"] {
+    for name in [
+        "cam2.yml.bak",
+        "cam3.json",
+        ".cam4.yml",
+        "cam5.yml",
+        "cam6.txt",
+        "a/b/c/d/e",
+        "cam8.yml",
+        "cam10.mat",
+        ".cam11.txt",
+        "cam12",
+        "cam13.txt",
+        "cam14.xml",
+    ] {
         assert!(warnings.iter().any(|warning| warning.starts_with(name)), "{name}: {warnings:?}");
     }
+    let plain = "image_size: [640, 480]\nK: [500, 0, 320, 0, 500, 240, 0, 0, 1]\nD: [0, 0, 0, 0]\nrvec: [0, 0, 1]\ntvec: [0, 0, 3]\n";
+    let python = folder(&[("cam1.yml", &storage(1)), ("cam2.yml", plain)]);
+    assert_eq!(import(python.path(), None, &SIZE).expect("a rig").rig.cameras().len(), 2);
     let latin = b"%YAML:1.0\n# caf\xe9\ncamera_matrix: !!opencv-matrix\n";
     fs::write(room.path().join("cam9.yml"), latin).expect("written");
     let found = import(room.path(), None, &SIZE).expect_err("refused").to_string();

@@ -5,7 +5,7 @@ use hull::lens_model::{LENS_COEFFICIENTS, five_coefficients};
 use nalgebra::{Matrix3, Vector3};
 
 use super::super::entry::Entry;
-use super::super::names::Named;
+use super::super::names::{Named, is_version_word};
 use super::super::projection::{Placement, placed};
 use super::super::{ImportError, ImportOptions, from_origin, size_of};
 use super::parts::{Part, Parts};
@@ -111,7 +111,9 @@ fn check_alone(parts: &Parts, only: &str) -> Result<(), ImportError> {
 /// A file with one plain camera matrix describes no second camera.
 fn check_single(parts: &Parts) -> Result<(), ImportError> {
     for role in [Role::Matrix, Role::Lens, Role::Translation] {
-        let others: Vec<&str> = parts.cameras(role).into_iter().filter(is_side).collect();
+        let is_version = |camera: &&str| role == Role::Translation && is_version_word(&camera.to_lowercase());
+        let others = parts.cameras(role).into_iter().filter(|camera| is_side(camera) || is_version(camera));
+        let others: Vec<&str> = others.collect();
         if !others.is_empty() && (role != Role::Lens || others.len() > 1 || parts.has(Role::Lens, None)) {
             return Err(self::others(parts, parts.key(Role::Matrix, None), &keys(parts, role, &others)));
         }
@@ -143,6 +145,10 @@ fn check_own_poses(parts: &Parts, named: &[&str]) -> Result<(), ImportError> {
                 "the camera matrix K of each camera",
             ));
         }
+    }
+    if let Some((path, name)) = parts.unmatched_name() {
+        let found = format!("{name}, and no camera matrix with it in its key");
+        return Err(ImportError::key(path, "names", found, "K_ and a name for each of the names"));
     }
     Ok(())
 }
@@ -257,8 +263,12 @@ impl Reader<'_, '_> {
             }
             // And the other way round: `K` with `D1`.
             (None, None) => match self.parts.cameras(Role::Lens)[..] {
-                [only] => self.parts.find(Role::Lens, Some(only))?,
-                _ => None,
+                [only] if is_side(&only) => self.parts.find(Role::Lens, Some(only))?,
+                [] => None,
+                [other, ..] => {
+                    let keys = (self.parts.key(Role::Matrix, None), self.parts.key(Role::Lens, Some(other)));
+                    return Err(others(self.parts, keys.0, keys.1));
+                }
             },
             (found, _) => found,
         };
@@ -273,8 +283,16 @@ impl Reader<'_, '_> {
             return Ok([0.0; 5]);
         };
         let given = checked(part, expected)?;
-        if ![1, 2, 4, 5, 8, 12, 14].contains(&given.len()) {
+        // A scalar `d` is something else.
+        if ![1, 2, 4, 5, 8, 12, 14].contains(&given.len())
+            || !(Role::Lens.fits(part.entry) || part.entry.is_list)
+        {
             return Err(wrong_count(part, expected));
+        }
+        if let Some(key) = self.parts.unread_lens().filter(|_| given.iter().all(|&number| number == 0.0)) {
+            let keys = format!("{}, {key}", part.entry.key);
+            let found = "zeros, and lens coefficients under a key that is not read";
+            return Err(ImportError::key(path, &keys, found, "distortion_coefficients: k1 k2 p1 p2 k3"));
         }
         five_coefficients(given).ok_or_else(|| {
             let more = given.iter().skip(5).find(|&&more| more != 0.0).unwrap_or(&0.0);
@@ -292,12 +310,13 @@ impl Reader<'_, '_> {
             None if id.is_some() => self.parts.find(role, None),
             found => Ok(found),
         };
-        if let Some(part) = of(Role::Size)?
-            && let Some(pair @ [_, _]) = part.entry.numbers.as_deref()
-        {
-            let pair = whole(part.path, part.entry, pair)?;
-            return Ok(Some((pair[0], pair[1])));
-        }
+        let pair = match of(Role::Size)? {
+            Some(part) => match part.entry.numbers.as_deref() {
+                Some(pair @ [_, _]) => Some((part, whole(part.path, part.entry, pair)?)),
+                _ => None,
+            },
+            None => None,
+        };
         let side = |role| match of(role)? {
             Some(part) => match part.entry.numbers.as_deref() {
                 Some(numbers @ [_]) => whole(part.path, part.entry, numbers).map(|side| Some(side[0])),
@@ -307,7 +326,24 @@ impl Reader<'_, '_> {
             },
             None => Ok(None),
         };
-        Ok(side(Role::Width)?.zip(side(Role::Height)?))
+        let (width, height) = (side(Role::Width)?, side(Role::Height)?);
+        // A file that says both wins over the option.
+        let given = self.options.size.filter(|_| width.is_none() || height.is_none());
+        let sides = [(Role::Width, width), (Role::Height, height)].into_iter().zip(0_usize..);
+        for ((role, side), place) in sides.filter_map(|((role, side), place)| Some(((role, side?), place))) {
+            let (key, other) = match (&pair, given) {
+                (Some((part, pair)), _) => (part.entry.key.as_str(), pair[place]),
+                (None, Some((width, height))) => ("the size given", [width, height][place]),
+                (None, None) => continue,
+            };
+            if other != side {
+                let own = of(role)?.map_or(role.shown(), |part| part.entry.key.as_str());
+                let found = format!("{other} and {side}");
+                let keys = format!("{key}, {own}");
+                return Err(ImportError::key(self.parts.path(), &keys, found, "one image size"));
+            }
+        }
+        Ok(pair.map(|(_, pair)| (pair[0], pair[1])).or(width.zip(height)))
     }
 }
 
@@ -330,6 +366,10 @@ fn checked<'a>(part: &'a Part, expected: &'static str) -> Result<&'a [f64], Impo
 
 fn wrong_count(part: &Part, expected: &'static str) -> ImportError {
     let shape = part.entry.shape.map_or(String::new(), |(rows, cols)| format!(" for {rows} x {cols}"));
-    let count = part.entry.numbers.as_ref().map_or(0, Vec::len);
-    ImportError::key(part.path, &part.entry.key, format!("{count} numbers{shape}"), expected)
+    let found = match (part.entry.numbers.as_deref(), part.entry.shape) {
+        (None, None) => format!("{:?}", part.entry.text),
+        (Some([only]), None) if !part.entry.is_list => format!("the single number {only}"),
+        (numbers, _) => format!("{} numbers{shape}", numbers.map_or(0, <[f64]>::len)),
+    };
+    ImportError::key(part.path, &part.entry.key, found, expected)
 }

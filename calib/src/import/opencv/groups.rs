@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::super::names::{file_names, folder, half_key};
+use super::super::names::{are_two_cameras, file_names, folder, half_key};
 use super::super::{ImportError, TextFile};
 use super::parts::Parts;
 use super::roles::Role;
@@ -28,6 +28,8 @@ impl<'a> Group<'a> {
     }
 }
 
+const ONE_NAME: &str = "one name in both, or a name that says only which half it is (lens.yml)";
+
 type Described<'a> = (&'a TextFile, Parts<'a>);
 
 /// Files that say all, each with the halves that belong to it, and halves joined by folder or name. An error if
@@ -46,6 +48,10 @@ pub(super) fn grouped<'a>(files: Vec<Described<'a>>) -> Result<Vec<Group<'a>>, I
     for (file, parts) in halves {
         match owner(&paths, &file.path) {
             Some(index) => {
+                if are_two_cameras(paths[index], &file.path) {
+                    let found = "keys of two cameras by their names in a folder of one";
+                    return Err(ImportError::conflict(paths[index], &file.path, found, ONE_NAME));
+                }
                 let joined = Parts::joined([groups[index].parts.clone(), parts]);
                 joined.check_agreement()?;
                 groups[index].parts = joined;
@@ -80,8 +86,10 @@ fn halves_by_folder(halves: Vec<Described<'_>>) -> Vec<Group<'_>> {
         // Matrices of several names are several cameras, though their values are the same.
         let with_matrix = files.iter().filter(|(_, parts)| parts.has(Role::Matrix, None));
         let matrices: BTreeSet<String> = with_matrix.map(|(file, _)| half_key(&file.path)).collect();
-        if !place.is_empty() && matrices.len() < 2 && joined.is_complete() && joined.check_agreement().is_ok()
-        {
+        let is_of_two =
+            |(file, _): &Described| files.iter().any(|(other, _)| are_two_cameras(&file.path, &other.path));
+        let is_one = matrices.len() < 2 && !files.iter().any(is_of_two);
+        if !place.is_empty() && is_one && joined.is_complete() && joined.check_agreement().is_ok() {
             groups.push(group(place.rsplit('/').next().unwrap_or(place), files));
             continue;
         }

@@ -46,6 +46,7 @@ pub fn from_opencv(files: &[TextFile], options: &ImportOptions) -> Result<Import
             })?;
         }
         if !parts.is_empty() {
+            check_conventions(file, entries, options)?;
             described.push((*file, parts));
         } else if !is_of_board(entries) {
             warnings.push(format!("{}: left out, it has no key that describes a camera", file.path));
@@ -107,6 +108,30 @@ fn check_worlds(worlds: &[World]) -> Result<(), ImportError> {
         )),
         None => Ok(()),
     }
+}
+
+/// An error for keys that say that lengths or poses are others than those that are read.
+fn check_conventions(file: &TextFile, entries: &[Entry], options: &ImportOptions) -> Result<(), ImportError> {
+    for entry in entries {
+        let plain = |text: &str| text.to_lowercase().replace(['_', '-', ' ', '"', '\''], "");
+        let (name, word) = (plain(entry.name()), plain(&entry.text));
+        let wrong = |expected| Err(ImportError::key(&file.path, &entry.key, entry.text.clone(), expected));
+        let is_unit = ["unit", "units", "lengthunit", "worldunit", "worldunits", "translationunit"]
+            .contains(&name.as_str());
+        let is_length = ["mm", "cm", "inch", "inches", "in", "ft", "feet"].contains(&word.as_str())
+            || ["millimet", "centimet"].iter().any(|unit| word.starts_with(unit));
+        if is_unit && is_length && options.scale.is_none() {
+            return wrong("metres, or the scale of this unit in metres (mm: 0.001)");
+        }
+        let is_turned = ["cameratoworld", "cam2world", "camtoworld", "c2w", "worldfromcamera"];
+        if word.len() < 40 && is_turned.iter().any(|turned| word.contains(turned)) {
+            return wrong("a pose from world to camera: x_camera = R x_world + T");
+        }
+        if ["rotationorder", "eulerorder", "rotorder", "eulerangles"].contains(&name.as_str()) {
+            return wrong("a Rodrigues vector or a 3 x 3 matrix, no angles about axes");
+        }
+    }
+    Ok(())
 }
 
 /// Whether a file holds the pattern, or its corners, that a calibration was made with, and nothing of a camera.
@@ -189,6 +214,10 @@ fn add_entries(
     let text = element.text.trim().trim_matches('"').trim();
     let found =
         match element.child("data") {
+            Some(data) if !data.children.is_empty() => {
+                let found = format!("<{}> in its data", data.children[0].name);
+                return Err(ImportError::key(&file.path, key, found, "numbers"));
+            }
             Some(data) => Some(numbers(&data.text).map_err(|word| {
                 ImportError::key(&file.path, key, format!("{word:?} in its data"), "numbers")
             })?),
@@ -196,7 +225,12 @@ fn add_entries(
         };
     let is_matrix = element.child("data").is_some();
     let text = if is_matrix { String::new() } else { text.to_owned() };
-    entries.push(Entry { key: key.to_owned(), shape, numbers: found, text });
+    // A list of numbers, one of which is none: all that stands there is no value.
+    let words = text.split_whitespace();
+    let unread = words.clone().find(|word| word.parse::<f64>().is_err()).map(str::to_owned);
+    let unread = unread.filter(|_| found.is_none() && words.clone().any(|word| word.parse::<f64>().is_ok()));
+    let is_list = unread.is_some() || found.as_ref().is_some_and(|found| found.len() > 1);
+    entries.push(Entry { key: key.to_owned(), shape, numbers: found, text, unread, is_list });
     for (name, value) in &element.attributes {
         entries.push(Entry { key: format!("{key}/{name}"), text: value.clone(), ..Entry::default() });
     }
@@ -206,5 +240,7 @@ fn add_entries(
     Ok(())
 }
 
+#[cfg(test)]
+mod doubts;
 #[cfg(test)]
 mod tests;

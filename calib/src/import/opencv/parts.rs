@@ -23,6 +23,8 @@ pub(super) struct Parts<'a> {
     unread_lenses: Vec<&'a Entry>,
     /// Keys that hold the camera matrix of a further camera and are not read.
     unread_matrices: Vec<&'a Entry>,
+    /// The list of the cameras' names, with its file.
+    names: Option<(&'a str, &'a Entry)>,
 }
 
 impl<'a> Parts<'a> {
@@ -30,10 +32,13 @@ impl<'a> Parts<'a> {
     pub(super) fn of_file(file: &'a TextFile, entries: &'a [Entry]) -> Result<Parts<'a>, ImportError> {
         let mut parts = Vec::new();
         for entry in entries.iter().filter(|entry| !entry.is_nested()) {
-            let is_scalar =
-                entry.shape.is_none() && entry.numbers.as_ref().is_none_or(|found| found.len() < 2);
+            let is_scalar = entry.shape.is_none()
+                && !entry.is_list
+                && entry.numbers.as_ref().is_none_or(|found| found.len() < 2);
             if let Some(meaning) = meaning(&entry.key)
                 && !(is_scalar && matches!(meaning.role, Role::Matrix | Role::Rotation | Role::Translation))
+                // `k456`, of a rational model, is no matrix of a camera 456.
+                && (meaning.role.fits(entry) || meaning.role == Role::Lens || !holds_lens(entry))
             {
                 parts.push(Part { path: &file.path, entry, meaning });
             }
@@ -43,7 +48,9 @@ impl<'a> Parts<'a> {
             entries.iter().filter(|entry| is(entry)).filter(is_unread).collect::<Vec<&Entry>>()
         };
         let (unread_lenses, unread_matrices) = (unread(holds_lens), unread(holds_intrinsics));
-        let parts = Parts { parts, unread_lenses, unread_matrices };
+        let names = entries.iter().find(|entry| entry.key == "names" && entry.is_list);
+        let names = names.map(|names| (file.path.as_str(), names));
+        let parts = Parts { parts, unread_lenses, unread_matrices, names };
         check_inner(file, entries, parts.has_matrix())?;
         Ok(parts)
     }
@@ -55,6 +62,7 @@ impl<'a> Parts<'a> {
             joined.parts.extend(file.parts);
             joined.unread_lenses.extend(file.unread_lenses);
             joined.unread_matrices.extend(file.unread_matrices);
+            joined.names = joined.names.or(file.names);
         }
         joined
     }
@@ -89,6 +97,12 @@ impl<'a> Parts<'a> {
     /// The part that says this, if any. An error if two say it differently.
     pub(super) fn find(&self, role: Role, camera: Option<&str>) -> Result<Option<&Part<'a>>, ImportError> {
         let mut found: Vec<&Part> = self.of(role, camera).collect();
+        let is_unread = |part: &&&Part| part.entry.unread.is_some();
+        if let Some((part, word)) =
+            found.iter().find(is_unread).and_then(|part| Some((part, part.entry.unread.as_ref()?)))
+        {
+            return Err(ImportError::key(part.path, &part.entry.key, format!("{word:?}"), "numbers"));
+        }
         if found.iter().any(|part| role.fits(part.entry)) {
             found.retain(|part| role.fits(part.entry));
         }
@@ -152,6 +166,14 @@ impl<'a> Parts<'a> {
         !self.cameras(Role::Translation).is_empty()
     }
 
+    /// A name in the list `names` that no key of a camera matrix has, and the keys that do.
+    pub(super) fn unmatched_name(&self) -> Option<(&'a str, &'a str)> {
+        let (path, names) = self.names?;
+        let cameras = self.cameras(Role::Matrix);
+        let name = names.text.split_whitespace().find(|name| !cameras.contains(name))?;
+        Some((path, name))
+    }
+
     /// Whether there is all that a camera or a pair needs.
     pub(super) fn is_complete(&self) -> bool {
         let shared = self.has(Role::Rotation, None) && self.has(Role::Translation, None);
@@ -205,13 +227,18 @@ fn check_inner(file: &TextFile, entries: &[Entry], is_beside: bool) -> Result<()
 /// Whether an entry holds lens coefficients under some name: `k1`, `kc`, `distortion_parameters`. Distances are none.
 fn holds_lens(entry: &Entry) -> bool {
     const SINGLE: [&str; 5] = ["k1", "k2", "k3", "p1", "p2"];
+    const LISTS: [&str; 9] =
+        ["kc", "radial", "tangential", "prism", "thinprism", "tilt", "tau", "k456", "kappa"];
     let speaks_of_lens = |name: &str| {
-        let name = name.to_ascii_lowercase();
-        name == "kc" || (name.contains("dist") && !name.contains("distance") && !name.contains("undist"))
+        let name = name.to_ascii_lowercase().replace(['_', '-'], "");
+        LISTS.contains(&name.as_str())
+            || (name.contains("dist") && !name.contains("distance") && !name.contains("undist"))
     };
     let around = entry.key.rsplit_once('/').map_or("", |(around, _)| around);
     let is_list = entry.numbers.as_ref().is_some_and(|numbers| numbers.len() > 1);
-    let is_single = SINGLE.contains(&entry.name().to_ascii_lowercase().as_str()) && !is_list;
+    let name = entry.name().to_ascii_lowercase().replace(['_', '-'], "");
+    let kappa = name.strip_prefix("kappa").is_some_and(|number| number.parse::<u32>().is_ok());
+    let is_single = (SINGLE.contains(&name.as_str()) || kappa) && !is_list;
     let is_named = is_single
         || (is_list && (speaks_of_lens(entry.name()) || entry.name().to_ascii_lowercase().contains("lens")))
         || around.split('/').any(speaks_of_lens);

@@ -5,6 +5,7 @@ use hull::rotation::matrix_from_rodrigues;
 use nalgebra::{Matrix3, Vector3};
 
 use super::super::entry::Entry;
+use super::super::kind::MATRIX_NAMES;
 
 /// What a key holds of a camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -25,7 +26,7 @@ impl Role {
     /// The known names, in lower case without `_` and `-`; the first is preferred.
     fn names(self) -> &'static [&'static str] {
         match self {
-            Role::Matrix => &["cameramatrix", "k", "m", "mtx", "intrinsicmatrix", "intrinsics", "intrinsic"],
+            Role::Matrix => &MATRIX_NAMES,
             Role::Lens => &[
                 "distortioncoefficients",
                 "distortioncoeffs",

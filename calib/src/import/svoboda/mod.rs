@@ -38,6 +38,17 @@ pub fn from_svoboda(files: &[TextFile], options: &ImportOptions) -> Result<Impor
             "one file per camera: move one away",
         ));
     }
+    let place =
+        |file: &TextFile| file.path.rsplit_once('/').map_or(String::new(), |(folder, _)| folder.to_owned());
+    if let Some(other) = found.iter().find(|(_, file)| place(file) != place(found[0].1)) {
+        let conflict = "projection matrices in two folders";
+        return Err(ImportError::conflict(
+            &found[0].1.path,
+            &other.1.path,
+            conflict,
+            "those of one calibration: give its folder",
+        ));
+    }
     let unnumbered = files.iter().filter(|file| {
         plain_name(&file.path).ends_with(".pmat.cal") && number_before(&file.path, ".pmat.cal").is_none()
     });
@@ -59,6 +70,11 @@ pub fn from_svoboda(files: &[TextFile], options: &ImportOptions) -> Result<Impor
         );
     }
     let matrices = signed(&found)?;
+    if let Some(order) = named(files, "camera_order.txt")
+        && let Some(line) = order.text.lines().find(|line| line.split_whitespace().count() > 1)
+    {
+        return Err(ImportError::key(&order.path, "names", format!("{line:?}"), "one name a line"));
+    }
     let folder = Folder { files, order: named(files, "camera_order.txt"), sizes: sizes(files)? };
     let mut cameras = Vec::new();
     for (rank, ((number, file), p)) in found.iter().zip(&matrices).enumerate() {
@@ -168,7 +184,19 @@ impl Folder<'_> {
     ) -> Result<Camera, ImportError> {
         let origin = options.pixel_origin.unwrap_or(MATLAB_ORIGIN);
         parts.k = from_origin(parts.k, origin);
-        let radial = self.files.iter().find(|file| number_before(&file.path, ".rad") == Some(number));
+        let mut radials = self.files.iter().filter(|file| number_before(&file.path, ".rad") == Some(number));
+        let radial = radials.next();
+        if let Some((one, other)) =
+            radial.zip(radials.find(|other| radial.is_some_and(|one| one.text != other.text)))
+        {
+            let found = format!("two lenses of camera {number} that differ");
+            return Err(ImportError::conflict(
+                &one.path,
+                &other.path,
+                found,
+                "one .rad per camera: move one away",
+            ));
+        }
         let Some(radial) = radial else {
             return placed(placement, parts.k, [0.0; 5], &parts.r, parts.t, warnings);
         };
@@ -205,10 +233,15 @@ const FAILED: Matrix3<f64> = Matrix3::new(700.0, 0.0, 320.0, 0.0, 700.0, 240.0, 
 /// `K11 = …` to `K33`, `kc1 = …` to `kc4` (k1 k2 p1 p2), perhaps with `;` at the end.
 fn read_radial(file: &TextFile) -> Result<(Matrix3<f64>, [f64; 5]), ImportError> {
     let value = |key: &str| {
-        let line = file.text.lines().find_map(|line| {
+        let mut lines = file.text.lines().filter_map(|line| {
             let (name, value) = line.split_once('=')?;
             (name.trim() == key).then(|| value.trim().trim_end_matches(';').trim())
         });
+        let line = lines.next();
+        if let Some(other) = lines.find(|other| Some(*other) != line) {
+            let found = format!("{:?} and {other:?}", line.unwrap_or_default());
+            return Err(ImportError::key(&file.path, key, found, "one value"));
+        }
         let found: Option<f64> =
             line.and_then(|text| text.parse().ok()).filter(|value: &f64| value.is_finite());
         let shown = line.map_or_else(|| "nothing".to_owned(), |text| format!("{text:?}"));

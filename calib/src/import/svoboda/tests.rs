@@ -170,3 +170,22 @@ fn broken_files_are_named() {
     let error = from_svoboda(&[], &ZERO).expect_err("refused");
     assert!(matches!(error, ImportError::Unknown { .. }));
 }
+
+#[test]
+fn files_of_two_calibrations_are_refused() {
+    let both = |path: &str, text: &str| {
+        let mut files = folder(&matrices());
+        files.push(file(path, text));
+        from_svoboda(&files, &ZERO).expect_err(path).to_string()
+    };
+    let more = text(&matrices()[0]);
+    assert!(both("old/camera4.Pmat.cal", &more).contains("projection matrices in two folders"));
+    let found = both("camera_order.txt", "1 2 3\n");
+    assert!(found.contains("camera_order.txt: names: found \"1 2 3\", expected one name a line"), "{found}");
+    let lens = radial(&k(), [0.1, 0.0, 0.0, 0.0]);
+    let mut files = folder(&matrices());
+    files.extend([file("a1.rad", &lens[..]), file("b1.rad", radial(&k(), [0.2, 0.0, 0.0, 0.0]))]);
+    let found = from_svoboda(&files, &ZERO).expect_err("two lenses").to_string();
+    assert!(found.contains("a1.rad and b1.rad: found two lenses of camera 1 that differ"), "{found}");
+    assert!(both("a1.rad", &format!("{lens}kc1 = 0.5\n")).contains("kc1: found"));
+}

@@ -18,6 +18,11 @@ pub fn paths_of_frame(folder: &Path, rig: &Rig, frame: Option<u64>) -> Outcome<V
     let path = |camera: &Camera| {
         let Some(frame) = frame else {
             let path = folder.join(format!("{}.png", camera.name()));
+            if folder.join(camera.name()).is_dir() && path.is_file() {
+                let problem =
+                    format_args!("found a folder {:?} beside it, expected one of the two", camera.name());
+                return Err(Failure::unreadable(&path, problem));
+            }
             return if path.is_file() { Ok(path) } else { Err(missing(&path, camera)) };
         };
         let of_camera = folder.join(camera.name());
@@ -33,6 +38,11 @@ pub fn paths_of_film(folder: &Path, rig: &Rig) -> Outcome<Vec<BTreeMap<u64, Path
     let has_folders = rig.cameras().iter().any(|camera| folder.join(camera.name()).is_dir());
     if has_folders {
         refuse_unknown_cameras(folder, rig, true)?;
+        let image = |camera: &Camera| folder.join(format!("{}.png", camera.name()));
+        if let Some(both) = rig.cameras().iter().map(image).find(|path| path.is_file()) {
+            let problem = "found an image beside folders of numbered ones, expected either for all cameras";
+            return Err(Failure::unreadable(&both, problem));
+        }
         return rig.cameras().iter().map(|camera| numbered(&folder.join(camera.name()))).collect();
     }
     let paths = paths_of_frame(folder, rig, None)?;

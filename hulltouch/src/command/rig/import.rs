@@ -1,6 +1,6 @@
 //! `hulltouch rig import`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use calib::import::{Axis, Format, ImportOptions, import};
 use clap::{Args, ValueEnum};
@@ -78,6 +78,7 @@ pub fn run(arguments: &ImportArguments) -> Outcome {
         size: arguments.size,
         pixel_origin: arguments.pixel_origin,
     };
+    refuse_own_input(&arguments.input, &arguments.out)?;
     let imported = import(&arguments.input, arguments.format.format(), &options).map_err(Failure::input)?;
     for warning in &imported.warnings {
         tracing::warn!("{warning}");
@@ -86,6 +87,17 @@ pub fn run(arguments: &ImportArguments) -> Outcome {
     let cameras = imported.rig.cameras();
     out!("{}", table(cameras))?;
     outln!("{} cameras: {}", cameras.len(), arguments.out.display())
+}
+
+/// Refuses to write over the calibration that is read: the file itself, or one of its folder that is no rig file.
+fn refuse_own_input(input: &Path, out: &Path) -> Outcome {
+    let (Ok(input), Ok(written)) = (input.canonicalize(), out.canonicalize()) else { return Ok(()) };
+    let is_rig = written.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
+    if written == input || (written.starts_with(&input) && !is_rig) {
+        let problem = "it is part of the calibration that is imported, expected another file for --out";
+        return Err(Failure::unreadable(out, problem));
+    }
+    Ok(())
 }
 
 fn table(cameras: &[Camera]) -> String {
