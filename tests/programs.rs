@@ -152,6 +152,34 @@ async fn a_follower_gets_states_at_the_rate_it_asked_for() {
     assert!(film_s > 1.5, "20 states of 10 a second in {film_s} s");
 }
 
+/// Another program of the same machine, which offers wrong tokens without end.
+async fn guess(mut client: WorldClient<Channel>) {
+    loop {
+        let mut request = Request::new(v1::PauseRequest {});
+        request
+            .metadata_mut()
+            .insert("authorization", "Bearer not-the-right-token".parse().expect("plain text"));
+        let refused = client.pause(request).await.expect_err("a wrong token");
+        assert_eq!(refused.code(), Code::PermissionDenied);
+    }
+}
+
+#[tokio::test]
+async fn a_program_that_has_shown_its_token_steers_while_others_guess_it() {
+    let demo = Demo::start(&[]);
+    let mut client = client(&demo).await;
+    client.pause(steering(v1::PauseRequest {})).await.expect("paused");
+    let guessers: Vec<_> = futures::future::join_all((0..8).map(|_| self::client(&demo))).await;
+    let guessing: Vec<_> = guessers.into_iter().map(|client| tokio::spawn(guess(client))).collect();
+    // Until all turns of this machine are taken for seconds.
+    tokio::time::sleep(Duration::from_secs(3)).await;
+    for _ in 0..100 {
+        client.step(steering(v1::StepRequest { steps: 1 })).await.expect("stepped");
+    }
+    assert!(guessing.iter().all(|guessing| !guessing.is_finished()));
+    guessing.iter().for_each(tokio::task::JoinHandle::abort);
+}
+
 #[tokio::test]
 async fn a_program_that_follows_never_gives_way_to_others_that_ask() {
     use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};

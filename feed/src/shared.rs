@@ -1,13 +1,12 @@
 //! What every part of the server shares.
 
-use std::net::IpAddr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use coordinator::live::Follower;
 use tokio::sync::watch;
 
-use crate::http::{Access, Guesses};
+use crate::http::{Access, Connection, Guesses};
 use crate::message_cache::MessageCache;
 use crate::run_info::{RunInfo, Volume};
 
@@ -31,13 +30,15 @@ pub(crate) struct Shared {
 }
 
 impl Shared {
-    /// Whether a peer at this address may steer that offers a token, or none. Of a machine that guesses tokens they are judged
-    /// late.
-    pub async fn may_steer(&self, from: IpAddr, token: Option<&str>) -> bool {
-        if token.is_none() || !self.guesses.turn(from).await {
+    /// Whether a peer may steer that offers a token over this connection, or none. Of a machine that guesses tokens they are
+    /// judged late, but over connections that have shown the right one.
+    pub async fn may_steer(&self, connection: &Connection, token: Option<&str>) -> bool {
+        let from = connection.from();
+        if token.is_none() || !(connection.has_shown_token() || self.guesses.turn(from).await) {
             return false;
         }
         let may_steer = self.access.may_steer(token);
+        connection.shows_token(may_steer);
         if !may_steer {
             self.guesses.wrong(from);
         }

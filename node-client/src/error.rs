@@ -98,6 +98,12 @@ pub enum NodeError {
         /// Its film time, seconds.
         before_s: f64,
     },
+    /// Messages without end that answer nothing.
+    #[error("invalid reply: {count} messages within a second that answer nothing, or tell film again")]
+    Flood {
+        /// How many.
+        count: u32,
+    },
     /// Another node than the one meant.
     #[error(transparent)]
     Mismatch(#[from] Mismatch),
@@ -124,6 +130,7 @@ impl NodeError {
                     | NodeError::NoPictures
                     | NodeError::OtherFrame { .. }
                     | NodeError::Backwards { .. }
+                    | NodeError::Flood { .. }
             ),
         }
     }
@@ -154,6 +161,7 @@ impl NodeError {
             | NodeError::NoPictures
             | NodeError::OtherFrame { .. }
             | NodeError::Backwards { .. }
+            | NodeError::Flood { .. }
             | NodeError::Mismatch(_) => false,
         }
     }

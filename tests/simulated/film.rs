@@ -133,9 +133,20 @@ impl Filming for SimulatedFilm {
 
     fn credit(&self, _: u64) {}
 
-    fn keep_time(&self, number: u64, line: ClockLine) {
+    fn keep_time(&self, number: u64, line: ClockLine) -> bool {
         let run = self.run.lock().expect("no panic");
-        run.iter().filter(|run| run.number == number).for_each(|run| run.clock.follow(line));
+        run.iter().filter(|run| run.number == number).all(|run| run.clock.follow(line))
+    }
+
+    fn start_again(&self, number: u64, line: ClockLine) -> Result<(), CaptureError> {
+        let mut run = self.run.lock().expect("no panic");
+        if let Some(run) = run.as_mut().filter(|run| run.number == number && !run.clock.follow(line)) {
+            run.task.abort();
+            self.cameras.ring.begin_run(number, true);
+            run.clock = Arc::new(FilmClock::new(line));
+            run.task = tokio::spawn(Arc::clone(&self.cameras).film(Arc::clone(&run.clock)));
+        }
+        Ok(())
     }
 
     fn cut_at(&self, _: u64, _: f64) {}

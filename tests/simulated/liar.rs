@@ -36,9 +36,13 @@ enum Lie {
     Long,
     /// It reads nothing more of the stream.
     Unread,
+    /// It breaks the stream whenever it is to answer.
+    Breaks,
+    /// It repeats what it says without end.
+    Flood,
 }
 
-const LIES: [Lie; 10] = [
+const LIES: [Lie; 12] = [
     Lie::None,
     Lie::Late,
     Lie::Lost,
@@ -49,7 +53,12 @@ const LIES: [Lie; 10] = [
     Lie::Ended,
     Lie::Long,
     Lie::Unread,
+    Lie::Breaks,
+    Lie::Flood,
 ];
+
+/// How often a flood repeats a message.
+const REPEATS: usize = 400;
 
 /// What a long lie adds to a message, bytes: more than any of these may have.
 const LONG_BYTES: usize = 2 << 20;
@@ -83,7 +92,7 @@ impl Habit {
     }
 
     pub fn new(mut random: Random) -> Habit {
-        let always = (random.below(2) == 0).then(|| LIES[1 + random.below(9) as usize]);
+        let always = (random.below(2) == 0).then(|| LIES[1 + random.below(LIES.len() as u64 - 1) as usize]);
         let honest_of_8 = random.below(8);
         Habit { random, always, honest_of_8, poison: None }
     }
@@ -92,7 +101,7 @@ impl Habit {
         if self.random.below(8) < self.honest_of_8 {
             return Lie::None;
         }
-        self.always.unwrap_or_else(|| LIES[self.random.below(10) as usize])
+        self.always.unwrap_or_else(|| LIES[self.random.below(LIES.len() as u64) as usize])
     }
 
     fn frame(&mut self, frame: u64) -> u64 {
@@ -175,8 +184,17 @@ fn forward<T: Clone + Send + 'static>(
             match lie {
                 Lie::Lost => continue,
                 Lie::Late => tokio::time::sleep(delay).await,
-                Lie::Twice if sender.send(message.clone()).await.is_err() => return,
                 _ => {}
+            }
+            let repeats = match lie {
+                Lie::Twice => 1,
+                Lie::Flood => REPEATS,
+                _ => 0,
+            };
+            for _ in 0..repeats {
+                if sender.send(message.clone()).await.is_err() {
+                    return;
+                }
             }
             if sender.send(message).await.is_err() {
                 return;
@@ -198,13 +216,14 @@ fn lied_of_film(habit: &mut Habit, lie: Lie, mut info: v1::FrameInfo) -> Result<
         Lie::Ended => (info.ended, info.cameras) = (true, vec![]),
         Lie::Refused => return Err(Status::invalid_argument("no")),
         Lie::Long => info.failure = "x".repeat(LONG_BYTES),
-        Lie::None | Lie::Late | Lie::Lost | Lie::Twice | Lie::Unread => {}
+        Lie::None | Lie::Late | Lie::Lost | Lie::Twice | Lie::Unread | Lie::Breaks | Lie::Flood => {}
     }
     Ok(info)
 }
 
 fn lied_of_answer(habit: &mut Habit, lie: Lie, mut reply: v1::ProbeReply) -> Result<v1::ProbeReply, Status> {
     match (lie, &mut reply.answer) {
+        (Lie::Breaks, _) => return Err(Status::unavailable("gone")),
         (Lie::Refused, answer) => {
             let reason = Reason::try_from(1 + habit.random.below(8) as i32).unwrap_or(Reason::Busy);
             let refusal = v1::Refusal { reason: reason.into(), message: "no".into() };

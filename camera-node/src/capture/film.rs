@@ -141,6 +141,31 @@ impl Film {
         self.cameras.iter().enumerate().map(capture_loop).collect()
     }
 
+    /// Ends the run that is on, if one is, and begins another.
+    fn begin(&self, run: &mut Option<Run>, start: RunStart) -> Result<(), CaptureError> {
+        if let Some(before) = run.take() {
+            before.stop();
+        }
+        self.ring.begin_run(start.run, !start.lock_step);
+        self.colours.clear();
+        let (gate, clock) = (Arc::new(Gate::default()), Arc::new(FilmClock::new(start.clock)));
+        self.meter.clock(start.clock.bound_s);
+        *lock(&self.reins) = Reins {
+            run: start.run,
+            gate: Arc::clone(&gate),
+            clock: Some(Arc::clone(&clock)),
+            phase: Arc::default(),
+        };
+        // All sources open before any thread begins: one that never will leaves nothing running.
+        let loops = self.loops(start, &gate, &clock)?;
+        let threads = loops.into_iter().zip(&self.cameras).map(|((capture, opened), camera)| {
+            let ready = Arc::clone(&camera.ready);
+            std::thread::spawn(move || film(&capture, opened, &ready))
+        });
+        *run = Some(Run { start, gate, threads: threads.collect() });
+        Ok(())
+    }
+
     /// What the sources of a run are opened with.
     fn context(
         &self,
@@ -179,27 +204,7 @@ impl Filming for Film {
             self.keep_time(start.run, start.clock);
             return Ok(());
         }
-        if let Some(before) = run.take() {
-            before.stop();
-        }
-        self.ring.begin_run(start.run, !start.lock_step);
-        self.colours.clear();
-        let (gate, clock) = (Arc::new(Gate::default()), Arc::new(FilmClock::new(start.clock)));
-        self.meter.clock(start.clock.bound_s);
-        *lock(&self.reins) = Reins {
-            run: start.run,
-            gate: Arc::clone(&gate),
-            clock: Some(Arc::clone(&clock)),
-            phase: Arc::default(),
-        };
-        // All sources open before any thread begins: one that never will leaves nothing running.
-        let loops = self.loops(start, &gate, &clock)?;
-        let threads = loops.into_iter().zip(&self.cameras).map(|((capture, opened), camera)| {
-            let ready = Arc::clone(&camera.ready);
-            std::thread::spawn(move || film(&capture, opened, &ready))
-        });
-        *run = Some(Run { start, gate, threads: threads.collect() });
-        Ok(())
+        self.begin(&mut run, start)
     }
 
     fn stop_if(&self, is_wanted: &dyn Fn() -> bool) -> bool {
@@ -215,11 +220,22 @@ impl Filming for Film {
         lock(&self.reins).gate.credit(up_to_frame);
     }
 
-    fn keep_time(&self, run: u64, line: ClockLine) {
+    fn keep_time(&self, run: u64, line: ClockLine) -> bool {
         let reins = lock(&self.reins);
-        if let Some(clock) = reins.clock.as_ref().filter(|_| reins.run == run) {
-            clock.follow(line);
-            self.meter.clock(line.bound_s);
+        let Some(clock) = reins.clock.as_ref().filter(|_| reins.run == run) else { return true };
+        self.meter.clock(line.bound_s);
+        clock.follow(line)
+    }
+
+    fn start_again(&self, run: u64, line: ClockLine) -> Result<(), CaptureError> {
+        let mut current = lock(&self.run);
+        let start = current.as_ref().map(|current| current.start).filter(|start| start.run == run);
+        match start {
+            Some(start) if !start.lock_step && !self.keep_time(run, line) => {
+                tracing::warn!("film starts again: the coordinator's clock stood still");
+                self.begin(&mut current, RunStart { clock: line, ..start })
+            }
+            _ => Ok(()),
         }
     }
 
@@ -324,6 +340,29 @@ mod tests {
         }
         begins(9, 1e300);
         assert_eq!(end_of(&film), FilmState::Ended, "no number is left for a frame");
+    }
+
+    #[test]
+    fn film_far_ahead_of_the_coordinator_s_time_starts_again() {
+        let film = film(None);
+        let line = |film_s: f64| ClockLine { film_s, ..ClockLine::of_this_process(proto::monotonic_s()) };
+        let newest = || film.ring.newest().map_or(0, |frame| frame.number);
+        let film_until = |is: &dyn Fn(u64) -> bool| {
+            while !is(newest()) {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+        };
+        let start = RunStart::of_this_process(Pace::live(1, 0.0));
+        film.start(RunStart { clock: line(1000.0), ..start }).expect("opens");
+        film_until(&|newest| newest >= 30_000);
+        assert!(film.keep_time(1, line(1000.2)), "a little is made good by and by");
+        assert!(!film.keep_time(1, line(500.0)));
+        film.start_again(2, line(500.0)).expect("another run's");
+        assert!(newest() >= 30_000);
+        film.start_again(1, line(500.0)).expect("opens");
+        film_until(&|newest| (15_000..29_000).contains(&newest));
+        assert!(film.keep_time(1, line(500.0)) && film.keep_time(1, line(900.0)));
+        film_until(&|newest| newest >= 27_000);
     }
 
     #[test]

@@ -7,6 +7,9 @@ use proto::{ClockLine, monotonic_s};
 /// What film time is off is made good at this rate: slowly enough that no frame is counted twice.
 const SLEW: f64 = 0.01;
 
+/// Film time that is off by more is not slewed, seconds: nodes keep half a second of film.
+const MOST_OFF_S: f64 = 0.5;
+
 /// Film time, shared by the film threads of one run.
 pub struct FilmClock(Mutex<State>);
 
@@ -26,6 +29,8 @@ impl State {
 
     fn follow(&mut self, line: ClockLine, node_s: f64) {
         let ahead_s = self.film_s_at(node_s) - line.film_s_at(node_s);
+        // This computer's clock stood still: numbers of frames only jump ahead.
+        let ahead_s = if ahead_s < -MOST_OFF_S - line.bound_s { 0.0 } else { ahead_s };
         *self = State { line, ahead_s, told_s: node_s };
     }
 }
@@ -41,9 +46,14 @@ impl FilmClock {
         self.lock().film_s_at(monotonic_s())
     }
 
-    /// From now on goes towards another line.
-    pub fn follow(&self, line: ClockLine) {
-        self.lock().follow(line, monotonic_s());
+    /// From now on goes towards another line; false if film time is too far ahead of it for that.
+    pub fn follow(&self, line: ClockLine) -> bool {
+        let (mut state, node_s) = (self.lock(), monotonic_s());
+        let is_near = state.film_s_at(node_s) - line.film_s_at(node_s) <= MOST_OFF_S + line.bound_s;
+        if is_near {
+            state.follow(line, node_s);
+        }
+        is_near
     }
 
     fn lock(&self) -> MutexGuard<'_, State> {
@@ -76,6 +86,15 @@ mod tests {
             }
             assert!((before_s - (14.0 + off_s)).abs() < 1e-9, "and ends where it was told");
         }
+    }
+
+    #[test]
+    fn film_time_of_a_clock_that_stood_still_jumps_ahead() {
+        let mut state = State { line: line(0.0, 0.0), ahead_s: 0.0, told_s: 0.0 };
+        state.follow(line(10.0, 15.0), 10.0);
+        assert!((state.film_s_at(10.0) - 15.0).abs() < 1e-12);
+        state.follow(line(20.0, 20.0), 20.0);
+        assert!(state.film_s_at(20.0) > 24.9, "it never goes back");
     }
 
     #[test]

@@ -19,8 +19,13 @@ pub trait Filming: Send + Sync + 'static {
     /// Lets a lock-step run go on up to this frame.
     fn credit(&self, up_to_frame: u64);
 
-    /// Tells a run its film time by the node's clock; another run's changes nothing.
-    fn keep_time(&self, run: u64, line: ClockLine);
+    /// Tells a run its film time by the node's clock; another run's changes nothing. False if its film is too far ahead of that:
+    /// the coordinator's computer stood still, and film must start again ([`Filming::start_again`]).
+    fn keep_time(&self, run: u64, line: ClockLine) -> bool;
+
+    /// Starts film of the same run again, at an earlier film time, if it still is too far ahead. Blocks as [`Filming::start`]
+    /// does.
+    fn start_again(&self, run: u64, line: ClockLine) -> Result<(), CaptureError>;
 
     /// Tells where a run's film is cut into frames, in periods from their numbers.
     fn cut_at(&self, run: u64, phase: f64);

@@ -177,7 +177,16 @@ impl CameraNode for Service {
         self.hold.check_call(request.get_ref().holder, &request)?;
         let v1::KeepTimeRequest { run, clock, holder: _, phase } = request.into_inner();
         if let Some(clock) = clock {
-            self.film.keep_time(run, clock_from_wire(&clock).map_err(invalid)?);
+            let line = clock_from_wire(&clock).map_err(invalid)?;
+            if !self.film.keep_time(run, line) {
+                let film = Arc::clone(&self.film);
+                tokio::spawn(async move {
+                    // Stopping and opening sources blocks.
+                    if let Some(Err(error)) = proto::apart(move || film.start_again(run, line)).await {
+                        tracing::error!("film cannot start again: {error}");
+                    }
+                });
+            }
         }
         if let Some(phase) = phase {
             self.film.cut_at(run, phase_from_wire(phase).map_err(invalid)?);

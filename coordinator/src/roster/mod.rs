@@ -26,6 +26,8 @@ pub(crate) use wait::{LOCK_STEP_TIMEOUT, joined};
 const HELD_FRAMES: u64 = 4;
 /// Frames remembered of a node: as many as the largest ring keeps.
 const REMEMBERED_FRAMES: usize = 64;
+/// Film of a node that was left out counts for the latency after so long, seconds.
+const LATE_FOR_S: f64 = 1.0;
 /// Arrivals that wait for the loop: it looks before every step.
 const MAX_ARRIVALS: usize = 4096;
 
@@ -68,6 +70,8 @@ pub struct RosterNode {
     is_silent: bool,
     /// Steps go on without it.
     is_left_out: bool,
+    /// Since when they do, seconds.
+    left_out_s: Option<f64>,
     /// Steps could use it, as of the last [`Roster::leave_out`].
     is_there: bool,
     /// Another coordinator leads it.
@@ -94,6 +98,7 @@ impl RosterNode {
             reports,
             is_silent: false,
             is_left_out: false,
+            left_out_s: None,
             is_there: false,
             is_held: false,
             is_wrong: false,
@@ -193,6 +198,8 @@ pub struct Roster {
     arrivals: VecDeque<Arrival>,
     /// `min_cameras` of the last [`Roster::leave_out`] of a live run; `None` in lock-step.
     least_cameras: Option<usize>,
+    /// A run has begun.
+    has_begun: bool,
 }
 
 /// When a node's report of a frame came.
@@ -209,7 +216,7 @@ pub(crate) struct Arrival {
 impl Roster {
     /// Nodes that are not there yet.
     pub fn new(nodes: Vec<RosterNode>) -> Roster {
-        Roster { nodes, arrivals: VecDeque::new(), least_cameras: None }
+        Roster { nodes, arrivals: VecDeque::new(), least_cameras: None, has_begun: false }
     }
 
     /// The nodes.
@@ -278,10 +285,12 @@ impl Roster {
         self.nodes.iter().find(|node| node.is_held)?.missing()
     }
 
-    /// The same if another leads half of the nodes or more: one alone may say so wrongly.
+    /// The same if another leads most of the nodes, or half of them before a run has begun; one alone of several may say so
+    /// wrongly.
     pub fn displaced(&self) -> Option<Missing> {
-        let held = self.nodes.iter().filter(|node| node.is_held).count();
-        if 2 * held >= self.nodes.len() { self.held_node() } else { None }
+        let (all, held) = (self.nodes.len(), self.nodes.iter().filter(|node| node.is_held).count());
+        let are_most = if self.has_begun { 2 * held > all } else { 2 * held >= all && held >= all.min(2) };
+        if are_most { self.held_node() } else { None }
     }
 
     /// A node reports of its film.
@@ -306,16 +315,23 @@ impl Roster {
         }
     }
 
-    /// What came since the last time, and which nodes film that steps go on with.
-    pub(crate) fn take_arrivals(&mut self) -> (VecDeque<Arrival>, Vec<bool>) {
+    /// What came since the last time, and which nodes' frames are waited for. A node whose film has become late is waited for
+    /// again after a while: it is never back otherwise.
+    pub(crate) fn take_arrivals(&mut self, now_s: f64) -> (VecDeque<Arrival>, Vec<bool>) {
+        let newest = self.newest_of_two().unwrap_or_default();
         let films = |node: &RosterNode| {
-            node.is_up && !node.is_silent && !node.is_left_out && node.film == FilmState::Running
+            let is_waited_for = node.left_out_s.is_none_or(|left_out_s| {
+                let is_near = node.newest_frame().is_some_and(|own| own + REMEMBERED_FRAMES as u64 > newest);
+                now_s > left_out_s + LATE_FOR_S && is_near && !node.conduct.is_excluded(now_s)
+            });
+            node.is_up && !node.is_silent && is_waited_for && node.film == FilmState::Running
         };
         (std::mem::take(&mut self.arrivals), self.nodes.iter().map(films).collect())
     }
 
     /// A run begins: frames of the one before are forgotten.
     pub fn begin_run(&mut self) {
+        self.has_begun = true;
         self.nodes.iter_mut().for_each(RosterNode::forget_film);
     }
 

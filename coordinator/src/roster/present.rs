@@ -102,7 +102,13 @@ impl Roster {
             node.is_there = *there;
             let is_left_out = is_enough && !there;
             if node.is_left_out != is_left_out {
+                // Film that is in time in one frame and late in the next would change the hull with each.
+                let answers = node.is_up && !node.is_silent && node.film == FilmState::Running;
+                if is_left_out && answers && whom == LeaveOut::Late {
+                    node.conduct.late(now_s, "its film was late".to_owned());
+                }
                 node.is_left_out = is_left_out;
+                node.left_out_s = is_left_out.then_some(now_s);
                 changed.push((index, !is_left_out));
             }
         }

@@ -370,3 +370,70 @@ fn one_node_alone_does_not_displace_us() {
     assert!(!roster.may_begin_without_missing(1));
     assert_eq!(roster.displaced().map(|held| held.to_string()).as_deref(), Some("node 0: held by another"));
 }
+
+#[test]
+fn half_of_the_nodes_displace_no_run_and_keep_one_from_beginning() {
+    for (nodes, held_before) in [(2_u16, 2), (4, 2)] {
+        let mut roster = roster(nodes);
+        (0..held_before - 1).for_each(|node| roster.held(node, "held by another".into()));
+        assert_eq!(roster.displaced(), None, "{nodes} nodes, before the run");
+        roster.held(held_before - 1, "held by another".into());
+        assert!(roster.displaced().is_some(), "{nodes} nodes, before the run");
+    }
+    for nodes in [2_u16, 4] {
+        let mut roster = roster(nodes);
+        roster.begin_run();
+        let half = usize::from(nodes) / 2;
+        (0..half).for_each(|node| roster.held(node, "held by another".into()));
+        assert_eq!(roster.displaced(), None, "{nodes} nodes: a cable between us and half of them may be out");
+        roster.held(half, "held by another".into());
+        assert!(roster.displaced().is_some(), "{nodes} nodes");
+    }
+    let mut alone = roster(1);
+    alone.begin_run();
+    alone.held(0, "held by another".into());
+    assert!(alone.displaced().is_some());
+}
+
+#[test]
+fn a_node_that_fails_before_the_first_frame_lets_no_run_begin_blind() {
+    let mut roster = roster(5);
+    let patience = Duration::from_secs(20);
+    roster.film_event(4, FilmEvent::Failed("no camera".into()));
+    assert!(!roster.may_begin(60, 2.0, patience, 3), "four others may still film");
+    (0..4).for_each(|node| film(&mut roster, node, [59, 60]));
+    assert_eq!(roster.leave_out(60, LeaveOut::Late, 3, 0.0), [(4, false)]);
+    assert!(roster.may_begin(60, 2.0, patience, 3));
+    (0..2).for_each(|node| roster.film_event(node, FilmEvent::Failed("no camera".into())));
+    assert!(roster.may_begin(70, 3.0, patience, 3), "no hull will be");
+}
+
+#[test]
+fn film_that_is_late_in_every_other_frame_is_left_out_for_longer() {
+    let mut roster = roster(4);
+    let mut changes = 0;
+    for number in 0..300 {
+        (0..3).for_each(|node| film(&mut roster, node, [number]));
+        // It has all frames of the others, three at a time.
+        if number % 3 == 2 {
+            film(&mut roster, 3, number - 2..=number);
+        }
+        changes += roster.leave_out(number, LeaveOut::Late, 3, number as f64 * 0.1).len();
+    }
+    assert!((3..60).contains(&changes), "{changes} changes in 30 s");
+}
+
+#[test]
+fn a_node_that_was_left_out_for_late_film_counts_for_the_latency_after_a_second() {
+    let mut roster = roster(4);
+    for number in 0..10 {
+        (0..3).for_each(|node| film(&mut roster, node, [number]));
+        roster.leave_out(number, LeaveOut::Late, 3, number as f64 * 0.1);
+    }
+    film(&mut roster, 3, [5]);
+    assert!(roster.nodes()[3].is_left_out());
+    assert_eq!(roster.take_arrivals(0.9).1, [true, true, true, false]);
+    assert_eq!(roster.take_arrivals(1.5).1, [true; 4]);
+    (0..3).for_each(|node| film(&mut roster, node, 10..200));
+    assert_eq!(roster.take_arrivals(9.0).1, [true, true, true, false], "it films no more");
+}

@@ -80,7 +80,15 @@ impl Roster {
     /// (seconds): every node has that frame or one before, of `least` cameras together, or none will come, or it was waited
     /// for long enough.
     pub fn may_begin(&self, wanted: u64, film_s: f64, patience: Duration, least: usize) -> bool {
-        let is_over = self.film(wanted) != FilmState::Running || film_s > patience.as_secs_f64();
+        // A node that has failed is left out, if the others have enough cameras.
+        let films = |node: &&RosterNode| node.is_up && !matches!(node.film, FilmState::Failed(_));
+        let cameras: usize = self.nodes.iter().filter(films).map(|node| node.cameras.len()).sum();
+        let is_over = match self.film(wanted) {
+            FilmState::Running => false,
+            FilmState::Failed(_) if cameras >= least.max(1) => false,
+            FilmState::Failed(_) | FilmState::Ended => true,
+        };
+        let is_over = is_over || film_s > patience.as_secs_f64();
         let has_enough = |frame| {
             let reports = self.reports(frame).unwrap_or_default();
             let cameras: usize = reports.iter().map(|report| report.cameras.len()).sum();

@@ -55,7 +55,10 @@ impl Coordinator {
         let before = std::mem::replace(&mut self.film.cameras, places);
         let now = &self.film.cameras;
         let count = now.len();
-        for observer in self.query.observers() {
+        // Cameras that come and go with every frame must not fill the log.
+        let is_told = self.film.told.spend(self.world.next_time_s());
+        let told = self.query.observers().iter().filter(|_| is_told);
+        for observer in told {
             let (name, place) = (observer.camera().name(), observer.rig_index());
             match (before.contains(&place) || before.is_empty(), now.contains(&place)) {
                 (true, false) => {
@@ -80,6 +83,9 @@ impl Coordinator {
                 return None;
             }
         };
+        if let Some(changes) = self.film.told.untold(self.world.next_time_s()) {
+            tracing::warn!("cameras came and went {changes} times more; {} film", self.film.cameras.len());
+        }
         if let Err(why) = self.go_on_with_cameras(frame) {
             self.lose_hull(why);
             return None;

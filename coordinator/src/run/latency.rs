@@ -30,6 +30,8 @@ pub(super) struct Heard {
     pub film_s: f64,
     /// How much later it was known here, seconds.
     pub late_s: f64,
+    /// Steps go on without the node.
+    pub is_left_out: bool,
 }
 
 /// The latency of a live run.
@@ -49,6 +51,8 @@ pub(super) struct FilmLatency {
     needed: VecDeque<(f64, f64)>,
     /// How many nodes there are.
     nodes: usize,
+    /// Nodes that were left out and whose frames come later than any latency makes good.
+    too_late: Vec<bool>,
     /// How late each camera's frames were known here.
     cameras: Vec<VecDeque<(f64, f64)>>,
 }
@@ -65,6 +69,7 @@ impl FilmLatency {
             open: BTreeMap::new(),
             needed: VecDeque::new(),
             nodes,
+            too_late: vec![false; nodes],
             cameras: vec![VecDeque::new(); cameras],
         }
     }
@@ -85,12 +90,18 @@ impl FilmLatency {
         if !self.is_auto {
             return;
         }
-        let Heard { node, frame, film_s, late_s } = heard;
+        let Heard { node, frame, film_s, late_s, is_left_out } = heard;
         let nodes = self.nodes;
+        self.too_late[node] = is_left_out && late_s > self.most_s;
+        if self.too_late[node] {
+            return;
+        }
         let (who, latest_s) = self.open.entry(frame).or_insert_with(|| (vec![false; nodes], f64::MIN));
         who[node] = true;
         *latest_s = latest_s.max(late_s);
-        let all_have_it = who.iter().zip(is_there).all(|(has, is_there)| *has || !is_there);
+        let waited_for =
+            is_there.iter().zip(&self.too_late).map(|(is_there, too_late)| *is_there && !too_late);
+        let all_have_it = who.iter().zip(waited_for).all(|(has, is_waited_for)| *has || !is_waited_for);
         let latest_s = *latest_s;
         if all_have_it {
             keep(&mut self.needed, film_s, latest_s);
@@ -161,8 +172,11 @@ mod tests {
     fn film(latency: &mut FilmLatency, frames: std::ops::Range<u64>, second_s: impl Fn(u64) -> f64) {
         for frame in frames {
             let film_s = frame as f64 / FPS;
-            latency.note(Heard { node: 0, frame, film_s, late_s: 0.01 }, &[true; 2]);
-            latency.note(Heard { node: 1, frame, film_s, late_s: second_s(frame) }, &[true; 2]);
+            latency.note(Heard { node: 0, frame, film_s, late_s: 0.01, is_left_out: false }, &[true; 2]);
+            latency.note(
+                Heard { node: 1, frame, film_s, late_s: second_s(frame), is_left_out: false },
+                &[true; 2],
+            );
             latency.slew(film_s);
         }
     }
@@ -224,7 +238,10 @@ mod tests {
     fn a_node_that_is_not_there_holds_nothing_up() {
         let mut latency = FilmLatency::new(None, (2, 2), 0.4);
         for frame in 0..20 {
-            latency.note(Heard { node: 0, frame, film_s: frame as f64 / FPS, late_s: 0.01 }, &[true, false]);
+            latency.note(
+                Heard { node: 0, frame, film_s: frame as f64 / FPS, late_s: 0.01, is_left_out: false },
+                &[true, false],
+            );
         }
         assert!(latency.is_known());
         latency.begin(0.7);
@@ -235,13 +252,32 @@ mod tests {
     fn it_is_bounded_by_what_nodes_keep() {
         let mut latency = FilmLatency::new(None, (1, 1), 0.4);
         for frame in 0..1000 {
-            latency.note(Heard { node: 0, frame, film_s: frame as f64 / FPS, late_s: 3.0 }, &[true]);
+            latency.note(
+                Heard { node: 0, frame, film_s: frame as f64 / FPS, late_s: 3.0, is_left_out: false },
+                &[true],
+            );
         }
         latency.begin(40.0);
         assert!(is_near(latency.now_s(), 0.4));
         for frame in 0..1000 {
-            latency.note(Heard { node: 0, frame, film_s: 50.0, late_s: 3.0 }, &[false]);
+            latency.note(Heard { node: 0, frame, film_s: 50.0, late_s: 3.0, is_left_out: false }, &[false]);
         }
         assert!(latency.open.len() <= MAX_OPEN);
+    }
+
+    #[test]
+    fn a_node_that_was_left_out_counts_unless_no_latency_makes_its_film_good() {
+        for (late_s, expected_s) in [(0.2, 0.202), (0.9, 0.012)] {
+            let mut latency = FilmLatency::new(None, (2, 0), 0.4);
+            for frame in 0..60 {
+                let film_s = frame as f64 / FPS;
+                let heard =
+                    |node: usize, late_s: f64| Heard { node, frame, film_s, late_s, is_left_out: node == 1 };
+                latency.note(heard(0, 0.01), &[true; 2]);
+                latency.note(heard(1, late_s), &[true; 2]);
+            }
+            latency.begin(0.0);
+            assert!((latency.now_s() - expected_s).abs() < 1e-9, "{late_s}: {}", latency.now_s());
+        }
     }
 }

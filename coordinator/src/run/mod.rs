@@ -380,7 +380,8 @@ impl Coordinator {
                     .fault(node, format!("frame {frame} was reported {:.1} s before its time", -late_s));
                 continue;
             }
-            self.clock.latency.note(Heard { node, frame, film_s, late_s }, &is_there);
+            let is_left_out = self.transport.roster().nodes()[node].is_left_out();
+            self.clock.latency.note(Heard { node, frame, film_s, late_s, is_left_out }, &is_there);
             let Some(report) = self.transport.roster().nodes()[node].report(frame) else { continue };
             // What came after the node's last camera is the way here.
             let slowest_s = report.cameras.iter().map(|camera| camera.late_s).fold(f64::MIN, f64::max);

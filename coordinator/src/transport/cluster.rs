@@ -195,14 +195,17 @@ impl Cluster {
         let mut nodes_ms: Vec<(usize, f64)> = Vec::with_capacity(open.len());
         while let Some(&OpenQuestion { node: slowest, asking, .. }) = open.first() {
             let event = tokio::time::timeout_at(asking.deadline, nodes.next(roster)).await;
-            if event.is_err() {
+            // Messages that never end are no reason to wait for longer.
+            let is_late = event.is_err() || Instant::now() > asking.deadline;
+            if is_late {
                 let mut late: Vec<usize> = open.iter().map(|open| open.node).collect();
                 late.dedup();
                 nodes_ms.extend(late.iter().map(|&node| (node, asking.timeout.as_secs_f64() * 1e3)));
                 self.round_trips.record(&nodes_ms);
                 roster.record_late(&late, monotonic_s(), &NodeError::Timeout(asking.timeout).to_string());
             }
-            let (place, answer, compute_ms) = match event.map_err(|_| late(nodes, slowest, asking))? {
+            let event = event.ok().filter(|_| !is_late).ok_or_else(|| late(nodes, slowest, asking))?;
+            let (place, answer, compute_ms) = match event {
                 Some(PassEvent::Reply(node, id, answer, compute_ms)) => {
                     let is_its = |open: &OpenQuestion<'_>| open.node == node && open.asking.id == id;
                     let Some(place) = open.iter().position(is_its) else { continue };

@@ -234,7 +234,7 @@ impl Transport {
 
     /// The frames that were reported since the last time, and which nodes film.
     pub(crate) fn take_arrivals(&mut self) -> (VecDeque<Arrival>, Vec<bool>) {
-        self.roster.take_arrivals()
+        self.roster.take_arrivals(monotonic_s())
     }
 
     /// Takes note of what has come, without waiting.
@@ -264,7 +264,8 @@ impl Transport {
 
     /// Waits until a time, and takes note of what comes meanwhile.
     pub async fn until(&mut self, time: Instant) {
-        while tokio::time::timeout_at(time, self.next()).await.is_ok() {}
+        // News that never ends is no reason to be late.
+        while Instant::now() < time && tokio::time::timeout_at(time, self.next()).await.is_ok() {}
     }
 
     /// Waits until every node is there; after `timeout`, says which are not and why.
@@ -279,7 +280,8 @@ impl Transport {
             if missing.is_empty() {
                 return Ok(());
             }
-            if tokio::time::timeout_at(deadline, self.next()).await.is_err() {
+            let news = tokio::time::timeout_at(deadline, self.next()).await;
+            if news.is_err() || Instant::now() > deadline {
                 return Err(TransportError::Missing(missing));
             }
         }
@@ -296,7 +298,8 @@ impl Transport {
             if let FilmState::Failed(why) = self.roster.film(frame) {
                 return Err(TransportError::FilmFailed(why));
             }
-            if tokio::time::timeout_at(deadline, self.next()).await.is_err() {
+            let news = tokio::time::timeout_at(deadline, self.next()).await;
+            if news.is_err() || Instant::now() > deadline {
                 return Err(TransportError::Late { frame, timeout });
             }
         }

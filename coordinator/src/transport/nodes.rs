@@ -108,6 +108,9 @@ impl Nodes {
                     error => {
                         if error.is_invalid() {
                             roster.fault(node, monotonic_s(), error.to_string());
+                        } else if roster.nodes()[node].missing().is_none() {
+                            // One that breaks its connection again and again is late with all that it was asked.
+                            roster.record_late(&[node], monotonic_s(), &error.to_string());
                         }
                         roster.down(node, error.to_string());
                     }
@@ -191,7 +194,7 @@ impl Nodes {
     }
 
     /// Makes shapes known to all nodes that answer at present. Waits at most `at_most`, and not long for nodes that are slower
-    /// than half of the others: they receive the shapes meanwhile, and nodes that come back when they first miss one. Fewer than
+    /// than half of the others: they receive the shapes meanwhile, and nodes that come back when they first miss one. At most
     /// half of the nodes that refuse do so wrongly: such a node is excluded when it is asked about a shape that it does not have.
     pub async fn register(
         &self,
@@ -220,7 +223,7 @@ impl Nodes {
             }
         }
         tokio::spawn(async move { while calls.next().await.is_some() {} });
-        let are_many = 2 * refused.len() >= count;
+        let are_many = 2 * refused.len() > count;
         refused.into_iter().next().filter(|_| are_many).map_or(Ok(()), Err)
     }
 }

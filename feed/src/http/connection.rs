@@ -75,6 +75,8 @@ struct State {
     /// Whether the peer has begun something that it has not ended.
     has_begun: AtomicBool,
     asked: Mutex<Option<Instant>>,
+    /// The last token that it offered was the right one.
+    has_shown_token: AtomicBool,
 }
 
 /// What HTTP is spoken over.
@@ -92,12 +94,23 @@ impl Connection {
             progress,
             has_begun: AtomicBool::new(false),
             asked: Mutex::new(None),
+            has_shown_token: AtomicBool::new(false),
         }))
     }
 
     /// The peer's address.
     pub fn from(&self) -> IpAddr {
         self.0.from
+    }
+
+    /// Whether the last token that was offered over it was the right one.
+    pub fn has_shown_token(&self) -> bool {
+        self.0.has_shown_token.load(Ordering::Relaxed)
+    }
+
+    /// A token was offered over it: the right one, or another.
+    pub fn shows_token(&self, is_right: bool) {
+        self.0.has_shown_token.store(is_right, Ordering::Relaxed);
     }
 
     /// What was sent to the peer.

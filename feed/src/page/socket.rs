@@ -50,7 +50,7 @@ async fn upgrade(
     Extension(connection): Extension<Connection>,
     upgrade: WebSocketUpgrade,
 ) -> Response {
-    let is_controller = shared.may_steer(connection.from(), offered_token(&headers)).await;
+    let is_controller = shared.may_steer(&connection, offered_token(&headers)).await;
     let Some(seat) = shared.pages.take(is_controller) else {
         let why = format!("{} pages look already, expected fewer\n", Seats::open_to(is_controller));
         return (StatusCode::SERVICE_UNAVAILABLE, why).into_response();

@@ -45,7 +45,7 @@ async fn open(
     Extension(connection): Extension<Connection>,
     upgrade: WebSocketUpgrade,
 ) -> Response {
-    let may_steer = shared.may_steer(connection.from(), query.token.as_deref()).await;
+    let may_steer = shared.may_steer(&connection, query.token.as_deref()).await;
     let Some(seat) = shared.programs.take(may_steer) else {
         let why = format!("{} programs follow already, expected fewer\n", Seats::open_to(may_steer));
         return (StatusCode::SERVICE_UNAVAILABLE, why).into_response();

@@ -55,11 +55,11 @@ impl Service {
         let authorization = request.metadata().get("authorization").and_then(|value| value.to_str().ok());
         let token = authorization.map(|value| bearer_token(value).unwrap_or_default().to_owned());
         // Every request of the page's port comes with its connection.
-        let from = request.extensions().get::<Connection>().map(Connection::from);
+        let connection = request.extensions().get::<Connection>().cloned();
         let shared = Arc::clone(&self.0);
         async move {
-            match from {
-                Some(from) => shared.may_steer(from, token.as_deref()).await,
+            match connection {
+                Some(connection) => shared.may_steer(&connection, token.as_deref()).await,
                 None => false,
             }
         }

@@ -24,12 +24,16 @@ use crate::reply_limits::NodeCalls;
 
 const FIRST_BACKOFF: Duration = Duration::from_millis(50);
 const LONGEST_BACKOFF: Duration = Duration::from_secs(1);
+/// A connection that has lasted for so long was sound.
+const SOUND: Duration = Duration::from_secs(5);
 /// All calls of a connection's beginning together: sources open, programs start.
 const BEGIN_TIMEOUT: Duration = Duration::from_secs(30);
 
 /// A node that another holds is asked so often, and for so long: its holder may have lost power just now.
 const CLAIM_EVERY: Duration = Duration::from_millis(200);
 const HELD_PATIENCE: Duration = Duration::from_secs(2);
+/// So many messages a second that are none of what a node was asked for are no fault, and eight a frame.
+const MOST_STRAY: u32 = 64;
 /// A renewal that fails is tried again after this part of a connection's age.
 const RENEW_AGAIN: f64 = 0.03;
 
@@ -51,9 +55,9 @@ impl NodeClient {
             let mut given_up = std::pin::pin!(self.given_up.notified());
             given_up.as_mut().enable();
             let begun = tokio::time::timeout(BEGIN_TIMEOUT, self.begin()).await;
+            let connected = Instant::now();
             let error = match begun.unwrap_or(Err(NodeError::Timeout(BEGIN_TIMEOUT))) {
                 Ok((connection, streams)) => {
-                    backoff = FIRST_BACKOFF;
                     self.state().connect(connection);
                     tracing::debug!("node {} is up", self.node);
                     let error = tokio::select! {
@@ -62,6 +66,8 @@ impl NodeClient {
                         () = given_up => NodeError::NotConnected,
                     };
                     self.state().connection = None;
+                    // One that breaks at once each time is not connected twenty times a second.
+                    backoff = if connected.elapsed() > SOUND { FIRST_BACKOFF } else { backoff };
                     error
                 }
                 Err(error) => error,
@@ -255,7 +261,10 @@ impl NodeClient {
     }
 
     async fn read_replies(&self, mut replies: tonic::Streaming<v1::ProbeReply>) -> Result<(), NodeError> {
+        let mut stray = Stray::new(self.agreement.fps());
         while let Some(reply) = replies.next().await {
+            // A stream that never pauses leaves other work its turn.
+            tokio::task::consume_budget().await;
             let reply = reply?;
             let id = reply.id;
             let open = {
@@ -265,7 +274,7 @@ impl NodeClient {
             };
             // Nothing is decoded that was not asked, or that was answered already.
             let Some((_, expected)) = open else {
-                tracing::debug!("node {}: a reply to no open question", self.node);
+                stray.count()?;
                 continue;
             };
             let (answer, compute_ms) = answer_from_wire(reply, &expected)?;
@@ -276,12 +285,19 @@ impl NodeClient {
 
     async fn read_film(&self, mut frames: tonic::Streaming<v1::FrameInfo>) -> Result<(), NodeError> {
         let mut before: Option<(u64, f64)> = None;
+        let mut stray = Stray::new(self.agreement.fps());
         while let Some(info) = frames.next().await {
+            tokio::task::consume_budget().await;
             let info = info?;
             let run = info.run;
             let event = film_event_from_wire(info, &self.node.cameras)?;
             if !self.agreement.is_of_run(run) {
+                stray.count()?;
                 continue;
+            }
+            let is_new = matches!(&event, FilmEvent::Frame(report) if before.is_none_or(|(before, _)| report.frame > before));
+            if !is_new {
+                stray.count()?;
             }
             if let FilmEvent::Frame(report) = &event {
                 check_order(before, (report.frame, report.capture_time_s))?;
@@ -294,6 +310,28 @@ impl NodeClient {
             }
         }
         Err(NodeError::Closed)
+    }
+}
+
+/// Messages of a node that are none of what it was asked for: a few come late, many are a fault.
+struct Stray {
+    most: u32,
+    since: Instant,
+    count: u32,
+}
+
+impl Stray {
+    /// None so far; of film of `fps` frames a second.
+    fn new(fps: f64) -> Stray {
+        Stray { most: (8.0 * fps) as u32 + MOST_STRAY, since: Instant::now(), count: 0 }
+    }
+
+    fn count(&mut self) -> Result<(), NodeError> {
+        if self.since.elapsed() > Duration::from_secs(1) {
+            (self.since, self.count) = (Instant::now(), 0);
+        }
+        self.count += 1;
+        if self.count > self.most { Err(NodeError::Flood { count: self.count }) } else { Ok(()) }
     }
 }
 
