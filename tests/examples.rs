@@ -31,6 +31,46 @@ fn text(output: &Output) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
+/// A fenced block of a document: its language, what stands behind that, and its lines.
+fn blocks(text: &str) -> impl Iterator<Item = (&str, &str, &str)> {
+    text.split("\n```").skip(1).step_by(2).filter_map(|block| {
+        let (head, lines) = block.split_once('\n')?;
+        let (language, more) = head.split_once(' ')?;
+        Some((language, more, lines))
+    })
+}
+
+/// Files that a page shows (`toml NAME`) lie in the folder in which its commands (`sh runnable`) run.
+#[test]
+fn commands_that_the_documents_mark_as_runnable_run() {
+    const WORDS: &str = "hulltouch() { \"$PROGRAM\" \"$@\"; }\ncargo() { hulltouch \"$@\"; }\nset -e\n";
+    let mut run = 0;
+    for page in std::fs::read_dir(root().join("docs")).expect("documents").flatten() {
+        let Some(name) = page.file_name().to_str().filter(|name| name.ends_with(".md")).map(str::to_owned)
+        else {
+            continue;
+        };
+        let folder = tempfile::tempdir().expect("a folder");
+        let text = std::fs::read_to_string(page.path()).expect("a document");
+        for (language, more, lines) in blocks(&text) {
+            match (language, more) {
+                ("toml", file) => std::fs::write(folder.path().join(file), lines).expect("written"),
+                ("sh", "runnable") => {
+                    let mut shell = testkit::command("sh");
+                    shell.arg("-c").arg(format!("{WORDS}{lines}")).current_dir(folder.path());
+                    shell.env("PROGRAM", env!("CARGO_BIN_EXE_hulltouch"));
+                    let output = shell.output().expect("a shell");
+                    let said = String::from_utf8_lossy(&output.stderr);
+                    assert!(output.status.success(), "{name}: {lines}{said}");
+                    run += 1;
+                }
+                _ => panic!("{name}: a block of {language} {more:?}, expected toml NAME or sh runnable"),
+            }
+        }
+    }
+    assert!(run > 2, "{run} blocks");
+}
+
 #[test]
 fn the_python_program_follows_and_kicks_its_ball() {
     let Some(mut python) = python() else { return };

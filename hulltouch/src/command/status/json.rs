@@ -1,4 +1,4 @@
-//! A room as one JSON object. README.md lists the keys.
+//! A room as one JSON object. docs/commands.md lists the keys.
 
 use cluster::ClusterFile;
 use proto::{CameraDescription, CameraStatus, unix_now_s};

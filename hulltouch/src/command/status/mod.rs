@@ -28,7 +28,7 @@ const HOME: &str = "\x1b[H\x1b[J";
 #[command(
     after_help = "Examples:\n  hulltouch status studio.cluster.toml --certs /etc/hulltouch/certs --watch\n  \
     hulltouch status studio.cluster.toml --insecure --json\n\n\
-    --certs takes the folder of the coordinator or that of viewers. README.md lists the keys of --json."
+    --certs takes the folder of the coordinator or that of viewers. docs/commands.md lists the keys of --json."
 )]
 pub struct StatusArguments {
     /// The cluster file.
