@@ -30,34 +30,25 @@ pub(super) enum FilmPhase {
     Given,
 }
 
-/// Which changes of cameras are logged: all but those of cameras that come and go without end. Times are those of the world,
-/// seconds.
+/// How many changes of cameras may be logged. Times are those of the world, seconds.
 #[derive(Debug, Default)]
-pub(super) struct ChangeLog {
-    /// How many lines were spent and are not earned again: one a second is.
+pub(super) struct LogBudget {
+    /// How many were, less one a second since.
     spent: f64,
     at_s: f64,
-    untold: u64,
 }
 
-impl ChangeLog {
-    /// So many lines at once, and then one a second.
+impl LogBudget {
+    /// So many at once, and then one a second.
     const MOST: f64 = 10.0;
 
-    /// Whether a change is logged.
+    /// Whether one more may be.
     pub fn spend(&mut self, now_s: f64) -> bool {
         self.spent = (self.spent - (now_s - self.at_s).max(0.0)).max(0.0);
         self.at_s = now_s;
-        let is_told = self.spent + 1.0 <= ChangeLog::MOST;
-        self.spent += f64::from(u8::from(is_told));
-        self.untold += u64::from(!is_told);
-        is_told
-    }
-
-    /// How many changes were not logged, if they have come to an end.
-    pub fn untold(&mut self, now_s: f64) -> Option<u64> {
-        let is_over = self.untold > 0 && now_s >= self.at_s + 1.0;
-        is_over.then(|| std::mem::take(&mut self.untold))
+        let may = self.spent + 1.0 <= LogBudget::MOST;
+        self.spent += f64::from(u8::from(may));
+        may
     }
 }
 
@@ -76,8 +67,9 @@ pub(super) struct FilmInUse {
     pub cameras: Vec<u16>,
     /// A camera has gone or come back: until then the hull pushes gently, film time in seconds.
     pub gentle_until_s: f64,
-    /// Which changes of cameras are logged.
-    pub told: ChangeLog,
+    /// The cameras that the log's lines add up to.
+    pub logged_cameras: Vec<u16>,
+    pub log_budget: LogBudget,
     wait: FrameWait,
     /// The film time at which the first frame of any camera was found, seconds.
     began_s: Option<f64>,
@@ -241,12 +233,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn changes_now_and_then_are_logged_and_a_flood_of_them_is_counted() {
-        let mut log = ChangeLog::default();
-        assert!((0..100).all(|change| log.spend(f64::from(change))));
-        let told = (0..6000).filter(|&change| log.spend(100.0 + f64::from(change) / 60.0)).count();
-        assert!((100..=112).contains(&told), "{told} lines in 100 s");
-        assert_eq!((log.untold(200.5), log.untold(202.0)), (None, Some(6000 - told as u64)));
-        assert_eq!(log.untold(203.0), None);
+    fn changes_now_and_then_are_logged_and_a_flood_of_them_once_a_second() {
+        let mut budget = LogBudget::default();
+        assert!((0..100).all(|change| budget.spend(f64::from(change))));
+        let logged = (0..6000).filter(|&change| budget.spend(100.0 + f64::from(change) / 60.0)).count();
+        assert!((100..=112).contains(&logged), "{logged} lines in 100 s");
     }
 }

@@ -53,12 +53,22 @@ impl Coordinator {
             return Err(HullUnavailable::TooFew { found: places.len(), expected });
         }
         let before = std::mem::replace(&mut self.film.cameras, places);
-        let now = &self.film.cameras;
-        let count = now.len();
-        // Cameras that come and go with every frame must not fill the log.
-        let is_told = self.film.told.spend(self.world.next_time_s());
-        let told = self.query.observers().iter().filter(|_| is_told);
-        for observer in told {
+        if !before.is_empty() {
+            self.film.gentle_until_s = self.film_s() + GENTLE_S;
+        }
+        Ok(())
+    }
+
+    /// Logs which cameras have gone and come back since the last such lines. Those that come and go with every frame must not
+    /// fill the log.
+    fn log_cameras(&mut self) {
+        let film = &mut self.film;
+        if film.logged_cameras == film.cameras || !film.log_budget.spend(self.world.next_time_s()) {
+            return;
+        }
+        let before = std::mem::replace(&mut film.logged_cameras, film.cameras.clone());
+        let (now, count) = (&film.cameras, film.cameras.len());
+        for observer in self.query.observers() {
             let (name, place) = (observer.camera().name(), observer.rig_index());
             match (before.contains(&place) || before.is_empty(), now.contains(&place)) {
                 (true, false) => {
@@ -68,10 +78,6 @@ impl Coordinator {
                 _ => {}
             }
         }
-        if !before.is_empty() {
-            self.film.gentle_until_s = self.film_s() + GENTLE_S;
-        }
-        Ok(())
     }
 
     /// What the hull answers about every moving body; `None` if there is no hull.
@@ -83,13 +89,11 @@ impl Coordinator {
                 return None;
             }
         };
-        if let Some(changes) = self.film.told.untold(self.world.next_time_s()) {
-            tracing::warn!("cameras came and went {changes} times more; {} film", self.film.cameras.len());
-        }
         if let Err(why) = self.go_on_with_cameras(frame) {
             self.lose_hull(why);
             return None;
         }
+        self.log_cameras();
         let reports = match self.transport.roster().reports(frame) {
             Some(reports) => reports,
             None if self.query.knows_bounds_of(frame) => vec![],
