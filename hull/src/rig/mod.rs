@@ -71,8 +71,8 @@ pub enum RigError {
         /// How many.
         found: usize,
     },
-    /// A name that is no file's either: masks lie in folders of the cameras' names.
-    #[error("camera name {0:?}, expected printable characters without / and \\")]
+    /// A name that would not be one line of a message.
+    #[error("camera name {0:?}, expected printable characters")]
     Name(String),
     /// Two cameras share a name.
     #[error("camera name {0:?} is used twice, expected unique names")]
@@ -91,11 +91,7 @@ impl Rig {
         if cameras.len() > MAX_CAMERAS {
             return Err(RigError::TooMany { found: cameras.len() });
         }
-        let is_name = |name: &str| {
-            !name.is_empty()
-                && ![".", ".."].contains(&name)
-                && !name.contains(|c: char| c.is_control() || "/\\".contains(c))
-        };
+        let is_name = |name: &str| !name.is_empty() && !name.contains(char::is_control);
         if let Some(wrong) = cameras.iter().find(|camera| !is_name(camera.name())) {
             return Err(RigError::Name(shortened(wrong.name(), MAX_QUOTED_CHARS)));
         }

@@ -71,6 +71,13 @@ fn missing(path: &Path, camera: &Camera) -> Failure {
 
 /// Refuses images (or folders) in `folder` whose names are not those of cameras.
 fn refuse_unknown_cameras(folder: &Path, rig: &Rig, folders: bool) -> Outcome {
+    let is_file_name =
+        |camera: &&Camera| ![".", ".."].contains(&camera.name()) && !camera.name().contains(['/', '\\']);
+    if let Some(camera) = rig.cameras().iter().find(|camera| !is_file_name(camera)) {
+        let problem =
+            format_args!("found camera {:?} in the rig, expected names that a file can have", camera.name());
+        return Err(Failure::unreadable(folder, problem));
+    }
     for path in entries(folder)? {
         let is_png = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
         let counts = if folders { path.is_dir() } else { is_png && path.is_file() };
