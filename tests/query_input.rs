@@ -72,6 +72,18 @@ fn silhouettes_that_are_not_the_rigs_are_refused() {
     image(8, 6).save(path.join("sil/left/000007.png")).expect("written");
     refused(path, &["--frame", "6"], &format!("sil/left/6.png: {missing}"));
     query(path, &["--frame", "7"]).success();
+
+    fs::remove_file(path.join("answers.json")).expect("removed");
+    image(8, 6).save(path.join("sil/left.png")).expect("written");
+    refused(path, &[], "sil/left.png: found a folder \"left\" beside it, expected one of the two");
+    let mut check = Command::from_std(testkit::command(env!("CARGO_BIN_EXE_hulltouch")));
+    check.current_dir(path).args(["rig", "check", "--rig", "rig.toml", "--silhouettes", "sil"]);
+    let said = check.assert().code(2).get_output().stderr.clone();
+    let both = "hulltouch: sil/left.png: found an image beside folders of numbered ones, expected either for all cameras\n";
+    assert_eq!(String::from_utf8_lossy(&said), both);
+
+    fs::write(path.join("rig.toml"), RIG.replace("\"left\"", "\"../left\"")).expect("written");
+    refused(path, &[], "sil: found camera \"../left\" in the rig, expected names that a file can have");
 }
 
 #[test]
@@ -106,6 +118,10 @@ fn rig_import_and_check_say_what_is_wrong() {
     let (status, said) = run(&["import", "rig.toml", "--up", "z", "--out", "other.toml"]);
     assert_eq!((status, said.as_str()), (Some(0), ""));
     assert!(path.join("other.toml").exists());
+    let (status, said) = run(&["import", "rig.toml", "--out", "./rig.toml"]);
+    assert_eq!((status, said.lines().count()), (Some(2), 1), "{said}");
+    assert!(said.contains("rig.toml: it is part of the calibration that is imported"), "{said}");
+    assert_eq!(fs::read_to_string(path.join("rig.toml")).expect("a rig"), RIG);
 }
 
 #[test]

@@ -74,9 +74,18 @@ fn code(cell: &str) -> Option<&str> {
     cell.strip_prefix('`')?.strip_suffix('`').filter(|code| !code.contains('`'))
 }
 
-/// What is read of a file with these keys and values in the table of a heading: all that it means, or the line that
-/// refuses it.
-pub type Read<'a> = dyn Fn(&str, &[(String, String)]) -> Result<String, String> + 'a;
+/// The line that refuses a file.
+#[derive(Debug, PartialEq)]
+pub struct Refusal(pub String);
+
+impl Refusal {
+    pub fn of(error: impl std::error::Error) -> Refusal {
+        Refusal(error.to_string())
+    }
+}
+
+/// What is read of a file with these keys and values in the table of a heading: all that it means, or why it is refused.
+pub type Read<'a> = dyn Fn(&str, &[(String, String)]) -> Result<String, Refusal> + 'a;
 
 /// Fails unless each row of a table says what the reader does: needed keys are needed, values at the ends of a range are
 /// taken and those beyond refused with that range, and a default changes nothing. `base` is the least that must stand in
@@ -106,7 +115,7 @@ pub fn hold(table: &KeyTable, base: &dyn Fn(&KeyRow) -> Vec<(String, String)>, r
             }
             let below = if low.fract() == 0.0 { low - 1.0 } else { low / 2.0 };
             for number in [below, high + 1.0] {
-                let refusal = with(&row.written(number)).expect_err(&place);
+                let Refusal(refusal) = with(&row.written(number)).expect_err(&place);
                 assert!(refusal.contains(&format!("{low} to {high}")), "{place}: {number}: {refusal}");
             }
         }

@@ -152,6 +152,13 @@ mod tests {
     }
 
     #[test]
+    fn a_camera_in_a_section_of_another_form_is_not_lost() {
+        let found = import(&format!("{TEXT}\n{}", TEXT.replace("[cameras.10]", "[cam_5]")));
+        let found = found.expect_err("cam_5 is lost").to_string();
+        assert!(found.contains("cam_5: found a camera beside sections [cameras.0]"), "{found}");
+    }
+
+    #[test]
     fn what_is_missing_or_of_another_lens_is_named() {
         let message =
             |from: &str, to: &str| import(&TEXT.replace(from, to)).expect_err("refused").to_string();

@@ -105,8 +105,8 @@ fn add_line(entry: &mut Entry, line: &str) {
         entry.numbers.get_or_insert_default().extend(numbers);
     }
     if !words.is_empty() && entry.text.len() < MAX_TEXT_BYTES {
-        let gap = if entry.text.is_empty() { "" } else { " " };
-        entry.text = format!("{}{gap}{words}", entry.text);
+        entry.text.push_str(if entry.text.is_empty() { "" } else { " " });
+        entry.text.push_str(&words);
     }
 }
 

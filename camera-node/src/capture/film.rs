@@ -348,7 +348,9 @@ mod tests {
         let line = |film_s: f64| ClockLine { film_s, ..ClockLine::of_this_process(proto::monotonic_s()) };
         let newest = || film.ring.newest().map_or(0, |frame| frame.number);
         let film_until = |is: &dyn Fn(u64) -> bool| {
+            let began = std::time::Instant::now();
             while !is(newest()) {
+                assert!(began.elapsed() < Duration::from_secs(60), "the newest frame is {}", newest());
                 std::thread::sleep(Duration::from_millis(1));
             }
         };

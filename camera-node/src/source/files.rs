@@ -370,6 +370,34 @@ mod tests {
         decoded.map(|()| image.data)
     }
 
+    /// A mask with an orientation in its tags.
+    fn tagged(orientation: u8) -> Vec<u8> {
+        const EXIF: [u8; 26] =
+            [b'I', b'I', 42, 0, 8, 0, 0, 0, 1, 0, 0x12, 0x01, 3, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
+        let mut exif = EXIF;
+        exif[18] = orientation;
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, 4, 3);
+        encoder.set_color(png::ColorType::Grayscale);
+        let mut writer = encoder.write_header().expect("a header");
+        writer.write_chunk(png::chunk::eXIf, &exif).expect("tags");
+        writer.write_image_data(&[0, 0, 0, 0, 0, 255, 255, 0, 0, 0, 0, 0]).expect("pixels");
+        writer.finish().expect("an end");
+        bytes
+    }
+
+    #[test]
+    fn an_image_that_some_programs_would_turn_is_refused() {
+        assert!(mask_of(&tagged(1)).is_ok());
+        for orientation in 2..=8 {
+            let error = mask_of(&tagged(orientation)).expect_err("turned").to_string();
+            assert!(
+                error.contains(&format!("mask.png: found orientation {orientation} in its tag")),
+                "{error}"
+            );
+        }
+    }
+
     #[test]
     fn palettes_few_bits_and_transparent_colours_are_masks_as_their_samples_are() {
         use png::{BitDepth, ColorType};

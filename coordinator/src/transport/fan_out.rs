@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use hull::question::Question;
-use tokio::time::timeout_at;
+use tokio::time::{Instant, timeout_at};
 
 use super::TransportError;
 use super::cluster::{Asking, Cluster, failed, late};
@@ -45,7 +45,8 @@ async fn answered(
 ) -> Result<(), TransportError> {
     while let Some(slowest) = waiting.iter().position(|&waits| waits) {
         let event = timeout_at(asking.deadline, nodes.next(roster)).await;
-        match event.map_err(|_| late(nodes, slowest, asking))? {
+        let event = event.ok().filter(|_| Instant::now() <= asking.deadline);
+        match event.ok_or_else(|| late(nodes, slowest, asking))? {
             Some(PassEvent::Reply(node, id, ..)) if id == asking.id => waiting[node] = false,
             Some(PassEvent::Down(node, error)) if waiting[node] => return Err(failed(nodes, node, error)),
             Some(PassEvent::Reply(..) | PassEvent::Down(..)) | None => {}

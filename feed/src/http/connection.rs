@@ -24,7 +24,7 @@ use tokio::time::{Instant, sleep, sleep_until};
 use tokio_util::io::InspectReader;
 use tower::ServiceExt as _;
 
-use super::linger::{Lingering, LingeringSocket};
+use super::linger::Lingering;
 use super::progress::{BytesSent, Progress, ProgressSocket};
 use super::refusals::{Refusal, Refusals};
 use super::registry::{Registered, Registry, Staying};
@@ -190,25 +190,24 @@ impl Connection {
         if !matches!(stream.peek(&mut first).await, Ok(1)) {
             return Err(Refusal::Silent);
         }
-        let mut stream = LingeringSocket::new(stream, &self.0.port.lingering);
+        let mut socket = ProgressSocket::new(stream, Arc::clone(&self.0.progress), &self.0.port.lingering);
         self.0.has_begun.store(true, Ordering::Relaxed);
         let is_tls = first[0] == TLS_HANDSHAKE;
         let credentials = match &self.0.port.credentials {
             None if is_tls => return Err(Refusal::Encrypted),
             Some(_) if !is_tls => {
                 if first[0].is_ascii_uppercase() {
-                    say_https(&mut stream).await;
+                    say_https(&mut socket).await;
                 }
                 return Err(Refusal::Plain);
             }
             credentials => credentials,
         };
-        let counted = ProgressSocket::new(stream, Arc::clone(&self.0.progress));
-        let Some(credentials) = credentials else { return Ok(Box::new(counted)) };
+        let Some(credentials) = credentials else { return Ok(Box::new(socket)) };
         if !self.0.port.handshakes.admit(self.0.from, false, std::time::Instant::now()) {
             return Err(Refusal::TooManyHandshakes);
         }
-        let socket = credentials.accept_without_certificate(counted).await?;
+        let socket = credentials.accept_without_certificate(socket).await?;
         // Browsers connect ahead of what they ask.
         self.0.has_begun.store(false, Ordering::Relaxed);
         let connection = self.clone();
@@ -275,9 +274,9 @@ fn builder() -> Builder<TokioExecutor> {
 }
 
 /// Tells a browser that was given the wrong address.
-async fn say_https(stream: &mut LingeringSocket) {
+async fn say_https(socket: &mut ProgressSocket) {
     let text = "this port speaks HTTPS, expected https://\n";
     let head = "HTTP/1.1 400 Bad Request\r\nContent-Type: text/plain\r\nConnection: close";
     let answer = format!("{head}\r\nContent-Length: {}\r\n\r\n{text}", text.len());
-    let _ = stream.write_all(answer.as_bytes()).await;
+    let _ = socket.write_all(answer.as_bytes()).await;
 }

@@ -5,16 +5,14 @@
 //! half is closed first, and what still comes is read and thrown away (a lingering close).
 
 use std::io;
-use std::pin::Pin;
 use std::sync::Arc;
-use std::task::{Context, Poll};
 use std::time::Duration;
 
 use socket2::SockRef;
-use tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite, AsyncWriteExt as _, ReadBuf};
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpStream;
 use tokio::runtime::Handle;
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::sync::Semaphore;
 use tokio::time::timeout;
 
 /// A peer has so long to stop sending.
@@ -35,47 +33,14 @@ impl Default for Lingering {
 }
 
 impl Lingering {
-    fn place(&self) -> Option<OwnedSemaphorePermit> {
-        Arc::clone(&self.0).try_acquire_owned().ok()
-    }
-}
-
-/// A socket that lingers when it is dropped, if its peer was sent something and has not ended its own half.
-#[derive(Debug)]
-pub(super) struct LingeringSocket {
-    socket: TcpStream,
-    lingering: Lingering,
-    has_sent: bool,
-    has_peer_ended: bool,
-}
-
-impl LingeringSocket {
-    pub fn new(socket: TcpStream, lingering: &Lingering) -> LingeringSocket {
-        LingeringSocket { socket, lingering: lingering.clone(), has_sent: false, has_peer_ended: false }
-    }
-
-    fn wrote(&mut self, written: Poll<io::Result<usize>>) -> Poll<io::Result<usize>> {
-        match &written {
-            Poll::Ready(Ok(bytes)) => self.has_sent |= *bytes > 0,
-            Poll::Ready(Err(_)) => self.has_peer_ended = true,
-            Poll::Pending => {}
-        }
-        written
-    }
-
-    /// The same socket, to be read after this is dropped.
-    fn again(&self) -> io::Result<TcpStream> {
-        TcpStream::from_std(SockRef::from(&self.socket).try_clone()?.into())
-    }
-}
-
-impl Drop for LingeringSocket {
-    fn drop(&mut self) {
-        if !self.has_sent || self.has_peer_ended {
+    /// Lets a socket linger that is about to be dropped, if a place is free.
+    pub fn keep(&self, socket: &TcpStream) {
+        let (Ok(place), Ok(runtime)) = (Arc::clone(&self.0).try_acquire_owned(), Handle::try_current())
+        else {
             return;
-        }
-        let (Some(place), Ok(runtime)) = (self.lingering.place(), Handle::try_current()) else { return };
-        let Ok(socket) = self.again() else { return };
+        };
+        // Its last descriptor decides when a socket is closed.
+        let Ok(socket) = copy(socket) else { return };
         runtime.spawn(async move {
             let _ = timeout(LINGER, discard(socket)).await;
             drop(place);
@@ -83,55 +48,12 @@ impl Drop for LingeringSocket {
     }
 }
 
+fn copy(socket: &TcpStream) -> io::Result<TcpStream> {
+    TcpStream::from_std(SockRef::from(socket).try_clone()?.into())
+}
+
 /// Ends the sending half, and reads until the peer has ended its own.
 async fn discard(mut socket: TcpStream) {
     let _ = socket.shutdown().await;
     let _ = tokio::io::copy(&mut socket.take(MAX_DISCARDED_BYTES), &mut tokio::io::sink()).await;
-}
-
-impl AsyncRead for LingeringSocket {
-    fn poll_read(
-        mut self: Pin<&mut Self>,
-        context: &mut Context<'_>,
-        buffer: &mut ReadBuf<'_>,
-    ) -> Poll<io::Result<()>> {
-        let had = buffer.filled().len();
-        let read = Pin::new(&mut self.socket).poll_read(context, buffer);
-        if let Poll::Ready(read) = &read {
-            self.has_peer_ended |= read.is_err() || (buffer.filled().len() == had && buffer.remaining() > 0);
-        }
-        read
-    }
-}
-
-impl AsyncWrite for LingeringSocket {
-    fn poll_write(
-        mut self: Pin<&mut Self>,
-        context: &mut Context<'_>,
-        bytes: &[u8],
-    ) -> Poll<io::Result<usize>> {
-        let written = Pin::new(&mut self.socket).poll_write(context, bytes);
-        self.wrote(written)
-    }
-
-    fn poll_write_vectored(
-        mut self: Pin<&mut Self>,
-        context: &mut Context<'_>,
-        slices: &[io::IoSlice<'_>],
-    ) -> Poll<io::Result<usize>> {
-        let written = Pin::new(&mut self.socket).poll_write_vectored(context, slices);
-        self.wrote(written)
-    }
-
-    fn is_write_vectored(&self) -> bool {
-        self.socket.is_write_vectored()
-    }
-
-    fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.socket).poll_flush(context)
-    }
-
-    fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.socket).poll_shutdown(context)
-    }
 }

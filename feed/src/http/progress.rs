@@ -7,6 +7,9 @@ use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::task::{Context, Poll};
 
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::net::TcpStream;
+
+use super::linger::Lingering;
 
 /// What a connection is doing for its peer.
 #[derive(Debug, Default)]
@@ -64,38 +67,58 @@ impl Drop for Request {
     }
 }
 
-/// The socket.
+/// The socket. It lingers when it is dropped, if its peer was sent something and has not ended its own half.
 #[derive(Debug)]
-pub(super) struct ProgressSocket<S> {
-    socket: S,
+pub(super) struct ProgressSocket {
+    socket: TcpStream,
     progress: Arc<Progress>,
+    lingering: Lingering,
+    has_peer_ended: bool,
 }
 
-impl<S> ProgressSocket<S> {
+impl ProgressSocket {
     /// Notes there what happens on the socket.
-    pub fn new(socket: S, progress: Arc<Progress>) -> ProgressSocket<S> {
-        ProgressSocket { socket, progress }
+    pub fn new(socket: TcpStream, progress: Arc<Progress>, lingering: &Lingering) -> ProgressSocket {
+        ProgressSocket { socket, progress, lingering: lingering.clone(), has_peer_ended: false }
+    }
+
+    fn wrote(&mut self, written: Poll<io::Result<usize>>) -> Poll<io::Result<usize>> {
+        self.has_peer_ended |= matches!(written, Poll::Ready(Err(_)));
+        self.progress.written(written)
     }
 }
 
-impl<S: AsyncRead + Unpin> AsyncRead for ProgressSocket<S> {
+impl Drop for ProgressSocket {
+    fn drop(&mut self) {
+        if self.progress.bytes_sent().bytes() > 0 && !self.has_peer_ended {
+            self.lingering.keep(&self.socket);
+        }
+    }
+}
+
+impl AsyncRead for ProgressSocket {
     fn poll_read(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.socket).poll_read(context, buffer)
+        let had = buffer.filled().len();
+        let read = Pin::new(&mut self.socket).poll_read(context, buffer);
+        if let Poll::Ready(read) = &read {
+            self.has_peer_ended |= read.is_err() || (buffer.filled().len() == had && buffer.remaining() > 0);
+        }
+        read
     }
 }
 
-impl<S: AsyncWrite + Unpin> AsyncWrite for ProgressSocket<S> {
+impl AsyncWrite for ProgressSocket {
     fn poll_write(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
         bytes: &[u8],
     ) -> Poll<io::Result<usize>> {
         let written = Pin::new(&mut self.socket).poll_write(context, bytes);
-        self.progress.written(written)
+        self.wrote(written)
     }
 
     fn poll_write_vectored(
@@ -104,7 +127,7 @@ impl<S: AsyncWrite + Unpin> AsyncWrite for ProgressSocket<S> {
         slices: &[IoSlice<'_>],
     ) -> Poll<io::Result<usize>> {
         let written = Pin::new(&mut self.socket).poll_write_vectored(context, slices);
-        self.progress.written(written)
+        self.wrote(written)
     }
 
     fn is_write_vectored(&self) -> bool {

@@ -90,7 +90,8 @@ fn a_rig_has_no_more_cameras_than_places() {
 #[test]
 fn each_wrong_key_is_named_with_what_was_found() {
     check_refused("name = \"ant\"", "", "[cam_1] name: found nothing, expected a camera name");
-    check_refused("\"ant\"", "\"zebra\"", "camera name \"zebra\" is used twice, expected unique names");
+    // In the message a blank stands for it.
+    check_refused("\"ant\"", "\"a\\nnt\"", "camera name \"a nt\", expected printable characters");
     check_refused(
         "[ 640.0, 480.0 ]",
         "[ 0, 480 ]",
@@ -112,4 +113,37 @@ fn each_wrong_key_is_named_with_what_was_found() {
         "rotation = ",
         "not a TOML file: line 7: unexpected key or value, expected newline, `#`",
     );
+}
+
+#[test]
+fn numbers_that_cannot_be_of_the_image_or_the_room_are_refused() {
+    let of_image = "for an image of 640 x 480, expected";
+    let pixels = "is it in pixels of this size?";
+    check_refused(
+        "[ 500.0, 0, 320.0 ], [ 0.0, 510.5, 240.0 ]",
+        "[ 0.8, 0, 0.5 ], [ 0.0, 0.8, 0.5 ]",
+        &format!(
+            "[cam_9] matrix has focal lengths of 0.8000 and 0.8000 pixels {of_image} a tenth of the image's side or more: {pixels}"
+        ),
+    );
+    check_refused(
+        "320.0 ], [ 0.0, 510.5",
+        "960.0 ], [ 0.0, 510.5",
+        &format!(
+            "[cam_9] matrix has its principal point at 960.0, 240.0 {of_image} a point in the image: {pixels}"
+        ),
+    );
+    check_refused(
+        "[ 0.90, 0.55, 1.02 ]",
+        "[ 0.0, 0.0, 90.0 ]",
+        "[cam_9] rotation is a vector of 90.0 rad, expected at most 2 π: are these degrees?",
+    );
+    for (key, value) in [("calibrated", "false"), ("ignore", "true")] {
+        check_refused(
+            "fisheye = false",
+            &format!("{key} = {value}"),
+            &format!("[cam_9] {key}: found {value}, expected a camera that takes part: remove its section"),
+        );
+    }
+    check_refused("\"ant\"", "\"a\\nnt\"", "camera name \"a nt\", expected printable characters");
 }

@@ -241,6 +241,6 @@ fn add_entries(
 }
 
 #[cfg(test)]
-mod doubts;
+mod ambiguous;
 #[cfg(test)]
 mod tests;
