@@ -10,6 +10,7 @@
 //! sample order, sine and cosine come from `libm`, nothing is contracted to fused multiply-add.
 
 pub mod body;
+pub mod calibration_words;
 pub mod camera;
 pub mod contact;
 pub mod coordinates;

@@ -6,7 +6,7 @@ use hull::{Camera, Rig};
 use nalgebra::Matrix3;
 use thiserror::Error;
 
-use super::{ImportError, ImportOptions, Imported};
+use super::{ImportError, ImportOptions, Imported, room};
 
 /// An axis of the source's world, with its sign.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,9 +61,6 @@ impl Axis {
     }
 }
 
-/// Cameras farther apart than this, metres, are more likely in millimetres.
-const FAR_M: f64 = 100.0;
-
 /// Scales and turns cameras of the source's world and unit; `unit_m` is the format's own unit.
 pub(super) fn finished(
     file: &str,
@@ -95,36 +92,9 @@ pub(super) fn finished(
             .map_err(|error| ImportError::camera(file, error))
         })
         .collect::<Result<Vec<Camera>, ImportError>>()?;
-    check_poses(file, &cameras)?;
-    let first = cameras.first().map(Camera::centre_world).unwrap_or_default();
-    let far_m = cameras.iter().map(|camera| (camera.centre_world() - first).norm()).fold(0.0, f64::max);
-    if far_m > FAR_M {
-        warnings.push(format!(
-            "{file}: cameras are {far_m:.0} m apart: is the source in millimetres (scale 0.001)?"
-        ));
-    }
+    room::check(file, &cameras, &mut warnings)?;
     let rig = Rig::new(cameras).map_err(|error| ImportError::Rig { file: file.to_owned(), error })?;
     Ok(Imported { rig, warnings })
-}
-
-/// An error for two cameras at the world's origin without a turn: a calibration that failed leaves zeros.
-fn check_poses(file: &str, cameras: &[Camera]) -> Result<(), ImportError> {
-    let is_zero = |camera: &&Camera| {
-        camera.rotation_rad().iter().chain(camera.translation_m()).all(|&number| number == 0.0)
-    };
-    let mut zeros = cameras.iter().filter(is_zero);
-    match zeros.next().zip(zeros.next()) {
-        Some((one, other)) => {
-            let key = format!("cameras {} and {}", one.name(), other.name());
-            Err(ImportError::key(
-                file,
-                &key,
-                "rotation and translation of zeros",
-                "a calibrated pose of each",
-            ))
-        }
-        None => Ok(()),
-    }
 }
 
 #[cfg(test)]

@@ -29,6 +29,7 @@ pub(super) fn rig(file: &TextFile, warnings: &mut Vec<String>) -> Result<Option<
             warnings.push(format!("{}: [{}] left out, {reason}", file.path, section.name));
             continue;
         }
+        section.check_id(number)?;
         cameras.push(section.camera(&format!("cam_{number}"), warnings)?);
     }
     let is_camera = |value: &Value| value.as_table().is_some_and(|keys| keys.contains_key("matrix"));
@@ -64,6 +65,21 @@ impl Section<'_> {
         (is_empty("rotation") && is_empty("translation")).then_some("it has no pose")
     }
 
+    /// An error if the number in the camera's keys is not that of its section: either may be the camera's.
+    fn check_id(&self, number: &str) -> Result<(), ImportError> {
+        for key in ["cam_id", "camera_id", "port"] {
+            let said = match self.keys.get(key) {
+                Some(Value::Integer(said)) => said.to_string(),
+                Some(Value::String(said)) => said.clone(),
+                _ => continue,
+            };
+            if said != number && said != format!("cam_{number}") {
+                return Err(self.wrong(key, "the number of its section"));
+            }
+        }
+        Ok(())
+    }
+
     fn camera(&self, name: &str, warnings: &mut Vec<String>) -> Result<Camera, ImportError> {
         let file = self.file.path.as_str();
         for (key, value) in self.keys {
@@ -71,13 +87,6 @@ impl Section<'_> {
                 let key = format!("{} {key}", self.name);
                 ImportError::LensModel { file: file.to_owned(), key, error }
             })?;
-        }
-        if let Some(turns) = self.keys.get("rotation_count").filter(|turns| turns.as_integer() != Some(0)) {
-            warnings.push(format!(
-                "{file}: [{}] has rotation_count {turns}: the calibration is for pictures as the camera gives them, \
-                 unturned",
-                self.name
-            ));
         }
         let size = self.numbers("size", &[2], "[width, height] in whole pixels")?;
         if size.iter().any(|side| side.fract() != 0.0 || !(1.0..1e6).contains(side)) {
@@ -141,7 +150,8 @@ mod tests {
 
     #[test]
     fn cameras_are_read_in_the_order_of_their_numbers() {
-        let second = TEXT.replace("[cameras.10]", "[cameras.2]").replace("0.1, 0.2", "1.1, 0.2");
+        let second =
+            TEXT.replace("10]", "2]").replace("cam_id = 10", "cam_id = 2").replace("0.1, 0.2", "1.1, 0.2");
         let third = TEXT.replace("[cameras.10]", "[cameras.3]").replace("ignore = false", "ignore = true");
         let imported = import(&format!("{TEXT}\n{second}\n{third}")).expect("a rig");
         let names: Vec<&str> = imported.rig.cameras().iter().map(Camera::name).collect();
@@ -149,6 +159,15 @@ mod tests {
         let camera = &imported.rig.cameras()[1];
         assert_eq!((camera.translation_m().x, camera.rotation()[(1, 0)].round()), (0.1, 1.0));
         assert_eq!(imported.warnings, ["camera_array.toml: [cameras.3] left out, ignore is true"]);
+    }
+
+    #[test]
+    fn a_number_that_is_not_that_of_the_section_is_refused() {
+        let found = import(&TEXT.replace("cam_id = 10", "cam_id = 3")).expect_err("two numbers").to_string();
+        assert_eq!(
+            found,
+            "camera_array.toml: [cameras.10] cam_id: found 3, expected the number of its section"
+        );
     }
 
     #[test]

@@ -67,6 +67,14 @@ impl Entry {
         check_lens_model("fisheye", &found)
     }
 
+    /// Its word or single number; empty for lists and matrices.
+    pub(super) fn value(&self) -> String {
+        match self.numbers.as_deref() {
+            Some([single]) if self.text.is_empty() && self.shape.is_none() => single.to_string(),
+            _ => self.text.clone(),
+        }
+    }
+
     /// Whether it has a number that is not zero.
     pub(super) fn has_value(&self) -> bool {
         self.numbers.iter().flatten().any(|&number| number != 0.0)

@@ -5,8 +5,8 @@ use super::TextFile;
 /// Names of a camera matrix, in lower case without `_` and `-`; the first is preferred.
 pub(super) const MATRIX_NAMES: [&str; 7] =
     ["cameramatrix", "k", "m", "mtx", "intrinsicmatrix", "intrinsics", "intrinsic"];
-/// Numbers that a matrix with a missing number, or a few matrices in one file, may hold.
-const NEARLY: std::ops::RangeInclusive<usize> = 9..=48;
+/// Numbers that lens coefficients, a matrix with a missing number, or a few matrices in one file may hold.
+const NEARLY: std::ops::RangeInclusive<usize> = 4..=48;
 
 /// OpenCV FileStorage in XML or YAML, or the YAML of a ROS camera, which has the same form.
 pub(super) fn is_storage(file: &TextFile) -> bool {
@@ -15,7 +15,8 @@ pub(super) fn is_storage(file: &TextFile) -> bool {
         || text.starts_with("%YAML")
         || (text.contains("!!opencv-matrix") && !text.starts_with('{'))
         || text.lines().any(|line| line.starts_with("camera_matrix:"))
-        || (is_yaml(&file.path) && text.lines().any(begins_matrix))
+        || (is_yaml(&file.path)
+            && text.lines().any(|line| !line.starts_with(char::is_whitespace) && begins_matrix(line)))
 }
 
 fn is_yaml(path: &str) -> bool {
@@ -28,7 +29,7 @@ fn is_yaml(path: &str) -> bool {
 fn begins_matrix(line: &str) -> bool {
     line.split_once(':').is_some_and(|(key, value)| {
         let value = value.trim();
-        let name = key.trim_matches(['"', '\'']).to_ascii_lowercase().replace(['_', '-'], "");
+        let name = key.trim().trim_matches(['"', '\'']).to_ascii_lowercase().replace(['_', '-'], "");
         (value.is_empty() || value.starts_with('[')) && MATRIX_NAMES.contains(&name.as_str())
     })
 }
@@ -59,7 +60,9 @@ pub(super) fn is_dressed_matrix(text: &str) -> bool {
         text.lines().filter(|line| !line.trim_start().starts_with('#')).flat_map(|line| line.split(split));
     let (mut numbers, mut others) = (0, 0);
     for word in words.filter(|word| !word.is_empty()) {
-        *(if word.parse::<f64>().is_ok() { &mut numbers } else { &mut others }) += 1;
+        // Fortran's exponents, 1.0D+03, too.
+        let is_number = word.replace(['D', 'd'], "e").parse::<f64>().is_ok();
+        *(if is_number { &mut numbers } else { &mut others }) += 1;
         if numbers > 13 || others > MOST_WORDS {
             return false;
         }
@@ -90,8 +93,14 @@ pub(super) fn names_camera(text: &str) -> bool {
         "rvec:",
         "intrinsics:",
     ];
-    let text = text.to_ascii_lowercase();
-    WORDS.iter().any(|word| text.contains(word))
+    let lower = text.to_ascii_lowercase();
+    WORDS.iter().any(|word| lower.contains(word)) || text.split(['{', ',', '\n']).any(begins_matrix)
+}
+
+/// Whether the keys of a camera stand in braces: JSON, or YAML in flow style.
+pub(super) fn is_in_braces(text: &str) -> bool {
+    text.trim_start().trim_start_matches("---").trim_start().starts_with('{')
+        && text.split(['{', ',', '\n']).any(begins_matrix)
 }
 
 /// Whether a TOML text has the keys of a rig file.
@@ -115,12 +124,14 @@ mod tests {
         assert!(!is_matrix("1 2 3 4 5 6 7 8 9 10 11 12 13"));
         assert!(!is_matrix("a b c d e f g h i j k l"));
         assert_eq!(nearly_matrix("1 2 3 4 5 6 7 8 9 10 11"), Some(11));
+        assert_eq!(nearly_matrix("-0.28 0.09 0.0011 -0.0003 0.02"), Some(5));
         assert_eq!(nearly_matrix("640 480"), None);
         assert_eq!(nearly_matrix(&"1 ".repeat(1000)), None);
         for text in [
             "P=[1 2 3 4; 5 6 7 8; 9 10 11 12]",
             "[[1 2 3 4]\n[5 6 7 8]\n[9 1 2 3]]",
             "Camera 5\n1 2 3 4 5 6 7 8 9 1 2 3",
+            "1.0D+03 2 3 4\n5 6 7 8\n9 1 2 3",
         ] {
             assert!(is_dressed_matrix(text) && !is_matrix(text), "{text}");
         }
@@ -132,6 +143,10 @@ mod tests {
         let storage = |text: &str| is_storage(&TextFile { path: String::new(), text: text.to_owned() });
         assert!(storage("%YAML 1.2\n---\n") && storage("camera_matrix:\n  rows: 3\n"));
         assert!(!storage("services:\n  web: 1\n") && !storage("{ \"type_id\": \"!!opencv-matrix\" }"));
+        for text in ["{\n  \"K\": [\n", "{D: [0, 0], K: [[1, 0, 0]]}", "--- {camera_matrix: [1]}"] {
+            assert!(is_in_braces(text) && names_camera(text) && !storage(text), "{text}");
+        }
+        assert!(!is_in_braces("{\"services\": [1], \"unit\": 2}"));
         assert!(is_kalibr("cam0:\n  camera_model: pinhole\n"));
     }
 }

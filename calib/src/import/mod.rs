@@ -15,18 +15,23 @@ mod opencv;
 mod projection;
 mod qualisys;
 mod refit;
+mod room;
 mod scan;
 mod svoboda;
 mod xml;
 mod yaml;
 
+use std::iter;
 use std::str::FromStr;
 
+use hull::calibration_words::{changes_images, check_unit};
 use hull::lens_model::UnknownLensModel;
-use hull::text::{MAX_MESSAGE_CHARS, MAX_QUOTED_CHARS, shortened};
+use hull::rig::check_scalars;
+use hull::text::{MAX_MESSAGE_CHARS, MAX_QUOTED_CHARS, shortened, without_mark};
 use hull::{Camera, CameraError, Rig, RigError};
 use nalgebra::Matrix3;
 use thiserror::Error;
+use toml::{Table, Value};
 
 use crate::file::ReadError;
 
@@ -250,11 +255,17 @@ impl ImportError {
 /// Reads a rig TOML of another program, Caliscope's own `camera_array.toml` too.
 pub fn from_aniposelib(file: &TextFile, options: &ImportOptions) -> Result<Imported, ImportError> {
     let mut warnings = Vec::new();
+    let refused = |error| ImportError::Rig { file: file.path.clone(), error };
+    let table: Table = without_mark(&file.text).parse().unwrap_or_default();
+    if options.scale.is_none() {
+        check_scalars(&table, "file", &check_unit).map_err(refused)?;
+    }
+    warn_of_changed_images(file, &table, &mut warnings);
     let read = match caliscope::rig(file, &mut warnings)? {
         Some(cameras) => Rig::new(cameras),
-        None => Rig::from_toml(&file.text),
+        None => Rig::from_toml_of_unit(&file.text),
     };
-    let rig = read.map_err(|error| ImportError::Rig { file: file.path.clone(), error })?;
+    let rig = read.map_err(refused)?;
     let shift = options.pixel_origin.unwrap_or(0.0);
     let cameras = rig
         .cameras()
@@ -268,6 +279,35 @@ pub fn from_aniposelib(file: &TextFile, options: &ImportOptions) -> Result<Impor
         })
         .collect::<Result<Vec<Camera>, ImportError>>()?;
     axes::finished(&file.path, cameras, 1.0, options, warnings)
+}
+
+/// A warning for each camera whose images were turned, mirrored or cut for another program.
+fn warn_of_changed_images(file: &TextFile, table: &Table, warnings: &mut Vec<String>) {
+    for (section, value) in table {
+        let Value::Table(keys) = value else { continue };
+        let inner =
+            keys.iter().filter_map(|(key, value)| Some((format!("{section}.{key}"), value.as_table()?)));
+        for (section, keys) in iter::once((section.clone(), keys)).chain(inner) {
+            let changes = |(key, value): &(&String, &Value)| changes_images(key, &value.to_string());
+            if let Some((key, value)) = keys.iter().find(changes) {
+                warnings.push(format!(
+                    "{}: [{section}] {}",
+                    file.path,
+                    changed_images(key, &value.to_string())
+                ));
+            }
+        }
+    }
+}
+
+/// The warning for a camera whose images were turned, mirrored or cut for another program.
+fn changed_images(key: &str, value: &str) -> String {
+    let short = |text: &str| shortened(text, MAX_QUOTED_CHARS);
+    format!(
+        "has {} {}: the calibration is read as one of images as the camera gives them",
+        short(key),
+        short(value)
+    )
 }
 
 /// The size that the file says, or the option; the file wins, with a warning.

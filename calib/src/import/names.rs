@@ -9,7 +9,7 @@ use super::natural_order::natural_key;
 const ENDINGS: [&str; 10] =
     [".pmat.cal", ".qca.txt", ".xml", ".yml", ".yaml", ".txt", ".cal", ".rad", ".dat", ".p"];
 /// Words that a second version of a file has in its name.
-const VERSION_WORDS: [&str; 38] = [
+const VERSION_WORDS: [&str; 56] = [
     "old",
     "bak",
     "backup",
@@ -48,6 +48,24 @@ const VERSION_WORDS: [&str; 38] = [
     "vieux",
     "ancien",
     "nouveau",
+    "refined",
+    "rejected",
+    "rejects",
+    "discard",
+    "discarded",
+    "broken",
+    "trash",
+    "junk",
+    "ignore",
+    "ignored",
+    "excluded",
+    "deleted",
+    "removed",
+    "failed",
+    "donotuse",
+    "spare",
+    "attempt",
+    "undistorted",
 ];
 /// Words that say which half of a camera a file or folder holds.
 const HALF_WORDS: [&str; 18] = [
@@ -197,7 +215,10 @@ pub(super) fn settled<T>(
 fn check_folders<T>(cameras: &[Named<T>]) -> Result<(), ImportError> {
     let is_old = |camera: &&Named<T>| {
         let mut parts = folder(&camera.path).split('/').filter(|part| !part.is_empty());
-        parts.any(|part| unversioned(&part.to_lowercase()).is_empty())
+        parts.any(|part| {
+            let part = part.to_lowercase();
+            unversioned(&part).is_empty() || is_version_word(&part.replace(['_', '-', ' '], ""))
+        })
     };
     let base = cameras.iter().find(|camera| !is_old(camera));
     match cameras.iter().find(is_old).zip(base) {

@@ -35,6 +35,12 @@ pub fn from_matrices(files: &[TextFile], options: &ImportOptions) -> Result<Impo
     let paths: Vec<&str> = files.iter().map(|file| file.path.as_str()).collect();
     let mut warnings = Vec::new();
     let mut cameras = Vec::new();
+    if let [first, ..] = files {
+        warnings.push(format!(
+            "{}: a 3 x 4 matrix has no lens coefficients, taken as zero in all cameras",
+            first.path
+        ));
+    }
     for (file, name) in files.iter().zip(file_names(&paths)?) {
         let p = matrix_from(file)?;
         check_has_intrinsics(file, &p)?;

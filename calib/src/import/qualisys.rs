@@ -24,6 +24,7 @@ pub fn from_qualisys(file: &TextFile, options: &ImportOptions) -> Result<Importe
     })?;
     let mut warnings = Vec::new();
     let mut cameras = Vec::new();
+    check_units(file, &root, list, options)?;
     for (index, element) in list.children.iter().filter(|child| child.name == "camera").enumerate() {
         let name = element.attribute("serial").map_or_else(|| format!("camera{}", index + 1), str::to_owned);
         let says_no = |key| attribute(element, key).is_some_and(|text| !is_yes(text));
@@ -52,6 +53,27 @@ pub fn from_qualisys(file: &TextFile, options: &ImportOptions) -> Result<Importe
         return Err(ImportError::key(&file.path, "cameras", found, "at least one calibrated camera"));
     }
     axes::finished(&file.path, cameras, MILLIMETRE, options, warnings)
+}
+
+/// An error for a unit other than the program's own, and for a second list of cameras.
+fn check_units(
+    file: &TextFile,
+    root: &Element,
+    list: &Element,
+    options: &ImportOptions,
+) -> Result<(), ImportError> {
+    let named =
+        |element: &Element| attribute(element, "units").or(attribute(element, "unit")).map(str::to_owned);
+    let unit = named(root).or_else(|| named(list)).map(|unit| unit.trim().to_lowercase());
+    let is_known = |unit: &String| unit == "mm" || unit.starts_with("millimet");
+    if let Some(unit) = unit.filter(|unit| !is_known(unit) && options.scale.is_none()) {
+        let expected = "millimetres, or the scale of this unit in metres";
+        return Err(ImportError::key(&file.path, "units", unit, expected));
+    }
+    if root.children.iter().filter(|child| child.name == "cameras").count() > 1 {
+        return Err(ImportError::key(&file.path, "cameras", "two lists", "one list of cameras"));
+    }
+    Ok(())
 }
 
 /// "true", "1" or "yes", in capitals or not. All else, an empty text too, does not say that a camera is calibrated.

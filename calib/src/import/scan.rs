@@ -6,7 +6,9 @@ use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use super::kind::{is_dressed_matrix, is_matrix, is_rig, is_storage, looks_like_calibration, nearly_matrix};
+use super::kind::{
+    is_dressed_matrix, is_in_braces, is_matrix, is_rig, is_storage, looks_like_calibration, nearly_matrix,
+};
 use super::natural_order::natural_key;
 use super::{ImportError, TextFile};
 use crate::file::{ReadError, read_text, read_unpacked};
@@ -30,6 +32,9 @@ const MEDIA_ENDINGS: [&str; 16] = [
     ".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".gif", ".webp", ".pgm", ".ppm", ".raw", ".mp4",
     ".avi", ".mov", ".mkv", ".mcap",
 ];
+
+/// Files of other programs that are no text, and may hold calibrations.
+const BINARY_ENDINGS: [&str; 7] = [".npz", ".npy", ".pkl", ".pickle", ".h5", ".hdf5", ".mat"];
 
 /// What a folder holds.
 #[derive(Debug, Default)]
@@ -134,6 +139,10 @@ impl Scan {
             self.warnings.push(format!(
                 "{shown}: left out for its name, it is a 3 x 4 matrix: expected .txt, .dat or .P at its end"
             ));
+        } else if let Some(count) = nearly_matrix(&head).filter(|_| plain.ends_with(".csv")) {
+            self.warnings.push(format!("{shown}: left out for its name, it holds {count} numbers"));
+        } else if ends(&BINARY_ENDINGS) && !name.starts_with('.') {
+            self.warnings.push(format!("{shown}: left out, it is no text: write its calibration as text"));
         } else if looks_like_calibration(&head) {
             self.warnings.push(format!(
                 "{shown}: looks like a calibration, left out for its name: expected .xml, .yml, .yaml or .txt at its end"
@@ -177,7 +186,11 @@ impl Scan {
         {
             self.warnings.push(format!("{}: left out, it holds zero bytes, expected text", file.path));
         } else if is_storage_name && (file.text.trim().is_empty() || looks_like_calibration(&file.text)) {
-            let found = if file.text.trim().is_empty() { "is empty" } else { "is no OpenCV FileStorage" };
+            let found = match file.text.trim() {
+                "" => "is empty",
+                text if is_in_braces(text) => "has its keys in braces, expected one key a line",
+                _ => "is no OpenCV FileStorage",
+            };
             self.warnings.push(format!("{}: left out, it {found}", file.path));
         } else if let Some(count) = nearly_matrix(&file.text) {
             self.warnings.push(format!(

@@ -170,7 +170,8 @@ fn describes(file: &TextFile, matrix: &mut Entry, key: &str, value: &str) -> Res
 
 fn lines(text: &str) -> impl Iterator<Item = Line<'_>> {
     text.lines().enumerate().filter_map(|(index, line)| {
-        let line = line.split(" #").next().unwrap_or(line).trim_end();
+        let comment = line.find(" #").into_iter().chain(line.find("\t#")).min();
+        let line = line[..comment.unwrap_or(line.len())].trim_end();
         let text = line.trim_start();
         let skipped = text.is_empty() || text.starts_with(['%', '#']) || text == "---" || text == "...";
         (!skipped).then_some(Line { number: index + 1, indent: line.len() - text.len(), text })

@@ -8,6 +8,7 @@ use nalgebra::{Matrix3, Vector3};
 use thiserror::Error;
 use toml::{Table, Value};
 
+use crate::calibration_words::{Contradiction, check_convention, check_unit};
 use crate::camera::{Camera, CameraError};
 use crate::lens_model::{
     LENS_COEFFICIENTS, UnknownLensModel, check_camera_lens_model, check_general_lens_model, five_coefficients,
@@ -50,6 +51,16 @@ pub enum RigError {
         key: String,
         /// What is wrong.
         error: UnknownLensModel,
+    },
+    /// A key that says that lengths, poses or the calibration itself are others than those that are read.
+    #[error("[{section}] {key}: {error}")]
+    Contradiction {
+        /// The section; `file` outside sections.
+        section: String,
+        /// The key in it.
+        key: String,
+        /// What is wrong.
+        error: Contradiction,
     },
     /// Another program's file of cameras in a table of their own.
     #[error(
@@ -112,13 +123,22 @@ impl Rig {
         self.cameras.iter().position(|camera| camera.name() == name)
     }
 
-    /// Reads a rig file's text.
+    /// Reads a rig file's text. Lengths are metres.
     pub fn from_toml(text: &str) -> Result<Rig, RigError> {
+        let rig = Rig::from_toml_of_unit(text)?;
+        let table: Table = without_mark(text).parse().unwrap_or_default();
+        check_scalars(&table, "file", &check_unit)?;
+        Ok(rig)
+    }
+
+    /// Reads a rig file's text, whatever unit of length it names: translations are as they stand in the file.
+    pub fn from_toml_of_unit(text: &str) -> Result<Rig, RigError> {
         let text = without_mark(text);
         let table: Table = text.parse().map_err(|error: toml::de::Error| {
             let line = error.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
             RigError::Toml(format!("line {line}: {}", shortened(error.message(), MAX_MESSAGE_CHARS)))
         })?;
+        check_scalars(&table, "file", &check_convention)?;
         let mut cameras = Vec::new();
         for (section, value) in &table {
             let Value::Table(keys) = value else {
@@ -186,12 +206,8 @@ fn camera_from_section(section: &str, keys: &Table) -> Result<Camera, RigError> 
     for (key, value) in keys {
         check_camera_words(key, value).map_err(in_section(&section, key))?;
     }
-    for (key, is_out) in [("ignore", true), ("calibrated", false)] {
-        if let Some(found @ Value::Boolean(said)) = keys.get(key)
-            && *said == is_out
-        {
-            return Err(wrong(key, Some(found), "a camera that takes part: remove its section"));
-        }
+    if let Some(found @ Value::Boolean(true)) = keys.get("ignore") {
+        return Err(wrong("ignore", Some(found), "a camera that takes part: remove its section"));
     }
     let size = vector::<2>(keys.get("size"))
         .filter(|size| size.iter().all(|&side| side >= 0.0 && side.fract() == 0.0 && side < 1e6))
@@ -221,6 +237,31 @@ fn camera_from_section(section: &str, keys: &Table) -> Result<Camera, RigError> 
     )
     .and_then(|camera| camera.check_image().map(|()| camera))
     .map_err(|error| RigError::Camera { section: section.clone(), error })
+}
+
+/// An error if a word or single number, in whatever section, contradicts how the file is read.
+pub fn check_scalars(
+    keys: &Table,
+    section: &str,
+    check: &dyn Fn(&str, &str) -> Result<(), Contradiction>,
+) -> Result<(), RigError> {
+    for (key, value) in keys {
+        let word = match value {
+            Value::Table(inner) => {
+                check_scalars(inner, key, check)?;
+                continue;
+            }
+            Value::Array(_) => continue,
+            Value::String(word) => word.clone(),
+            single => single.to_string(),
+        };
+        check(key, &word).map_err(|error| RigError::Contradiction {
+            section: shortened(section, MAX_QUOTED_CHARS),
+            key: shortened(key, MAX_QUOTED_CHARS),
+            error,
+        })?;
+    }
+    Ok(())
 }
 
 /// An error if a key of a camera speaks of another lens model, in a word, a list, or a table in it.

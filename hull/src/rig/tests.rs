@@ -138,12 +138,22 @@ fn numbers_that_cannot_be_of_the_image_or_the_room_are_refused() {
         "[ 0.0, 0.0, 90.0 ]",
         "[cam_9] rotation is a vector of 90.0 rad, expected at most 2 π: are these degrees?",
     );
-    for (key, value) in [("calibrated", "false"), ("ignore", "true")] {
-        check_refused(
-            "fisheye = false",
-            &format!("{key} = {value}"),
-            &format!("[cam_9] {key}: found {value}, expected a camera that takes part: remove its section"),
-        );
+    for (line, message) in [
+        ("ignore = true", "ignore: found true, expected a camera that takes part: remove its section"),
+        (
+            "calibrated = false",
+            "calibrated: found false, expected a calibration that succeeded: remove the camera, or calibrate it",
+        ),
+        (
+            "units = \"cm\"",
+            "units: found cm, expected metres, or the scale of this unit in metres (mm: 0.001)",
+        ),
+        (
+            "cam_to_world = true",
+            "cam_to_world: found true, expected a pose from world to camera: x_camera = R x_world + T",
+        ),
+    ] {
+        check_refused("fisheye = false", line, &format!("[cam_9] {message}"));
     }
     check_refused("\"ant\"", "\"a\\nnt\"", "camera name \"a nt\", expected printable characters");
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::kind::{is_kalibr, is_matrix, is_storage};
+use super::kind::{is_in_braces, is_kalibr, is_matrix, is_storage};
 use super::scan::{MAX_BYTES, Scan, is_svoboda, plain_name, scan, unreadable};
 use super::{
     Format, ImportError, ImportOptions, Imported, TextFile, from_aniposelib, from_matrices, from_opencv,
@@ -90,6 +90,12 @@ impl Found {
                 found: "a camera chain of Kalibr".to_owned(),
                 expected: "OpenCV FileStorage, one file per camera: write each camera's matrix, lens, R and T",
             }),
+            Found::File(file) if is_in_braces(&file.text) => Err(ImportError::Key {
+                file: file.path.clone(),
+                key: "camera".to_owned(),
+                found: "keys in braces (JSON, or YAML in flow style)".to_owned(),
+                expected: "OpenCV FileStorage in YAML or XML, one key a line: K: [500, 0, 320, …]",
+            }),
             Found::File(_) => Err(unknown(FILE_EXPECTED)),
         }
     }
@@ -119,6 +125,11 @@ fn of_format(path: &Path, format: Format, scan: Scan) -> Result<(Vec<TextFile>, 
         Format::Aniposelib | Format::Qualisys => false,
     };
     let mut warnings = scan.warnings;
+    if let Some(name) = &scan.whole_rig {
+        warnings.push(format!(
+            "{name}: left out, it holds all cameras: give this file, not its folder, to read it"
+        ));
+    }
     let (files, others): (Vec<TextFile>, Vec<TextFile>) = scan.files.into_iter().partition(wanted);
     if files.is_empty() {
         return Err(ImportError::Unknown { file: path.display().to_string(), expected });

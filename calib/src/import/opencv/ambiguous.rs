@@ -87,6 +87,69 @@ fn a_list_that_holds_anything_but_numbers_is_refused_with_it() {
 }
 
 #[test]
+fn a_size_in_another_form_is_not_replaced_by_the_option() {
+    let options = ImportOptions { size: Some((640, 480)), ..ImportOptions::default() };
+    for (size, found) in [
+        ("image_size: 3840x2160\n", "image_size: found \"3840x2160\", expected image_width and image_height"),
+        ("resolution: \"3840 x 2160\"\n", "resolution: found \"3840 x 2160\""),
+        ("image_size: [2160, 3840, 3]\n", "image_size: found \"2160 3840 3\""),
+        ("image_size:\n  width: 3840\n  height: 2160\n", "image_size/width: found \"3840\""),
+        ("image:\n  width: 3840\n  height: 2160\n", "image/width: found \"3840\""),
+        ("image_shape: [2160, 3840]\n", "image_shape: found \"2160 3840\""),
+    ] {
+        let text = format!("%YAML:1.0\n---\n{K}{D}{R}{T}{size}");
+        let error = read_files(&[("c.yml", &text)], &options).expect_err(size).to_string();
+        assert!(error.contains(found), "{error} lacks {found}");
+    }
+    let other = format!("%YAML:1.0\n---\n{K}{D}{R}{T}size: 4\nsensor:\n  width: 36\n");
+    assert!(read_files(&[("c.yml", &other)], &options).is_ok());
+    let imported = read_files(&[("c.yml", &format!("{K}{D}{R}{T}img_size: [1280, 960]\n"))], &options);
+    let imported = imported.expect("a camera");
+    assert_eq!(
+        (imported.rig.cameras()[0].width(), imported.warnings.len()),
+        (1280, 2),
+        "{:?}",
+        imported.warnings
+    );
+}
+
+#[test]
+fn files_that_say_that_they_are_not_what_is_read_are_refused() {
+    for (more, message) in [
+        ("calibrated: false\n", "calibrated: found false, expected a calibration that succeeded"),
+        ("valid: 0\n", "valid: found 0, expected a calibration that succeeded"),
+        ("rotation_type: euler_xyz\n", "rotation_type: found euler_xyz, expected a Rodrigues vector"),
+        ("cam_to_world: 1\n", "cam_to_world: found 1, expected a pose from world to camera"),
+        ("units: feet\n", "units: found feet, expected metres"),
+    ] {
+        refused(&format!("{HEAD}{K}{D}{R}{T}{more}"), message);
+    }
+    let turned = format!("{HEAD}{K}{D}{R}{T}image_rotation: 90\nroi_x: 0\n");
+    let warnings = read_files(&[("c.yml", &turned)], &ImportOptions::default()).expect("a camera").warnings;
+    assert_eq!(
+        warnings,
+        ["c.yml: has image_rotation 90: the calibration is read as one of images as the camera gives them"]
+    );
+    let inner = format!("{HEAD}{K}{D}extrinsics:\n  rvec: [0, 0, 1]\n  tvec: [0, 0, 3]\n");
+    refused(
+        &format!("{inner}rvec: [0, 0, 1]\n"),
+        "extrinsics/tvec: found a key in a map, expected this key at",
+    );
+    assert!(read(&format!("{HEAD}{K}{D}{R}T: [0.1, 0.2, 3.0]\t# metres\n")).is_ok());
+}
+
+#[test]
+fn keys_that_name_the_camera_of_another_file_are_refused() {
+    let camera = |name: &str, x: &str| format!("{HEAD}{K}{D}{R}T: [{x}, 0.2, 3]\ncamera_name: {name}\n");
+    let (one, other) = (camera("cam2", "0.1"), camera("cam1", "0.9"));
+    let found = read_files(&[("cam1.yml", &one), ("cam2.yml", &other)], &ImportOptions::default());
+    let found = found.expect_err("swapped").to_string();
+    assert!(found.starts_with("cam1.yml and cam2.yml: found camera cam2 in the keys of the one"), "{found}");
+    let (one, other) = (camera("left", "0.1"), camera("right", "0.9"));
+    assert!(read_files(&[("cam1.yml", &one), ("cam2.yml", &other)], &ImportOptions::default()).is_ok());
+}
+
+#[test]
 fn lens_coefficients_of_another_camera_or_key_are_refused() {
     for (lens, message) in [
         ("D_depth: [-0.3, 0.1, 0, 0]\n", "K, D_depth: found keys of one camera and of others"),

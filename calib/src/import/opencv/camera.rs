@@ -241,10 +241,15 @@ impl Reader<'_, '_> {
         expected: &'static str,
     ) -> Result<(String, Vec<f64>), ImportError> {
         let found = self.parts.find(role, id)?;
-        let missing = || {
-            let key =
-                id.map_or_else(|| role.shown().to_owned(), |id| format!("{} of camera {id}", role.shown()));
-            ImportError::key(self.parts.path(), &key, "nothing", expected)
+        let missing = || match self.parts.in_map(role).filter(|_| id.is_none()) {
+            Some((path, key)) => {
+                ImportError::key(path, key, "a key in a map", "this key at the top of the file")
+            }
+            None => {
+                let of_camera = id.map_or(String::new(), |id| format!(" of camera {id}"));
+                let key = format!("{}{of_camera}", role.shown());
+                ImportError::key(self.parts.path(), &key, "nothing", expected)
+            }
         };
         let part = found.ok_or_else(missing)?;
         let numbers = checked(part, expected)?;
@@ -343,7 +348,16 @@ impl Reader<'_, '_> {
                 return Err(ImportError::key(self.parts.path(), &keys, found, "one image size"));
             }
         }
-        Ok(pair.map(|(_, pair)| (pair[0], pair[1])).or(width.zip(height)))
+        let size = pair.map(|(_, pair)| (pair[0], pair[1])).or(width.zip(height));
+        match self.parts.unread_size().filter(|_| size.is_none()) {
+            Some((path, entry)) => {
+                let list = entry.numbers.as_ref().map(|numbers| format!("{numbers:?}"));
+                let found = if entry.text.is_empty() { list } else { Some(format!("{:?}", entry.text)) };
+                let expected = "image_width and image_height, or image_size: [width, height] in pixels";
+                Err(ImportError::key(path, &entry.key, found.unwrap_or_default(), expected))
+            }
+            None => Ok(size),
+        }
     }
 }
 

@@ -7,12 +7,13 @@ mod parts;
 mod roles;
 
 use hull::Camera;
+use hull::calibration_words::{Contradiction, changes_images, check_convention, check_unit};
 
 use super::entry::Entry;
 use super::kind::names_camera;
 use super::names::{Named, settled};
 use super::xml::{self, Element};
-use super::{ImportError, ImportOptions, Imported, TextFile, axes, numbers, yaml};
+use super::{ImportError, ImportOptions, Imported, TextFile, axes, changed_images, numbers, yaml};
 use groups::{Group, grouped};
 use parts::Parts;
 use roles::Role;
@@ -35,7 +36,7 @@ pub fn from_opencv(files: &[TextFile], options: &ImportOptions) -> Result<Import
             Err(error) => return Err(error),
         }
     }
-    let mut described = Vec::new();
+    let (mut described, mut said_names) = (Vec::new(), Vec::new());
     for (file, entries) in &read {
         let parts = Parts::of_file(file, entries)?;
         for entry in entries {
@@ -46,7 +47,8 @@ pub fn from_opencv(files: &[TextFile], options: &ImportOptions) -> Result<Import
             })?;
         }
         if !parts.is_empty() {
-            check_conventions(file, entries, options)?;
+            check_conventions(file, entries, options, &mut warnings)?;
+            said_names.extend(said_name(entries).map(|name| (file.path.as_str(), name)));
             described.push((*file, parts));
         } else if !is_of_board(entries) {
             warnings.push(format!("{}: left out, it has no key that describes a camera", file.path));
@@ -68,6 +70,7 @@ pub fn from_opencv(files: &[TextFile], options: &ImportOptions) -> Result<Import
     check_worlds(&worlds)?;
     let cameras: Vec<Named<Camera>> = worlds.into_iter().flat_map(|world| world.cameras).collect();
     halves.check(&cameras, &mut warnings)?;
+    check_names(&cameras, &said_names)?;
     let place = files.first().map_or("no files", |file| file.path.as_str());
     if cameras.is_empty() {
         return Err(ImportError::key(
@@ -79,6 +82,30 @@ pub fn from_opencv(files: &[TextFile], options: &ImportOptions) -> Result<Import
     }
     let cameras = settled(cameras, same, &mut warnings)?.into_iter().map(|camera| camera.value).collect();
     axes::finished(place, cameras, 1.0, options, warnings)
+}
+
+/// The name that a file's keys give its camera, if any.
+fn said_name(entries: &[Entry]) -> Option<String> {
+    const KEYS: [&str; 6] = ["cameraname", "cameraid", "camname", "camid", "camera", "name"];
+    let is_name = |entry: &&Entry| {
+        let key = entry.key.to_ascii_lowercase().replace(['_', '-'], "");
+        KEYS.contains(&key.as_str()) && !entry.is_list && !entry.value().is_empty()
+    };
+    entries.iter().find(is_name).map(Entry::value)
+}
+
+/// An error for a file whose keys give its camera the name of another file's camera.
+fn check_names(cameras: &[Named<Camera>], said: &[(&str, String)]) -> Result<(), ImportError> {
+    for (path, name) in said {
+        let is_said = |camera: &&Named<Camera>| camera.name.eq_ignore_ascii_case(name);
+        let is_own = cameras.iter().filter(is_said).any(|camera| camera.path == *path);
+        let other = cameras.iter().find(is_said).filter(|other| !is_own && other.path != *path);
+        if let Some(other) = other.filter(|_| cameras.iter().any(|camera| camera.path == *path)) {
+            let found = format!("camera {name} in the keys of the one and as the name of the other");
+            return Err(ImportError::conflict(path, &other.path, found, "one name for one camera"));
+        }
+    }
+    Ok(())
 }
 
 /// The cameras of a group of files. Those of a stereo pair have a world of their own.
@@ -110,25 +137,22 @@ fn check_worlds(worlds: &[World]) -> Result<(), ImportError> {
     }
 }
 
-/// An error for keys that say that lengths or poses are others than those that are read.
-fn check_conventions(file: &TextFile, entries: &[Entry], options: &ImportOptions) -> Result<(), ImportError> {
+/// An error for keys that say that lengths or poses are others than those that are read, and a warning for those that
+/// say that images were turned or cut.
+fn check_conventions(
+    file: &TextFile,
+    entries: &[Entry],
+    options: &ImportOptions,
+    warnings: &mut Vec<String>,
+) -> Result<(), ImportError> {
     for entry in entries {
-        let plain = |text: &str| text.to_lowercase().replace(['_', '-', ' ', '"', '\''], "");
-        let (name, word) = (plain(entry.name()), plain(&entry.text));
-        let wrong = |expected| Err(ImportError::key(&file.path, &entry.key, entry.text.clone(), expected));
-        let is_unit = ["unit", "units", "lengthunit", "worldunit", "worldunits", "translationunit"]
-            .contains(&name.as_str());
-        let is_length = ["mm", "cm", "inch", "inches", "in", "ft", "feet"].contains(&word.as_str())
-            || ["millimet", "centimet"].iter().any(|unit| word.starts_with(unit));
-        if is_unit && is_length && options.scale.is_none() {
-            return wrong("metres, or the scale of this unit in metres (mm: 0.001)");
-        }
-        let is_turned = ["cameratoworld", "cam2world", "camtoworld", "c2w", "worldfromcamera"];
-        if word.len() < 40 && is_turned.iter().any(|turned| word.contains(turned)) {
-            return wrong("a pose from world to camera: x_camera = R x_world + T");
-        }
-        if ["rotationorder", "eulerorder", "rotorder", "eulerangles"].contains(&name.as_str()) {
-            return wrong("a Rodrigues vector or a 3 x 3 matrix, no angles about axes");
+        let value = entry.value();
+        let unit = if options.scale.is_none() { check_unit(entry.name(), &value) } else { Ok(()) };
+        unit.and_then(|()| check_convention(entry.name(), &value)).map_err(
+            |Contradiction { found, expected }| ImportError::key(&file.path, &entry.key, found, expected),
+        )?;
+        if changes_images(entry.name(), &value) {
+            warnings.push(format!("{}: {}", file.path, changed_images(&entry.key, &value)));
         }
     }
     Ok(())

@@ -23,6 +23,10 @@ pub(super) struct Parts<'a> {
     unread_lenses: Vec<&'a Entry>,
     /// Keys that hold the camera matrix of a further camera and are not read.
     unread_matrices: Vec<&'a Entry>,
+    /// Keys of an image size that are not read, with their files.
+    unread_sizes: Vec<(&'a str, &'a Entry)>,
+    /// Keys of a role in maps, which are not read, with their files.
+    in_maps: Vec<(&'a str, &'a Entry, Role)>,
     /// The list of the cameras' names, with its file.
     names: Option<(&'a str, &'a Entry)>,
 }
@@ -48,9 +52,23 @@ impl<'a> Parts<'a> {
             entries.iter().filter(|entry| is(entry)).filter(is_unread).collect::<Vec<&Entry>>()
         };
         let (unread_lenses, unread_matrices) = (unread(holds_lens), unread(holds_intrinsics));
+        let is_read = |entry: &&Entry| {
+            let is_plain = |part: &&Part| part.meaning.camera.is_none() && part.meaning.role.fits(part.entry);
+            let mut read = parts.iter().filter(is_plain);
+            read.any(|part| std::ptr::eq(part.entry, *entry))
+        };
+        let path = file.path.as_str();
+        let sizes = entries.iter().filter(|entry| holds_size(entry) && !is_read(entry));
+        let unread_sizes = sizes.map(|entry| (path, entry)).collect();
+        let inner = entries.iter().filter(|entry| entry.is_nested());
+        let in_maps = inner.filter_map(|entry| {
+            let role = meaning(entry.name())?.role;
+            role.fits(entry).then_some((path, entry, role))
+        });
+        let in_maps = in_maps.collect();
         let names = entries.iter().find(|entry| entry.key == "names" && entry.is_list);
-        let names = names.map(|names| (file.path.as_str(), names));
-        let parts = Parts { parts, unread_lenses, unread_matrices, names };
+        let names = names.map(|names| (path, names));
+        let parts = Parts { parts, unread_lenses, unread_matrices, unread_sizes, in_maps, names };
         check_inner(file, entries, parts.has_matrix())?;
         Ok(parts)
     }
@@ -62,6 +80,8 @@ impl<'a> Parts<'a> {
             joined.parts.extend(file.parts);
             joined.unread_lenses.extend(file.unread_lenses);
             joined.unread_matrices.extend(file.unread_matrices);
+            joined.unread_sizes.extend(file.unread_sizes);
+            joined.in_maps.extend(file.in_maps);
             joined.names = joined.names.or(file.names);
         }
         joined
@@ -70,6 +90,17 @@ impl<'a> Parts<'a> {
     /// The key of lens coefficients that are not read, if any.
     pub(super) fn unread_lens(&self) -> Option<&str> {
         self.unread_lenses.first().map(|entry| entry.key.as_str())
+    }
+
+    /// A key of an image size that is not read, with its file, if any.
+    pub(super) fn unread_size(&self) -> Option<(&'a str, &'a Entry)> {
+        self.unread_sizes.first().copied()
+    }
+
+    /// A key of this role in a map, with its file, if any.
+    pub(super) fn in_map(&self, role: Role) -> Option<(&'a str, &'a str)> {
+        let found = self.in_maps.iter().find(|(_, _, found)| *found == role);
+        found.map(|(path, entry, _)| (*path, entry.key.as_str()))
     }
 
     /// The key of a further camera's matrix beside that of `camera`, if any.
@@ -243,6 +274,34 @@ fn holds_lens(entry: &Entry) -> bool {
         || (is_list && (speaks_of_lens(entry.name()) || entry.name().to_ascii_lowercase().contains("lens")))
         || around.split('/').any(speaks_of_lens);
     is_named && entry.has_value()
+}
+
+/// Whether an entry holds the size of an image, in whatever form.
+fn holds_size(entry: &Entry) -> bool {
+    const WHOLE: [&str; 9] = [
+        "imagesize",
+        "imgsize",
+        "imageshape",
+        "imgshape",
+        "imageresolution",
+        "resolution",
+        "framesize",
+        "videosize",
+        "imagedimensions",
+    ];
+    const SIDES: [&str; 6] = ["width", "height", "imagewidth", "imageheight", "w", "h"];
+    let plain = |text: &str| text.to_ascii_lowercase().replace(['_', '-'], "");
+    let name = plain(entry.name());
+    let around = entry.key.rsplit('/').nth(1).map(plain).unwrap_or_default();
+    let is_whole = |name: &str| WHOLE.contains(&name) || ["size", "image", "frame"].contains(&name);
+    let has_value = entry.numbers.is_some() || !entry.text.is_empty();
+    let is_size = |text: &str| {
+        text.split(['x', 'X', '*', '×']).filter_map(|side| side.trim().parse::<u32>().ok()).count() == 2
+    };
+    has_value
+        && (WHOLE.contains(&name.as_str())
+            || (name == "size" && !entry.is_nested() && is_size(&entry.text))
+            || (SIDES.contains(&name.as_str()) && is_whole(&around)))
 }
 
 /// Whether an entry holds the camera matrix of a camera, and not of its pictures after they were rectified or scaled.

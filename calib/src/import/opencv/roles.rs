@@ -54,7 +54,7 @@ impl Role {
             Role::Translation => {
                 &["tvec", "translationvalues", "translationvector", "t", "translation", "tvecs", "trans"]
             }
-            Role::Size => &["imagesize", "size", "resolution"],
+            Role::Size => &["imagesize", "imgsize", "size", "resolution"],
             Role::Width => &["imagewidth", "width", "imgwidth"],
             Role::Height => &["imageheight", "height", "imgheight"],
         }

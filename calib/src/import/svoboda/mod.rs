@@ -6,12 +6,12 @@
 //! determinant, or the world is mirrored.
 
 use hull::Camera;
-use nalgebra::{Matrix3, Matrix3x4, Vector3};
+use nalgebra::{Matrix3, Matrix3x4, Point3, Vector3};
 
 use super::projection::{Parts, Placement, matrix_from, placed, taken_apart};
 use super::refit::Chain;
 use super::scan::plain_name;
-use super::{ImportError, ImportOptions, Imported, TextFile, axes, from_origin, numbers, size_of};
+use super::{ImportError, ImportOptions, Imported, TextFile, axes, from_origin, numbers, room, size_of};
 
 /// MATLAB's point finder counts pixels from 1.
 const MATLAB_ORIGIN: f64 = 1.0;
@@ -70,12 +70,8 @@ pub fn from_svoboda(files: &[TextFile], options: &ImportOptions) -> Result<Impor
         );
     }
     let matrices = signed(&found)?;
-    if let Some(order) = named(files, "camera_order.txt")
-        && let Some(line) = order.text.lines().find(|line| line.split_whitespace().count() > 1)
-    {
-        return Err(ImportError::key(&order.path, "names", format!("{line:?}"), "one name a line"));
-    }
-    let folder = Folder { files, order: named(files, "camera_order.txt"), sizes: sizes(files)? };
+    let folder = Folder { files, names: names(files, &found)?, sizes: sizes(files)? };
+    folder.warn_of_missing_lenses(&found, &mut warnings);
     let mut cameras = Vec::new();
     for (rank, ((number, file), p)) in found.iter().zip(&matrices).enumerate() {
         let parts = taken_apart(&file.path, p)?;
@@ -105,6 +101,24 @@ fn named<'a>(files: &'a [TextFile], name: &str) -> Option<&'a TextFile> {
     files.iter().find(|file| plain_name(&file.path) == name)
 }
 
+/// `camera_order.txt`: a name per line, of camera 1 first. A list that ends before the last camera is an error.
+fn names<'a>(files: &'a [TextFile], cameras: &[(u32, &TextFile)]) -> Result<Vec<&'a str>, ImportError> {
+    let Some(order) = named(files, "camera_order.txt") else { return Ok(Vec::new()) };
+    let lines = order.text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'));
+    let names: Vec<&str> = lines.collect();
+    let wrong =
+        |found| Err(ImportError::key(&order.path, "names", found, "one name a line, for each camera"));
+    if let Some(line) = names.iter().find(|line| line.split_whitespace().count() > 1) {
+        return wrong(format!("{line:?}"));
+    }
+    match cameras.last() {
+        Some(&(last, _)) if names.len() < last as usize => {
+            wrong(format!("{} names for {last} cameras", names.len()))
+        }
+        _ => Ok(names),
+    }
+}
+
 /// `Res.dat`: a width and a height per line.
 fn sizes(files: &[TextFile]) -> Result<Vec<(u32, u32)>, ImportError> {
     let Some(file) = named(files, "res.dat") else { return Ok(Vec::new()) };
@@ -125,9 +139,9 @@ fn sizes(files: &[TextFile]) -> Result<Vec<(u32, u32)>, ImportError> {
 /// The projection matrices, each with the sign that puts the subject in front of the camera.
 fn signed(found: &[(u32, &TextFile)]) -> Result<Vec<Matrix3x4<f64>>, ImportError> {
     let mut matrices = found.iter().map(|(_, file)| matrix_from(file)).collect::<Result<Vec<_>, _>>()?;
-    let subject = subject(&matrices);
+    let subject = matrices.iter().map(axis).collect::<Option<Vec<_>>>().and_then(|axes| room::subject(&axes));
     for p in &mut matrices {
-        let depth = subject.map_or(1.0, |subject| (*p * subject.push(1.0)).z);
+        let depth = subject.map_or(1.0, |subject| (*p * subject.coords.push(1.0)).z);
         if depth < 0.0 {
             *p = -*p;
         }
@@ -135,37 +149,44 @@ fn signed(found: &[(u32, &TextFile)]) -> Result<Vec<Matrix3x4<f64>>, ImportError
     Ok(matrices)
 }
 
-/// The point that all optical axes (lines, so signs do not matter) pass nearest; `None` if they are
-/// nearly parallel or there is one camera.
-fn subject(matrices: &[Matrix3x4<f64>]) -> Option<Vector3<f64>> {
-    let mut normal = Matrix3::zeros();
-    let mut right = Vector3::zeros();
-    for p in matrices {
-        let centre = p.fixed_columns::<3>(0).try_inverse()? * -p.column(3);
-        let axis = Vector3::new(p[(2, 0)], p[(2, 1)], p[(2, 2)]).normalize();
-        let across = Matrix3::identity() - axis * axis.transpose();
-        normal += across;
-        right += across * centre;
-    }
-    let spread = normal.symmetric_eigenvalues().min() / matrices.len() as f64;
-    if spread < 1e-3 { None } else { normal.try_inverse().map(|inverse| inverse * right) }
+/// The place of a camera and its optical axis, whose sign is that of P.
+fn axis(p: &Matrix3x4<f64>) -> Option<(Point3<f64>, Vector3<f64>)> {
+    let centre = p.fixed_columns::<3>(0).try_inverse()? * -p.column(3);
+    Some((Point3::from(centre), Vector3::new(p[(2, 0)], p[(2, 1)], p[(2, 2)]).normalize()))
 }
 
 /// What stands beside the projection matrices.
 struct Folder<'a> {
     files: &'a [TextFile],
-    order: Option<&'a TextFile>,
+    /// Of camera 1 first; empty if there is no list of names.
+    names: Vec<&'a str>,
     sizes: Vec<(u32, u32)>,
 }
 
-impl Folder<'_> {
-    /// The id that `camera_order.txt` gives camera `number` (line 1 is camera 1).
+impl<'a> Folder<'a> {
+    /// The name that `camera_order.txt` gives camera `number`.
     fn name(&self, number: u32) -> String {
-        let id = self.order.and_then(|file| {
-            let mut ids = file.text.lines().map(str::trim).filter(|line| !line.is_empty());
-            ids.nth((number as usize).checked_sub(1)?)
-        });
-        id.map_or_else(|| format!("camera{number}"), str::to_owned)
+        let name = (number as usize).checked_sub(1).and_then(|index| self.names.get(index));
+        name.map_or_else(|| format!("camera{number}"), |&name| name.to_owned())
+    }
+
+    fn radials(&self, number: u32) -> impl Iterator<Item = &'a TextFile> {
+        self.files.iter().filter(move |file| number_before(&file.path, ".rad") == Some(number))
+    }
+
+    /// A warning for the cameras without a `.rad`, where others have one.
+    fn warn_of_missing_lenses(&self, cameras: &[(u32, &TextFile)], warnings: &mut Vec<String>) {
+        let (with, without): (Vec<u32>, Vec<u32>) = cameras
+            .iter()
+            .map(|&(number, _)| number)
+            .partition(|&number| self.radials(number).next().is_some());
+        if !with.is_empty() && !without.is_empty() {
+            let without: Vec<String> = without.iter().map(u32::to_string).collect();
+            warnings.push(format!(
+                "MultiCamSelfCal: found no .rad of camera {}, its lens coefficients are taken as zero",
+                without.join(", ")
+            ));
+        }
     }
 
     /// By camera number, or by rank where `Res.dat` lists only the cameras in use.
@@ -184,7 +205,7 @@ impl Folder<'_> {
     ) -> Result<Camera, ImportError> {
         let origin = options.pixel_origin.unwrap_or(MATLAB_ORIGIN);
         parts.k = from_origin(parts.k, origin);
-        let mut radials = self.files.iter().filter(|file| number_before(&file.path, ".rad") == Some(number));
+        let mut radials = self.radials(number);
         let radial = radials.next();
         if let Some((one, other)) =
             radial.zip(radials.find(|other| radial.is_some_and(|one| one.text != other.text)))

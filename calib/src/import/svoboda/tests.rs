@@ -132,6 +132,25 @@ fn names_and_sizes_come_from_the_files_beside() {
 }
 
 #[test]
+fn names_and_lenses_of_some_cameras_alone_are_named() {
+    let with = |name: &str, text: &str| {
+        folder(&matrices()).into_iter().chain([file(name, text)]).collect::<Vec<_>>()
+    };
+    let error = from_svoboda(&with("camera_order.txt", "east\nnorth\n"), &ZERO).expect_err("few").to_string();
+    assert!(
+        error.starts_with("camera_order.txt: names: found 2 names for 3 cameras, expected one"),
+        "{error}"
+    );
+    let rig =
+        from_svoboda(&with("camera_order.txt", "# ids\neast\nnorth\nwest\n"), &ZERO).expect("a rig").rig;
+    assert_eq!(rig.cameras()[0].name(), "east");
+    let imported =
+        from_svoboda(&with("camera2.rad", &radial(&k(), [-0.2, 0.1, 0.0, 0.0])), &ZERO).expect("a rig");
+    let said = "MultiCamSelfCal: found no .rad of camera 1, 3, its lens coefficients are taken as zero";
+    assert!(imported.warnings.iter().any(|warning| warning == said), "{:?}", imported.warnings);
+}
+
+#[test]
 fn a_failed_radial_fit_is_told() {
     let mut files = folder(&matrices());
     files.push(file("camera2.rad", radial(&FAILED, [0.0; 4])));

@@ -1,0 +1,303 @@
+//! What the cameras of a room must have in common, whatever program wrote them: places of their own, a space that all
+//! look at, and principal points near the middles of their images. A file that was read in the wrong convention, or
+//! twice, fails here.
+
+use hull::Camera;
+use nalgebra::{Matrix3, Point3, Vector3};
+
+use super::ImportError;
+
+/// Cameras farther apart than this, metres, are more likely in millimetres.
+const FAR_M: f64 = 100.0;
+/// Cameras of a room that are all nearer than this, metres, are more likely in another unit.
+const NEAR_M: f64 = 0.1;
+/// Two cameras nearer than this share of the room, and with axes closer than [`SAME_AXIS`], may be one camera.
+const SAME_PLACE_SHARE: f64 = 0.03;
+/// The cosine of 5°.
+const SAME_AXIS: f64 = 0.996;
+/// Places and axes that differ by less are equal but for printed digits.
+const EQUAL: f64 = 1e-6;
+/// A principal point farther from the middle of its image than this share of the side is that of another size.
+const OFF_MIDDLE: f64 = 0.2;
+/// Names in one warning.
+const MAX_NAMES: usize = 8;
+
+/// An error for cameras that cannot be those of one room, and warnings for those that hardly are. Lengths are metres.
+pub(super) fn check(file: &str, cameras: &[Camera], warnings: &mut Vec<String>) -> Result<(), ImportError> {
+    check_places(file, cameras, warnings)?;
+    check_subject(file, cameras, warnings)?;
+    let off: Vec<&str> = cameras.iter().filter(is_off_middle).map(Camera::name).collect();
+    if !off.is_empty() {
+        warnings.push(format!(
+            "{file}: the principal point of {} is far from the middle of the image: is the image size that of the \
+             calibration, width first?",
+            listed(&off)
+        ));
+    }
+    Ok(())
+}
+
+/// Where the cameras stand.
+fn check_places(file: &str, cameras: &[Camera], warnings: &mut Vec<String>) -> Result<(), ImportError> {
+    let room_m = extent_m(cameras);
+    let error = |one: &Camera, other: &Camera, found: &str| {
+        let key = format!("cameras {} and {}", one.name(), other.name());
+        Err(ImportError::key(file, &key, found, "a calibrated pose of each"))
+    };
+    let is_zero = |camera: &&Camera| {
+        camera.rotation_rad().iter().chain(camera.translation_m()).all(|&number| number == 0.0)
+    };
+    let mut zeros = cameras.iter().filter(is_zero);
+    if let (Some(one), Some(other)) = (zeros.next(), zeros.next()) {
+        return error(one, other, "rotation and translation of zeros");
+    }
+    let mut near = Vec::new();
+    for (index, one) in cameras.iter().enumerate() {
+        for other in &cameras[index + 1..] {
+            let distance_m = (one.centre_world() - other.centre_world()).norm();
+            let scale_m = room_m.max(one.translation_m().norm()).max(f64::MIN_POSITIVE);
+            if distance_m <= EQUAL * scale_m && (one.rotation() - other.rotation()).amax() < EQUAL {
+                return error(one, other, "the same pose of both");
+            }
+            let is_near = cameras.len() > 2 && distance_m < SAME_PLACE_SHARE * room_m;
+            if !is_near || axis(one).dot(&axis(other)) < SAME_AXIS {
+                continue;
+            }
+            if continues(one.name(), other.name()) || continues(other.name(), one.name()) {
+                return error(one, other, "two versions of one camera by their names and places");
+            }
+            near.push(format!("{} and {}", one.name(), other.name()));
+        }
+    }
+    let first = cameras.first().map(|camera| camera.translation_m().norm()).unwrap_or_default();
+    if cameras.len() > 1 && room_m <= EQUAL * first {
+        return error(
+            &cameras[0],
+            &cameras[1],
+            "all cameras at one place, as poses from camera to world give",
+        );
+    }
+    if !near.is_empty() {
+        let near: Vec<&str> = near.iter().map(String::as_str).collect();
+        warnings.push(format!(
+            "{file}: cameras {} stand at one place and look the same way: are they two versions of one camera?",
+            listed(&near)
+        ));
+    }
+    if room_m > FAR_M {
+        warnings.push(format!(
+            "{file}: cameras are {room_m:.0} m apart: is the source in millimetres (scale 0.001)?"
+        ));
+    } else if cameras.len() > 2 && room_m < NEAR_M {
+        let room_mm = room_m * 1000.0;
+        warnings.push(format!(
+            "{file}: all cameras stand within {room_mm:.1} mm: is the scale the source's unit?"
+        ));
+    }
+    Ok(())
+}
+
+/// Whether the cameras look at a common space.
+fn check_subject(file: &str, cameras: &[Camera], warnings: &mut Vec<String>) -> Result<(), ImportError> {
+    let axes: Vec<(Point3<f64>, Vector3<f64>)> =
+        cameras.iter().map(|camera| (camera.centre_world(), axis(camera))).collect();
+    let Some(subject) = subject(&axes).filter(|_| cameras.len() > 2) else { return Ok(()) };
+    let is_behind = |(centre, axis): &&(Point3<f64>, Vector3<f64>)| axis.dot(&(subject - centre)) < 0.0;
+    let named = cameras.iter().zip(&axes).filter(|(_, axis)| is_behind(axis));
+    let behind: Vec<&str> = named.map(|(camera, _)| camera.name()).collect();
+    if behind.len() == cameras.len() {
+        let found = "cameras that all look away from where their optical axes meet";
+        let expected =
+            "a right-handed world, x to the right and y down in images, and poses from world to camera";
+        return Err(ImportError::key(file, "poses", found, expected));
+    }
+    if !behind.is_empty() {
+        warnings.push(format!(
+            "{file}: {} look away from where the optical axes of all cameras meet: are poses from world to camera?",
+            listed(&behind)
+        ));
+    }
+    Ok(())
+}
+
+/// The point that all axes, as lines of any direction, pass nearest; `None` if they are nearly parallel. Each axis is
+/// a place and a unit vector.
+pub(super) fn subject(axes: &[(Point3<f64>, Vector3<f64>)]) -> Option<Point3<f64>> {
+    let mut normal = Matrix3::zeros();
+    let mut right = Vector3::zeros();
+    for (place, axis) in axes {
+        let across = Matrix3::identity() - axis * axis.transpose();
+        normal += across;
+        right += across * place.coords;
+    }
+    let spread = normal.symmetric_eigenvalues().min() / axes.len() as f64;
+    if spread < 1e-3 { None } else { normal.try_inverse().map(|inverse| Point3::from(inverse * right)) }
+}
+
+/// The optical axis in the world.
+fn axis(camera: &Camera) -> Vector3<f64> {
+    camera.rotation().row(2).transpose()
+}
+
+/// The largest distance of two cameras, metres.
+fn extent_m(cameras: &[Camera]) -> f64 {
+    let centres: Vec<Point3<f64>> = cameras.iter().map(Camera::centre_world).collect();
+    let from = |one: &Point3<f64>| centres.iter().map(|other| (one - other).norm()).fold(0.0, f64::max);
+    centres.iter().map(from).fold(0.0, f64::max)
+}
+
+/// Whether a name is another one with further words: cam1_refined of cam1, and not cam10.
+fn continues(name: &str, base: &str) -> bool {
+    let rest = name.to_lowercase().strip_prefix(&base.to_lowercase()).map(str::to_owned);
+    rest.is_some_and(|rest| rest.starts_with(|c: char| !c.is_alphanumeric()))
+}
+
+fn is_off_middle(camera: &&Camera) -> bool {
+    let is_off = |at: f64, side: u32| {
+        let side = f64::from(side);
+        (at - (side - 1.0) * 0.5).abs() > OFF_MIDDLE * side
+    };
+    let k = camera.intrinsics();
+    is_off(k[(0, 2)], camera.width()) || is_off(k[(1, 2)], camera.height())
+}
+
+/// The first names of many.
+fn listed(names: &[&str]) -> String {
+    let shown = names.iter().take(MAX_NAMES).copied().collect::<Vec<&str>>().join(", ");
+    if names.len() > MAX_NAMES { format!("{shown} and {} more", names.len() - MAX_NAMES) } else { shown }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A camera at a place that looks at the origin, z up.
+    fn looking(name: &str, place: [f64; 3]) -> Camera {
+        let centre = Vector3::from(place);
+        let z = -centre.normalize();
+        let x = z.cross(&Vector3::z()).normalize();
+        let rotation = Matrix3::from_rows(&[x.transpose(), z.cross(&x).transpose(), z.transpose()]);
+        posed(name, &rotation, -(rotation * centre))
+    }
+
+    fn posed(name: &str, rotation: &Matrix3<f64>, translation_m: Vector3<f64>) -> Camera {
+        let k = Matrix3::new(1400.0, 0.0, 960.0, 0.0, 1400.0, 540.0, 0.0, 0.0, 1.0);
+        Camera::from_matrices(name, (1920, 1080), k, [0.0; 5], rotation, translation_m).expect("a camera")
+    }
+
+    fn room() -> Vec<Camera> {
+        let places = [[4.0, 0.0, 1.5], [-4.0, 0.1, 1.5], [0.0, 4.0, 1.4], [0.2, -4.0, 1.5]];
+        (1..).zip(places).map(|(number, place)| looking(&format!("cam{number}"), place)).collect()
+    }
+
+    fn checked(cameras: &[Camera]) -> Result<Vec<String>, ImportError> {
+        let mut warnings = Vec::new();
+        check("rig", cameras, &mut warnings).map(|()| warnings)
+    }
+
+    #[track_caller]
+    fn passes(cameras: &[Camera]) {
+        assert_eq!(checked(cameras).expect("a room"), [""; 0]);
+    }
+
+    #[track_caller]
+    fn refused(cameras: &[Camera], message: &str) {
+        let found = checked(cameras).expect_err(message).to_string();
+        assert!(found.contains(message), "{found} lacks {message}");
+    }
+
+    #[track_caller]
+    fn warned(cameras: &[Camera], message: &str) {
+        let found = checked(cameras).expect(message);
+        assert!(found.len() == 1 && found[0].contains(message), "{found:?} lacks {message}");
+    }
+
+    type Pose = (Matrix3<f64>, Vector3<f64>);
+
+    #[test]
+    fn a_room_passes() {
+        passes(&room());
+    }
+
+    #[test]
+    fn poses_of_other_conventions_are_refused() {
+        let changed = |change: &dyn Fn(&Camera) -> Pose| -> Vec<Camera> {
+            let poses = room();
+            poses
+                .iter()
+                .map(|camera| (camera.name(), change(camera)))
+                .map(|(n, (r, t))| posed(n, &r, t))
+                .collect()
+        };
+        let flip = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0));
+        let opengl = changed(&|camera| (flip * camera.rotation(), flip * camera.translation_m()));
+        refused(&opengl, "found cameras that all look away from where their optical axes meet");
+        let equal: Vec<Camera> = [[4.0, 0.0, 1.5], [-4.0, 0.0, 1.5], [0.0, 4.0, 1.5]]
+            .iter()
+            .zip(["a", "b", "c"])
+            .map(|(place, name)| {
+                let camera = looking(name, *place);
+                posed(name, &camera.rotation().transpose(), camera.centre_world().coords)
+            })
+            .collect();
+        refused(&equal, "all cameras at one place, as poses from camera to world give");
+    }
+
+    #[test]
+    fn one_camera_that_looks_away_is_named() {
+        let mut cameras = room();
+        let flip = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0));
+        let one = &cameras[2];
+        cameras[2] = posed("cam3", &(flip * one.rotation()), flip * one.translation_m());
+        warned(&cameras, "cam3 look away from where the optical axes of all cameras meet");
+    }
+
+    #[test]
+    fn a_camera_that_stands_twice_is_refused_or_named() {
+        let with = |camera: Camera| -> Vec<Camera> { room().into_iter().chain([camera]).collect() };
+        refused(
+            &with(looking("cam5", [4.0, 0.0, 1.5])),
+            "cameras cam1 and cam5: found the same pose of both",
+        );
+        let moved = |name| looking(name, [4.0, 0.01, 1.5]);
+        refused(
+            &with(moved("cam1_refined")),
+            "cameras cam1 and cam1_refined: found two versions of one camera",
+        );
+        warned(&with(moved("cam10")), "cam1 and cam10 stand at one place and look the same way");
+        passes(&with(looking("cam5", [4.0, 0.5, 1.5])));
+    }
+
+    #[test]
+    fn a_size_of_another_calibration_is_named() {
+        let sized = |size| -> Vec<Camera> {
+            let sized = |camera: &Camera| {
+                let k = *camera.intrinsics();
+                Camera::from_matrices(
+                    camera.name(),
+                    size,
+                    k,
+                    [0.0; 5],
+                    camera.rotation(),
+                    *camera.translation_m(),
+                )
+            };
+            room().iter().map(|camera| sized(camera).expect("a camera")).collect()
+        };
+        for size in [(1080, 1920), (3840, 2160), (1280, 720)] {
+            warned(&sized(size), "the principal point of cam1, cam2, cam3, cam4 is far from the middle");
+        }
+        passes(&sized((2048, 1080)));
+    }
+
+    #[test]
+    fn rooms_of_another_unit_are_named() {
+        let scaled = |scale: f64| -> Vec<Camera> {
+            let scaled =
+                |camera: &Camera| posed(camera.name(), camera.rotation(), camera.translation_m() * scale);
+            room().iter().map(scaled).collect()
+        };
+        warned(&scaled(1000.0), "m apart: is the source in millimetres");
+        warned(&scaled(0.001), "all cameras stand within 8.0 mm: is the scale the source's unit?");
+    }
+}

@@ -1,0 +1,205 @@
+//! What a calibration file says in words about its lengths, its poses and its own success. Rigs are in metres, with
+//! poses from world to camera as Rodrigues vectors; a file that says otherwise is not read as if it did not.
+
+use thiserror::Error;
+
+use crate::text::{MAX_QUOTED_CHARS, shortened};
+
+/// A key that contradicts what is read.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("found {found}, expected {expected}")]
+pub struct Contradiction {
+    /// What stands under the key.
+    pub found: String,
+    /// What would be read rightly.
+    pub expected: &'static str,
+}
+
+const UNIT_KEYS: [&str; 12] = [
+    "unit",
+    "units",
+    "lengthunit",
+    "lengthunits",
+    "worldunit",
+    "worldunits",
+    "translationunit",
+    "translationunits",
+    "unitlength",
+    "distanceunit",
+    "distanceunits",
+    "unitoflength",
+];
+/// Units that are read as they are: metres, and those of an image.
+const KNOWN_UNITS: [&str; 10] = ["", "m", "meter", "meters", "metre", "metres", "1", "px", "pixel", "pixels"];
+/// Words for poses from camera to world.
+const CAMERA_TO_WORLD: [&str; 9] = [
+    "cameratoworld",
+    "camera2world",
+    "cam2world",
+    "camtoworld",
+    "c2w",
+    "worldfromcamera",
+    "worldfromcam",
+    "opengl",
+    "blender",
+];
+const EULER_KEYS: [&str; 5] = ["rotationorder", "eulerorder", "rotorder", "eulerangles", "eulersequence"];
+const ROTATION_KEYS: [&str; 6] =
+    ["rotationtype", "rottype", "rotationformat", "rotationrepresentation", "rotationmodel", "rotationform"];
+const SUCCESS_KEYS: [&str; 9] = [
+    "calibrated",
+    "iscalibrated",
+    "valid",
+    "isvalid",
+    "success",
+    "successful",
+    "converged",
+    "isextrinsicscalibrated",
+    "poseestimated",
+];
+/// A longer text is no word of a convention.
+const MAX_WORD_BYTES: usize = 40;
+
+/// Names and words in lower case without blanks, quotes, `_` and `-`.
+fn plain(text: &str) -> String {
+    let kept = text.chars().filter(|c| !c.is_whitespace() && !"_-\"'".contains(*c));
+    kept.flat_map(char::to_lowercase).collect()
+}
+
+fn says_no(word: &str) -> bool {
+    ["0", "0.0", "false", "no", "off", "failed"].contains(&word)
+}
+
+/// An error for a unit of length that is not the metre.
+pub fn check_unit(key: &str, value: &str) -> Result<(), Contradiction> {
+    if !UNIT_KEYS.contains(&plain(key).as_str()) || KNOWN_UNITS.contains(&plain(value).as_str()) {
+        return Ok(());
+    }
+    contradiction(value, "metres, or the scale of this unit in metres (mm: 0.001)")
+}
+
+/// An error for poses in another convention than world to camera and Rodrigues, and for a calibration that says that
+/// it failed.
+pub fn check_convention(key: &str, value: &str) -> Result<(), Contradiction> {
+    let (key, word) = (plain(key), plain(value));
+    let is_short = value.len() < MAX_WORD_BYTES;
+    let is_turned = |text: &str| CAMERA_TO_WORLD.iter().any(|turned| text.contains(turned));
+    let is_convention = key.contains("convention") || key.contains("coordinate") || key.contains("pose");
+    let of_words = |text: &str| CAMERA_TO_WORLD[..7].iter().any(|turned| text.contains(turned));
+    if is_short && (of_words(&word) || is_convention && is_turned(&word)) {
+        return contradiction(value, "a pose from world to camera: x_camera = R x_world + T");
+    }
+    if CAMERA_TO_WORLD[..7].contains(&key.as_str()) && is_short && !says_no(&word) {
+        return contradiction(value, "a pose from world to camera: x_camera = R x_world + T");
+    }
+    let is_rodrigues = ["rodrigues", "rvec", "axisangle", "matrix", "rotationvector", "rotvec"]
+        .iter()
+        .any(|known| word.contains(known));
+    let is_euler = EULER_KEYS.contains(&key.as_str()) && !says_no(&word)
+        || ROTATION_KEYS.contains(&key.as_str()) && !word.is_empty() && !is_rodrigues;
+    if is_euler {
+        return contradiction(value, "a Rodrigues vector or a 3 x 3 matrix, no angles about axes");
+    }
+    if SUCCESS_KEYS.contains(&key.as_str()) && says_no(&word) {
+        return contradiction(value, "a calibration that succeeded: remove the camera, or calibrate it");
+    }
+    Ok(())
+}
+
+/// Whether a key says that images were turned, mirrored or cut, and its value that they were.
+pub fn changes_images(key: &str, value: &str) -> bool {
+    const KEYS: [&str; 18] = [
+        "rotationcount",
+        "rotate",
+        "rotated",
+        "rotatedegrees",
+        "imagerotation",
+        "viewrotation",
+        "flip",
+        "flipped",
+        "fliph",
+        "flipv",
+        "mirrored",
+        "crop",
+        "cropped",
+        "roix",
+        "roiy",
+        "roi",
+        "binningx",
+        "binningy",
+    ];
+    let (key, word) = (plain(key), plain(value));
+    let is_none = word.is_empty() || says_no(&word) || ["none", "null", "{}", "[]"].contains(&word.as_str());
+    let is_one_to_one = key.starts_with("binning") && word == "1";
+    let is_zeros = word.chars().all(|c| "[]0., ".contains(c));
+    KEYS.contains(&key.as_str()) && !is_none && !is_one_to_one && !is_zeros
+}
+
+fn contradiction(found: &str, expected: &'static str) -> Result<(), Contradiction> {
+    let found = shortened(found.trim_matches(['"', '\'']), MAX_QUOTED_CHARS);
+    Err(Contradiction { found, expected })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_that_are_not_metres_are_refused() {
+        for word in ["mm", "\"cm\"", "feet", "millimeters", "Inch", "0.001"] {
+            assert!(check_unit("units", word).is_err(), "{word}");
+        }
+        for (key, word) in [("units", "m"), ("unit", "Metres"), ("units", "pixels"), ("board_unit", "mm")] {
+            assert_eq!(check_unit(key, word), Ok(()), "{key} {word}");
+        }
+    }
+
+    #[test]
+    fn other_conventions_and_failures_are_refused() {
+        for (key, word) in [
+            ("pose_convention", "camera_to_world"),
+            ("convention", "opengl"),
+            ("cam_to_world", "true"),
+            ("c2w", "1"),
+            ("rotation_order", "xyz"),
+            ("rotation_type", "euler_xyz"),
+            ("rotation_type", "quaternion"),
+            ("calibrated", "false"),
+            ("valid", "0"),
+            ("success", "False"),
+        ] {
+            assert!(check_convention(key, word).is_err(), "{key} {word}");
+        }
+        for (key, word) in [
+            ("calibrated", "true"),
+            ("valid", "1"),
+            ("rotation_type", "rodrigues"),
+            ("rotation_format", "3x3 matrix"),
+            ("cam_to_world", "false"),
+            ("pose_convention", "world_to_camera"),
+            ("program", "blender"),
+            ("rvec", "[0.1, 0.2, 0.3]"),
+        ] {
+            assert_eq!(check_convention(key, word), Ok(()), "{key} {word}");
+        }
+    }
+
+    #[test]
+    fn changes_of_images_are_known() {
+        for (key, word) in
+            [("rotation_count", "1"), ("image_rotation", "90"), ("flip", "true"), ("roi_x", "320")]
+        {
+            assert!(changes_images(key, word), "{key} {word}");
+        }
+        for (key, word) in [
+            ("rotation_count", "0"),
+            ("flip", "false"),
+            ("roi_x", "0"),
+            ("binning_x", "1"),
+            ("crop", "[0, 0, 0, 0]"),
+            ("rms", "45"),
+        ] {
+            assert!(!changes_images(key, word), "{key} {word}");
+        }
+    }
+}
