@@ -28,9 +28,9 @@ impl fmt::Display for MaskWarning {
                 write!(formatter, "its first {masks} masks are entirely foreground")
             }
             MaskWarning::Uniform(masks, side) => {
-                write!(formatter, "all {masks} masks of its film are entirely {side}")?;
+                write!(formatter, "all {masks} masks of its film are {side}")?;
                 match side {
-                    Side::Foreground => Ok(()),
+                    Side::Foreground | Side::Border => Ok(()),
                     Side::Background => formatter.write_str(": the hull is empty wherever this camera sees"),
                 }
             }

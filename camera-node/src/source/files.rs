@@ -117,7 +117,7 @@ pub(super) fn decode(
 
 /// The silhouette in one image file, of the camera's size.
 pub fn read_silhouette(path: &Path, camera: &Camera) -> Result<Silhouette, SourceError> {
-    MaskFiles::new([].into_iter(), camera).read(path)
+    MaskFiles::new(&[], camera).read(path)
 }
 
 /// The masks of one camera as files, for commands that read them without a node: a film of them means the same here.
@@ -129,9 +129,21 @@ pub struct MaskFiles {
 
 impl MaskFiles {
     /// `files` are all of the camera's film.
-    pub fn new<'a>(files: impl ExactSizeIterator<Item = &'a Path>, camera: &Camera) -> MaskFiles {
+    pub fn new(files: &[&Path], camera: &Camera) -> MaskFiles {
         let fit = Fit::new(camera);
-        MaskFiles { masks: film_of(files, &fit), fit, image: Image::default() }
+        MaskFiles { masks: film_of(files.iter().copied(), &fit), fit, image: Image::default() }
+    }
+
+    /// The masks of the cameras of a rig, in its order, with the film of each. A film that does not tell what foreground
+    /// is (shadows alone) is read as those of the others.
+    pub fn of_room(cameras: &[Camera], films: &[Vec<&Path>]) -> Vec<MaskFiles> {
+        let mut room: Vec<MaskFiles> =
+            cameras.iter().zip(films).map(|(camera, files)| MaskFiles::new(files, camera)).collect();
+        let told = MaskFilm::beside(&room.iter().map(|camera| camera.masks).collect::<Vec<MaskFilm>>());
+        for camera in room.iter_mut().filter(|camera| !camera.masks.is_decided()) {
+            camera.masks = told;
+        }
+        room
     }
 
     /// The silhouette in one of the files, of the camera's size.
@@ -308,13 +320,32 @@ mod tests {
         }
         let mut source = open(folder.path(), ImageKind::Mask, 0, 1).expect("opens");
         let mut image = Image::default();
-        let mut film = MaskFiles::new(paths.iter().map(PathBuf::as_path), &camera(4, 3));
+        let film: Vec<&Path> = paths.iter().map(PathBuf::as_path).collect();
+        let mut film = MaskFiles::new(&film, &camera(4, 3));
         for (number, path) in paths.iter().enumerate() {
             source.next(0, &mut image).expect("read").expect("a frame");
             let area = u64::from(number >= 8);
             assert_eq!(image.data.iter().map(|&pixel| u64::from(pixel)).sum::<u64>(), area, "frame {number}");
             assert_eq!(film.read(path).expect("read").area(), area, "frame {number}");
         }
+    }
+
+    #[test]
+    fn a_shadow_alone_is_background_where_another_camera_tells_that_it_is_a_shadow() {
+        let folder = tempfile::tempdir().expect("folder");
+        let write = |name: &str, pixels: [u8; 12]| {
+            let path = folder.path().join(name);
+            image::GrayImage::from_vec(4, 3, pixels.to_vec()).expect("a size").save(&path).expect("written");
+            path
+        };
+        let left = write("left.png", [127, 127, 0, 0, 255, 0, 0, 0, 0, 0, 0, 0]);
+        let right = write("right.png", [0, 127, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
+        let cameras = [camera(4, 3), camera(4, 3)];
+        let mut room = MaskFiles::of_room(&cameras, &[vec![left.as_path()], vec![right.as_path()]]);
+        assert_eq!(room[0].read(&left).expect("read").area(), 1);
+        assert_eq!(room[1].read(&right).expect("read").area(), 0);
+        let mut alone = MaskFiles::of_room(&cameras[..1], &[vec![right.as_path()]]);
+        assert_eq!(alone[0].read(&right).expect("read").area(), 1);
     }
 
     #[test]

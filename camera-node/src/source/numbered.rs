@@ -1,5 +1,6 @@
 //! Files whose names hold the numbers of their frames.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -60,9 +61,33 @@ pub fn numbered_images(path: &Path) -> Result<Vec<(u64, PathBuf)>, SourceError> 
         return Err(SourceError::file(path, "no such file or folder"));
     };
     files.sort();
+    refuse_copies(path, &files)?;
     refuse_twice(path, &files)?;
     refuse_decimals(path, &files)?;
     Ok(files)
+}
+
+/// Refuses a copy that a browser or a file manager made, `12 (1).png` beside `12.png`: it is not image 1.
+fn refuse_copies(path: &Path, files: &[(u64, PathBuf)]) -> Result<(), SourceError> {
+    let stem =
+        |path: &'_ Path| path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default().to_owned();
+    let stems: BTreeSet<String> = files.iter().map(|(_, file)| stem(file)).collect();
+    let original = |file: &Path| {
+        let name = stem(file);
+        let (base, number) = name.strip_suffix(')')?.rsplit_once('(')?;
+        let is_copy = number.bytes().all(|byte| byte.is_ascii_digit()) && stems.contains(base.trim_end());
+        is_copy.then(|| base.trim_end().to_owned())
+    };
+    match files.iter().find_map(|(_, file)| Some((file, original(file)?))) {
+        Some((copy, base)) => {
+            let problem = format!(
+                "{} is a copy of {base:?} by its name, expected one image: remove it",
+                copy.display()
+            );
+            Err(SourceError::file(path, problem))
+        }
+        None => Ok(()),
+    }
 }
 
 /// Refuses files of one number, and names the pattern that tells them apart.
@@ -226,6 +251,15 @@ mod tests {
             let number = plain_number(name).map(|number| number.unwrap_or(u64::MAX));
             assert_eq!(number, expected, "{name}");
         }
+    }
+
+    #[test]
+    fn copies_are_refused_and_numbers_in_brackets_are_read() {
+        refused(&["000012.png", "000012 (1).png"], "000012 (1).png is a copy of \"000012\" by its name");
+        refused(&["a_7.png", "a_7(2).png"], "is a copy of \"a_7\" by its name");
+        let folder = files(&["cam1 (1).png", "cam1 (2).png"]);
+        let frames = frames(&FileConfig::new(folder.path())).expect("frames");
+        assert_eq!(frames.iter().map(|frame| frame.0).collect::<Vec<_>>(), [1, 2]);
     }
 
     #[test]

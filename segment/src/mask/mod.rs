@@ -80,6 +80,13 @@ impl MaskFilm {
         }
     }
 
+    /// Film of another camera of the same program, which has told nothing yet: what the films that have told agree on.
+    pub fn beside(films: &[MaskFilm]) -> MaskFilm {
+        let mut told = films.iter().filter_map(|film| film.foreground);
+        let first = told.next();
+        MaskFilm { foreground: first.filter(|_| told.all(|other| Some(other) == first)) }
+    }
+
     /// Whether a mask has told what foreground is.
     pub fn is_decided(&self) -> bool {
         self.foreground.is_some()

@@ -10,20 +10,14 @@ use segment::mask::UniformFilm;
 
 use cli::{Failure, Outcome};
 
-/// The file of every camera's silhouette, in rig order: `folder/NAME.png`, or of a frame
+/// The file of every camera's silhouette, in rig order: `folder/NAME.png` (or .jpg, .jpeg), or of a frame
 /// `folder/NAME/NUMBER.png`, zeros before the number allowed. Silhouettes of cameras that the rig does
 /// not have are refused: the rig is another one then.
 pub fn paths_of_frame(folder: &Path, rig: &Rig, frame: Option<u64>) -> Outcome<Vec<PathBuf>> {
     refuse_unknown_cameras(folder, rig, frame.is_some())?;
     let path = |camera: &Camera| {
         let Some(frame) = frame else {
-            let path = folder.join(format!("{}.png", camera.name()));
-            if folder.join(camera.name()).is_dir() && path.is_file() {
-                let problem =
-                    format_args!("found a folder {:?} beside it, expected one of the two", camera.name());
-                return Err(Failure::unreadable(&path, problem));
-            }
-            return if path.is_file() { Ok(path) } else { Err(missing(&path, camera)) };
+            return image_of(folder, camera);
         };
         let of_camera = folder.join(camera.name());
         let path = of_camera.join(format!("{frame}.png"));
@@ -38,8 +32,8 @@ pub fn paths_of_film(folder: &Path, rig: &Rig) -> Outcome<Vec<BTreeMap<u64, Path
     let has_folders = rig.cameras().iter().any(|camera| folder.join(camera.name()).is_dir());
     if has_folders {
         refuse_unknown_cameras(folder, rig, true)?;
-        let image = |camera: &Camera| folder.join(format!("{}.png", camera.name()));
-        if let Some(both) = rig.cameras().iter().map(image).find(|path| path.is_file()) {
+        let mut images = rig.cameras().iter().flat_map(|camera| images_named(folder, camera.name()));
+        if let Some(both) = images.next() {
             let problem = "found an image beside folders of numbered ones, expected either for all cameras";
             return Err(Failure::unreadable(&both, problem));
         }
@@ -47,6 +41,38 @@ pub fn paths_of_film(folder: &Path, rig: &Rig) -> Outcome<Vec<BTreeMap<u64, Path
     }
     let paths = paths_of_frame(folder, rig, None)?;
     Ok(paths.into_iter().map(|path| BTreeMap::from([(0, path)])).collect())
+}
+
+/// The films that masks are of: of numbered ones all in the folder, which tell what foreground is.
+pub fn films_around(paths: &[PathBuf], is_numbered: bool) -> Outcome<Vec<Vec<PathBuf>>> {
+    let film = |path: &PathBuf| match path.parent().filter(|_| is_numbered) {
+        Some(folder) => Ok(numbered(folder)?.into_values().collect()),
+        None => Ok(vec![path.clone()]),
+    };
+    paths.iter().map(film).collect()
+}
+
+/// The files of a folder that may be the image of this name.
+fn images_named(folder: &Path, name: &str) -> impl Iterator<Item = PathBuf> {
+    let paths = ["png", "jpg", "jpeg"].map(|ending| folder.join(format!("{name}.{ending}")));
+    paths.into_iter().filter(|path| path.is_file())
+}
+
+/// The one image `folder/NAME.png`, or .jpg or .jpeg, of a camera.
+fn image_of(folder: &Path, camera: &Camera) -> Outcome<PathBuf> {
+    let mut images = images_named(folder, camera.name());
+    let Some(path) = images.next() else {
+        return Err(missing(&folder.join(format!("{}.png", camera.name())), camera));
+    };
+    if let Some(other) = images.next() {
+        let problem = format_args!("found {} beside it, expected one of the two", other.display());
+        return Err(Failure::unreadable(&path, problem));
+    }
+    if folder.join(camera.name()).is_dir() {
+        let problem = format_args!("found a folder {:?} beside it, expected one of the two", camera.name());
+        return Err(Failure::unreadable(&path, problem));
+    }
+    Ok(path)
 }
 
 /// Warns of a camera whose silhouettes are all entirely foreground, or all entirely background.
@@ -59,7 +85,7 @@ pub fn warn_if_uniform<'a>(
     silhouettes.into_iter().for_each(|silhouette| film.note(silhouette));
     let Some(side) = film.side() else { return };
     let found = if film.masks() == 1 { "its silhouette is" } else { "all of its silhouettes are" };
-    tracing::warn!("camera {:?}: {}: {found} entirely {side}", camera.name(), folder.display());
+    tracing::warn!("camera {:?}: {}: {found} {side}", camera.name(), folder.display());
 }
 
 fn missing(path: &Path, camera: &Camera) -> Failure {
@@ -79,8 +105,10 @@ fn refuse_unknown_cameras(folder: &Path, rig: &Rig, folders: bool) -> Outcome {
         return Err(Failure::unreadable(folder, problem));
     }
     for path in entries(folder)? {
-        let is_png = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
-        let counts = if folders { path.is_dir() } else { is_png && path.is_file() };
+        let is_ending =
+            |known: &&str| path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(known));
+        let is_image = ["png", "jpg", "jpeg"].iter().any(is_ending);
+        let counts = if folders { path.is_dir() } else { is_image && path.is_file() };
         let name = if folders { path.file_name() } else { path.file_stem() };
         let name = name.map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         if counts && rig.index_of(&name).is_none() {

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-use camera_node::source::read_silhouette;
+use camera_node::source::MaskFiles;
 use clap::{Args, ValueEnum};
 use hull::cull::hull_box;
 use hull::pass::{BodyResult, Pass};
@@ -121,9 +121,13 @@ impl Query {
         let points = PointsFile::read(&arguments.points)?;
         let mask_paths = masks::paths_of_frame(&arguments.silhouettes, &rig, arguments.frame)?;
         let silhouettes = while_working("reading silhouettes", || {
-            let cameras = mask_paths.iter().zip(rig.cameras());
+            let films = masks::films_around(&mask_paths, arguments.frame.is_some())?;
+            let films: Vec<Vec<&Path>> =
+                films.iter().map(|film| film.iter().map(PathBuf::as_path).collect()).collect();
+            let mut films = MaskFiles::of_room(rig.cameras(), &films);
+            let cameras = films.iter_mut().zip(&mask_paths);
             cameras
-                .map(|(path, camera)| read_silhouette(path, camera).map_err(Failure::input))
+                .map(|(film, path)| film.read(path).map_err(Failure::input))
                 .collect::<Outcome<Vec<Silhouette>>>()
         })?;
         for ((camera, path), silhouette) in rig.cameras().iter().zip(&mask_paths).zip(&silhouettes) {

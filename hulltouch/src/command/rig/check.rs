@@ -102,10 +102,9 @@ impl Film {
         }
         let mut progress = Progress::new("reading silhouettes", common.len() as u64);
         let mut frames = Vec::new();
-        let cameras = rig.cameras().iter().zip(&paths);
-        let mut films: Vec<MaskFiles> = cameras
-            .map(|(camera, paths)| MaskFiles::new(paths.values().map(PathBuf::as_path), camera))
-            .collect();
+        let files: Vec<Vec<&Path>> =
+            paths.iter().map(|paths| paths.values().map(PathBuf::as_path).collect()).collect();
+        let mut films = MaskFiles::of_room(rig.cameras(), &files);
         for frame in &common {
             let cameras = films.iter_mut().zip(&paths);
             frames.push(

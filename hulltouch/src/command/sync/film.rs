@@ -87,9 +87,11 @@ fn of_folder(folder: &Path, rig: &Rig, fps: f64) -> Outcome<Film> {
     }
     let mut progress = Progress::new("reading silhouettes", count as u64);
     let mut cameras = Vec::new();
-    for (camera, paths) in rig.cameras().iter().zip(&paths) {
+    let files: Vec<Vec<&Path>> =
+        paths.iter().map(|paths| paths.values().map(PathBuf::as_path).collect()).collect();
+    let mut films = MaskFiles::of_room(rig.cameras(), &files);
+    for (film, paths) in films.iter_mut().zip(&paths) {
         let mut frames = Vec::new();
-        let mut film = MaskFiles::new(paths.values().map(PathBuf::as_path), camera);
         for (&number, path) in paths {
             let silhouette = film.read(path).map_err(Failure::input)?;
             frames.push(TimedSilhouette { time_s: number as f64 / fps, silhouette });
