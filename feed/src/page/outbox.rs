@@ -96,10 +96,11 @@ impl Outbox {
         self.filled.notify_one();
     }
 
-    /// Sends only what is being sent now, and this.
-    pub fn bye(&self, why: String) {
+    /// Sends only what is being sent now, the newest world, and this: a page shows how a run ended.
+    pub fn bye(&self, why: String, newest: Option<Bytes>) {
         let mut slots = self.slots();
-        *slots = Slots { is_busy: slots.is_busy, bye: Some(why), ..Slots::default() };
+        let world = newest.or(slots.world.take());
+        *slots = Slots { is_busy: slots.is_busy, world, bye: Some(why), ..Slots::default() };
         drop(slots);
         self.filled.notify_one();
     }
@@ -134,8 +135,9 @@ impl Outbox {
 
     fn take(&self) -> Option<Item> {
         let mut slots = self.slots();
-        let item = if let Some(why) = slots.bye.take() {
-            Some(Item::Bye(why))
+        let item = if slots.bye.is_some() {
+            let world = slots.world.take().map(Item::Binary);
+            world.or_else(|| slots.bye.take().map(Item::Bye))
         } else if let Some(text) = slots.texts.pop_front().or_else(|| slots.status.take()) {
             Some(Item::Text(text))
         } else if let Some(world) = slots.world.take() {
@@ -233,12 +235,17 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn nothing_follows_the_last_message() {
-        let outbox = Outbox::default();
-        outbox.world(Bytes::from_static(&[1]));
-        outbox.bye("enough".into());
-        assert_eq!(outbox.next().await, Item::Bye("enough".into()));
-        assert!(outbox.take().is_none());
+    async fn the_newest_world_and_the_last_message_are_sent_and_nothing_else() {
+        for (newest, sent) in [(None, 1), (Some(Bytes::from_static(&[2])), 2)] {
+            let outbox = Outbox::default();
+            outbox.world(Bytes::from_static(&[1]));
+            outbox.frame(vec![Bytes::from_static(&[3])]);
+            outbox.status("a status".into());
+            outbox.bye("enough".into(), newest);
+            assert_eq!(outbox.next().await, Item::Binary(Bytes::from(vec![sent])));
+            assert_eq!(outbox.next().await, Item::Bye("enough".into()));
+            assert!(outbox.take().is_none());
+        }
     }
 
     #[test]

@@ -75,12 +75,13 @@ async fn serve(socket: WebSocket, shared: Arc<Shared>, is_controller: bool, byte
         ending = talk(&mut page, stream) => ending,
         _ = &mut writing.0 => Ending::Disconnected,
     };
+    let newest = page.newest_world();
     page.end();
     match ending {
         Ending::Disconnected => {}
         Ending::Stalled => tracing::info!("a page that stopped reading was dropped"),
         Ending::Bye(why) => {
-            outbox.bye(why);
+            outbox.bye(why, newest);
             let _ = tokio::time::timeout(WRITE_TIMEOUT, &mut writing.0).await;
         }
     }

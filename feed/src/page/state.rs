@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use bytes::Bytes;
 use coordinator::live::{Follower, Watching};
 
 use super::frames::{PageFrames, WorldFrame};
@@ -129,6 +130,14 @@ impl Page {
             () = outbox.drained() => None,
             _ = ending.wait_for(|ended| *ended) => Some(Ending::Bye(shared.info.end().into())),
         }
+    }
+
+    /// The newest world, if the page wants worlds and has not been sent it.
+    pub fn newest_world(&self) -> Option<Bytes> {
+        let is_new = self.is_state_new || self.follower.world.has_changed().unwrap_or(false);
+        let is_wanted = is_new && self.want.state_hz > 0.0;
+        let world = self.follower.world.borrow().clone().filter(|_| is_wanted)?;
+        Some(self.shared.messages.world(&world, self.want.world))
     }
 
     /// The page has disconnected.
