@@ -7,6 +7,7 @@ use std::process::Output;
 
 use identity::{AUTHORITIES, Authority, CERTIFICATE, Identity, KEY, Validity};
 use serde_json::Value;
+use testkit::Watch;
 
 use crate::processes::{Node, program};
 
@@ -187,18 +188,32 @@ pub fn wrong(output: &Output) -> Vec<(String, String, String)> {
     all.filter(|(_, level, _)| level == "warn" || level == "fail").collect()
 }
 
-/// Nothing is wrong, and the cameras were looked at: what is skipped is not well.
+/// The checks that judge real time: on a busy machine cameras film slower, and clocks are known less well.
+const TIMED: [&str; 4] = ["clocks", "rates", "stamps", "phases"];
+
+/// Whether the doctor said what it must. Panics if not; `false` if a check that judges time differs on a machine that was
+/// too busy.
 #[track_caller]
-pub fn is_well_and_films(output: &Output) {
+#[must_use]
+pub fn says(watch: &Watch, output: &Output, expected: &str, is_expected: bool) -> bool {
+    let said = format!("expected {expected}: {}", String::from_utf8_lossy(&output.stdout));
+    let is_of_time = wrong(output).iter().any(|(check, _, _)| TIMED.contains(&check.as_str()));
+    assert!(is_expected || is_of_time, "{said}{}", String::from_utf8_lossy(&output.stderr));
+    watch.holds(is_expected, || said)
+}
+
+/// Whether nothing is wrong, and the cameras were looked at: what is skipped is not well. As [`says`].
+#[track_caller]
+#[must_use]
+pub fn is_well_and_films(watch: &Watch, output: &Output) -> bool {
     let lines = lines(output);
-    let said = String::from_utf8_lossy(&output.stdout);
-    assert_eq!(wrong(output), [], "{said}");
-    for check in ["rates", "stamps", "phases", "backgrounds"] {
+    let is_ok = |check: &&str| {
         let levels: Vec<&str> =
             lines.iter().filter(|(of, _, _)| of == check).map(|(_, level, _)| &level[..]).collect();
-        assert_eq!(levels, ["ok"], "{check}: {said}");
-    }
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        levels == ["ok"]
+    };
+    let films = ["rates", "stamps", "phases", "backgrounds"].iter().all(is_ok);
+    says(watch, output, "all well", wrong(output).is_empty() && films && output.status.success())
 }
 
 /// Check, level and text of each line.
