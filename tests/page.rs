@@ -228,13 +228,15 @@ fn eight_cameras_at_full_rate_fit_into_fifteen_megabits() {
     let ring = std::sync::Arc::new(FrameRing::new(8));
     let film = Film::prepare(&config, std::sync::Arc::clone(&ring)).expect("backgrounds");
     let colours = film.colours();
+    let request = || (0..8).for_each(|camera| colours.request(camera, false));
+    request();
     let encoder = PictureEncoder::new(std::sync::Arc::clone(&ring), film.colours(), config.rig_indices());
     let encoder = encoder.expect("a thread");
     film.start(RunStart::of_this_process(Pace::lock_step(1))).expect("films");
     let (mut runs, mut jpegs, mut sets) = (0, 0, 0);
     for frame in 0..45 {
-        // Colours are kept for some seconds after they are asked for: a busy machine takes longer for the whole film.
-        (0..8).for_each(|camera| colours.request(camera, false));
+        // Colours are kept for some seconds after they are requested: a busy machine takes longer for the whole film.
+        request();
         film.credit(frame);
         let deadline = std::time::Instant::now() + TIMEOUT;
         let found = loop {
@@ -248,16 +250,14 @@ fn eight_cameras_at_full_rate_fit_into_fifteen_megabits() {
             continue;
         }
         let (sender, pictures) = std::sync::mpsc::channel();
-        let request = PictureRequest {
+        let crops = PictureRequest {
             frame: Some(found.number),
             kind: PictureKind::Crops,
             scale_log2: 0,
             jpeg_quality: feed::pictures::JPEG_QUALITY,
             cameras: vec![],
         };
-        encoder
-            .request(request, move |picture: Picture| drop(sender.send(picture.camera)))
-            .expect("accepted");
+        encoder.request(crops, move |picture: Picture| drop(sender.send(picture.camera))).expect("accepted");
         let pictures: Vec<CameraPicture> = pictures.into_iter().collect();
         assert!(pictures.len() == 8 && pictures.iter().all(|picture| !picture.jpeg.is_empty()));
         runs += pictures.iter().map(|picture| picture.runs.len()).sum::<usize>();

@@ -87,6 +87,36 @@ fn silhouettes_that_are_not_the_rigs_are_refused() {
 }
 
 #[test]
+fn a_silhouette_is_a_png_or_a_jpeg_and_not_both() {
+    let folder = good();
+    let path = folder.path();
+    image::GrayImage::from_pixel(8, 6, image::Luma([255])).save(path.join("sil/left.jpg")).expect("written");
+    refused(path, &[], "sil/left.png: found sil/left.jpg beside it, expected one of the two");
+    fs::remove_file(path.join("sil/left.png")).expect("removed");
+    query(path, &["--min-views", "1"]).success();
+
+    fs::remove_file(path.join("answers.json")).expect("removed");
+    fs::create_dir(path.join("sil/left")).expect("a folder");
+    for name in ["12.png", "12 (1).png"] {
+        image::GrayImage::new(8, 6).save(path.join("sil/left").join(name)).expect("written");
+    }
+    refused(
+        path,
+        &["--frame", "12"],
+        "sil/left: sil/left/12 (1).png is a copy of \"12\" by its name, expected one image: remove it",
+    );
+}
+
+#[test]
+fn rigs_of_another_unit_are_refused() {
+    let folder = good();
+    let path = folder.path();
+    fs::write(path.join("rig.toml"), format!("{RIG}[metadata]\nunits = \"mm\"\n")).expect("written");
+    let unit = "rig.toml: [metadata] units: found mm, expected metres, or the scale of this unit in metres (mm: 0.001)";
+    refused(path, &[], unit);
+}
+
+#[test]
 fn rig_points_and_options_are_refused_by_name() {
     let folder = good();
     let path = folder.path();
