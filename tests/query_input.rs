@@ -66,7 +66,7 @@ fn silhouettes_that_are_not_the_rigs_are_refused() {
 
     fs::remove_file(path.join("sil/left.png")).expect("removed");
     let missing = "found no such file, expected the silhouette of camera \"left\" of the rig";
-    refused(path, &[], &format!("sil/left.png: {missing}"));
+    refused(path, &[], &format!("sil/left.png (or .jpg): {missing}"));
 
     fs::create_dir(path.join("sil/left")).expect("a folder");
     image(8, 6).save(path.join("sil/left/000007.png")).expect("written");
@@ -91,7 +91,7 @@ fn a_silhouette_is_a_png_or_a_jpeg_and_not_both() {
     let folder = good();
     let path = folder.path();
     image::GrayImage::from_pixel(8, 6, image::Luma([255])).save(path.join("sil/left.jpg")).expect("written");
-    refused(path, &[], "sil/left.png: found sil/left.jpg beside it, expected one of the two");
+    refused(path, &[], "sil/left.jpg: found sil/left.png beside it, expected one of the two");
     fs::remove_file(path.join("sil/left.png")).expect("removed");
     query(path, &["--min-views", "1"]).success();
 
@@ -112,7 +112,7 @@ fn rigs_of_another_unit_are_refused() {
     let folder = good();
     let path = folder.path();
     fs::write(path.join("rig.toml"), format!("{RIG}[metadata]\nunits = \"mm\"\n")).expect("written");
-    let unit = "rig.toml: [metadata] units: found mm, expected metres, or the scale of this unit in metres (mm: 0.001)";
+    let unit = "rig.toml: [metadata] units: found mm, expected metres, or `rig import` with --scale and the unit in metres (mm: --scale 0.001)";
     refused(path, &[], unit);
 }
 

@@ -1,5 +1,5 @@
 //! What a calibration file says in words about its lengths, its poses and its own success. Rigs are in metres, with
-//! poses from world to camera as Rodrigues vectors; a file that says otherwise is not read as if it did not.
+//! poses from world to camera as Rodrigues vectors or matrices. A file that says otherwise is refused.
 
 use thiserror::Error;
 
@@ -11,7 +11,7 @@ use crate::text::{MAX_QUOTED_CHARS, shortened};
 pub struct Contradiction {
     /// What stands under the key.
     pub found: String,
-    /// What would be read rightly.
+    /// What is read.
     pub expected: &'static str,
 }
 
@@ -29,20 +29,19 @@ const UNIT_KEYS: [&str; 12] = [
     "distanceunits",
     "unitoflength",
 ];
-/// Units that are read as they are: metres, and those of an image.
-const KNOWN_UNITS: [&str; 10] = ["", "m", "meter", "meters", "metre", "metres", "1", "px", "pixel", "pixels"];
-/// Words for poses from camera to world.
-const CAMERA_TO_WORLD: [&str; 9] = [
-    "cameratoworld",
-    "camera2world",
-    "cam2world",
-    "camtoworld",
-    "c2w",
-    "worldfromcamera",
-    "worldfromcam",
-    "opengl",
-    "blender",
-];
+/// Units that are read as they are: metres, and those of images and angles.
+const KNOWN_UNITS: [&str; 11] =
+    ["", "m", "meter", "meters", "metre", "metres", "px", "pixel", "pixels", "rad", "radians"];
+/// Names of poses from camera to world.
+const CAMERA_TO_WORLD: [&str; 7] =
+    ["cameratoworld", "camera2world", "cam2world", "camtoworld", "c2w", "worldfromcamera", "worldfromcam"];
+/// Programs whose camera axes differ from OpenCV's.
+const OTHER_AXES: [&str; 2] = ["opengl", "blender"];
+/// Parts of keys whose values are conventions of poses.
+const CONVENTION_KEY_PARTS: [&str; 7] =
+    ["convention", "coordinate", "pose", "extrinsic", "transform", "direction", "format"];
+/// Words for rotations that are angles about axes or quaternions.
+const OTHER_ROTATIONS: [&str; 8] = ["euler", "quat", "rpy", "yaw", "xyz", "zyx", "zxy", "degree"];
 const EULER_KEYS: [&str; 5] = ["rotationorder", "eulerorder", "rotorder", "eulerangles", "eulersequence"];
 const ROTATION_KEYS: [&str; 6] =
     ["rotationtype", "rottype", "rotationformat", "rotationrepresentation", "rotationmodel", "rotationform"];
@@ -60,9 +59,9 @@ const SUCCESS_KEYS: [&str; 9] = [
 /// A longer text is no word of a convention.
 const MAX_WORD_BYTES: usize = 40;
 
-/// Names and words in lower case without blanks, quotes, `_` and `-`.
+/// Names and words in lower case without blanks, quotes, brackets, `_` and `-`.
 fn plain(text: &str) -> String {
-    let kept = text.chars().filter(|c| !c.is_whitespace() && !"_-\"'".contains(*c));
+    let kept = text.chars().filter(|c| !c.is_whitespace() && !"_-\"'[]()".contains(*c));
     kept.flat_map(char::to_lowercase).collect()
 }
 
@@ -72,31 +71,29 @@ fn says_no(word: &str) -> bool {
 
 /// An error for a unit of length that is not the metre.
 pub fn check_unit(key: &str, value: &str) -> Result<(), Contradiction> {
-    if !UNIT_KEYS.contains(&plain(key).as_str()) || KNOWN_UNITS.contains(&plain(value).as_str()) {
+    let word = plain(value);
+    let is_one = word.parse::<f64>() == Ok(1.0);
+    if !UNIT_KEYS.contains(&plain(key).as_str()) || is_one || KNOWN_UNITS.contains(&word.as_str()) {
         return Ok(());
     }
-    contradiction(value, "metres, or the scale of this unit in metres (mm: 0.001)")
+    contradiction(value, "metres, or `rig import` with --scale and the unit in metres (mm: --scale 0.001)")
 }
 
 /// An error for poses in another convention than world to camera and Rodrigues, and for a calibration that says that
 /// it failed.
 pub fn check_convention(key: &str, value: &str) -> Result<(), Contradiction> {
     let (key, word) = (plain(key), plain(value));
+    let is_convention = CONVENTION_KEY_PARTS.iter().any(|part| key.contains(part));
     let is_short = value.len() < MAX_WORD_BYTES;
-    let is_turned = |text: &str| CAMERA_TO_WORLD.iter().any(|turned| text.contains(turned));
-    let is_convention = key.contains("convention") || key.contains("coordinate") || key.contains("pose");
-    let of_words = |text: &str| CAMERA_TO_WORLD[..7].iter().any(|turned| text.contains(turned));
-    if is_short && (of_words(&word) || is_convention && is_turned(&word)) {
+    let names_pose = |name: &str| word.contains(name) && (name != "c2w" || word == "c2w");
+    let is_turned = is_convention && CAMERA_TO_WORLD.iter().chain(&OTHER_AXES).any(|name| names_pose(name));
+    let is_flag = CAMERA_TO_WORLD.contains(&key.as_str()) && !says_no(&word);
+    if is_short && (is_turned || is_flag) {
         return contradiction(value, "a pose from world to camera: x_camera = R x_world + T");
     }
-    if CAMERA_TO_WORLD[..7].contains(&key.as_str()) && is_short && !says_no(&word) {
-        return contradiction(value, "a pose from world to camera: x_camera = R x_world + T");
-    }
-    let is_rodrigues = ["rodrigues", "rvec", "axisangle", "matrix", "rotationvector", "rotvec"]
-        .iter()
-        .any(|known| word.contains(known));
+    let is_other = |word: &str| OTHER_ROTATIONS.iter().any(|other| word.contains(other));
     let is_euler = EULER_KEYS.contains(&key.as_str()) && !says_no(&word)
-        || ROTATION_KEYS.contains(&key.as_str()) && !word.is_empty() && !is_rodrigues;
+        || ROTATION_KEYS.contains(&key.as_str()) && is_other(&word);
     if is_euler {
         return contradiction(value, "a Rodrigues vector or a 3 x 3 matrix, no angles about axes");
     }
@@ -108,7 +105,7 @@ pub fn check_convention(key: &str, value: &str) -> Result<(), Contradiction> {
 
 /// Whether a key says that images were turned, mirrored or cut, and its value that they were.
 pub fn changes_images(key: &str, value: &str) -> bool {
-    const KEYS: [&str; 18] = [
+    const KEYS: [&str; 19] = [
         "rotationcount",
         "rotate",
         "rotated",
@@ -125,13 +122,14 @@ pub fn changes_images(key: &str, value: &str) -> bool {
         "roix",
         "roiy",
         "roi",
+        "binning",
         "binningx",
         "binningy",
     ];
     let (key, word) = (plain(key), plain(value));
-    let is_none = word.is_empty() || says_no(&word) || ["none", "null", "{}", "[]"].contains(&word.as_str());
-    let is_one_to_one = key.starts_with("binning") && word == "1";
-    let is_zeros = word.chars().all(|c| "[]0., ".contains(c));
+    let is_none = word.is_empty() || says_no(&word) || ["none", "null", "{}"].contains(&word.as_str());
+    let is_one_to_one = key.starts_with("binning") && word.parse::<f64>() == Ok(1.0);
+    let is_zeros = word.chars().all(|c| "0.,".contains(c));
     KEYS.contains(&key.as_str()) && !is_none && !is_one_to_one && !is_zeros
 }
 
@@ -149,7 +147,9 @@ mod tests {
         for word in ["mm", "\"cm\"", "feet", "millimeters", "Inch", "0.001"] {
             assert!(check_unit("units", word).is_err(), "{word}");
         }
-        for (key, word) in [("units", "m"), ("unit", "Metres"), ("units", "pixels"), ("board_unit", "mm")] {
+        let read =
+            [("units", "m"), ("unit", "Metres"), ("unit", "[m]"), ("units", "meter(s)"), ("unit", "1.0")];
+        for (key, word) in read.into_iter().chain([("units", "pixels"), ("board_unit", "mm")]) {
             assert_eq!(check_unit(key, word), Ok(()), "{key} {word}");
         }
     }
@@ -159,6 +159,7 @@ mod tests {
         for (key, word) in [
             ("pose_convention", "camera_to_world"),
             ("convention", "opengl"),
+            ("pose", "c2w"),
             ("cam_to_world", "true"),
             ("c2w", "1"),
             ("rotation_order", "xyz"),
@@ -178,6 +179,10 @@ mod tests {
             ("cam_to_world", "false"),
             ("pose_convention", "world_to_camera"),
             ("program", "blender"),
+            ("name", "mac_2_west"),
+            ("serial", "AC2W-01"),
+            ("rotation_type", "angle_axis"),
+            ("rotation_type", "so3"),
             ("rvec", "[0.1, 0.2, 0.3]"),
         ] {
             assert_eq!(check_convention(key, word), Ok(()), "{key} {word}");
@@ -195,7 +200,7 @@ mod tests {
             ("rotation_count", "0"),
             ("flip", "false"),
             ("roi_x", "0"),
-            ("binning_x", "1"),
+            ("binning_x", "1.0"),
             ("crop", "[0, 0, 0, 0]"),
             ("rms", "45"),
         ] {

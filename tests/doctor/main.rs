@@ -13,7 +13,7 @@ use identity::{Authority, Identity, Validity};
 use link::{Delay, Link};
 use processes::program;
 use replacing::Replacing;
-use room::{Plan, Room, is_well_and_films, issue, says, wrong};
+use room::{Line, Plan, Room, finds, is_well_and_films, issue, wrong};
 use testkit::{Watch, timely};
 
 const STEADY: (f64, u32, &str) = (0.0, 20, "counts");
@@ -205,15 +205,14 @@ fn faults_are_named(part: usize, of: usize) {
         let watch = Watch::start();
         let (room, _guard) = plant();
         let output = room.doctor();
-        let found = wrong(&output);
-        let is_named =
-            |(named, _, what): &(String, String, String)| named == check && what.contains(expected);
-        let fails = found.iter().any(|(_, level, _)| level == "fail");
-        let is_expected =
-            !found.is_empty() && found.iter().all(is_named) && output.status.code() == Some(i32::from(fails));
-        if !says(&watch, &output, &format!("{check}: {expected}"), is_expected) {
-            return;
+        let is_named = |(named, _, what): &Line| named == check && what.contains(expected);
+        if !finds(&watch, &output, &format!("{check}: {expected}"), is_named) {
+            continue;
         }
+        let (found, said) = (wrong(&output), String::from_utf8_lossy(&output.stdout));
+        assert!(!found.is_empty(), "{check}: {expected}: {said}");
+        let fails = found.iter().any(|(_, level, _)| level == "fail");
+        assert_eq!(output.status.code(), Some(i32::from(fails)), "{said}");
     }
 }
 
@@ -271,20 +270,21 @@ fn a_camera_pc_is_checked_before_its_node_runs_and_after() {
     room.set_addresses();
     room.more.extend(["--host", "right", "--certs", "right"].map(str::to_owned));
     let runs = room.doctor();
-    if !says(&watch, &runs, "all well", wrong(&runs).is_empty()) {
+    if !finds(&watch, &runs, "nothing wrong", |_| false) {
         return;
     }
     assert!(String::from_utf8_lossy(&runs.stdout).contains("node right listens"));
     let address = room.nodes[1].address().to_owned();
     drop(room.nodes.pop());
     let free = room.doctor();
-    if !says(&watch, &free, "all well", wrong(&free).is_empty()) {
+    if !finds(&watch, &free, "nothing wrong", |_| false) {
         return;
     }
     assert!(String::from_utf8_lossy(&free.stdout).contains("the port of node right is free"));
     let _other = std::net::TcpListener::bind(address).expect("free");
-    let output = room.doctor();
-    let taken = wrong(&output);
-    let is_taken = |(check, level, _): &(String, String, String)| check == "ports" && level == "fail";
-    let _ = says(&watch, &output, "a port that is taken", taken.len() == 1 && taken.iter().all(is_taken));
+    let taken = room.doctor();
+    let is_taken = |(check, level, _): &Line| check == "ports" && level == "fail";
+    if finds(&watch, &taken, "a port that is taken", is_taken) {
+        assert_eq!(wrong(&taken).len(), 1, "{}", String::from_utf8_lossy(&taken.stdout));
+    }
 }

@@ -92,7 +92,7 @@ pub(super) fn finished(
             .map_err(|error| ImportError::camera(file, error))
         })
         .collect::<Result<Vec<Camera>, ImportError>>()?;
-    room::check(file, &cameras, &mut warnings)?;
+    room::check(file, &cameras, &turn.unwrap_or_else(Matrix3::identity), &mut warnings)?;
     let rig = Rig::new(cameras).map_err(|error| ImportError::Rig { file: file.to_owned(), error })?;
     Ok(Imported { rig, warnings })
 }

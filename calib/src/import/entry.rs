@@ -67,10 +67,12 @@ impl Entry {
         check_lens_model("fisheye", &found)
     }
 
-    /// Its word or single number; empty for lists and matrices.
+    /// Its words, or its numbers with blanks between; empty for matrices.
     pub(super) fn value(&self) -> String {
         match self.numbers.as_deref() {
-            Some([single]) if self.text.is_empty() && self.shape.is_none() => single.to_string(),
+            Some(numbers) if self.text.is_empty() && self.shape.is_none() => {
+                numbers.iter().map(f64::to_string).collect::<Vec<String>>().join(" ")
+            }
             _ => self.text.clone(),
         }
     }

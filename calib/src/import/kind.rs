@@ -105,7 +105,8 @@ pub(super) fn is_in_braces(text: &str) -> bool {
 
 /// Whether a TOML text has the keys of a rig file.
 pub(super) fn is_rig(text: &str) -> bool {
-    ["[cameras.", "distortions", "translation"].iter().any(|word| text.contains(word))
+    let holds = |word| text.contains(word);
+    holds("[cameras.") || holds("distortions") || (holds("matrix") && holds("translation"))
 }
 
 /// The camera chain of Kalibr, a YAML of its own.

@@ -24,7 +24,7 @@ mod yaml;
 use std::iter;
 use std::str::FromStr;
 
-use hull::calibration_words::{changes_images, check_unit};
+use hull::calibration_words::{changes_images, check_convention, check_unit};
 use hull::lens_model::UnknownLensModel;
 use hull::rig::check_scalars;
 use hull::text::{MAX_MESSAGE_CHARS, MAX_QUOTED_CHARS, shortened, without_mark};
@@ -256,14 +256,16 @@ impl ImportError {
 pub fn from_aniposelib(file: &TextFile, options: &ImportOptions) -> Result<Imported, ImportError> {
     let mut warnings = Vec::new();
     let refused = |error| ImportError::Rig { file: file.path.clone(), error };
+    // Text that is no TOML is refused below.
     let table: Table = without_mark(&file.text).parse().unwrap_or_default();
     if options.scale.is_none() {
-        check_scalars(&table, "file", &check_unit).map_err(refused)?;
+        check_scalars(&table, &check_unit).map_err(refused)?;
     }
+    check_scalars(&table, &check_convention).map_err(refused)?;
     warn_of_changed_images(file, &table, &mut warnings);
     let read = match caliscope::rig(file, &mut warnings)? {
         Some(cameras) => Rig::new(cameras),
-        None => Rig::from_toml_of_unit(&file.text),
+        None => Rig::from_toml_in_file_unit(&file.text),
     };
     let rig = read.map_err(refused)?;
     let shift = options.pixel_origin.unwrap_or(0.0);
@@ -333,6 +335,15 @@ fn size_of(
             "nothing",
             "a width and a height in pixels: give the size",
         )),
+    }
+}
+
+/// What messages about all cameras begin with: the one file, or that there are several.
+fn place(files: &[TextFile]) -> &str {
+    match files {
+        [] => "no files",
+        [file] => &file.path,
+        _ => "the folder",
     }
 }
 

@@ -292,7 +292,7 @@ fn undated<'a>(words: &[&'a str]) -> Vec<&'a str> {
             {
                 after
             }
-            _ if is_of(word, 8) && word.starts_with("20") => behind,
+            _ if is_of(word, 8) && word.starts_with("20") && is_date(word) => behind,
             [minor, after @ ..]
                 if is_version_number(word)
                     && minor.len() < 3
@@ -308,6 +308,13 @@ fn undated<'a>(words: &[&'a str]) -> Vec<&'a str> {
         };
     }
     kept
+}
+
+/// Whether eight digits have a month and a day: 20010192 is the serial number of a camera.
+fn is_date(digits: &str) -> bool {
+    let number = |at: std::ops::Range<usize>| digits.get(at).and_then(|part| part.parse::<u32>().ok());
+    number(4..6).is_some_and(|month| (1..=12).contains(&month))
+        && number(6..8).is_some_and(|day| (1..=31).contains(&day))
 }
 
 /// The words of a name that tell of a version, without numbers behind them.
@@ -375,6 +382,7 @@ mod tests {
             ("room_v1", "room_v2"),
             ("test1", "test2"),
             ("cam1_v1", "cam2_v1"),
+            ("Chameleon3_20010192", "Chameleon3_20010186"),
         ] {
             assert!(!is_version(other, base) && !is_version(base, other), "{other} {base}");
         }

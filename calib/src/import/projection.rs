@@ -6,7 +6,7 @@ use hull::rotation::rotation_defect;
 use nalgebra::{Matrix3, Matrix3x4, Vector3};
 
 use super::names::{Named, file_names, settled};
-use super::{ImportError, ImportOptions, Imported, TextFile, axes, from_origin, numbers, size_of};
+use super::{ImportError, ImportOptions, Imported, TextFile, axes, from_origin, numbers, place, size_of};
 
 /// A rotation farther than this from `R Rᵀ = 1` is none; nearer ones were printed with few digits.
 pub(super) const ROUNDED: f64 = 1e-3;
@@ -54,8 +54,7 @@ pub fn from_matrices(files: &[TextFile], options: &ImportOptions) -> Result<Impo
     }
     let same = |one: &Camera, other: &Camera| one.clone().renamed(other.name()) == *other;
     let cameras = settled(cameras, same, &mut warnings)?.into_iter().map(|camera| camera.value).collect();
-    let place = files.first().map_or("no files", |file| file.path.as_str());
-    axes::finished(place, cameras, 1.0, options, warnings)
+    axes::finished(place(files), cameras, 1.0, options, warnings)
 }
 
 /// An error for a rotation and a translation alone: as `P = K [R t]` they would be a camera with a focal length of one

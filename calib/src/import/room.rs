@@ -6,6 +6,7 @@ use hull::Camera;
 use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::ImportError;
+use super::names::is_version_word;
 
 /// Cameras farther apart than this, metres, are more likely in millimetres.
 const FAR_M: f64 = 100.0;
@@ -15,17 +16,33 @@ const NEAR_M: f64 = 0.1;
 const SAME_PLACE_SHARE: f64 = 0.03;
 /// The cosine of 5°.
 const SAME_AXIS: f64 = 0.996;
-/// Places and axes that differ by less are equal but for printed digits.
+/// Rotations, and places as a share of the distance to the origin, that differ by less are equal but for printed digits.
 const EQUAL: f64 = 1e-6;
+/// Places that are equal are no farther apart than this, metres, however far the origin is.
+const MOST_EQUAL_M: f64 = 1e-3;
+/// The cosine of 30°: where no two axes are farther apart, the point that they pass nearest may lie behind the cameras.
+const WIDE_APART: f64 = 0.866;
 /// A principal point farther from the middle of its image than this share of the side is that of another size.
-const OFF_MIDDLE: f64 = 0.2;
+const OFF_MIDDLE: f64 = 0.12;
+/// The mean of unit vectors is longer than this if they have a common direction, and shorter than the other if not.
+const COMMON: f64 = 0.8;
+const NOT_COMMON: f64 = 0.3;
 /// Names in one warning.
 const MAX_NAMES: usize = 8;
 
-/// An error for cameras that cannot be those of one room, and warnings for those that hardly are. Lengths are metres.
-pub(super) fn check(file: &str, cameras: &[Camera], warnings: &mut Vec<String>) -> Result<(), ImportError> {
+/// An error for cameras that cannot be those of one room, and warnings for those that hardly are. Lengths are metres;
+/// `rig_from_source` is the turn that the cameras' world was given.
+pub(super) fn check(
+    file: &str,
+    cameras: &[Camera],
+    rig_from_source: &Matrix3<f64>,
+    warnings: &mut Vec<String>,
+) -> Result<(), ImportError> {
     check_places(file, cameras, warnings)?;
-    check_subject(file, cameras, warnings)?;
+    if cameras.len() > 2 {
+        check_up(file, cameras, rig_from_source, warnings)?;
+        check_subject(file, cameras, warnings)?;
+    }
     let off: Vec<&str> = cameras.iter().filter(is_off_middle).map(Camera::name).collect();
     if !off.is_empty() {
         warnings.push(format!(
@@ -40,42 +57,40 @@ pub(super) fn check(file: &str, cameras: &[Camera], warnings: &mut Vec<String>) 
 /// Where the cameras stand.
 fn check_places(file: &str, cameras: &[Camera], warnings: &mut Vec<String>) -> Result<(), ImportError> {
     let room_m = extent_m(cameras);
-    let error = |one: &Camera, other: &Camera, found: &str| {
+    let wrong = |one: &Camera, other: &Camera, found: &str, expected| {
         let key = format!("cameras {} and {}", one.name(), other.name());
-        Err(ImportError::key(file, &key, found, "a calibrated pose of each"))
+        Err(ImportError::key(file, &key, found, expected))
     };
+    let of_each = "a calibrated pose of each";
     let is_zero = |camera: &&Camera| {
         camera.rotation_rad().iter().chain(camera.translation_m()).all(|&number| number == 0.0)
     };
     let mut zeros = cameras.iter().filter(is_zero);
     if let (Some(one), Some(other)) = (zeros.next(), zeros.next()) {
-        return error(one, other, "rotation and translation of zeros");
+        return wrong(one, other, "rotation and translation of zeros", of_each);
     }
     let mut near = Vec::new();
     for (index, one) in cameras.iter().enumerate() {
         for other in &cameras[index + 1..] {
             let distance_m = (one.centre_world() - other.centre_world()).norm();
-            let scale_m = room_m.max(one.translation_m().norm()).max(f64::MIN_POSITIVE);
-            if distance_m <= EQUAL * scale_m && (one.rotation() - other.rotation()).amax() < EQUAL {
-                return error(one, other, "the same pose of both");
+            if distance_m <= equal_m(one) && (one.rotation() - other.rotation()).amax() < EQUAL {
+                return wrong(one, other, "the same pose of both", of_each);
             }
             let is_near = cameras.len() > 2 && distance_m < SAME_PLACE_SHARE * room_m;
             if !is_near || axis(one).dot(&axis(other)) < SAME_AXIS {
                 continue;
             }
-            if continues(one.name(), other.name()) || continues(other.name(), one.name()) {
-                return error(one, other, "two versions of one camera by their names and places");
+            if is_version(one.name(), other.name()) || is_version(other.name(), one.name()) {
+                let found = "two versions of one camera by their names and places";
+                return wrong(one, other, found, "one version: move one away, or rename it");
             }
             near.push(format!("{} and {}", one.name(), other.name()));
         }
     }
-    let first = cameras.first().map(|camera| camera.translation_m().norm()).unwrap_or_default();
-    if cameras.len() > 1 && room_m <= EQUAL * first {
-        return error(
-            &cameras[0],
-            &cameras[1],
-            "all cameras at one place, as poses from camera to world give",
-        );
+    if let [one, other, ..] = cameras
+        && room_m <= equal_m(one)
+    {
+        return wrong(one, other, "all cameras at one place, as poses from camera to world give", of_each);
     }
     if !near.is_empty() {
         let near: Vec<&str> = near.iter().map(String::as_str).collect();
@@ -97,11 +112,42 @@ fn check_places(file: &str, cameras: &[Camera], warnings: &mut Vec<String>) -> R
     Ok(())
 }
 
+/// Whether two cameras look in directions that are far apart. Rows and ceilings of cameras do not.
+fn look_apart(cameras: &[Camera]) -> bool {
+    let axes: Vec<Vector3<f64>> = cameras.iter().map(axis).collect();
+    let is_wide = |index: usize| axes[index + 1..].iter().any(|other| axes[index].dot(other) < WIDE_APART);
+    (0..axes.len()).any(is_wide)
+}
+
+/// Whether images have a common direction downwards, as those of cameras that stand upright have, and whether it is −y.
+fn check_up(
+    file: &str,
+    cameras: &[Camera],
+    rig_from_source: &Matrix3<f64>,
+    warnings: &mut Vec<String>,
+) -> Result<(), ImportError> {
+    let mean = |down: &dyn Fn(&Camera) -> Vector3<f64>| {
+        cameras.iter().map(down).sum::<Vector3<f64>>() / cameras.len() as f64
+    };
+    let down = mean(&|camera| camera.rotation().row(1).transpose());
+    // What it would be if the source's poses were from camera to world. Where its world has y up it tells nothing.
+    let inverse = mean(&|camera| (camera.rotation() * rig_from_source).column(1).into());
+    if down.norm() < NOT_COMMON && inverse.norm() > COMMON {
+        let found = "cameras that stand upright only if the poses are from camera to world";
+        return Err(ImportError::key(file, "poses", found, "poses from world to camera"));
+    }
+    if look_apart(cameras) && down.norm() > COMMON && down.dot(&-Vector3::y()) < 0.5 {
+        warnings
+            .push(format!("{file}: the cameras stand upright with another axis up than y: is --up right?"));
+    }
+    Ok(())
+}
+
 /// Whether the cameras look at a common space.
 fn check_subject(file: &str, cameras: &[Camera], warnings: &mut Vec<String>) -> Result<(), ImportError> {
     let axes: Vec<(Point3<f64>, Vector3<f64>)> =
         cameras.iter().map(|camera| (camera.centre_world(), axis(camera))).collect();
-    let Some(subject) = subject(&axes).filter(|_| cameras.len() > 2) else { return Ok(()) };
+    let Some(subject) = subject(&axes).filter(|_| look_apart(cameras)) else { return Ok(()) };
     let is_behind = |(centre, axis): &&(Point3<f64>, Vector3<f64>)| axis.dot(&(subject - centre)) < 0.0;
     let named = cameras.iter().zip(&axes).filter(|(_, axis)| is_behind(axis));
     let behind: Vec<&str> = named.map(|(camera, _)| camera.name()).collect();
@@ -146,10 +192,16 @@ fn extent_m(cameras: &[Camera]) -> f64 {
     centres.iter().map(from).fold(0.0, f64::max)
 }
 
-/// Whether a name is another one with further words: cam1_refined of cam1, and not cam10.
-fn continues(name: &str, base: &str) -> bool {
-    let rest = name.to_lowercase().strip_prefix(&base.to_lowercase()).map(str::to_owned);
-    rest.is_some_and(|rest| rest.starts_with(|c: char| !c.is_alphanumeric()))
+/// Places of cameras that differ by less are equal, metres.
+fn equal_m(camera: &Camera) -> f64 {
+    (EQUAL * camera.translation_m().norm()).min(MOST_EQUAL_M)
+}
+
+/// Whether a name is another one with the word of a version: cam1_refined of cam1, and neither cam10 nor zed1_right.
+fn is_version(name: &str, base: &str) -> bool {
+    let (name, base) = (name.to_lowercase(), base.to_lowercase());
+    let rest = name.strip_prefix(&base).map(|rest| rest.trim_matches(|c: char| !c.is_alphanumeric()));
+    rest.is_some_and(is_version_word)
 }
 
 fn is_off_middle(camera: &&Camera) -> bool {
@@ -169,13 +221,15 @@ fn listed(names: &[&str]) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Axis;
     use super::*;
+    use hull::rotation::matrix_from_rodrigues;
 
-    /// A camera at a place that looks at the origin, z up.
+    /// A camera at a place that looks at the origin, y up.
     fn looking(name: &str, place: [f64; 3]) -> Camera {
         let centre = Vector3::from(place);
         let z = -centre.normalize();
-        let x = z.cross(&Vector3::z()).normalize();
+        let x = z.cross(&Vector3::y()).normalize();
         let rotation = Matrix3::from_rows(&[x.transpose(), z.cross(&x).transpose(), z.transpose()]);
         posed(name, &rotation, -(rotation * centre))
     }
@@ -186,13 +240,13 @@ mod tests {
     }
 
     fn room() -> Vec<Camera> {
-        let places = [[4.0, 0.0, 1.5], [-4.0, 0.1, 1.5], [0.0, 4.0, 1.4], [0.2, -4.0, 1.5]];
+        let places = [[4.0, 1.5, 0.0], [-4.0, 1.5, 0.1], [0.0, 1.4, 4.0], [0.2, 1.5, -4.0]];
         (1..).zip(places).map(|(number, place)| looking(&format!("cam{number}"), place)).collect()
     }
 
     fn checked(cameras: &[Camera]) -> Result<Vec<String>, ImportError> {
         let mut warnings = Vec::new();
-        check("rig", cameras, &mut warnings).map(|()| warnings)
+        check("rig", cameras, &Matrix3::identity(), &mut warnings).map(|()| warnings)
     }
 
     #[track_caller]
@@ -232,7 +286,7 @@ mod tests {
         let flip = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0));
         let opengl = changed(&|camera| (flip * camera.rotation(), flip * camera.translation_m()));
         refused(&opengl, "found cameras that all look away from where their optical axes meet");
-        let equal: Vec<Camera> = [[4.0, 0.0, 1.5], [-4.0, 0.0, 1.5], [0.0, 4.0, 1.5]]
+        let equal: Vec<Camera> = [[4.0, 1.5, 0.0], [-4.0, 1.5, 0.0], [0.0, 1.5, 4.0]]
             .iter()
             .zip(["a", "b", "c"])
             .map(|(place, name)| {
@@ -241,6 +295,57 @@ mod tests {
             })
             .collect();
         refused(&equal, "all cameras at one place, as poses from camera to world give");
+        // In a world with z up, places and heights that are not those of a perfect ring.
+        let inverse: Vec<Camera> = room()
+            .iter()
+            .map(|camera| {
+                let rotation = camera.rotation() * Axis::PlusZ.rig_from_source();
+                let centre_m = -(rotation.transpose() * camera.translation_m()) * 1.1;
+                posed(camera.name(), &rotation.transpose(), centre_m + Vector3::new(0.3, 0.2, 0.1))
+            })
+            .collect();
+        refused(&inverse, "found cameras that stand upright only if the poses are from camera to world");
+    }
+
+    #[test]
+    fn another_axis_that_is_up_is_named() {
+        let turn = Matrix3::new(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0);
+        let turned =
+            |camera: &Camera| posed(camera.name(), &(camera.rotation() * turn), *camera.translation_m());
+        warned(
+            &room().iter().map(turned).collect::<Vec<Camera>>(),
+            "with another axis up than y: is --up right?",
+        );
+    }
+
+    #[test]
+    fn cameras_whose_axes_hardly_differ_pass() {
+        let down = |name: &str, x: f64, y: f64, tilt_rad: f64| {
+            let tilt = matrix_from_rodrigues(&Vector3::new(tilt_rad, -0.7 * tilt_rad, 0.0));
+            let rotation = tilt * Matrix3::new(1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, -1.0);
+            posed(name, &rotation, -(rotation * Vector3::new(x, y, 3.0)))
+        };
+        for tilt_rad in [0.05, -0.05, 0.09] {
+            let tilts = [tilt_rad, -tilt_rad, 0.5 * tilt_rad, -0.3 * tilt_rad];
+            let grid = [(0.0, 0.0), (2.0, 0.0), (0.0, 2.0), (2.0, 2.0)];
+            let ceiling = grid.iter().zip(tilts).zip(["a", "b", "c", "d"]);
+            passes(&ceiling.map(|((&(x, y), tilt), name)| down(name, x, y, tilt)).collect::<Vec<Camera>>());
+        }
+        let fan =
+            [("left", -1.0, 0.1), ("middle", 0.0, 0.0), ("right", 1.0, -0.1)].map(|(name, x, turn_rad)| {
+                let rotation = matrix_from_rodrigues(&Vector3::new(0.0, turn_rad, 0.0));
+                posed(name, &rotation, -(rotation * Vector3::new(x, 0.0, 0.0)))
+            });
+        passes(&fan);
+    }
+
+    #[test]
+    fn a_room_far_from_the_origin_passes() {
+        let far = Vector3::new(5e5, 5.4e6, 0.0);
+        let moved = |camera: &Camera| {
+            posed(camera.name(), camera.rotation(), camera.translation_m() - camera.rotation() * far)
+        };
+        passes(&room().iter().map(moved).collect::<Vec<Camera>>());
     }
 
     #[test]
@@ -256,16 +361,17 @@ mod tests {
     fn a_camera_that_stands_twice_is_refused_or_named() {
         let with = |camera: Camera| -> Vec<Camera> { room().into_iter().chain([camera]).collect() };
         refused(
-            &with(looking("cam5", [4.0, 0.0, 1.5])),
+            &with(looking("cam5", [4.0, 1.5, 0.0])),
             "cameras cam1 and cam5: found the same pose of both",
         );
-        let moved = |name| looking(name, [4.0, 0.01, 1.5]);
+        let moved = |name| looking(name, [4.0, 1.5, 0.01]);
         refused(
             &with(moved("cam1_refined")),
             "cameras cam1 and cam1_refined: found two versions of one camera",
         );
         warned(&with(moved("cam10")), "cam1 and cam10 stand at one place and look the same way");
-        passes(&with(looking("cam5", [4.0, 0.5, 1.5])));
+        warned(&with(moved("cam1_right")), "cam1 and cam1_right stand at one place and look the same way");
+        passes(&with(looking("cam5", [4.0, 1.5, 0.5])));
     }
 
     #[test]
@@ -284,7 +390,7 @@ mod tests {
             };
             room().iter().map(|camera| sized(camera).expect("a camera")).collect()
         };
-        for size in [(1080, 1920), (3840, 2160), (1280, 720)] {
+        for size in [(1080, 1920), (3840, 2160), (1280, 720), (2880, 1620)] {
             warned(&sized(size), "the principal point of cam1, cam2, cam3, cam4 is far from the middle");
         }
         passes(&sized((2048, 1080)));

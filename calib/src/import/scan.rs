@@ -45,6 +45,8 @@ pub(super) struct Scan {
     pub(super) warnings: Vec<String>,
     /// The first file of all cameras (a rig .toml or .qca.txt): such a file is read where it is named itself.
     pub(super) whole_rig: Option<String>,
+    /// The first file of [`BINARY_ENDINGS`], and how many there are.
+    binary: Option<(String, usize)>,
     bytes: usize,
     listed: usize,
     /// Folders that were visited, and files of one folder that links lead to.
@@ -55,6 +57,10 @@ pub(super) struct Scan {
 pub(super) fn scan(folder: &Path) -> Result<Scan, ImportError> {
     let mut scan = Scan::default();
     scan.visit(folder, "", 0)?;
+    if let Some((first, count)) = &scan.binary {
+        let more = if *count > 1 { format!(" and {} more", count - 1) } else { String::new() };
+        scan.warnings.push(format!("{first}{more}: left out, no text: write calibrations as text"));
+    }
     scan.files.sort_by_cached_key(|file| natural_key(&file.path));
     Ok(scan)
 }
@@ -141,8 +147,11 @@ impl Scan {
             ));
         } else if let Some(count) = nearly_matrix(&head).filter(|_| plain.ends_with(".csv")) {
             self.warnings.push(format!("{shown}: left out for its name, it holds {count} numbers"));
-        } else if ends(&BINARY_ENDINGS) && !name.starts_with('.') {
-            self.warnings.push(format!("{shown}: left out, it is no text: write its calibration as text"));
+        } else if ends(&BINARY_ENDINGS)
+            && !name.starts_with('.')
+            && head.contains(['\0', char::REPLACEMENT_CHARACTER])
+        {
+            self.binary.get_or_insert_with(|| (shown.to_owned(), 0)).1 += 1;
         } else if looks_like_calibration(&head) {
             self.warnings.push(format!(
                 "{shown}: looks like a calibration, left out for its name: expected .xml, .yml, .yaml or .txt at its end"
@@ -199,7 +208,7 @@ impl Scan {
             ));
         } else if is_dressed_matrix(&file.text) {
             self.warnings.push(format!(
-                "{}: left out, it holds words or brackets beside the numbers, expected 12 numbers for a 3 x 4 matrix",
+                "{}: left out, it holds more than plain numbers (words, brackets, exponents with D), expected 12 numbers for a 3 x 4 matrix",
                 file.path
             ));
         }

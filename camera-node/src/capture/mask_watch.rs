@@ -3,7 +3,7 @@
 use std::fmt;
 
 use hull::Silhouette;
-use segment::mask::{Side, UniformFilm};
+use segment::mask::{MaskPattern, UniformFilm};
 
 /// The masks of one run's film.
 #[derive(Debug, Default)]
@@ -17,8 +17,8 @@ pub(super) struct MaskWatch {
 pub(super) enum MaskWarning {
     /// So many masks at its begin are entirely foreground.
     BeginsFull(u64),
-    /// All its masks, so many, are entirely one side.
-    Uniform(u64, Side),
+    /// All its masks, so many, have one pattern.
+    Uniform(u64, MaskPattern),
 }
 
 impl fmt::Display for MaskWarning {
@@ -27,11 +27,13 @@ impl fmt::Display for MaskWarning {
             MaskWarning::BeginsFull(masks) => {
                 write!(formatter, "its first {masks} masks are entirely foreground")
             }
-            MaskWarning::Uniform(masks, side) => {
-                write!(formatter, "all {masks} masks of its film are {side}")?;
-                match side {
-                    Side::Foreground | Side::Border => Ok(()),
-                    Side::Background => formatter.write_str(": the hull is empty wherever this camera sees"),
+            MaskWarning::Uniform(masks, pattern) => {
+                write!(formatter, "all {masks} masks of its film are {pattern}")?;
+                match pattern {
+                    MaskPattern::AllForeground | MaskPattern::ForegroundBorder => Ok(()),
+                    MaskPattern::AllBackground => {
+                        formatter.write_str(": the hull is empty wherever this camera sees")
+                    }
                 }
             }
         }
@@ -44,7 +46,10 @@ impl MaskWatch {
     pub fn note(&mut self, mask: &Silhouette, enough: f64) -> Option<MaskWarning> {
         self.film.note(mask);
         let masks = self.film.masks();
-        if self.film.side() == Some(Side::Foreground) && !self.has_warned && masks as f64 >= enough {
+        if self.film.pattern() == Some(MaskPattern::AllForeground)
+            && !self.has_warned
+            && masks as f64 >= enough
+        {
             self.has_warned = true;
             return Some(MaskWarning::BeginsFull(masks));
         }
@@ -53,8 +58,8 @@ impl MaskWatch {
 
     /// The film is over: what is to be said of all of its masks.
     pub fn finish(&self) -> Option<MaskWarning> {
-        let side = self.film.side().filter(|_| !self.has_warned)?;
-        Some(MaskWarning::Uniform(self.film.masks(), side))
+        let pattern = self.film.pattern().filter(|_| !self.has_warned)?;
+        Some(MaskWarning::Uniform(self.film.masks(), pattern))
     }
 }
 

@@ -132,9 +132,10 @@ impl Page {
         }
     }
 
-    /// The newest world, if the page wants worlds and has not been sent it.
+    /// The newest world, if the page wants worlds and may not have been sent it.
     pub fn newest_world(&self) -> Option<Bytes> {
-        let is_new = self.is_state_new || self.follower.world.has_changed().unwrap_or(false);
+        // A run that is over is no longer watched: then the world may be sent twice.
+        let is_new = self.is_state_new || self.follower.world.has_changed().unwrap_or(true);
         let is_wanted = is_new && self.want.state_hz > 0.0;
         let world = self.follower.world.borrow().clone().filter(|_| is_wanted)?;
         Some(self.shared.messages.world(&world, self.want.world))

@@ -125,22 +125,20 @@ impl Rig {
 
     /// Reads a rig file's text. Lengths are metres.
     pub fn from_toml(text: &str) -> Result<Rig, RigError> {
-        let rig = Rig::from_toml_of_unit(text)?;
-        let table: Table = without_mark(text).parse().unwrap_or_default();
-        check_scalars(&table, "file", &check_unit)?;
-        Ok(rig)
+        let table = parsed(text)?;
+        check_scalars(&table, &check_unit)?;
+        Rig::from_table(&table)
     }
 
-    /// Reads a rig file's text, whatever unit of length it names: translations are as they stand in the file.
-    pub fn from_toml_of_unit(text: &str) -> Result<Rig, RigError> {
-        let text = without_mark(text);
-        let table: Table = text.parse().map_err(|error: toml::de::Error| {
-            let line = error.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
-            RigError::Toml(format!("line {line}: {}", shortened(error.message(), MAX_MESSAGE_CHARS)))
-        })?;
-        check_scalars(&table, "file", &check_convention)?;
+    /// Reads a rig file's text whatever unit of length it names: translations are in that unit.
+    pub fn from_toml_in_file_unit(text: &str) -> Result<Rig, RigError> {
+        Rig::from_table(&parsed(text)?)
+    }
+
+    fn from_table(table: &Table) -> Result<Rig, RigError> {
+        check_scalars(table, &check_convention)?;
         let mut cameras = Vec::new();
-        for (section, value) in &table {
+        for (section, value) in table {
             let Value::Table(keys) = value else {
                 check_general(section, "file", value)?;
                 continue;
@@ -239,24 +237,45 @@ fn camera_from_section(section: &str, keys: &Table) -> Result<Camera, RigError> 
     .map_err(|error| RigError::Camera { section: section.clone(), error })
 }
 
-/// An error if a word or single number, in whatever section, contradicts how the file is read.
+/// The tables of a rig file's text.
+fn parsed(text: &str) -> Result<Table, RigError> {
+    let text = without_mark(text);
+    text.parse().map_err(|error: toml::de::Error| {
+        let line = error.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
+        RigError::Toml(format!("line {line}: {}", shortened(error.message(), MAX_MESSAGE_CHARS)))
+    })
+}
+
+/// An error if a word or single number at the top, in `[metadata]` or in a camera's section contradicts how the file is read.
 pub fn check_scalars(
+    table: &Table,
+    check: &dyn Fn(&str, &str) -> Result<(), Contradiction>,
+) -> Result<(), RigError> {
+    check_scalars_of(table, "", check)
+}
+
+fn is_camera(keys: &Table) -> bool {
+    ["matrix", "rotation", "translation"].iter().any(|key| keys.contains_key(*key))
+}
+
+fn check_scalars_of(
     keys: &Table,
     section: &str,
     check: &dyn Fn(&str, &str) -> Result<(), Contradiction>,
 ) -> Result<(), RigError> {
     for (key, value) in keys {
         let word = match value {
-            Value::Table(inner) => {
-                check_scalars(inner, key, check)?;
+            Value::Table(inner) if key == "metadata" || key == "cameras" || is_camera(inner) => {
+                let section = if section.is_empty() { key.clone() } else { format!("{section}.{key}") };
+                check_scalars_of(inner, &section, check)?;
                 continue;
             }
-            Value::Array(_) => continue,
+            Value::Array(_) | Value::Table(_) => continue,
             Value::String(word) => word.clone(),
             single => single.to_string(),
         };
         check(key, &word).map_err(|error| RigError::Contradiction {
-            section: shortened(section, MAX_QUOTED_CHARS),
+            section: shortened(if section.is_empty() { "file" } else { section }, MAX_QUOTED_CHARS),
             key: shortened(key, MAX_QUOTED_CHARS),
             error,
         })?;

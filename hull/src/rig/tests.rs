@@ -146,7 +146,7 @@ fn numbers_that_cannot_be_of_the_image_or_the_room_are_refused() {
         ),
         (
             "units = \"cm\"",
-            "units: found cm, expected metres, or the scale of this unit in metres (mm: 0.001)",
+            "units: found cm, expected metres, or `rig import` with --scale and the unit in metres (mm: --scale 0.001)",
         ),
         (
             "cam_to_world = true",

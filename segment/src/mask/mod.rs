@@ -12,7 +12,7 @@ mod grey;
 mod uniform;
 
 pub use error::{Foreground, Found, MaskError};
-pub use uniform::{Side, UniformFilm};
+pub use uniform::{MaskPattern, UniformFilm};
 
 /// A decoded image, row-major, without padding.
 #[derive(Clone, Copy, Debug)]

@@ -131,10 +131,15 @@ fn files_that_say_that_they_are_not_what_is_read_are_refused() {
         ["c.yml: has image_rotation 90: the calibration is read as one of images as the camera gives them"]
     );
     let inner = format!("{HEAD}{K}{D}extrinsics:\n  rvec: [0, 0, 1]\n  tvec: [0, 0, 3]\n");
+    refused(&inner, "extrinsics/tvec: found a key in a map, expected this key at the top");
     refused(
         &format!("{inner}rvec: [0, 0, 1]\n"),
         "extrinsics/tvec: found a key in a map, expected this key at",
     );
+    let whole = format!("{HEAD}{K}{D}{R}{T}board:\n  units: mm\n");
+    let beside = read_files(&[("cam1.yml", &whole), ("cam2.yml", &inner)], &ImportOptions::default());
+    let warnings = beside.expect("a camera").warnings;
+    assert_eq!(warnings, ["cam2.yml: left out, it has no pose: extrinsics/tvec stands in a map"]);
     assert!(read(&format!("{HEAD}{K}{D}{R}T: [0.1, 0.2, 3.0]\t# metres\n")).is_ok());
 }
 
@@ -145,6 +150,8 @@ fn keys_that_name_the_camera_of_another_file_are_refused() {
     let found = read_files(&[("cam1.yml", &one), ("cam2.yml", &other)], &ImportOptions::default());
     let found = found.expect_err("swapped").to_string();
     assert!(found.starts_with("cam1.yml and cam2.yml: found camera cam2 in the keys of the one"), "{found}");
+    let (one, other) = (camera("0", "0.1"), camera("1", "0.9"));
+    assert!(read_files(&[("1.yml", &one), ("2.yml", &other)], &ImportOptions::default()).is_ok());
     let (one, other) = (camera("left", "0.1"), camera("right", "0.9"));
     assert!(read_files(&[("cam1.yml", &one), ("cam2.yml", &other)], &ImportOptions::default()).is_ok());
 }
@@ -228,7 +235,7 @@ fn a_pose_in_another_form_is_refused() {
         (format!("rvec: [0, 0, 90]\n{T}"), "rotation is a vector of 90.0 rad, expected at most 2 π"),
         (format!("rotation: [0.1, 0.2, 0.3]\nrotation_order: XYZ\n{T}"), "rotation_order: found XYZ"),
         (format!("{R}{T}pose_convention: camera_to_world\n"), "pose_convention: found camera_to_world"),
-        (format!("{R}{T}units: mm\n"), "units: found mm, expected metres, or the scale"),
+        (format!("{R}{T}units: mm\n"), "units: found mm, expected metres, or `rig import` with --scale"),
         (
             format!("{R}{T}R_new: [1, 0, 0, 0, 1, 0, 0, 0, 1]\nT_new: [5, 5, 5]\n"),
             "found keys of one camera and of others",

@@ -242,9 +242,7 @@ impl Reader<'_, '_> {
     ) -> Result<(String, Vec<f64>), ImportError> {
         let found = self.parts.find(role, id)?;
         let missing = || match self.parts.in_map(role).filter(|_| id.is_none()) {
-            Some((path, key)) => {
-                ImportError::key(path, key, "a key in a map", "this key at the top of the file")
-            }
+            Some((path, key)) => ImportError::key(path, key, "a key in a map", super::AT_THE_TOP),
             None => {
                 let of_camera = id.map_or(String::new(), |id| format!(" of camera {id}"));
                 let key = format!("{}{of_camera}", role.shown());

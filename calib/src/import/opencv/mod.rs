@@ -13,7 +13,7 @@ use super::entry::Entry;
 use super::kind::names_camera;
 use super::names::{Named, settled};
 use super::xml::{self, Element};
-use super::{ImportError, ImportOptions, Imported, TextFile, axes, changed_images, numbers, yaml};
+use super::{ImportError, ImportOptions, Imported, TextFile, axes, changed_images, numbers, place, yaml};
 use groups::{Group, grouped};
 use parts::Parts;
 use roles::Role;
@@ -71,7 +71,7 @@ pub fn from_opencv(files: &[TextFile], options: &ImportOptions) -> Result<Import
     let cameras: Vec<Named<Camera>> = worlds.into_iter().flat_map(|world| world.cameras).collect();
     halves.check(&cameras, &mut warnings)?;
     check_names(&cameras, &said_names)?;
-    let place = files.first().map_or("no files", |file| file.path.as_str());
+    let place = place(files);
     if cameras.is_empty() {
         return Err(ImportError::key(
             place,
@@ -94,8 +94,23 @@ fn said_name(entries: &[Entry]) -> Option<String> {
     entries.iter().find(is_name).map(Entry::value)
 }
 
-/// An error for a file whose keys give its camera the name of another file's camera.
+/// An error for a file whose keys give its camera the name of another file's camera. Numbers that count from elsewhere in
+/// all files (0 in `1.yml`, 1 in `2.yml`) are no names.
 fn check_names(cameras: &[Named<Camera>], said: &[(&str, String)]) -> Result<(), ImportError> {
+    let number = |text: &str| {
+        let digits = text.len() - text.bytes().rev().take_while(u8::is_ascii_digit).count();
+        text[digits..].parse::<i64>().ok()
+    };
+    let offset = |(path, name): &(&str, String)| {
+        let own = cameras.iter().find(|camera| camera.path == *path)?;
+        number(name)?.checked_sub(number(&own.name)?)
+    };
+    let mut offsets = said.iter().map(offset);
+    if let Some(Some(first)) = offsets.next()
+        && offsets.all(|offset| offset == Some(first))
+    {
+        return Ok(());
+    }
     for (path, name) in said {
         let is_said = |camera: &&Named<Camera>| camera.name.eq_ignore_ascii_case(name);
         let is_own = cameras.iter().filter(is_said).any(|camera| camera.path == *path);
@@ -146,6 +161,10 @@ fn check_conventions(
     warnings: &mut Vec<String>,
 ) -> Result<(), ImportError> {
     for entry in entries {
+        // A map is of something else; an attribute of a camera's key is not.
+        if entry.key.rsplit_once('/').is_some_and(|(around, _)| roles::meaning(around).is_none()) {
+            continue;
+        }
         let value = entry.value();
         let unit = if options.scale.is_none() { check_unit(entry.name(), &value) } else { Ok(()) };
         unit.and_then(|()| check_convention(entry.name(), &value)).map_err(
@@ -168,6 +187,8 @@ fn is_of_board(entries: &[Entry]) -> bool {
     let of_camera = |entry: &Entry| roles::meaning(&entry.key).is_some() || Role::Matrix.fits(entry);
     entries.iter().any(of_board) && !entries.iter().any(of_camera)
 }
+
+const AT_THE_TOP: &str = "this key at the top of the file";
 
 /// Halves of cameras without the other half.
 #[derive(Default)]
@@ -199,16 +220,26 @@ impl Halves<'_> {
         if let Some((group, role, expected)) = lone
             && cameras.is_empty()
         {
-            return Err(ImportError::key(group.path(), role.shown(), "nothing", expected));
+            return Err(match pose_in_map(group) {
+                Some((path, key)) => ImportError::key(path, key, "a key in a map", AT_THE_TOP),
+                None => ImportError::key(group.path(), role.shown(), "nothing", expected),
+            });
         }
         for group in &self.matrices {
-            warnings.push(format!("{}: left out, it has no pose", group.path()));
+            let inner =
+                pose_in_map(group).map_or(String::new(), |(_, key)| format!(": {key} stands in a map"));
+            warnings.push(format!("{}: left out, it has no pose{inner}", group.path()));
         }
         for group in &self.poses {
             warnings.push(format!("{}: left out, it has no camera matrix", group.path()));
         }
         Ok(())
     }
+}
+
+/// A key of a pose that stands in a map, with its file, of a group without a pose.
+fn pose_in_map<'a>(group: &Group<'a>) -> Option<(&'a str, &'a str)> {
+    group.parts.in_map(Role::Translation).or(group.parts.in_map(Role::Rotation))
 }
 
 fn entries(file: &TextFile) -> Result<Vec<Entry>, ImportError> {

@@ -11,7 +11,9 @@ use nalgebra::{Matrix3, Matrix3x4, Point3, Vector3};
 use super::projection::{Parts, Placement, matrix_from, placed, taken_apart};
 use super::refit::Chain;
 use super::scan::plain_name;
-use super::{ImportError, ImportOptions, Imported, TextFile, axes, from_origin, numbers, room, size_of};
+use super::{
+    ImportError, ImportOptions, Imported, TextFile, axes, from_origin, numbers, place, room, size_of,
+};
 
 /// MATLAB's point finder counts pixels from 1.
 const MATLAB_ORIGIN: f64 = 1.0;
@@ -38,9 +40,9 @@ pub fn from_svoboda(files: &[TextFile], options: &ImportOptions) -> Result<Impor
             "one file per camera: move one away",
         ));
     }
-    let place =
+    let folder_of =
         |file: &TextFile| file.path.rsplit_once('/').map_or(String::new(), |(folder, _)| folder.to_owned());
-    if let Some(other) = found.iter().find(|(_, file)| place(file) != place(found[0].1)) {
+    if let Some(other) = found.iter().find(|(_, file)| folder_of(file) != folder_of(found[0].1)) {
         let conflict = "projection matrices in two folders";
         return Err(ImportError::conflict(
             &found[0].1.path,
@@ -85,8 +87,7 @@ pub fn from_svoboda(files: &[TextFile], options: &ImportOptions) -> Result<Impor
         let placement = Placement { file: &file.path, key: "P", name: &name, size };
         cameras.push(folder.camera(&placement, *number, parts, options, &mut warnings)?);
     }
-    let place = found.first().map_or("", |(_, file)| file.path.as_str());
-    axes::finished(place, cameras, 1.0, options, warnings)
+    axes::finished(place(files), cameras, 1.0, options, warnings)
 }
 
 /// The digits right before an ending in lower case: 12 for `camera12.Pmat.cal`.
@@ -113,7 +114,7 @@ fn names<'a>(files: &'a [TextFile], cameras: &[(u32, &TextFile)]) -> Result<Vec<
     }
     match cameras.last() {
         Some(&(last, _)) if names.len() < last as usize => {
-            wrong(format!("{} names for {last} cameras", names.len()))
+            wrong(format!("{} names, and camera {last}", names.len()))
         }
         _ => Ok(names),
     }
@@ -181,9 +182,9 @@ impl<'a> Folder<'a> {
             .map(|&(number, _)| number)
             .partition(|&number| self.radials(number).next().is_some());
         if !with.is_empty() && !without.is_empty() {
-            let without: Vec<String> = without.iter().map(u32::to_string).collect();
+            let without: Vec<String> = without.iter().map(|number| format!("camera {number}")).collect();
             warnings.push(format!(
-                "MultiCamSelfCal: found no .rad of camera {}, its lens coefficients are taken as zero",
+                "MultiCamSelfCal: found no .rad of {}: lens coefficients taken as zero",
                 without.join(", ")
             ));
         }

@@ -138,7 +138,7 @@ fn names_and_lenses_of_some_cameras_alone_are_named() {
     };
     let error = from_svoboda(&with("camera_order.txt", "east\nnorth\n"), &ZERO).expect_err("few").to_string();
     assert!(
-        error.starts_with("camera_order.txt: names: found 2 names for 3 cameras, expected one"),
+        error.starts_with("camera_order.txt: names: found 2 names, and camera 3, expected one"),
         "{error}"
     );
     let rig =
@@ -146,7 +146,7 @@ fn names_and_lenses_of_some_cameras_alone_are_named() {
     assert_eq!(rig.cameras()[0].name(), "east");
     let imported =
         from_svoboda(&with("camera2.rad", &radial(&k(), [-0.2, 0.1, 0.0, 0.0])), &ZERO).expect("a rig");
-    let said = "MultiCamSelfCal: found no .rad of camera 1, 3, its lens coefficients are taken as zero";
+    let said = "MultiCamSelfCal: found no .rad of camera 1, camera 3: lens coefficients taken as zero";
     assert!(imported.warnings.iter().any(|warning| warning == said), "{:?}", imported.warnings);
 }
 

@@ -1,6 +1,7 @@
 //! Silhouettes from image files.
 
 use std::collections::BTreeMap;
+use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -15,9 +16,10 @@ use cli::{Failure, Outcome};
 /// not have are refused: the rig is another one then.
 pub fn paths_of_frame(folder: &Path, rig: &Rig, frame: Option<u64>) -> Outcome<Vec<PathBuf>> {
     refuse_unknown_cameras(folder, rig, frame.is_some())?;
+    let images = images(folder)?;
     let path = |camera: &Camera| {
         let Some(frame) = frame else {
-            return image_of(folder, camera);
+            return image_of(folder, &images, camera);
         };
         let of_camera = folder.join(camera.name());
         let path = of_camera.join(format!("{frame}.png"));
@@ -27,15 +29,16 @@ pub fn paths_of_frame(folder: &Path, rig: &Rig, frame: Option<u64>) -> Outcome<V
 }
 
 /// The numbered files `folder/NAME/NUMBER.png` of every camera, in rig order; where there is no such
-/// folder, `folder/NAME.png` as frame 0.
+/// folder, `folder/NAME.png` (or .jpg, .jpeg) as frame 0.
 pub fn paths_of_film(folder: &Path, rig: &Rig) -> Outcome<Vec<BTreeMap<u64, PathBuf>>> {
     let has_folders = rig.cameras().iter().any(|camera| folder.join(camera.name()).is_dir());
     if has_folders {
         refuse_unknown_cameras(folder, rig, true)?;
-        let mut images = rig.cameras().iter().flat_map(|camera| images_named(folder, camera.name()));
-        if let Some(both) = images.next() {
+        let images = images(folder)?;
+        let mut beside = rig.cameras().iter().flat_map(|camera| images_named(&images, camera));
+        if let Some(both) = beside.next() {
             let problem = "found an image beside folders of numbered ones, expected either for all cameras";
-            return Err(Failure::unreadable(&both, problem));
+            return Err(Failure::unreadable(both, problem));
         }
         return rig.cameras().iter().map(|camera| numbered(&folder.join(camera.name()))).collect();
     }
@@ -52,30 +55,37 @@ pub fn films_around(paths: &[PathBuf], is_numbered: bool) -> Outcome<Vec<Vec<Pat
     paths.iter().map(film).collect()
 }
 
-/// The files of a folder that may be the image of this name.
-fn images_named(folder: &Path, name: &str) -> impl Iterator<Item = PathBuf> {
-    let paths = ["png", "jpg", "jpeg"].map(|ending| folder.join(format!("{name}.{ending}")));
-    paths.into_iter().filter(|path| path.is_file())
+/// The endings of images, in lower case.
+const ENDINGS: [&str; 3] = ["png", "jpg", "jpeg"];
+
+fn is_image(path: &Path) -> bool {
+    let ending = path.extension().map(OsStr::to_ascii_lowercase);
+    path.is_file() && ENDINGS.iter().any(|known| ending.as_deref() == Some(OsStr::new(known)))
+}
+
+/// The images of a folder whose name without its ending is that of the camera.
+fn images_named<'a>(images: &'a [PathBuf], camera: &'a Camera) -> impl Iterator<Item = &'a PathBuf> {
+    images.iter().filter(|path| path.file_stem() == Some(OsStr::new(camera.name())))
 }
 
 /// The one image `folder/NAME.png`, or .jpg or .jpeg, of a camera.
-fn image_of(folder: &Path, camera: &Camera) -> Outcome<PathBuf> {
-    let mut images = images_named(folder, camera.name());
+fn image_of(folder: &Path, images: &[PathBuf], camera: &Camera) -> Outcome<PathBuf> {
+    let mut images = images_named(images, camera);
     let Some(path) = images.next() else {
-        return Err(missing(&folder.join(format!("{}.png", camera.name())), camera));
+        return Err(missing(&folder.join(format!("{}.png (or .jpg)", camera.name())), camera));
     };
     if let Some(other) = images.next() {
         let problem = format_args!("found {} beside it, expected one of the two", other.display());
-        return Err(Failure::unreadable(&path, problem));
+        return Err(Failure::unreadable(path, problem));
     }
     if folder.join(camera.name()).is_dir() {
         let problem = format_args!("found a folder {:?} beside it, expected one of the two", camera.name());
-        return Err(Failure::unreadable(&path, problem));
+        return Err(Failure::unreadable(path, problem));
     }
-    Ok(path)
+    Ok(path.clone())
 }
 
-/// Warns of a camera whose silhouettes are all entirely foreground, or all entirely background.
+/// Warns of a camera whose silhouettes are all entirely foreground or background, or all inverted.
 pub fn warn_if_uniform<'a>(
     folder: &Path,
     camera: &Camera,
@@ -83,9 +93,9 @@ pub fn warn_if_uniform<'a>(
 ) {
     let mut film = UniformFilm::default();
     silhouettes.into_iter().for_each(|silhouette| film.note(silhouette));
-    let Some(side) = film.side() else { return };
+    let Some(pattern) = film.pattern() else { return };
     let found = if film.masks() == 1 { "its silhouette is" } else { "all of its silhouettes are" };
-    tracing::warn!("camera {:?}: {}: {found} {side}", camera.name(), folder.display());
+    tracing::warn!("camera {:?}: {}: {found} {pattern}", camera.name(), folder.display());
 }
 
 fn missing(path: &Path, camera: &Camera) -> Failure {
@@ -129,6 +139,11 @@ fn numbered(folder: &Path) -> Outcome<BTreeMap<u64, PathBuf>> {
         return Err(Failure::unreadable(folder, problem));
     }
     Ok(images.into_iter().collect())
+}
+
+/// The images of a folder, by name.
+fn images(folder: &Path) -> Outcome<Vec<PathBuf>> {
+    Ok(entries(folder)?.into_iter().filter(|path| is_image(path)).collect())
 }
 
 /// A folder's entries by name.
