@@ -30,8 +30,8 @@ const UNIT_KEYS: [&str; 12] = [
     "unitoflength",
 ];
 /// Units that are read as they are: metres, and those of images and angles.
-const KNOWN_UNITS: [&str; 11] =
-    ["", "m", "meter", "meters", "metre", "metres", "px", "pixel", "pixels", "rad", "radians"];
+const KNOWN_UNITS: [&str; 12] =
+    ["", "si", "m", "meter", "meters", "metre", "metres", "px", "pixel", "pixels", "rad", "radians"];
 /// Names of poses from camera to world.
 const CAMERA_TO_WORLD: [&str; 7] =
     ["cameratoworld", "camera2world", "cam2world", "camtoworld", "c2w", "worldfromcamera", "worldfromcam"];
@@ -71,7 +71,8 @@ fn says_no(word: &str) -> bool {
 
 /// An error for a unit of length that is not the metre.
 pub fn check_unit(key: &str, value: &str) -> Result<(), Contradiction> {
-    let word = plain(value);
+    // "m, rad" and "meter (m)" name the length first.
+    let word = plain(value.split([',', '(']).next().unwrap_or(value));
     let is_one = word.parse::<f64>() == Ok(1.0);
     if !UNIT_KEYS.contains(&plain(key).as_str()) || is_one || KNOWN_UNITS.contains(&word.as_str()) {
         return Ok(());
@@ -87,12 +88,13 @@ pub fn check_convention(key: &str, value: &str) -> Result<(), Contradiction> {
     let is_short = value.len() < MAX_WORD_BYTES;
     let names_pose = |name: &str| word.contains(name) && (name != "c2w" || word == "c2w");
     let is_turned = is_convention && CAMERA_TO_WORLD.iter().chain(&OTHER_AXES).any(|name| names_pose(name));
-    let is_flag = CAMERA_TO_WORLD.contains(&key.as_str()) && !says_no(&word);
+    let is_flag = CAMERA_TO_WORLD.contains(&key.as_str()) && !word.is_empty() && !says_no(&word);
     if is_short && (is_turned || is_flag) {
         return contradiction(value, "a pose from world to camera: x_camera = R x_world + T");
     }
     let is_other = |word: &str| OTHER_ROTATIONS.iter().any(|other| word.contains(other));
-    let is_euler = EULER_KEYS.contains(&key.as_str()) && !says_no(&word)
+    let is_said = !word.is_empty() && word != "none" && !says_no(&word);
+    let is_euler = EULER_KEYS.contains(&key.as_str()) && is_said
         || ROTATION_KEYS.contains(&key.as_str()) && is_other(&word);
     if is_euler {
         return contradiction(value, "a Rodrigues vector or a 3 x 3 matrix, no angles about axes");
@@ -148,7 +150,7 @@ mod tests {
             assert!(check_unit("units", word).is_err(), "{word}");
         }
         let read =
-            [("units", "m"), ("unit", "Metres"), ("unit", "[m]"), ("units", "meter(s)"), ("unit", "1.0")];
+            [("units", "m"), ("unit", "Metres"), ("unit", "[m]"), ("units", "m, rad"), ("unit", "1.0")];
         for (key, word) in read.into_iter().chain([("units", "pixels"), ("board_unit", "mm")]) {
             assert_eq!(check_unit(key, word), Ok(()), "{key} {word}");
         }
@@ -183,6 +185,8 @@ mod tests {
             ("serial", "AC2W-01"),
             ("rotation_type", "angle_axis"),
             ("rotation_type", "so3"),
+            ("rotation_order", "none"),
+            ("cam_to_world", ""),
             ("rvec", "[0.1, 0.2, 0.3]"),
         ] {
             assert_eq!(check_convention(key, word), Ok(()), "{key} {word}");
