@@ -87,7 +87,9 @@ pub fn check_convention(key: &str, value: &str) -> Result<(), Contradiction> {
     let is_convention = CONVENTION_KEY_PARTS.iter().any(|part| key.contains(part));
     let is_short = value.len() < MAX_WORD_BYTES;
     let names_pose = |name: &str| word.contains(name) && (name != "c2w" || word == "c2w");
-    let is_turned = is_convention && CAMERA_TO_WORLD.iter().chain(&OTHER_AXES).any(|name| names_pose(name));
+    let is_word = word != "c2w" && CAMERA_TO_WORLD.contains(&word.as_str());
+    let is_turned =
+        is_word || is_convention && CAMERA_TO_WORLD.iter().chain(&OTHER_AXES).any(|name| names_pose(name));
     let is_flag = CAMERA_TO_WORLD.contains(&key.as_str()) && !word.is_empty() && !says_no(&word);
     if is_short && (is_turned || is_flag) {
         return contradiction(value, "a pose from world to camera: x_camera = R x_world + T");
@@ -162,6 +164,7 @@ mod tests {
             ("pose_convention", "camera_to_world"),
             ("convention", "opengl"),
             ("pose", "c2w"),
+            ("R_type", "cam2world"),
             ("cam_to_world", "true"),
             ("c2w", "1"),
             ("rotation_order", "xyz"),
