@@ -66,8 +66,8 @@ pub struct RosterNode {
     is_endless: bool,
     /// Of recent frames, ascending.
     reports: VecDeque<FrameReport>,
-    /// It did not answer in time, and has not been heard of since.
-    is_silent: bool,
+    /// When it did not answer in time, seconds, if it has not been heard of since.
+    silent_since_s: Option<f64>,
     /// Steps go on without it.
     is_left_out: bool,
     /// Since when they do, seconds.
@@ -96,7 +96,7 @@ impl RosterNode {
             film,
             is_endless: false,
             reports,
-            is_silent: false,
+            silent_since_s: None,
             is_left_out: false,
             left_out_s: None,
             is_there: false,
@@ -120,6 +120,11 @@ impl RosterNode {
     /// How often it was connected.
     pub fn connections(&self) -> u64 {
         self.connections
+    }
+
+    /// Whether it did not answer in time, and has not been heard of since.
+    fn is_silent(&self) -> bool {
+        self.silent_since_s.is_some()
     }
 
     /// Whether steps go on without it.
@@ -227,7 +232,7 @@ impl Roster {
     /// A node is connected; what it reported before no longer holds.
     pub fn up(&mut self, node: usize) {
         let node = &mut self.nodes[node];
-        (node.is_up, node.problem, node.is_held, node.is_silent) = (true, None, false, false);
+        (node.is_up, node.problem, node.is_held, node.silent_since_s) = (true, None, false, None);
         node.is_wrong = false;
         node.connections += 1;
         node.forget_film();
@@ -248,14 +253,14 @@ impl Roster {
     /// A node refused, or answered wrongly: it is left out until it is heard of, and for longer if that happens often.
     pub fn fault(&mut self, node: usize, now_s: f64, why: String) {
         let node = &mut self.nodes[node];
-        node.is_silent = true;
+        node.silent_since_s = Some(now_s);
         node.conduct.fault(now_s, why);
     }
 
     /// Whether steps ask a node, and it has answered so far.
     pub fn answers(&self, node: usize, now_s: f64) -> bool {
         let node = &self.nodes[node];
-        node.is_up && !node.is_silent && !node.is_left_out && !node.conduct.is_excluded(now_s)
+        node.is_up && !node.is_silent() && !node.is_left_out && !node.conduct.is_excluded(now_s)
     }
 
     /// Whether a node may refuse a question about a frame for this reason: it no longer has an old frame, and not yet one that
@@ -293,10 +298,11 @@ impl Roster {
         if are_most { self.held_node() } else { None }
     }
 
-    /// A node reports of its film.
-    pub fn film_event(&mut self, node: usize, event: FilmEvent) {
+    /// A node reported of its film, heard at a time by [`proto::monotonic_s`]. What was heard before it failed to answer may be
+    /// noted later: it does not tell that the node answers again.
+    pub fn film_event(&mut self, node: usize, event: FilmEvent, heard_s: f64) {
         let node = &mut self.nodes[node];
-        node.is_silent = false;
+        node.silent_since_s = node.silent_since_s.filter(|&since_s| heard_s <= since_s);
         match event {
             FilmEvent::Frame(report) => node.add(report),
             FilmEvent::Ended if node.is_endless => {
@@ -324,7 +330,7 @@ impl Roster {
                 let is_near = node.newest_frame().is_some_and(|own| own + REMEMBERED_FRAMES as u64 > newest);
                 now_s > left_out_s + LATE_FOR_S && is_near && !node.conduct.is_excluded(now_s)
             });
-            node.is_up && !node.is_silent && is_waited_for && node.film == FilmState::Running
+            node.is_up && !node.is_silent() && is_waited_for && node.film == FilmState::Running
         };
         (std::mem::take(&mut self.arrivals), self.nodes.iter().map(films).collect())
     }

@@ -38,7 +38,7 @@ impl RosterNode {
         };
         let has_ended = self.film == FilmState::Ended;
         let behaves = !self.conduct.is_excluded(now_s) && !matches!(self.film, FilmState::Failed(_));
-        self.is_up && !self.is_silent && behaves && (in_time || has_ended)
+        self.is_up && !self.is_silent() && behaves && (in_time || has_ended)
     }
 
     /// How many cameras it films with.
@@ -71,14 +71,14 @@ impl Roster {
         {
             self.nodes[node].conduct.late(now_s, why.to_owned());
         }
-        late.iter().for_each(|&node| self.nodes[node].is_silent = true);
+        late.iter().for_each(|&node| self.nodes[node].silent_since_s = Some(now_s));
     }
 
     /// Whether live steps have enough cameras without a node: of nodes that are there, answer and behave.
     pub fn has_enough_cameras_without(&self, node: usize, now_s: f64) -> bool {
         let Some(least) = self.least_cameras else { return false };
         let answers = |node: &RosterNode| {
-            node.is_there && node.is_up && !node.is_silent && !node.conduct.is_excluded(now_s)
+            node.is_there && node.is_up && !node.is_silent() && !node.conduct.is_excluded(now_s)
         };
         let others = self.nodes.iter().enumerate().filter(|&(other, _)| other != node).map(|(_, node)| node);
         others.filter(|node| answers(node)).map(RosterNode::films).sum::<usize>() >= least.max(1)
@@ -87,7 +87,8 @@ impl Roster {
     /// Decides whom a step that wants a frame goes on without, by [`proto::monotonic_s`]. No node is left out where fewer than
     /// `least` cameras would remain. Returns what has changed: nodes, and whether each is back.
     pub fn leave_out(&mut self, wanted: u64, whom: LeaveOut, least: usize, now_s: f64) -> Vec<(usize, bool)> {
-        let behaves = |node: &&RosterNode| node.is_up && !node.is_silent && !node.conduct.is_excluded(now_s);
+        let behaves =
+            |node: &&RosterNode| node.is_up && !node.is_silent() && !node.conduct.is_excluded(now_s);
         let newest = |node: &RosterNode| node.newest_until(wanted);
         let lead = self.nodes.iter().filter(behaves).filter_map(newest).max();
         let common = self.newest_common(wanted);
@@ -103,7 +104,7 @@ impl Roster {
             let is_left_out = is_enough && !there;
             if node.is_left_out != is_left_out {
                 // Film that is in time in one frame and late in the next would change the hull with each.
-                let answers = node.is_up && !node.is_silent && node.film == FilmState::Running;
+                let answers = node.is_up && !node.is_silent() && node.film == FilmState::Running;
                 if is_left_out && answers && whom == LeaveOut::Late {
                     node.conduct.late(now_s, "its film was late".to_owned());
                 }
@@ -136,7 +137,7 @@ impl Roster {
         match node.missing() {
             Some(missing) => missing.to_string(),
             None if node.newest().is_none() => format!("node {}: no frame has come from it", node.name),
-            None if node.is_silent => format!("node {}: no answer in time", node.name),
+            None if node.is_silent() => format!("node {}: no answer in time", node.name),
             None => format!("node {}: its film is late", node.name),
         }
     }

@@ -7,6 +7,9 @@ use proto::{CameraReport, Stamps};
 
 use super::*;
 
+/// When nodes are heard of: after whatever they did.
+const LATER_S: f64 = 100.0;
+
 /// So many nodes of one camera each, all of them connected.
 fn roster(nodes: u16) -> Roster {
     let mut roster =
@@ -22,7 +25,7 @@ pub(crate) fn frame(frame: u64) -> FilmEvent {
 
 /// A node reports frames.
 fn film(roster: &mut Roster, node: usize, frames: impl IntoIterator<Item = u64>) {
-    frames.into_iter().for_each(|number| roster.film_event(node, frame(number)));
+    frames.into_iter().for_each(|number| roster.film_event(node, frame(number), LATER_S));
 }
 
 #[test]
@@ -63,7 +66,7 @@ fn memory_of_frames_is_bounded() {
 fn a_node_that_starts_over_has_none_of_its_old_frames() {
     let mut roster = roster(1);
     film(&mut roster, 0, [7, 8]);
-    roster.film_event(0, FilmEvent::Ended);
+    roster.film_event(0, FilmEvent::Ended, LATER_S);
     film(&mut roster, 0, [0]);
     assert_eq!((roster.newest_common(9), roster.film(9)), (Some(0), FilmState::Running));
     film(&mut roster, 0, [1]);
@@ -79,7 +82,7 @@ fn film_ends_with_the_shortest_and_no_earlier_than_its_last_frame() {
     let mut roster = roster(2);
     film(&mut roster, 0, 0..=4);
     film(&mut roster, 1, 0..=1);
-    roster.film_event(0, FilmEvent::Ended);
+    roster.film_event(0, FilmEvent::Ended, LATER_S);
     assert_eq!((roster.film(4), roster.film(5)), (FilmState::Running, FilmState::Ended));
     assert_eq!(roster.last_frame(), Some(LastFrame::Frame(4)));
     film(&mut roster, 1, 2..=30);
@@ -89,7 +92,7 @@ fn film_ends_with_the_shortest_and_no_earlier_than_its_last_frame() {
 #[test]
 fn film_without_frames_has_ended_at_once() {
     let mut roster = roster(1);
-    roster.film_event(0, FilmEvent::Ended);
+    roster.film_event(0, FilmEvent::Ended, LATER_S);
     assert_eq!((roster.film(0), roster.last_frame()), (FilmState::Ended, Some(LastFrame::None)));
 }
 
@@ -97,7 +100,7 @@ fn film_without_frames_has_ended_at_once() {
 fn film_that_fails_at_one_node_has_failed() {
     let mut roster = roster(2);
     film(&mut roster, 0, 0..=4);
-    roster.film_event(1, FilmEvent::Failed("no disk".into()));
+    roster.film_event(1, FilmEvent::Failed("no disk".into()), LATER_S);
     assert_eq!(roster.film(0), FilmState::Failed("no disk".into()));
 }
 
@@ -106,7 +109,7 @@ fn cameras_may_film_a_little_ahead_and_not_past_the_end() {
     let mut roster = roster(2);
     assert_eq!(roster.credit(7, 4), 11);
     film(&mut roster, 0, 0..=5);
-    roster.film_event(0, FilmEvent::Ended);
+    roster.film_event(0, FilmEvent::Ended, LATER_S);
     assert_eq!((roster.credit(4, 4), roster.credit(500, 4)), (8, 9), "the other's ring keeps frame 5");
 }
 
@@ -120,9 +123,9 @@ fn a_lock_step_step_waits_for_its_frame_for_half_a_minute() {
     let late = WaitError::Late { frame: 1 };
     assert_eq!(wait.poll(&roster, 1, began, after(31)), Poll::Ready(Err(late.clone())));
     assert_eq!(late.to_string(), "frame 1 did not come within 30 s");
-    roster.film_event(0, FilmEvent::Ended);
+    roster.film_event(0, FilmEvent::Ended, LATER_S);
     assert_eq!(wait.poll(&roster, 1, began, began), Poll::Ready(Ok(())), "nothing will come");
-    roster.film_event(0, FilmEvent::Failed("no disk".into()));
+    roster.film_event(0, FilmEvent::Failed("no disk".into()), LATER_S);
     assert_eq!(
         wait.poll(&roster, 1, began, began),
         Poll::Ready(Err(WaitError::FilmFailed("no disk".into())))
@@ -169,7 +172,7 @@ fn the_hull_is_unavailable_for_one_named_reason() {
     assert_eq!(why(&roster, step(2.5, Some(14))), reason("film has stopped at frame 14, 1.1 s ago", true));
     let held = StepFilm { is_paced: false, ..step(2.5, Some(14)) };
     assert_eq!(why(&roster, held), Ok(14), "in lock-step, and while the last frame is held");
-    roster.film_event(1, FilmEvent::Failed("no disk".into()));
+    roster.film_event(1, FilmEvent::Failed("no disk".into()), LATER_S);
     assert_eq!(why(&roster, step(1.5, Some(14))), reason("film failed: no disk", true));
     roster.down(0, "gone".into());
     assert_eq!(why(&roster, step(1.5, Some(14))), reason("node 0: gone", true));
@@ -186,10 +189,10 @@ fn a_live_run_begins_with_a_frame_that_every_node_has_or_once_none_will_come() {
     assert!(roster.may_begin(9, 0.3, patience, 3));
     assert!(!roster.may_begin(0, 0.0, patience, 3), "the first frame that both have is not due yet");
     roster.begin_run();
-    roster.film_event(1, FilmEvent::Failed("no disk".into()));
+    roster.film_event(1, FilmEvent::Failed("no disk".into()), LATER_S);
     assert!(roster.may_begin(0, 0.0, patience, 3), "film has failed");
     roster.begin_run();
-    roster.film_event(0, FilmEvent::Ended);
+    roster.film_event(0, FilmEvent::Ended, LATER_S);
     assert!(roster.may_begin(0, 0.0, patience, 3), "film has ended");
 }
 
@@ -224,7 +227,7 @@ fn a_live_run_does_not_begin_with_a_frame_of_too_few_cameras() {
         pace: None,
     };
     report.cameras = vec![camera(0), camera(2)];
-    roster.film_event(0, FilmEvent::Frame(report));
+    roster.film_event(0, FilmEvent::Frame(report), LATER_S);
     assert_eq!(roster.filming(), [0, 2]);
     assert!(!roster.may_begin(9, 2.0, patience, 3) && roster.may_begin(9, 2.0, patience, 2));
     assert!(roster.may_begin(9, 20.1, patience, 3), "it was waited for long enough");
@@ -271,6 +274,23 @@ fn late_and_silent_nodes_are_left_out_and_a_frame_late_is_not() {
     assert_eq!(roster.leave_out(7, LeaveOut::Late, 3, 0.0), [(0, false)]);
     film(&mut roster, 0, [8]);
     assert_eq!(roster.leave_out(7, LeaveOut::Late, 3, 0.0), [(0, true)], "it was heard of");
+}
+
+#[test]
+fn what_was_heard_of_a_node_before_it_failed_does_not_bring_it_back() {
+    type Fails = fn(&mut Roster, usize, f64);
+    let late: Fails = |roster, node, now_s| roster.record_late(&[node], now_s, "no answer within 39 ms");
+    let refuses: Fails = |roster, node, now_s| roster.fault(node, now_s, "it does not know frame 5".into());
+    for fails in [late, refuses] {
+        let mut roster = roster(4);
+        (0..4).for_each(|node| film(&mut roster, node, 0..=5));
+        fails(&mut roster, 0, 2.0);
+        // Its report waited while it was asked.
+        roster.film_event(0, frame(6), 1.9);
+        assert_eq!(roster.leave_out(5, LeaveOut::Late, 3, 2.0), [(0, false)]);
+        roster.film_event(0, frame(7), 2.1);
+        assert_eq!(roster.leave_out(5, LeaveOut::Late, 3, 2.1), [(0, true)]);
+    }
 }
 
 #[test]
@@ -351,7 +371,7 @@ fn film_without_end_that_ends_is_a_fault_of_its_node() {
     let mut roster = Roster::new((0..4).map(node).collect());
     (0..4).for_each(|node| roster.up(node));
     (0..4).for_each(|node| film(&mut roster, node, 0..=5));
-    roster.film_event(3, FilmEvent::Ended);
+    roster.film_event(3, FilmEvent::Ended, LATER_S);
     assert_eq!(roster.last_frame(), None);
     assert_eq!(roster.leave_out(6, LeaveOut::Late, 3, 0.0), [(3, false)]);
     assert_eq!(roster.film(6), FilmState::Running);
@@ -399,12 +419,12 @@ fn half_of_the_nodes_displace_no_run_and_keep_one_from_beginning() {
 fn a_node_that_fails_before_the_first_frame_lets_no_run_begin_blind() {
     let mut roster = roster(5);
     let patience = Duration::from_secs(20);
-    roster.film_event(4, FilmEvent::Failed("no camera".into()));
+    roster.film_event(4, FilmEvent::Failed("no camera".into()), LATER_S);
     assert!(!roster.may_begin(60, 2.0, patience, 3), "four others may still film");
     (0..4).for_each(|node| film(&mut roster, node, [59, 60]));
     assert_eq!(roster.leave_out(60, LeaveOut::Late, 3, 0.0), [(4, false)]);
     assert!(roster.may_begin(60, 2.0, patience, 3));
-    (0..2).for_each(|node| roster.film_event(node, FilmEvent::Failed("no camera".into())));
+    (0..2).for_each(|node| roster.film_event(node, FilmEvent::Failed("no camera".into()), LATER_S));
     assert!(roster.may_begin(70, 3.0, patience, 3), "no hull will be");
 }
 

@@ -95,18 +95,19 @@ impl InProcess {
         }
         let known = roster.newest();
         let new = numbers.into_iter().filter(|&number| known.is_none_or(|known| number > known));
+        let heard_s = monotonic_s();
         for report in new.filter_map(|number| self.frames.report(number)) {
-            roster.heard(Arrival { node: NODE, frame: report.frame, heard_s: monotonic_s() });
+            roster.heard(Arrival { node: NODE, frame: report.frame, heard_s });
             self.cut.heard(&report);
-            roster.film_event(NODE, FilmEvent::Frame(report));
+            roster.film_event(NODE, FilmEvent::Frame(report), heard_s);
         }
         if let Some(phase) = self.cut.phase() {
             self.frames.cut_at(phase);
         }
         match state {
             FilmState::Running => {}
-            FilmState::Ended => roster.film_event(NODE, FilmEvent::Ended),
-            FilmState::Failed(why) => roster.film_event(NODE, FilmEvent::Failed(why)),
+            FilmState::Ended => roster.film_event(NODE, FilmEvent::Ended, heard_s),
+            FilmState::Failed(why) => roster.film_event(NODE, FilmEvent::Failed(why), heard_s),
         }
     }
 

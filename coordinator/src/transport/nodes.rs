@@ -92,7 +92,7 @@ impl Nodes {
                 if let FilmEvent::Frame(report) = &event {
                     roster.heard(Arrival { node, frame: report.frame, heard_s });
                 }
-                roster.film_event(node, event);
+                roster.film_event(node, event, heard_s);
                 if let Some(newest) = roster.newest_of_two() {
                     self.next_frame.fetch_max(newest.saturating_add(1), Ordering::Relaxed);
                 }

@@ -123,7 +123,7 @@ mod tests {
     #[test]
     fn a_node_without_film_makes_no_other_one_dispensable() {
         let mut roster = roster(3, 3);
-        let mut film = |node| roster.film_event(node, crate::roster::tests::frame(0));
+        let mut film = |node| roster.film_event(node, crate::roster::tests::frame(0), 1.0);
         film(0);
         film(1);
         roster.leave_out(0, LeaveOut::Late, 3, 0.0);
