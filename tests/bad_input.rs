@@ -29,7 +29,9 @@ fn write_cluster(folder: &Path, source: &str) -> String {
     std::fs::write(folder.join("rig.toml"), rig.to_toml()).expect("written");
     let mut text = "rig = \"rig.toml\"\nscene = \"topple\"\nfps = 30\n".to_owned();
     for camera in rig.cameras() {
-        text += &format!("[[camera]]\nname = {:?}\nnode = \"127.0.0.1:1\"\n{source}\n", camera.name());
+        // Every camera runs a command of its own.
+        let (name, source) = (camera.name(), source.replace("NAME", camera.name()));
+        text += &format!("[[camera]]\nname = {name:?}\nnode = \"127.0.0.1:1\"\n{source}\n");
     }
     let path = folder.join("cluster.toml");
     std::fs::write(&path, text).expect("written");
@@ -77,7 +79,7 @@ fn a_recording_that_cannot_be_written_is_refused_before_anything_starts() {
 #[test]
 fn a_run_without_a_frame_fails() {
     let folder = tempfile::tempdir().expect("folder");
-    let header_alone = "source = { kind = \"pipe\", command = [\"printf\", \"YUV4MPEG2 W160 H120 F30:1 C420\\\\n\"] }\n\
+    let header_alone = "source = { kind = \"pipe\", command = [\"sh\", \"-c\", \"echo YUV4MPEG2 W160 H120 F30:1 C420 # NAME\"] }\n\
                         segmentation = { method = \"chroma\" }";
     let cluster = write_cluster(folder.path(), header_alone);
     for transport in ["inprocess", "cluster"] {
@@ -130,7 +132,7 @@ fn a_port_in_use_is_named() {
 #[test]
 fn a_program_that_fails_ends_a_lock_step_run_with_its_last_words() {
     let folder = tempfile::tempdir().expect("folder");
-    let failing = "source = { kind = \"pipe\", command = [\"sh\", \"-c\", \"echo lens cap on >&2; exit 3\"] }\n\
+    let failing = "source = { kind = \"pipe\", command = [\"sh\", \"-c\", \"echo lens cap on >&2; exit 3 # NAME\"] }\n\
                    segmentation = { method = \"chroma\" }";
     let cluster = write_cluster(folder.path(), failing);
     for transport in ["inprocess", "cluster"] {
@@ -142,20 +144,20 @@ fn a_program_that_fails_ends_a_lock_step_run_with_its_last_words() {
 #[test]
 fn a_live_camera_whose_program_is_not_there_is_refused() {
     let folder = tempfile::tempdir().expect("folder");
-    let missing = "source = { kind = \"pipe\", live = true, command = [\"no-such-program-7\"] }\n\
+    let missing = "source = { kind = \"pipe\", live = true, command = [\"no-such-program-7\", \"NAME\"] }\n\
                    segmentation = { method = \"chroma\" }";
     let cluster = write_cluster(folder.path(), missing);
     for transport in ["inprocess", "cluster"] {
         let demo =
             ["demo", "--recording", &cluster, "--seconds", "9", "--headless", "--transport", transport];
-        check(&demo, 1, &["cam_", "cannot start \"no-such-program-7\": No such file"]);
+        check(&demo, 1, &["cam_", "cannot start \"no-such-program-7 cam_", "\": No such file"]);
     }
 }
 
 #[test]
 fn a_live_camera_that_fails_again_and_again_is_told_once_for_each_reason() {
     let folder = tempfile::tempdir().expect("folder");
-    let failing = "source = { kind = \"pipe\", live = true, command = [\"sh\", \"-c\", \"echo lens cap $$ >&2; exit 3\"] }\n\
+    let failing = "source = { kind = \"pipe\", live = true, command = [\"sh\", \"-c\", \"echo lens cap $$ >&2; exit 3 # NAME\"] }\n\
                    segmentation = { method = \"chroma\" }";
     let cluster = write_cluster(folder.path(), failing);
     let demo = ["demo", "--recording", &cluster, "--seconds", "1", "--headless", "--transport", "inprocess"];

@@ -206,6 +206,17 @@ fn what_has_two_readings_is_refused_alike_by_every_command() {
 }
 
 #[test]
+fn an_ignore_mask_that_ignores_nothing_or_all_is_refused() {
+    for (value, found) in [(0, "found no foreground"), (255, "found foreground alone")] {
+        let room = Room::new(usual, by_frame);
+        let pillar = GrayImage::from_pixel(SIZE.0, SIZE.1, Luma([value]));
+        pillar.save(room.path().join("pillar.png")).expect("written");
+        room.edit_cluster("name = \"cam_1\"", "name = \"cam_1\"\nignore_mask = \"pillar.png\"");
+        room.refused(&DEMO, &["camera \"cam_1\", ignore_mask: ", found, "pillar.png, expected white only"]);
+    }
+}
+
+#[test]
 fn masks_of_one_side_alone_are_warned_of_by_camera() {
     for (value, side) in [(0, "background"), (255, "foreground")] {
         let room = Room::new(usual, by_frame);

@@ -138,8 +138,8 @@ fn latencies_of_live_cameras_are_written_and_comments_stay() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path();
     write_masks(path, Motion::Walk, [0.0, 0.0, 0.0, 0.04], FRAMES);
-    let live = "{ kind = \"pipe\", live = true, latency_s = 0.06, command = [\"film\"] }";
-    write_cluster(path, |_| live.to_owned());
+    let live = "{ kind = \"pipe\", live = true, latency_s = 0.06, command = [\"film\", \"NAME\"] }";
+    write_cluster(path, |name| live.replace("NAME", name));
     let before = fs::read_to_string(path.join("studio.cluster.toml")).expect("a file");
     // No camera films green cloth, but neither is one filmed: the silhouettes are there.
     let before = before + "[segmentation]\nmethod = \"chroma\"\n";

@@ -24,6 +24,19 @@ pub enum NodeConfigError {
         /// Why not.
         error: SourceError,
     },
+    /// An ignore mask is all black or all white.
+    #[error(
+        "camera {camera:?}, ignore_mask: found {found} in {}, expected white only where something stands before the room",
+        path.display()
+    )]
+    NoIgnoreMask {
+        /// Its name.
+        camera: String,
+        /// The mask.
+        path: PathBuf,
+        /// What it is.
+        found: &'static str,
+    },
     /// A coordinator cannot reach a camera.
     #[error("{}, camera {camera:?}: no node, expected a name, \"host:port\" or \"unix:/path\"", path.display())]
     NoPlace {
@@ -102,9 +115,16 @@ fn empty_room(entry: &CameraEntry) -> Result<SourceConfig, NodeConfigError> {
 }
 
 fn ignored(entry: &CameraEntry, camera: &Camera) -> Result<Option<Silhouette>, NodeConfigError> {
-    let read = |path: &PathBuf| read_silhouette(path, camera);
-    let mask = entry.ignore_mask.as_ref().map(read).transpose();
-    mask.map_err(|error| NodeConfigError::IgnoreMask { camera: entry.name.clone(), error })
+    let Some(path) = &entry.ignore_mask else { return Ok(None) };
+    let name = || entry.name.clone();
+    let mask = read_silhouette(path, camera)
+        .map_err(|error| NodeConfigError::IgnoreMask { camera: name(), error })?;
+    let wrong = |found| Err(NodeConfigError::NoIgnoreMask { camera: name(), path: path.clone(), found });
+    match mask.area() {
+        0 => wrong("no foreground"),
+        all if all == u64::from(camera.width()) * u64::from(camera.height()) => wrong("foreground alone"),
+        _ => Ok(Some(mask)),
+    }
 }
 
 /// What a coordinator must find at a place: the cameras at `indices` of the rig, whose film may end.

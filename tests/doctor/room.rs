@@ -76,7 +76,8 @@ impl Plan {
             if !side.is_empty() {
                 words.extend([format!("side={side}"), format!("numbers={}", path(&format!("{says}-{fps}")))]);
             }
-            words.push(devices[at].to_owned());
+            let (device, other) = (devices[at], format!("camera-{at}"));
+            words.push(if device.is_empty() { other } else { device.to_owned() });
             format!(
                 "source = {{ kind = \"pipe\", live = true, command = {words:?} }}\nsegmentation = {{ method = \"chroma\" }}"
             )

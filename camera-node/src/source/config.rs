@@ -143,6 +143,27 @@ impl SourceConfig {
         Ok(())
     }
 
+    /// Whether two sources on one machine read the same files, or run the same command. The studio films each camera apart.
+    pub fn is_film_of(&self, other: &SourceConfig) -> bool {
+        match (self, other) {
+            (SourceConfig::Stage(_), _) | (_, SourceConfig::Stage(_)) => false,
+            (SourceConfig::Pipe(one), SourceConfig::Pipe(other)) => {
+                (&one.command, &one.folder) == (&other.command, &other.folder)
+            }
+            (one, other) => one.path().is_some() && one.path() == other.path(),
+        }
+    }
+
+    /// Where its files are.
+    fn path(&self) -> Option<&Path> {
+        match self {
+            SourceConfig::Images(files) | SourceConfig::Masks(files) | SourceConfig::Video(files) => {
+                Some(&files.path)
+            }
+            SourceConfig::Stage(_) | SourceConfig::Pipe(_) => None,
+        }
+    }
+
     /// Whether its images are silhouettes already: nothing is learnt or segmented, and there are no colours.
     pub fn gives_masks(&self) -> bool {
         matches!(self, SourceConfig::Masks(_))

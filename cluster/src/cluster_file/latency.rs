@@ -140,22 +140,22 @@ fps = 30   # as the cameras do
 
 [[camera]] # the left one
 name = "left"
-source = { kind = "pipe", live = true, latency_s = 0.06, command = ["film"] } # on the wall
-background = { kind = "images", path = "empty.png" }
+source = { kind = "pipe", live = true, latency_s = 0.06, command = ["film", "0"] } # on the wall
+background = { kind = "images", path = "left.png" }
 
 [[camera]]
 name = "right"
-background = { kind = "images", path = "empty.png" }
+background = { kind = "images", path = "right.png" }
 [camera.source]
 kind = "pipe"
 live = true
 latency_s = 0.01 # measured
-command = ["film"]
+command = ["film", "1"]
 
 [[camera]]
 name = "top"
-source = { kind = "pipe", live = true, command = ["film"] }
-background = { kind = "images", path = "empty.png" }
+source = { kind = "pipe", live = true, command = ["film", "2"] }
+background = { kind = "images", path = "top.png" }
 "#;
 
     fn camera(name: &str) -> hull::Camera {
@@ -186,8 +186,9 @@ background = { kind = "images", path = "empty.png" }
         let expected = CLUSTER
             .replace("latency_s = 0.06,", "latency_s = 0.0746,")
             .replace("latency_s = 0.01 #", "latency_s = 0.0 #");
-        let top = r#"source = { kind = "pipe", live = true, command = ["film"] }"#;
-        let top_after = r#"source = { kind = "pipe", live = true, command = ["film"], latency_s = 0.0023 }"#;
+        let top = r#"source = { kind = "pipe", live = true, command = ["film", "2"] }"#;
+        let top_after =
+            r#"source = { kind = "pipe", live = true, command = ["film", "2"], latency_s = 0.0023 }"#;
         let expected = expected.replace(top, top_after);
         assert_eq!(text, expected);
         let to_s: Vec<f64> = changes.iter().map(|change| change.to_s).collect();

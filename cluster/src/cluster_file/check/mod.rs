@@ -88,6 +88,8 @@ impl Checker<'_> {
                 );
             }
             let node = self.node_key(&format!("camera {:?}, node", entry.name), folder, named, keys)?;
+            let at_its_node = cameras.iter().filter(|(_, other)| *other == node);
+            at_its_node.map(|(other, _)| other).try_for_each(|other| self.films_apart(&entry, other))?;
             cameras.push((entry, node));
         }
         if let Some(missing) =
@@ -147,6 +149,23 @@ impl Checker<'_> {
         let mask = |mask| self.existing(&key("ignore_mask"), folder, mask, Path::is_file, "a mask image");
         let ignore_mask = keys.ignore_mask.as_deref().map(mask).transpose()?;
         Ok(CameraEntry { rig_index, source, background, segmentation, ignore_mask, name: name.clone() })
+    }
+
+    /// One film is not that of two cameras. On different machines one path is two files.
+    fn films_apart(&self, one: &CameraEntry, other: &CameraEntry) -> Result<(), ClusterFileError> {
+        let (backgrounds, key) = (one.background.as_ref().zip(other.background.as_ref()), |key: &str| {
+            format!("camera {:?}, {key}", one.name)
+        });
+        let wrong = |key: &str| {
+            Err(self.wrong(key, format!("found that of camera {:?} too, expected its own", other.name)))
+        };
+        if one.source.is_film_of(&other.source) {
+            return wrong(&key("source"));
+        }
+        match backgrounds {
+            Some((one, other)) if one.is_film_of(other) => wrong(&key("background")),
+            _ => Ok(()),
+        }
     }
 
     fn source(

@@ -362,3 +362,38 @@ fn the_recordings_are_read_where_they_are_installed() {
         }
     }
 }
+
+#[test]
+fn two_cameras_of_one_machine_have_films_and_backgrounds_of_their_own() {
+    let folder = Folder::new();
+    let stage = r#"source = { kind = "stage", motion = "punch" }"#;
+    let film = r#"source = { kind = "pipe", command = ["ffmpeg", "-i", "${DATA}/a.avi"], live = true }
+background = { kind = "images", path = "PLATE" }"#;
+    let at = |node: &str, film: &str, plate: &str| {
+        let text = TEXT.replace(stage, &film.replace("PLATE", plate));
+        text.replacen("192.0.2.1:7001", "NODE", 1)
+            .replace("192.0.2.1", node)
+            .replace("NODE", "192.0.2.1:7001")
+    };
+    // The devices and files of another machine have the same names.
+    assert!(folder.read(&at("192.0.2.3", film, "plates/a.png")).is_ok());
+    let refused = |text: &str| folder.read(text).expect_err("refused").to_string();
+    let same = refused(&at("192.0.2.2", film, "plates/b.png"));
+    assert!(
+        same.ends_with("camera \"b\", source: found that of camera \"a\" too, expected its own"),
+        "{same}"
+    );
+    let own = film.replace("a.avi", "b.avi");
+    assert!(folder.read(&at("192.0.2.2", &own, "plates/b.png")).is_ok());
+    let same = refused(&at("192.0.2.2", &own, "./plates/a.png"));
+    assert!(
+        same.ends_with("camera \"b\", background: found that of camera \"a\" too, expected its own"),
+        "{same}"
+    );
+    let masks = r#"source = { kind = "masks", path = "masks/c", start_frame = 7 }"#;
+    let same = refused(&TEXT.replace(stage, masks));
+    assert!(
+        same.ends_with("camera \"b\", source: found that of camera \"c\" too, expected its own"),
+        "{same}"
+    );
+}
