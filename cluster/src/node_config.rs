@@ -26,7 +26,7 @@ pub enum NodeConfigError {
     },
     /// An ignore mask is all black or all white.
     #[error(
-        "camera {camera:?}, ignore_mask: found {found} in {}, expected white only where something stands before the room",
+        "camera {camera:?}, ignore_mask: {}: found {found}, expected white only where something stands before the room",
         path.display()
     )]
     NoIgnoreMask {

@@ -146,11 +146,10 @@ impl SourceConfig {
     /// Whether two sources on one machine read the same files, or run the same command. The studio films each camera apart.
     pub fn is_film_of(&self, other: &SourceConfig) -> bool {
         match (self, other) {
-            (SourceConfig::Stage(_), _) | (_, SourceConfig::Stage(_)) => false,
             (SourceConfig::Pipe(one), SourceConfig::Pipe(other)) => {
                 (&one.command, &one.folder) == (&other.command, &other.folder)
             }
-            (one, other) => one.path().is_some() && one.path() == other.path(),
+            (one, other) => one.path().is_some_and(|path| other.path() == Some(path)),
         }
     }
 

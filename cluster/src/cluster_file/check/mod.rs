@@ -151,20 +151,19 @@ impl Checker<'_> {
         Ok(CameraEntry { rig_index, source, background, segmentation, ignore_mask, name: name.clone() })
     }
 
-    /// One film is not that of two cameras. On different machines one path is two files.
+    /// An error for two cameras of one machine with the same film or background.
     fn films_apart(&self, one: &CameraEntry, other: &CameraEntry) -> Result<(), ClusterFileError> {
-        let (backgrounds, key) = (one.background.as_ref().zip(other.background.as_ref()), |key: &str| {
-            format!("camera {:?}, {key}", one.name)
-        });
-        let wrong = |key: &str| {
-            Err(self.wrong(key, format!("found that of camera {:?} too, expected its own", other.name)))
+        let backgrounds = one.background.as_ref().zip(other.background.as_ref());
+        let films = [("source", Some((&one.source, &other.source))), ("background", backgrounds)];
+        let is_same = |film: &Option<(&SourceConfig, &SourceConfig)>| {
+            film.is_some_and(|(its, others)| its.is_film_of(others))
         };
-        if one.source.is_film_of(&other.source) {
-            return wrong(&key("source"));
-        }
-        match backgrounds {
-            Some((one, other)) if one.is_film_of(other) => wrong(&key("background")),
-            _ => Ok(()),
+        match films.iter().find(|(_, film)| is_same(film)) {
+            None => Ok(()),
+            Some((key, _)) => {
+                let problem = format!("found that of camera {:?} too, expected its own", other.name);
+                Err(self.wrong(&format!("camera {:?}, {key}", one.name), problem))
+            }
         }
     }
 
