@@ -21,8 +21,10 @@ use crate::run_info::RunInfo;
 use crate::shared::{Seats, Shared};
 use crate::{http, page, programs};
 
-/// How long the end waits until pages have their last message.
+/// How long the end waits for requests that are being answered.
 const SHUTDOWN_GRACE: Duration = Duration::from_millis(300);
+/// And then until pages have read their last message: a browser that is busy with drawing reads late.
+const LAST_MESSAGE_GRACE: Duration = Duration::from_secs(1);
 
 /// Threads that read files of certificates.
 const MAX_BLOCKING_THREADS: usize = 4;
@@ -178,6 +180,7 @@ async fn keep_frozen_frame(shared: Arc<Shared>) {
 
 async fn serve(port: Port, shared: Arc<Shared>) {
     tokio::spawn(keep_frozen_frame(Arc::clone(&shared)));
+    let lingering = port.lingering();
     let mut ended = shared.ending.clone();
     let deadline = async {
         // An end whose sender is gone is an end.
@@ -192,7 +195,9 @@ async fn serve(port: Port, shared: Arc<Shared>) {
         while shared.pages.taken() > 0 {
             tokio::time::sleep(Duration::from_millis(5)).await;
         }
+        // A socket that is closed while its page still speaks is reset, and the last message with it.
+        lingering.ended().await;
     };
     // Pages that do not read are not waited for.
-    let _ = tokio::time::timeout(SHUTDOWN_GRACE, pages_closed).await;
+    let _ = tokio::time::timeout(LAST_MESSAGE_GRACE, pages_closed).await;
 }

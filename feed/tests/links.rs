@@ -7,9 +7,12 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
 use common::*;
+use futures::{SinkExt as _, StreamExt as _};
 use serde_json::json;
+use testkit::{Watch, timely};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
-use tokio::net::{TcpListener, TcpStream};
+use tokio::net::{TcpListener, TcpSocket, TcpStream};
+use tokio_tungstenite::tungstenite::Message;
 
 /// Publishes thirty frames a second until dropped.
 struct Film(Arc<AtomicBool>);
@@ -68,6 +71,41 @@ async fn a_page_that_stops_reading_is_dropped_and_the_others_get_every_frame() {
     assert!(readers.iter().all(|reader| !reader.is_finished()));
     assert_eq!(run.studio.asked().len() as u64, frame, "each frame was made once for all of them");
     drop(stopped);
+}
+
+/// A browser that draws in software reads late, and goes on speaking meanwhile.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_page_that_reads_late_and_still_speaks_is_told_that_the_run_has_ended() {
+    let watch = Watch::start();
+    let run = Run::start();
+    let socket = TcpSocket::new_v4().expect("a socket");
+    socket.set_recv_buffer_size(4 << 10).expect("set");
+    let stream = socket.connect(run.feed.address()).await.expect("connects");
+    let feed = request(&format!("ws://{}/feed", run.feed.address()), None);
+    let (mut page, _) = tokio_tungstenite::client_async(feed, stream).await.expect("a page");
+    // More than its system takes for it.
+    run.publish(1);
+    until("a frame set is made", || run.studio.asked().len() == 1).await;
+    let ended = tokio::task::spawn_blocking(move || drop(run));
+    tokio::time::sleep(Duration::from_millis(200)).await;
+    let mut heard = Vec::new();
+    loop {
+        // It may have been refused already: what was sent before counts.
+        let _ = page.send(Message::text(json!({"op": "want", "fps": 10}).to_string())).await;
+        match page.next().await {
+            Some(Ok(Message::Text(text))) => heard.push(text.to_string()),
+            Some(Ok(Message::Close(_))) | None => break,
+            Some(Ok(_)) => {}
+            Some(Err(error)) => {
+                heard.push(format!("not its end: {error}"));
+                break;
+            }
+        }
+    }
+    let last = heard.last().cloned().unwrap_or_default();
+    drop(page);
+    timely!(watch, last.contains("the run has ended"), "the page heard last: {last}");
+    ended.await.expect("no panic");
 }
 
 /// A proxy that lets so many bytes a second through from the server.

@@ -154,11 +154,12 @@ async fn touches_wanted_while_paused_come_with_the_world_that_stands() {
     page.say(json!({"op": "want", "touches": false})).await;
     run.publish_world(Some(10), true);
     let touches = |world: &[u8]| u32_at(world, 48 + 48);
-    while touches(&page.hear_kind(2).await) > 0 {}
+    // A world that was made before a wish was read may come after it was said.
+    while touches(&page.hear_kind(2).await) != 0 {}
     page.say(json!({"op": "want", "touches": true})).await;
-    assert_eq!(touches(&page.hear_kind(2).await), 2);
+    while touches(&page.hear_kind(2).await) != 2 {}
     page.say(json!({"op": "want", "touches": false})).await;
-    assert_eq!(touches(&page.hear_kind(2).await), 0);
+    while touches(&page.hear_kind(2).await) != 0 {}
 }
 
 #[tokio::test]

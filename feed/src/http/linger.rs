@@ -24,7 +24,7 @@ const MAX_DISCARDED_BYTES: u64 = 1 << 20;
 
 /// The places of a port for sockets that linger.
 #[derive(Clone, Debug)]
-pub(super) struct Lingering(Arc<Semaphore>);
+pub(crate) struct Lingering(Arc<Semaphore>);
 
 impl Default for Lingering {
     fn default() -> Lingering {
@@ -33,6 +33,12 @@ impl Default for Lingering {
 }
 
 impl Lingering {
+    /// Waits until no socket lingers.
+    pub async fn ended(&self) {
+        // Never closed, so it can only succeed.
+        let _ = self.0.acquire_many(MAX_LINGERING as u32).await;
+    }
+
     /// Lets a socket linger that is about to be dropped, if a place is free.
     pub fn keep(&self, socket: &TcpStream) {
         let (Ok(place), Ok(runtime)) = (Arc::clone(&self.0).try_acquire_owned(), Handle::try_current())

@@ -48,6 +48,11 @@ impl Port {
         Ok(Port { listener: TcpListener::from_std(listener)?, shared: Arc::new(shared) })
     }
 
+    /// Its sockets that were closed, until their peers have read what they were sent last.
+    pub fn lingering(&self) -> Lingering {
+        self.shared.lingering.clone()
+    }
+
     /// Answers until the end, and then until what was asked is answered. Each request has its [`Connection`] as an
     /// extension.
     pub async fn serve(self, router: Router, mut ending: watch::Receiver<bool>) {

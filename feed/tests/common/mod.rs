@@ -345,13 +345,18 @@ pub fn seq_of(bytes: &[u8]) -> u32 {
     u32_at(bytes, 8)
 }
 
-/// Connects as a page does: a token is offered as a subprotocol.
+/// Connects as a page does.
 pub async fn connect(url: &str, token: Option<&str>) -> Result<Socket, tungstenite::Error> {
+    tokio_tungstenite::connect_async(request(url, token)).await.map(|(socket, _)| socket)
+}
+
+/// What a page requests first: a token is offered as a subprotocol.
+pub fn request(url: &str, token: Option<&str>) -> tungstenite::handshake::client::Request {
     let mut request = url.into_client_request().expect("an address");
     let offered = token.map(|token| format!(", hulltouch.token.{token}")).unwrap_or_default();
     let protocol = format!("hulltouch.feed.v1{offered}").parse().expect("a value");
     request.headers_mut().insert("Sec-WebSocket-Protocol", protocol);
-    tokio_tungstenite::connect_async(request).await.map(|(socket, _)| socket)
+    request
 }
 
 impl Drop for Page {
