@@ -57,6 +57,7 @@ export function debug(app: App, tools: BodyTools, version: string): Debug {
       target: app.orbit.now.target,
       framesShown: app.frames.count,
       frame: app.frames.shown?.frame ?? null,
+      frameCameras: app.frames.shown?.cameras ?? 0,
       timelineFrame: app.frames.timeline.at(app.frames.playout.moment ?? Infinity)?.frame ?? null,
       worldFrame: app.worlds.newest()?.frame ?? null,
       pictures: app.drawing?.count ?? 0,

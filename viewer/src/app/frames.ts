@@ -18,6 +18,8 @@ export type Wanted = Pick<Job, "contours" | "colour">;
 export interface ShownFrame {
   readonly frame: number;
   readonly atMs: number;
+  /** How many cameras it is of. */
+  readonly cameras: number;
 }
 
 export class Frames {
@@ -173,7 +175,7 @@ export class Frames {
     const set = this.ready;
     if (!set) return null;
     this.ready = null;
-    this.shown = { frame: set.frame, atMs: now };
+    this.shown = { frame: set.frame, atMs: now, cameras: set.cameras.length };
     this.count++;
     this.rate.add(now);
     if (this.playout.live) this.drawing = { seq: set.seq, capturedUnixS: isPaused || set.seq === this.takenSeq ? null : set.capturedUnixS };

@@ -95,10 +95,16 @@ export async function pauseAtItsFrame(page: Page): Promise<Record<string, any>> 
     await until(page, "a pause", ({ paused }) => paused);
     const found = await within(page, 10_000, ({ frame, worldFrame, timelineFrames }) => frame !== null && frame === worldFrame && timelineFrames > 1);
     if (found) return found;
-    await page.getByRole("button", { name: "Go on" }).click();
-    await until(page, "the world goes on", ({ paused }) => !paused);
+    await goOn(page);
   }
   return assert.fail("the page never shows the frame at which the run is paused");
+}
+
+/** Lets a paused run go on; of one that goes on nothing is asked. */
+export async function goOn(page: Page): Promise<void> {
+  if (!(await state(page)).paused) return;
+  await page.getByRole("button", { name: "Go on" }).click();
+  await until(page, "the world goes on", ({ paused }) => !paused);
 }
 
 /** The page's state once a condition holds; null if it does not within so many milliseconds. */
