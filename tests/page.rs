@@ -254,7 +254,7 @@ fn eight_cameras_at_full_rate_fit_into_fifteen_megabits() {
             frame: Some(found.number),
             kind: PictureKind::Crops,
             scale_log2: 0,
-            jpeg_quality: feed::pictures::JPEG_QUALITY,
+            jpeg_quality: web_server::pictures::JPEG_QUALITY,
             cameras: vec![],
         };
         encoder.request(crops, move |picture: Picture| drop(sender.send(picture.camera))).expect("accepted");

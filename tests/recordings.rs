@@ -5,7 +5,7 @@
 #![allow(clippy::disallowed_macros, reason = "a test says what it measured")]
 #![allow(clippy::print_stdout, reason = "a test that is skipped says so, and figures are worth seeing")]
 
-#[path = "../segment/tests/common/mod.rs"]
+#[path = "../crates/segment/tests/common/mod.rs"]
 #[allow(dead_code, reason = "only the folder is wanted here")]
 mod common;
 

@@ -17,31 +17,30 @@ use std::collections::BTreeSet;
 
 use rust_files::{File, files, root};
 
-/// Which of our crates a crate may depend on: dependencies point inward. Crates that only cross-crate tests may
-/// need stand in no list: those tests belong to hulltouch, which sees everything.
+/// The folders of our crates, and which of our crates each may depend on: dependencies point inward. Crates that only
+/// cross-crate tests may need stand in no list: those tests belong to hulltouch, which sees everything.
 const ALLOWED: [(&str, &[&str]); 21] = [
-    (TESTKIT, &[]),
-    ("hull", &[]),
-    ("calib", &["hull"]),
-    ("segment", &["hull"]),
-    ("stage", &["hull"]),
+    ("crates/testkit", &[]),
+    ("crates/hull", &[]),
+    ("crates/calib", &["hull"]),
+    ("crates/segment", &["hull"]),
+    ("crates/stage", &["hull"]),
     ("sim", &["hull"]),
     ("proto", &["hull"]),
-    ("identity", &[]),
-    ("port", &[]),
-    ("scratch", &[]),
-    ("traces", &["proto"]),
-    ("node-client", &["hull", "identity", "proto"]),
+    ("crates/identity", &[]),
+    ("crates/port", &[]),
+    ("crates/scratch", &[]),
+    ("crates/traces", &["proto"]),
+    ("crates/node-client", &["hull", "identity", "proto"]),
     ("camera-node", &["hull", "identity", "proto", "scratch", "segment", "stage", "traces"]),
     ("coordinator", &["hull", "node-client", "proto", "sim", "traces"]),
-    ("feed", &["coordinator", "hull", "identity", "node-client", "proto", "sim"]),
-    ("recording", &["coordinator", "hull", "node-client", "proto", "sim"]),
+    ("web/server", &["coordinator", "hull", "identity", "node-client", "proto", "sim"]),
+    ("crates/recording", &["coordinator", "hull", "node-client", "proto", "sim"]),
     (
-        "cluster",
+        "crates/cluster",
         &[
             "camera-node",
             "coordinator",
-            "feed",
             "hull",
             "node-client",
             "proto",
@@ -49,9 +48,10 @@ const ALLOWED: [(&str, &[&str]); 21] = [
             "segment",
             "sim",
             "traces",
+            "web-server",
         ],
     ),
-    ("cli", &["camera-node", "cluster", "proto", "scratch"]),
+    ("crates/cli", &["camera-node", "cluster", "proto", "scratch"]),
     (
         "bench",
         &[
@@ -60,7 +60,6 @@ const ALLOWED: [(&str, &[&str]); 21] = [
             "cli",
             "cluster",
             "coordinator",
-            "feed",
             "hull",
             "identity",
             "node-client",
@@ -69,6 +68,7 @@ const ALLOWED: [(&str, &[&str]); 21] = [
             "segment",
             "sim",
             "stage",
+            "web-server",
         ],
     ),
     ("bench/kernels", &["hull"]),
@@ -81,7 +81,6 @@ const ALLOWED: [(&str, &[&str]); 21] = [
             "cli",
             "cluster",
             "coordinator",
-            "feed",
             "hull",
             "identity",
             "node-client",
@@ -92,6 +91,7 @@ const ALLOWED: [(&str, &[&str]); 21] = [
             "sim",
             "stage",
             "traces",
+            "web-server",
         ],
     ),
 ];
@@ -116,33 +116,33 @@ const EXAMPLES: [&str; 7] = [
 /// The files that may hold `unsafe`: vector instructions and the choice among them, each with its reason, and two
 /// tests of such things.
 const UNSAFE: [&str; 19] = [
-    "hull/src/probe/classify/avx512.rs",
-    "hull/src/probe/classify/mod.rs",
-    "hull/src/probe/edge_line/avx512.rs",
-    "hull/src/probe/edge_line/mod.rs",
-    "hull/src/probe/edge_normal/avx512.rs",
-    "hull/src/probe/edge_normal/mod.rs",
-    "hull/src/probe/nearest_edge/avx512.rs",
-    "hull/src/probe/nearest_edge/cells.rs",
-    "hull/src/probe/nearest_edge/mod.rs",
-    "hull/src/silhouette/bitmap/avx512.rs",
-    "hull/src/silhouette/bitmap/mod.rs",
-    "hull/src/silhouette/depth/avx512.rs",
-    "hull/src/silhouette/depth/mod.rs",
-    "hull/src/silhouette/surroundings/avx512.rs",
-    "hull/src/silhouette/surroundings/mod.rs",
-    "hull/src/vector.rs",
-    "hull/tests/allocation.rs",
-    "segment/src/kernel/path.rs",
-    "segment/tests/paths.rs",
+    "crates/hull/src/probe/classify/avx512.rs",
+    "crates/hull/src/probe/classify/mod.rs",
+    "crates/hull/src/probe/edge_line/avx512.rs",
+    "crates/hull/src/probe/edge_line/mod.rs",
+    "crates/hull/src/probe/edge_normal/avx512.rs",
+    "crates/hull/src/probe/edge_normal/mod.rs",
+    "crates/hull/src/probe/nearest_edge/avx512.rs",
+    "crates/hull/src/probe/nearest_edge/cells.rs",
+    "crates/hull/src/probe/nearest_edge/mod.rs",
+    "crates/hull/src/silhouette/bitmap/avx512.rs",
+    "crates/hull/src/silhouette/bitmap/mod.rs",
+    "crates/hull/src/silhouette/depth/avx512.rs",
+    "crates/hull/src/silhouette/depth/mod.rs",
+    "crates/hull/src/silhouette/surroundings/avx512.rs",
+    "crates/hull/src/silhouette/surroundings/mod.rs",
+    "crates/hull/src/vector.rs",
+    "crates/hull/tests/allocation.rs",
+    "crates/segment/src/kernel/path.rs",
+    "crates/segment/tests/paths.rs",
 ];
 
 /// Where generated types of the wire may stand: the two sides of a call, and tests that are clients themselves.
 const WIRE: [&str; 12] = [
     "proto/",
     "camera-node/src/service/",
-    "node-client/src/",
-    "feed/src/programs/world_service.rs",
+    "crates/node-client/src/",
+    "web/server/src/programs/world_service.rs",
     "tests/contract.rs",
     "tests/one_coordinator.rs",
     "tests/programs.rs",
@@ -161,6 +161,20 @@ fn rust() -> Vec<File> {
 fn manifest(folder: &str) -> toml::Table {
     let text = std::fs::read_to_string(root().join(folder).join("Cargo.toml")).expect("a manifest");
     text.parse().expect("TOML")
+}
+
+/// The name of the crate in a folder: the folder's own, and of what the page consists the whole path's.
+fn crate_name(folder: &str) -> String {
+    match folder.strip_prefix("web/") {
+        Some(part) => format!("web-{part}"),
+        None => folder.rsplit('/').next().unwrap_or(folder).to_owned(),
+    }
+}
+
+/// The folder of a crate.
+fn folder_of(name: &str) -> &'static str {
+    let mut folders = ALLOWED.iter().map(|(folder, _)| *folder);
+    folders.find(|folder| crate_name(folder) == name).unwrap_or_else(|| panic!("{name} is no crate of ours"))
 }
 
 /// Fails with every offence, a line each.
@@ -185,18 +199,18 @@ fn lines_with(files: &[File], words: &[&str]) -> Vec<String> {
 
 #[test]
 fn dependencies_point_inward() {
-    let ours: BTreeSet<&str> = ALLOWED.iter().map(|(name, _)| *name).collect();
+    let folders: BTreeSet<&str> = ALLOWED.iter().map(|(folder, _)| *folder).collect();
+    let ours: BTreeSet<String> = ALLOWED.iter().map(|(folder, _)| crate_name(folder)).collect();
     let members = manifest("")["workspace"]["members"].as_array().expect("a list").clone();
     let members: BTreeSet<&str> = members.iter().map(|member| member.as_str().expect("a name")).collect();
-    assert_eq!(members, ours, "every crate of the workspace has its rule");
-    for (name, allowed) in ALLOWED {
-        let manifest = manifest(name);
-        let folder = name.rsplit('/').next();
-        assert_eq!(manifest["package"]["name"].as_str(), folder, "folder name equals crate name");
+    assert_eq!(members, folders, "every crate of the workspace has its rule");
+    for (folder, allowed) in ALLOWED {
+        let (manifest, name) = (manifest(folder), crate_name(folder));
+        assert_eq!(manifest["package"]["name"].as_str(), Some(&name[..]), "folder name equals crate name");
         for kind in ["dependencies", "dev-dependencies", "build-dependencies"] {
             let dependencies = manifest.get(kind).and_then(|table| table.as_table()).cloned();
             for dependency in dependencies.unwrap_or_default().keys() {
-                let is_allowed = !ours.contains(&dependency[..]) || allowed.contains(&&dependency[..]);
+                let is_allowed = !ours.contains(dependency) || allowed.contains(&&dependency[..]);
                 let is_allowed = is_allowed || (dependency == TESTKIT && kind == "dev-dependencies");
                 assert!(is_allowed, "{name}: {kind}: it may not depend on {dependency}");
                 let is_rapier = ["rapier3d", "parry3d", "glam"].contains(&&dependency[..]);
@@ -215,7 +229,7 @@ fn a_crate_depends_on_no_crate_of_ours_that_it_does_not_use() {
         let folders = if name == "hulltouch" { vec![name, "tests"] } else { vec![name] };
         let code: Vec<File> = folders.iter().flat_map(|folder| files(folder, ".rs")).collect();
         for dependency in manifest["dependencies"].as_table().expect("a table").keys() {
-            let is_ours = ALLOWED.iter().any(|(other, _)| *other == &dependency[..]);
+            let is_ours = ALLOWED.iter().any(|(other, _)| crate_name(other) == *dependency);
             let word = dependency.replace('-', "_");
             if is_ours && !code.iter().any(|file| file.has_word(&word)) {
                 unused.push(format!("{name}: {dependency}"));
@@ -243,13 +257,14 @@ fn the_hull_knows_no_files_clocks_threads_network_or_chance() {
         "Instant",
         "rand::",
     ];
-    none(lines_with(&files("hull/src", ".rs"), &words), "this has no place in hull");
+    none(lines_with(&files("crates/hull/src", ".rs"), &words), "this has no place in hull");
 }
 
 #[test]
 fn tests_start_no_process_that_outlives_them() {
     let is_test = |path: &str| path.starts_with("tests/") || path.contains("/tests/");
-    let others = rust().into_iter().filter(|file| is_test(&file.path) && !file.path.starts_with("testkit/"));
+    let others =
+        rust().into_iter().filter(|file| is_test(&file.path) && !file.path.starts_with("crates/testkit/"));
     let starts = ["Command::new(", "cargo_bin"];
     none(
         lines_with(&others.collect::<Vec<_>>(), &starts),
@@ -260,7 +275,8 @@ fn tests_start_no_process_that_outlives_them() {
 #[test]
 fn a_test_that_is_skipped_says_so_aloud() {
     let skips = ["\"skipped: ", "\"SKIPPED: "];
-    let others: Vec<File> = rust().into_iter().filter(|file| !file.path.starts_with("testkit/")).collect();
+    let others: Vec<File> =
+        rust().into_iter().filter(|file| !file.path.starts_with("crates/testkit/")).collect();
     none(lines_with(&others, &skips), "testkit::skip is seen without --nocapture");
 }
 
@@ -276,7 +292,7 @@ fn the_wire_stays_where_a_service_or_a_client_stands() {
     none(lines_with(&others.collect::<Vec<_>>(), &["v1::"]), "generated types have no place here");
     let transports = ["tonic::", "prost::", "tokio::"];
     for name in ["hull", "calib", "segment", "stage", "sim"] {
-        none(lines_with(&files(name, ".rs"), &transports), "this crate knows no network");
+        none(lines_with(&files(folder_of(name), ".rs"), &transports), "this crate knows no network");
     }
     none(lines_with(&files("coordinator", ".rs"), &["tonic::"]), "node-client holds the connections");
 }
@@ -310,7 +326,7 @@ fn unsafe_code_stays_in_its_files() {
 fn errors_are_types_outside_the_program() {
     let mut strings = Vec::new();
     // The program shows its errors to people, and parsers of its arguments hand clap a text. Tests may do likewise.
-    let may = ["hulltouch/", "tests/", "testkit/"];
+    let may = ["hulltouch/", "tests/", "crates/testkit/"];
     for file in rust().iter().filter(|file| !may.iter().any(|folder| file.path.starts_with(folder))) {
         let code: String = file.code().map(|(_, line)| line.trim()).collect::<Vec<_>>().join(" ");
         for (at, _) in code.match_indices("Result<") {
@@ -402,15 +418,15 @@ fn pages_for_readers_with_little_time_are_short() {
 #[test]
 fn every_fuzz_target_has_a_corpus_and_a_test() {
     let folders = |kind: &str| -> BTreeSet<String> {
-        let entries = std::fs::read_dir(root().join("fuzz").join(kind)).into_iter().flatten().flatten();
+        let entries = std::fs::read_dir(root().join("tests/fuzz").join(kind)).into_iter().flatten().flatten();
         entries.map(|entry| entry.file_name().to_string_lossy().into_owned()).collect()
     };
-    let manifest = manifest("fuzz");
+    let manifest = manifest("tests/fuzz");
     let bins = manifest["bin"].as_array().expect("a list").iter();
     let bins: BTreeSet<&str> = bins.map(|bin| bin["name"].as_str().expect("a name")).collect();
     let mut targets = BTreeSet::new();
     let mut offences = Vec::new();
-    for file in files("fuzz/fuzz_targets", ".rs") {
+    for file in files("tests/fuzz/fuzz_targets", ".rs") {
         let name = file.path.rsplit('/').next().unwrap_or_default().trim_end_matches(".rs").to_owned();
         let library = file.text.split_once("&[u8]| ").and_then(|(_, call)| call.split_once("::fuzz::"));
         let (library, function) = library.unwrap_or_default();
@@ -418,7 +434,7 @@ fn every_fuzz_target_has_a_corpus_and_a_test() {
             offences.push(format!("{}: it calls no function {name} of a module fuzz", file.path));
         }
         // Tests of a library's own module run the corpus through the same function.
-        let tests = files(&format!("{}/src", library.replace('_', "-")), "tests.rs");
+        let tests = files(&format!("{}/src", folder_of(&library.replace('_', "-"))), "tests.rs");
         let run = format!("corpora::run(\"{name}\",");
         let mut tests = tests.iter().filter(|file| file.path.ends_with("/fuzz/tests.rs"));
         if !tests.any(|file| file.text.split_whitespace().collect::<String>().contains(&run)) {
@@ -426,7 +442,7 @@ fn every_fuzz_target_has_a_corpus_and_a_test() {
         }
         targets.insert(name);
     }
-    assert_eq!(targets.iter().map(|name| &name[..]).collect::<BTreeSet<_>>(), bins, "fuzz/Cargo.toml");
+    assert_eq!(targets.iter().map(|name| &name[..]).collect::<BTreeSet<_>>(), bins, "tests/fuzz/Cargo.toml");
     assert_eq!(folders("corpus"), targets, "a corpus a target, and no other");
     let stray = folders("regressions").into_iter().filter(|name| !targets.contains(name));
     none(offences.into_iter().chain(stray), "a fuzz target is not whole");

@@ -1,4 +1,4 @@
-//! Runs what fuzzing has left: the files of `fuzz/corpus/TARGET/` and `fuzz/regressions/TARGET/`, through the function that
+//! Runs what fuzzing has left: the files of `tests/fuzz/corpus/TARGET/` and `tests/fuzz/regressions/TARGET/`, through the function that
 //! the target calls. With `HULLTOUCH_WRITE_CORPORA=1` the seeds of a corpus, which our own encoders make, are
 //! written first.
 
@@ -34,7 +34,8 @@ pub fn run(target: &str, check: impl Fn(&[u8]) + RefUnwindSafe, seeds: &[Vec<u8>
 }
 
 fn folder(kind: &str, target: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz").join(kind).join(target)
+    let within = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().map(|folder| folder.join("tests/fuzz"));
+    within.into_iter().find(|fuzz| fuzz.is_dir()).expect("tests/fuzz").join(kind).join(target)
 }
 
 fn files(folder: &Path) -> Vec<PathBuf> {

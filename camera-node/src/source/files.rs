@@ -256,7 +256,7 @@ mod tests {
 
     #[test]
     fn a_colour_profile_takes_no_more_than_an_image_may() {
-        let bomb = include_bytes!("../../../fuzz/regressions/image/profile-of-32-MiB");
+        let bomb = include_bytes!("../../../tests/fuzz/regressions/image/profile-of-32-MiB");
         let profile_bytes = |limits: Limits| {
             let mut reader = ImageReader::new(Cursor::new(&bomb[..])).with_guessed_format().expect("a PNG");
             reader.limits(limits);

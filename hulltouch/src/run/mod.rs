@@ -22,10 +22,10 @@ use camera_node::NodeConfig;
 use cli::{Failure, Outcome};
 use cluster::{InProcess, LocalCluster, LocalNodes, Sockets};
 use coordinator::{Placement, Transport};
-use feed::pictures::Pictures;
 use node_client::NodePictures;
 use node_client::{Agreement, ExpectedNode};
 use sim::World;
+use web_server::pictures::Pictures;
 
 use self::outlets::PageSource;
 use self::play::{RunPlan, play};

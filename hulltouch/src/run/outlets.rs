@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use camera_node::NodeConfig;
 use coordinator::live::{Follower, Live, live};
-use feed::pictures::Pictures;
-use feed::{Feed, FeedError, Osc, RunInfo};
 use hull::Silhouette;
+use web_server::pictures::Pictures;
+use web_server::{Feed, FeedError, Osc, RunInfo};
 
 use super::options::Outlets;
 use super::page::PagePlan;

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use cli::{Failure, Outcome};
-use feed::{FeedSettings, Origin};
+use web_server::{FeedSettings, Origin};
 
 use super::security::Security;
 use super::token::{TokenFrom, token};
@@ -118,7 +118,7 @@ fn host_name() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use feed::Token;
+    use web_server::Token;
 
     fn plan(listen: &str, origin: Option<&str>, security: &Security) -> Outcome<PagePlan> {
         let listen = Some(listen.parse().expect("an address"));

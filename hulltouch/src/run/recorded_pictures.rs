@@ -4,10 +4,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use coordinator::BoxError;
-use feed::pictures::Pictures;
 use futures::future::BoxFuture;
 use proto::{CameraPicture, FramePictures, PictureKind, PictureRequest};
 use recording::{ColourCrop, RecordedPicture, RecordedPictures};
+use web_server::pictures::Pictures;
 
 /// No frame was requested yet.
 const NO_FRAME: u64 = u64::MAX;

@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use camera_node::NodeConfig;
 use cli::{Failure, Outcome};
-use feed::pictures::Pictures;
 use proto::convert::Precision;
 use proto::unix_now_s;
 use proto::{CameraPicture, PictureKind, PictureRequest};
 use recording::{ColourCrop, ColourSource, RecordingFile, RunHeader, RunRecorder, WriteError};
+use web_server::pictures::Pictures;
 
 use super::options::RecordTo;
 use super::setup::{Setup, TransportName};

@@ -8,7 +8,7 @@ use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 
 use cli::{Failure, Outcome};
-use feed::Token;
+use web_server::Token;
 
 /// The variable that may hold the token.
 pub const VARIABLE: &str = "HULLTOUCH_TOKEN";

@@ -1,0 +1,116 @@
+//! Cameras that are filmed in this process, instead of by node processes.
+
+use std::io;
+use std::sync::Arc;
+
+use camera_node::NodeConfig;
+use camera_node::capture::{BackgroundRequest, CaptureError, Film, Filming as _};
+use camera_node::frames::FrameRing;
+use camera_node::pictures::PictureEncoder;
+use coordinator::{BoxError, LocalFrames, Silhouettes};
+use futures::future::BoxFuture;
+use hull::ViewSet;
+use node_client::FETCH_TIMEOUT;
+use proto::{FilmState, FramePictures, FrameReport, Pace, Picture, PictureRequest, RunStart, ring_frames};
+use tokio::sync::{mpsc, watch};
+use web_server::pictures::Pictures;
+
+/// Cameras filmed in this process.
+pub struct InProcess {
+    film: Film,
+    ring: Arc<FrameRing>,
+}
+
+impl InProcess {
+    /// Opens the cameras and learns their backgrounds.
+    pub fn prepare(config: &NodeConfig) -> Result<InProcess, CaptureError> {
+        let ring = Arc::new(FrameRing::new(config.cameras.len()).keeping(ring_frames(config.fps)));
+        Ok(InProcess { film: Film::prepare(config, Arc::clone(&ring))?, ring })
+    }
+
+    /// What makes pictures of its frames, on a thread of its own.
+    pub fn pictures(&self, config: &NodeConfig) -> io::Result<LocalPictures> {
+        let encoder = PictureEncoder::new(Arc::clone(&self.ring), self.film.colours(), config.rig_indices());
+        encoder.map(LocalPictures)
+    }
+}
+
+/// Pictures of cameras filmed in this process.
+pub struct LocalPictures(PictureEncoder);
+
+impl Pictures for LocalPictures {
+    fn fetch(&self, request: PictureRequest) -> BoxFuture<'static, Result<FramePictures, BoxError>> {
+        // More cameras than any rig has.
+        let (sender, mut pictures) = mpsc::channel(usize::from(u16::MAX));
+        let deliver = move |picture: Picture| {
+            // The request may have been dropped.
+            let _ = sender.try_send(picture);
+        };
+        let requested = self.0.request(request, deliver);
+        Box::pin(async move {
+            requested?;
+            let (mut frame, mut captured_unix_s, mut cameras) = (0, 0.0, Vec::new());
+            let deadline = tokio::time::Instant::now() + FETCH_TIMEOUT;
+            loop {
+                let picture = tokio::time::timeout_at(deadline, pictures.recv()).await;
+                let Some(picture) = picture.map_err(|_| "no pictures in time")? else { break };
+                (frame, captured_unix_s) = (picture.frame, picture.captured_unix_s);
+                cameras.push(picture.camera);
+            }
+            if cameras.is_empty() {
+                return Err("no camera has this frame".into());
+            }
+            Ok(FramePictures { frame, captured_unix_s, cameras })
+        })
+    }
+}
+
+impl LocalFrames for InProcess {
+    fn start(&self, pace: Pace) -> Result<(), BoxError> {
+        Ok(self.film.start(RunStart::of_this_process(pace))?)
+    }
+
+    fn credit(&self, up_to_frame: u64) {
+        self.film.credit(up_to_frame);
+    }
+
+    fn use_frame(&self, frame: u64) {
+        self.ring.hold(frame);
+    }
+
+    fn cut_at(&self, phase: f64) {
+        self.film.cut_here(phase);
+    }
+
+    fn watch(&self) -> watch::Receiver<u64> {
+        self.ring.watch()
+    }
+
+    fn frames(&self) -> Vec<u64> {
+        self.ring.since(None).frames.iter().map(|frame| frame.number).collect()
+    }
+
+    fn report(&self, frame: u64) -> Option<FrameReport> {
+        Some(self.ring.get(frame).ok()?.report())
+    }
+
+    fn film(&self) -> FilmState {
+        self.ring.state()
+    }
+
+    fn with_views(&self, frame: u64, use_views: &mut dyn FnMut(&ViewSet)) -> bool {
+        let found = self.ring.get(frame);
+        found.is_ok_and(|frame| {
+            use_views(&frame.views);
+            true
+        })
+    }
+
+    fn silhouettes(&self, frame: u64) -> Option<Silhouettes> {
+        Some(self.ring.get(frame).ok()?.silhouettes())
+    }
+
+    fn take_background(&self, first_frame: u64, frames: u64) -> Result<(), BoxError> {
+        Ok(self.film.take_background(BackgroundRequest { first_frame, frames })?)
+    }
+}
