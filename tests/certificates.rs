@@ -12,7 +12,7 @@ use std::process::Output;
 use std::time::Duration;
 
 use certified::{ROOM, Room, issue, node};
-use identity::{AUTHORITIES, Authority, CERTIFICATE, CertificateNames, Identity, KEY, Validity};
+use net::{AUTHORITIES, Authority, CERTIFICATE, CertificateNames, Identity, KEY, Validity};
 use node_client::{NodeError, NodeEvent};
 use room::{Running, ask_to_end, blind_steps, coordinator, ended, frames, missed, named_room, program};
 use testkit::{Watch, timely};

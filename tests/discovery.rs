@@ -19,8 +19,8 @@ use std::time::{Duration, Instant};
 
 use announcements::{Announcer, instance, new_hosts};
 use certified::issue;
-use identity::{Authority, Identity, Validity};
 use namespace::Host;
+use net::{Authority, Identity, Validity};
 use room::{Node, Running, coordinator, named_room, program};
 use testkit::{Watch, timely};
 

@@ -6,7 +6,6 @@ use std::time::Duration;
 
 use camera_node::source::{SourceConfig, StageConfig};
 use camera_node::{NodeCamera, NodeConfig};
-use cluster::InProcess;
 use coordinator::{
     AskEvery, BoxError, Coordinator, LocalFrames, Progress, RunSettings, Silhouettes, Snapshot, Transport,
     Watcher,
@@ -16,6 +15,7 @@ use hull::{ProbeSettings, ViewSet};
 use proto::{FilmState, FrameReport, Pace};
 use segment::SegmentSettings;
 use serde_json::Value;
+use setup::InProcess;
 use sim::{ResponseMode, Scene, World, WorldSettings};
 use tokio::sync::watch;
 

@@ -12,11 +12,11 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use camera_node::service::{Access, Node as Service};
-use cluster::{ClusterFile, expected_node};
 use namespace::Host;
 use node_client::{Agreement, ExpectedNode, NodeClient, NodeEvent, NodePlace};
 use proto::Address;
 use room::{Node, Running, blind_steps, coordinator, ended, frames, missed, named_room, program};
+use setup::{ClusterFile, expected_node};
 use testkit::{Watch, timely};
 use tokio::sync::mpsc;
 

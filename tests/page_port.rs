@@ -15,8 +15,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use futures::StreamExt as _;
-use identity::{AUTHORITIES, Authority, CERTIFICATE, Credentials, Identity, KEY, Validity};
 use namespace::Host;
+use net::{AUTHORITIES, Authority, CERTIFICATE, Credentials, Identity, KEY, Validity};
 use room::{Node, Running, named_room, program};
 use rustix::process::{Pid, Resource, Rlimit, Signal, getrlimit, kill_process, prlimit};
 use serde_json::Value;

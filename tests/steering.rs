@@ -7,7 +7,6 @@ use std::time::Duration;
 use camera_node::service::{Access, Node};
 use camera_node::source::{SourceConfig, StageConfig};
 use camera_node::{NodeCamera, NodeConfig};
-use cluster::{InProcess, expected_node};
 use coordinator::hooks::{EndRecord, FrameRecord, Recorder, Schedule, Scheduled, Sees, StepRecord};
 use coordinator::live::{Command, Follower, MAX_WAITING, Outcome, Parameters, Refusal, WorldState, live};
 use coordinator::{
@@ -18,6 +17,7 @@ use hull::{Observer, ProbeSettings, Rig};
 use node_client::Agreement;
 use proto::Address;
 use segment::SegmentSettings;
+use setup::{InProcess, expected_node};
 use sim::{BodyRequest, BodyResponse, BodySnapshot, Scene, World, WorldSettings, WorldSnapshot};
 use stage::{Motion, Prop};
 use testkit::{Watch, timely};

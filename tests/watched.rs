@@ -20,7 +20,7 @@ use std::time::{Duration, Instant};
 
 use certified::{ROOM, issue};
 use http::get;
-use identity::{Authority, Identity, Validity};
+use net::{Authority, Identity, Validity};
 use prometheus::Prometheus;
 use room::{Running, named_room, program};
 use rustix::process::{Pid, Signal, kill_process};

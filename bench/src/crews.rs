@@ -2,7 +2,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use cli::{Outcome, Progress};
+use setup::cli::{Outcome, Progress};
 
 /// Cameras that look at once, at most: one of 7680x4320 takes 800 MB while it looks.
 const MOST_CREWS: usize = 4;

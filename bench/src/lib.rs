@@ -21,7 +21,7 @@ mod usage;
 
 use clap::{Args, Subcommand};
 
-use cli::Outcome;
+use setup::cli::Outcome;
 
 /// Measures how fast this machine is. Use a release build.
 #[derive(Debug, Args)]

@@ -6,10 +6,10 @@ use std::str::FromStr;
 
 use clap::Args;
 use serde::Serialize;
+use setup::cli::{ArgumentError, Outcome, check_writable};
 
 use super::plot;
 use super::table::write_json;
-use cli::{ArgumentError, Outcome, check_writable};
 
 /// The options that all benches share.
 #[derive(Debug, Args)]
@@ -57,7 +57,7 @@ impl Outputs {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use cli::Failure;
+    use setup::cli::Failure;
 
     #[test]
     fn figures_are_written_before_a_bench_ends_with_the_check_that_failed() {

@@ -10,7 +10,7 @@ use hull::view_set::Scratch;
 use hull::{ProbeSettings, ViewSet};
 use nalgebra::Point3;
 
-use cli::{Failure, Outcome};
+use setup::cli::{Failure, Outcome};
 
 /// A body's points in the world, metres.
 pub fn world_points(body: &Points) -> Vec<Point3<f64>> {

@@ -5,11 +5,11 @@ use std::io::{self, BufRead, BufReader, Write};
 use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
+use camera_node::scratch::ScratchFolder;
 use clap::Args;
-use scratch::ScratchFolder;
 use serde_json::Value;
 
-use cli::{Failure, Outcome, outln, temporary_folder};
+use setup::cli::{Failure, Outcome, outln, temporary_folder};
 
 /// Threads of every library underneath, so that one core is measured.
 const ONE_THREAD: [&str; 4] =

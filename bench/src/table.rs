@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use cli::{Failure, Outcome, outln, write_whole};
+use setup::cli::{Failure, Outcome, outln, write_whole};
 
 /// A bench's figures.
 #[derive(Debug, Serialize)]

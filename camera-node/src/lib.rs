@@ -13,7 +13,7 @@ pub mod fuzz;
 pub mod listen;
 pub mod metrics;
 pub mod pictures;
-pub mod pulse;
+pub mod scratch;
 pub mod service;
 mod shapes;
 pub mod source;

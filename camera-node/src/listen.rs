@@ -8,7 +8,7 @@ use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use identity::UnixSocket;
+use net::UnixSocket;
 use proto::{Address, AddressError};
 use thiserror::Error;
 use tokio::net::{TcpListener, TcpStream, UnixListener};

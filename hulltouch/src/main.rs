@@ -7,14 +7,13 @@ mod command;
 mod interrupt;
 mod picture;
 mod run;
-mod systemd;
 
 use std::io::IsTerminal as _;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use cli::{Failure, Outcome};
+use setup::cli::{Failure, Outcome};
 
 use crate::command::{
     certs, coordinator, demo, doctor, node, query, ready, record, replay, rig, status, sync,

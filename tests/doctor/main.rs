@@ -9,8 +9,8 @@ mod room;
 
 use std::os::unix::fs::symlink;
 
-use identity::{Authority, Identity, Validity};
 use link::{Delay, Link};
+use net::{Authority, Identity, Validity};
 use processes::program;
 use replacing::Replacing;
 use room::{Line, Plan, Room, finds, is_well_and_films, issue, wrong};

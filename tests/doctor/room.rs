@@ -5,7 +5,7 @@ use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
-use identity::{AUTHORITIES, Authority, CERTIFICATE, Identity, KEY, Validity};
+use net::{AUTHORITIES, Authority, CERTIFICATE, Identity, KEY, Validity};
 use serde_json::Value;
 use testkit::Watch;
 

@@ -6,7 +6,6 @@ mod run;
 
 use std::time::Duration;
 
-use cluster::expected_node;
 use coordinator::{Placement, RunSettings, Transport};
 use film::{FPS, Film, all, rig};
 use hull::{Camera, ProbeSettings, Rig};
@@ -14,6 +13,7 @@ use nalgebra::{Matrix3, Vector3};
 use node::{Served, node_config, silent_node_config};
 use node_client::Agreement;
 use run::{Keeper, Step, between, farthest_m, fastest_m_s, play, play_over, settings, since, world};
+use setup::expected_node;
 use sim::Scene;
 use testkit::{Watch, timely};
 use tokio::sync::oneshot;

@@ -8,9 +8,9 @@ mod manifests;
 use std::fs;
 
 use arguments::check_arguments;
-use cluster::ClusterFile;
 use manifests::{Resources, built, check, kubectl, kubernetes, read};
 use serde_json::{Value, json};
+use setup::ClusterFile;
 
 const OVERLAYS: [&str; 2] = ["room-a", "room-a-host-cameras"];
 

@@ -7,9 +7,9 @@ use std::process::Command;
 use std::sync::Arc;
 use std::time::Duration;
 
-use cluster::{ClusterFile, expected_node};
-use identity::{AUTHORITIES, Authority, CERTIFICATE, Credentials, Identity, KEY, Validity};
+use net::{AUTHORITIES, Authority, CERTIFICATE, Credentials, Identity, KEY, Validity};
 use node_client::{Agreement, ExpectedNode, NodeClient, NodeEvent, Sockets};
+use setup::{ClusterFile, expected_node};
 use tokio::sync::mpsc;
 
 use crate::room::{Node, coordinator, named_room, program};

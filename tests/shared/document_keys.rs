@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use cluster::ClusterFile;
+use setup::ClusterFile;
 use sim::Scene;
 
 use super::key_tables::{self, KeyRow, Refusal};

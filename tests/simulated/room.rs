@@ -9,7 +9,6 @@ use std::time::Duration;
 
 use camera_node::frames::FrameRing;
 use camera_node::service::serve_film;
-use cluster::expected_node;
 use coordinator::hooks::{EndRecord, FrameRecord, Recorder, StepRecord};
 use coordinator::live::{Command, Follower, live};
 use coordinator::{
@@ -21,6 +20,7 @@ use futures::future::BoxFuture;
 use hull::ProbeSettings;
 use node_client::{Agreement, Destination, Dial, ExpectedNode, Socket};
 use proto::{Address, ring_frames};
+use setup::expected_node;
 use sim::{BodyRequest, Scene, World, WorldSettings};
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tonic::transport::server::Connected;

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use setup::cli::Outcome;
+
 use super::layout::{Layout, STEPS};
 use super::measure::{AtBodies, FilmMeasurement};
 use super::verdict::{BASE_SIZE, base_bodies, plan_name};
@@ -9,7 +11,6 @@ use super::{BASE_CAMERAS, CAMERAS_SIZE};
 use crate::cluster::film::FilmPlan;
 use crate::plot::{Axis, LineChart, Series};
 use crate::table::distinct;
-use cli::Outcome;
 
 /// A chart over the films.
 struct Over {

@@ -6,12 +6,12 @@ use camera_node::NodeConfig;
 use camera_node::service::{Access, Node};
 use node_client::ExpectedNode;
 use proto::Address;
+use setup::cli::{Failure, Outcome};
+use setup::expected_node;
 use tokio::runtime::Runtime;
 use tokio::task::JoinHandle as Task;
 
 use crate::cluster::film::Film;
-use cli::{Failure, Outcome};
-use cluster::expected_node;
 
 /// Nodes on a thread of their own, one a camera; they end with it.
 pub struct HostedNodes {

@@ -4,6 +4,7 @@ use std::slice;
 
 use hull::cull::WorldBox;
 use proto::convert::SilhouetteEncoding;
+use setup::cli::{Failure, Outcome, PrecisionName};
 
 use std::sync::Arc;
 
@@ -14,7 +15,6 @@ use crate::cluster::connection::{AnswerPlace, ClusterClient, FrameCosts, PassCos
 use crate::cluster::film::{Film, FilmPlan};
 use crate::passes::Passes;
 use crate::usage::thread_cpu_s;
-use cli::{Failure, Outcome, PrecisionName};
 
 /// Passes that the computation of gathering layouts is the mean of.
 const LOCAL_PASSES: u64 = 4;

@@ -9,6 +9,7 @@ mod verdict;
 
 use clap::Args;
 use serde::Serialize;
+use setup::cli::{ArgumentError, Outcome, Progress, outln, parse_size};
 
 use self::measure::{measured, steps};
 use self::rows::{Row, print_header, print_rows};
@@ -17,7 +18,6 @@ use super::cluster::film::{FPS, FilmPlan};
 use super::cluster::{parse_bodies, parse_nodes};
 use super::outputs::{Outputs, within};
 use super::table::{Machine, Table};
-use cli::{ArgumentError, Outcome, Progress, outln, parse_size};
 
 /// Frames of the film: each is gathered once.
 const FRAMES: u64 = 2;

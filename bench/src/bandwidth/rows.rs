@@ -1,7 +1,7 @@
 //! The rows of `bench bandwidth`, and how they are printed.
 
-use cli::{Outcome, out, outln};
 use serde::Serialize;
+use setup::cli::{Outcome, out, outln};
 
 use super::layout::{Cost, FRAMES_ONLY, STEPS};
 use super::measure::{AtBodies, FilmMeasurement};

@@ -1,7 +1,7 @@
 //! Where each layout wins: crossing points, what links carry, and which pass is done sooner.
 
-use cli::{Outcome, outln};
 use serde::Serialize;
+use setup::cli::{Outcome, outln};
 
 use super::layout::{Cost, Crossing, FRAMES_ONLY, Layout, Rates, STEPS, crossing};
 use super::measure::{AtBodies, FilmMeasurement};

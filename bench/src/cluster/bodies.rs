@@ -10,13 +10,13 @@ use hull::faces::FaceNormals;
 use hull::question::{Answer, Batch, Points, Question, QuestionKind};
 use hull::view_set::Scratch;
 use hull::{Shape, ViewSet};
+use setup::cli::{Failure, Outcome};
 use sim::Solid;
 use sim::samples::normals::{face_normals, with_feelers};
 use sim::samples::{cloud, shape};
 
 use crate::passes::ContactBody;
 use crate::random::Random;
-use cli::{Failure, Outcome};
 
 /// Samples of every body, unless others are asked for.
 pub const SAMPLES: usize = 500;

@@ -5,10 +5,10 @@ use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
 use std::sync::Arc;
 
-use cli::{Failure, Outcome, temporary_folder};
-use identity::{AUTHORITIES, Authority, CERTIFICATE, Credentials, Identity, KEY, Validity};
+use camera_node::scratch::ScratchFolder;
+use net::{AUTHORITIES, Authority, CERTIFICATE, Credentials, Identity, KEY, Validity};
 use node_client::Sockets;
-use scratch::ScratchFolder;
+use setup::cli::{Failure, Outcome, temporary_folder};
 
 use super::film::ROOM;
 

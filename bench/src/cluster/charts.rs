@@ -2,10 +2,11 @@
 
 use std::path::Path;
 
+use setup::cli::Outcome;
+
 use super::rows::{Row, Varied, series};
 use crate::plot::{Axis, LineChart, Series};
 use crate::table::distinct;
-use cli::Outcome;
 
 /// A chart for each thing that the rows vary, and each response.
 pub fn draw(rows: &[Row], folder: &Path) -> Outcome {

@@ -10,13 +10,13 @@ use hull::pass::Round;
 use node_client::{Agreement, ByteCounts, ExpectedNode, Sockets};
 use proto::Pace;
 use proto::convert::{Precision, SilhouetteEncoding};
+use setup::cli::{Failure, Outcome};
 use tokio::runtime::Runtime;
 
 use super::bodies::Bodies;
 use super::film::{FPS, Film};
 use crate::passes::{Asked, Passes};
 use crate::usage::{this_process_cpu_s, thread_cpu_s, thread_s, threads_named};
-use cli::{Failure, Outcome};
 
 /// How long nodes may take to connect, and to read their films.
 const READY_TIMEOUT: Duration = Duration::from_secs(60);

@@ -6,17 +6,17 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use camera_node::scratch::ScratchFolder;
 use hull::cull::WorldBox;
 use hull::{Camera, Observer, ProbeSettings, Rig, Silhouette, View, ViewSet};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder as _};
-use scratch::ScratchFolder;
+use setup::ClusterFile;
+use setup::cli::{Failure, Outcome, temporary_folder};
 use stage::{CameraStage, StageSettings, studio_rig};
 
 use crate::crews::all_see;
 use crate::random::Random;
-use cli::{Failure, Outcome, temporary_folder};
-use cluster::ClusterFile;
 
 /// Frames of the film a second.
 pub const FPS: f64 = 30.0;

@@ -1,7 +1,7 @@
 //! What is full first: the largest cluster that was measured, beside what the model makes of the smaller ones.
 
-use cli::{Outcome, outln};
 use serde::Serialize;
+use setup::cli::{Outcome, outln};
 
 use super::model::model_of;
 use super::rows::Row;

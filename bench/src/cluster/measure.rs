@@ -2,6 +2,9 @@
 
 use std::sync::Arc;
 
+use setup::cli::{Outcome, PrecisionName};
+use setup::{LocalCluster, LocalNodes};
+
 use super::bodies::Bodies;
 use super::certificates::Certificates;
 use super::connection::{AnswerPlace, ClusterClient, PassCosts, PointForm};
@@ -10,8 +13,6 @@ use super::names::SocketName;
 use super::rows::{Row, stages};
 use crate::response::Response;
 use crate::usage::{process_cpu_s, process_memory_mb};
-use cli::{Outcome, PrecisionName};
-use cluster::{LocalCluster, LocalNodes};
 
 /// Frames of the film: the ring of every node is full.
 const FRAMES: u64 = camera_node::frames::RING_FRAMES as u64;

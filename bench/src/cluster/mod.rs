@@ -13,6 +13,7 @@ mod rows;
 
 use clap::Args;
 use serde::Serialize;
+use setup::cli::{ArgumentError, Outcome, PrecisionName, outln, parse_size};
 
 use self::bodies::SAMPLES;
 use self::limits::Limits;
@@ -24,7 +25,6 @@ use super::outputs::{Outputs, within};
 use super::response::Response;
 use super::scale::report::{ScaleReport, report};
 use super::table::{Machine, Table};
-use cli::{ArgumentError, Outcome, PrecisionName, outln, parse_size};
 
 const BASE_NODES: usize = 8;
 const BASE_BODIES: usize = 30;

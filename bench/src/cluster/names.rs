@@ -1,7 +1,7 @@
 //! Choices of the command line.
 
 use clap::ValueEnum;
-use cluster::Sockets;
+use setup::Sockets;
 
 /// Sockets by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

@@ -1,9 +1,9 @@
 //! The rows of `bench cluster`, and how they are printed.
 
-use cli::{Outcome, outln};
 use coordinator::{Percentiles, stage_of};
 use hull::pass::Round;
 use serde::Serialize;
+use setup::cli::{Outcome, outln};
 
 use super::connection::PassCosts;
 use crate::table::{Columns, number, or_dash};

@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
+use setup::cli::Outcome;
+
 use super::rows::Row;
 use crate::plot::{Axis, BarChart, Series};
-use cli::Outcome;
 
 /// What each source sends over each link.
 pub fn draw(rows: &[Row], folder: &Path) -> Outcome {

@@ -7,7 +7,7 @@ use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::{TcpListener, TcpSocket, TcpStream};
 use tokio::time::Instant;
 
-use cli::{Failure, Outcome};
+use setup::cli::{Failure, Outcome};
 
 /// What the relay takes at once, and about what its socket holds: the payload of a packet and some packets.
 const PACKET: usize = 1448;

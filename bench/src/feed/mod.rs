@@ -9,12 +9,12 @@ mod run;
 use std::path::PathBuf;
 
 use clap::Args;
+use setup::cli::{ArgumentError, Failure, Outcome, outln, parse_size};
 
 use self::rows::{Row, TABLE};
 use self::run::{Setting, measured};
 use super::outputs::{Outputs, within};
 use super::table::{Machine, Table};
-use cli::{ArgumentError, Failure, Outcome, outln, parse_size};
 
 const SIZES: [(u32, u32); 2] = [(640, 480), (1920, 1080)];
 

@@ -9,7 +9,7 @@ use tokio::net::TcpStream;
 use tokio_tungstenite::tungstenite::Message;
 use tokio_tungstenite::{MaybeTlsStream, WebSocketStream};
 
-use cli::{Failure, Outcome};
+use setup::cli::{Failure, Outcome};
 
 /// At these places of a binary message stand its kind, its number and when the frame was captured.
 const KIND: usize = 4;

@@ -7,12 +7,12 @@ use std::time::Duration;
 
 use coordinator::Percentiles;
 use serde_json::Value;
+use setup::cli::{Failure, Outcome};
 use tokio::time::{Instant, timeout_at};
 
 use super::link::relay;
 use super::page::{Page, PageMessage};
 use super::rows::Row;
-use cli::{Failure, Outcome};
 
 /// The page looks for so long, and looks away for so long.
 const TURN: Duration = Duration::from_secs(5);

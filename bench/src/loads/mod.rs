@@ -10,12 +10,12 @@ use hull::oracle::DenseView;
 use hull::question::Points;
 use hull::silhouette::PixelRect;
 use hull::{Camera, Observer, ProbeSettings, Rig, Silhouette, View, ViewSet};
+use setup::cli::{Failure, Outcome};
 use stage::{CameraStage, StageSettings, studio_rig};
 
 use crate::crews::all_see;
 use crate::passes::Passes;
 use crate::random::Random;
-use cli::{Failure, Outcome};
 
 /// The instant of the film that is looked at, seconds: an arm is up.
 const TIME_S: f64 = 0.5;

@@ -5,12 +5,12 @@ use std::sync::Arc;
 
 use hull::body::{Pose, Shape};
 use hull::question::Points;
+use setup::cli::{Failure, Outcome};
 use sim::Solid;
 use sim::samples::{DEFAULT_COVERING_RADIUS_M, shape};
 
 use super::Studio;
 use crate::random::Random;
-use cli::{Failure, Outcome};
 
 /// Cameras of the paper's studio.
 pub const CAMERAS: usize = 7;

@@ -1,12 +1,12 @@
 //! When bodies fall, and whether they fall as those of a reference do.
 
 use nalgebra::{Isometry3, Vector3};
+use setup::cli::Outcome;
 use stage::{NEUTRAL_S, Prop, StageSettings};
 
 use super::metric::{Limit, Metric, metric};
 use super::response::Response;
 use super::track::{BodyAt, MOVED_M, Track};
-use cli::Outcome;
 
 /// What leans so much more than it did, against what it stands on, falls, degrees; and so does what has sunk so far,
 /// metres.

@@ -7,12 +7,12 @@ use camera_node::frames::{CameraFrame, FrameRing, Stamp};
 use coordinator::{BoxError, LocalFrames, Silhouettes};
 use hull::{Camera, Observer, ProbeSettings, Silhouette, ViewSet};
 use proto::{FilmState, FrameReport, Pace};
+use setup::cli::{Failure, Outcome};
 use stage::{StageSettings, studio_rig, true_silhouette};
 use tokio::sync::watch;
 
 use crate::crews::each;
 use crate::random::Random;
-use cli::{Failure, Outcome};
 
 /// What cameras see at best.
 pub const FINEST: (u32, u32) = (7680, 4320);

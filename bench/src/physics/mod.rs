@@ -15,7 +15,8 @@ use std::str::FromStr;
 use std::sync::Arc;
 
 use clap::Args;
-use cluster::{ClusterFile, SceneChoice};
+use setup::cli::{ArgumentError, Failure, Outcome, check_writable, outln, parse_size};
+use setup::{ClusterFile, SceneChoice};
 use sim::{Scene, StageHint};
 use stage::{Motion, Prop, StageSettings};
 
@@ -29,7 +30,6 @@ use self::rows::{Row, RowKind, TABLE};
 use self::track::{DROPS, Film, RunPlan, Track};
 use super::outputs::within;
 use super::table::{Machine, Table, write_json};
-use cli::{ArgumentError, Failure, Outcome, check_writable, outln, parse_size};
 
 /// Scenes as their bodies went, against what they must keep to.
 #[derive(Debug, Args)]

@@ -7,6 +7,7 @@ use hull::question::{Answer, Batch, Edge, Points, Question, QuestionKind};
 use hull::view_set::Scratch;
 use hull::{Camera, Observer, ProbeSettings, View, ViewSet};
 use nalgebra::{Isometry3, Point2, Point3, Vector3};
+use setup::cli::{Failure, Outcome};
 use stage::{ConvexForm, Motion, Prop, StageSettings, studio_rig, true_silhouette};
 
 use super::film::FINEST;
@@ -14,7 +15,6 @@ use super::metric::{Limit, metric};
 use super::rows::{Row, RowKind};
 use crate::crews::each;
 use crate::random::Random;
-use cli::{Failure, Outcome};
 
 /// Its name among the scenes.
 pub const NORMALS: &str = "normals";

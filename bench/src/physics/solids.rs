@@ -9,7 +9,7 @@ use sim::Solid;
 use sim::solid::ConvexHull;
 use stage::{ConvexForm, ConvexSolid, StageSettings};
 
-use cli::{Failure, Outcome};
+use setup::cli::{Failure, Outcome};
 
 /// A ball's points lie on so many meridians, and each end of a round cone has so many circles and a pole.
 const MERIDIANS: usize = 16;

@@ -3,11 +3,12 @@
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use cluster::{ClusterFile, InProcess};
 use coordinator::hooks::{EndRecord, FrameRecord, Recorder, StepRecord};
 use coordinator::{AskEvery, Coordinator, LocalFrames, Progress, RunSettings, Snapshot, Transport, Watcher};
 use hull::{Observer, Pose, ProbeSettings};
 use nalgebra::{Point3, Quaternion, UnitQuaternion, Vector3};
+use setup::cli::{Failure, Outcome};
+use setup::{ClusterFile, InProcess};
 use sim::{Body, BodyId, BodyResponse, Scene, World, WorldSettings};
 use stage::{StageSettings, Truth};
 
@@ -15,7 +16,6 @@ use super::film::{Showing, StageFilm};
 use super::response::Response;
 use super::solids::TrueSolids;
 use crate::random::Random;
-use cli::{Failure, Outcome};
 
 /// The scene whose bodies are to fall each by itself.
 pub const DROPS: &str = "drops";

@@ -8,8 +8,8 @@ use plotters::coord::Shift;
 use plotters::coord::cartesian::Cartesian2d;
 use plotters::prelude::*;
 
-use cli::{Failure, Outcome, write_whole};
 use scale::Scale;
+use setup::cli::{Failure, Outcome, write_whole};
 
 /// Size of a chart, pixels.
 const SIZE: (u32, u32) = (1120, 520);

@@ -3,8 +3,9 @@
 
 use std::time::{Duration, Instant};
 
+use setup::cli::Outcome;
+
 use crate::usage::thread_cpu_s;
-use cli::Outcome;
 
 /// A figure is the median of so many repetitions,
 const REPETITIONS: usize = 7;

@@ -14,6 +14,7 @@ use hull::cull::WorldBox;
 use hull::question::Points;
 use nalgebra::Point3;
 use serde::Serialize;
+use setup::cli::{Failure, Outcome, Progress, parse_size};
 use std::cell::RefCell;
 use std::slice;
 
@@ -30,7 +31,6 @@ use super::passes::{Asked, ContactBody, Passes, world_points};
 use super::peers::Python;
 use super::random::Random;
 use super::table::Machine;
-use cli::{Failure, Outcome, Progress, parse_size};
 
 /// Cameras of the studio.
 const CAMERAS: usize = 8;

@@ -11,12 +11,12 @@ use hull::question::{Edge, Points};
 use nalgebra::{Point3, Vector3};
 use serde::Serialize;
 use serde_json::{Value, json};
+use setup::cli::{Failure, Outcome};
 
 use super::lanes::{Lane, REPETITION_S};
 use crate::loads::{BODY_POINTS, Studio};
 use crate::passes::{ContactBody, world_points};
 use crate::peers::Peer;
-use cli::{Failure, Outcome};
 
 /// The load of contact passes.
 pub const TOUCHING: &str = "touching";

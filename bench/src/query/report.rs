@@ -2,13 +2,14 @@
 
 use std::path::Path;
 
+use setup::cli::{Outcome, outln};
+
 use super::bounds::BoundSavings;
 use super::engines::{HULLTOUCH, UNPRUNED};
 use super::rounds::RoundCosts;
 use super::{Report, Row, TwinCheck};
 use crate::plot::{Axis, BarChart, LineChart, Series};
 use crate::table::{Columns, distinct, number, words};
-use cli::{Outcome, outln};
 
 const BOUNDS: Columns<BoundSavings> = Columns {
     gap: "  ",

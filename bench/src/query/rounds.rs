@@ -6,12 +6,12 @@ use hull::ViewSet;
 use hull::cull::WorldBox;
 use hull::pass::Round;
 use serde::Serialize;
+use setup::cli::Outcome;
 
 use super::lanes::REPETITION_S;
 use crate::loads::Studio;
 use crate::passes::{Asked, Passes};
 use crate::usage::thread_cpu_s;
-use cli::Outcome;
 
 /// Nanoseconds of one core a point of the load, over all groups of cameras.
 #[derive(Clone, Debug, Default, Serialize)]

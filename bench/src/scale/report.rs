@@ -1,7 +1,7 @@
 //! The model's tables: cameras of one rig, and many rigs, at the usual rates.
 
-use cli::{Outcome, outln};
 use serde::Serialize;
+use setup::cli::{Outcome, outln};
 
 use crate::table::{Columns, number, words};
 

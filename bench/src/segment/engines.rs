@@ -7,11 +7,11 @@ use std::path::Path;
 use hull::Silhouette;
 use segment::{BackgroundBuilder, Format, Segmenter};
 use serde_json::{Value, json};
+use setup::cli::{Failure, Outcome};
 
 use super::scene::{Frames, LAYOUTS, Scene};
 use crate::peers::Peer;
 use crate::usage::thread_cpu_s;
-use cli::{Failure, Outcome};
 
 /// The program.
 pub const SCRIPT: &str = include_str!("../../peers/segment.py");

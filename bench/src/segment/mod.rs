@@ -8,6 +8,7 @@ use std::path::Path;
 use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
+use setup::cli::{Failure, Outcome, Progress, outln, parse_size};
 
 use self::engines::{Opponent, Ours, SCRIPT};
 use self::scene::{LAYOUTS, Scene};
@@ -15,7 +16,6 @@ use super::outputs::Outputs;
 use super::peers::Python;
 use super::plot::{Axis, BarChart, Series};
 use super::table::{Machine, distinct};
-use cli::{Failure, Outcome, Progress, outln, parse_size};
 
 /// A figure is the median over the frames of so many turns, in which every engine segments the whole film,
 /// after one that does not count.

@@ -7,7 +7,7 @@ use hull::Silhouette;
 use segment::{Format, Layout, Range, Sampling, SegmentSettings, from_rgb};
 use stage::{CameraStage, StageSettings, studio_rig, true_silhouette};
 
-use cli::{Failure, Outcome, Progress};
+use setup::cli::{Failure, Outcome, Progress};
 
 /// Cameras of the studio, and the one that films.
 const STUDIO: (usize, usize) = (8, 1);

@@ -5,7 +5,7 @@ use hull::{Camera, Rig};
 use segment::{BackgroundBuilder, Format, Layout, SegmentSettings, Segmenter};
 use stage::{CameraStage, Motion, StageSettings};
 
-use cli::{Failure, Outcome};
+use setup::cli::{Failure, Outcome};
 
 /// Frames of the empty room, as many as give its noise.
 const EMPTY_FRAMES: u64 = 32;

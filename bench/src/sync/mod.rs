@@ -11,6 +11,7 @@ use clap::Args;
 use hull::rotation::matrix_from_rodrigues;
 use hull::{Camera, Rig};
 use nalgebra::Vector3;
+use setup::cli::{ArgumentError, Failure, Outcome, check_writable, outln, parse_size};
 use stage::{Motion, UnknownMotion, studio_rig};
 
 use self::film::{Filmed, MOMENTS_PER_S};
@@ -18,7 +19,6 @@ use self::rows::{Errors, Row, TABLE};
 use super::outputs::within;
 use super::random::Random;
 use super::table::{Machine, Table, write_json};
-use cli::{ArgumentError, Failure, Outcome, check_writable, outln, parse_size};
 
 /// Errors of `sync check` on film of the studio with planted offsets.
 #[derive(Debug, Args)]

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use proto::{CameraPace, RunStart, unix_now_s};
+use telemetry::Beat;
 
 use super::CaptureError;
 use super::background::{BackgroundCapture, RequestSlot};
@@ -17,7 +18,6 @@ use super::segmenter::{CutoutError, silhouette};
 use crate::frames::{CameraFrame, FrameRing, Stamp};
 use crate::metrics::{FilmMeter, FilmedFrame};
 use crate::pictures::ColourRing;
-use crate::pulse::Beat;
 use crate::source::{Image, ImageKind, OpenContext, Source, SourceConfig, SourceFrame};
 
 /// Captures of one camera lie at least so many periods apart.

@@ -5,6 +5,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use proto::{ClockLine, RunStart};
+use telemetry::{Beat, Pulse};
 
 use super::CaptureError;
 use super::background::{BackgroundError, BackgroundRequest, RequestSlot};
@@ -17,7 +18,6 @@ use crate::config::{NodeCamera, NodeConfig};
 use crate::frames::FrameRing;
 use crate::metrics::FilmMeter;
 use crate::pictures::ColourRing;
-use crate::pulse::{Beat, Pulse};
 use crate::source::OpenContext;
 
 /// A live camera that misses so many frames, and for so long, has failed. Dim light makes some cameras slow, and no

@@ -12,7 +12,7 @@ use std::sync::Arc;
 use std::task::{Context, Poll};
 use std::time::{Duration, Instant};
 
-use identity::{Credentials, HandshakeError, HandshakeLimit, Identity, Peer, ServerSocket, UnixSocket};
+use net::{Credentials, HandshakeError, HandshakeLimit, Identity, Peer, ServerSocket, UnixSocket};
 use thiserror::Error;
 use tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;

@@ -35,18 +35,17 @@ use proto::convert::{
 };
 use proto::v1::camera_node_server::CameraNode;
 use proto::{CameraDescription, NodeDescription, monotonic_s, ring_frames, v1};
+use telemetry::{Pulse, Span};
 use tokio::sync::mpsc;
 use tokio::time::Instant;
 use tokio_stream::StreamExt;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status, Streaming};
-use traces::Span;
 
 use crate::capture::{BackgroundRequest, Film, Filming};
 use crate::config::{NodeCamera, NodeConfig};
 use crate::frames::{CameraFrame, FrameError, FrameRing};
 use crate::pictures::{PictureEncoder, PictureError};
-use crate::pulse::Pulse;
 use crate::shapes::Shapes;
 use hold::{ClaimRefused, SharedHold, held};
 use incoming::Caller;

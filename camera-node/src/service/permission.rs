@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use identity::Identity;
+use net::Identity;
 use tonic::{Request, Status};
 
 use super::incoming::{Access, Caller};

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use hull::question::Question;
 use proto::convert::{Precision, QuestionReader, RefusalReason, refusal, trace_parent_from_wire};
 use proto::v1;
+use telemetry::Span;
 use tokio_stream::StreamExt;
 use tonic::Streaming;
-use traces::Span;
 
 use super::Service;
 use super::hold::SharedHold;

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 use std::time::UNIX_EPOCH;
 
-use identity::Credentials;
+use net::Credentials;
 use proto::convert::status_to_wire;
 use proto::v1::node_status_server::{NodeStatus, NodeStatusServer};
 use proto::{FilmState, NodeDescription, monotonic_s, unix_now_s, v1};

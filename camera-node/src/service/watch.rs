@@ -4,8 +4,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::SystemTime;
 
-use identity::Credentials;
+use net::Credentials;
 use proto::{FilmState, fresh_s};
+use telemetry::Pulse;
 use tokio::time::Instant;
 
 use super::Service;
@@ -14,7 +15,6 @@ use super::incoming::Access;
 use super::worker::MAX_WAITING;
 use crate::frames::FrameRing;
 use crate::metrics::{AnswerFigures, AnswerMeter, CameraFigures, FilmMeter, TrafficFigures, TrafficMeter};
-use crate::pulse::Pulse;
 
 /// A node as seen from outside its threads. Copies are cheap, and hold none of its work up.
 #[derive(Clone)]

@@ -9,17 +9,16 @@ use hull::question::Question;
 use prost::Message as _;
 use proto::convert::{Precision, RefusalReason, answer_to_wire, refusal, refusal_of};
 use proto::v1;
+use telemetry::{Beat, Span};
 use tokio::sync::mpsc;
 use tokio::time::Instant;
 use tonic::Status;
-use traces::Span;
 
 use super::seats::{Seat, Share};
 use super::turns::{NoTurn, Turns};
 use crate::cores::{Cores, work_ns};
 use crate::frames::{Frame, FrameError, FrameRing};
 use crate::metrics::AnswerMeter;
-use crate::pulse::Beat;
 
 /// Questions of one connection that wait at most, more than a coordinator asks at once; beyond, the node is busy.
 pub(super) const MAX_WAITING: usize = 64;

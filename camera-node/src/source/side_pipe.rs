@@ -6,10 +6,10 @@ use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use crate::scratch::ScratchFolder;
 use proto::text::clean;
 use rustix::fs::{CWD, Mode, OFlags};
 use rustix::io::Errno;
-use scratch::ScratchFolder;
 use thiserror::Error;
 
 /// A frame's number comes within so long of its frame.

@@ -8,8 +8,8 @@ use hull::question::{Answer, Question, QuestionKind, Standing};
 use node_client::NodeError;
 use proto::convert::{Precision, ProbeAnswer, QuestionWriter, RefusalReason, WrittenQuestion};
 use proto::monotonic_s;
+use telemetry::Span;
 use tokio::time::Instant;
-use traces::Span;
 
 use super::TransportError;
 use super::nodes::{CALL_TIMEOUT, Nodes, PassEvent};

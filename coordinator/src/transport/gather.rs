@@ -8,8 +8,8 @@ use hull::{Observer, Silhouette, View, ViewSet};
 use node_client::NodeClient;
 use proto::convert::SilhouetteEncoding;
 use proto::monotonic_s;
+use telemetry::Span;
 use tokio::time::Instant;
-use traces::Span;
 
 use super::TransportError;
 use super::in_process::LocalProbes;

@@ -23,10 +23,10 @@ use hull::{Observer, Shape, Silhouette};
 use node_client::{Agreement, ByteCounts, ExpectedNode, NodeClient, NodeError};
 use proto::convert::{Precision, SilhouetteEncoding};
 use proto::{FilmState, Pace, monotonic_s};
+use telemetry::Span;
 use thiserror::Error;
 use tokio::sync::mpsc;
 use tokio::time::Instant;
-use traces::Span;
 
 use crate::roster::{Arrival, LeaveOut, Missing, Roster, RosterNode, joined};
 use in_process::InProcess;

@@ -9,9 +9,9 @@ use hull::{Shape, Silhouette};
 use node_client::{Agreement, NodeClient, NodeError, NodeEvent};
 use proto::convert::{ProbeAnswer, SilhouetteEncoding};
 use proto::{FilmEvent, Pace, monotonic_s};
+use telemetry::Span;
 use tokio::sync::mpsc;
 use tokio::time::Instant;
-use traces::Span;
 
 use super::trace::question_span;
 use super::{FirstFrame, TransportError};

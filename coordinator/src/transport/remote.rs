@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use hull::pass::{Pass, Round};
 use proto::convert::{Precision, SilhouetteEncoding};
+use telemetry::Span;
 use tokio::sync::oneshot;
 use tokio::time::Instant;
-use traces::Span;
 
 use super::choice::{Choice, Way};
 use super::cluster::Cluster;

@@ -2,7 +2,7 @@
 
 use hull::pass::Pass;
 use node_client::NodeClient;
-use traces::Span;
+use telemetry::Span;
 
 /// The span of a pass over a frame; nothing if it asks nothing, or is not sampled.
 pub(super) fn pass_span(pass: &Pass, frame: u64, layout: &'static str) -> Span {

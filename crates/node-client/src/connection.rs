@@ -7,7 +7,7 @@ use std::time::{Duration, SystemTime};
 
 use futures::future::BoxFuture;
 use hyper_util::rt::TokioIo;
-use identity::{Credentials, Identity, UnixSocket};
+use net::{Credentials, Identity, UnixSocket};
 use proto::v1::camera_node_client::CameraNodeClient;
 use proto::{Address, MAX_FRAME_BYTES, MAX_MESSAGE_BYTES};
 use thiserror::Error;

@@ -6,12 +6,12 @@ use std::os::unix::fs::{DirBuilderExt as _, OpenOptionsExt as _};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use cli::{Failure, Outcome, out};
-use cluster::ClusterFile;
-use identity::{
+use net::{
     AUTHORITIES, Authority, CERTIFICATE, CertificateError, CertificateNames, Credentials, Identity, KEY,
     PageName, Role, Validity,
 };
+use setup::ClusterFile;
+use setup::cli::{Failure, Outcome, out};
 
 /// The folder and the key of the authority itself.
 const AUTHORITY: &str = "authority";

@@ -4,13 +4,15 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
+use setup::ClusterFile;
+use setup::cli::{Failure, Outcome};
 
 use crate::run::options::{OutletArguments, Outlets, RecordOptions};
 use crate::run::run_deployed;
+use crate::run::run_setup::{
+    AskName, ResponseArguments, Setup, TransportName, checked_seconds, world_settings,
+};
 use crate::run::security::SecurityArguments;
-use crate::run::setup::{AskName, ResponseArguments, Setup, TransportName, checked_seconds, world_settings};
-use cli::{Failure, Outcome};
-use cluster::ClusterFile;
 use coordinator::MemoryUse;
 use node_client::Role;
 

@@ -4,15 +4,17 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use hull::Rig;
+use setup::ClusterFile;
+use setup::cli::{Failure, Outcome, PrecisionName, parse_size, temporary_folder};
 use sim::{Scene, StageHint};
 use stage::{Motion, Prop, studio_rig};
 
 use crate::run::options::{OutletArguments, RecordOptions};
 use crate::run::run_locally;
+use crate::run::run_setup::{
+    AskName, ResponseArguments, Setup, TransportName, checked_seconds, world_settings,
+};
 use crate::run::security::ConsentArguments;
-use crate::run::setup::{AskName, ResponseArguments, Setup, TransportName, checked_seconds, world_settings};
-use cli::{Failure, Outcome, PrecisionName, parse_size, temporary_folder};
-use cluster::ClusterFile;
 use coordinator::MemoryUse;
 use node_client::Role;
 
@@ -196,7 +198,7 @@ fn load_scene(name: &str) -> Outcome<Scene> {
     if path.extension().is_none_or(|extension| extension != "toml") {
         return Scene::named(name).map_err(|error| Failure::input(format_args!("--scene: {error}")));
     }
-    let text = cluster::read_text(path).map_err(|error| Failure::unreadable(path, error))?;
+    let text = setup::read_text(path).map_err(|error| Failure::unreadable(path, error))?;
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
     Scene::from_toml(&name, &text).map_err(|error| Failure::unreadable(path, error))
 }

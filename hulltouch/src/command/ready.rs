@@ -5,7 +5,7 @@ use std::net::{SocketAddr, TcpStream};
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use cli::{Failure, Outcome, outln};
+use setup::cli::{Failure, Outcome, outln};
 
 /// A service that does not answer within this is not ready.
 const TIMEOUT: Duration = Duration::from_secs(3);

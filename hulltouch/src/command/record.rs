@@ -5,14 +5,16 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use clap::Args;
-use cli::{Outcome, temporary_folder};
 use coordinator::MemoryUse;
 use node_client::{Role, Sockets};
+use setup::cli::{Outcome, temporary_folder};
 
 use crate::command::demo::StudioArguments;
 use crate::run::options::{Outlets, RecordTo};
+use crate::run::run_setup::{
+    AskName, ResponseArguments, Setup, TransportName, checked_seconds, world_settings,
+};
 use crate::run::security::SecurityArguments;
-use crate::run::setup::{AskName, ResponseArguments, Setup, TransportName, checked_seconds, world_settings};
 use crate::run::{run_deployed, run_locally};
 
 /// How long deployed nodes may take to connect.

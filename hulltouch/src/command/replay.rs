@@ -9,15 +9,15 @@ use coordinator::{GoingOn, MemoryUse, Transport};
 use node_client::Role;
 use recording::{Recording, StepCheck};
 use serde_json::{Value, json};
+use setup::cli::{Failure, Outcome};
+use setup::{ClusterFile, SceneChoice};
 
 use crate::run::options::OutletArguments;
 use crate::run::outlets::PageSource;
 use crate::run::play::{RunPlan, play};
 use crate::run::recorded_pictures::RecordingPictures;
+use crate::run::run_setup::{Setup, TransportName};
 use crate::run::security::ConsentArguments;
-use crate::run::setup::{Setup, TransportName};
-use cli::{Failure, Outcome};
-use cluster::{ClusterFile, SceneChoice};
 
 /// Replay a recorded run: the same steps over the same silhouettes. Exit status 1 if a step differs.
 #[derive(Debug, Args)]

@@ -4,14 +4,13 @@ use std::io::Write as _;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use camera_node::pulse::Beat;
 use coordinator::{GoneOn, Progress, Snapshot, Watcher};
 use hull::Observer;
 use indicatif::{ProgressBar, ProgressStyle};
+use telemetry::{Beat, systemd};
 
-use super::setup::Setup;
+use super::run_setup::Setup;
 use super::snapshot::Album;
-use crate::systemd;
 
 /// The live line and the pictures.
 pub struct Console {

@@ -1,6 +1,7 @@
 //! A run from a cluster file: what `demo`, `coordinator`, `record` and `replay` share.
 
 mod console;
+pub mod metrics;
 pub mod options;
 pub mod outlets;
 pub mod page;
@@ -8,10 +9,9 @@ pub mod play;
 pub mod recorded_pictures;
 mod recording;
 mod report;
+pub mod run_setup;
 pub mod security;
-pub mod setup;
 mod snapshot;
-pub mod telemetry;
 pub mod token;
 
 use std::sync::Arc;
@@ -19,17 +19,17 @@ use std::time::Duration;
 
 use ::recording::ColourSource;
 use camera_node::NodeConfig;
-use cli::{Failure, Outcome};
-use cluster::{InProcess, LocalCluster, LocalNodes, Sockets};
 use coordinator::{Placement, Transport};
 use node_client::NodePictures;
 use node_client::{Agreement, ExpectedNode};
+use setup::cli::{Failure, Outcome};
+use setup::{InProcess, LocalCluster, LocalNodes, Sockets};
 use sim::World;
 use web_server::pictures::Pictures;
 
 use self::outlets::PageSource;
 use self::play::{RunPlan, play};
-use self::setup::{Setup, TransportName};
+use self::run_setup::{Setup, TransportName};
 
 /// How long nodes on this machine may take to connect (they listen already), and their cameras to film.
 const LOCAL_CONNECT_TIMEOUT: Duration = Duration::from_secs(20);

@@ -4,9 +4,9 @@ use std::net::{SocketAddr, ToSocketAddrs as _};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use cli::{Failure, Outcome};
 use recording::{Overwrites, WriteError};
-use traces::Endpoint;
+use setup::cli::{Failure, Outcome};
+use telemetry::Endpoint;
 
 use super::page::{PageArguments, PagePlan};
 use super::security::Security;

@@ -6,13 +6,13 @@ use std::sync::Arc;
 use camera_node::NodeConfig;
 use coordinator::live::{Follower, Live, live};
 use hull::Silhouette;
+use setup::cli::{Failure, Outcome};
 use web_server::pictures::Pictures;
 use web_server::{Feed, FeedError, Osc, RunInfo};
 
 use super::options::Outlets;
 use super::page::PagePlan;
-use super::setup::Setup;
-use cli::{Failure, Outcome};
+use super::run_setup::Setup;
 
 /// What serves as long as it lives.
 #[derive(Debug)]

@@ -4,7 +4,7 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 
 use clap::Args;
-use cli::{Failure, Outcome};
+use setup::cli::{Failure, Outcome};
 use web_server::{FeedSettings, Origin};
 
 use super::security::Security;

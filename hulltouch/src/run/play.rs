@@ -4,28 +4,26 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use camera_node::pulse::Pulse;
-use cli::{Failure, Outcome, out, write_whole};
 use coordinator::hooks::{Recorder, Schedule};
 use coordinator::metrics::MetricsSender;
 use coordinator::{Coordinator, Figures, Placement, RunError, RunSettings, Transport};
 use hull::Observer;
 use node_client::Role;
-use port::TelemetryPort;
 use recording::{Recorded, RecordingFile, WriteError};
 use serde_json::Value;
+use setup::cli::{Failure, Outcome, out, write_whole};
 use sim::World;
+use telemetry::{Pulse, TelemetryPort, systemd};
 use tokio::task::JoinError;
 
 use super::console::Console;
+use super::metrics;
 use super::outlets::{self, PageSource};
 use super::recording::failure as recording_failure;
 use super::report::{self, Overlap};
-use super::setup::{Setup, TransportName};
+use super::run_setup::{Setup, TransportName};
 use super::snapshot::Album;
-use super::telemetry;
 use crate::interrupt::interrupted;
-use crate::systemd;
 
 /// What a run needs besides its set-up.
 pub struct RunPlan {
@@ -78,7 +76,7 @@ pub fn play(
     };
     let (served, live) = outlets::serve(setup, page)?.unzip();
     let (metrics, telemetry) = serve_metrics(setup, schedule.is_some())?.unzip();
-    let _traces = telemetry::send_traces(setup.outlets.otlp.as_ref(), "coordinator", (&setup.file.name, ""))?;
+    let _traces = metrics::send_traces(setup.outlets.otlp.as_ref(), "coordinator", (&setup.file.name, ""))?;
     let pulse = Pulse::default();
     let beat = pulse.beat("the run");
     let mut console = Console::new(setup, &observers, Arc::clone(&beat));
@@ -134,8 +132,8 @@ pub fn play(
 /// Serves metrics where the outlets say. What is returned beside the port belongs to the run.
 fn serve_metrics(setup: &Setup, is_replay: bool) -> Outcome<Option<(MetricsSender, TelemetryPort)>> {
     let Some(listen) = setup.outlets.metrics else { return Ok(None) };
-    let (sender, telemetry) = telemetry::metrics(setup, !setup.lock_step && !is_replay);
-    let port = telemetry::serve(listen, &[("room", setup.file.name.clone())], Arc::new(telemetry))?;
+    let (sender, telemetry) = metrics::metrics(setup, !setup.lock_step && !is_replay);
+    let port = metrics::serve(listen, &[("room", setup.file.name.clone())], Arc::new(telemetry))?;
     Ok(Some((sender, port)))
 }
 

@@ -3,15 +3,15 @@
 use std::sync::Arc;
 
 use camera_node::NodeConfig;
-use cli::{Failure, Outcome};
 use proto::convert::Precision;
 use proto::unix_now_s;
 use proto::{CameraPicture, PictureKind, PictureRequest};
 use recording::{ColourCrop, ColourSource, RecordingFile, RunHeader, RunRecorder, WriteError};
+use setup::cli::{Failure, Outcome};
 use web_server::pictures::Pictures;
 
 use super::options::RecordTo;
-use super::setup::{Setup, TransportName};
+use super::run_setup::{Setup, TransportName};
 
 /// Finer than what a page asks for: recorded once, it is looked at again.
 const JPEG_QUALITY: u8 = 85;

@@ -6,7 +6,7 @@ use recording::Recorded;
 use serde_json::{Value, json};
 use sim::{BodySummary, ResponseMode, World};
 
-use super::setup::Setup;
+use super::run_setup::Setup;
 
 /// One picture: from where it was taken, and the intersection over union of the hull drawn into real cameras.
 #[derive(Clone, Debug, PartialEq)]

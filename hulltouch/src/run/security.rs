@@ -5,11 +5,11 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use clap::Args;
-use cli::{Failure, Outcome};
-use cluster::ClusterFile;
-use identity::{Credentials, Identity};
+use net::{Credentials, Identity};
 use node_client::{Dial, Sockets};
 use proto::Address;
+use setup::ClusterFile;
+use setup::cli::{Failure, Outcome};
 
 /// Certificates, or none.
 #[derive(Clone, Debug, Default, Args)]

@@ -9,11 +9,11 @@ use std::thread::JoinHandle;
 use coordinator::{Silhouettes, Snapshot};
 use hull::{Camera, Observer, Rig, Silhouette, View};
 use nalgebra::{Point3, Vector3};
+use setup::cli::{Failure, Outcome};
 use sim::Body;
 
 use super::report::Overlap;
 use crate::picture::{PictureScene, interest, overlaps, overview_camera, render};
-use cli::{Failure, Outcome};
 
 /// Pictures that wait to be drawn at most: each holds a frame's silhouettes. A run a second of film
 /// long for each waits no longer than this.
@@ -120,7 +120,7 @@ impl Artist {
         let picture = render(&scene, &camera);
         let mut png = std::io::Cursor::new(Vec::new());
         picture.write_to(&mut png, image::ImageFormat::Png).map_err(Failure::run)?;
-        cli::write_whole(&path, png.get_ref())?;
+        setup::cli::write_whole(&path, png.get_ref())?;
         let names = self.rig.cameras().iter().map(|camera| camera.name().to_owned());
         let cameras = names.zip(overlaps(&views)).collect();
         Ok(Overlap { film_s: moment.film_s, frame: moment.frame, view: camera, cameras })

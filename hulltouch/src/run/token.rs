@@ -7,7 +7,7 @@ use std::io::Read as _;
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 
-use cli::{Failure, Outcome};
+use setup::cli::{Failure, Outcome};
 use web_server::Token;
 
 /// The variable that may hold the token.

@@ -1,2 +1,2 @@
 #![no_main]
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| cluster::fuzz::cluster_file(bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| setup::fuzz::cluster_file(bytes));

@@ -1,2 +1,2 @@
 #![no_main]
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| cluster::fuzz::dns_message(bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| setup::fuzz::dns_message(bytes));

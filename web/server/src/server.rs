@@ -10,7 +10,7 @@ use axum::extract::{Request, State};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use coordinator::live::Follower;
-use identity::Credentials;
+use net::Credentials;
 use thiserror::Error;
 use tokio::sync::watch;
 

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use identity::{CertificateError, Identity};
+use net::{CertificateError, Identity};
 use node_client::{Mismatch, NodeError, NodeReport};
 use proto::CameraStatus;
 

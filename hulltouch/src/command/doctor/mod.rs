@@ -8,10 +8,10 @@ mod gather;
 use std::path::PathBuf;
 
 use clap::Args;
-use cli::{Failure, Outcome, out};
-use cluster::ClusterFile;
 use proto::text::clean;
 use serde::Serialize;
+use setup::ClusterFile;
+use setup::cli::{Failure, Outcome, out};
 
 use self::finding::{Finding, Level};
 use self::gather::Scope;

@@ -9,18 +9,16 @@ use std::sync::Arc;
 use camera_node::listen::Listen;
 use camera_node::service::{Access, Node, ServeError};
 use clap::Args;
-use cli::{Failure, Outcome, outln};
-use cluster::{Announcement, ClusterFile};
-use identity::Identity;
-use port::{Telemetry, TelemetryPort};
+use net::Identity;
+use setup::cli::{Failure, Outcome, outln};
+use setup::{Announcement, ClusterFile};
+use telemetry::{Endpoint, Telemetry, TelemetryPort, systemd};
 use tokio::io::AsyncReadExt as _;
-use traces::Endpoint;
 
 use self::part::Part;
 use crate::interrupt::interrupted;
+use crate::run::metrics::{self, NodeTelemetry, node_label};
 use crate::run::security::SecurityArguments;
-use crate::run::telemetry::{self, NodeTelemetry, node_label};
-use crate::systemd;
 
 /// Serve cameras of a cluster file: film them, keep their silhouettes, answer probes. Without --camera, those of the
 /// [[node]] with this host's name, or with that of --host.
@@ -76,8 +74,7 @@ pub fn run(arguments: &NodeArguments) -> Outcome {
     let telemetry = Arc::new(NodeTelemetry::default());
     let _port =
         arguments.metrics.map(|listen| serve_metrics(listen, &file, &part, &telemetry)).transpose()?;
-    let _traces =
-        telemetry::send_traces(arguments.otlp.as_ref(), "node", (&file.name, &label(&file, &part)))?;
+    let _traces = metrics::send_traces(arguments.otlp.as_ref(), "node", (&file.name, &label(&file, &part)))?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::run)?;
     let served = runtime.block_on(async {
         let node = tokio::select! {
@@ -115,7 +112,7 @@ fn serve_metrics(
 ) -> Outcome<TelemetryPort> {
     let node = label(file, part);
     let telemetry: Arc<dyn Telemetry> = Arc::<NodeTelemetry>::clone(telemetry);
-    telemetry::serve(listen, &[("room", file.name.clone()), ("node", node)], telemetry)
+    metrics::serve(listen, &[("room", file.name.clone()), ("node", node)], telemetry)
 }
 
 /// Who may connect. A node that shows certificates has a name.

@@ -3,9 +3,9 @@
 use std::net::{Ipv4Addr, SocketAddr};
 
 use camera_node::listen::Listen;
-use cli::{Failure, Outcome};
-use cluster::{ClusterFile, NodeEntry};
 use proto::Address;
+use setup::cli::{Failure, Outcome};
+use setup::{ClusterFile, NodeEntry};
 
 /// Where a named node listens that has no address: firewalls want a port that stays.
 const PORT: u16 = 7001;

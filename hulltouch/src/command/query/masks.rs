@@ -9,7 +9,7 @@ use camera_node::source::numbered_images;
 use hull::{Camera, Rig, Silhouette};
 use segment::mask::UniformFilm;
 
-use cli::{Failure, Outcome};
+use setup::cli::{Failure, Outcome};
 
 /// The file of every camera's silhouette, in rig order: `folder/NAME.png` (or .jpg, .jpeg), or of a frame
 /// `folder/NAME/NUMBER.png`, zeros before the number allowed. Silhouettes of cameras that the rig does

@@ -18,8 +18,8 @@ use hull::rule::{HullRule, NormalWindow, OutOfView, ProbeSettings};
 use hull::view_set::Scratch;
 use hull::{Observer, Rig, Silhouette, View, ViewSet};
 
-use cli::{Failure, Outcome, check_writable, outln, while_working, write_whole};
 use points::PointsFile;
+use setup::cli::{Failure, Outcome, check_writable, outln, while_working, write_whole};
 
 /// Answers a file of points against silhouettes from files.
 #[derive(Debug, Args)]
@@ -168,7 +168,7 @@ impl Query {
 
 /// Reads a rig file.
 pub fn read_rig(path: &Path) -> Outcome<Rig> {
-    let text = cluster::read_text(path).map_err(|error| Failure::unreadable(path, error))?;
+    let text = setup::read_text(path).map_err(|error| Failure::unreadable(path, error))?;
     Rig::from_toml(&text).map_err(|error| Failure::unreadable(path, error))
 }
 

@@ -8,8 +8,8 @@ use csv::{ReaderBuilder, StringRecord, Trim};
 use hull::question::Points;
 use proto::MAX_POINTS;
 
-use cli::{Failure, Outcome};
 use hull::text::{EncodingError, is_utf16};
+use setup::cli::{Failure, Outcome};
 
 /// Points of the world, metres, in the order of the file, and which body each is of.
 #[derive(Clone, Debug, PartialEq)]

@@ -9,11 +9,11 @@ use hull::pass::{BodyResult, Pass};
 use hull::rule::{NormalWindow, OutOfView};
 use node_client::Agreement;
 use proto::Pace;
+use setup::cli::{Failure, Outcome, temporary_folder};
+use setup::{ClusterFile, LocalCluster, LocalNodes, Sockets};
 use toml::Value;
 
 use super::Query;
-use cli::{Failure, Outcome, temporary_folder};
-use cluster::{ClusterFile, LocalCluster, LocalNodes, Sockets};
 
 /// How long nodes may take to answer to their addresses, and to read a silhouette.
 const START_TIMEOUT: Duration = Duration::from_secs(30);

@@ -8,9 +8,9 @@ use camera_node::source::MaskFiles;
 use clap::Args;
 use hull::{Rig, Silhouette};
 use serde::Serialize;
+use setup::cli::{Failure, Outcome, Progress, check_writable, out, outln, while_working, write_whole};
 
 use crate::command::query::{masks, read_rig};
-use cli::{Failure, Outcome, Progress, check_writable, out, outln, while_working, write_whole};
 
 /// Says how well a rig fits silhouettes, and which camera, moved, would mend most.
 ///

@@ -6,7 +6,7 @@ use calib::import::{Axis, Format, ImportOptions, import};
 use clap::{Args, ValueEnum};
 use hull::Camera;
 
-use cli::{Failure, Outcome, out, outln, parse_size, write_whole};
+use setup::cli::{Failure, Outcome, out, outln, parse_size, write_whole};
 
 /// Turns another program's calibration into a rig file: in metres, and +Y up if --up names the source's axis.
 #[derive(Debug, Args)]

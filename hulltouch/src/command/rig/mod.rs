@@ -5,7 +5,7 @@ mod import;
 
 use clap::{Args, Subcommand};
 
-use cli::Outcome;
+use setup::cli::Outcome;
 
 /// Imports other programs' calibrations, and checks a rig against silhouettes.
 #[derive(Debug, Args)]

@@ -1,8 +1,8 @@
 //! A room as one JSON object. docs/commands.md lists the keys.
 
-use cluster::ClusterFile;
 use proto::{CameraDescription, CameraStatus, unix_now_s};
 use serde::Serialize;
+use setup::ClusterFile;
 
 use super::days_left;
 use super::room::NodeSample;

@@ -10,9 +10,9 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
-use cli::{Failure, Outcome, out};
-use cluster::ClusterFile;
 use proto::{NodeStatus, unix_now_s};
+use setup::ClusterFile;
+use setup::cli::{Failure, Outcome, out};
 
 use self::room::Room;
 use crate::interrupt::interrupted;

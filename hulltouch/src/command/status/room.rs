@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use cli::Outcome;
-use cluster::ClusterFile;
 use futures::future::join_all;
 use node_client::{Dial, ExpectedNode, NodeError, NodeReport, StatusClient};
+use setup::ClusterFile;
+use setup::cli::Outcome;
 
 /// Asks all nodes of a room, again and again.
 pub struct Room {

@@ -1,8 +1,8 @@
 //! A room as tables of text.
 
-use cluster::ClusterFile;
 use node_client::NodeReport;
 use proto::CameraStatus;
+use setup::ClusterFile;
 
 use super::days_left;
 use super::room::NodeSample;

@@ -4,15 +4,15 @@ use std::path::{Path, PathBuf};
 
 use calib::sync::{SyncReport, check_sync};
 use clap::Args;
-use cli::{Failure, Outcome, check_writable, out, while_working, write_whole};
-use cluster::{ClusterFile, LatencyChange};
+use setup::cli::{Failure, Outcome, check_writable, out, while_working, write_whole};
+use setup::{ClusterFile, LatencyChange};
 
 use super::film::{Film, FilmSource};
 use super::report;
 use crate::command::query::masks::warn_if_uniform;
 use crate::command::query::read_rig;
+use crate::run::run_setup::checked_seconds;
 use crate::run::security::SecurityArguments;
-use crate::run::setup::checked_seconds;
 
 /// Says how late each camera is against the others, from film of a person who moves.
 ///

@@ -7,19 +7,19 @@ use std::time::Duration;
 
 use calib::sync::TimedSilhouette;
 use camera_node::source::{MaskFiles, usual_distance};
-use cli::{Failure, Outcome, Progress, temporary_folder};
-use cluster::ClusterFile;
 use coordinator::MemoryUse;
 use hull::{Camera, Rig};
 use node_client::{Role, Sockets};
 use proto::convert::{SilhouetteEncoding, silhouette_from_data};
 use recording::{RecordedPicture, Recording};
+use setup::ClusterFile;
+use setup::cli::{Failure, Outcome, Progress, temporary_folder};
 use sim::{Scene, WorldSettings};
 
 use crate::command::query::masks;
 use crate::run::options::{Outlets, RecordTo};
+use crate::run::run_setup::{AskName, Setup, TransportName};
 use crate::run::security::SecurityArguments;
-use crate::run::setup::{AskName, Setup, TransportName};
 use crate::run::{run_deployed, run_locally};
 
 /// Where film comes from.

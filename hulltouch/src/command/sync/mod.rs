@@ -6,7 +6,7 @@ mod report;
 
 use clap::{Args, Subcommand};
 
-use cli::Outcome;
+use setup::cli::Outcome;
 
 /// Finds each camera's time against the others.
 #[derive(Debug, Args)]

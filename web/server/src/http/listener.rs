@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use axum::Router;
-use identity::{Credentials, HandshakeLimit};
+use net::{Credentials, HandshakeLimit};
 use socket2::SockRef;
 use tokio::net::TcpListener;
 use tokio::sync::watch;

@@ -5,7 +5,7 @@ use std::net::IpAddr;
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-use identity::HandshakeError;
+use net::HandshakeError;
 use thiserror::Error;
 use tokio::time::Instant;
 

@@ -1,6 +1,6 @@
 //! Do certificates let this machine and the nodes talk, and for how long?
 
-use identity::CertificateError;
+use net::CertificateError;
 
 use super::super::facts::{Certificates, Facts, NodeFacts};
 use super::super::finding::{Finding, or_ok};

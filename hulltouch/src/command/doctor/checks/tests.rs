@@ -1,6 +1,6 @@
 //! Each fault is named by its check, and by no other.
 
-use identity::{CertificateError, Identity};
+use net::{CertificateError, Identity};
 use node_client::{Mismatch, NodeError, NodeReport};
 use proto::{
     Address, CameraDescription, CameraPace, CameraStatus, CameraTrouble, NewestFrame, NodeDescription,

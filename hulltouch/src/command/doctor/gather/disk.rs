@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use cluster::CameraEntry;
 use rustix::fs::{Access, StatVfs};
+use setup::CameraEntry;
 
 use super::super::facts::DiskFacts;
 use super::local::background;

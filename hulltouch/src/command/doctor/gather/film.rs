@@ -4,9 +4,9 @@ use std::io::{IsTerminal as _, Write as _};
 use std::sync::Arc;
 use std::time::Duration;
 
-use cluster::ClusterFile;
 use node_client::{Agreement, Dial, ExpectedNode, NodeClient, NodeEvent, StatusClient};
 use proto::{CameraStatus, CameraTrouble, Pace, TroubleKind, unix_now_s};
+use setup::ClusterFile;
 use tokio::sync::mpsc;
 use tokio::time::{Instant, sleep, timeout};
 

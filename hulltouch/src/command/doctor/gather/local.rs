@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use camera_node::source::SourceConfig;
-use cluster::{CameraEntry, ClusterFile, NodeEntry};
 use rustix::fs::Access;
+use setup::{CameraEntry, ClusterFile, NodeEntry};
 
 use super::super::facts::{Device, DeviceFacts, Usb};
 use crate::command::node::part::name_of_this_host;

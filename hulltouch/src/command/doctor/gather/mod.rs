@@ -8,10 +8,10 @@ mod trust;
 
 use std::path::PathBuf;
 
-use cli::Outcome;
-use cluster::ClusterFile;
 use node_client::Agreement;
 use proto::unix_now_s;
+use setup::ClusterFile;
+use setup::cli::Outcome;
 
 use self::trust::Trust;
 use super::facts::{Facts, NoFilm};

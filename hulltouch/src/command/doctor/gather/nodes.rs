@@ -4,11 +4,11 @@ use std::io;
 use std::sync::Arc;
 use std::time::Duration;
 
-use cli::Outcome;
-use cluster::ClusterFile;
 use futures::future::join_all;
 use node_client::{Agreement, Dial, ExpectedNode, NodeError, StatusClient};
 use proto::Address;
+use setup::ClusterFile;
+use setup::cli::Outcome;
 use tokio::net::{TcpStream, UnixStream};
 
 use super::super::facts::{NodeFacts, Place, Reach};
@@ -28,7 +28,7 @@ pub fn expected(file: &ClusterFile, host: Option<&str>) -> Outcome<Vec<ExpectedN
     };
     let listens = Part::of_host(file, Some(host))?.listen(file)?;
     let here = listens.to_string().replacen("0.0.0.0:", "127.0.0.1:", 1).replacen("[::]:", "[::1]:", 1);
-    let address: Address = here.parse().map_err(cli::Failure::input)?;
+    let address: Address = here.parse().map_err(setup::cli::Failure::input)?;
     let mut nodes = file.expected_nodes()?;
     nodes.retain(|node| node.name.as_deref() == Some(host));
     nodes.iter_mut().for_each(|node| node.place = address.clone().into());

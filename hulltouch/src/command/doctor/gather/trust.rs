@@ -4,9 +4,9 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, UNIX_EPOCH};
 
-use cluster::ClusterFile;
-use identity::{CertificateError, Credentials, Identity};
+use net::{CertificateError, Credentials, Identity};
 use node_client::{Dial, Sockets};
+use setup::ClusterFile;
 
 use super::super::facts::Certificates;
 use crate::run::security::{SecurityArguments, leaves_this_machine};

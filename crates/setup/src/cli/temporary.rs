@@ -1,8 +1,8 @@
 //! Folders for what a command needs while it runs.
 
-use scratch::ScratchFolder;
+use camera_node::scratch::ScratchFolder;
 
-use crate::failure::{Failure, Outcome};
+use super::failure::{Failure, Outcome};
 
 /// A folder of this user alone, which goes when it is dropped.
 pub fn temporary_folder() -> Outcome<ScratchFolder> {

@@ -1,14 +1,14 @@
 //! What a node tells of itself.
 
 use std::fmt;
-use std::sync::{Arc, OnceLock};
+use std::sync::OnceLock;
 use std::time::Duration;
 
 use camera_node::metrics::{CameraFigures, KindFigures};
 use camera_node::service::NodeWatch;
 use hull::question::QuestionKind;
-use port::{Heartbeat, Labels, Sheet, Telemetry};
 use proto::convert::RefusalReason;
+use telemetry::{Labels, Pulse, Sheet, Telemetry};
 
 use super::{buckets, flag, one, unix_s};
 
@@ -21,18 +21,18 @@ const STUCK: Duration = Duration::from_secs(15);
 #[derive(Default)]
 pub struct NodeTelemetry {
     node: OnceLock<NodeWatch>,
-    heartbeat: Heartbeat,
+    network: Pulse,
 }
 
 impl NodeTelemetry {
     /// From now on tells of this node. Must be called within the node's runtime, which is what beats.
-    pub fn watch(self: &Arc<Self>, node: NodeWatch) {
+    pub fn watch(&self, node: NodeWatch) {
         // There is one node in a process.
         let _ = self.node.set(node);
-        let beating = Arc::clone(self);
+        let beat = self.network.beat("the node's network");
         tokio::spawn(async move {
             loop {
-                beating.heartbeat.beat();
+                beat.works();
                 tokio::time::sleep(BEAT).await;
             }
         });
@@ -57,10 +57,8 @@ impl Telemetry for NodeTelemetry {
     }
 
     fn stuck(&self) -> Option<String> {
-        let silence = self.heartbeat.silence();
-        let network = (silence > STUCK)
-            .then(|| format!("the node's network has not turned for {} s", silence.as_secs()));
-        network.or_else(|| Some(self.node.get()?.pulse().stuck(STUCK)?.to_string()))
+        let stuck = self.network.stuck(STUCK).or_else(|| self.node.get()?.pulse().stuck(STUCK));
+        stuck.map(|stuck| stuck.to_string())
     }
 
     fn lacks(&self) -> Option<String> {

@@ -6,7 +6,8 @@ use std::process::ExitCode;
 
 use camera_node::FilmCheckError;
 use camera_node::capture::CaptureError;
-use cluster::{ClusterFileError, LocalClusterError, NodeConfigError};
+
+use crate::{ClusterFileError, LocalClusterError, NodeConfigError};
 
 /// The longest message, characters.
 const MAX_CHARS: usize = 4000;

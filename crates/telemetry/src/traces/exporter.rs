@@ -16,8 +16,8 @@ use proto::text::{MAX_MESSAGE_CHARS, clean};
 use thiserror::Error;
 use tokio::runtime::Runtime;
 
-use crate::endpoint::Endpoint;
-use crate::span::TRACER;
+use super::endpoint::Endpoint;
+use super::span::TRACER;
 
 /// Of so many passes one is traced: about one a second. `OTEL_TRACES_SAMPLER` chooses others.
 const SAMPLED_SHARE: f64 = 0.01;

@@ -6,7 +6,7 @@ use std::io;
 use std::os::unix::net::{SocketAddr, UnixDatagram};
 use std::time::Duration;
 
-use camera_node::pulse::Pulse;
+use crate::Pulse;
 use sd_notify::NotifyState;
 use tokio::time::{MissedTickBehavior, interval};
 

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use port::{Buckets, Labels, Sheet, Telemetry, TelemetryPort};
+use telemetry::{Buckets, Labels, Sheet, Telemetry, TelemetryPort};
 
 /// A service that can be made to lack something, and to take its time to say so.
 #[derive(Default)]

@@ -11,12 +11,12 @@ use coordinator::metrics::{MetricsSender, NodeMetrics, RunCounts, RunMetrics};
 use coordinator::roster::HullUnavailable;
 use hull::question::QuestionKind;
 use node_client::Dial;
-use port::{Labels, Sheet, Telemetry};
 use proto::fresh_s;
+use telemetry::{Labels, Sheet, Telemetry};
 use tokio::sync::watch;
 
 use super::{buckets, flag, node_label, one, unix_s};
-use crate::run::setup::Setup;
+use crate::run::run_setup::Setup;
 
 /// A loop that has not turned for so long never will: in lock-step it waits for a frame, or a round, for half of that.
 const STUCK: Duration = Duration::from_secs(60);
@@ -27,7 +27,7 @@ const SILENT: Duration = Duration::from_secs(3);
 pub struct RunTelemetry {
     metrics: watch::Receiver<Option<Arc<RunMetrics>>>,
     /// What the run's set-up says of it.
-    file: cluster::ClusterFile,
+    file: setup::ClusterFile,
     dial: Arc<dyn Dial>,
     /// Whether frames come at the pace of film.
     is_paced: bool,

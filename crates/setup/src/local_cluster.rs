@@ -8,12 +8,12 @@ use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
+use camera_node::scratch::ScratchFolder;
 use hull::rig::MAX_CAMERAS;
 use node_client::ExpectedNode;
 use proto::{Address, AddressError, MAX_SOCKET_PATH_BYTES};
-use scratch::ScratchFolder;
+use telemetry::Endpoint;
 use thiserror::Error;
-use traces::Endpoint;
 use wait_timeout::ChildExt as _;
 
 use crate::cluster_file::{ClusterFile, NodeEntry};
@@ -158,7 +158,7 @@ fn socket_name(number: usize) -> String {
 /// The longest path of a folder in which one of our own can be made for sockets.
 fn most_parent_bytes() -> usize {
     // Two separators beside the folder's own name and the longest socket's.
-    MAX_SOCKET_PATH_BYTES - 2 - scratch::NAME_BYTES - socket_name(MAX_CAMERAS).len()
+    MAX_SOCKET_PATH_BYTES - 2 - camera_node::scratch::NAME_BYTES - socket_name(MAX_CAMERAS).len()
 }
 
 /// A folder of this user alone, in TMPDIR unless paths of sockets there would be too long for the system: then in

@@ -8,11 +8,10 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use cli::{Failure, Outcome};
-use cluster::ClusterFile;
-use port::{Buckets, Labels, PortError, Telemetry, TelemetryPort};
 use proto::Histogram;
-use traces::{Endpoint, Exporter, Process};
+use setup::ClusterFile;
+use setup::cli::{Failure, Outcome};
+use telemetry::{Buckets, Endpoint, Exporter, Labels, PortError, Process, Telemetry, TelemetryPort};
 
 pub use node::NodeTelemetry;
 pub use run::metrics;

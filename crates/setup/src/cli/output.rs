@@ -3,7 +3,7 @@
 use std::fmt;
 use std::io::{self, ErrorKind, Write as _};
 
-use crate::failure::{Failure, Outcome};
+use super::failure::{Failure, Outcome};
 
 /// Prints a text to standard output, at once.
 pub fn print(text: fmt::Arguments<'_>) -> Outcome {
@@ -17,14 +17,14 @@ pub fn print(text: fmt::Arguments<'_>) -> Outcome {
 /// Prints to standard output, with the arguments of `format!`; an [`Outcome`].
 #[macro_export]
 macro_rules! out {
-    ($($argument:tt)*) => { $crate::print(::std::format_args!($($argument)*)) };
+    ($($argument:tt)*) => { $crate::cli::print(::std::format_args!($($argument)*)) };
 }
 
 /// The same and the end of a line.
 #[macro_export]
 macro_rules! outln {
-    () => { $crate::print(::std::format_args!("\n")) };
+    () => { $crate::cli::print(::std::format_args!("\n")) };
     ($($argument:tt)*) => {
-        $crate::print(::std::format_args!("{}\n", ::std::format_args!($($argument)*)))
+        $crate::cli::print(::std::format_args!("{}\n", ::std::format_args!($($argument)*)))
     };
 }

@@ -1,6 +1,7 @@
 //! The cluster file, nodes found by their names, and clusters on one machine: node processes, or cameras in this
-//! process.
+//! process. Beside them what command lines share ([`cli`]).
 
+pub mod cli;
 mod cluster_file;
 mod dns_sd;
 mod expand;

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::failure::{Failure, Outcome};
+use super::failure::{Failure, Outcome};
 
 /// Writes a file whole or not at all: beside it first, then in its place. What is no regular file (a
 /// device, a pipe) is written to as it is.

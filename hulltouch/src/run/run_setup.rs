@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use clap::{Args, ValueEnum};
-use cli::{Failure, Outcome, check_writable};
-use cluster::ClusterFile;
 use coordinator::{AskEvery, MemoryUse};
 use hull::surface::HullTime;
 use node_client::{Dial, Role};
+use setup::ClusterFile;
+use setup::cli::{Failure, Outcome, check_writable};
 use sim::{ResponseMode, Scene, WorldSettings};
 
 use super::options::{Outlets, RecordTo};
