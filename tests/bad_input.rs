@@ -244,7 +244,6 @@ fn a_command_whose_output_is_closed_ends_quietly_after_its_work() {
         &["rig", "import", &rig, "--out", &imported][..],
         &["status", &cluster],
         &["doctor", &cluster],
-        &["bench", "sync", "--runs", "1"],
         &demo,
     ] {
         let output = hulltouch().args(arguments).env_remove("RUST_LOG").stdout(closed_pipe()).output();

@@ -1,6 +1,6 @@
-"""OpenCV and NumPy on the work of `hulltouch bench query`, on one thread.
+"""OpenCV and NumPy on the work of `hulltouch-bench query`, on one thread.
 
-Reads one JSON request a line from standard input and answers each with one line. `hulltouch bench query`
+Reads one JSON request a line from standard input and answers each with one line. `hulltouch-bench query`
 starts it and hands over the same masks and points that it asks itself; see docs/performance.md.
 
 The steps are the paper's (sections 4 and 5) as one writes them with these libraries: projection by matrix

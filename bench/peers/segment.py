@@ -1,6 +1,6 @@
-"""OpenCV's background subtraction on the work of `hulltouch bench segment`, on one thread.
+"""OpenCV's background subtraction on the work of `hulltouch-bench segment`, on one thread.
 
-Reads one JSON request a line from standard input and answers each with one line. `hulltouch bench segment`
+Reads one JSON request a line from standard input and answers each with one line. `hulltouch-bench segment`
 starts it and hands over the same RGB frames that it segments itself; see docs/performance.md.
 
 Both engines learn from the frames of the empty room and are then frozen, as ours is. `mog2` is OpenCV's

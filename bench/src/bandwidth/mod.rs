@@ -1,4 +1,4 @@
-//! `hulltouch bench bandwidth`: bytes at the sockets of six layouts, and where each is the best.
+//! `hulltouch-bench bandwidth`: bytes at the sockets of six layouts, and where each is the best.
 
 mod charts;
 mod hosted;
@@ -33,7 +33,7 @@ const BODIES: [usize; 5] = [1, 10, 30, 100, 200];
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Example:
-  hulltouch bench bandwidth --size 3840x2160 --cameras 8 --bodies 10,30,100 --json bandwidth.json
+  hulltouch-bench bandwidth --size 3840x2160 --cameras 8 --bodies 10,30,100 --json bandwidth.json
 
 Layouts: raw_images (a byte a pixel: colour is 1.5 to 3 times that), bit_masks, runs and runs_lz4 gather
 every camera's silhouette once a frame of film, 30 a second; raw_points and registered_bodies ask every

@@ -1,4 +1,4 @@
-//! `hulltouch bench cluster`: what a pass takes over real node processes of this machine.
+//! `hulltouch-bench cluster`: what a pass takes over real node processes of this machine.
 
 pub mod bodies;
 mod certificates;
@@ -37,9 +37,9 @@ const SIZES: [(u32, u32); 4] = [(640, 480), (1920, 1080), (3840, 2160), (7680, 4
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Example:
-  hulltouch bench cluster --nodes 8 --bodies 30 --size 3840x2160 --json cluster.json
+  hulltouch-bench cluster --nodes 8 --bodies 30 --size 3840x2160 --json cluster.json
 
-  hulltouch bench cluster --nodes 8 --bodies 200 --samples 300 --size 640x480 --response contacts
+  hulltouch-bench cluster --nodes 8 --bodies 200 --samples 300 --size 640x480 --response contacts
 
 Each node is a process with a ring full of silhouettes; the coordinator is this process. Bodies of 500
 samples stand against a person, about 5 % of the samples inside, and move a little with every pass. A pass
@@ -57,7 +57,7 @@ After the passes as many more are made, each followed by its own messages with n
 pass/empty compares their medians. Of the coordinator's processor time the table tells all threads together,
 and per node these and the busiest.
 
-  hulltouch bench cluster --nodes 4,8,16,32 --node-cameras 8 --size 160x120 --abstain")]
+  hulltouch-bench cluster --nodes 4,8,16,32 --node-cameras 8 --size 160x120 --abstain")]
 pub struct ClusterBenchArguments {
     /// Numbers of node processes.
     #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = parse_nodes)]

@@ -1,4 +1,4 @@
-//! `hulltouch bench feed`: what a page costs its link and the run that it looks at.
+//! `hulltouch-bench feed`: what a page costs its link and the run that it looks at.
 
 mod charts;
 mod link;
@@ -22,7 +22,7 @@ const SIZES: [(u32, u32); 2] = [(640, 480), (1920, 1080)];
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Example:
-  hulltouch bench feed --size 640x480 --link 1 --seconds 60 --json feed.json
+  hulltouch-bench feed --size 640x480 --link 1 --seconds 60 --json feed.json
 
 Each row is a demo of its own: cameras, coordinator and physics as processes, and a page that reads all it is
 sent and draws nothing. Of the studio, the page looks for a while and looks away for a while in turn, so that

@@ -1,4 +1,4 @@
-//! `hulltouch bench physics`: whether bodies behave as a physicist expects.
+//! `hulltouch-bench physics`: whether bodies behave as a physicist expects.
 
 mod falls;
 mod film;
@@ -35,10 +35,10 @@ use super::table::{Machine, Table, write_json};
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  hulltouch bench physics --scene rest,lift --size 640x480,1280x720 --noise 0,0.01 --seeds 3
-  hulltouch bench physics --scene topple,lift --response contacts,solids,8k
-  hulltouch bench physics --scene normals --size 1280x720,3840x2160
-  hulltouch bench physics --recording deploy/uu_horseman.cluster.toml --bodies deploy/uu_horseman_knees.scene.toml
+  hulltouch-bench physics --scene rest,lift --size 640x480,1280x720 --noise 0,0.01 --seeds 3
+  hulltouch-bench physics --scene topple,lift --response contacts,solids,8k
+  hulltouch-bench physics --scene normals --size 1280x720,3840x2160
+  hulltouch-bench physics --recording deploy/uu_horseman.cluster.toml --bodies deploy/uu_horseman_knees.scene.toml
 
 Every run sees the true silhouettes of the studio, in lock-step; with noise, a share of the pixels on either side of
 every outline is inverted in every frame. Of several seeds each figure is the worst; of `drops` each lets one cube fall.

@@ -1,4 +1,4 @@
-//! `hulltouch bench query`: points per second of one core.
+//! `hulltouch-bench query`: points per second of one core.
 
 mod bounds;
 mod engines;
@@ -46,7 +46,7 @@ const TOUCHING_BODIES: usize = PASS_POINTS / SAMPLES;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Example:
-  hulltouch bench query --size 640x480,1920x1080 --python python3 --json query.json --plot charts
+  hulltouch-bench query --size 640x480,1920x1080 --python python3 --json query.json --plot charts
 
 Loads: `inside` is the inside test alone, on random points in the box of a person of the stage, most of
 them outside; `contacts` are full passes over points 1 to 3 cm inside, `anywhere` over points uniformly

@@ -1,4 +1,4 @@
-//! `hulltouch bench segment`: megapixels per second of one core, from a camera's bytes to a silhouette.
+//! `hulltouch-bench segment`: megapixels per second of one core, from a camera's bytes to a silhouette.
 
 mod engines;
 mod scene;
@@ -25,7 +25,7 @@ const TURNS: usize = 9;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Example:
-  hulltouch bench segment --size 1920x1080 --python python3 --json segment.json --plot charts
+  hulltouch-bench segment --size 1920x1080 --python python3 --json segment.json --plot charts
 
 Frames are those of the studio, with shadows and sensor noise, compared with its ground truth; and, where
 HULLTOUCH_DATASETS leads to the recordings and ffmpeg is there, those of uu_horseman, compared with its

@@ -1,4 +1,4 @@
-//! `hulltouch bench sync`: how exactly `sync check` finds planted offsets, and what it makes of a turned camera.
+//! `hulltouch-bench sync`: how exactly `sync check` finds planted offsets, and what it makes of a turned camera.
 
 mod film;
 mod rows;
@@ -24,7 +24,7 @@ use super::table::{Machine, Table, write_json};
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Example:
-  hulltouch bench sync --motion walk,wave,idle --turn 0,1 --runs 5 --json sync.json
+  hulltouch-bench sync --motion walk,wave,idle --turn 0,1 --runs 5 --json sync.json
 
 Each run renders the studio with sensor noise, segments it as nodes do, and has other offsets and another seed;
 with --turn one camera of the rig, another in each run, is turned in the file alone. `said` is the check's own

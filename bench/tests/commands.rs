@@ -8,8 +8,7 @@ use serde_json::Value;
 #[track_caller]
 fn bench(folder: &Path, arguments: &[&str]) -> (Value, String) {
     let json = folder.join("figures.json");
-    let output = testkit::command(env!("CARGO_BIN_EXE_hulltouch"))
-        .arg("bench")
+    let output = testkit::command(env!("CARGO_BIN_EXE_hulltouch-bench"))
         .args(arguments)
         .arg("--json")
         .arg(&json)
@@ -111,19 +110,8 @@ fn bandwidth_counts_the_bytes_of_six_layouts() {
 fn sync_tells_how_exactly_planted_offsets_are_found() {
     let folder = tempfile::tempdir().expect("folder");
     let json = folder.path().join("sync.json");
-    let output = testkit::command(env!("CARGO_BIN_EXE_hulltouch"))
-        .args([
-            "bench",
-            "sync",
-            "--motion",
-            "walk,idle",
-            "--cameras",
-            "3",
-            "--size",
-            "256x192",
-            "--seconds",
-            "3",
-        ])
+    let output = testkit::command(env!("CARGO_BIN_EXE_hulltouch-bench"))
+        .args(["sync", "--motion", "walk,idle", "--cameras", "3", "--size", "256x192", "--seconds", "3"])
         .args(["--runs", "2", "--json"])
         .arg(&json)
         .output()
@@ -139,13 +127,13 @@ fn sync_tells_how_exactly_planted_offsets_are_found() {
 #[test]
 fn settings_out_of_bounds_are_refused() {
     for (arguments, word) in [
-        (["bench", "cluster", "--nodes", "0"], "expected 1 to"),
-        (["bench", "cluster", "--size", "64"], "expected WxH"),
-        (["bench", "bandwidth", "--noise", "0.9"], "expected 0 to 0.5"),
-        (["bench", "bandwidth", "--bodies", "x"], "expected 1 to"),
+        (["cluster", "--nodes", "0"], "expected 1 to"),
+        (["cluster", "--size", "64"], "expected WxH"),
+        (["bandwidth", "--noise", "0.9"], "expected 0 to 0.5"),
+        (["bandwidth", "--bodies", "x"], "expected 1 to"),
     ] {
         let output =
-            testkit::command(env!("CARGO_BIN_EXE_hulltouch")).args(arguments).output().expect("runs");
+            testkit::command(env!("CARGO_BIN_EXE_hulltouch-bench")).args(arguments).output().expect("runs");
         let said = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(2), "{said}");
         assert!(said.contains(word), "{said}");
@@ -173,4 +161,16 @@ fn feed_counts_what_a_page_is_sent_and_what_a_thin_link_leaves_of_it() {
     );
     assert!(printed.contains("studio 160x120"), "{printed}");
     assert!(folder.path().join("charts/feed.svg").exists());
+}
+
+#[test]
+fn a_closed_standard_output_ends_a_bench_without_a_word() {
+    let (reader, writer) = std::io::pipe().expect("a pipe");
+    drop(reader);
+    let mut bench = testkit::command(env!("CARGO_BIN_EXE_hulltouch-bench"));
+    let output = bench.args(["sync", "--runs", "1"]).env_remove("RUST_LOG").stdout(writer).output();
+    let output = output.expect("runs");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(141), "{said}");
+    assert!(!said.contains("panicked") && !said.contains("hulltouch-bench:"), "{said}");
 }
