@@ -135,14 +135,14 @@ const WIRE: [&str; 12] = [
     "camera-node/src/service/",
     "crates/node-client/src/",
     "web/server/src/programs/world_service.rs",
-    "tests/contract.rs",
-    "tests/one_coordinator.rs",
-    "tests/programs.rs",
+    "tests/answers/contract.rs",
+    "tests/rooms/one_coordinator.rs",
+    "tests/clients/programs.rs",
     "tests/simulated/liar.rs",
-    "tests/pinned_memory.rs",
+    "tests/rooms/pinned_memory.rs",
     "tests/under_attack/",
     // Of a collector, which is none of ours.
-    "tests/traces.rs",
+    "tests/rooms/traces.rs",
     "tests/tidy.rs",
 ];
 
