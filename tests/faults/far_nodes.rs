@@ -114,7 +114,7 @@ fn a_way_that_becomes_longer_is_followed() {
     timely!(watch, late_steps < 5 * 120, "late until the latency has followed: {late_steps}");
 }
 
-/// Minutes, and of a release build: `HULLTOUCH_MEASURE=1 cargo test --release --test far_nodes studio -- --nocapture`
+/// Minutes, and of a release build: `HULLTOUCH_MEASURE=1 cargo test --release --test faults far_nodes::studio -- --nocapture`
 /// prints what runs miss by how far nodes are.
 #[test]
 fn a_studio_of_far_nodes_misses_under_a_hundredth() {
