@@ -17,12 +17,13 @@ use std::io::{BufRead as _, BufReader};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::thread;
 use std::time::{Duration, Instant};
 
 use filmed::{film_argument, film_of, filmed_room};
 use link::{Delay, Link};
+use parking_lot::Mutex;
 use room::{Node, Running, cameras, cluster_file, coordinator, ended, frames, missed, program};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
@@ -205,7 +206,7 @@ fn listen(run: &mut Child) -> Arc<Mutex<Said>> {
     let (stderr, shared) = (run.stderr.take().expect("piped"), Arc::clone(&said));
     thread::spawn(move || {
         for line in BufReader::new(stderr).lines().map_while(Result::ok) {
-            let mut said = shared.lock().expect("no panic");
+            let mut said = shared.lock();
             for camera in (0..2 * NODES).map(|camera| format!("\"cam_{camera}\"")) {
                 if line.contains(&format!("camera {camera} films nothing")) {
                     said.lost.insert(camera);
@@ -230,7 +231,7 @@ static ALONE: Mutex<()> = Mutex::new(());
 fn comes_true(said: &Mutex<Said>, is_true: impl Fn(&HashSet<String>) -> bool) -> bool {
     let asked = Instant::now();
     while asked.elapsed() < Duration::from_secs(60) {
-        if is_true(&said.lock().expect("no panic").lost) {
+        if is_true(&said.lock().lost) {
             return true;
         }
         thread::sleep(Duration::from_millis(5));
@@ -240,7 +241,7 @@ fn comes_true(said: &Mutex<Said>, is_true: impl Fn(&HashSet<String>) -> bool) ->
 
 #[test]
 fn a_camera_that_falls_silent_takes_no_other_with_it() {
-    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let _alone = ALONE.lock();
     let watch = Watch::start();
     let room = Room::new();
     let json = room.folder.path().join("out.json");
@@ -258,7 +259,7 @@ fn a_camera_that_falls_silent_takes_no_other_with_it() {
     let back = comes_true(&said, HashSet::is_empty);
     signal(run.id(), Signal::INT);
     assert!(run.child().wait().expect("ends").success());
-    let lines = said.lock().expect("no panic").lines.join("\n");
+    let lines = said.lock().lines.join("\n");
     timely!(watch, alone, "cam_1 alone was not lost: {lines}");
     timely!(watch, back, "cam_1 is not back: {lines}");
 }
@@ -266,7 +267,7 @@ fn a_camera_that_falls_silent_takes_no_other_with_it() {
 /// `HULLTOUCH_CHAOS_S` and `HULLTOUCH_CHAOS_SEED` make it longer, and another.
 #[test]
 fn a_run_in_which_everything_fails_goes_on() {
-    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let _alone = ALONE.lock();
     let watch = Watch::start();
     let (seconds, seed) = (number("HULLTOUCH_CHAOS_S", 60), number("HULLTOUCH_CHAOS_SEED", 1));
     let mut random = Random(seed);
@@ -283,11 +284,11 @@ fn a_run_in_which_everything_fails_goes_on() {
         let fault = room.fail(&mut random);
         let ended = Instant::now();
         thread::sleep(Duration::from_millis(700));
-        while !said.lock().expect("no panic").lost.is_empty() && ended.elapsed() < BACK_WITHIN {
+        while !said.lock().lost.is_empty() && ended.elapsed() < BACK_WITHIN {
             thread::sleep(Duration::from_millis(20));
         }
         faults.push(fault);
-        let now = said.lock().expect("no panic");
+        let now = said.lock();
         let last = now.lines.iter().rev().take(30).rev().cloned().collect::<Vec<_>>().join("\n");
         assert!(
             run.child().try_wait().expect("a child").is_none(),
@@ -315,7 +316,7 @@ fn a_run_in_which_everything_fails_goes_on() {
 /// `HULLTOUCH_STARTS` says how many are tried.
 #[test]
 fn a_node_that_freezes_for_a_moment_does_not_fail_a_start() {
-    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let _alone = ALONE.lock();
     let watch = Watch::start();
     let folder = tempfile::tempdir().expect("a folder");
     let (cluster, json) = (cluster_file(folder.path(), NODES), folder.path().join("out.json"));

@@ -1,7 +1,6 @@
 //! Cameras that look at the studio, several at once: looking takes a while.
 
-use std::sync::{Mutex, PoisonError};
-
+use parking_lot::Mutex;
 use setup::cli::{Outcome, Progress};
 
 /// Cameras that look at once, at most: one of 7680x4320 takes 800 MB while it looks.
@@ -16,7 +15,7 @@ pub fn all_see<T: Clone + Default + Send>(
     let progress = Mutex::new(Progress::new(what, cameras as u64));
     each(cameras, |index| {
         let seen = look(index);
-        progress.lock().unwrap_or_else(PoisonError::into_inner).step();
+        progress.lock().step();
         seen
     })
 }

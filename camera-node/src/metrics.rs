@@ -2,9 +2,9 @@
 //! scrape.
 
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use hull::question::QuestionKind;
+use parking_lot::Mutex;
 use proto::convert::RefusalReason;
 use proto::{Histogram, monotonic_s};
 
@@ -62,7 +62,7 @@ impl FilmMeter {
     }
 
     pub(crate) fn filmed(&self, camera: usize, frame: FilmedFrame) {
-        let mut figures = lock(&self.cameras[camera]);
+        let mut figures = self.cameras[camera].lock();
         figures.frames += 1;
         figures.missed += frame.missed;
         figures.foreground = frame.foreground;
@@ -71,21 +71,21 @@ impl FilmMeter {
     }
 
     pub(crate) fn failed(&self, camera: usize) {
-        lock(&self.cameras[camera]).failures += 1;
+        self.cameras[camera].lock().failures += 1;
     }
 
     pub(crate) fn clock(&self, bound_s: f64) {
-        *lock(&self.clock_bound_s) = Some(bound_s);
+        *self.clock_bound_s.lock() = Some(bound_s);
     }
 
     /// Each camera, in the node's order.
     pub fn cameras(&self) -> Vec<CameraFigures> {
-        self.cameras.iter().map(|camera| lock(camera).clone()).collect()
+        self.cameras.iter().map(|camera| camera.lock().clone()).collect()
     }
 
     /// How far film time may be off here, seconds, once a coordinator has told it.
     pub fn clock_bound_s(&self) -> Option<f64> {
-        *lock(&self.clock_bound_s)
+        *self.clock_bound_s.lock()
     }
 }
 
@@ -113,19 +113,19 @@ pub struct KindFigures {
 
 impl AnswerMeter {
     pub(crate) fn answered(&self, kind: QuestionKind, points: usize, seconds: f64) {
-        let mut figures = lock(&self.0);
+        let mut figures = self.0.lock();
         let of_kind = &mut figures.answered[kind as usize];
         of_kind.points += points as u64;
         of_kind.took.add(seconds);
     }
 
     pub(crate) fn refused(&self, reason: RefusalReason) {
-        lock(&self.0).refused[reason as usize] += 1;
+        self.0.lock().refused[reason as usize] += 1;
     }
 
     /// So far.
     pub fn read(&self) -> AnswerFigures {
-        lock(&self.0).clone()
+        self.0.lock().clone()
     }
 }
 
@@ -179,11 +179,6 @@ impl TrafficMeter {
             open: opened.saturating_sub(closed),
         }
     }
-}
-
-/// What these locks guard is consistent between any two statements.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]

@@ -1,9 +1,10 @@
 //! The shapes that coordinators have registered, by content.
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
 use hull::Shape;
+use parking_lot::{Mutex, MutexGuard};
 use proto::convert::shape_key;
 use thiserror::Error;
 
@@ -95,7 +96,7 @@ impl Shapes {
     }
 
     fn lock(&self) -> MutexGuard<'_, Kept> {
-        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+        self.kept.lock()
     }
 }
 

@@ -2,11 +2,13 @@
 
 use std::io::{Read as _, Write as _};
 use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
+
+use parking_lot::Mutex;
 
 /// How late bytes are, one way.
 #[derive(Clone, Copy, Debug)]
@@ -61,7 +63,7 @@ impl Link {
     /// From now on bytes are so late.
     #[allow(dead_code, reason = "not every test needs it")]
     pub fn set_delay(&self, delay: Delay) {
-        *self.shared.delay.lock().unwrap_or_else(PoisonError::into_inner) = delay;
+        *self.shared.delay.lock() = delay;
     }
 
     /// Cuts it: what is on its way is lost, connections break, none is made; or mends it.
@@ -91,7 +93,7 @@ impl Shared {
         let node = TcpStream::connect_timeout(&self.to, Duration::from_secs(2))?;
         client.set_nodelay(true)?;
         node.set_nodelay(true)?;
-        let mut open = self.open.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut open = self.open.lock();
         open.extend([client.try_clone()?, node.try_clone()?]);
         drop(open);
         for (from, to) in [(client.try_clone()?, node.try_clone()?), (node, client)] {
@@ -114,7 +116,7 @@ impl Shared {
     }
 
     fn lateness(&self) -> Duration {
-        let Delay { ms, jitter_ms } = *self.delay.lock().unwrap_or_else(PoisonError::into_inner);
+        let Delay { ms, jitter_ms } = *self.delay.lock();
         // SplitMix64.
         let mut mixed = self.random.fetch_add(0x9e37_79b9_7f4a_7c15, Ordering::Relaxed);
         mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -124,7 +126,7 @@ impl Shared {
     }
 
     fn close(&self) {
-        for stream in self.open.lock().unwrap_or_else(PoisonError::into_inner).drain(..) {
+        for stream in self.open.lock().drain(..) {
             // It may be closed.
             let _ = stream.shutdown(Shutdown::Both);
         }

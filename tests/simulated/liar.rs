@@ -1,10 +1,11 @@
 //! A node that lies: it stands before an honest one, and changes what that one says.
 
 use std::net::Ipv4Addr;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use http::header::{DATE, HeaderValue};
+use parking_lot::{Mutex, MutexGuard};
 use proto::v1::camera_node_client::CameraNodeClient;
 use proto::v1::camera_node_server::{CameraNode, CameraNodeServer};
 use proto::v1::{self, probe_reply, refusal::Reason};
@@ -123,7 +124,7 @@ pub struct Liar {
 
 impl Liar {
     fn habit(&self) -> MutexGuard<'_, Habit> {
-        self.habit.lock().unwrap_or_else(PoisonError::into_inner)
+        self.habit.lock()
     }
 
     /// What it does with a call that has one reply: late, lost and refused ones are so already.
@@ -175,7 +176,7 @@ fn forward<T: Clone + Send + 'static>(
     tokio::spawn(async move {
         while let Some(message) = from.next().await {
             let (lie, delay, message) = {
-                let mut habit = habit.lock().unwrap_or_else(PoisonError::into_inner);
+                let mut habit = habit.lock();
                 let lie = habit.next();
                 let delay = habit.random.ms(20, 400);
                 let message = message.and_then(|message| lied(&mut habit, lie, message));
@@ -348,7 +349,7 @@ impl CameraNode for Liar {
         tokio::spawn(async move {
             let mut questions = std::pin::pin!(requests(request));
             while let Some(question) = questions.next().await {
-                let lie = habit.lock().unwrap_or_else(PoisonError::into_inner).next();
+                let lie = habit.lock().next();
                 if lie == Lie::Unread {
                     return sender.closed().await;
                 }

@@ -1,11 +1,12 @@
 //! True silhouettes of the studio, drawn as a run asks for them; on request their outlines flicker.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
 use camera_node::frames::{CameraFrame, FrameRing, Stamp};
 use coordinator::{BoxError, LocalFrames, Silhouettes};
 use hull::{Camera, Observer, ProbeSettings, Silhouette, ViewSet};
+use parking_lot::Mutex;
 use proto::{FilmState, FrameReport, Pace};
 use setup::cli::{Failure, Outcome};
 use stage::{StageSettings, studio_rig, true_silhouette};
@@ -54,7 +55,7 @@ impl StageFilm {
 
     fn silhouettes(&self, frame: u64) -> Outcome<Vec<Silhouette>> {
         let frame = self.first_like(frame);
-        if let Some(known) = locked(&self.drawn).get(&frame) {
+        if let Some(known) = self.drawn.lock().get(&frame) {
             return Ok(known.clone());
         }
         let time_s = self.stage.time_s(frame);
@@ -63,7 +64,7 @@ impl StageFilm {
             Ok(Some(silhouette.map_err(Failure::run)?))
         };
         let seen: Vec<Silhouette> = each(self.observers.len(), look)?.into_iter().flatten().collect();
-        locked(&self.drawn).insert(frame, seen.clone());
+        self.drawn.lock().insert(frame, seen.clone());
         Ok(seen)
     }
 }
@@ -118,7 +119,7 @@ impl LocalFrames for Showing {
     }
 
     fn credit(&self, up_to_frame: u64) {
-        let mut next = locked(&self.next);
+        let mut next = self.next.lock();
         while *next <= up_to_frame {
             if let Err(error) = self.draw(*next) {
                 return self.ring.fail(error.to_string());
@@ -185,10 +186,6 @@ fn flickering(silhouette: &Silhouette, chance: f64, random: &mut Random) -> Vec<
     flickers
 }
 
-fn locked<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
-    of.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 #[cfg(test)]
 mod tests {
     use stage::Motion;
@@ -215,6 +212,6 @@ mod tests {
         let film = StageFilm::new(stage, 2, (64, 48)).expect("a film");
         assert_eq!((film.first_like(3), film.first_like(30), film.first_like(150)), (3, 30, 30));
         assert_eq!(film.silhouettes(40).expect("drawn"), film.silhouettes(160).expect("drawn"));
-        assert_eq!(locked(&film.drawn).len(), 1);
+        assert_eq!(film.drawn.lock().len(), 1);
     }
 }

@@ -1,12 +1,13 @@
 //! A run of a scene over a film, and what became of its bodies step by step.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
 use coordinator::hooks::{EndRecord, FrameRecord, Recorder, StepRecord};
 use coordinator::{AskEvery, Coordinator, LocalFrames, Progress, RunSettings, Snapshot, Transport, Watcher};
 use hull::{Observer, Pose, ProbeSettings};
 use nalgebra::{Point3, Quaternion, UnitQuaternion, Vector3};
+use parking_lot::Mutex;
 use setup::cli::{Failure, Outcome};
 use setup::{ClusterFile, InProcess};
 use sim::{Body, BodyId, BodyResponse, Scene, World, WorldSettings};
@@ -130,7 +131,7 @@ impl Recorder for Keeper {
             BodyAt::of(body, f64::from(inside.fold(0.0, f32::max)))
         };
         let bodies = record.world.moving_bodies().enumerate().map(body).collect();
-        let mut steps = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut steps = self.0.lock();
         steps.push(TrackStep { film_s: record.film_s, bodies });
     }
 
@@ -200,7 +201,7 @@ impl Track {
         if let Some(why) = &figures.film_failure {
             return Err(Failure::run(why));
         }
-        let mut steps = std::mem::take(&mut *steps.lock().unwrap_or_else(PoisonError::into_inner));
+        let mut steps = std::mem::take(&mut *steps.lock());
         let later_s = plan.response.hull_time().frames_later() / fps;
         steps.iter_mut().for_each(|step| step.film_s -= later_s);
         let passes_a_frame = figures.passes as f64 / figures.frames.max(1) as f64;

@@ -1,8 +1,7 @@
 //! The background learnt again while film goes on: from so many frames of the film itself, beginning at the
 //! same frame in every camera. Frames are cut out with the old background until the new one is there.
 
-use std::sync::{Mutex, PoisonError};
-
+use parking_lot::Mutex;
 use proto::BACKGROUND_S;
 use segment::{BackgroundBuilder, BackgroundModel, Method};
 use thiserror::Error;
@@ -73,11 +72,11 @@ pub(super) struct RequestSlot(Mutex<Option<BackgroundRequest>>);
 impl RequestSlot {
     /// Replaces the request; `None` withdraws it.
     pub fn set(&self, request: Option<BackgroundRequest>) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = request;
+        *self.0.lock() = request;
     }
 
     fn take(&self) -> Option<BackgroundRequest> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).take()
+        self.0.lock().take()
     }
 }
 

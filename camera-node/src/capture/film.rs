@@ -1,9 +1,10 @@
 //! The film of all cameras of a node: runs begin, go on as far as credits allow, and stop.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use parking_lot::Mutex;
 use proto::{ClockLine, RunStart};
 use telemetry::{Beat, Pulse};
 
@@ -131,7 +132,7 @@ impl Film {
                 beat: Arc::clone(&camera.beat),
             };
             camera.beat.works();
-            let opened = lock(&camera.ready).open(&context);
+            let opened = camera.ready.lock().open(&context);
             camera.beat.waits();
             match opened {
                 Err(error) if !(capture.reopens() && error.may_pass()) => Err(error),
@@ -150,7 +151,7 @@ impl Film {
         self.colours.clear();
         let (gate, clock) = (Arc::new(Gate::default()), Arc::new(FilmClock::new(start.clock)));
         self.meter.clock(start.clock.bound_s);
-        *lock(&self.reins) = Reins {
+        *self.reins.lock() = Reins {
             run: start.run,
             gate: Arc::clone(&gate),
             clock: Some(Arc::clone(&clock)),
@@ -175,13 +176,13 @@ impl Film {
         beat: &Arc<Beat>,
     ) -> OpenContext {
         let (gate, clock, beat) = (Arc::clone(gate), Arc::clone(clock), Arc::clone(beat));
-        let phase = Arc::clone(&lock(&self.reins).phase);
+        let phase = Arc::clone(&self.reins.lock().phase);
         let live_silence = if start.lock_step { Duration::MAX } else { silence(self.fps) };
         OpenContext {
             fps: self.fps,
             is_run: true,
             clock: Arc::new(move || clock.now_s()),
-            phase: Arc::new(move || *lock(&phase)),
+            phase: Arc::new(move || *phase.lock()),
             stopped: Arc::new(move || {
                 // Who asks while it waits for a frame is not stuck in it.
                 beat.works();
@@ -193,13 +194,13 @@ impl Film {
 
     /// The same of the run that is on.
     pub fn cut_here(&self, phase: f64) {
-        *lock(&lock(&self.reins).phase) = Some(phase);
+        *self.reins.lock().phase.lock() = Some(phase);
     }
 }
 
 impl Filming for Film {
     fn start(&self, start: RunStart) -> Result<(), CaptureError> {
-        let mut run = lock(&self.run);
+        let mut run = self.run.lock();
         if run.as_ref().is_some_and(|run| run.start.run == start.run) {
             self.keep_time(start.run, start.clock);
             return Ok(());
@@ -208,27 +209,27 @@ impl Filming for Film {
     }
 
     fn stop_if(&self, is_wanted: &dyn Fn() -> bool) -> bool {
-        let mut run = lock(&self.run);
+        let mut run = self.run.lock();
         if !is_wanted() {
             return false;
         }
-        *lock(&self.reins) = Reins::default();
+        *self.reins.lock() = Reins::default();
         run.take().map(Run::stop).is_some()
     }
 
     fn credit(&self, up_to_frame: u64) {
-        lock(&self.reins).gate.credit(up_to_frame);
+        self.reins.lock().gate.credit(up_to_frame);
     }
 
     fn keep_time(&self, run: u64, line: ClockLine) -> bool {
-        let reins = lock(&self.reins);
+        let reins = self.reins.lock();
         let Some(clock) = reins.clock.as_ref().filter(|_| reins.run == run) else { return true };
         self.meter.clock(line.bound_s);
         clock.follow(line)
     }
 
     fn start_again(&self, run: u64, line: ClockLine) -> Result<(), CaptureError> {
-        let mut current = lock(&self.run);
+        let mut current = self.run.lock();
         let start = current.as_ref().map(|current| current.start).filter(|start| start.run == run);
         match start {
             Some(start) if !start.lock_step && !self.keep_time(run, line) => {
@@ -240,9 +241,9 @@ impl Filming for Film {
     }
 
     fn cut_at(&self, run: u64, phase: f64) {
-        let reins = lock(&self.reins);
+        let reins = self.reins.lock();
         if reins.run == run {
-            *lock(&reins.phase) = Some(phase);
+            *reins.phase.lock() = Some(phase);
         }
     }
 
@@ -275,7 +276,7 @@ impl Run {
 
 /// A film thread: the ring hears how the film ended.
 fn film(capture: &CaptureLoop, opened: Opened, camera: &Mutex<ReadyCamera>) {
-    let mut camera = lock(camera);
+    let mut camera = camera.lock();
     let run = std::panic::AssertUnwindSafe(|| capture.run(&mut camera, opened));
     let filmed = std::panic::catch_unwind(run).unwrap_or(Err(CaptureError::Panicked));
     capture.beat.waits();
@@ -291,11 +292,6 @@ fn film(capture: &CaptureLoop, opened: Opened, camera: &Mutex<ReadyCamera>) {
 /// How long a live source that films may give nothing.
 fn silence(fps: f64) -> Duration {
     Duration::try_from_secs_f64(SILENT_FRAMES / fps).map_or(LEAST_SILENCE, |frames| frames.max(LEAST_SILENCE))
-}
-
-/// What these locks guard is consistent between any two statements that can panic.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]

@@ -1,7 +1,6 @@
 //! Film time in a node: it follows what the coordinator tells of it without ever being set.
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
-
+use parking_lot::{Mutex, MutexGuard};
 use proto::{ClockLine, monotonic_s};
 
 /// What film time is off is made good at this rate: slowly enough that no frame is counted twice.
@@ -57,7 +56,7 @@ impl FilmClock {
     }
 
     fn lock(&self) -> MutexGuard<'_, State> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.0.lock()
     }
 }
 

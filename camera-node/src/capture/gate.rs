@@ -1,7 +1,8 @@
 //! What stops the threads of a run, and how far they may go ahead.
 
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
+
+use parking_lot::{Condvar, Mutex, MutexGuard};
 
 use super::film_clock::FilmClock;
 
@@ -42,15 +43,16 @@ impl Gate {
     /// Waits for the credit of a frame; false if the run stops.
     pub fn wait_for(&self, frame: u64) -> bool {
         let must_wait = |state: &mut State| !state.stopped && frame > state.up_to_frame;
-        let state = self.changed.wait_while(self.lock(), must_wait);
-        !state.unwrap_or_else(PoisonError::into_inner).stopped
+        let mut state = self.lock();
+        self.changed.wait_while(&mut state, must_wait);
+        !state.stopped
     }
 
     /// Sleeps until a film time, seconds; false if the run stops.
     pub fn sleep_until(&self, film_s: f64, clock: &FilmClock) -> bool {
         loop {
             let left_s = film_s - clock.now_s();
-            let state = self.lock();
+            let mut state = self.lock();
             if state.stopped {
                 return false;
             }
@@ -58,18 +60,19 @@ impl Gate {
                 return true;
             }
             let sleep = Duration::from_secs_f64(left_s.min(MAX_SLEEP_S));
-            drop(self.changed.wait_timeout_while(state, sleep, |state| !state.stopped));
+            self.changed.wait_while_for(&mut state, |state| !state.stopped, sleep);
         }
     }
 
     /// Sleeps so long; false if the run stops.
     pub fn sleep(&self, pause: Duration) -> bool {
-        let slept = self.changed.wait_timeout_while(self.lock(), pause, |state| !state.stopped);
-        !slept.unwrap_or_else(PoisonError::into_inner).0.stopped
+        let mut state = self.lock();
+        self.changed.wait_while_for(&mut state, |state| !state.stopped, pause);
+        !state.stopped
     }
 
     fn lock(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        self.state.lock()
     }
 }
 

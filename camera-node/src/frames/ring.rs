@@ -1,9 +1,10 @@
 //! The ring: frames appear when all cameras have delivered them, and leave in their order.
 
 use std::collections::{BTreeMap, VecDeque};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use hull::ViewSet;
+use parking_lot::Mutex;
 use proto::{CameraStatus, FilmState, TroubleKind, monotonic_s};
 use thiserror::Error;
 use tokio::sync::futures::Notified;
@@ -365,9 +366,9 @@ impl FrameRing {
         self.streams.notify_waiters();
     }
 
-    fn lock(&self) -> std::sync::MutexGuard<'_, Inner> {
+    fn lock(&self) -> parking_lot::MutexGuard<'_, Inner> {
         // A panic elsewhere leaves the ring consistent: no statement here panics between two changes.
-        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+        self.inner.lock()
     }
 }
 

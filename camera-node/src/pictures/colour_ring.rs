@@ -1,12 +1,13 @@
 //! The colours of recent frames, kept only while a viewer requests them.
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use hull::Silhouette;
 use hull::silhouette::PixelRect;
+use parking_lot::{Mutex, MutexGuard};
 use segment::{CROP_GRID, Format};
 
 use crate::frames::RING_FRAMES;
@@ -49,7 +50,7 @@ struct CameraColours {
 
 impl CameraColours {
     fn kept(&self) -> MutexGuard<'_, VecDeque<(u64, Arc<Colour>)>> {
-        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+        self.kept.lock()
     }
 }
 

@@ -8,6 +8,7 @@ mod colour_ring;
 mod encode;
 
 use std::collections::VecDeque;
+use std::panic::AssertUnwindSafe;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 
@@ -139,7 +140,9 @@ fn work(colours: &ColourRing, queue: &Receiver<Job>) {
         for &camera in &job.cameras {
             let key = Key::new(&job, camera);
             let picture = kept.get(&key).or_else(|| {
-                let made = std::panic::catch_unwind(|| picture(colours, &job.frame, camera, &job.request));
+                // A panic leaves the colours whole.
+                let made = AssertUnwindSafe(|| picture(colours, &job.frame, camera, &job.request));
+                let made = std::panic::catch_unwind(made);
                 let made = made
                     .inspect_err(|_| {
                         tracing::error!("encoding a picture of camera {} panicked", camera.rig_index);

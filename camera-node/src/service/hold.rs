@@ -4,9 +4,10 @@
 //! Plain decisions, but for what calls see of them: time is an argument.
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
+use parking_lot::{Mutex, MutexGuard};
 use proto::{Claim, HolderStatus};
 use thiserror::Error;
 use tokio::time::Instant;
@@ -158,7 +159,7 @@ pub(super) struct SharedHold(Arc<Mutex<Hold>>);
 impl SharedHold {
     pub fn lock(&self) -> MutexGuard<'_, Hold> {
         // No statement here panics between two changes.
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.0.lock()
     }
 
     /// Whether a call with that id may change something, or cost time. The connection of the lease holder is known by it.

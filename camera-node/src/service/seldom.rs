@@ -2,9 +2,9 @@
 
 use std::fmt::Display;
 use std::net::IpAddr;
-use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
+use parking_lot::Mutex;
 use tokio::time::Instant;
 
 const EVERY: Duration = Duration::from_secs(1);
@@ -30,7 +30,7 @@ impl Seldom {
 
     /// How many were left out before, if this one may be said.
     fn may_say(&self, now: Instant) -> Option<u64> {
-        let mut last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut last = self.0.lock();
         match &mut *last {
             Some((at, unsaid)) if now.saturating_duration_since(*at) < EVERY => {
                 *unsaid += 1;

@@ -2,7 +2,8 @@
 //! than for one of them.
 
 use std::collections::VecDeque;
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+
+use parking_lot::{Condvar, Mutex, MutexGuard};
 
 /// Why a question may not wait.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,7 +39,7 @@ impl<T> Turns<T> {
 
     fn lock(&self) -> MutexGuard<'_, Waiting<T>> {
         // No statement of it panics between two changes.
-        self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
+        self.waiting.lock()
     }
 
     /// Drops what is no longer wanted; returns how much that was.
@@ -79,7 +80,7 @@ impl<T> Turns<T> {
             if waiting.closed {
                 return None;
             }
-            waiting = self.changed.wait(waiting).unwrap_or_else(PoisonError::into_inner);
+            self.changed.wait(&mut waiting);
         }
     }
 

@@ -1,11 +1,12 @@
 //! Computes answers to questions, one after the other: on a thread of its own, small ones on the caller's.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
 
 use hull::ViewSet;
 use hull::question::Question;
+use parking_lot::Mutex;
 use prost::Message as _;
 use proto::convert::{Precision, RefusalReason, answer_to_wire, refusal, refusal_of};
 use proto::v1;
@@ -170,12 +171,12 @@ impl Worker {
             return Some(refusal(job.id, RefusalReason::TooManyPoints, message));
         }
         let Some(Queue(queue)) = self.queue.as_deref() else {
-            return Some(self.computation.lock().unwrap_or_else(PoisonError::into_inner).reply(&job));
+            return Some(self.computation.lock().reply(&job));
         };
         let is_idle = self.waiting.load(Ordering::Acquire) == 0;
         if is_idle
             && work_ns <= AT_ONCE_NS
-            && let Ok(mut computation) = self.computation.try_lock()
+            && let Some(mut computation) = self.computation.try_lock()
         {
             return Some(computation.reply(&job));
         }
@@ -204,7 +205,7 @@ fn run(computation: &Mutex<Computation>, jobs: &Turns<WaitingJob>, waiting: &Ato
             continue;
         }
         beat.works();
-        let mut computation = computation.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut computation = computation.lock();
         let reply = computation.reply(&job);
         refusal_of(&reply).into_iter().for_each(|reason| computation.answers.refused(reason));
         drop(computation);

@@ -1,8 +1,7 @@
 //! The worlds that a node remembers for its coordinator: the last two that it was given, in memory alone.
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
-
 use bytes::Bytes;
+use parking_lot::{Mutex, MutexGuard};
 use proto::{CheckpointError, open_checkpoint};
 
 /// The last two checkpoints, each of them whole.
@@ -34,7 +33,7 @@ impl WorldMemory {
     }
 
     fn locked(&self) -> MutexGuard<'_, KeptWorlds> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.0.lock()
     }
 }
 

@@ -2,8 +2,9 @@
 
 use std::collections::VecDeque;
 use std::sync::mpsc::RecvTimeoutError;
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
+
+use parking_lot::{Condvar, Mutex, MutexGuard};
 
 /// What a full mailbox does with one more message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,14 +39,14 @@ impl<T> Mailbox<T> {
 
     fn lock(&self) -> MutexGuard<'_, State<T>> {
         // Nothing panics while it holds the lock, and the state is whole between any two lines.
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        self.state.lock()
     }
 
     /// Puts a message in, waiting if that is the rule; gives it back if the mailbox is closed.
     pub fn send(&self, message: T) -> Result<(), T> {
         let mut state = self.lock();
         while self.when_full == WhenFull::Wait && state.messages.len() >= self.capacity && !state.closed {
-            state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+            self.changed.wait(&mut state);
         }
         if state.closed {
             return Err(message);
@@ -62,8 +63,8 @@ impl<T> Mailbox<T> {
     /// every message was received.
     pub fn receive(&self, limit: Duration) -> Result<T, RecvTimeoutError> {
         let must_wait = |state: &mut State<T>| state.messages.is_empty() && !state.closed;
-        let waited = self.changed.wait_timeout_while(self.lock(), limit, must_wait);
-        let (mut state, _) = waited.unwrap_or_else(PoisonError::into_inner);
+        let mut state = self.lock();
+        self.changed.wait_while_for(&mut state, must_wait, limit);
         let none = if state.closed { RecvTimeoutError::Disconnected } else { RecvTimeoutError::Timeout };
         let message = state.messages.pop_front().ok_or(none)?;
         self.changed.notify_all();

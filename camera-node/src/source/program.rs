@@ -4,10 +4,11 @@ use std::io::{self, Read};
 use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
 use std::path::Path;
 use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use parking_lot::Mutex;
 use proto::text::clean;
 use rustix::io::Errno;
 use rustix::process::{Pid, Signal, WaitId, WaitIdOptions, kill_process_group, waitid};
@@ -152,7 +153,7 @@ impl Program {
         while self.drain.as_ref().is_some_and(|thread| !thread.is_finished()) && Instant::now() < deadline {
             std::thread::sleep(POLL);
         }
-        tail(&self.stderr.lock().unwrap_or_else(PoisonError::into_inner))
+        tail(&self.stderr.lock())
     }
 }
 
@@ -173,7 +174,7 @@ fn may_pass(error: &io::Error) -> bool {
 fn drain_stderr(mut stderr: impl Read, kept: &Mutex<Vec<u8>>) {
     let mut chunk = [0; 1024];
     while let Ok(count @ 1..) = stderr.read(&mut chunk) {
-        let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut kept = kept.lock();
         kept.extend_from_slice(&chunk[..count]);
         let excess = kept.len().saturating_sub(KEPT_STDERR_BYTES);
         kept.drain(..excess);

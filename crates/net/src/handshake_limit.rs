@@ -3,8 +3,9 @@
 
 use std::collections::HashMap;
 use std::net::IpAddr;
-use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
+
+use parking_lot::Mutex;
 
 /// Handshakes begun within a window.
 const WINDOW: Duration = Duration::from_secs(1);
@@ -28,7 +29,7 @@ struct Window {
 impl HandshakeLimit {
     /// Whether another handshake with this machine may begin. A trusted machine is not limited by what others have begun.
     pub fn admit(&self, machine: IpAddr, is_trusted: bool, now: Instant) -> bool {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).admit(machine, is_trusted, now)
+        self.0.lock().admit(machine, is_trusted, now)
     }
 }
 

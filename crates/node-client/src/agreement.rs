@@ -1,9 +1,10 @@
 //! What the nodes of a run and their coordinator agree on: who is meant, the hull rule, shapes, the run, who leads.
 
 use std::fmt;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
 use hull::{ProbeSettings, Shape};
+use parking_lot::{Mutex, MutexGuard};
 use proto::convert::ExpectedCamera;
 use proto::text::{MAX_NAME_CHARS, clean};
 use proto::{Address, CameraDescription, Claim, Cut, NodeDescription, Pace, unix_now_s};
@@ -137,7 +138,7 @@ impl Agreement {
 
     /// Where film is cut into frames, by what nodes have reported of their cameras.
     pub(crate) fn cut(&self) -> MutexGuard<'_, Cut> {
-        self.cut.lock().unwrap_or_else(PoisonError::into_inner)
+        self.cut.lock()
     }
 
     /// The bytes of all connections so far.
@@ -157,7 +158,7 @@ impl Agreement {
     }
 
     pub(crate) fn terms(&self) -> MutexGuard<'_, Terms> {
-        self.terms.lock().unwrap_or_else(PoisonError::into_inner)
+        self.terms.lock()
     }
 
     /// Is this the node that the cluster file means?

@@ -1,9 +1,10 @@
 //! Pictures from the nodes of a cluster, over connections of their own: however large, they never stand in the
 //! way of a probe.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use parking_lot::{Mutex, MutexGuard};
 use proto::convert::{frame_pictures_from_wire, picture_request_to_wire};
 use proto::{Address, FramePictures, PictureKind, PictureRequest};
 use thiserror::Error;
@@ -181,7 +182,7 @@ impl PictureNode {
     /// connection.
     fn client(&self) -> Option<NodeCalls> {
         let address = self.node.place.checked()?;
-        let mut client = self.client.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut client = self.client.lock();
         if client.as_ref().is_none_or(|(known, _)| *known != address) {
             *client = {
                 let to = self.node.at(&address);
@@ -192,6 +193,6 @@ impl PictureNode {
     }
 
     fn rests_until(&self) -> MutexGuard<'_, Option<Instant>> {
-        self.rests_until.lock().unwrap_or_else(PoisonError::into_inner)
+        self.rests_until.lock()
     }
 }

@@ -1,11 +1,12 @@
 //! Where a node is: at an address, or wherever it is found.
 
 use std::fmt;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
 use futures::future::{BoxFuture, Either, select};
 use futures::stream::{self, StreamExt as _};
+use parking_lot::Mutex;
 use proto::Address;
 
 use crate::error::NodeError;
@@ -109,7 +110,7 @@ impl NodePlace {
     /// The program that answered at this address is the node that is meant.
     fn set_checked(&self, address: &Address) {
         if let NodePlace::Sought(sought) = self {
-            *sought.checked.lock().unwrap_or_else(PoisonError::into_inner) = Some(address.clone());
+            *sought.checked.lock() = Some(address.clone());
         }
     }
 
@@ -117,9 +118,7 @@ impl NodePlace {
     pub(crate) fn checked(&self) -> Option<Address> {
         match self {
             NodePlace::At(address) => Some(address.clone()),
-            NodePlace::Sought(sought) => {
-                sought.checked.lock().unwrap_or_else(PoisonError::into_inner).clone()
-            }
+            NodePlace::Sought(sought) => sought.checked.lock().clone(),
         }
     }
 }
@@ -187,7 +186,7 @@ mod tests {
         assert_eq!(place.reach(attempt).await, Ok(()));
         let found = NodePlace::sought(|| Box::pin(silent()));
         let (NodePlace::Sought(known), NodePlace::Sought(next)) = (&place, &found) else { panic!("sought") };
-        *next.checked.lock().expect("whole") = known.checked.lock().expect("whole").clone();
+        *next.checked.lock() = known.checked.lock().clone();
         assert_eq!(found.reach(attempt).await, Ok(()));
     }
 

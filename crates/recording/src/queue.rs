@@ -1,8 +1,9 @@
 //! A queue, bounded in bytes, between a loop that must not wait for a disk and the thread that does.
 
 use std::collections::VecDeque;
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
+
+use parking_lot::{Condvar, Mutex, MutexGuard};
 
 /// A queue of things that have a size.
 #[derive(Debug)]
@@ -47,7 +48,7 @@ impl<T> ByteQueue<T> {
     pub fn put(&self, bytes: usize, item: T) -> bool {
         let mut inner = self.lock();
         while inner.bytes >= self.limit_bytes && !inner.closed {
-            inner = self.changed.wait(inner).unwrap_or_else(PoisonError::into_inner);
+            self.changed.wait(&mut inner);
         }
         self.push(inner, bytes, item)
     }
@@ -80,13 +81,14 @@ impl<T> ByteQueue<T> {
                 return Received::Closed;
             }
             let left = deadline.map(|deadline| deadline.saturating_duration_since(Instant::now()));
-            inner = match left {
+            match left {
                 Some(Duration::ZERO) => return Received::Timeout,
+                // What came meanwhile is looked for again.
                 Some(left) => {
-                    self.changed.wait_timeout(inner, left).unwrap_or_else(PoisonError::into_inner).0
+                    self.changed.wait_for(&mut inner, left);
                 }
-                None => self.changed.wait(inner).unwrap_or_else(PoisonError::into_inner),
-            };
+                None => self.changed.wait(&mut inner),
+            }
         }
     }
 
@@ -103,7 +105,7 @@ impl<T> ByteQueue<T> {
 
     fn lock(&self) -> MutexGuard<'_, Inner<T>> {
         // Nothing between two statements that can panic is half done.
-        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+        self.inner.lock()
     }
 }
 

@@ -1,9 +1,10 @@
 //! A recorder that keeps a run in a file.
 
 use std::path::Path;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use coordinator::hooks::{EndRecord, FrameRecord, Recorder, StepRecord};
+use parking_lot::Mutex;
 use sim::ResponseMode;
 
 use crate::channels::Channel;
@@ -118,7 +119,7 @@ impl Recorder for RunRecorder {
             entries.push(Entry::new(Channel::Figures, log_ns, &figures));
         }
         self.sink.put(entries);
-        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut last = self.last.lock();
         last.steps += 1;
         last.film_s = record.film_s;
         last.digest = step.digest;
@@ -135,7 +136,7 @@ impl Recorder for RunRecorder {
 
 impl RunRecorder {
     fn is_first(&self) -> bool {
-        self.last.lock().unwrap_or_else(PoisonError::into_inner).steps == 0
+        self.last.lock().steps == 0
     }
 }
 
@@ -145,7 +146,7 @@ impl RecordingFile {
     pub fn finish(mut self) -> Result<Recorded, WriteError> {
         let (frames, frames_lost) = self.fetches.take().map_or((0, 0), Fetches::finish);
         let Some(writer) = self.writer.take() else { return Ok(Recorded::default()) };
-        let last = self.last.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let last = self.last.lock().clone();
         if last.steps == 0 {
             writer.abandon();
             return Ok(Recorded::default());
@@ -159,7 +160,7 @@ impl RecordingFile {
 
 impl Drop for RecordingFile {
     fn drop(&mut self) {
-        let is_empty = self.last.lock().unwrap_or_else(PoisonError::into_inner).steps == 0;
+        let is_empty = self.last.lock().steps == 0;
         if let Some(writer) = self.writer.take().filter(|_| is_empty) {
             writer.abandon();
         }

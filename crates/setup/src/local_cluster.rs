@@ -4,13 +4,14 @@ use std::collections::VecDeque;
 use std::io::{self, BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use camera_node::scratch::ScratchFolder;
 use hull::rig::MAX_CAMERAS;
 use node_client::ExpectedNode;
+use parking_lot::Mutex;
 use proto::{Address, AddressError, MAX_SOCKET_PATH_BYTES};
 use telemetry::Endpoint;
 use thiserror::Error;
@@ -270,7 +271,7 @@ impl NodeProcess {
 
     /// The reason that the process gave for its end.
     fn last_message(&self) -> String {
-        let lines = self.stderr_tail.lock().unwrap_or_else(PoisonError::into_inner);
+        let lines = self.stderr_tail.lock();
         let message = lines.iter().rev().find_map(|line| line.strip_prefix("hulltouch: "));
         message.map_or_else(|| "it ended without an error message".to_owned(), ToOwned::to_owned)
     }
@@ -285,7 +286,7 @@ fn forward_stderr(stderr: impl io::Read, tag: &str, tail: &Mutex<VecDeque<String
             // A closed standard error is no reason to stop draining the child's.
             let _ = writeln!(io::stderr(), "[{tag}] {line}");
         }
-        let mut lines = tail.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut lines = tail.lock();
         lines.push_back(line);
         if lines.len() > STDERR_TAIL_LINES {
             lines.pop_front();

@@ -1,8 +1,10 @@
 //! Whether the work of a process gets on: what a watchdog wants to know of it.
 
 use std::fmt;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Weak};
 use std::time::{Duration, Instant};
+
+use parking_lot::Mutex;
 
 /// The work that a process must get on with, piece by piece.
 #[derive(Clone, Debug, Default)]
@@ -29,7 +31,7 @@ impl Pulse {
     /// More work, by its name. It waits at first.
     pub fn beat(&self, name: impl Into<String>) -> Arc<Beat> {
         let beat = Arc::new(Beat { name: name.into(), at: Mutex::default() });
-        let mut beats = lock(&self.0);
+        let mut beats = self.0.lock();
         beats.retain(|beat| beat.strong_count() > 0);
         beats.push(Arc::downgrade(&beat));
         beat
@@ -37,8 +39,8 @@ impl Pulse {
 
     /// What has been at one thing for longer than `limit`, if anything; of several the longest.
     pub fn stuck(&self, limit: Duration) -> Option<Stuck> {
-        let beats: Vec<Arc<Beat>> = lock(&self.0).iter().filter_map(Weak::upgrade).collect();
-        let since = |beat: &Arc<Beat>| Some((lock(&beat.at).as_ref()?.elapsed(), beat.name.clone()));
+        let beats: Vec<Arc<Beat>> = self.0.lock().iter().filter_map(Weak::upgrade).collect();
+        let since = |beat: &Arc<Beat>| Some((beat.at.lock().as_ref()?.elapsed(), beat.name.clone()));
         let (since, name) = beats.iter().filter_map(since).max()?;
         (since > limit).then_some(Stuck { name, since })
     }
@@ -47,12 +49,12 @@ impl Pulse {
 impl Beat {
     /// It gets on: it begins something, or shows that it is still at it.
     pub fn works(&self) {
-        *lock(&self.at) = Some(Instant::now());
+        *self.at.lock() = Some(Instant::now());
     }
 
     /// It waits for others, who may take as long as they like.
     pub fn waits(&self) {
-        *lock(&self.at) = None;
+        *self.at.lock() = None;
     }
 }
 
@@ -60,11 +62,6 @@ impl fmt::Display for Stuck {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} has not got on for {:.1} s", self.name, self.since.as_secs_f64())
     }
-}
-
-/// What these locks guard is whole between any two statements.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]

@@ -5,9 +5,11 @@
 
 use std::collections::HashMap;
 use std::fs;
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
+
+use parking_lot::Mutex;
 
 use crate::skip::write_line;
 
@@ -113,7 +115,7 @@ impl Watch {
         };
         // The stretch in which it was missed is measured to its end.
         std::thread::sleep(2 * STRETCH);
-        let stretches = self.stretches.lock().unwrap_or_else(PoisonError::into_inner);
+        let stretches = self.stretches.lock();
         match inconclusive(&missed, &stretches) {
             Ok(line) => write_line(&line),
             Err(failure) => panic!("{failure}"),
@@ -184,7 +186,7 @@ fn measure(stretches: &Mutex<Vec<Stretch>>, ends: &Receiver<()>) {
             latest_ms: 1e3 * latest.as_secs_f64(),
         };
         before = after;
-        stretches.lock().unwrap_or_else(PoisonError::into_inner).push(stretch);
+        stretches.lock().push(stretch);
     }
 }
 
@@ -303,7 +305,7 @@ mod tests {
         assert_eq!(watch.judge(Ok(7)), Some(7));
         assert!(watch.holds(true, || "never asked".to_owned()));
         let by = Instant::now() + Duration::from_secs(60);
-        while watch.stretches.lock().expect("whole").len() < 2 {
+        while watch.stretches.lock().len() < 2 {
             assert!(Instant::now() < by, "nothing is measured");
             std::thread::sleep(Duration::from_millis(20));
         }

@@ -2,12 +2,13 @@
 //! world stands.
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use bytes::Bytes;
 use coordinator::live::WorldState;
+use parking_lot::Mutex;
 use tokio::sync::OnceCell;
 
 use crate::message::{self, WorldParts};
@@ -94,7 +95,7 @@ impl MessageCache {
     }
 
     fn cell(&self, key: Key) -> Cell {
-        let mut recent = lock(&self.recent);
+        let mut recent = self.recent.lock();
         if let Some((_, cell)) = recent.iter().find(|(of, _)| *of == key) {
             return Arc::clone(cell);
         }
@@ -145,11 +146,11 @@ impl MessageCache {
 
     /// The world stands at this frame: keeps its pictures for pages that join before it goes on.
     pub async fn freeze(&self, frame: u64) {
-        if lock(&self.kept).frozen.replace(frame) == Some(frame) {
+        if self.kept.lock().frozen.replace(frame) == Some(frame) {
             return;
         }
         for _ in 0..FREEZE_ATTEMPTS {
-            if lock(&self.kept).frozen != Some(frame) {
+            if self.kept.lock().frozen != Some(frame) {
                 return;
             }
             let content = Content::FrameSet { silhouettes: true, tier: Tier::Full };
@@ -157,24 +158,25 @@ impl MessageCache {
                 Ok(fetched) => self.keep(&fetched),
                 Err(_) => false,
             };
-            if is_whole || lock(&self.kept).frozen != Some(frame) {
+            if is_whole || self.kept.lock().frozen != Some(frame) {
                 break;
             }
             tokio::time::sleep(FREEZE_PAUSE).await;
         }
         // What was made before may lack cameras or colours.
-        lock(&self.recent)
+        self.recent
+            .lock()
             .retain(|((of, content), _)| *of != frame || !matches!(content, Content::FrameSet { .. }));
     }
 
     /// The world goes on.
     pub fn thaw(&self) {
-        lock(&self.kept).frozen = None;
+        self.kept.lock().frozen = None;
     }
 
     /// The kept pictures of a frame at which the world stands.
     fn frozen(&self, frame: u64) -> Option<FramePictures> {
-        let kept = lock(&self.kept);
+        let kept = self.kept.lock();
         let is_frozen = kept.frozen == Some(frame);
         kept.pictures.clone().filter(|pictures| is_frozen && pictures.frame == frame)
     }
@@ -188,7 +190,7 @@ impl MessageCache {
         let colour_bytes =
             |pictures: &FramePictures| pictures.cameras.iter().map(|camera| camera.jpeg.len()).sum::<usize>();
         let is_whole = count(pictures) == self.cameras;
-        let mut kept = lock(&self.kept);
+        let mut kept = self.kept.lock();
         let improves = match (&kept.pictures, kept.frozen) {
             (Some(old), _) if old.frame == pictures.frame => {
                 (count(pictures), colour_bytes(pictures)) >= (count(old), colour_bytes(old))
@@ -204,7 +206,7 @@ impl MessageCache {
 
     /// The message about a world.
     pub fn world(&self, world: &Arc<WorldState>, parts: WorldParts) -> Bytes {
-        let mut kept = lock(&self.world);
+        let mut kept = self.world.lock();
         if !kept.as_ref().is_some_and(|(of, _)| Arc::ptr_eq(of, world)) {
             *kept = None;
         }
@@ -234,8 +236,4 @@ fn stripped(mut pictures: FramePictures, silhouettes: bool, tier: Tier) -> Frame
         }
     }
     pictures
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

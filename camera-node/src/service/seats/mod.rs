@@ -5,8 +5,9 @@
 mod table;
 
 use std::net::IpAddr;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
+use parking_lot::{Mutex, MutexGuard};
 use tokio::sync::Notify;
 use tokio::time::Instant;
 
@@ -20,7 +21,7 @@ pub(super) struct SharedSeats(Arc<Mutex<Table>>);
 impl SharedSeats {
     fn lock(&self) -> MutexGuard<'_, Table> {
         // No statement of it panics between two changes.
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.0.lock()
     }
 
     /// A seat for a connection from that machine; `None` is this one. What it holds counts if it is metered.

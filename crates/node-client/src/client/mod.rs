@@ -4,11 +4,12 @@
 mod keeping;
 mod state;
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use hull::question::Question;
 use hull::{Shape, Silhouette};
+use parking_lot::{Mutex, MutexGuard};
 use proto::convert::{
     ExpectedAnswer, ExpectedCamera, ProbeAnswer, SilhouetteEncoding, StreamKnows, WrittenQuestion,
     shape_to_wire, silhouette_from_data, start_to_wire,
@@ -270,7 +271,7 @@ impl NodeClient {
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        self.state.lock()
     }
 
     pub(crate) fn client(&self) -> Result<NodeCalls, NodeError> {

@@ -1,9 +1,10 @@
 //! Compares a replay with what was recorded, step by step.
 
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
 use coordinator::hooks::{EndRecord, FrameRecord, Recorder, StepRecord};
+use parking_lot::{Mutex, MutexGuard};
 use thiserror::Error;
 
 /// Steps that wait to be compared: more than a coordinator ever takes ahead.
@@ -46,7 +47,7 @@ pub(super) struct Expected {
 
 impl StepCheck {
     fn state(&self) -> MutexGuard<'_, State> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.0.lock()
     }
 
     /// What a step that was handed out must come to, and whether it was given its answers.

@@ -1,10 +1,11 @@
 //! The silhouettes of a recording as the frames of a coordinator.
 
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
 use coordinator::{BoxError, LocalFrames, Silhouettes};
 use hull::{Observer, Silhouette, View, ViewSet};
+use parking_lot::{Mutex, MutexGuard};
 use proto::convert::{SilhouetteEncoding, silhouette_from_data};
 use proto::{CameraReport, FilmState, FrameReport, Pace, Stamps};
 use tokio::sync::watch;
@@ -59,7 +60,7 @@ impl RecordedFrames {
 
     fn lock(&self) -> MutexGuard<'_, Inner> {
         // Nothing between two statements that can panic is half done.
-        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+        self.inner.lock()
     }
 
     /// A frame, read if need be; `None` if the recording has it not.

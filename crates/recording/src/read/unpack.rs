@@ -2,7 +2,9 @@
 
 use std::collections::{HashMap, VecDeque};
 use std::fs::File;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
+
+use parking_lot::Mutex;
 
 use super::{Index, NO_CHUNK, ReadError, decode};
 use crate::channels::Channel;
@@ -54,7 +56,7 @@ impl RecordedPictures {
     /// Every camera's part of a frame, of those that it has, in rig order; `None` if the recording has it not.
     pub fn frame(&self, frame: u64) -> Result<Option<Vec<RecordedPicture>>, ReadError> {
         // What a panic elsewhere left is whole: chunks are added last.
-        let mut unpacker = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut unpacker = self.0.lock();
         let index = Arc::clone(&unpacker.index);
         let Some(chunks) = index.frames.get(&frame) else { return Ok(None) };
         let colours = index.colours.get(&frame);

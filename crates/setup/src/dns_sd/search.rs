@@ -4,10 +4,11 @@ use std::collections::BTreeMap;
 use std::io;
 use std::net::{IpAddr, SocketAddr, SocketAddrV6};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Weak};
 use std::time::{Duration, Instant};
 
 use node_client::NodePlace;
+use parking_lot::{Mutex, MutexGuard};
 use proto::Address;
 use tokio::sync::watch;
 
@@ -102,7 +103,7 @@ impl NodeSearch {
 
     /// The search that is under way, or a new one; none where there cannot be one.
     fn running(&self) -> Option<Arc<Search>> {
-        let mut running = self.running.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut running = self.running.lock();
         if let Some(search) = running.upgrade() {
             return Some(search);
         }
@@ -166,7 +167,7 @@ impl Speaker for Seeker {
 
 impl Found {
     fn nodes(&self) -> MutexGuard<'_, BTreeMap<String, SoughtNode>> {
-        self.nodes.lock().unwrap_or_else(PoisonError::into_inner)
+        self.nodes.lock()
     }
 
     /// Keeps an announcement, if it is of a node that is looked for.

@@ -4,8 +4,8 @@
 //! asks nothing for a minute, unless it holds a socket or a stream.
 
 use std::net::IpAddr;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use axum::Router;
@@ -16,6 +16,7 @@ use hyper::service::service_fn;
 use hyper_util::rt::{TokioExecutor, TokioIo, TokioTimer};
 use hyper_util::server::conn::auto::Builder;
 use net::{Credentials, HandshakeLimit};
+use parking_lot::Mutex;
 use socket2::SockRef;
 use tokio::io::{AsyncRead, AsyncWrite, AsyncWriteExt as _};
 use tokio::net::TcpStream;
@@ -229,8 +230,8 @@ impl Connection {
         *self.asked()
     }
 
-    fn asked(&self) -> std::sync::MutexGuard<'_, Option<Instant>> {
-        self.0.asked.lock().unwrap_or_else(PoisonError::into_inner)
+    fn asked(&self) -> parking_lot::MutexGuard<'_, Option<Instant>> {
+        self.0.asked.lock()
     }
 
     /// Ends when the peer has been silent for too long.

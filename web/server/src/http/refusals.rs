@@ -2,10 +2,10 @@
 
 use std::fmt::Display;
 use std::net::IpAddr;
-use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use net::HandshakeError;
+use parking_lot::Mutex;
 use thiserror::Error;
 use tokio::time::Instant;
 
@@ -84,7 +84,7 @@ impl Refusals {
     }
 
     fn line(&self, from: &str, why: &dyn Display, now: Instant) -> Option<String> {
-        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut last = self.last.lock();
         let more = match *last {
             Some((at, unsaid)) if now - at < LOG_EVERY => {
                 *last = Some((at, unsaid + 1));
