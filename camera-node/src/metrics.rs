@@ -3,10 +3,11 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use film_time::monotonic_s;
 use hull::question::QuestionKind;
 use parking_lot::Mutex;
 use proto::convert::RefusalReason;
-use proto::{Histogram, monotonic_s};
+use telemetry::Histogram;
 
 /// Film of all cameras of a node.
 #[derive(Debug)]

@@ -7,7 +7,7 @@ mod rig;
 use std::time::{Duration, Instant};
 
 use camera_node::capture::Filming as _;
-use proto::{Pace, RunStart};
+use film_time::{Pace, RunStart};
 use rig::{LiveCamera, LiveRig, SOON};
 use testkit::{Watch, timely};
 

@@ -2,8 +2,8 @@
 
 use hull::pass::{BodyResult, Round};
 use hull::question::QuestionKind;
-use proto::Histogram;
 use serde::Serialize;
+use telemetry::Histogram;
 
 use crate::roster::HullUnavailable;
 

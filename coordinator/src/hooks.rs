@@ -5,8 +5,8 @@
 //! the commands before it and the frame it sees. A run that follows the schedule of its own recording, over the
 //! same silhouettes, has the same digest after every step.
 
+use film_time::FrameReport;
 use hull::pass::BodyResult;
-use proto::FrameReport;
 use sim::{BodyResponse, World};
 
 use crate::figures::Figures;

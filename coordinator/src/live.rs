@@ -7,8 +7,8 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use film_time::BACKGROUND_S;
 use hull::Pose;
-use proto::BACKGROUND_S;
 use serde::Serialize;
 pub use sim::{BodyId, HullPatch, Parameters};
 use sim::{BodySpec, Scene, Solid, WorldSnapshot};

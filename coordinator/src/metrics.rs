@@ -4,8 +4,9 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use film_time::ClockLine;
 use hull::question::QuestionKind;
-use proto::{ClockLine, Histogram};
+use telemetry::Histogram;
 use tokio::sync::watch;
 
 use crate::figures::{Progress, STAGES};

@@ -13,16 +13,11 @@ pub mod v1 {
 mod address;
 mod checkpoint;
 mod claim;
-mod clock;
 pub mod codec;
 pub mod convert;
-mod cut;
 mod description;
-mod film;
 pub mod framing;
-mod histogram;
 mod pictures;
-mod simulation;
 mod status;
 pub mod text;
 mod trace;
@@ -30,17 +25,9 @@ mod trace;
 pub use address::{Address, AddressError, MAX_SOCKET_PATH_BYTES};
 pub use checkpoint::{CheckpointError, MAX_CHECKPOINT_BYTES, open_checkpoint, seal_checkpoint};
 pub use claim::Claim;
-pub use clock::{ClockLine, monotonic_s};
 pub use convert::fuzz;
-pub use cut::Cut;
 pub use description::{CameraDescription, NodeDescription};
-pub use film::{
-    BACKGROUND_S, CameraPace, CameraReport, FilmEvent, FilmState, FrameReport, Pace, RunStart, Stamps,
-    fresh_s, ring_frames, unix_now_s,
-};
-pub use histogram::Histogram;
 pub use pictures::{CameraPicture, FramePictures, MAX_SCALE_LOG2, Picture, PictureKind, PictureRequest};
-pub use simulation::{apart, is_simulated, simulate};
 pub use status::{CameraStatus, CameraTrouble, HolderStatus, NewestFrame, NodeStatus, TroubleKind};
 pub use trace::TraceParent;
 

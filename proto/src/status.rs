@@ -1,14 +1,15 @@
 //! What a node reports of itself to coordinators and viewers.
 
+use film_time::{CameraPace, Stamps};
+
 use crate::description::NodeDescription;
-use crate::film::{CameraPace, Stamps};
 
 /// What a node says of itself.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NodeStatus {
     /// Who it is; the term is that of who holds it.
     pub node: NodeDescription,
-    /// A reading of its [`monotonic_s`](crate::monotonic_s).
+    /// A reading of its [`monotonic_s`](film_time::monotonic_s).
     pub node_s: f64,
     /// A reading of its wall clock at the same moment, unix seconds.
     pub unix_s: f64,

@@ -12,6 +12,7 @@ use camera_node::listen::Listen;
 use camera_node::service::{Access, Node};
 use camera_node::source::{SourceConfig, StageConfig};
 use camera_node::{NodeCamera, NodeConfig};
+use film_time::{Pace, RunStart};
 use hull::question::{Answer, Batch, NO_EXIT_M, Points, Question, QuestionKind};
 use hull::view_set::Scratch;
 use hull::{Pose, ProbeSettings, Rig, Shape, Silhouette, View, ViewSet};
@@ -20,8 +21,8 @@ use proto::convert::{
     StreamKnows, answer_from_wire, asked_world, pixel_rect_from_wire, shape_to_wire, silhouette_from_data,
     start_to_wire,
 };
+use proto::v1;
 use proto::v1::camera_node_client::CameraNodeClient;
-use proto::{Pace, RunStart, v1};
 use segment::SegmentSettings;
 use testkit::Running;
 use tokio::sync::mpsc;

@@ -10,9 +10,9 @@ use coordinator::{
     AskEvery, BoxError, Coordinator, LocalFrames, Progress, RunSettings, Silhouettes, Snapshot, Transport,
     Watcher,
 };
+use film_time::{FilmState, FrameReport, Pace};
 use hull::vector::VectorPath;
 use hull::{ProbeSettings, ViewSet};
-use proto::{FilmState, FrameReport, Pace};
 use segment::SegmentSettings;
 use serde_json::Value;
 use setup::InProcess;

@@ -8,11 +8,12 @@ use std::process::Stdio;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use net::{Authority, Identity, Validity};
+
 use crate::announcements::{Announcer, instance, new_hosts};
 use crate::certified::issue;
 use crate::namespace::Host;
 use crate::room::{Node, Running, coordinator, named_room, program};
-use net::{Authority, Identity, Validity};
 use testkit::{Watch, timely};
 
 /// What a flood may add to a process.

@@ -6,12 +6,13 @@ use std::process::Command;
 use std::sync::Arc;
 use std::time::Duration;
 
+use camera_node::service::{Access, Node as Service};
+use setup::{ClusterFile, expected_node};
+
 use crate::namespace::Host;
 use crate::room::{Node, Running, blind_steps, coordinator, ended, frames, missed, named_room, program};
-use camera_node::service::{Access, Node as Service};
 use node_client::{Agreement, ExpectedNode, NodeClient, NodeEvent, NodePlace};
 use proto::Address;
-use setup::{ClusterFile, expected_node};
 use testkit::{Watch, timely};
 use tokio::sync::mpsc;
 

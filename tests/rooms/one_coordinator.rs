@@ -4,11 +4,13 @@ use std::path::Path;
 use std::process::{Command, Output};
 use std::time::{Duration, Instant};
 
+use film_time::Pace;
+
 use crate::room::{
     Node, Running, ask_to_end, await_leader, blind_steps, cameras, cluster_file, coordinator, ended, missed,
     program,
 };
-use proto::{Pace, v1};
+use proto::v1;
 use testkit::{Watch, timely};
 
 const NODES: usize = 2;
@@ -140,7 +142,7 @@ async fn untrusted_start(cluster: &Path) {
         tokio::time::sleep(Duration::from_millis(50)).await;
     }
     for pace in [Pace::lock_step(1), Pace::live(2, 0.0)] {
-        let start = proto::convert::start_to_wire(proto::RunStart::of_this_process(pace));
+        let start = proto::convert::start_to_wire(film_time::RunStart::of_this_process(pace));
         let refused = client.start(start).await.expect_err("held");
         assert_eq!(refused.code(), tonic::Code::Aborted, "{refused}");
     }

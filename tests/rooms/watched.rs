@@ -9,12 +9,13 @@ use std::process::{Output, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
+use net::{Authority, Identity, Validity};
+
 use crate::certified::{ROOM, issue};
 use crate::http::get;
 use crate::prometheus;
 use crate::prometheus::Prometheus;
 use crate::room::{Running, named_room, program};
-use net::{Authority, Identity, Validity};
 use rustix::process::{Pid, Signal, kill_process};
 
 const TIMEOUT: Duration = Duration::from_secs(60);

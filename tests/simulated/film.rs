@@ -7,8 +7,8 @@ use camera_node::capture::{BackgroundError, BackgroundRequest, CaptureError, Fil
 use camera_node::frames::{CameraFrame, FrameRing, Stamp};
 use camera_node::source::{SourceConfig, StageConfig};
 use camera_node::{NodeCamera, NodeConfig};
+use film_time::{ClockLine, RunStart};
 use hull::{Observer, ProbeSettings, Rig, Silhouette};
-use proto::{ClockLine, RunStart};
 use segment::SegmentSettings;
 use stage::{Motion, StageSettings};
 use tokio::task::JoinHandle;

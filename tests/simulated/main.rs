@@ -63,7 +63,7 @@ fn a_world_that_one_node_made_up_is_not_gone_on_from() {
 /// `HULLTOUCH_SEED` tries one alone, and prints its log.
 fn check_all(trouble: Trouble, seeds: u64) {
     let host_s = || if turmoil::in_simulation() { turmoil::elapsed().as_secs_f64() } else { 0.0 };
-    proto::simulate(host_s);
+    film_time::simulate(host_s);
     let studio = Studio::new();
     let named = |name| std::env::var(name).ok().and_then(|number: String| number.parse().ok());
     if let Some(seed) = named("HULLTOUCH_SEED") {

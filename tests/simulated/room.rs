@@ -15,11 +15,12 @@ use coordinator::{
     AskEvery, Coordinator, GoingOn, GoneOn, MemoryUse, Placement, Progress, RunSettings, Snapshot, Transport,
     Watcher,
 };
+use film_time::ring_frames;
 use futures::Stream;
 use futures::future::BoxFuture;
 use hull::ProbeSettings;
 use node_client::{Agreement, Destination, Dial, ExpectedNode, Socket};
-use proto::{Address, ring_frames};
+use proto::Address;
 use setup::expected_node;
 use sim::{BodyRequest, Scene, World, WorldSettings};
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};

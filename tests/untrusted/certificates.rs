@@ -6,11 +6,12 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 use std::time::Duration;
 
+use net::{AUTHORITIES, Authority, CERTIFICATE, CertificateNames, Identity, KEY, Validity};
+
 use crate::certified::{ROOM, Room, issue, node};
 use crate::room::{
     Running, ask_to_end, blind_steps, coordinator, ended, frames, missed, named_room, program,
 };
-use net::{AUTHORITIES, Authority, CERTIFICATE, CertificateNames, Identity, KEY, Validity};
 use node_client::{NodeError, NodeEvent};
 use testkit::{Watch, timely};
 

@@ -9,10 +9,11 @@ use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use net::{AUTHORITIES, Authority, CERTIFICATE, Credentials, Identity, KEY, Validity};
+
 use crate::namespace::Host;
 use crate::room::{Node, Running, named_room, program};
 use futures::StreamExt as _;
-use net::{AUTHORITIES, Authority, CERTIFICATE, Credentials, Identity, KEY, Validity};
 use rustix::process::{Pid, Resource, Rlimit, Signal, getrlimit, kill_process, prlimit};
 use serde_json::Value;
 

@@ -5,10 +5,10 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use coordinator::{Percentiles, Placement, SERVING_THREADS, Transport};
+use film_time::Pace;
 use hull::cull::WorldBox;
 use hull::pass::Round;
 use node_client::{Agreement, ByteCounts, ExpectedNode, Sockets};
-use proto::Pace;
 use proto::convert::{Precision, SilhouetteEncoding};
 use setup::cli::{Failure, Outcome};
 use tokio::runtime::Runtime;

@@ -2,8 +2,8 @@
 
 use std::net::SocketAddr;
 
+use film_time::unix_now_s;
 use futures::{SinkExt as _, StreamExt as _};
-use proto::unix_now_s;
 use serde_json::{Value, json};
 use tokio::net::TcpStream;
 use tokio_tungstenite::tungstenite::Message;

@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use camera_node::frames::{CameraFrame, FrameRing, Stamp};
 use coordinator::{BoxError, LocalFrames, Silhouettes};
+use film_time::{FilmState, FrameReport, Pace};
 use hull::{Camera, Observer, ProbeSettings, Silhouette, ViewSet};
 use parking_lot::Mutex;
-use proto::{FilmState, FrameReport, Pace};
 use setup::cli::{Failure, Outcome};
 use stage::{StageSettings, studio_rig, true_silhouette};
 use tokio::sync::watch;

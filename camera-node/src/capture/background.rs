@@ -1,8 +1,8 @@
 //! The background learnt again while film goes on: from so many frames of the film itself, beginning at the
 //! same frame in every camera. Frames are cut out with the old background until the new one is there.
 
+use film_time::BACKGROUND_S;
 use parking_lot::Mutex;
-use proto::BACKGROUND_S;
 use segment::{BackgroundBuilder, BackgroundModel, Method};
 use thiserror::Error;
 

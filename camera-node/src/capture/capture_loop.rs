@@ -4,7 +4,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use proto::{CameraPace, RunStart, unix_now_s};
+use film_time::{CameraPace, RunStart, unix_now_s};
 use telemetry::Beat;
 
 use super::CaptureError;

@@ -4,8 +4,8 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use film_time::{ClockLine, RunStart};
 use parking_lot::Mutex;
-use proto::{ClockLine, RunStart};
 use telemetry::{Beat, Pulse};
 
 use super::CaptureError;
@@ -296,8 +296,8 @@ fn silence(fps: f64) -> Duration {
 
 #[cfg(test)]
 mod tests {
+    use film_time::{FilmState, Pace};
     use hull::ProbeSettings;
-    use proto::{FilmState, Pace};
     use segment::SegmentSettings;
 
     use super::*;
@@ -341,7 +341,7 @@ mod tests {
     #[test]
     fn film_far_ahead_of_the_coordinator_s_time_starts_again() {
         let film = film(None);
-        let line = |film_s: f64| ClockLine { film_s, ..ClockLine::of_this_process(proto::monotonic_s()) };
+        let line = |film_s: f64| ClockLine { film_s, ..ClockLine::of_this_process(film_time::monotonic_s()) };
         let newest = || film.ring.newest().map_or(0, |frame| frame.number);
         let film_until = |is: &dyn Fn(u64) -> bool| {
             let began = std::time::Instant::now();

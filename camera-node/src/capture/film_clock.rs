@@ -1,7 +1,7 @@
 //! Film time in a node: it follows what the coordinator tells of it without ever being set.
 
+use film_time::{ClockLine, monotonic_s};
 use parking_lot::{Mutex, MutexGuard};
-use proto::{ClockLine, monotonic_s};
 
 /// What film time is off is made good at this rate: slowly enough that no frame is counted twice.
 const SLEW: f64 = 0.01;

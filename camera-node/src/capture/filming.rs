@@ -1,6 +1,6 @@
 //! What a service needs of its film.
 
-use proto::{ClockLine, RunStart};
+use film_time::{ClockLine, RunStart};
 
 use super::CaptureError;
 use super::background::{BackgroundError, BackgroundRequest};

@@ -78,7 +78,7 @@ impl Gate {
 
 #[cfg(test)]
 mod tests {
-    use proto::ClockLine;
+    use film_time::ClockLine;
 
     use super::*;
 

@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use bytes::Bytes;
+use film_time::{CameraPace, CameraReport, FrameReport, Stamps};
 use hull::silhouette::PixelRect;
 use hull::{Observer, Silhouette, View, ViewSet};
-use proto::{CameraPace, CameraReport, FrameReport, Stamps};
 
 /// One camera's part of a frame.
 #[derive(Clone, Debug)]

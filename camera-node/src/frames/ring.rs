@@ -3,9 +3,10 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
+use film_time::{FilmState, monotonic_s};
 use hull::ViewSet;
 use parking_lot::Mutex;
-use proto::{CameraStatus, FilmState, TroubleKind, monotonic_s};
+use proto::{CameraStatus, TroubleKind};
 use thiserror::Error;
 use tokio::sync::futures::Notified;
 use tokio::sync::{Notify, watch};

@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
+use film_time::{FilmEvent, FilmState};
 use proto::convert::film_event_to_wire;
-use proto::{FilmEvent, FilmState, v1};
+use proto::v1;
 use tokio::sync::mpsc;
 use tonic::Status;
 

@@ -50,7 +50,7 @@ impl Led {
         tokio::time::sleep(DESERTED_AFTER).await;
         // Film threads end between two frames.
         let stop = move || self.film.stop_if(&|| self.hold.lock().is_deserted(Instant::now()));
-        let stopped = proto::apart(stop).await;
+        let stopped = film_time::apart(stop).await;
         if stopped == Some(true) {
             tracing::info!("no coordinator for {} s: the cameras stop", DESERTED_AFTER.as_secs());
         }

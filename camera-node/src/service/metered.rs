@@ -111,7 +111,7 @@ where
         let reply = self.service.call(request);
         Box::pin(async move {
             let mut reply = reply.await?;
-            if proto::is_simulated() {
+            if film_time::is_simulated() {
                 // Otherwise hyper adds the wall clock's, which takes more bytes whenever it has changed.
                 reply.headers_mut().insert(DATE, HeaderValue::from_static(SIMULATED_DATE));
             }

@@ -26,6 +26,7 @@ use std::pin::Pin;
 use std::sync::Arc;
 
 use bytes::Bytes;
+use film_time::{monotonic_s, ring_frames};
 use hull::Silhouette;
 use prost::Message as _;
 use proto::convert::{
@@ -34,7 +35,7 @@ use proto::convert::{
     start_from_wire, trace_parent_from_wire,
 };
 use proto::v1::camera_node_server::CameraNode;
-use proto::{CameraDescription, NodeDescription, monotonic_s, ring_frames, v1};
+use proto::{CameraDescription, NodeDescription, v1};
 use telemetry::{Pulse, Span};
 use tokio::sync::mpsc;
 use tokio::time::Instant;
@@ -159,7 +160,7 @@ impl CameraNode for Service {
         let start = start_from_wire(request.get_ref()).map_err(invalid)?;
         let film = Arc::clone(&self.film);
         // Opening sources blocks: programs start, files are read.
-        let started = proto::apart(move || film.start(start)).await;
+        let started = film_time::apart(move || film.start(start)).await;
         let started = started.ok_or_else(|| Status::internal("the start of film panicked"))?;
         started.map_err(|error| {
             tracing::error!("film cannot start: {error}");
@@ -181,7 +182,7 @@ impl CameraNode for Service {
                 let film = Arc::clone(&self.film);
                 tokio::spawn(async move {
                     // Stopping and opening sources blocks.
-                    if let Some(Err(error)) = proto::apart(move || film.start_again(run, line)).await {
+                    if let Some(Err(error)) = film_time::apart(move || film.start_again(run, line)).await {
                         tracing::error!("film cannot start again: {error}");
                     }
                 });

@@ -4,10 +4,11 @@
 use std::sync::Arc;
 use std::time::UNIX_EPOCH;
 
+use film_time::{FilmState, monotonic_s, unix_now_s};
 use net::Credentials;
 use proto::convert::status_to_wire;
 use proto::v1::node_status_server::{NodeStatus, NodeStatusServer};
-use proto::{FilmState, NodeDescription, monotonic_s, unix_now_s, v1};
+use proto::{NodeDescription, v1};
 use tokio::time::Instant;
 use tonic::{Request, Response, Status};
 

@@ -4,8 +4,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::SystemTime;
 
+use film_time::{FilmState, fresh_s};
 use net::Credentials;
-use proto::{FilmState, fresh_s};
 use telemetry::Pulse;
 use tokio::time::Instant;
 

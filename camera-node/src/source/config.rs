@@ -5,7 +5,7 @@ use std::num::NonZeroU64;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use proto::Stamps;
+use film_time::Stamps;
 use serde::{Deserialize, Deserializer, de::Error as _};
 use stage::{Motion, Prop, StageSettings};
 

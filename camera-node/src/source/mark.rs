@@ -25,7 +25,7 @@ impl Mark {
     pub fn new() -> Mark {
         static MADE: AtomicU64 = AtomicU64::new(0);
         let made = MADE.fetch_add(1, Ordering::Relaxed);
-        Mark(format!("{}-{made}-{:.0}", std::process::id(), 1e9 * proto::monotonic_s()))
+        Mark(format!("{}-{made}-{:.0}", std::process::id(), 1e9 * film_time::monotonic_s()))
     }
 
     /// The variable's value.

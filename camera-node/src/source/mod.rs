@@ -9,7 +9,7 @@
 mod config;
 mod files;
 mod film;
-mod film_time;
+mod film_numbers;
 pub(crate) mod fuzz;
 mod mailbox;
 mod mark;
@@ -27,8 +27,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
+use film_time::CameraPace;
 use hull::Camera;
-use proto::{CameraPace, TroubleKind};
+use proto::TroubleKind;
 use segment::{Format, Layout, SizeError};
 use thiserror::Error;
 
@@ -36,7 +37,7 @@ pub use config::{FileConfig, PipeConfig, SourceConfig, StageConfig};
 pub use raw::RawLayout;
 
 pub use files::{MaskFiles, read_silhouette};
-pub use film_time::usual_distance;
+pub use film_numbers::usual_distance;
 pub use numbered::numbered_images;
 
 use files::FileFrames;

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use super::SourceError;
 use super::config::FileConfig;
 use super::film::Numbering;
-use super::film_time::{self, FilmNote};
+use super::film_numbers::{self, FilmNote};
 
 /// A name whose digits are a larger number than any frame has.
 struct TooLarge;
@@ -41,7 +41,7 @@ pub(super) fn check(
     fps: f64,
 ) -> Result<Vec<FilmNote>, SourceError> {
     let numbers: Vec<u64> = frames.iter().map(|frame| frame.0).collect();
-    film_time::check(&numbers, config.start_frame, config.frame_step, fps)
+    film_numbers::check(&numbers, config.start_frame, config.frame_step, fps)
         .map_err(|error| SourceError::file(&config.path, error))
 }
 

@@ -10,8 +10,9 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
+use film_time::CameraPace;
 use hull::Camera;
-use proto::{CameraPace, TroubleKind};
+use proto::TroubleKind;
 use segment::{Format, Range};
 
 use super::config::{PipeConfig, SourceConfig};

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use camera_node::capture::Filming as _;
 use camera_node::frames::FrameId;
-use proto::{FilmState, Pace, RunStart};
+use film_time::{FilmState, Pace, RunStart};
 use rig::{FPS, LiveCamera, LiveRig, SOON, film};
 use rustix::process::{Pid, Signal, kill_process};
 use testkit::{Watch, timely};

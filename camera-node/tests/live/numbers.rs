@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use camera_node::capture::Filming as _;
-use proto::{FilmState, Stamps};
+use film_time::{FilmState, Stamps};
 use testkit::{Watch, timely};
 
 use super::live;

@@ -11,9 +11,9 @@ use std::time::{Duration, Instant};
 use camera_node::capture::Film;
 use camera_node::frames::{Frame, FrameId, FrameRing};
 use camera_node::{NodeCamera, NodeConfig, SourceConfig};
+use film_time::FilmState;
 use hull::{Camera, ProbeSettings};
 use nalgebra::{Matrix3, Vector3};
-use proto::FilmState;
 use segment::{Method, SegmentSettings};
 use tempfile::TempDir;
 

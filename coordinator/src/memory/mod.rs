@@ -15,10 +15,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use bytes::Bytes;
+use film_time::unix_now_s;
 use hull::Observer;
 use node_client::{NodeClient, NodeError};
 use proto::text::{MAX_MESSAGE_CHARS, clean};
-use proto::unix_now_s;
 use sim::{Scene, World};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::{Instant, timeout};
@@ -127,7 +127,7 @@ async fn fetch(client: &NodeClient) -> Result<Vec<Bytes>, NodeError> {
 /// Reads what nodes remember, apart from the thread that steps.
 async fn read(home: Home, fetched: Vec<Result<Vec<Bytes>, NodeError>>) -> Recalled {
     let nodes: Vec<Vec<Bytes>> = fetched.into_iter().map(Result::unwrap_or_default).collect();
-    proto::apart(move || home.recall(&nodes)).await.unwrap_or_default()
+    film_time::apart(move || home.recall(&nodes)).await.unwrap_or_default()
 }
 
 /// Sends a world along the ways that are free.
@@ -136,7 +136,7 @@ async fn hand_out(
     ways: Vec<(OwnedSemaphorePermit, Arc<NodeClient>)>,
     is_warned: Arc<AtomicBool>,
 ) {
-    let bytes = match proto::apart(move || checkpoint.to_bytes()).await {
+    let bytes = match film_time::apart(move || checkpoint.to_bytes()).await {
         Some(Ok(bytes)) => Bytes::from(bytes),
         Some(Err(error)) => {
             if !is_warned.swap(true, Ordering::Relaxed) {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use hull::cull::{Frustum, WorldBox, hull_box};
 use hull::{HullRule, Observer, Pose, Shape};
 
-use proto::FrameReport;
+use film_time::FrameReport;
 
 /// Bounds of the hull of one frame, from what every camera reported of it.
 #[derive(Clone, Debug, Default)]
@@ -50,10 +50,10 @@ impl HullBounds {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use film_time::{CameraReport, Stamps};
     use hull::silhouette::PixelRect;
     use hull::{Camera, ProbeSettings};
     use nalgebra::{Matrix3, Vector3};
-    use proto::{CameraReport, Stamps};
 
     /// Two cameras at 3 m that look at the origin, along z and along x.
     fn observers() -> Vec<Arc<Observer>> {

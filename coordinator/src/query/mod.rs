@@ -10,11 +10,11 @@ mod surfaces;
 
 use std::sync::Arc;
 
+use film_time::FrameReport;
 use hull::faces::FaceNormals;
 use hull::pass::{AskedBody, Pass};
 use hull::question::Points;
 use hull::{Observer, Pose, ProbeSettings, Shape};
-use proto::FrameReport;
 
 use answers::{Answers, PoseQuery};
 use bounds::HullBounds;

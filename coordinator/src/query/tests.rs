@@ -2,12 +2,12 @@
 
 use std::f64::consts::FRAC_PI_2;
 
+use film_time::{CameraReport, Stamps};
 use hull::question::Answer;
 use hull::silhouette::PixelRect;
 use hull::view_set::Scratch;
 use hull::{Camera, Silhouette, View, ViewSet};
 use nalgebra::{Matrix3, Vector3};
-use proto::{CameraReport, Stamps};
 
 use super::*;
 

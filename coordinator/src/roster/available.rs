@@ -1,6 +1,6 @@
 //! Whether there is a hull for a step.
 
-use proto::FilmState;
+use film_time::FilmState;
 use thiserror::Error;
 
 use super::{Missing, Roster, RosterNode};

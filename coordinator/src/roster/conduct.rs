@@ -13,7 +13,7 @@ const LONGEST_FOR_LATE_S: f64 = 2.0;
 /// one excludes it again.
 const PROBATION_S: f64 = 10.0;
 
-/// What a node has done wrong of late. Times are of [`proto::monotonic_s`].
+/// What a node has done wrong of late. Times are of [`film_time::monotonic_s`].
 #[derive(Clone, Debug, Default)]
 pub(super) struct Conduct {
     faults: History,

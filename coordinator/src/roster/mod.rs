@@ -11,8 +11,8 @@ mod wait;
 
 use std::collections::VecDeque;
 
+use film_time::{FilmEvent, FilmState, FrameReport};
 use proto::convert::RefusalReason;
-use proto::{FilmEvent, FilmState, FrameReport};
 use thiserror::Error;
 
 use conduct::Conduct;
@@ -298,7 +298,7 @@ impl Roster {
         if are_most { self.held_node() } else { None }
     }
 
-    /// A node reported of its film, heard at a time by [`proto::monotonic_s`]. What was heard before it failed to answer may be
+    /// A node reported of its film, heard at a time by [`film_time::monotonic_s`]. What was heard before it failed to answer may be
     /// noted later: it does not tell that the node answers again.
     pub fn film_event(&mut self, node: usize, event: FilmEvent, heard_s: f64) {
         let node = &mut self.nodes[node];

@@ -1,6 +1,6 @@
 //! Which nodes steps go on without: as if their cameras were not in the rig, until they are back.
 
-use proto::FilmState;
+use film_time::FilmState;
 
 use super::{Roster, RosterNode};
 
@@ -61,7 +61,7 @@ impl Roster {
         self.nodes.iter().any(RosterNode::is_left_out)
     }
 
-    /// Nodes did not answer a question in time, by [`proto::monotonic_s`]: they are left out until they are heard of. One alone
+    /// Nodes did not answer a question in time, by [`film_time::monotonic_s`]: they are left out until they are heard of. One alone
     /// that is late again and again is excluded where the run has enough cameras without it. Several at once are no fault of
     /// theirs, but of the network.
     pub fn record_late(&mut self, late: &[usize], now_s: f64, why: &str) {
@@ -84,7 +84,7 @@ impl Roster {
         others.filter(|node| answers(node)).map(RosterNode::films).sum::<usize>() >= least.max(1)
     }
 
-    /// Decides whom a step that wants a frame goes on without, by [`proto::monotonic_s`]. No node is left out where fewer than
+    /// Decides whom a step that wants a frame goes on without, by [`film_time::monotonic_s`]. No node is left out where fewer than
     /// `least` cameras would remain. Returns what has changed: nodes, and whether each is back.
     pub fn leave_out(&mut self, wanted: u64, whom: LeaveOut, least: usize, now_s: f64) -> Vec<(usize, bool)> {
         let behaves =

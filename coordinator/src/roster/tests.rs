@@ -3,7 +3,7 @@
 use std::task::Poll;
 use std::time::{Duration, Instant};
 
-use proto::{CameraReport, Stamps};
+use film_time::{CameraReport, Stamps};
 
 use super::*;
 

@@ -3,7 +3,7 @@
 use std::task::Poll;
 use std::time::{Duration, Instant};
 
-use proto::FilmState;
+use film_time::FilmState;
 use thiserror::Error;
 
 use super::{Missing, Roster, RosterNode};

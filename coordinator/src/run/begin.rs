@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use proto::{Pace, unix_now_s};
+use film_time::{Pace, unix_now_s};
 use tokio::time::Instant;
 
 use super::watch::REPORT_EVERY;

@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use proto::{FrameReport, Pace, unix_now_s};
+use film_time::{FrameReport, Pace, unix_now_s};
 
 use super::latency::FilmLatency;
 use super::{LEAST_LAG_S, MAX_LAG_S};

@@ -4,8 +4,8 @@ use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 
+use film_time::BACKGROUND_S;
 use hull::Shape;
-use proto::BACKGROUND_S;
 use sim::World;
 use tokio::time::timeout;
 

@@ -1,9 +1,9 @@
 //! The hull's answers for a step: carries the query's pass to the nodes and back.
 
+use film_time::monotonic_s;
 use hull::Pose;
 use hull::pass::BodyResult;
 use hull::surface::FrameAge;
-use proto::monotonic_s;
 use sim::ResponseMode;
 use tokio::time::Instant;
 

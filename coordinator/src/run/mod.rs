@@ -28,7 +28,7 @@ use std::time::Duration;
 
 use ::hull::contact::Eye;
 use ::hull::{Observer, ProbeSettings};
-use proto::{FilmState, Pace, ring_frames};
+use film_time::{FilmState, Pace, ring_frames};
 use sim::{ResponseMode, World};
 use thiserror::Error;
 

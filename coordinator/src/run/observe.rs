@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use proto::Pace;
+use film_time::Pace;
 use sim::World;
 use tokio::task::JoinHandle;
 use tokio::time::{Instant, sleep_until};

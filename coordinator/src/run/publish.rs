@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
+use film_time::{FrameReport, Stamps};
 use hull::pass::{BodyResult, Touch};
-use proto::{FrameReport, Stamps};
 use sim::{Body, BodyId, BodyResponse};
 
 use super::Coordinator;

@@ -1,6 +1,6 @@
 //! The memory of the nodes: what a run goes on from, and what it hands them.
 
-use proto::unix_now_s;
+use film_time::unix_now_s;
 
 use super::Coordinator;
 use super::budget::StepBudget;

@@ -1,7 +1,7 @@
 //! One step: which frame it sees, the world's step with the hull's answers, and what is reported of it.
 
+use film_time::FilmState;
 use hull::pass::BodyResult;
-use proto::FilmState;
 use sim::{Body, BodyResponse, FaultKind, WorldError};
 use tokio::time::Instant;
 

@@ -3,11 +3,11 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use film_time::monotonic_s;
 use hull::pass::{Pass, Round};
 use hull::question::{Answer, Question, QuestionKind, Standing};
 use node_client::NodeError;
 use proto::convert::{Precision, ProbeAnswer, QuestionWriter, RefusalReason, WrittenQuestion};
-use proto::monotonic_s;
 use telemetry::Span;
 use tokio::time::Instant;
 

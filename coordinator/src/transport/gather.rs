@@ -3,11 +3,11 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use film_time::monotonic_s;
 use hull::pass::{Pass, Round};
 use hull::{Observer, Silhouette, View, ViewSet};
 use node_client::NodeClient;
 use proto::convert::SilhouetteEncoding;
-use proto::monotonic_s;
 use telemetry::Span;
 use tokio::time::Instant;
 

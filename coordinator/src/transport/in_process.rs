@@ -1,10 +1,10 @@
 //! Cameras that are filmed in this very process: one node that is always there.
 
+use film_time::{Cut, FilmEvent, FilmState, FrameReport, Pace, monotonic_s};
 use hull::ViewSet;
 use hull::pass::{Pass, Round};
 use hull::question::Answer;
 use hull::view_set::Scratch;
-use proto::{Cut, FilmEvent, FilmState, FrameReport, Pace, monotonic_s};
 use tokio::sync::watch;
 use tokio::time::Instant;
 

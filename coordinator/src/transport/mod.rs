@@ -17,12 +17,12 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
 
+use film_time::{FilmState, Pace, monotonic_s};
 use futures::future::BoxFuture;
 use hull::pass::{Pass, Round};
 use hull::{Observer, Shape, Silhouette};
 use node_client::{Agreement, ByteCounts, ExpectedNode, NodeClient, NodeError};
 use proto::convert::{Precision, SilhouetteEncoding};
-use proto::{FilmState, Pace, monotonic_s};
 use telemetry::Span;
 use thiserror::Error;
 use tokio::sync::mpsc;

@@ -4,11 +4,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
+use film_time::{FilmEvent, Pace, monotonic_s};
 use futures::stream::{FuturesUnordered, StreamExt};
 use hull::{Shape, Silhouette};
 use node_client::{Agreement, NodeClient, NodeError, NodeEvent};
 use proto::convert::{ProbeAnswer, SilhouetteEncoding};
-use proto::{FilmEvent, Pace, monotonic_s};
 use telemetry::Span;
 use tokio::sync::mpsc;
 use tokio::time::Instant;
@@ -318,8 +318,8 @@ pub(super) async fn fetch(
 
 #[cfg(test)]
 mod tests {
+    use film_time::FilmState;
     use hull::ProbeSettings;
-    use proto::FilmState;
 
     use super::*;
     use crate::roster::RosterNode;

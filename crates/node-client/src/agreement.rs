@@ -3,11 +3,12 @@
 use std::fmt;
 use std::sync::Arc;
 
+use film_time::{Cut, Pace, unix_now_s};
 use hull::{ProbeSettings, Shape};
 use parking_lot::{Mutex, MutexGuard};
 use proto::convert::ExpectedCamera;
 use proto::text::{MAX_NAME_CHARS, clean};
-use proto::{Address, CameraDescription, Claim, Cut, NodeDescription, Pace, unix_now_s};
+use proto::{Address, CameraDescription, Claim, NodeDescription};
 
 use crate::connection::{Destination, Dial, Sockets};
 use crate::counting::{ByteCounters, ByteCounts};

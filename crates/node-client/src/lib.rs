@@ -4,10 +4,10 @@
 
 mod agreement;
 mod client;
+mod clock_estimate;
 mod connection;
 mod counting;
 mod error;
-mod film_time;
 mod pictures;
 mod place;
 mod reply_limits;

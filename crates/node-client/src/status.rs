@@ -3,10 +3,11 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use film_time::{monotonic_s, unix_now_s};
 use proto::convert::status_from_wire;
 use proto::text::{MAX_NAME_CHARS, clean};
 use proto::v1::node_status_client::NodeStatusClient;
-use proto::{Address, NodeStatus, monotonic_s, unix_now_s, v1};
+use proto::{Address, NodeStatus, v1};
 use tonic::transport::Channel;
 
 use crate::agreement::ExpectedNode;

@@ -8,9 +8,9 @@ use std::time::Duration;
 
 use coordinator::hooks::FrameRecord;
 use coordinator::{BoxError, Fetching, Silhouettes};
+use film_time::{CameraReport, FrameReport};
 use hull::Silhouette;
 use proto::convert::{SilhouetteEncoding, silhouette_data};
-use proto::{CameraReport, FrameReport};
 use tokio::sync::mpsc;
 
 use crate::channels::Channel;

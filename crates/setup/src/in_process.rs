@@ -8,10 +8,11 @@ use camera_node::capture::{BackgroundRequest, CaptureError, Film, Filming as _};
 use camera_node::frames::FrameRing;
 use camera_node::pictures::PictureEncoder;
 use coordinator::{BoxError, LocalFrames, Silhouettes};
+use film_time::{FilmState, FrameReport, Pace, RunStart, ring_frames};
 use futures::future::BoxFuture;
 use hull::ViewSet;
 use node_client::FETCH_TIMEOUT;
-use proto::{FilmState, FramePictures, FrameReport, Pace, Picture, PictureRequest, RunStart, ring_frames};
+use proto::{FramePictures, Picture, PictureRequest};
 use tokio::sync::{mpsc, watch};
 use web_server::pictures::Pictures;
 

@@ -9,6 +9,7 @@
 //! What one pass takes, and where, is a tree of spans over all processes ([`Span`]), by OpenTelemetry, for users with a
 //! collector. Whether its work gets on is a [`Pulse`], which [`systemd`]'s watchdog and `/live` ask.
 
+mod histogram;
 mod port;
 mod pulse;
 mod server;
@@ -16,6 +17,7 @@ mod sheet;
 pub mod systemd;
 mod traces;
 
+pub use histogram::Histogram;
 pub use port::{PortError, Telemetry, TelemetryPort};
 pub use pulse::{Beat, Pulse, Stuck};
 pub use sheet::{Buckets, Labels, Sheet};

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use camera_node::NodeConfig;
+use film_time::unix_now_s;
 use proto::convert::Precision;
-use proto::unix_now_s;
 use proto::{CameraPicture, PictureKind, PictureRequest};
 use recording::{ColourCrop, ColourSource, RecordingFile, RunHeader, RunRecorder, WriteError};
 use setup::cli::{Failure, Outcome};

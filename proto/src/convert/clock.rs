@@ -1,9 +1,11 @@
 //! Runs, and film time by a node's clock: messages and back.
 
+use film_time::{ClockLine, RunStart};
+
 use super::ConvertError;
 use super::bulk::Field;
 use super::film::{MAX_TIME_S, within};
-use crate::{ClockLine, RunStart, v1};
+use crate::v1;
 
 /// No clock that runs is faster or slower by more.
 const MOST_DRIFT: f64 = 0.01;

@@ -1,13 +1,13 @@
 //! What is reported of film: messages and back.
 
+use film_time::{CameraPace, CameraReport, FilmEvent, FrameReport, Stamps};
+
 use super::ConvertError;
 use super::bulk::Field;
 use super::from_wire::pixel_rect_from_wire;
 use super::to_wire::pixel_rect_to_wire;
 use crate::text::{MAX_MESSAGE_CHARS, clean};
-use crate::{
-    CameraDescription, CameraPace, CameraReport, FilmEvent, FrameReport, MAX_MESSAGE_BYTES, Stamps, v1,
-};
+use crate::{CameraDescription, MAX_MESSAGE_BYTES, v1};
 
 /// The greatest frame number: film of a million years, and exact as a float.
 pub(super) const MAX_FRAME: u64 = 1 << 53;

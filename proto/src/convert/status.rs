@@ -136,7 +136,8 @@ fn trouble_from_wire(trouble: v1::CameraTrouble) -> Result<CameraTrouble, Conver
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{CameraDescription, CameraPace, NodeDescription, Stamps};
+    use crate::{CameraDescription, NodeDescription};
+    use film_time::{CameraPace, Stamps};
 
     fn status() -> NodeStatus {
         let camera = |name: &str, rig_index| CameraDescription {

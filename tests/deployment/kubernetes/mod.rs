@@ -5,10 +5,11 @@ mod manifests;
 
 use std::fs;
 
+use setup::ClusterFile;
+
 use crate::arguments::check_arguments;
 use manifests::{Resources, built, check, kubectl, kubernetes, read};
 use serde_json::{Value, json};
-use setup::ClusterFile;
 
 const OVERLAYS: [&str; 2] = ["room-a", "room-a-host-cameras"];
 

@@ -6,8 +6,8 @@ use std::sync::{Arc, Mutex};
 
 use camera_node::frames::{CameraFrame, FrameRing, Stamp};
 use coordinator::{BoxError, LocalFrames, Silhouettes};
+use film_time::{FilmState, FrameReport, Pace};
 use hull::{Camera, Observer, ProbeSettings, Rig, Silhouette, ViewSet};
-use proto::{FilmState, FrameReport, Pace};
 use sim::Scene;
 use stage::{StageSettings, studio_rig, true_silhouette};
 use tokio::sync::watch;

@@ -75,7 +75,7 @@ fn command(message: &Map<String, Value>) -> Result<Command, InputError> {
         "set" => Command::Set(parameters(&fields)?),
         "take_background" => {
             only(&["seconds"])?;
-            Command::TakeBackground { seconds: fields.number("seconds", proto::BACKGROUND_S)? }
+            Command::TakeBackground { seconds: fields.number("seconds", film_time::BACKGROUND_S)? }
         }
         _ => return Err(wrong("command", &name.into(), COMMANDS)),
     })

@@ -7,7 +7,8 @@
 
 use std::collections::VecDeque;
 
-use proto::{CameraPace, Stamps, TroubleKind};
+use film_time::{CameraPace, Stamps};
+use proto::TroubleKind;
 use thiserror::Error;
 
 /// So far off, periods, a number no longer follows from the one before.

@@ -1,6 +1,6 @@
 use std::collections::BTreeMap;
 
-use proto::{CameraReport, Cut, FrameReport};
+use film_time::{CameraReport, Cut, FrameReport};
 
 use super::*;
 

@@ -3,12 +3,13 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use film_time::{ClockLine, FilmEvent, monotonic_s};
 use futures::future::BoxFuture;
 use futures::stream::FuturesUnordered;
 use proto::convert::{
     answer_from_wire, claim_to_wire, description_from_wire, film_event_from_wire, node_clock_from_wire,
 };
-use proto::{Address, ClockLine, FilmEvent, monotonic_s, v1};
+use proto::{Address, v1};
 use tokio::sync::mpsc;
 use tokio::time::Instant;
 use tokio_stream::StreamExt;
@@ -17,9 +18,9 @@ use tokio_stream::wrappers::ReceiverStream;
 use super::state::{Connection, LAST_WORDS, Streams};
 use super::{MAX_SENDING, NodeClient, NodeEvent, register};
 use crate::agreement::{Agreement, Terms};
+use crate::clock_estimate::ClockEstimate;
 use crate::connection::connect;
 use crate::error::NodeError;
-use crate::film_time::ClockEstimate;
 use crate::reply_limits::NodeCalls;
 
 const FIRST_BACKOFF: Duration = Duration::from_millis(50);

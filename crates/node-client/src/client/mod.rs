@@ -7,6 +7,7 @@ mod state;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use film_time::{ClockLine, FilmEvent, Pace, RunStart, monotonic_s};
 use hull::question::Question;
 use hull::{Shape, Silhouette};
 use parking_lot::{Mutex, MutexGuard};
@@ -14,7 +15,7 @@ use proto::convert::{
     ExpectedAnswer, ExpectedCamera, ProbeAnswer, SilhouetteEncoding, StreamKnows, WrittenQuestion,
     shape_to_wire, silhouette_from_data, start_to_wire,
 };
-use proto::{CameraDescription, Claim, ClockLine, FilmEvent, Pace, RunStart, TraceParent, monotonic_s, v1};
+use proto::{CameraDescription, Claim, TraceParent, v1};
 use tokio::sync::{Notify, mpsc};
 
 use self::state::State;

@@ -3,12 +3,13 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
+use film_time::{ClockLine, FilmEvent};
 use proto::convert::{ExpectedAnswer, StreamKnows};
-use proto::{ClockLine, FilmEvent, v1};
+use proto::v1;
 use tokio::sync::mpsc;
 use tokio::time::Instant;
 
-use crate::film_time::ClockEstimate;
+use crate::clock_estimate::ClockEstimate;
 use crate::reply_limits::NodeCalls;
 
 /// What is still on its way over an old connection comes within this.

@@ -4,10 +4,10 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use coordinator::{BoxError, LocalFrames, Silhouettes};
+use film_time::{CameraReport, FilmState, FrameReport, Pace, Stamps};
 use hull::{Observer, Silhouette, View, ViewSet};
 use parking_lot::{Mutex, MutexGuard};
 use proto::convert::{SilhouetteEncoding, silhouette_from_data};
-use proto::{CameraReport, FilmState, FrameReport, Pace, Stamps};
 use tokio::sync::watch;
 
 use super::unpack::Unpacker;

@@ -5,10 +5,10 @@ use std::path::Path;
 use std::time::Duration;
 
 use coordinator::{Placement, Transport, TransportError};
+use film_time::Pace;
 use hull::pass::{BodyResult, Pass};
 use hull::rule::{NormalWindow, OutOfView};
 use node_client::Agreement;
-use proto::Pace;
 use setup::cli::{Failure, Outcome, temporary_folder};
 use setup::{ClusterFile, LocalCluster, LocalNodes, Sockets};
 use toml::Value;

@@ -1,6 +1,7 @@
 //! A room as one JSON object. docs/commands.md lists the keys.
 
-use proto::{CameraDescription, CameraStatus, unix_now_s};
+use film_time::unix_now_s;
+use proto::{CameraDescription, CameraStatus};
 use serde::Serialize;
 use setup::ClusterFile;
 

@@ -10,7 +10,8 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
-use proto::{NodeStatus, unix_now_s};
+use film_time::unix_now_s;
+use proto::NodeStatus;
 use setup::ClusterFile;
 use setup::cli::{Failure, Outcome, out};
 

@@ -8,10 +8,11 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use proto::Histogram;
 use setup::ClusterFile;
 use setup::cli::{Failure, Outcome};
-use telemetry::{Buckets, Endpoint, Exporter, Labels, PortError, Process, Telemetry, TelemetryPort};
+use telemetry::{
+    Buckets, Endpoint, Exporter, Histogram, Labels, PortError, Process, Telemetry, TelemetryPort,
+};
 
 pub use node::NodeTelemetry;
 pub use run::metrics;

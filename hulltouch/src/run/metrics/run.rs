@@ -9,9 +9,9 @@ use coordinator::STAGES;
 use coordinator::live::CameraStatus;
 use coordinator::metrics::{MetricsSender, NodeMetrics, RunCounts, RunMetrics};
 use coordinator::roster::HullUnavailable;
+use film_time::fresh_s;
 use hull::question::QuestionKind;
 use node_client::Dial;
-use proto::fresh_s;
 use telemetry::{Labels, Sheet, Telemetry};
 use tokio::sync::watch;
 

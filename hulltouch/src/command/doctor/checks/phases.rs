@@ -1,6 +1,6 @@
 //! Do cameras that count one trigger capture at one moment?
 
-use proto::Stamps;
+use film_time::Stamps;
 
 use super::super::facts::{CameraFacts, Facts};
 use super::super::finding::Finding;

@@ -1,6 +1,7 @@
 //! Do cameras say when they captured, in order and evenly?
 
-use proto::{Stamps, TroubleKind};
+use film_time::Stamps;
+use proto::TroubleKind;
 
 use super::super::facts::{CameraFacts, Facts};
 use super::super::finding::{Finding, or_ok};

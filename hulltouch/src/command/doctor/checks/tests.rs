@@ -1,10 +1,11 @@
 //! Each fault is named by its check, and by no other.
 
+use film_time::{CameraPace, Stamps};
 use net::{CertificateError, Identity};
 use node_client::{Mismatch, NodeError, NodeReport};
 use proto::{
-    Address, CameraDescription, CameraPace, CameraStatus, CameraTrouble, NewestFrame, NodeDescription,
-    NodeStatus, Stamps, TroubleKind,
+    Address, CameraDescription, CameraStatus, CameraTrouble, NewestFrame, NodeDescription, NodeStatus,
+    TroubleKind,
 };
 
 use super::super::facts::{

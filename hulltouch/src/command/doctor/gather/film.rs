@@ -4,8 +4,9 @@ use std::io::{IsTerminal as _, Write as _};
 use std::sync::Arc;
 use std::time::Duration;
 
+use film_time::{Pace, unix_now_s};
 use node_client::{Agreement, Dial, ExpectedNode, NodeClient, NodeEvent, StatusClient};
-use proto::{CameraStatus, CameraTrouble, Pace, TroubleKind, unix_now_s};
+use proto::{CameraStatus, CameraTrouble, TroubleKind};
 use setup::ClusterFile;
 use tokio::sync::mpsc;
 use tokio::time::{Instant, sleep, timeout};

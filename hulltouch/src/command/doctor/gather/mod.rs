@@ -8,8 +8,8 @@ mod trust;
 
 use std::path::PathBuf;
 
+use film_time::unix_now_s;
 use node_client::Agreement;
-use proto::unix_now_s;
 use setup::ClusterFile;
 use setup::cli::Outcome;
 

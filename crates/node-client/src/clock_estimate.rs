@@ -5,7 +5,7 @@
 
 use std::collections::VecDeque;
 
-use proto::ClockLine;
+use film_time::ClockLine;
 
 /// Readings older than this are forgotten, seconds.
 const REMEMBERED_S: f64 = 60.0;
