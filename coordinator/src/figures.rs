@@ -72,9 +72,74 @@ impl Percentiles {
     }
 }
 
-/// The stages of a step, in the order they happen.
-pub const STAGES: [&str; 10] =
-    ["segment", "foresee", "cull", "classes", "edges", "exits", "body_exits", "check", "contacts", "physics"];
+/// A stage of a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// The slowest camera's image becomes a silhouette.
+    Segment,
+    /// Bodies are moved ahead to the next film frame.
+    Foresee,
+    /// Bodies beyond the hull's bounds are left out.
+    Cull,
+    /// Nodes say which samples are inside.
+    Classes,
+    /// Nodes say how far edges are.
+    Edges,
+    /// Nodes say where samples leave the hull.
+    Exits,
+    /// The same for a whole body.
+    BodyExits,
+    /// Nodes say whether a way out is one.
+    Check,
+    /// Planes become contacts.
+    Contacts,
+    /// The solver's step.
+    Physics,
+}
+
+impl Stage {
+    /// All, in the order they happen.
+    pub const ALL: [Stage; 10] = [
+        Stage::Segment,
+        Stage::Foresee,
+        Stage::Cull,
+        Stage::Classes,
+        Stage::Edges,
+        Stage::Exits,
+        Stage::BodyExits,
+        Stage::Check,
+        Stage::Contacts,
+        Stage::Physics,
+    ];
+
+    /// As in figures, metrics and spans.
+    pub fn name(self) -> &'static str {
+        match self {
+            Stage::Segment => "segment",
+            Stage::Foresee => "foresee",
+            Stage::Cull => "cull",
+            Stage::Classes => "classes",
+            Stage::Edges => "edges",
+            Stage::Exits => "exits",
+            Stage::BodyExits => "body_exits",
+            Stage::Check => "check",
+            Stage::Contacts => "contacts",
+            Stage::Physics => "physics",
+        }
+    }
+}
+
+impl From<Round> for Stage {
+    fn from(round: Round) -> Stage {
+        match round {
+            Round::Classes => Stage::Classes,
+            Round::Edges => Stage::Edges,
+            Round::Exits => Stage::Exits,
+            Round::BodyExits => Stage::BodyExits,
+            Round::Check | Round::Done => Stage::Check,
+        }
+    }
+}
 
 /// Everything a run measured.
 #[derive(Clone, Debug, Default)]
@@ -123,8 +188,8 @@ pub struct Figures {
     pub response_age_ms: Percentiles,
     /// How deep the deepest sample of a touching body is in the hull before a step, along its normal.
     pub depth_mm: Percentiles,
-    /// Each of [`STAGES`].
-    pub stage_ms: [Percentiles; STAGES.len()],
+    /// Each of [`Stage::ALL`].
+    pub stage_ms: [Percentiles; Stage::ALL.len()],
     /// Bytes written to nodes.
     pub bytes_to_nodes: u64,
     /// Bytes read from nodes.
@@ -161,10 +226,8 @@ impl Figures {
         }
     }
 
-    pub(crate) fn add_stage(&mut self, stage: &str, value_ms: f64) {
-        if let Some(index) = STAGES.iter().position(|&name| name == stage) {
-            self.stage_ms[index].add(value_ms);
-        }
+    pub(crate) fn add_stage(&mut self, stage: Stage, value_ms: f64) {
+        self.stage_ms[stage as usize].add(value_ms);
     }
 
     /// The share of the answers used that were asked at an earlier step.
@@ -175,17 +238,6 @@ impl Figures {
     /// The share of inside samples that a response did not free.
     pub fn left_inside(&self) -> f64 {
         self.left_samples as f64 / self.inside_samples.max(1) as f64
-    }
-}
-
-/// The stage that a round is.
-pub fn stage_of(round: Round) -> &'static str {
-    match round {
-        Round::Classes => "classes",
-        Round::Edges => "edges",
-        Round::Exits => "exits",
-        Round::BodyExits => "body_exits",
-        Round::Check | Round::Done => "check",
     }
 }
 

@@ -17,7 +17,7 @@ mod run;
 mod threads;
 mod transport;
 
-pub use figures::{Figures, Percentiles, Progress, STAGES, stage_of};
+pub use figures::{Figures, Percentiles, Progress, Stage};
 pub use memory::{MemoryUse, WorldBytesError, world_from_bytes, world_to_bytes};
 pub use query::AskEvery;
 pub use run::{Coordinator, FRAMES_AHEAD, GoingOn, GoneOn, RunError, RunSettings, Snapshot, Watcher};

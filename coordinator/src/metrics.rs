@@ -9,7 +9,7 @@ use hull::question::QuestionKind;
 use telemetry::Histogram;
 use tokio::sync::watch;
 
-use crate::figures::{Progress, STAGES};
+use crate::figures::{Progress, Stage};
 use crate::live::CameraStatus;
 use crate::roster::HullUnavailable;
 
@@ -100,8 +100,8 @@ pub struct RunCounts {
 /// How long things took.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RunTimes {
-    /// Each of [`STAGES`].
-    pub stages: [Histogram; STAGES.len()],
+    /// Each of [`Stage::ALL`].
+    pub stages: [Histogram; Stage::ALL.len()],
     /// A step with its pass.
     pub step: Histogram,
     /// A pass that asked something.

@@ -1,6 +1,6 @@
 //! The rows of `bench cluster`, and how they are printed.
 
-use coordinator::{Percentiles, stage_of};
+use coordinator::Percentiles;
 use hull::pass::Round;
 use serde::Serialize;
 use setup::cli::{Outcome, outln};
@@ -85,7 +85,7 @@ pub struct Stage {
 /// The rounds with their figures.
 pub fn stages(costs: &PassCosts) -> Vec<Stage> {
     let stage = |(round, ms): (&Round, &Percentiles)| Stage {
-        name: stage_of(*round).to_owned(),
+        name: coordinator::Stage::from(*round).name().to_owned(),
         trips: costs.trips.get(round).map_or(0.0, |&trips| trips as f64 / costs.passes.max(1) as f64),
         p50_ms: ms.p50().unwrap_or_default(),
         p99_ms: ms.p99().unwrap_or_default(),

@@ -7,6 +7,7 @@ use tokio::time::Instant;
 
 use super::clock::frame_at;
 use super::{Coordinator, FRAMES_AHEAD, RunError, Watcher};
+use crate::figures::Stage;
 use crate::hooks::FrameRecord;
 use crate::roster::{FrameWait, HullUnavailable, LOCK_STEP_TIMEOUT};
 
@@ -209,7 +210,7 @@ impl Coordinator {
         let reports = self.transport.roster().reports(frame).unwrap_or_default();
         let cameras = reports.iter().flat_map(|report| &report.cameras);
         if let Some(slowest_ms) = cameras.map(|camera| camera.segment_ms).reduce(f64::max) {
-            self.figures.add_stage("segment", slowest_ms);
+            self.figures.add_stage(Stage::Segment, slowest_ms);
         }
         let Some(recorder) = &mut self.log.recorder else { return Ok(()) };
         recorder.frame(FrameRecord {

@@ -2,7 +2,7 @@
 
 use film_time::monotonic_s;
 use hull::Pose;
-use hull::pass::BodyResult;
+use hull::pass::{BodyResult, Round};
 use hull::surface::FrameAge;
 use sim::ResponseMode;
 use tokio::time::Instant;
@@ -10,7 +10,7 @@ use tokio::time::Instant;
 use super::Coordinator;
 use super::clock::steps_that_share;
 use super::frames::FilmPhase;
-use crate::figures::stage_of;
+use crate::figures::Stage;
 use crate::query::MAX_STEPS_AHEAD;
 use crate::roster::{HullUnavailable, LOCK_STEP_TIMEOUT, LeaveOut, StepFilm};
 use crate::transport::TransportError;
@@ -140,7 +140,7 @@ impl Coordinator {
         let bodies = self.world.moving_bodies().zip(planes).enumerate();
         let contacts =
             bodies.map(|(index, (body, planes))| self.surfaces.contacts(index, at, planes, body)).collect();
-        self.figures.add_stage("contacts", began.elapsed().as_secs_f64() * 1e3);
+        self.figures.add_stage(Stage::Contacts, began.elapsed().as_secs_f64() * 1e3);
         contacts
     }
 
@@ -159,15 +159,15 @@ impl Coordinator {
         let ahead = self.foresee(film_s);
         let began = Instant::now();
         let asks_nodes = self.query.ask(&ahead).question().is_some();
-        self.figures.add_stage("cull", began.elapsed().as_secs_f64() * 1e3);
+        self.figures.add_stage(Stage::Cull, began.elapsed().as_secs_f64() * 1e3);
         self.figures.passes += u64::from(asks_nodes);
         self.figures.poses_asked += self.query.poses_asked() as u64;
         let timeout = self.settings.lock_step.then_some(LOCK_STEP_TIMEOUT);
         self.figures.gathered_passes += u64::from(asks_nodes && self.transport.gathers());
         let figures = &mut self.figures;
-        let mut took = |round, ms: f64| {
+        let mut took = |round: Round, ms: f64| {
             figures.round_trips += 1;
-            figures.add_stage(stage_of(round), ms);
+            figures.add_stage(round.into(), ms);
         };
         let asked = self.transport.run_pass(self.query.pass(), frame, timeout, &mut took).await;
         self.figures.points = *self.query.pass().points_asked();
@@ -188,7 +188,7 @@ impl Coordinator {
         }
         let began = Instant::now();
         let ahead = self.world.poses_ahead(steps);
-        self.figures.add_stage("foresee", began.elapsed().as_secs_f64() * 1e3);
+        self.figures.add_stage(Stage::Foresee, began.elapsed().as_secs_f64() * 1e3);
         ahead
     }
 

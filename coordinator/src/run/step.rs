@@ -8,6 +8,7 @@ use tokio::time::Instant;
 use super::clock::frame_at;
 use super::frames::FilmPhase;
 use super::{Coordinator, MAX_FAULTY, RunError, Watcher};
+use crate::figures::Stage;
 use crate::hooks::{Sees, StepRecord};
 use crate::roster::{HullUnavailable, LastFrame};
 
@@ -154,7 +155,7 @@ impl Coordinator {
         let report = self.world.step(responses)?;
         let took_s = began.elapsed().as_secs_f64();
         self.budget.note(took_s);
-        self.figures.add_stage("physics", took_s * 1e3);
+        self.figures.add_stage(Stage::Physics, took_s * 1e3);
         self.figures.faults += report.faults.len() as u64;
         for fault in &report.faults {
             let what = match fault.kind {

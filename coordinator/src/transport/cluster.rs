@@ -16,7 +16,7 @@ use super::nodes::{CALL_TIMEOUT, Nodes, PassEvent};
 use super::round_trips::RoundTrips;
 use super::trace::question_span;
 use crate::ask_policy::AskPolicy;
-use crate::figures::stage_of;
+use crate::figures::Stage;
 use crate::roster::{Roster, RosterNode};
 
 /// Nodes that are asked.
@@ -113,7 +113,7 @@ impl Cluster {
             if let Some(question) = pass.speculative_question() {
                 asked.push(Asking { is_speculative: true, ..self.asking(question, frame, roster, timeout) });
             }
-            let span = nodes.trace.part(stage_of(round));
+            let span = nodes.trace.part(Stage::from(round).name());
             span.count("hulltouch.points", points);
             let answered = self.run_round(nodes, pass, &asked, (roster, &span)).await;
             if let Err(error) = &answered {

@@ -25,9 +25,9 @@ pub struct Overlap {
 pub fn json(setup: &Setup, figures: &Figures, world: &World, overlaps: &[Overlap]) -> Value {
     let sizes = setup.file.rig.cameras().iter().map(|camera| (camera.width(), camera.height()));
     let (width, height) = sizes.max().unwrap_or((0, 0));
-    let stages = coordinator::STAGES.iter().zip(&figures.stage_ms);
+    let stages = coordinator::Stage::ALL.into_iter().zip(&figures.stage_ms);
     let stage_ms: serde_json::Map<String, Value> =
-        stages.map(|(name, stage)| ((*name).to_owned(), percentiles(stage))).collect();
+        stages.map(|(stage, figures)| (stage.name().to_owned(), percentiles(figures))).collect();
     json!({
         "cameras": setup.file.rig.cameras().len(),
         "width": width,
@@ -138,9 +138,10 @@ fn percentiles(figures: &Percentiles) -> Value {
 /// The stages of a step that took place: how often in a frame, and their milliseconds.
 fn stage_table(figures: &Figures) -> String {
     let mut text = format!("{:<12}{:>9}{:>9}{:>9}{:>9}\n", "stage", "a frame", "p50 ms", "p99 ms", "max ms");
-    for (name, stage) in coordinator::STAGES.iter().zip(&figures.stage_ms) {
-        let (Some(p50), Some(p99), Some(max)) = (stage.p50(), stage.p99(), stage.max()) else { continue };
-        let a_frame = stage.count() as f64 / figures.frames.max(1) as f64;
+    for (stage, figures_ms) in coordinator::Stage::ALL.into_iter().zip(&figures.stage_ms) {
+        let shown = (figures_ms.p50(), figures_ms.p99(), figures_ms.max());
+        let (Some(p50), Some(p99), Some(max)) = shown else { continue };
+        let (name, a_frame) = (stage.name(), figures_ms.count() as f64 / figures.frames.max(1) as f64);
         text += &format!("{name:<12}{a_frame:>9.2}{p50:>9.2}{p99:>9.2}{max:>9.2}\n");
     }
     text

@@ -5,7 +5,7 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
-use coordinator::STAGES;
+use coordinator::Stage;
 use coordinator::live::CameraStatus;
 use coordinator::metrics::{MetricsSender, NodeMetrics, RunCounts, RunMetrics};
 use coordinator::roster::HullUnavailable;
@@ -219,8 +219,8 @@ fn misses(sheet: &mut Sheet<'_>, counts: &RunCounts) -> fmt::Result {
 
 fn times(sheet: &mut Sheet<'_>, run: &RunMetrics) -> fmt::Result {
     let times = &run.times;
-    let stages = STAGES.into_iter().zip(&times.stages);
-    let stages = stages.map(|(stage, took)| (vec![("stage", stage.to_owned())], buckets(took)));
+    let stages = Stage::ALL.into_iter().zip(&times.stages);
+    let stages = stages.map(|(stage, took)| (vec![("stage", stage.name().to_owned())], buckets(took)));
     sheet.histogram("coordinator_stage_seconds", "What the stages of steps took.", stages)?;
     for (name, help, histogram) in [
         ("coordinator_step_seconds", "What steps took, with their passes.", &times.step),
