@@ -6,6 +6,7 @@ mod datasets;
 
 mod bad_input;
 mod film_files;
+mod help;
 mod query_input;
 mod scenes;
 mod sync_check;

@@ -32,16 +32,16 @@ const BODIES: [usize; 5] = [1, 10, 30, 100, 200];
 /// Bytes of six layouts over real sockets, and which of them wins where.
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Example:
-  hulltouch-bench bandwidth --size 3840x2160 --cameras 8 --bodies 10,30,100 --json bandwidth.json
-
-Layouts: raw_images (a byte a pixel: colour is 1.5 to 3 times that), bit_masks, runs and runs_lz4 gather
-every camera's silhouette once a frame of film, 30 a second; raw_points and registered_bodies ask every
-camera with every pass, 120 a second. Bodies have 500 samples, about 5 % of them inside a person. Noise is
-the share of pixels of the silhouettes that are inverted, each independently. Every camera has a node of
-its own, all in this process, on loopback sockets; bytes are counted where the coordinator reads and writes
-them, protocol and all. Without --size, --cameras and --noise all sizes are measured with all noises and 8
-cameras, and all numbers of cameras at 1920x1080; with any of them every combination of what is given.")]
+    Example:\n  \
+    hulltouch-bench bandwidth --size 3840x2160 --cameras 8 --bodies 10,30,100 --json bandwidth.json\n\n\
+    Layouts: raw_images (a byte a pixel: colour is 1.5 to 3 times that), bit_masks, runs and runs_lz4 \
+    gather every camera's silhouette once a frame of film, 30 a second; raw_points and registered_bodies \
+    ask every camera with every pass, 120 a second. Bodies have 500 samples, about 5 % of them inside a \
+    person. Noise is the share of pixels of the silhouettes that are inverted, each independently. Every \
+    camera has a node of its own, all in this process, on loopback sockets; bytes are counted where the \
+    coordinator reads and writes them, protocol and all. Without --size, --cameras and --noise all sizes \
+    are measured with all noises and 8 cameras, and all numbers of cameras at 1920x1080; with any of \
+    them every combination of what is given.")]
 pub struct BandwidthBenchArguments {
     /// Image sizes.
     #[arg(long, value_name = "WxH,…", value_delimiter = ',', value_parser = parse_size)]

@@ -36,28 +36,25 @@ const SIZES: [(u32, u32); 4] = [(640, 480), (1920, 1080), (3840, 2160), (7680, 4
 /// Time and bytes of a pass over node processes on this machine, and a model of larger clusters.
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Example:
-  hulltouch-bench cluster --nodes 8 --bodies 30 --size 3840x2160 --json cluster.json
-
-  hulltouch-bench cluster --nodes 8 --bodies 200 --samples 300 --size 640x480 --response contacts
-
-Each node is a process with a ring full of silhouettes; the coordinator is this process. Bodies of 500
-samples stand against a person, about 5 % of the samples inside, and move a little with every pass. A pass
-is the paper's (classes, edges, exits, exits along the mean, a check) or one for contacts: classes of every
-sample and of its feeler a centimetre out, planes of those inside, how they moved since the frame before,
-and, of bodies that no plane faces, the exits against their faces (exits) and the planes there (check). Four
-passes share a frame; the first of them asks for planes of 192 points around every body too.
-Without --nodes, --bodies and --size each of them is varied about 8 nodes, 30 bodies, 3840x2160; with
-any of them every combination of what is given is measured. Up to 8 nodes share 8 cameras; more have one
-each, or as many as --node-cameras says. The tables of scale are a model that starts from the figures of
-this run, of the response and the precision that are named first. Of several numbers of nodes the largest
-is printed beside what the model makes of the others.
-
-After the passes as many more are made, each followed by its own messages with nothing in them: the column
-pass/empty compares their medians. Of the coordinator's processor time the table tells all threads together,
-and per node these and the busiest.
-
-  hulltouch-bench cluster --nodes 4,8,16,32 --node-cameras 8 --size 160x120 --abstain")]
+    Example:\n  \
+    hulltouch-bench cluster --nodes 8 --bodies 30 --size 3840x2160 --json cluster.json\n\n  \
+    hulltouch-bench cluster --nodes 8 --bodies 200 --samples 300 --size 640x480 --response contacts\n\n\
+    Each node is a process with a ring full of silhouettes; the coordinator is this process. Bodies of \
+    500 samples stand against a person, about 5 % of the samples inside, and move a little with every \
+    pass. A pass is the paper's (classes, edges, exits, exits along the mean, a check) or one for \
+    contacts: classes of every sample and of its feeler a centimetre out, planes of those inside, how \
+    they moved since the frame before, and, of bodies that no plane faces, the exits against their faces \
+    (exits) and the planes there (check). Four passes share a frame; the first of them asks for planes \
+    of 192 points around every body too. Without --nodes, --bodies and --size each of them is varied \
+    about 8 nodes, 30 bodies, 3840x2160; with any of them every combination of what is given is \
+    measured. Up to 8 nodes share 8 cameras; more have one each, or as many as --node-cameras says. The \
+    tables of scale are a model that starts from the figures of this run, of the response and the \
+    precision that are named first. Of several numbers of nodes the largest is printed beside what the \
+    model makes of the others.\n\n\
+    After the passes as many more are made, each followed by its own messages with nothing in them: the \
+    column pass/empty compares their medians. Of the coordinator's processor time the table tells all \
+    threads together, and per node these and the busiest.\n\n  \
+    hulltouch-bench cluster --nodes 4,8,16,32 --node-cameras 8 --size 160x120 --abstain")]
 pub struct ClusterBenchArguments {
     /// Numbers of node processes.
     #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = parse_nodes)]

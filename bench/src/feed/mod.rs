@@ -21,13 +21,13 @@ const SIZES: [(u32, u32); 2] = [(640, 480), (1920, 1080)];
 /// Bytes and delay of a page, and what it costs the run.
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Example:
-  hulltouch-bench feed --size 640x480 --link 1 --seconds 60 --json feed.json
-
-Each row is a demo of its own: cameras, coordinator and physics as processes, and a page that reads all it is
-sent and draws nothing. Of the studio, the page looks for a while and looks away for a while in turn, so that
-steps with it and without it are of one run; every step asks for a pass. A recording is watched to its end. A link is a relay that passes
-on so many megabits a second and no more.")]
+    Example:\n  \
+    hulltouch-bench feed --size 640x480 --link 1 --seconds 60 --json feed.json\n\n\
+    Each row is a demo of its own: cameras, coordinator and physics as processes, and a page that reads \
+    all it is sent and draws nothing. Of the studio, the page looks for a while and looks away for a \
+    while in turn, so that steps with it and without it are of one run; every step asks for a pass. A \
+    recording is watched to its end. A link is a relay that passes on so many megabits a second and no \
+    more.")]
 pub struct FeedBenchArguments {
     /// Image sizes of the studio's cameras [default: 640x480,1920x1080, without --recording].
     #[arg(long, value_name = "WxH,…", value_delimiter = ',', value_parser = parse_size)]

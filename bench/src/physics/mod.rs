@@ -34,23 +34,23 @@ use super::table::{Machine, Table, write_json};
 /// Scenes as their bodies went, against what they must keep to.
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Examples:
-  hulltouch-bench physics --scene rest,lift --size 640x480,1280x720 --noise 0,0.01 --seeds 3
-  hulltouch-bench physics --scene topple,lift --response contacts,solids,8k
-  hulltouch-bench physics --scene normals --size 1280x720,3840x2160
-  hulltouch-bench physics --recording deploy/uu_horseman.cluster.toml --bodies deploy/uu_horseman_knees.scene.toml
-
-Every run sees the true silhouettes of the studio, in lock-step; with noise, a share of the pixels on either side of
-every outline is inverted in every frame. Of several seeds each figure is the worst; of `drops` each lets one cube fall.
-
-`between` is `contacts` with the hull between the two newest frames, one frame later; in `no-speeds` it is unknown how
-surfaces move. `one-contact` leaves each body the deepest of its contacts. Two responses are references: `solids` has no hull, its bodies meet the studio's true solids;
-`8k` is `contacts` seen at 7680x4320. Of lift and topple the falls and ends of the others are compared with those of the
-references that are asked for too, and ends with the spread of the reference's own ends when its bodies start a
-millimetre elsewhere.
-
-The scene `normals` has no bodies: it compares the normals of the hull's surface, by disc and by square, with those at
-7680x4320 on a person, and with exact ones on a table.")]
+    Examples:\n  \
+    hulltouch-bench physics --scene rest,lift --size 640x480,1280x720 --noise 0,0.01 --seeds 3\n  \
+    hulltouch-bench physics --scene topple,lift --response contacts,solids,8k\n  \
+    hulltouch-bench physics --scene normals --size 1280x720,3840x2160\n  \
+    hulltouch-bench physics --recording deploy/uu_horseman.cluster.toml --bodies \
+    deploy/uu_horseman_knees.scene.toml\n\n\
+    Every run sees the true silhouettes of the studio, in lock-step; with noise, a share of the pixels \
+    on either side of every outline is inverted in every frame. Of several seeds each figure is the \
+    worst; of `drops` each lets one cube fall.\n\n\
+    `between` is `contacts` with the hull between the two newest frames, one frame later; in `no-speeds` \
+    it is unknown how surfaces move. `one-contact` leaves each body the deepest of its contacts. Two \
+    responses are references: `solids` has no hull, its bodies meet the studio's true solids; `8k` is \
+    `contacts` seen at 7680x4320. Of lift and topple the falls and ends of the others are compared with \
+    those of the references that are asked for too, and ends with the spread of the reference's own ends \
+    when its bodies start a millimetre elsewhere.\n\n\
+    The scene `normals` has no bodies: it compares the normals of the hull's surface, by disc and by \
+    square, with those at 7680x4320 on a person, and with exact ones on a table.")]
 pub struct PhysicsBenchArguments {
     /// The scenes, and `normals`.
     #[arg(

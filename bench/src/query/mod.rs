@@ -45,26 +45,24 @@ const TOUCHING_BODIES: usize = PASS_POINTS / SAMPLES;
 /// Points per second of one core: the inside test alone, and full passes.
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Example:
-  hulltouch-bench query --size 640x480,1920x1080 --python python3 --json query.json --plot charts
-
-Loads: `inside` is the inside test alone, on random points in the box of a person of the stage, most of
-them outside; `contacts` are full passes over points 1 to 3 cm inside, `anywhere` over points uniformly
-inside, both in bodies of 64 neighbours. `touching` are contact passes over 30 bodies of 500 samples that
-touch the person: classes of every sample and its feeler a centimetre out, which are counted, planes near
-those inside and near 192 points around every body; no frame before is there to tell how planes move.
-`_bent` are the same with distorting lenses. `paper` is the paper's own set-up: 7 cameras and a heap of
-boxes, all samples counted.
-
-Engines: `hulltouch`; `hulltouch_portable`, the same without vectors that not every machine has;
-`hulltouch_unpruned`, a node for each camera, all their work on one core; `literal`, the paper's text on
-masks of a byte a pixel; `opencv`, OpenCV and NumPy on one thread with the distance transform for free,
-`opencv_single_precision` the same in 32 bits, `opencv_with_transform` with a transform for every 15,000
-points, `opencv_with_cropped_transform` with one of the silhouette's rectangle alone. For planes OpenCV
-transforms the background too, and sums discs around its nearest pixels, which it does not make smaller
-near thin limbs as ours are. Those of OpenCV need a Python with the packages of
-bench/peers/requirements.txt; without it their rows are left out. They must agree with ours, and some of
-our planes with a slow twin, or the bench fails.")]
+    Example:\n  \
+    hulltouch-bench query --size 640x480,1920x1080 --python python3 --json query.json --plot charts\n\n\
+    Loads: `inside` is the inside test alone, on random points in the box of a person of the stage, most \
+    of them outside; `contacts` are full passes over points 1 to 3 cm inside, `anywhere` over points \
+    uniformly inside, both in bodies of 64 neighbours. `touching` are contact passes over 30 bodies of \
+    500 samples that touch the person: classes of every sample and its feeler a centimetre out, which \
+    are counted, planes near those inside and near 192 points around every body; no frame before is \
+    there to tell how planes move. `_bent` are the same with distorting lenses. `paper` is the paper's \
+    own set-up: 7 cameras and a heap of boxes, all samples counted.\n\n\
+    Engines: `hulltouch`; `hulltouch_portable`, the same without vectors that not every machine has; \
+    `hulltouch_unpruned`, a node for each camera, all their work on one core; `literal`, the paper's \
+    text on masks of a byte a pixel; `opencv`, OpenCV and NumPy on one thread with the distance \
+    transform for free, `opencv_single_precision` the same in 32 bits, `opencv_with_transform` with a \
+    transform for every 15,000 points, `opencv_with_cropped_transform` with one of the silhouette's \
+    rectangle alone. For planes OpenCV transforms the background too, and sums discs around its nearest \
+    pixels, which it does not make smaller near thin limbs as ours are. Those of OpenCV need a Python \
+    with the packages of bench/peers/requirements.txt; without it their rows are left out. They must \
+    agree with ours, and some of our planes with a slow twin, or the bench fails.")]
 pub struct QueryBenchArguments {
     /// Image sizes of the eight cameras.
     #[arg(long, value_name = "WxH,…", default_value = "640x480,1920x1080,3840x2160,7680x4320", value_delimiter = ',', value_parser = parse_size)]

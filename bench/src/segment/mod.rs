@@ -24,18 +24,18 @@ const TURNS: usize = 9;
 /// Megapixels per second of one core, and how good the silhouettes are.
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Example:
-  hulltouch-bench segment --size 1920x1080 --python python3 --json segment.json --plot charts
-
-Frames are those of the studio, with shadows and sensor noise, compared with its ground truth; and, where
-HULLTOUCH_DATASETS leads to the recordings and ffmpeg is there, those of uu_horseman, compared with its
-reference silhouettes. Engines: `hulltouch_rgb`, `hulltouch_i420`, `hulltouch_nv12` and `hulltouch_yuyv` are
-ours on the same frames in four layouts, from bytes to the cleaned silhouette; `mog2` is OpenCV's on RGB,
-`mog2_i420` the same on I420 that OpenCV first turns into RGB, and `difference` its absolute difference with
-a threshold, all from bytes to a mask without clean-up. They are learnt on the same empty room and then
-frozen; their silhouettes are the better of raw and cleaned ones (clean-up is not timed). They need a Python
-with the packages of bench/peers/requirements.txt; without it their rows are left out. Seconds are those
-that the processor gave the thread.")]
+    Example:\n  \
+    hulltouch-bench segment --size 1920x1080 --python python3 --json segment.json --plot charts\n\n\
+    Frames are those of the studio, with shadows and sensor noise, compared with its ground truth; and, \
+    where HULLTOUCH_DATASETS leads to the recordings and ffmpeg is there, those of uu_horseman, compared \
+    with its reference silhouettes. Engines: `hulltouch_rgb`, `hulltouch_i420`, `hulltouch_nv12` and \
+    `hulltouch_yuyv` are ours on the same frames in four layouts, from bytes to the cleaned silhouette; \
+    `mog2` is OpenCV's on RGB, `mog2_i420` the same on I420 that OpenCV first turns into RGB, and \
+    `difference` its absolute difference with a threshold, all from bytes to a mask without clean-up. \
+    They are learnt on the same empty room and then frozen; their silhouettes are the better of raw and \
+    cleaned ones (clean-up is not timed). They need a Python with the packages of \
+    bench/peers/requirements.txt; without it their rows are left out. Seconds are those that the \
+    processor gave the thread.")]
 pub struct SegmentBenchArguments {
     /// Image sizes of the studio's camera.
     #[arg(long, value_name = "WxH,…", default_value = "1920x1080,3840x2160", value_delimiter = ',', value_parser = parse_size)]

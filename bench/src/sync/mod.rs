@@ -23,12 +23,11 @@ use super::table::{Machine, Table, write_json};
 /// Errors of `sync check` on film of the studio with planted offsets.
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Example:
-  hulltouch-bench sync --motion walk,wave,idle --turn 0,1 --runs 5 --json sync.json
-
-Each run renders the studio with sensor noise, segments it as nodes do, and has other offsets and another seed;
-with --turn one camera of the rig, another in each run, is turned in the file alone. `said` is the check's own
-uncertainty; `error / said` is 1 if that is true.")]
+    Example:\n  \
+    hulltouch-bench sync --motion walk,wave,idle --turn 0,1 --runs 5 --json sync.json\n\n\
+    Each run renders the studio with sensor noise, segments it as nodes do, and has other offsets and \
+    another seed; with --turn one camera of the rig, another in each run, is turned in the file alone. \
+    `said` is the check's own uncertainty; `error / said` is 1 if that is true.")]
 pub struct SyncBenchArguments {
     /// What the person does.
     #[arg(long, value_name = "MOTION,…", default_value = "walk,idle", value_delimiter = ',', value_parser = parse_motion)]

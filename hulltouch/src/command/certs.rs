@@ -24,7 +24,8 @@ const AUTHORITY_DAYS: u32 = 3650;
 /// Make certificates for a room that has no authority: one, and a folder for each node, the coordinator and viewers. Run
 /// again, it renews certificates; it never replaces a key.
 #[derive(Debug, Args)]
-#[command(after_help = "Example, and then each machine gets the folder of its name:\n  \
+#[command(after_help = "\
+    Example, and then each machine gets the folder of its name:\n  \
     hulltouch certs studio.cluster.toml --into certs\n  \
     scp certs/nodes/left/* root@left-pc:/etc/hulltouch/certs/\n\n\
     Keep certs/authority on a machine of its own: a holder of its key can act as the coordinator.")]

@@ -18,7 +18,8 @@ use node_client::Role;
 
 /// Ask the nodes of a cluster file, merge their answers and step the world.
 #[derive(Debug, Args)]
-#[command(after_help = "Example, with nodes running on the camera PCs:\n  \
+#[command(after_help = "\
+    Example, with nodes running on the camera PCs:\n  \
     hulltouch coordinator studio.cluster.toml --certs /etc/hulltouch/certs --json figures.json\n\n\
     Another, on another screen:\n  \
     hulltouch coordinator studio.cluster.toml --certs /etc/hulltouch/certs --observe")]

@@ -27,7 +27,9 @@ const MAX_NODES: usize = 64;
 
 /// A whole cluster on this machine: camera nodes as processes, coordinator, physics.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  hulltouch demo\n  \
+#[command(after_help = "\
+    Examples:\n  \
+    hulltouch demo\n  \
     hulltouch demo --scene crowd --seconds 10 --snapshot pics\n  \
     hulltouch demo --recording deploy/uu_horseman.cluster.toml --unpaced --headless --json out.json")]
 pub struct DemoArguments {

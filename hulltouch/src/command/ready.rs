@@ -15,7 +15,9 @@ const MAX_ANSWER_BYTES: u64 = 16 * 1024;
 /// Ask a node or a coordinator that was started with --metrics whether it does its work: all its cameras film, and of a
 /// coordinator, a hull is in use. Exit status 0: it does; 1: it does not, with one line that says what it lacks.
 #[derive(Debug, Args)]
-#[command(after_help = "Example, as a container's health check:\n  hulltouch ready 127.0.0.1:9465")]
+#[command(after_help = "\
+    Example, as a container's health check:\n  \
+    hulltouch ready 127.0.0.1:9465")]
 pub struct ReadyArguments {
     /// The address of its --metrics.
     #[arg(default_value = "127.0.0.1:9464")]

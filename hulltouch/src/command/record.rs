@@ -22,7 +22,9 @@ const CONNECT_TIMEOUT: Duration = Duration::from_secs(60);
 
 /// Record a run: silhouettes, steps and bodies in an MCAP file, for `hulltouch replay` and other tools.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  hulltouch record out.mcap --seconds 10\n  \
+#[command(after_help = "\
+    Examples:\n  \
+    hulltouch record out.mcap --seconds 10\n  \
     hulltouch record out.mcap --cluster studio.cluster.toml --certs /etc/hulltouch/certs --seconds 60")]
 pub struct RecordArguments {
     /// The file to write.

@@ -21,7 +21,9 @@ use crate::run::security::ConsentArguments;
 
 /// Replay a recorded run: the same steps over the same silhouettes. Exit status 1 if a step differs.
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  hulltouch replay out.mcap --unpaced --snapshot pics")]
+#[command(after_help = "\
+    Example:\n  \
+    hulltouch replay out.mcap --unpaced --snapshot pics")]
 pub struct ReplayArguments {
     /// The recording.
     file: PathBuf,

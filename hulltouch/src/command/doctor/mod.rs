@@ -23,11 +23,10 @@ const MAX_CHARS: usize = 600;
 /// Check everything that a room needs, a line each with its cure: files, names, ports, certificates, versions, clocks,
 /// cameras, disks. Cameras of nodes without a coordinator film for some seconds. Exit status 1 if a check fails.
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Examples, on a camera PC before its node runs, and on the coordinator's PC when all do:\n  \
+#[command(after_help = "\
+    Examples, on a camera PC before its node runs, and on the coordinator's PC when all do:\n  \
     hulltouch doctor studio.cluster.toml --host left --certs /etc/hulltouch/certs\n  \
-    hulltouch doctor studio.cluster.toml --certs /etc/hulltouch/certs"
-)]
+    hulltouch doctor studio.cluster.toml --certs /etc/hulltouch/certs")]
 pub struct DoctorArguments {
     /// The cluster file.
     cluster: PathBuf,

@@ -23,12 +23,11 @@ use crate::run::security::SecurityArguments;
 /// Serve cameras of a cluster file: film them, keep their silhouettes, answer probes. Without --camera, those of the
 /// [[node]] with this host's name, or with that of --host.
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Examples, on every PC of a cluster file with [[node]] entries; on the PC of `left` and `top` of \
-    one without:\n  \
+#[command(after_help = "\
+    Examples, on every PC of a cluster file with [[node]] entries; on the PC of `left` and `top` of one \
+    without:\n  \
     hulltouch node studio.cluster.toml --certs /etc/hulltouch/certs\n  \
-    hulltouch node studio.cluster.toml --camera left --camera top --insecure"
-)]
+    hulltouch node studio.cluster.toml --camera left --camera top --insecure")]
 pub struct NodeArguments {
     /// The cluster file. It runs programs: each `command` of a camera that is served here is started as this user.
     cluster: PathBuf,

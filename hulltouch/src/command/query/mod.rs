@@ -24,12 +24,11 @@ use setup::cli::{Failure, Outcome, check_writable, outln, while_working, write_w
 /// Answers a file of points against silhouettes from files.
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Example:
-  hulltouch query --rig rig.toml --silhouettes masks --points points.csv --json answers.json
-
-masks/NAME.png (with --frame 12: masks/NAME/12.png or masks/NAME/000012.png) is the silhouette of
-the camera NAME, of the rig's size (docs/film.md says what is a mask). points.csv begins with the
-line x,y,z or x,y,z,body; metres. Points of one body need not stand together.")]
+    Example:\n  \
+    hulltouch query --rig rig.toml --silhouettes masks --points points.csv --json answers.json\n\n\
+    masks/NAME.png (with --frame 12: masks/NAME/12.png or masks/NAME/000012.png) is the silhouette of \
+    the camera NAME, of the rig's size (docs/film.md says what is a mask). points.csv begins with the \
+    line x,y,z or x,y,z,body; metres. Points of one body need not stand together.")]
 pub struct QueryArguments {
     /// The rig: calibrated cameras.
     #[arg(long, value_name = "FILE")]

@@ -18,12 +18,11 @@ use crate::command::query::{masks, read_rig};
 /// The misfit is measured at the outlines, in pixels of an image 640 wide, squared.
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Example:
-  hulltouch rig check --rig rig.toml --silhouettes masks
-
-masks/NAME/*.png with numbers for names are the frames of the camera NAME, or masks/NAME.png is
-its only one, of the rig's size (docs/film.md says what is a mask). Frames that some camera lacks
-are left out.")]
+    Example:\n  \
+    hulltouch rig check --rig rig.toml --silhouettes masks\n\n\
+    masks/NAME/*.png with numbers for names are the frames of the camera NAME, or masks/NAME.png is its \
+    only one, of the rig's size (docs/film.md says what is a mask). Frames that some camera lacks are \
+    left out.")]
 pub struct CheckArguments {
     /// The rig: calibrated cameras.
     #[arg(long, value_name = "FILE")]

@@ -11,13 +11,12 @@ use setup::cli::{Failure, Outcome, out, outln, parse_size, write_whole};
 /// Turns another program's calibration into a rig file: in metres, and +Y up if --up names the source's axis.
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Examples:
-  hulltouch rig import --up z Calib.qca.txt --out rig.toml
-  hulltouch rig import --format opencv --scale 0.001 --size 644x486 calibration/ --out rig.toml
-
-opencv: a FileStorage file (XML or YAML), or a folder of one file or folder per camera; a stereo
-file is two cameras; EasyMocap's two files. svoboda: the data folder of MultiCamSelfCal.
-matrices: a 3 x 4 matrix, or a folder of one text file per camera.")]
+    Examples:\n  \
+    hulltouch rig import --up z Calib.qca.txt --out rig.toml\n  \
+    hulltouch rig import --format opencv --scale 0.001 --size 644x486 calibration/ --out rig.toml\n\n\
+    opencv: a FileStorage file (XML or YAML), or a folder of one file or folder per camera; a stereo \
+    file is two cameras; EasyMocap's two files. svoboda: the data folder of MultiCamSelfCal. matrices: a \
+    3 x 4 matrix, or a folder of one text file per camera.")]
 pub struct ImportArguments {
     /// A calibration file or folder.
     input: PathBuf,

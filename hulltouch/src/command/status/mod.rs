@@ -26,11 +26,12 @@ const HOME: &str = "\x1b[H\x1b[J";
 
 /// Show how the nodes and cameras of a room are; their run does not notice. Exit status 1 if something lacks.
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Examples:\n  hulltouch status studio.cluster.toml --certs /etc/hulltouch/certs --watch\n  \
+#[command(after_help = "\
+    Examples:\n  \
+    hulltouch status studio.cluster.toml --certs /etc/hulltouch/certs --watch\n  \
     hulltouch status studio.cluster.toml --insecure --json\n\n\
-    --certs takes the folder of the coordinator or that of viewers. docs/commands.md lists the keys of --json."
-)]
+    --certs takes the folder of the coordinator or that of viewers. docs/commands.md lists the keys of \
+    --json.")]
 pub struct StatusArguments {
     /// The cluster file.
     cluster: PathBuf,

@@ -20,14 +20,13 @@ use crate::run::security::SecurityArguments;
 /// deviation. A camera that is out of its place is told from one that is late: both are fitted.
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Examples:
-  hulltouch sync check studio.cluster.toml --certs /etc/hulltouch/certs --write
-  hulltouch sync check --recording run.mcap
-  hulltouch sync check --rig rig.toml --silhouettes masks --fps 30
-
-A cluster file is filmed for --seconds: by its nodes, if it names where they are, else on this
-machine. masks/NAME/*.png with numbers for names are the frames of the camera NAME, of the rig's
-size (docs/film.md says what is a mask).")]
+    Examples:\n  \
+    hulltouch sync check studio.cluster.toml --certs /etc/hulltouch/certs --write\n  \
+    hulltouch sync check --recording run.mcap\n  \
+    hulltouch sync check --rig rig.toml --silhouettes masks --fps 30\n\n\
+    A cluster file is filmed for --seconds: by its nodes, if it names where they are, else on this \
+    machine. masks/NAME/*.png with numbers for names are the frames of the camera NAME, of the rig's \
+    size (docs/film.md says what is a mask).")]
 pub struct SyncCheckArguments {
     /// The cluster file: what to film, unless there is film, and what --write changes.
     #[arg(value_name = "CLUSTER.toml", required_unless_present_any = ["recording", "silhouettes"])]
