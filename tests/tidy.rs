@@ -66,7 +66,6 @@ const ALLOWED: [(&str, &[&str]); 19] = [
             "setup",
             "sim",
             "stage",
-            "web-server",
         ],
     ),
     ("bench/kernels", &["hull"]),
