@@ -1,4 +1,4 @@
-//! Charts of `bench bandwidth`: bytes a second of every layout, one thing varied at a time.
+//! Charts of the bench `bandwidth`: bytes a second of every layout, one thing varied at a time.
 
 use std::path::Path;
 

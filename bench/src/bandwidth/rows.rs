@@ -1,4 +1,4 @@
-//! The rows of `bench bandwidth`, and how they are printed.
+//! The rows of the bench `bandwidth`, and how they are printed.
 
 use serde::Serialize;
 use setup::cli::{Outcome, out, outln};

@@ -1,4 +1,4 @@
-//! Charts of `bench cluster`.
+//! Charts of the bench `cluster`.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! The rows of `bench cluster`, and how they are printed.
+//! The rows of the bench `cluster`, and how they are printed.
 
 use coordinator::Percentiles;
 use hull::pass::Round;

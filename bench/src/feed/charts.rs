@@ -1,4 +1,4 @@
-//! The chart of `bench feed`.
+//! The chart of the bench `feed`.
 
 use std::path::Path;
 

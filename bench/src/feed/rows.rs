@@ -1,4 +1,4 @@
-//! The rows of `bench feed`, and how they are printed.
+//! The rows of the bench `feed`, and how they are printed.
 
 use serde::Serialize;
 

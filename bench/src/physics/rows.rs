@@ -1,4 +1,4 @@
-//! The rows of `bench physics`, and how they are printed.
+//! The rows of the bench `physics`, and how they are printed.
 
 use serde::Serialize;
 

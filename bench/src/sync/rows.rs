@@ -1,4 +1,4 @@
-//! The rows of `bench sync`, and how they are printed.
+//! The rows of the bench `sync`, and how they are printed.
 
 use serde::Serialize;
 
