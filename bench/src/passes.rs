@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use hull::cull::WorldBox;
 use hull::faces::FaceNormals;
-use hull::pass::{AskedBody, Pass, Reaches, Round};
+use hull::pass::{AskedBody, BodyResult, Pass, Reaches, Round};
 use hull::question::{Answer, Points};
 use hull::view_set::Scratch;
 use hull::{ProbeSettings, ViewSet};
@@ -92,7 +92,9 @@ impl Passes {
     pub fn begin<B: Asked>(&mut self, bodies: &[B], hull_box: &WorldBox) {
         self.reaches.resize_with(bodies.len(), Reaches::default);
         self.reaches.iter_mut().zip(self.pass.results()).for_each(|(reaches, result)| reaches.note(result));
-        self.pass.only_planes(B::IS_OF_CONTACTS);
+        if B::IS_OF_CONTACTS && !self.pass.asks_planes() {
+            self.pass.for_contacts();
+        }
         let asked = bodies.iter().zip(&self.reaches).map(|(body, reaches)| body.asked(reaches));
         self.pass.restart(asked, Some(hull_box));
     }
@@ -120,6 +122,6 @@ impl Passes {
 
     /// How many samples of all bodies the last pass found inside.
     pub fn inside_count(&self) -> usize {
-        self.pass.results().iter().map(|body| body.touches.len()).sum()
+        self.pass.results().iter().map(BodyResult::inside_count).sum()
     }
 }

@@ -1,6 +1,7 @@
 //! What a run measured.
 
-use hull::pass::{BodyResult, Round};
+use hull::collision::BodyCollision;
+use hull::pass::Round;
 use hull::question::QuestionKind;
 use serde::Serialize;
 use telemetry::Histogram;
@@ -214,15 +215,15 @@ pub struct Figures {
 
 impl Figures {
     /// Takes in what a step uses of the hull's answers.
-    pub(crate) fn add_results(&mut self, results: &[BodyResult]) {
-        for result in results {
-            let inside = || result.touches.iter().filter(|touch| touch.is_inside());
-            self.inside_samples += inside().count() as u64;
-            self.contacts += u64::from(inside().next().is_some());
-            if let Some(depth_m) = inside().filter_map(|touch| touch.exit_m).reduce(f32::max) {
+    pub(crate) fn add_collisions(&mut self, collisions: &[BodyCollision]) {
+        for collision in collisions {
+            let inside = collision.inside().count();
+            self.inside_samples += inside as u64;
+            self.contacts += u64::from(inside > 0);
+            if let Some(depth_m) = collision.deepest_m() {
                 self.depth_mm.add(f64::from(depth_m) * 1e3);
             }
-            self.left_samples += result.left_inside as u64;
+            self.left_samples += collision.left_inside() as u64;
         }
     }
 

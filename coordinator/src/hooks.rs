@@ -6,7 +6,7 @@
 //! same silhouettes, has the same digest after every step.
 
 use film_time::FrameReport;
-use hull::pass::BodyResult;
+use hull::collision::BodyCollision;
 use sim::{BodyResponse, World};
 
 use crate::figures::Figures;
@@ -43,7 +43,7 @@ pub struct StepRecord<'a> {
     /// What was handed to the world, one a moving body.
     pub responses: &'a [BodyResponse],
     /// All that the hull answered about these bodies, if there was one.
-    pub results: Option<&'a [BodyResult]>,
+    pub collisions: Option<&'a [BodyCollision]>,
     /// What the step with its pass took, milliseconds.
     pub step_ms: f64,
     /// The world after the step.

@@ -17,7 +17,7 @@
 //! mirrored. The paper's own picture is a restitution of 1.
 
 use hull::Shape;
-use hull::pass::BodyResult;
+use hull::collision::BodyCollision;
 use nalgebra::Vector3;
 
 /// How a body answers the hull.
@@ -106,21 +106,35 @@ impl BodyResponse {
 
     /// Takes what a pass found for a body of that shape instead of what was here; the buffer of contacts is
     /// kept.
-    pub fn set(&mut self, result: &BodyResult, shape: &Shape) {
-        self.response_m = result.response_m.ok();
-        self.inside_samples = result.touches.iter().filter(|touch| touch.is_inside()).count();
-        self.spin_rad_s = result.spin_rad_s;
+    pub fn set(&mut self, collision: &BodyCollision, shape: &Shape) {
+        self.response_m = collision.response_m();
+        self.inside_samples = collision.inside().count();
+        self.spin_rad_s = [0.0; 3];
         self.contacts.clear();
-        self.contacts.extend(result.touches.iter().filter_map(|touch| {
-            Some(HullContact {
-                sample: touch.sample,
-                point_body_m: shape.samples_body()[touch.sample as usize],
-                normal_world: touch.edge?.normal_world,
-                depth_m: touch.exit_m?,
-                speed_m_s: touch.speed_m_s,
-                slide_m_s: touch.slide_m_s,
-            })
-        }));
+        let point_body_m = |sample: u32| shape.samples_body()[sample as usize];
+        match collision {
+            BodyCollision::Paper(paper) => self.contacts.extend(paper.inside.iter().filter_map(|inside| {
+                Some(HullContact {
+                    sample: inside.sample,
+                    point_body_m: point_body_m(inside.sample),
+                    normal_world: inside.edge?.normal_world,
+                    depth_m: inside.exit_m?,
+                    speed_m_s: None,
+                    slide_m_s: [0.0; 3],
+                })
+            })),
+            BodyCollision::Contacts(found) => {
+                self.spin_rad_s = found.spin_rad_s;
+                self.contacts.extend(found.contacts.iter().map(|contact| HullContact {
+                    sample: contact.sample,
+                    point_body_m: point_body_m(contact.sample),
+                    normal_world: contact.normal_world,
+                    depth_m: contact.depth_m,
+                    speed_m_s: contact.speed_m_s,
+                    slide_m_s: contact.slide_m_s,
+                }));
+            }
+        }
     }
 
     /// Keeps it from moving the body faster than so, m/s, in a step of `dt_s`, and from giving it more speed: the hull may
@@ -166,7 +180,7 @@ pub fn mirrored(velocity: [f64; 3], outward: [f64; 3], restitution: f64, frictio
 mod tests {
     use super::*;
     use hull::camera::Pixel;
-    use hull::pass::Touch;
+    use hull::pass::{InsideSample, PaperResult};
     use hull::question::Edge;
 
     #[test]
@@ -179,20 +193,14 @@ mod tests {
             normal_world: [0.0, 1.0, 0.0],
             moved_m: None,
         };
-        let touch = |sample, edge, exit_m| Touch {
-            sample,
-            inside_count: 3,
-            edge,
-            exit_m,
-            speed_m_s: None,
-            slide_m_s: [0.0; 3],
-        };
-        let touches =
-            vec![touch(0, None, None), touch(1, Some(edge), None), touch(2, Some(edge), Some(0.05))];
-        let result = BodyResult { touches, response_m: Ok([0.0, 0.05, 0.0]), ..BodyResult::default() };
+        let sample = |sample, edge, exit_m| InsideSample { sample, inside_count: 3, edge, exit_m };
+        let inside =
+            vec![sample(0, None, None), sample(1, Some(edge), None), sample(2, Some(edge), Some(0.05))];
+        let found = PaperResult { inside, response_m: Ok([0.0, 0.05, 0.0]), ..PaperResult::default() };
+        let found = BodyCollision::Paper(found);
         let mut response = BodyResponse::default();
         for _ in 0..2 {
-            response.set(&result, &shape);
+            response.set(&found, &shape);
             assert_eq!((response.response_m, response.inside_samples), (Some([0.0, 0.05, 0.0]), 3));
             let (point_body_m, normal_world) = ([0.0, 0.2, 0.0], [0.0, 1.0, 0.0]);
             let expected = HullContact {
@@ -205,7 +213,7 @@ mod tests {
             };
             assert_eq!(response.contacts, [expected]);
         }
-        response.set(&BodyResult::default(), &shape);
+        response.set(&BodyCollision::Paper(PaperResult::default()), &shape);
         assert_eq!(response, BodyResponse::UNTOUCHED);
     }
 

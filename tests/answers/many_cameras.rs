@@ -74,7 +74,8 @@ fn every_camera_of_a_large_rig_counts_however_they_are_divided() {
     for cameras in [65, 128, 256] {
         let views = views(cameras);
         let one = over_nodes(&[ViewSet::new(views.clone())]);
-        let most = one[0].touches.iter().map(|touch| touch.inside_count).max();
+        let most =
+            one[0].paper().and_then(|paper| paper.inside.iter().map(|inside| inside.inside_count).max());
         assert_eq!(most, Some(cameras as u32), "points that all cameras see within the person");
         for a_node in [1, 8, cameras - 1] {
             let nodes: Vec<ViewSet> =

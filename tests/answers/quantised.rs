@@ -5,7 +5,7 @@
 use std::sync::Arc;
 
 use hull::cull::WorldBox;
-use hull::pass::{AskedBody, BodyResult, Pass, Reaches};
+use hull::pass::{AskedBody, BodyResult, NoResponse, Pass, Reaches};
 use hull::question::{Answer, Points, Question};
 use hull::view_set::Scratch;
 use hull::{Observer, Pose, ProbeSettings, Rig, Shape, View, ViewSet};
@@ -138,9 +138,13 @@ fn on_one_machine(scene: &Scene, bodies: &[Points]) -> Vec<BodyResult> {
     pass.into_results()
 }
 
+fn response_m(result: &BodyResult) -> Result<[f64; 3], NoResponse> {
+    result.paper().expect("the paper's response").response_m
+}
+
 /// The farthest that two responses are apart, metres; infinite if only one of them is there.
 fn apart_m(a: &BodyResult, b: &BodyResult) -> f64 {
-    match (a.response_m, b.response_m) {
+    match (response_m(a), response_m(b)) {
         (Ok(a), Ok(b)) => a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt(),
         (Err(a), Err(b)) if a == b => 0.0,
         _ => f64::INFINITY,
@@ -188,7 +192,7 @@ fn check_rounded(two_phases: bool, most_m: f64) {
             }
             assert_eq!(passes[0].results(), expected, "exact is exact");
             let pairs = expected.iter().zip(passes[1].results());
-            let responding = pairs.filter(|(a, b)| a.response_m.is_ok() || b.response_m.is_ok());
+            let responding = pairs.filter(|(a, b)| response_m(a).is_ok() || response_m(b).is_ok());
             apart.extend(responding.map(|(a, b)| apart_m(a, b)));
         }
         assert!(rounded.bytes * 3 < exact.bytes * 2, "{} of {} bytes", rounded.bytes, exact.bytes);

@@ -118,7 +118,7 @@ fn a_step_that_differs_is_named_and_the_replay_fails() {
             slipped_s: 0.0,
             frame: None,
             responses: &responses,
-            results: None,
+            collisions: None,
             step_ms: 0.0,
             world: &world,
         });

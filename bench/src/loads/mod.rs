@@ -118,11 +118,12 @@ impl Studio {
             let points: Arc<[[f64; 3]]> = self.in_box(random, THROW, 0.0).into();
             let bodies = [Points::World(Arc::clone(&points))];
             asked.ask(&bodies, slice::from_ref(&self.views), &WorldBox::EVERYWHERE)?;
-            for touch in &asked.pass.results()[0].touches {
+            let paper = asked.pass.results()[0].paper();
+            for inside in paper.iter().flat_map(|paper| &paper.inside) {
                 let fits =
-                    touch.edge.is_some_and(|edge| !near_surface || CONTACT_M.contains(&edge.distance_m));
+                    inside.edge.is_some_and(|edge| !near_surface || CONTACT_M.contains(&edge.distance_m));
                 if fits && found.len() < count {
-                    found.push(points[touch.sample as usize]);
+                    found.push(points[inside.sample as usize]);
                 }
             }
             if found.len() == count {

@@ -126,9 +126,8 @@ impl Recorder for Keeper {
 
     fn step(&mut self, record: &StepRecord<'_>) {
         let body = |(index, body): (usize, &Body)| {
-            let touches = record.results.map_or(&[][..], |results| &results[index].touches);
-            let inside = touches.iter().filter(|touch| touch.is_inside()).filter_map(|touch| touch.exit_m);
-            BodyAt::of(body, f64::from(inside.fold(0.0, f32::max)))
+            let deepest_m = record.collisions.and_then(|collisions| collisions[index].deepest_m());
+            BodyAt::of(body, f64::from(deepest_m.unwrap_or(0.0)))
         };
         let bodies = record.world.moving_bodies().enumerate().map(body).collect();
         let mut steps = self.0.lock();

@@ -227,7 +227,13 @@ impl Report {
             load: named(TOUCHING, plan.bent),
             planes,
             inside: asked.inside_count(),
-            around: asked.pass.results().iter().map(|body| body.around.len()).sum(),
+            around: asked
+                .pass
+                .results()
+                .iter()
+                .filter_map(hull::pass::BodyResult::planes)
+                .map(|body| body.around.len())
+                .sum(),
             failed,
         });
         Ok(())

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use hull::Camera;
 use hull::coordinates::Coordinates;
 use hull::oracle::DenseView;
-use hull::pass::{AROUND_REACH, BodyResult, Touch};
+use hull::pass::{AROUND_REACH, BodyResult, SamplePlane};
 use hull::question::{Edge, Points};
 use nalgebra::{Point3, Vector3};
 use serde::Serialize;
@@ -175,15 +175,15 @@ impl Opponent {
         let theirs = self.answers(load, 4)?;
         let pixel_m = PIXEL_AT_M / studio.dense[0].camera.intrinsics()[(0, 0)];
         let (mut points, mut agreeing, mut ties) = (0, 0, 0);
-        for (body, result) in ours.iter().enumerate() {
-            for touch in &result.touches {
-                let at = 4 * (body * BODY_POINTS + touch.sample as usize);
+        for (body, result) in ours.iter().filter_map(BodyResult::paper).enumerate() {
+            for inside in &result.inside {
+                let at = 4 * (body * BODY_POINTS + inside.sample as usize);
                 let Some(their) = theirs.get(at..at + 4) else { continue };
                 points += 1;
-                let agrees = agree(touch.response_m(), &their[..3], pixel_m);
+                let agrees = agree(inside.response_m(), &their[..3], pixel_m);
                 agreeing += usize::from(agrees);
                 ties +=
-                    usize::from(!agrees && touch.edge.is_some_and(|edge| as_near(&edge, their[3], pixel_m)));
+                    usize::from(!agrees && inside.edge.is_some_and(|edge| as_near(&edge, their[3], pixel_m)));
             }
         }
         Ok(agreement("responses", size, load, points, agreeing, ties))
@@ -201,15 +201,15 @@ impl Opponent {
         let pixel_m = PIXEL_AT_M / studio.dense[0].camera.intrinsics()[(0, 0)];
         let probes: usize = bodies.iter().map(|body| body.probes.len()).sum();
         let (mut points, mut agreeing, mut ties) = (0, 0, 0);
-        let mut compare = |places: &[Point3<f64>], touches: &[Touch], first: usize| {
-            for touch in touches {
-                let at = PLANE_NUMBERS * (first + touch.sample as usize);
-                let (Some(edge), Some(their)) = (touch.edge, theirs.get(at..at + PLANE_NUMBERS)) else {
+        let mut compare = |places: &[Point3<f64>], found: &[SamplePlane], first: usize| {
+            for of in found {
+                let at = PLANE_NUMBERS * (first + of.sample as usize);
+                let (Some(edge), Some(their)) = (of.plane, theirs.get(at..at + PLANE_NUMBERS)) else {
                     continue;
                 };
                 let centre = studio.dense[usize::from(edge.camera)].camera.centre_world();
                 let normal = Vector3::from(edge.normal_world.map(f64::from));
-                let depth_m = normal.dot(&(centre - places[touch.sample as usize]));
+                let depth_m = normal.dot(&(centre - places[of.sample as usize]));
                 points += 1;
                 let turned = normal.dot(&Vector3::new(their[0], their[1], their[2]));
                 let agrees = turned >= SAME_PLANE && (depth_m - their[3]).abs() <= pixel_m;
@@ -218,8 +218,8 @@ impl Opponent {
             }
         };
         let (mut probe, mut around) = (0, probes);
-        for (body, result) in bodies.iter().zip(ours) {
-            compare(&world_points(&body.probes), &result.touches, probe);
+        for (body, result) in bodies.iter().zip(ours.iter().filter_map(BodyResult::planes)) {
+            compare(&world_points(&body.probes), &result.samples, probe);
             probe += body.probes.len();
             if let Some(points) = &body.around {
                 compare(&world_points(points), &result.around, around);

@@ -1,7 +1,7 @@
 //! The slow twin on some of the planes of a contact pass.
 
 use hull::oracle::brute;
-use hull::pass::Touch;
+use hull::pass::{BodyResult, SamplePlane};
 use hull::question::{Edge, Points};
 use nalgebra::{Point3, Vector3};
 
@@ -23,13 +23,13 @@ const AROUND_M: f64 = 0.12;
 pub fn check_planes(studio: &Studio, bodies: &[ContactBody], asked: &Passes) -> (usize, Option<String>) {
     let (width, height) = (studio.dense[0].camera.width() as usize, studio.dense[0].camera.height() as usize);
     let most = (PIXELS / (studio.dense.len() * width * height)).max(1);
-    let of_body = |points: &Points, touches: &[Touch]| -> Vec<(Point3<f64>, Edge)> {
+    let of_body = |points: &Points, found: &[SamplePlane]| -> Vec<(Point3<f64>, Edge)> {
         let places = world_points(points);
-        touches.iter().filter_map(|touch| Some((places[touch.sample as usize], touch.edge?))).collect()
+        found.iter().filter_map(|of| Some((places[of.sample as usize], of.plane?))).collect()
     };
     let (mut inside, mut around) = (Vec::new(), Vec::new());
-    for (body, result) in bodies.iter().zip(asked.pass.results()) {
-        inside.extend(of_body(&body.probes, &result.touches));
+    for (body, result) in bodies.iter().zip(asked.pass.results().iter().filter_map(BodyResult::planes)) {
+        inside.extend(of_body(&body.probes, &result.samples));
         around.extend(body.around.iter().flat_map(|points| of_body(points, &result.around)));
     }
     let some = |found: Vec<(Point3<f64>, Edge)>| {

@@ -76,7 +76,7 @@ impl HullQuery {
 
     /// Asks for planes of the hull's surface from the next pass on, and for no exits.
     pub fn ask_planes(&mut self) {
-        self.pass.only_planes(true);
+        self.pass.for_contacts();
     }
 
     /// Other bodies: no answer holds any more. Within one frame a body counts as clear where each of its samples
@@ -166,7 +166,7 @@ impl HullQuery {
 
     /// The answers of this step; `None` while one is missing.
     pub fn take(&mut self) -> Option<StepAnswers> {
-        self.answers.take()
+        self.answers.take(&self.pass.clear_result())
     }
 }
 

@@ -1,8 +1,8 @@
 //! The hull's surface near each moving body of a world. Under `--response contacts` only.
 
 use hull::Pose;
-use hull::contact::Eye;
-use hull::pass::BodyResult;
+use hull::contact::{BodyContacts, Eye};
+use hull::pass::BodyPlanes;
 use hull::surface::{BodySurface, FrameAge, HullTime, Sampled};
 use sim::Body;
 
@@ -39,9 +39,9 @@ impl Surfaces {
     }
 
     /// The contacts of a body with the planes found for its samples and feelers, where body and surface are now.
-    pub fn contacts(&mut self, index: usize, at: FrameAge, planes: &BodyResult, body: &Body) -> BodyResult {
+    pub fn contacts(&mut self, index: usize, at: FrameAge, planes: &BodyPlanes, body: &Body) -> BodyContacts {
         // Under `contacts` every body has faces.
-        let Some(faces) = &body.faces else { return BodyResult::default() };
+        let Some(faces) = &body.faces else { return BodyContacts::default() };
         let sampled = Sampled { shape: &body.shape, around: body.around.as_deref(), pose: &body.pose, faces };
         self.bodies[index].contacts(at, planes, &sampled, &self.eyes)
     }

@@ -2,9 +2,10 @@
 
 use film_time::monotonic_s;
 use hull::Pose;
+use hull::collision::BodyCollision;
 use hull::pass::{BodyResult, Round};
 use hull::surface::FrameAge;
-use sim::ResponseMode;
+use sim::{Body, ResponseMode};
 use tokio::time::Instant;
 
 use super::Coordinator;
@@ -81,7 +82,7 @@ impl Coordinator {
     }
 
     /// What the hull answers about every moving body; `None` if there is no hull.
-    pub(super) async fn collide(&mut self, film_s: f64, phase: FilmPhase) -> Option<Vec<BodyResult>> {
+    pub(super) async fn collide(&mut self, film_s: f64, phase: FilmPhase) -> Option<Vec<BodyCollision>> {
         let frame = match self.hull_frame(film_s, phase) {
             Ok(frame) => frame,
             Err(why) => {
@@ -129,19 +130,27 @@ impl Coordinator {
         self.figures.steps_without_question += u64::from(self.figures.passes == passes_before);
         self.figures.answers_used += answers.asked as u64;
         self.figures.answers_reused += answers.reused as u64;
-        let results = if by_contacts { self.contacts(at, &answers.results) } else { answers.results };
-        self.figures.add_results(&results);
-        Some(results)
+        let collisions = self.collisions(at, answers.results);
+        self.figures.add_collisions(&collisions);
+        Some(collisions)
     }
 
-    /// The bodies' contacts with the planes that were found.
-    fn contacts(&mut self, at: FrameAge, planes: &[BodyResult]) -> Vec<BodyResult> {
+    /// What was found for the bodies, for contacts from the planes.
+    fn collisions(&mut self, at: FrameAge, found: Vec<BodyResult>) -> Vec<BodyCollision> {
         let began = Instant::now();
-        let bodies = self.world.moving_bodies().zip(planes).enumerate();
-        let contacts =
-            bodies.map(|(index, (body, planes))| self.surfaces.contacts(index, at, planes, body)).collect();
-        self.figures.add_stage(Stage::Contacts, began.elapsed().as_secs_f64() * 1e3);
-        contacts
+        let bodies = self.world.moving_bodies().zip(found).enumerate();
+        let surfaces = &mut self.surfaces;
+        let collision = |(index, (body, found)): (usize, (&Body, BodyResult))| match found {
+            BodyResult::Paper(paper) => BodyCollision::Paper(paper),
+            BodyResult::Planes(planes) => {
+                BodyCollision::Contacts(surfaces.contacts(index, at, &planes, body))
+            }
+        };
+        let collisions = bodies.map(collision).collect();
+        if self.world.settings().response == ResponseMode::Contacts {
+            self.figures.add_stage(Stage::Contacts, began.elapsed().as_secs_f64() * 1e3);
+        }
+        collisions
     }
 
     pub(super) fn hull_frame(&self, film_s: f64, phase: FilmPhase) -> Result<u64, HullUnavailable> {

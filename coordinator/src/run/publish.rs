@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use film_time::{FrameReport, Stamps};
-use hull::pass::{BodyResult, Touch};
+use hull::collision::BodyCollision;
 use sim::{Body, BodyId, BodyResponse};
 
 use super::Coordinator;
@@ -61,7 +61,7 @@ impl StepView {
 
 impl Coordinator {
     /// Keeps the hull's responses before a step moves bodies: where they touch is where they are now.
-    pub(super) fn note_touches(&mut self, responses: &[BodyResponse], results: Option<&[BodyResult]>) {
+    pub(super) fn note_touches(&mut self, responses: &[BodyResponse], collisions: Option<&[BodyCollision]>) {
         self.publisher.view.forget_bodies();
         if !self.publisher.is_watched() {
             return;
@@ -71,15 +71,12 @@ impl Coordinator {
             (body.id, response.inside_samples, response.response_m)
         };
         let responses = bodies().zip(responses).map(response).collect();
-        let touched =
-            bodies().zip(results.unwrap_or_default()).filter(|(_, result)| !result.touches.is_empty());
-        let points = touched.flat_map(|(body, result)| {
+        let points = bodies().zip(collisions.unwrap_or_default()).flat_map(|(body, collision)| {
             let world_from_body = body.pose.world_from_body();
             let samples_body = body.shape.samples_body();
-            let point = move |touch: &Touch| {
-                (body.id, touch_point(world_from_body(samples_body[touch.sample as usize]), touch))
-            };
-            result.touches.iter().filter(|touch| touch.is_inside()).map(point)
+            collision.inside().map(move |(sample, way_out_m)| {
+                (body.id, touch_point(world_from_body(samples_body[sample as usize]), way_out_m))
+            })
         });
         let touches = points.collect();
         let view = &mut self.publisher.view;
@@ -241,10 +238,10 @@ impl Coordinator {
 
 /// A sample inside the hull, where it is in the world, and its own way out. The body's place in the list is
 /// filled in when the list is made.
-fn touch_point(point_world: nalgebra::Point3<f64>, touch: &Touch) -> TouchPoint {
+fn touch_point(point_world: nalgebra::Point3<f64>, way_out_m: [f64; 3]) -> TouchPoint {
     TouchPoint {
         body: 0,
         point_m: [point_world.x, point_world.y, point_world.z].map(|component| component as f32),
-        response_m: touch.response_m().unwrap_or_default().map(|component| component as f32),
+        response_m: way_out_m.map(|component| component as f32),
     }
 }

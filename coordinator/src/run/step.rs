@@ -1,7 +1,7 @@
 //! One step: which frame it sees, the world's step with the hull's answers, and what is reported of it.
 
 use film_time::FilmState;
-use hull::pass::BodyResult;
+use hull::collision::BodyCollision;
 use sim::{Body, BodyResponse, FaultKind, WorldError};
 use tokio::time::Instant;
 
@@ -50,8 +50,8 @@ impl Coordinator {
         }
         let began = Instant::now();
         let phase = if last.is_some() { FilmPhase::Held } else { FilmPhase::Runs };
-        let results = self.collide(film_s, phase).await;
-        self.make(film_s, began, results, None, watcher).await
+        let collisions = self.collide(film_s, phase).await;
+        self.make(film_s, began, collisions, None, watcher).await
     }
 
     /// A step out of a pause: it sees the frame at which the run was paused, while film goes by.
@@ -61,8 +61,8 @@ impl Coordinator {
         self.film.frames_passed += frame_at(film_s, fps) - frame_at(before_s, fps);
         self.transport.drain();
         let began = Instant::now();
-        let results = self.collide(film_s, FilmPhase::Given).await;
-        self.make(film_s, began, results, None, watcher).await
+        let collisions = self.collide(film_s, FilmPhase::Given).await;
+        self.make(film_s, began, collisions, None, watcher).await
     }
 
     /// A step that sees what another run's step saw.
@@ -81,7 +81,7 @@ impl Coordinator {
             self.seek(frame, given.is_none()).await?;
         }
         let began = Instant::now();
-        let mut results = None;
+        let mut collisions = None;
         match (frame, &given) {
             (_, Some(_)) => self.film.unavailable = None,
             (None, None) => self.lose_hull(match self.film.frame {
@@ -90,13 +90,13 @@ impl Coordinator {
                 None => HullUnavailable::NotYet,
             }),
             (Some(frame), None) => {
-                results = self.collide(film_s, FilmPhase::Given).await;
-                if let (None, Some(why)) = (&results, self.film.unavailable.take()) {
+                collisions = self.collide(film_s, FilmPhase::Given).await;
+                if let (None, Some(why)) = (&collisions, self.film.unavailable.take()) {
                     return Err(RunError::Recorded { frame, why });
                 }
             }
         }
-        self.make(film_s, began, results, given, watcher).await
+        self.make(film_s, began, collisions, given, watcher).await
     }
 
     /// The step itself, with the hull's answers, and what is reported of it.
@@ -104,15 +104,15 @@ impl Coordinator {
         &mut self,
         film_s: f64,
         began: Instant,
-        results: Option<Vec<BodyResult>>,
+        collisions: Option<Vec<BodyCollision>>,
         given: Option<Vec<BodyResponse>>,
         watcher: &mut dyn Watcher,
     ) -> Result<bool, RunError> {
-        let mut responses = given.unwrap_or_else(|| self.responses(film_s, results.as_deref()));
+        let mut responses = given.unwrap_or_else(|| self.responses(film_s, collisions.as_deref()));
         if let Some(alter) = self.script.alter {
             responses.iter_mut().for_each(alter);
         }
-        self.note_touches(&responses, results.as_deref());
+        self.note_touches(&responses, collisions.as_deref());
         let touching = match self.apply(&responses) {
             // A replay makes what was recorded.
             Err(WorldError::Limit(why)) if self.script.schedule.is_none() => {
@@ -127,21 +127,21 @@ impl Coordinator {
         let step_ms = began.elapsed().as_secs_f64() * 1e3;
         self.figures.step_ms.add(step_ms);
         self.figures.steps += 1;
-        self.note_age(results.as_deref());
-        self.record(&responses, results.as_deref(), step_ms);
+        self.note_age(collisions.as_deref());
+        self.record(&responses, collisions.as_deref(), step_ms);
         self.publish_world();
         self.report(watcher, Some(step_ms));
-        self.picture(watcher, film_s, results.as_deref()).await;
+        self.picture(watcher, film_s, collisions.as_deref()).await;
         Ok(true)
     }
 
     /// What the hull's answers do to the moving bodies.
-    fn responses(&self, film_s: f64, results: Option<&[BodyResult]>) -> Vec<BodyResponse> {
-        let Some(results) = results else {
+    fn responses(&self, film_s: f64, collisions: Option<&[BodyCollision]>) -> Vec<BodyResponse> {
+        let Some(collisions) = collisions else {
             return vec![BodyResponse::UNTOUCHED; self.world.moving_bodies().len()];
         };
         let mut responses: Vec<BodyResponse> =
-            self.world.moving_bodies().zip(results).map(response).collect();
+            self.world.moving_bodies().zip(collisions).map(response).collect();
         if film_s < self.film.gentle_until_s {
             let (push_m_s, dt_s) = (self.settings.going_on.push_m_s, self.world.settings().dt_s);
             responses.iter_mut().for_each(|response| response.limit(push_m_s, dt_s));
@@ -172,7 +172,7 @@ impl Coordinator {
     }
 
     /// Hands the step to the recorder.
-    fn record(&mut self, responses: &[BodyResponse], results: Option<&[BodyResult]>, step_ms: f64) {
+    fn record(&mut self, responses: &[BodyResponse], collisions: Option<&[BodyCollision]>, step_ms: f64) {
         let view = &self.publisher.view;
         if let Some(recorder) = &mut self.log.recorder {
             recorder.step(&StepRecord {
@@ -183,7 +183,7 @@ impl Coordinator {
                 slipped_s: view.film_s - self.world.time_s(),
                 frame: view.frame,
                 responses,
-                results,
+                collisions,
                 step_ms,
                 world: &self.world,
             });
@@ -192,8 +192,8 @@ impl Coordinator {
     }
 }
 
-fn response((body, result): (&Body, &BodyResult)) -> BodyResponse {
+fn response((body, collision): (&Body, &BodyCollision)) -> BodyResponse {
     let mut response = BodyResponse::default();
-    response.set(result, &body.shape);
+    response.set(collision, &body.shape);
     response
 }

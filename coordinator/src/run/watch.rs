@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use hull::pass::BodyResult;
+use hull::collision::BodyCollision;
 use sim::World;
 use tokio::time::Instant;
 
@@ -74,15 +74,15 @@ impl RecentFigures {
 
 impl Coordinator {
     /// How old the film is that this step asked, and that caused its responses, if there were any.
-    pub(super) fn note_age(&mut self, results: Option<&[BodyResult]>) {
-        let (Some(frame), Some(results)) = (self.film.frame, results) else { return };
+    pub(super) fn note_age(&mut self, collisions: Option<&[BodyCollision]>) {
+        let (Some(frame), Some(collisions)) = (self.film.frame, collisions) else { return };
         let reports = self.transport.roster().reports(frame);
         let Some(report) = reports.as_ref().and_then(|reports| reports.first()) else { return };
         let later_s = self.world.settings().hull_time.frames_later() / self.settings.fps;
         let age_ms = (self.clock.age_s(report) + later_s) * 1e3;
         self.recent.hull_age_ms.add(age_ms);
         self.figures.hull_age.add(age_ms / 1e3);
-        if results.iter().any(|result| result.response_m.is_ok() || !result.touches.is_empty()) {
+        if collisions.iter().any(BodyCollision::touches) {
             self.figures.response_age_ms.add(age_ms);
         }
     }
@@ -127,7 +127,7 @@ impl Coordinator {
         &mut self,
         watcher: &mut dyn Watcher,
         film_s: f64,
-        results: Option<&[BodyResult]>,
+        collisions: Option<&[BodyCollision]>,
     ) {
         let Some(frame) = self.film.frame else { return };
         if !watcher.wants_snapshot(film_s) {
@@ -135,7 +135,7 @@ impl Coordinator {
         }
         match self.transport.silhouettes(frame).await {
             Ok(silhouettes) => {
-                let inside_world = inside_points(&self.world, results.unwrap_or_default());
+                let inside_world = inside_points(&self.world, collisions.unwrap_or_default());
                 watcher.snapshot(Snapshot { film_s, frame, silhouettes, world: &self.world, inside_world });
             }
             Err(why) => tracing::warn!("no picture at {film_s:.2} s: {why}"),
@@ -144,16 +144,13 @@ impl Coordinator {
 }
 
 /// The samples that were inside, where their bodies now are.
-fn inside_points(world: &World, results: &[BodyResult]) -> Vec<[f64; 3]> {
-    let bodies = world.moving_bodies().zip(results);
+fn inside_points(world: &World, collisions: &[BodyCollision]) -> Vec<[f64; 3]> {
+    let bodies = world.moving_bodies().zip(collisions);
     bodies
-        .flat_map(|(body, result)| {
+        .flat_map(|(body, collision)| {
             let world_from_body = body.pose.world_from_body();
             let samples = body.shape.samples_body();
-            let points = result.touches.iter().filter(|touch| touch.is_inside());
-            points
-                .map(|touch| world_from_body(samples[touch.sample as usize]).into())
-                .collect::<Vec<[f64; 3]>>()
+            collision.inside().map(move |(sample, _)| world_from_body(samples[sample as usize]).into())
         })
         .collect()
 }

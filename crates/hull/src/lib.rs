@@ -12,6 +12,7 @@
 pub mod body;
 pub mod calibration_words;
 pub mod camera;
+pub mod collision;
 pub mod contact;
 pub mod coordinates;
 pub mod cull;

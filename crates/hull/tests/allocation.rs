@@ -35,7 +35,7 @@ use std::sync::Arc;
 
 use common::{Dice, random_rig};
 use hull::cull::WorldBox;
-use hull::pass::{AskedBody, Pass, Reaches};
+use hull::pass::{AskedBody, BodyResult, Pass, Reaches};
 use hull::question::{Answer, Points};
 use hull::view_set::Scratch;
 use hull::{HullRule, NormalWindow, OutOfView, Pose, ProbeSettings, Shape, VectorPath, ViewSet};
@@ -76,7 +76,7 @@ struct Buffers {
     reaches: Vec<Reaches>,
 }
 
-/// Allocations of passes after others with the same bodies have run, and the touches of the last.
+/// Allocations of passes after others with the same bodies have run, and the samples inside in the last.
 fn allocations(out_of_view: OutOfView, alone: bool, path: VectorPath) -> (u64, usize) {
     let rule = HullRule { out_of_view, min_views: 2 };
     let settings = ProbeSettings::new(rule, NormalWindow::Auto, 1.0).expect("in range");
@@ -103,16 +103,16 @@ fn allocations(out_of_view: OutOfView, alone: bool, path: VectorPath) -> (u64, u
     for _ in 0..5 {
         run(&sets, &mut pass, &poses, &shape, &mut buffers);
     }
-    let touches = pass.results().iter().map(|result| result.touches.len()).sum();
-    (counting::count() - before, touches)
+    let inside = pass.results().iter().map(BodyResult::inside_count).sum();
+    (counting::count() - before, inside)
 }
 
 #[test]
 fn a_pass_allocates_nothing_after_warm_up() {
     for path in VectorPath::ALL.into_iter().filter(|path| path.is_available()) {
         for alone in [true, false] {
-            let (count, touches) = allocations(OutOfView::Outside, alone, path);
-            assert!(touches > 50, "{touches} touches: the bodies test nothing");
+            let (count, inside) = allocations(OutOfView::Outside, alone, path);
+            assert!(inside > 50, "{inside} samples inside: the bodies test nothing");
             assert_eq!(count, 0, "{path:?}, alone: {alone}");
         }
     }
@@ -120,8 +120,8 @@ fn a_pass_allocates_nothing_after_warm_up() {
 
 #[test]
 fn nor_when_cameras_abstain() {
-    let (count, touches) = allocations(OutOfView::Abstain, false, VectorPath::best());
-    assert!(touches > 50, "{touches} touches: the bodies test nothing");
+    let (count, inside) = allocations(OutOfView::Abstain, false, VectorPath::best());
+    assert!(inside > 50, "{inside} samples inside: the bodies test nothing");
     assert_eq!(count, 0);
 }
 

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use common::{Dice, random_rig};
 use hull::cull::{WorldBox, hull_box};
 use hull::oracle::literal;
-use hull::pass::{BodyResult, Pass};
+use hull::pass::{PaperResult, Pass};
 use hull::question::{Answer, Points};
 use hull::view_set::Scratch;
 use hull::{HullRule, NormalWindow, OutOfView, Pose, ProbeSettings, Shape, View, ViewSet};
@@ -17,7 +17,7 @@ fn settings(out_of_view: OutOfView) -> ProbeSettings {
     ProbeSettings::new(HullRule { out_of_view, min_views: 2 }, NormalWindow::Auto, 1.0).expect("in range")
 }
 
-fn run(views: &[View], bodies: Vec<Points>, bounds: Option<&WorldBox>) -> Vec<BodyResult> {
+fn run(views: &[View], bodies: Vec<Points>, bounds: Option<&WorldBox>) -> Vec<PaperResult> {
     let set = ViewSet::new(views.to_vec());
     let mut pass = Pass::new(bodies, bounds, *views[0].observer().settings(), 1);
     let (mut scratch, mut answer) = (Scratch::default(), Answer::default());
@@ -25,7 +25,7 @@ fn run(views: &[View], bodies: Vec<Points>, bounds: Option<&WorldBox>) -> Vec<Bo
         set.answer(question, &mut scratch, &mut answer);
         pass.answer(0, &answer).expect("a fitting answer");
     }
-    pass.into_results()
+    pass.results().iter().filter_map(|result| result.paper().cloned()).collect()
 }
 
 /// A hollow box of samples.
@@ -59,8 +59,8 @@ fn check_many(out_of_view: OutOfView, with_ignored: bool) {
         let culled = run(&views, poses.iter().map(body).collect(), bounds.as_ref());
         let everything = run(&views, poses.iter().map(loose).collect(), Some(&WorldBox::EVERYWHERE));
         assert_eq!(culled, everything, "seed {seed}");
-        touched += culled.iter().filter(|result| !result.touches.is_empty()).count();
-        clear += culled.iter().filter(|result| result.touches.is_empty()).count();
+        touched += culled.iter().filter(|result| !result.inside.is_empty()).count();
+        clear += culled.iter().filter(|result| result.inside.is_empty()).count();
     }
     assert!(touched > 10 && clear > 10, "{touched} touched, {clear} clear: the rigs test nothing");
 }
@@ -88,8 +88,8 @@ fn a_response_frees_the_samples_that_it_says_it_frees() {
         let result = run(&views, body(pose), Some(&WorldBox::EVERYWHERE)).remove(0);
         let Ok(response_m) = result.response_m else { continue };
         let after = run(&views, body(pose.moved(response_m)), Some(&WorldBox::EVERYWHERE)).remove(0);
-        let inside_before: Vec<u32> = result.touches.iter().map(|touch| touch.sample).collect();
-        let left = after.touches.iter().filter(|touch| inside_before.contains(&touch.sample)).count();
+        let inside_before: Vec<u32> = result.inside.iter().map(|inside| inside.sample).collect();
+        let left = after.inside.iter().filter(|inside| inside_before.contains(&inside.sample)).count();
         assert_eq!(left, result.left_inside, "seed {seed}");
         freed += inside_before.len() - left;
     }
@@ -105,10 +105,10 @@ fn the_literal_paper_finds_nearly_the_same_responses() {
         let points: Vec<[f64; 3]> =
             (0..60).map(|_| std::array::from_fn(|_| dice.between(-0.6, 0.6))).collect();
         let found = run(&views, vec![Points::World(points.clone().into())], Some(&WorldBox::EVERYWHERE));
-        for touch in &found[0].touches {
-            let a = Point3::from(points[touch.sample as usize]);
+        for inside in &found[0].inside {
+            let a = Point3::from(points[inside.sample as usize]);
             assert!(literal::is_inside(&dense, &a));
-            let (Some(ours), Some(theirs)) = (touch.response_m(), literal::response(&dense, &a, 2, 1.0))
+            let (Some(ours), Some(theirs)) = (inside.response_m(), literal::response(&dense, &a, 2, 1.0))
             else {
                 continue;
             };

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use hull::cull::WorldBox;
 use hull::faces::FaceNormals;
-use hull::pass::{AskedBody, BodyResult, Pass, Reaches, Touch};
+use hull::pass::{AskedBody, BodyPlanes, BodyResult, Pass, Reaches, SamplePlane};
 use hull::question::{Answer, Points, Question};
 use hull::rule::{HullRule, NormalWindow};
 use hull::view_set::Scratch;
@@ -44,13 +44,13 @@ const AROUND: [[f32; 3]; 5] =
     [[0.3, 0.0, 0.0], [0.0, 0.32, 0.0], [0.9, 0.0, 0.0], [0.2, 0.0, 0.0], [0.0, 0.22, 0.35]];
 
 /// A body of one sample 6 cm below the cube's side to the right, with its face to `face`, and points around it.
-fn ask(sets: &[ViewSet], face: Option<Vector3<f64>>) -> BodyResult {
+fn ask(sets: &[ViewSet], face: Option<Vector3<f64>>) -> BodyPlanes {
     let at_once = ask_in(sets, face, false);
     assert_eq!(ask_in(sets, face, true), at_once, "some cameras first");
     at_once
 }
 
-fn ask_in(sets: &[ViewSet], face: Option<Vector3<f64>>, two_phases: bool) -> BodyResult {
+fn ask_in(sets: &[ViewSet], face: Option<Vector3<f64>>, two_phases: bool) -> BodyPlanes {
     let mut faces = FaceNormals::default();
     faces.push(face);
     let asked = AskedBody {
@@ -62,9 +62,9 @@ fn ask_in(sets: &[ViewSet], face: Option<Vector3<f64>>, two_phases: bool) -> Bod
     result(sets, asked, two_phases)
 }
 
-fn result(sets: &[ViewSet], asked: AskedBody<'_>, two_phases: bool) -> BodyResult {
+fn result(sets: &[ViewSet], asked: AskedBody<'_>, two_phases: bool) -> BodyPlanes {
     let mut pass = Pass::new(vec![], None, ProbeSettings::default(), sets.len());
-    pass.only_planes(true);
+    pass.for_contacts();
     pass.ask_in_two_phases(two_phases);
     pass.restart([asked].into_iter(), Some(&WorldBox::EVERYWHERE));
     let (mut scratch, mut answer) = (Scratch::default(), Answer::default());
@@ -75,15 +75,17 @@ fn result(sets: &[ViewSet], asked: AskedBody<'_>, two_phases: bool) -> BodyResul
             pass.answer(group, &answer).expect("a fitting answer");
         }
     }
-    pass.into_results().remove(0)
+    pass.results()[0].planes().expect("planes").clone()
 }
 
 /// What a pass over each camera alone finds when some are left out.
-fn without(sets: &[ViewSet], left_out: &[usize], two_phases: bool, only_planes: bool) -> BodyResult {
+fn without(sets: &[ViewSet], left_out: &[usize], two_phases: bool, for_contacts: bool) -> BodyResult {
     let rule = HullRule { min_views: 1, ..HullRule::default() };
     let settings = ProbeSettings::new(rule, NormalWindow::Auto, 1.0).expect("settings");
     let mut pass = Pass::new(vec![], None, settings, sets.len());
-    pass.only_planes(only_planes);
+    if for_contacts {
+        pass.for_contacts();
+    }
     pass.ask_in_two_phases(two_phases);
     if two_phases {
         pass.ask_first(&[0]);
@@ -92,7 +94,7 @@ fn without(sets: &[ViewSet], left_out: &[usize], two_phases: bool, only_planes: 
     let points = body(&[[0.2, 0.1, 0.0], [0.24, 0.0, 0.9], [0.9, 0.0, 0.1], [0.4, 0.0, 0.0]]);
     let reaches = Reaches::default();
     let asked =
-        AskedBody { around: only_planes.then(|| body(&AROUND)), ..AskedBody::plain(points, &reaches) };
+        AskedBody { around: for_contacts.then(|| body(&AROUND)), ..AskedBody::plain(points, &reaches) };
     pass.restart([asked].into_iter(), Some(&WorldBox::EVERYWHERE));
     let (mut scratch, mut answer) = (Scratch::default(), Answer::default());
     while let Some(question) = pass.question().cloned() {
@@ -109,30 +111,22 @@ fn without(sets: &[ViewSet], left_out: &[usize], two_phases: bool, only_planes: 
 #[test]
 fn a_camera_that_is_left_out_is_as_if_it_were_not_there() {
     let sets = each_alone(&views(0));
-    for only_planes in [true, false] {
-        let both = without(&sets, &[], false, only_planes);
-        assert_eq!(both.touches.len(), 1);
+    for for_contacts in [true, false] {
+        let both = without(&sets, &[], false, for_contacts);
+        assert_eq!(both.inside_count(), 1);
         for (left, other) in [(0, 1), (1, 0)] {
-            let alone = without(&sets[other..=other], &[], false, only_planes);
-            assert!(alone.touches.len() > 1, "one camera sees more: {alone:?}");
+            let alone = without(&sets[other..=other], &[], false, for_contacts);
+            assert!(alone.inside_count() > 1, "one camera sees more: {alone:?}");
             for two_phases in [false, true] {
-                let found = without(&sets, &[left], two_phases, only_planes);
-                let samples =
-                    |found: &BodyResult| found.touches.iter().map(|touch| touch.sample).collect::<Vec<_>>();
-                assert_eq!(samples(&found), samples(&alone), "{left} {two_phases}");
-                assert_eq!(
-                    (&found.touches, &found.around),
-                    (&alone.touches, &alone.around),
-                    "{left} {two_phases}"
-                );
-                assert_eq!(found.response_m, alone.response_m, "{left} {two_phases}");
+                let found = without(&sets, &[left], two_phases, for_contacts);
+                assert_eq!(found, alone, "{left} {two_phases}");
             }
         }
     }
 }
 
-fn normal(touch: &Touch) -> Vector3<f64> {
-    Vector3::from(touch.edge.expect("an edge").normal_world.map(f64::from))
+fn normal(found: &SamplePlane) -> Vector3<f64> {
+    Vector3::from(found.plane.expect("a plane").normal_world.map(f64::from))
 }
 
 fn each_alone(views: &ViewSet) -> Vec<ViewSet> {
@@ -144,11 +138,11 @@ fn a_sample_that_no_surface_faces_takes_the_one_at_the_end_of_its_way_out() {
     let views = views(0);
     for sets in [vec![views.clone()], each_alone(&views)] {
         let nearest = ask(&sets, None);
-        assert!(normal(&nearest.touches[0]).x > 0.95, "{nearest:?}");
+        assert!(normal(&nearest.samples[0]).x > 0.95, "{nearest:?}");
         let faced = ask(&sets, Some(-Vector3::x()));
-        assert_eq!(faced.touches, nearest.touches, "a face that looks at it changes nothing");
+        assert_eq!(faced.samples, nearest.samples, "a face that looks at it changes nothing");
         let way_out = ask(&sets, Some(-Vector3::y()));
-        assert!(normal(&way_out.touches[0]).y > 0.95, "{way_out:?}");
+        assert!(normal(&way_out.samples[0]).y > 0.95, "{way_out:?}");
     }
 }
 
@@ -172,8 +166,8 @@ fn a_feeler_is_asked_for_its_plane_where_its_sample_is_outside() {
             reaches: &Reaches::default(),
         };
         let found = result(&sets, asked, two_phases);
-        assert_eq!(found.touches.iter().map(|touch| touch.sample).collect::<Vec<_>>(), [0, 3, 5]);
-        assert!(found.touches.iter().all(|touch| touch.edge.is_some()), "{found:?}");
+        assert_eq!(found.samples.iter().map(|of| of.sample).collect::<Vec<_>>(), [0, 3, 5]);
+        assert!(found.samples.iter().all(|of| of.plane.is_some()), "{found:?}");
     }
 }
 
@@ -181,13 +175,13 @@ fn a_feeler_is_asked_for_its_plane_where_its_sample_is_outside() {
 fn planes_around_a_body_are_found_from_within_and_from_outside() {
     let views = views(0);
     let together = ask(std::slice::from_ref(&views), None);
-    let samples: Vec<u32> = together.around.iter().map(|touch| touch.sample).collect();
+    let samples: Vec<u32> = together.around.iter().map(|of| of.sample).collect();
     assert_eq!(samples, [0, 1, 3, 4], "the third is too far away");
-    for (touch, (is_outside, axis)) in
+    for (found, (is_outside, axis)) in
         together.around.iter().zip([(true, 0), (true, 1), (false, 0), (true, 2)])
     {
-        assert_eq!(touch.edge.expect("an edge").distance_m < 0.0, is_outside, "{touch:?}");
-        assert!(normal(touch)[axis] > 0.95, "{touch:?}");
+        assert_eq!(found.plane.expect("a plane").distance_m < 0.0, is_outside, "{found:?}");
+        assert!(normal(found)[axis] > 0.95, "{found:?}");
     }
     assert_eq!(ask(&each_alone(&views), None).around, together.around);
 }
@@ -196,8 +190,8 @@ fn planes_around_a_body_are_found_from_within_and_from_outside() {
 fn planes_tell_how_far_they_moved_since_the_frame_before() {
     let moved_m = |views: ViewSet| -> Vec<Option<f32>> {
         let result = ask(&[views], None);
-        let touches = result.touches.iter().chain(&result.around[..2]);
-        touches.map(|touch| touch.edge.expect("an edge").moved_m).collect()
+        let found = result.samples.iter().chain(&result.around[..2]);
+        found.map(|of| of.plane.expect("a plane").moved_m).collect()
     };
     assert_eq!(moved_m(views(2)), [None; 3]);
     assert_eq!(moved_m(views(2).after(&views(1), 0)), [None; 3], "not before");
@@ -238,7 +232,7 @@ fn follow(
     };
     let faces: Vec<Option<Arc<FaceNormals>>> = faces.iter().map(of_samples).collect();
     let mut pass = Pass::new(vec![], None, ProbeSettings::default(), sets.len());
-    pass.only_planes(true);
+    pass.for_contacts();
     pass.speculate(speculates);
     let (mut reaches, mut results, mut trips) = (vec![Reaches::default(); faces.len()], vec![], vec![]);
     let (mut scratch, mut answer) = (Scratch::default(), Answer::default());
@@ -287,7 +281,8 @@ fn speculation_changes_no_result_and_spares_trips_where_the_same_samples_touch()
         "two rounds where it touches, three where it is deep at once"
     );
     assert_eq!(trips, [1, 2, 1, 2, 1, 1, 2, 1], "one where the same samples touch");
-    assert!(!plain[1][0].touches.is_empty() && !plain[1][0].around.is_empty());
+    let touching = plain[1][0].planes().expect("planes");
+    assert!(!touching.samples.is_empty() && !touching.around.is_empty());
 }
 
 #[test]
@@ -305,8 +300,9 @@ fn ways_out_are_asked_for_together_with_planes_and_end_a_pass_in_three_trips() {
         assert_eq!(speculative, plain);
         assert_eq!(trips, expected, "not {plain_trips:?}");
         for (result, face) in plain[1].iter().zip(faces) {
-            let ends_above = |touch: &Touch| touch.edge.is_some() && normal(touch).y > 0.95;
-            assert_eq!(result.touches.iter().any(ends_above), *face == unfaced, "{:?}", result.touches);
+            let samples = &result.planes().expect("planes").samples;
+            let ends_above = |of: &SamplePlane| of.plane.is_some() && normal(of).y > 0.95;
+            assert_eq!(samples.iter().any(ends_above), *face == unfaced, "{samples:?}");
         }
     }
 }

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use common::{Dice, random_rig};
 use hull::cull::WorldBox;
 use hull::oracle::{DenseView, brute};
-use hull::pass::{AskedBody, BodyResult, Pass, Reaches};
+use hull::pass::{AskedBody, BodyResult, PaperResult, Pass, Reaches};
 use hull::probe::exit::along;
 use hull::question::{Answer, Batch, NO_EXIT_M, Points, Question, QuestionKind};
 use hull::reach::Reach;
@@ -24,7 +24,7 @@ fn settings(out_of_view: OutOfView, min_views: u32) -> ProbeSettings {
     ProbeSettings::new(HullRule { out_of_view, min_views }, NormalWindow::Auto, 1.0).expect("in range")
 }
 
-fn run(sets: &[ViewSet], settings: ProbeSettings, points: &[[f64; 3]], first: &[usize]) -> BodyResult {
+fn run(sets: &[ViewSet], settings: ProbeSettings, points: &[[f64; 3]], first: &[usize]) -> PaperResult {
     let mut pass =
         Pass::new(vec![Points::World(points.into())], Some(&WorldBox::EVERYWHERE), settings, sets.len());
     pass.ask_first(first);
@@ -32,7 +32,10 @@ fn run(sets: &[ViewSet], settings: ProbeSettings, points: &[[f64; 3]], first: &[
     let (points, reaches) = (Points::World(points.into()), &Reaches::default());
     let asked = AskedBody::plain(points, reaches);
     pass.restart([asked].into_iter(), Some(&WorldBox::EVERYWHERE));
-    finish(pass, sets)
+    match finish(pass, sets) {
+        BodyResult::Paper(paper) => paper,
+        BodyResult::Planes(planes) => panic!("expected the paper's response, found {planes:?}"),
+    }
 }
 
 fn finish(mut pass: Pass, sets: &[ViewSet]) -> BodyResult {
@@ -62,24 +65,24 @@ fn check(seed: u64, settings: ProbeSettings, with_ignored: bool) -> (usize, usiz
     assert_eq!(run(&alone, settings, &points, &[1]), together, "all at once or one first, seed {seed}");
 
     let mut grazes = 0;
-    let mut touches = together.touches.iter();
+    let mut inside = together.inside.iter();
     for (index, point) in points.iter().enumerate() {
         let a = Point3::from(*point);
         let Some(twin) = brute::point(&dense, &settings, &a, MARCH_M) else { continue };
-        let touch = touches.next().expect("as many inside as the twin says");
-        assert_eq!(touch.sample as usize, index, "seed {seed}");
-        let (Some(edge), Some(twin_edge)) = (touch.edge, &twin.edge) else {
-            assert_eq!(touch.edge.is_none(), twin.edge.is_none(), "seed {seed} point {index}");
+        let found = inside.next().expect("as many inside as the twin says");
+        assert_eq!(found.sample as usize, index, "seed {seed}");
+        let (Some(edge), Some(twin_edge)) = (found.edge, &twin.edge) else {
+            assert_eq!(found.edge.is_none(), twin.edge.is_none(), "seed {seed} point {index}");
             continue;
         };
         assert!((f64::from(edge.distance_m) - twin_edge.distance_m).abs() < 5e-6);
         assert_eq!((usize::from(edge.camera), edge.pixel), (twin_edge.camera, twin_edge.pixel));
         let normal = Vector3::from(edge.normal_world.map(f64::from));
         assert!((normal - twin_edge.normal_world).norm() < 1e-6);
-        grazes += usize::from(!exit_holds(&dense, &settings, &a, &normal, touch.exit_m, twin.exit_m));
+        grazes += usize::from(!exit_holds(&dense, &settings, &a, &normal, found.exit_m, twin.exit_m));
     }
-    assert!(touches.next().is_none(), "no more inside than the twin says");
-    (together.touches.len(), grazes)
+    assert!(inside.next().is_none(), "no more inside than the twin says");
+    (together.inside.len(), grazes)
 }
 
 /// The contract of an exit: not inside at t, inside just before, and inside at all marched points up to it.
@@ -130,11 +133,11 @@ fn check_planes(seed: u64, settings: ProbeSettings, with_ignored: bool) -> usize
             settings,
             sets.len(),
         );
-        pass.only_planes(true);
+        pass.for_contacts();
         pass.ask_in_two_phases(two_phases);
         let found = finish(pass, sets);
-        assert!(found.touches.iter().all(|touch| touch.edge == planes[touch.sample as usize]), "seed {seed}");
-        assert!(found.touches.iter().all(|touch| touch.exit_m.is_none()), "exits were not asked for");
+        let found = found.planes().expect("planes");
+        assert!(found.samples.iter().all(|of| of.plane == planes[of.sample as usize]), "seed {seed}");
     }
     let edges = ask(QuestionKind::Edges, VectorPath::Portable);
     let mut from_outside = 0;

@@ -24,7 +24,7 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use hull::pass::{BodyResult, Reaches};
+use hull::pass::{BodyResult, PaperResult, Reaches};
 use hull::{Pose, Shape};
 
 /// Answers kept a body: more than one question asks, so that none is dropped unused; where one frame is
@@ -189,7 +189,8 @@ impl Answers {
     pub fn knows_nothing_around(&self, query: &PoseQuery) -> bool {
         let body = &self.bodies[query.body];
         let is_present = body.present.is_some_and(|pose| same_bits(&pose, &query.pose));
-        is_present && body.known.iter().all(|known| known.result.around.is_empty())
+        let has_around = |known: &KnownAnswer| known.result.planes().is_some_and(|of| !of.around.is_empty());
+        is_present && !body.known.iter().any(has_around)
     }
 
     /// How far a body's edges are worth searching at first.
@@ -208,17 +209,17 @@ impl Answers {
         }
     }
 
-    /// The answers of this step; `None` while one is missing.
-    pub fn take(&mut self) -> Option<StepAnswers> {
+    /// The answers of this step, `clear` for bodies that are clear of the hull; `None` while one is missing.
+    pub fn take(&mut self, clear: &BodyResult) -> Option<StepAnswers> {
         let mut taken = StepAnswers::default();
         for body in &self.bodies {
             let known = if body.is_near { Some(self.present(body)?) } else { None };
             taken.asked += usize::from(known.is_some());
             taken.reused += usize::from(known.is_some_and(|known| known.step < self.step));
             let own = known.filter(|known| body.present.is_some_and(|pose| same_bits(&known.pose, &pose)));
-            taken.results.push(own.map_or_else(BodyResult::default, |known| known.result.clone()));
+            taken.results.push(own.map_or(clear, |known| &known.result).clone());
         }
-        let touched = taken.results.iter().any(|result| !is_clear(result));
+        let touched = taken.results.iter().any(|result| !result.is_clear());
         *(if self.is_first { &mut self.touched.first } else { &mut self.touched.later }) = touched;
         for (body, result) in self.bodies.iter_mut().zip(&taken.results) {
             body.reaches.note(result);
@@ -239,9 +240,11 @@ impl Answers {
 
     /// Whether by an answer the body counts as clear at another pose.
     fn clears(&self, body: &BodyAnswers, known: &KnownAnswer, pose: &Pose) -> bool {
-        let freed = match known.result.response_m {
-            _ if is_clear(&known.result) => Some(known.pose),
-            Ok(response_m) if known.result.left_inside == 0 => Some(known.pose.moved(response_m)),
+        let freed = match &known.result {
+            result if result.is_clear() => Some(known.pose),
+            BodyResult::Paper(PaperResult { response_m: Ok(response_m), left_inside: 0, .. }) => {
+                Some(known.pose.moved(*response_m))
+            }
             _ => None,
         };
         let is_near = |from: &Pose| self.is_within(body, from, pose);
@@ -252,11 +255,6 @@ impl Answers {
     fn is_within(&self, body: &BodyAnswers, from: &Pose, to: &Pose) -> bool {
         self.reuse_within_m > 0.0 && body.shape.moved_at_most_m(from, to) <= self.reuse_within_m
     }
-}
-
-/// Whether no sample is inside the hull.
-fn is_clear(result: &BodyResult) -> bool {
-    result.touches.is_empty() && result.response_m.is_err()
 }
 
 fn same_bits(a: &Pose, b: &Pose) -> bool {

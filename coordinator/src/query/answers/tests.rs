@@ -1,6 +1,6 @@
 //! What is asked, what is used again, and that nothing deep is missed.
 
-use hull::pass::Touch;
+use hull::pass::InsideSample;
 use nalgebra::{Point3, Quaternion, UnitQuaternion, Vector3};
 use proptest::prelude::*;
 
@@ -26,27 +26,29 @@ impl Ball {
     fn result(&self, shape: &Shape, pose: &Pose) -> BodyResult {
         let depths_m = self.depths_m(shape, pose);
         let inside = depths_m.iter().enumerate().filter(|(_, depth_m)| **depth_m > 0.0);
-        let touch = |(sample, _)| Touch {
-            sample: sample as u32,
-            inside_count: 2,
-            edge: None,
-            exit_m: None,
-            speed_m_s: None,
-            slide_m_s: [0.0; 3],
-        };
-        let touches: Vec<Touch> = inside.map(touch).collect();
-        if touches.is_empty() {
-            return BodyResult::default();
+        let sample =
+            |(sample, _)| InsideSample { sample: sample as u32, inside_count: 2, edge: None, exit_m: None };
+        let inside: Vec<InsideSample> = inside.map(sample).collect();
+        if inside.is_empty() {
+            return clear();
         }
         let left_at = |response_m: f64| {
             let depths_m = self.depths_m(shape, &pose.moved([response_m, 0.0, 0.0]));
-            touches.iter().filter(|touch| depths_m[touch.sample as usize] > 0.0).count()
+            inside.iter().filter(|inside| depths_m[inside.sample as usize] > 0.0).count()
         };
         let mut steps_m = (1..).map(|step| 1e-3 * f64::from(step));
         let response_m = steps_m.find(|&m| m > MAX_DEPTH_M || left_at(m) == 0).unwrap_or(MAX_DEPTH_M);
         let left_inside = left_at(response_m);
-        BodyResult { touches, response_m: Ok([response_m, 0.0, 0.0]), left_inside, ..BodyResult::default() }
+        BodyResult::Paper(PaperResult { inside, response_m: Ok([response_m, 0.0, 0.0]), left_inside })
     }
+}
+
+fn clear() -> BodyResult {
+    BodyResult::Paper(PaperResult::default())
+}
+
+fn paper(result: &BodyResult) -> &PaperResult {
+    result.paper().expect("the paper's response")
 }
 
 /// Bodies deeper than this are not freed by their response.
@@ -91,7 +93,7 @@ fn step(
     let results: Vec<BodyResult> =
         asked.iter().map(|asked| hull.result(&answers.bodies[asked.body].shape, &asked.pose)).collect();
     answers.add(&asked, &results);
-    let taken = answers.take().expect("nothing is missing once all was asked");
+    let taken = answers.take(&clear()).expect("nothing is missing once all was asked");
     (asked, taken)
 }
 
@@ -133,12 +135,12 @@ fn bodies_beyond_the_bounds_are_clear_without_a_question() {
     let hull = Ball { centre_m: [0.0, 11.0, 0.0], radius_m: 1.0 };
     let (asked, taken) = step(&mut answers, 1, &hull, &[at(0.0), high], &[vec![at(0.1), high]]);
     assert_eq!(asked.iter().map(|asked| asked.body).collect::<Vec<_>>(), [0, 0]);
-    assert_eq!((taken.asked, taken.reused, &taken.results[1]), (1, 0, &BodyResult::default()));
+    assert_eq!((taken.asked, taken.reused, &taken.results[1]), (1, 0, &clear()));
     // It has come within them since: only now it is asked about.
     let low = high.moved([0.0, -1.05, 0.0]);
     let (asked, taken) = step(&mut answers, 1, &hull, &[at(0.1), low], &[]);
     assert_eq!((asked.len(), asked[0].body, taken.asked, taken.reused), (1, 1, 2, 1));
-    assert!(!taken.results[1].touches.is_empty());
+    assert!(!taken.results[1].is_clear());
 }
 
 /// How many poses are asked at each of four steps of four frames about a body that moves by a millimetre
@@ -191,18 +193,18 @@ fn a_body_that_its_response_freed_counts_as_clear_near_there() {
     let touch = |answers: &mut Answers, frame, x_m| step(answers, frame, &hull, &[at(x_m)], &[]);
     // Freed by a centimetre: then it counts as clear within the tolerance of both places.
     let (asked, taken) = touch(&mut answers, 1, 0.59);
-    assert_eq!((asked.len(), taken.results[0].left_inside), (1, 0));
-    assert!(!taken.results[0].touches.is_empty());
+    assert_eq!((asked.len(), paper(&taken.results[0]).left_inside), (1, 0));
+    assert!(!taken.results[0].is_clear());
     for (x_m, asks) in [(0.6, 0), (0.58, 0), (0.638, 0), (0.65, 1), (0.545, 1)] {
         let (asked, taken) = touch(&mut answers, 1, x_m);
         assert_eq!(asked.len(), asks, "at {x_m} m");
-        assert!(asks == 1 || taken.results[0] == BodyResult::default(), "no touch is used for another pose");
+        assert!(asks == 1 || taken.results[0] == clear(), "no touch is used for another pose");
     }
     // What its response did not free is asked again wherever it goes.
-    assert!(touch(&mut answers, 2, 0.4).1.results[0].left_inside > 0);
+    assert!(paper(&touch(&mut answers, 2, 0.4).1.results[0]).left_inside > 0);
     assert_eq!(touch(&mut answers, 2, 0.401).0.len(), 1);
     // And so is what was not freed near enough.
-    assert_eq!(touch(&mut answers, 3, 0.551).1.results[0].left_inside, 0);
+    assert_eq!(paper(&touch(&mut answers, 3, 0.551).1.results[0]).left_inside, 0);
     assert_eq!(touch(&mut answers, 3, 0.602).0.len(), 1);
 }
 
@@ -293,7 +295,7 @@ fn check_flights(
             for (result, pose) in taken.results.iter().zip(&present) {
                 let exact = hull.result(&shape, pose);
                 if *result != exact {
-                    prop_assert!(result.touches.is_empty(), "a touch that is not there");
+                    prop_assert!(result.is_clear(), "a touch that is not there");
                     let deepest_m = hull.depths_m(&shape, pose).into_iter().fold(0.0, f64::max);
                     prop_assert!(deepest_m <= reuse_within_m + 1e-12, "missed at {deepest_m} m");
                 }

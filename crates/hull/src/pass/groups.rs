@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use super::{Pass, Round};
+use super::{Pass, Response, Round};
 use crate::question::{Answer, Change, NO_EXIT_M, Question, QuestionKind, Standing};
 use crate::reach::Reach;
 
@@ -91,8 +91,11 @@ impl Pass {
     pub fn answer(&mut self, group: usize, answer: &Answer) -> Result<(), AnswerError> {
         let expected = self.groups.len();
         let asked = *self.groups.get(group).ok_or(AnswerError::Group { found: group, expected })?;
-        if self.round != Round::Done && self.speculation.is_answered_by(answer, &self.question) {
-            self.answer_speculation(group, answer)?;
+        if self.round != Round::Done
+            && let Response::Contacts(contacts) = &mut self.response
+            && contacts.speculation.is_answered_by(answer, &self.question)
+        {
+            contacts.speculation.answer(group, answer)?;
             self.advance_if_answered();
             return Ok(());
         }
@@ -113,8 +116,11 @@ impl Pass {
 
     fn advance_if_answered(&mut self) {
         let is_answered = self.groups.iter().all(|group| group.has_answered || !group.is_asked);
-        if is_answered && self.speculation.is_answered() {
+        if is_answered && self.speculative_question().is_none() {
             self.advance();
+            if self.round == Round::Done {
+                self.conclude();
+            }
         }
     }
 
@@ -141,7 +147,7 @@ impl Pass {
     /// of points around bodies, which no other group can spare any work.
     pub(super) fn ask_distances(&mut self, round: Round) {
         let is_bounded = !self.question.within.is_empty();
-        let is_worth_it = !self.only_planes && (self.saves_bytes || is_bounded);
+        let is_worth_it = !self.asks_planes() && (self.saves_bytes || is_bounded);
         let two_phases =
             is_worth_it && self.groups.iter().any(|group| group.is_in_first_phase && !group.is_left_out);
         self.ask(round, |group| !two_phases || group.is_in_first_phase);
@@ -152,8 +158,7 @@ impl Pass {
     fn ask_within_found(&mut self) {
         let Pass { question, merged, groups, targets, bodies, .. } = self;
         // From outside the farthest plane wins: what was found of points around bodies bounds nothing.
-        let bounds =
-            |at: usize| targets.0.get(at).is_none_or(|&(body, _)| bodies[body as usize].owner.is_none());
+        let bounds = |at: usize| targets.0.get(at).is_none_or(|&(body, _)| !bodies[body as usize].is_around);
         let edges_m = merged.edges.iter().map(|edge| edge.map_or(f32::INFINITY, |edge| edge.distance_m));
         let found_m = edges_m.chain(merged.exits_m.iter().copied());
         question.within.resize(question.len(), Reach::UNBOUNDED);
@@ -177,15 +182,15 @@ impl Pass {
             return self.ask_within_found();
         }
         sort_changes(&mut self.merged);
-        match self.round {
-            Round::Classes => self.after_classes(),
-            Round::Edges => self.after_edges(),
-            Round::Exits if self.only_planes => self.after_ways_out(),
-            Round::Check if self.only_planes => self.after_planes_beyond(),
-            Round::Exits => self.after_exits(),
-            Round::BodyExits => self.after_body_exits(),
-            Round::Check => self.after_check(),
-            Round::Done => {}
+        match (self.round, &self.response) {
+            (Round::Classes, _) => self.after_classes(),
+            (Round::Edges, _) => self.after_edges(),
+            (Round::Exits, Response::Contacts(_)) => self.after_ways_out(),
+            (Round::Check, Response::Contacts(_)) => self.after_planes_beyond(),
+            (Round::Exits, Response::Paper(_)) => self.after_exits(),
+            (Round::BodyExits, _) => self.after_body_exits(),
+            (Round::Check, Response::Paper(_)) => self.after_check(),
+            (Round::Done, _) => {}
         }
     }
 }

@@ -9,14 +9,16 @@
 //! a reach is nearer than all that was left out. Classes may be asked of some groups first and of the
 //! others for the points that are left; edges and exits of some groups first and of the others within what
 //! these have found. None of it changes an answer.
+//!
+//! Two responses need different things after the classes: [`paper`](self::paper) the way out of each body,
+//! [`contacts`](self::contacts) the planes of the surface near it.
 
-mod body_exits;
+mod contacts;
 mod found;
 mod groups;
+mod paper;
 mod reaches;
-mod sample_rounds;
-mod speculation;
-mod ways_out;
+mod rounds;
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -26,12 +28,13 @@ use crate::faces::FaceNormals;
 use crate::question::{Answer, Batch, Change, Points, Question, QuestionKind};
 use crate::reach::Reach;
 use crate::rule::ProbeSettings;
-use body_exits::Along;
+use found::Found;
 use groups::Group;
-use speculation::Speculation;
 
-pub use found::{BodyResult, NoResponse, Touch};
+pub use contacts::{BodyPlanes, SamplePlane};
+pub use found::BodyResult;
 pub use groups::AnswerError;
+pub use paper::{InsideSample, NoResponse, PaperResult};
 pub use reaches::{FIRST_REACH, Reaches};
 
 /// How far from points around a body planes matter, about 0.14 m.
@@ -59,7 +62,7 @@ pub enum Round {
 pub struct AskedBody<'a> {
     /// Its samples.
     pub points: Points,
-    /// Points around it, whose planes are asked for where it touches: with [`Pass::only_planes`].
+    /// Points around it, whose planes are asked for where it touches: of a pass [for contacts](Pass::for_contacts).
     pub around: Option<Points>,
     /// Which way its faces look at its first samples; those that follow are feelers of these, of which only those are
     /// asked for planes whose sample is outside. Where no surface found faces any face, their ways out are asked for.
@@ -84,7 +87,7 @@ pub struct Pass {
     results: Vec<BodyResult>,
     /// Bodies of this pass, and after them what is around them: there may be buffers of more.
     count: usize,
-    /// How many of them are bodies.
+    /// How many of them are bodies; there may be buffers of more results.
     asked_count: usize,
     /// A buffer.
     around: Vec<(usize, Points)>,
@@ -99,40 +102,38 @@ pub struct Pass {
     groups: Vec<Group>,
     /// The groups of the first phase are asked; the others follow.
     is_first_phase: bool,
-    /// Planes are asked for instead of edges, and no exits.
-    only_planes: bool,
-    /// Planes that are likely to matter are asked for together with the classes, and ways out together with planes.
-    speculates: bool,
-    speculation: Speculation,
+    response: Response,
     /// Few exits are asked for, each not far, at the price of rounds.
     saves_bytes: bool,
     /// Points that were asked about since it was made, by kind.
     points_asked: [u64; QuestionKind::ALL.len()],
 }
 
+/// For which response it asks, and what that needs to know of the bodies.
+#[derive(Clone, Debug)]
+enum Response {
+    Paper(paper::Paper),
+    Contacts(Box<contacts::Contacts>),
+}
+
+/// A body of a pass, or what is around one.
 #[derive(Clone, Debug)]
 struct PassBody {
     points: Points,
     reaches: Reaches,
-    direction: Option<[f32; 3]>,
-    longest_m: f32,
-    has_exits: bool,
-    /// What the response leaves inside has been counted.
-    is_checked: bool,
-    /// Of each touch.
-    along: Vec<Along>,
-    /// Of each touch the reach of its exit along its edge's normal, if it was answered.
+    /// Its samples inside the hull, ascending.
+    found: Vec<Found>,
+    /// Of each of them the reach of its exit along its edge's normal, if it was answered.
     exits_within: Vec<Option<Reach>>,
     /// Its box meets the hull's.
     is_near: bool,
-    /// The body that these points are around, if they are no body.
-    owner: Option<usize>,
-    faces: Option<Arc<FaceNormals>>,
-    /// All its planes were asked for together with the classes.
-    is_speculated: bool,
+    /// These points are around a body.
+    is_around: bool,
+    /// All its edges were asked for together with the classes.
+    are_edges_known: bool,
 }
 
-/// The body of each of the question's points, and which of its samples or touches it is.
+/// The body of each of the question's points, and which of its samples, or of those inside, it is.
 #[derive(Clone, Debug, Default)]
 struct Targets(Vec<(u32, u32)>);
 
@@ -159,9 +160,7 @@ impl Pass {
             exits_within: Vec::new(),
             groups: vec![Group::default(); group_count],
             is_first_phase: false,
-            only_planes: false,
-            speculates: false,
-            speculation: Speculation::default(),
+            response: Response::Paper(paper::Paper::default()),
             saves_bytes: false,
             points_asked: [0; QuestionKind::ALL.len()],
         };
@@ -171,39 +170,22 @@ impl Pass {
         pass
     }
 
-    fn add_body(&mut self, points: Points, known: &Reaches, is_near: bool, owner: Option<usize>) {
+    fn add_body(&mut self, points: Points, known: &Reaches, is_near: bool, is_around: bool) {
         let old = self.bodies.get_mut(self.count);
         let take = |old: &mut PassBody| {
-            let PassBody { along, exits_within, reaches, .. } = old;
-            (std::mem::take(along), std::mem::take(exits_within), std::mem::take(reaches))
+            let PassBody { found, exits_within, reaches, .. } = old;
+            (std::mem::take(found), std::mem::take(exits_within), std::mem::take(reaches))
         };
-        let (along, exits_within, mut reaches) = old.map(take).unwrap_or_default();
+        let (mut found, exits_within, mut reaches) = old.map(take).unwrap_or_default();
+        found.clear();
         reaches.copy_from(known);
-        let body = PassBody {
-            points,
-            reaches,
-            direction: None,
-            longest_m: 0.0,
-            has_exits: true,
-            is_checked: false,
-            along,
-            exits_within,
-            is_near,
-            owner,
-            faces: None,
-            is_speculated: false,
-        };
+        let are_edges_known = false;
+        let body = PassBody { points, reaches, found, exits_within, is_near, is_around, are_edges_known };
         if self.count < self.bodies.len() {
             self.bodies[self.count] = body;
         } else {
             self.bodies.push(body);
-            self.results.push(BodyResult::default());
         }
-        let result = &mut self.results[self.count];
-        result.touches.clear();
-        result.around.clear();
-        result.response_m = Err(NoResponse::Clear);
-        result.left_inside = 0;
         self.count += 1;
     }
 
@@ -212,6 +194,9 @@ impl Pass {
         self.count = 0;
         let mut around = std::mem::take(&mut self.around);
         around.clear();
+        if let Response::Contacts(contacts) = &mut self.response {
+            contacts.restart();
+        }
         for body in bodies {
             around.extend(body.around.map(|points| (self.count, points)));
             let is_near = match (hull_box, &body.points) {
@@ -221,16 +206,25 @@ impl Pass {
                 }
                 (Some(_), Points::World(_)) => true,
             };
-            self.add_body(body.points, body.reaches, is_near, None);
-            self.bodies[self.count - 1].faces = body.faces;
+            self.add_body(body.points, body.reaches, is_near, false);
+            if let Response::Contacts(contacts) = &mut self.response {
+                contacts.add(body.faces);
+            }
         }
         self.asked_count = self.count;
         let unknown = Reaches::default();
         for (owner, points) in around.drain(..) {
             let is_near = self.bodies[owner].is_near;
-            self.add_body(points, &unknown, is_near, Some(owner));
+            self.add_body(points, &unknown, is_near, true);
+            if let Response::Contacts(contacts) = &mut self.response {
+                contacts.add_around(owner);
+            }
         }
         self.around = around;
+        if let Response::Paper(paper) = &mut self.response {
+            paper.restart(self.count);
+        }
+        self.restart_results();
         self.question.restart(QuestionKind::Classes);
         self.targets.0.clear();
         for body in self.bodies[..self.asked_count].iter().filter(|body| body.is_near) {
@@ -242,15 +236,54 @@ impl Pass {
         self.speculate_on_planes();
     }
 
-    /// From the next pass on, asks for planes instead of edges: touches have the hull's surface near them, bodies no
-    /// response.
-    pub fn only_planes(&mut self, only_planes: bool) {
-        self.only_planes = only_planes;
+    /// Results of bodies that are clear of the hull, in the buffers of those before.
+    fn restart_results(&mut self) {
+        for result in self.results.iter_mut().take(self.asked_count) {
+            match (&self.response, result) {
+                (Response::Paper(_), BodyResult::Paper(paper)) => {
+                    paper.inside.clear();
+                    (paper.response_m, paper.left_inside) = (Err(NoResponse::Clear), 0);
+                }
+                (Response::Contacts(_), BodyResult::Planes(planes)) => {
+                    planes.samples.clear();
+                    planes.around.clear();
+                }
+                (_, other) => *other = self.response.clear(),
+            }
+        }
+        while self.results.len() < self.asked_count {
+            self.results.push(self.response.clear());
+        }
+    }
+
+    /// There is nothing left to ask: writes what was found.
+    fn conclude(&mut self) {
+        let Pass { bodies, results, response, asked_count, .. } = self;
+        for (index, (body, result)) in bodies[..*asked_count].iter().zip(results).enumerate() {
+            match (&*response, result) {
+                (Response::Paper(paper), BodyResult::Paper(result)) => {
+                    paper.conclude(index, &body.found, result);
+                }
+                (Response::Contacts(_), BodyResult::Planes(planes)) => {
+                    contacts::Contacts::conclude(&body.found, planes);
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// From the next pass on, asks for contacts: for planes instead of edges. Bodies have the hull's surface near
+    /// them, and no response.
+    pub fn for_contacts(&mut self) {
+        let mut contacts = contacts::Contacts::default();
+        (0..self.count).for_each(|_| contacts.add(None));
+        self.response = Response::Contacts(Box::new(contacts));
+        self.restart_results();
     }
 
     /// Whether it asks for planes.
     pub fn asks_planes(&self) -> bool {
-        self.only_planes
+        matches!(self.response, Response::Contacts(_))
     }
 
     /// Whether bytes are dearer than rounds: then several groups are asked for fewer exits, each within less, and more
@@ -285,19 +318,44 @@ impl Pass {
         self.results
     }
 
-    /// Adds the touches that fit to the question and to its targets.
-    fn pick_touches(&mut self, offset_m: [f64; 3], fits: impl Fn(&PassBody, usize, &Touch) -> bool) {
-        let Pass { bodies, results, count, question, targets, .. } = self;
-        targets.0.clear();
-        for (index, (body, result)) in bodies[..*count].iter().zip(results).enumerate() {
-            let before = targets.0.len();
-            let touches = result.touches.iter().enumerate().filter(|&(at, touch)| fits(body, at, touch));
-            targets.0.extend(touches.map(|(at, _)| (index as u32, at as u32)));
-            let picks = &targets.0[before..];
-            if !picks.is_empty() {
-                let samples = picks.iter().map(|&(_, touch)| result.touches[touch as usize].sample);
-                question.pick(&body.points, offset_m, samples);
-            }
+    /// What would be found for a body that is clear of the hull.
+    pub fn clear_result(&self) -> BodyResult {
+        self.response.clear()
+    }
+
+    /// Adds the samples inside that fit to the question and to its targets.
+    fn pick_found(&mut self, fits: impl Fn(&PassBody, &Found) -> bool) {
+        let Pass { bodies, count, question, targets, .. } = self;
+        pick(&bodies[..*count], question, targets, |_, body, _, found| fits(body, found));
+    }
+}
+
+/// Adds the samples inside that fit to a question and to its targets: by their body, its index, theirs among those inside.
+fn pick(
+    bodies: &[PassBody],
+    question: &mut Question,
+    targets: &mut Targets,
+    fits: impl Fn(usize, &PassBody, usize, &Found) -> bool,
+) {
+    targets.0.clear();
+    for (index, body) in bodies.iter().enumerate() {
+        let before = targets.0.len();
+        let found = body.found.iter().enumerate().filter(|&(at, found)| fits(index, body, at, found));
+        targets.0.extend(found.map(|(at, _)| (index as u32, at as u32)));
+        let picks = &targets.0[before..];
+        if !picks.is_empty() {
+            let samples = picks.iter().map(|&(_, at)| body.found[at as usize].sample);
+            question.pick(&body.points, [0.0; 3], samples);
+        }
+    }
+}
+
+impl Response {
+    /// What is found for a body that is clear of the hull.
+    fn clear(&self) -> BodyResult {
+        match self {
+            Response::Paper(_) => BodyResult::Paper(PaperResult::default()),
+            Response::Contacts(_) => BodyResult::Planes(BodyPlanes::default()),
         }
     }
 }

@@ -28,15 +28,13 @@ impl Default for Reaches {
 impl Reaches {
     /// Takes over what a pass found. Between frames of film people move by centimetres.
     pub fn note(&mut self, result: &BodyResult) {
-        let distances = || {
-            let edges = result.touches.iter().filter_map(|touch| Some((touch.sample, touch.edge?)));
-            edges.map(|(sample, edge)| (sample, f64::from(edge.distance_m)))
-        };
+        let distances = || result.distances_m().map(|(sample, distance_m)| (sample, f64::from(distance_m)));
         let deepest_m = distances().fold(0.0, |deepest_m: f64, (_, distance_m)| deepest_m.max(distance_m));
         let about = |share: f64, distance_m: f64| Reach::covering(share * distance_m + 0.01);
         self.others = if deepest_m == 0.0 { FIRST_REACH } else { about(1.5, deepest_m) };
         let length_m = |m: [f64; 3]| m.iter().map(|part| part * part).sum::<f64>().sqrt();
-        self.response_m = result.response_m.map_or(0.0, length_m);
+        let response_m = result.paper().and_then(|paper| paper.response_m.ok());
+        self.response_m = response_m.map_or(0.0, length_m);
         self.samples.clear();
         self.samples.extend(distances().map(|(sample, distance_m)| (sample, about(1.25, distance_m))));
     }
@@ -76,27 +74,28 @@ impl Reaches {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Touch;
+    use super::super::{InsideSample, PaperResult};
     use super::*;
     use crate::camera::Pixel;
     use crate::question::Edge;
 
-    fn touch(sample: u32, distance_m: f32) -> Touch {
+    fn inside(sample: u32, distance_m: f32) -> InsideSample {
         let pixel = Pixel { column: 0, row: 0 };
         let edge = Edge { distance_m, camera: 0, pixel, normal_world: [1.0, 0.0, 0.0], moved_m: None };
-        Touch { edge: Some(edge), ..Touch::new(sample, 2) }
+        InsideSample { sample, inside_count: 2, edge: Some(edge), exit_m: None }
     }
 
     #[test]
     fn a_sample_is_searched_about_as_far_as_its_edge_was_and_others_as_far_as_any() {
         let mut reaches = Reaches::default();
         assert_eq!(reaches.of(7, &mut 0), FIRST_REACH);
-        reaches.note(&BodyResult { touches: vec![touch(3, 0.01), touch(7, 0.04)], ..BodyResult::default() });
+        let result = |inside| BodyResult::Paper(PaperResult { inside, ..PaperResult::default() });
+        reaches.note(&result(vec![inside(3, 0.01), inside(7, 0.04)]));
         let mut from = 0;
         let found: Vec<Reach> = [1, 3, 5, 7, 9].map(|sample| reaches.of(sample, &mut from)).into();
         let (near, far, any) = (Reach::covering(0.0225), Reach::covering(0.06), Reach::covering(0.07));
         assert_eq!(found, [any, near, any, far, any]);
-        reaches.note(&BodyResult::default());
+        reaches.note(&result(vec![]));
         assert_eq!(reaches.of(3, &mut 0), FIRST_REACH);
     }
 }

@@ -15,10 +15,9 @@ mod still;
 use nalgebra::{Matrix3, Point3, Vector3};
 
 use crate::body::{Pose, Shape};
-use crate::contact::{Eye, contacts, depth_m, is_near};
+use crate::contact::{BodyContacts, Eye, SurfaceContact, contacts, depth_m, normal};
 use crate::faces::FaceNormals;
-use crate::pass::{BodyResult, Touch};
-use crate::question::Edge;
+use crate::pass::{BodyPlanes, SamplePlane};
 use motion::{Estimate, Motion, Row};
 use still::Beliefs;
 
@@ -148,41 +147,41 @@ impl BodySurface {
     pub fn contacts(
         &mut self,
         at: FrameAge,
-        planes: &BodyResult,
+        planes: &BodyPlanes,
         body: &Sampled<'_>,
         eyes: &[Eye],
-    ) -> BodyResult {
+    ) -> BodyContacts {
         if std::mem::take(&mut self.is_new) {
             self.look(at, planes, body, eyes);
         }
         let pose = self.against_surface(body.pose, at);
         let place = body.place_at(&pose);
-        let contact = |touch: &Touch| {
-            let depth_m = depth_m(touch, &place(touch.sample), eyes)?;
-            let is_contact = is_near(touch, depth_m, &pose, body.faces);
-            is_contact.then(|| against_face(touch, depth_m, &pose, body.faces))
+        let contact = |believed: &SurfaceContact| {
+            let depth_m = believed.depth_at_m(&place(believed.sample), eyes)?;
+            let is_contact = believed.is_near(depth_m, &pose, body.faces);
+            is_contact.then(|| against_face(believed, depth_m, &pose, body.faces))
         };
-        let mut touches: Vec<Touch> = self.beliefs.touches().filter_map(contact).collect();
-        level::level(&mut touches, &place, eyes);
+        let mut contacts: Vec<SurfaceContact> = self.beliefs.contacts().filter_map(contact).collect();
+        level::level(&mut contacts, &place, eyes);
         if at.is_still {
-            touches.iter_mut().for_each(|touch| *touch = touch.at_rest());
+            contacts.iter_mut().for_each(|contact| *contact = contact.at_rest());
         }
-        self.velocity_m_s = velocity_m_s(&touches);
+        self.velocity_m_s = velocity_m_s(&contacts);
         let spin_rad_s = if at.is_still { [0.0; 3] } else { self.spin_rad_s(at.fps) };
-        BodyResult { touches, spin_rad_s, ..BodyResult::default() }
+        BodyContacts { contacts, spin_rad_s }
     }
 
     /// Takes in what was asked about a body.
-    fn look(&mut self, at: FrameAge, planes: &BodyResult, body: &Sampled<'_>, eyes: &[Eye]) {
+    fn look(&mut self, at: FrameAge, planes: &BodyPlanes, body: &Sampled<'_>, eyes: &[Eye]) {
         let pose = self.against_surface(body.pose, at);
         let place = body.place_at(&pose);
-        let is_contact = |touch: &Touch, depth_m: f64| is_near(touch, depth_m, &pose, body.faces);
-        let mut seen = contacts(planes, body.shape, &pose, body.faces, eyes).touches;
-        seen.iter_mut().for_each(|touch| touch.speed_m_s = speed_m_s(touch, at.fps));
+        let is_contact = |found: &SurfaceContact, depth_m: f64| found.is_near(depth_m, &pose, body.faces);
+        let mut seen = contacts(planes, body.shape, &pose, body.faces, eyes);
+        seen.iter_mut().for_each(|contact| contact.speed_m_s = speed_m_s(contact, at.fps));
         let slides = self.tell_slides(at, planes, body, &pose, &mut seen, eyes);
         self.beliefs.take(&seen, self.moved_m, slides, place, is_contact, eyes);
         // What comes fast is met where it is now, not where it would be had it stood still.
-        let believed: Vec<Touch> = self.beliefs.touches().copied().collect();
+        let believed: Vec<SurfaceContact> = self.beliefs.contacts().copied().collect();
         self.velocity_m_s = if at.is_still { Vector3::zeros() } else { velocity_m_s(&believed) };
     }
 
@@ -195,10 +194,10 @@ impl BodySurface {
     fn tell_slides(
         &mut self,
         at: FrameAge,
-        planes: &BodyResult,
+        planes: &BodyPlanes,
         body: &Sampled<'_>,
         pose: &Pose,
-        seen: &mut [Touch],
+        seen: &mut [SurfaceContact],
         eyes: &[Eye],
     ) -> bool {
         if seen.is_empty() {
@@ -207,27 +206,32 @@ impl BodySurface {
         }
         let world_from_body = pose.world_from_body();
         let centre = Point3::from(pose.position_m());
-        let row = |touch: &Touch, at_world: Point3<f64>| {
-            let (edge, depth_m) = (touch.edge?, depth_m(touch, &at_world, eyes)?);
-            let normal = touch.normal_world();
-            let pixel_m = eyes.get(usize::from(edge.camera))?.pixel_m(&at_world);
+        let row = |camera: u16, normal: Vector3<f64>, moved_m: Option<f32>, at_world: Point3<f64>| {
+            let depth_m = depth_m(camera, &normal, &at_world, eyes)?;
+            let pixel_m = eyes.get(usize::from(camera))?.pixel_m(&at_world);
             let lever = at_world + normal * depth_m - centre;
-            Some(Row { normal, lever, moved_m: f64::from(edge.moved_m?), pixel_m })
+            Some(Row { normal, lever, moved_m: f64::from(moved_m?), pixel_m })
         };
         let place = |shape: &Shape, sample: u32| world_from_body(shape.samples_body()[sample as usize]);
-        let own = seen.iter().filter_map(|touch| row(touch, place(body.shape, touch.sample)));
-        let own: Vec<Row> = own.collect();
-        let around = body.around.into_iter().flat_map(|shape| {
-            planes.around.iter().filter_map(move |touch| row(touch, place(shape, touch.sample)))
+        let own = seen.iter().filter_map(|contact| {
+            let at_world = place(body.shape, contact.sample);
+            row(contact.camera, contact.normal(), contact.moved_m, at_world)
         });
+        let own: Vec<Row> = own.collect();
+        let near = |shape: &Shape, found: &SamplePlane| {
+            let plane = found.plane?;
+            row(plane.camera, normal(&plane.normal_world), plane.moved_m, place(shape, found.sample))
+        };
+        let around = body.around.into_iter();
+        let around = around.flat_map(|shape| planes.around.iter().filter_map(|found| near(shape, found)));
         let around: Vec<Row> = around.collect();
         self.estimate.take(at.frame, &own, &around);
         let Some(motion) = self.estimate.motion() else { return false };
-        for touch in seen {
-            let moved_m = motion.moved_m(&(place(body.shape, touch.sample) - centre));
-            let normal = touch.normal_world();
+        for contact in seen {
+            let moved_m = motion.moved_m(&(place(body.shape, contact.sample) - centre));
+            let normal = contact.normal();
             let slide_m_s = (moved_m - normal * moved_m.dot(&normal)) * at.fps;
-            touch.slide_m_s = slide_m_s.map(|part| part as f32).into();
+            contact.slide_m_s = slide_m_s.map(|part| part as f32).into();
         }
         true
     }
@@ -242,46 +246,44 @@ impl BodySurface {
     }
 }
 
-/// A touch at that depth, metres, as bodies meet it. Within a flat face two bodies meet with opposite normals: the
+/// A contact at that depth, metres, as bodies meet it. Within a flat face two bodies meet with opposite normals: the
 /// hull's there is that of the place nearest to the sample, which on a fist is some way beside the place that touches.
 /// Along the face's normal the plane is as much farther, and passes as much faster.
-fn against_face(touch: &Touch, depth_m: f64, pose: &Pose, faces: &FaceNormals) -> Touch {
-    let found = Touch { exit_m: Some(depth_m as f32), ..*touch };
-    let (Some(edge), Some(face)) = (touch.edge, faces.flat_at(touch.sample as usize, pose)) else {
-        return found;
-    };
-    let normal = touch.normal_world();
+fn against_face(contact: &SurfaceContact, depth_m: f64, pose: &Pose, faces: &FaceNormals) -> SurfaceContact {
+    let found = SurfaceContact { depth_m: depth_m as f32, ..*contact };
+    let Some(face) = faces.flat_at(contact.sample as usize, pose) else { return found };
+    let normal = contact.normal();
     let cosine = -face.dot(&normal);
     if !(LEAST_OPPOSITE..MOST_OPPOSITE).contains(&cosine) {
         return found;
     }
-    let moved_m_s =
-        Vector3::from(touch.slide_m_s.map(f64::from)) + normal * f64::from(touch.speed_m_s.unwrap_or(0.0));
+    let moved_m_s = Vector3::from(contact.slide_m_s.map(f64::from))
+        + normal * f64::from(contact.speed_m_s.unwrap_or(0.0));
     let slide_m_s = moved_m_s - face * moved_m_s.dot(&face);
-    Touch {
-        edge: Some(Edge { normal_world: (-face).map(|part| part as f32).into(), ..edge }),
-        exit_m: Some((depth_m / cosine) as f32),
-        speed_m_s: touch.speed_m_s.map(|speed_m_s| (f64::from(speed_m_s) / cosine) as f32),
+    SurfaceContact {
+        normal_world: (-face).map(|part| part as f32).into(),
+        depth_m: (depth_m / cosine) as f32,
+        speed_m_s: contact.speed_m_s.map(|speed_m_s| (f64::from(speed_m_s) / cosine) as f32),
         slide_m_s: slide_m_s.map(|part| part as f32).into(),
         ..found
     }
 }
 
-/// How fast the surface of a touch moves out along its normal, m/s.
-fn speed_m_s(touch: &Touch, fps: f64) -> Option<f32> {
-    let speed_m_s = f64::from(touch.edge?.moved_m?) * fps;
+/// How fast the surface of a contact moves out along its normal, m/s.
+fn speed_m_s(contact: &SurfaceContact, fps: f64) -> Option<f32> {
+    let speed_m_s = f64::from(contact.moved_m?) * fps;
     Some(if speed_m_s.abs() < LEAST_SPEED_M_S { 0.0 } else { speed_m_s as f32 })
 }
 
 /// The velocity that explains the contacts' speeds best and, where they do not say, is that along the surface, m/s.
-fn velocity_m_s(touches: &[Touch]) -> Vector3<f64> {
+fn velocity_m_s(contacts: &[SurfaceContact]) -> Vector3<f64> {
     let (mut normals, mut speeds) = (Matrix3::zeros(), Vector3::zeros());
-    for touch in touches {
-        let Some(speed_m_s) = touch.speed_m_s else { continue };
-        let normal = touch.normal_world();
+    for contact in contacts {
+        let Some(speed_m_s) = contact.speed_m_s else { continue };
+        let normal = contact.normal();
         normals += normal * normal.transpose() + Matrix3::identity() * ELSE_WEIGHT;
         speeds += normal * f64::from(speed_m_s);
-        speeds += Vector3::from(touch.slide_m_s.map(f64::from)) * ELSE_WEIGHT;
+        speeds += Vector3::from(contact.slide_m_s.map(f64::from)) * ELSE_WEIGHT;
     }
     if speeds == Vector3::zeros() {
         return speeds;

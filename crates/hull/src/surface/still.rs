@@ -6,8 +6,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use crate::contact::{Eye, depth_m};
-use crate::pass::Touch;
+use crate::contact::{Eye, SurfaceContact};
 
 /// A piece that moved less than this many pixels stands still.
 const STILL_PIXELS: f64 = 0.5;
@@ -35,7 +34,7 @@ pub(super) struct Beliefs {
 
 #[derive(Clone, Copy, Debug)]
 struct Belief {
-    touch: Touch,
+    contact: SurfaceContact,
     is_believed: bool,
     /// For how many frames in a row another plane was found, or none.
     odd: u8,
@@ -43,7 +42,7 @@ struct Belief {
 
 /// What a frame says of a sample, and what was believed.
 struct Pair {
-    new: Option<Touch>,
+    new: Option<SurfaceContact>,
     old: Option<Belief>,
     /// How far the surface moved out, metres; none unless both are there.
     moved_m: Option<f64>,
@@ -68,8 +67,8 @@ impl Piece {
 
 impl Beliefs {
     /// The planes that are believed.
-    pub fn touches(&self) -> impl Iterator<Item = &Touch> {
-        self.planes.iter().filter(|belief| belief.is_believed).map(|belief| &belief.touch)
+    pub fn contacts(&self) -> impl Iterator<Item = &SurfaceContact> {
+        self.planes.iter().filter(|belief| belief.is_believed).map(|belief| &belief.contact)
     }
 
     /// Takes in what a frame says of the samples, ascending, of a body that moved so far, metres, and whether the
@@ -77,17 +76,17 @@ impl Beliefs {
     /// is forgotten.
     pub fn take(
         &mut self,
-        seen: &[Touch],
+        seen: &[SurfaceContact],
         moved_m: f64,
         slides: bool,
         place: impl Fn(u32) -> Point3<f64>,
-        is_contact: impl Fn(&Touch, f64) -> bool,
+        is_contact: impl Fn(&SurfaceContact, f64) -> bool,
         eyes: &[Eye],
     ) {
-        let is_contact = |touch: &Touch| {
-            depth_m(touch, &place(touch.sample), eyes).is_some_and(|depth_m| is_contact(touch, depth_m))
+        let is_contact = |found: &SurfaceContact| {
+            found.depth_at_m(&place(found.sample), eyes).is_some_and(|depth_m| is_contact(found, depth_m))
         };
-        self.planes.retain(|belief| is_contact(&belief.touch));
+        self.planes.retain(|belief| is_contact(&belief.contact));
         let pairs = pairs(&self.planes, seen, place, eyes);
         let pieces = pieces(&pairs);
         let moves = pieces.iter().any(|piece| !piece.is_still()) || slides;
@@ -104,43 +103,44 @@ impl Beliefs {
 }
 
 impl Belief {
-    fn of(touch: Touch) -> Belief {
-        Belief { touch, is_believed: true, odd: 0 }
+    fn of(contact: SurfaceContact) -> Belief {
+        Belief { contact, is_believed: true, odd: 0 }
     }
 
     /// The same after one more odd frame, at rest; `None` if that was one too many.
     fn odder(self) -> Option<Belief> {
         let odd = self.odd + 1;
-        (odd <= DISBELIEVED_FRAMES).then_some(Belief { touch: self.touch.at_rest(), odd, ..self })
+        (odd <= DISBELIEVED_FRAMES).then_some(Belief { contact: self.contact.at_rest(), odd, ..self })
     }
 }
 
 impl Pair {
     /// What is believed while nothing moves.
     fn judged(&self, pieces: &[Piece], is_at_rest: bool) -> Option<Belief> {
-        let of_piece =
-            |touch: &Touch| pieces.iter().find(|piece| piece.normal.dot(&touch.normal_world()) > SAME_PIECE);
+        let of_piece = |contact: &SurfaceContact| {
+            pieces.iter().find(|piece| piece.normal.dot(&contact.normal()) > SAME_PIECE)
+        };
         match (self.new, self.old) {
             (Some(new), Some(old)) if !old.is_believed => {
                 if !is_at_rest {
                     return Some(Belief::of(new));
                 }
                 // It waits, with the plane that it has now.
-                let waiting = Belief { touch: new, ..old }.odder();
+                let waiting = Belief { contact: new, ..old }.odder();
                 Some(waiting.unwrap_or_else(|| Belief::of(new.at_rest())))
             }
             (Some(new), Some(old)) => {
                 if self.moved_m.is_some_and(|moved_m| moved_m.abs() > ODD_PIXELS * self.pixel_m) {
                     return Some(old.odder().unwrap_or_else(|| Belief::of(new.at_rest())));
                 }
-                Some(Belief { touch: old.touch.at_rest(), odd: 0, ..old })
+                Some(Belief { contact: old.contact.at_rest(), odd: 0, ..old })
             }
             (Some(new), None) => {
                 let waits = is_at_rest && of_piece(&new).is_some_and(|piece| piece.moved_m.len() >= MANY);
                 Some(if waits { Belief { is_believed: false, ..Belief::of(new) } } else { Belief::of(new) })
             }
             (None, Some(old)) => {
-                let is_among_others = old.is_believed && of_piece(&old.touch).is_some();
+                let is_among_others = old.is_believed && of_piece(&old.contact).is_some();
                 is_among_others.then(|| old.odder()).flatten()
             }
             (None, None) => None,
@@ -148,19 +148,24 @@ impl Pair {
     }
 }
 
-fn pairs(believed: &[Belief], seen: &[Touch], place: impl Fn(u32) -> Point3<f64>, eyes: &[Eye]) -> Vec<Pair> {
+fn pairs(
+    believed: &[Belief],
+    seen: &[SurfaceContact],
+    place: impl Fn(u32) -> Point3<f64>,
+    eyes: &[Eye],
+) -> Vec<Pair> {
     let (mut old, mut new) = (believed.iter().peekable(), seen.iter().peekable());
     let mut pairs = Vec::with_capacity(seen.len().max(believed.len()));
     loop {
-        let next = [old.peek().map(|belief| belief.touch.sample), new.peek().map(|touch| touch.sample)];
+        let next = [old.peek().map(|belief| belief.contact.sample), new.peek().map(|found| found.sample)];
         let Some(sample) = next.into_iter().flatten().min() else { return pairs };
-        let old = old.next_if(|belief| belief.touch.sample == sample).copied();
-        let new = new.next_if(|touch| touch.sample == sample).copied();
+        let old = old.next_if(|belief| belief.contact.sample == sample).copied();
+        let new = new.next_if(|found| found.sample == sample).copied();
         let at = place(sample);
-        let depth_m = |touch: Touch| depth_m(&touch, &at, eyes);
-        let before_m = old.filter(|old| old.is_believed).and_then(|old| depth_m(old.touch));
+        let depth_m = |contact: SurfaceContact| contact.depth_at_m(&at, eyes);
+        let before_m = old.filter(|old| old.is_believed).and_then(|old| depth_m(old.contact));
         let moved_m = new.and_then(depth_m).zip(before_m).map(|(now_m, before_m)| now_m - before_m);
-        let eye = new.and_then(|touch| eyes.get(usize::from(touch.edge?.camera)));
+        let eye = new.and_then(|found| eyes.get(usize::from(found.camera)));
         pairs.push(Pair { new, old, moved_m, pixel_m: eye.map_or(0.0, |eye| eye.pixel_m(&at)) });
     }
 }
@@ -169,7 +174,7 @@ fn pieces(pairs: &[Pair]) -> Vec<Piece> {
     let mut pieces: Vec<Piece> = Vec::new();
     for pair in pairs {
         let (Some(old), Some(moved_m)) = (&pair.old, pair.moved_m) else { continue };
-        let normal = old.touch.normal_world();
+        let normal = old.contact.normal();
         match pieces.iter_mut().find(|piece| piece.normal.dot(&normal) > SAME_PIECE) {
             Some(piece) => piece.moved_m.push(moved_m),
             None => pieces.push(Piece { normal, moved_m: vec![moved_m], pixel_m: pair.pixel_m }),
@@ -181,25 +186,24 @@ fn pieces(pairs: &[Pair]) -> Vec<Piece> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Pixel;
-    use crate::question::Edge;
 
     /// A camera 2 m from the samples, whose pixels are 4 mm there.
     fn eyes() -> Vec<Eye> {
         vec![Eye { centre_world: Point3::new(2.0, 0.0, 0.0), focal_pixels: 500.0 }]
     }
 
-    /// Touches with the plane of a level surface that goes through the first camera's centre.
-    fn seen(samples: impl IntoIterator<Item = u32>) -> Vec<Touch> {
-        let edge = Edge {
-            distance_m: 0.01,
+    /// Contacts with a level surface that goes through the first camera's centre.
+    fn seen(samples: impl IntoIterator<Item = u32>) -> Vec<SurfaceContact> {
+        let contact = |sample| SurfaceContact {
+            sample,
             camera: 0,
-            pixel: Pixel { column: 0, row: 0 },
             normal_world: [0.0, 1.0, 0.0],
             moved_m: None,
+            depth_m: 0.0,
+            speed_m_s: None,
+            slide_m_s: [0.0; 3],
         };
-        let touch = |sample| Touch { edge: Some(edge), ..Touch::new(sample, 3) };
-        samples.into_iter().map(touch).collect()
+        samples.into_iter().map(contact).collect()
     }
 
     /// Where samples are: one so far below that plane, all others 1 mm.
@@ -208,7 +212,7 @@ mod tests {
     }
 
     fn samples(beliefs: &Beliefs) -> Vec<u32> {
-        beliefs.touches().map(|touch| touch.sample).collect()
+        beliefs.contacts().map(|contact| contact.sample).collect()
     }
 
     /// With a second camera, so many millimetres higher: its planes lie as much higher.
@@ -218,14 +222,12 @@ mod tests {
         eyes
     }
 
-    fn by_second(touches: &mut [Touch]) {
-        for touch in touches {
-            touch.edge = touch.edge.map(|edge| Edge { camera: 1, ..edge });
-        }
+    fn by_second(contacts: &mut [SurfaceContact]) {
+        contacts.iter_mut().for_each(|contact| contact.camera = 1);
     }
 
     fn cameras(beliefs: &Beliefs) -> Vec<u16> {
-        beliefs.touches().filter_map(|touch| Some(touch.edge?.camera)).collect()
+        beliefs.contacts().map(|contact| contact.camera).collect()
     }
 
     #[test]
@@ -237,7 +239,7 @@ mod tests {
         by_second(&mut moved);
         beliefs.take(&moved, 0.0, false, place(9, 0.0), |_, _| true, &eyes);
         assert_eq!(cameras(&beliefs), [0; 5]);
-        assert!(beliefs.touches().all(|touch| touch.speed_m_s == Some(0.0)));
+        assert!(beliefs.contacts().all(|contact| contact.speed_m_s == Some(0.0)));
     }
 
     #[test]
@@ -257,8 +259,8 @@ mod tests {
     #[test]
     fn one_that_disagrees_is_believed_in_the_end() {
         let (mut beliefs, eyes) = (Beliefs::default(), raised(6.0));
-        let take = |beliefs: &mut Beliefs, touches: &[Touch]| {
-            beliefs.take(touches, 0.0, false, place(9, 0.0), |_, _| true, &eyes);
+        let take = |beliefs: &mut Beliefs, seen: &[SurfaceContact]| {
+            beliefs.take(seen, 0.0, false, place(9, 0.0), |_, _| true, &eyes);
         };
         take(&mut beliefs, &seen(0..5));
         let mut odd = seen(0..5);
@@ -280,8 +282,8 @@ mod tests {
     #[test]
     fn what_comes_and_goes_waits() {
         let mut beliefs = Beliefs::default();
-        let take = |beliefs: &mut Beliefs, touches: &[Touch]| {
-            beliefs.take(touches, 0.0, false, place(9, 0.0), |_, _| true, &eyes());
+        let take = |beliefs: &mut Beliefs, seen: &[SurfaceContact]| {
+            beliefs.take(seen, 0.0, false, place(9, 0.0), |_, _| true, &eyes());
         };
         take(&mut beliefs, &seen(0..4));
         (0..6).for_each(|_| take(&mut beliefs, &seen([0, 1, 2, 3, 6])));
@@ -301,7 +303,7 @@ mod tests {
     fn what_is_no_contact_any_more_is_forgotten() {
         let mut beliefs = Beliefs::default();
         beliefs.take(&seen(0..4), 0.0, false, place(9, 0.0), |_, _| true, &eyes());
-        let is_contact = |_: &Touch, depth_m: f64| depth_m > -0.02;
+        let is_contact = |_: &SurfaceContact, depth_m: f64| depth_m > -0.02;
         beliefs.take(&seen([0, 1, 3]), 0.0, false, place(2, -50.0), is_contact, &eyes());
         assert_eq!(samples(&beliefs), [0, 1, 3]);
     }

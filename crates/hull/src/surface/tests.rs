@@ -32,14 +32,14 @@ fn pose(height_m: f64) -> Pose {
 
 /// Planes for every sample and its feeler, of a surface at that height below the middle of the body that rises so far
 /// in a frame.
-fn planes(height_m: f64, moved_m: f64) -> BodyResult {
+fn planes(height_m: f64, moved_m: f64) -> BodyPlanes {
     let eye = eyes()[0].centre_world;
     let normal = Vector3::new(height_m - eye.y, eye.x, 0.0).normalize();
     let normal_world = [normal.x as f32, normal.y as f32, 0.0];
     let (pixel, moved_m) = (Pixel { column: 0, row: 0 }, Some(moved_m as f32));
     let edge = Edge { distance_m: 0.01, camera: 0, pixel, normal_world, moved_m };
-    let touch = |sample| Touch { edge: Some(edge), ..Touch::new(sample, 3) };
-    BodyResult { touches: (0..8).map(touch).collect(), ..BodyResult::default() }
+    let plane = |sample| SamplePlane { sample, plane: Some(edge) };
+    BodyPlanes { samples: (0..8).map(plane).collect(), around: vec![] }
 }
 
 fn age(frame: u64, frames: f64) -> FrameAge {
@@ -55,15 +55,15 @@ fn a_surface_that_rises_has_its_speed_and_goes_on_between_frames() {
         let at = age(frame, frames);
         let asked = surface.pose_to_ask(at, &pose, &shape);
         let body = &Sampled { shape: &shape, around: None, pose: &pose, faces: &faces() };
-        (asked, surface.contacts(at, &planes(height_m, 0.01), body, &eyes()).touches)
+        (asked, surface.contacts(at, &planes(height_m, 0.01), body, &eyes()).contacts)
     };
-    let depth = |touches: &[Touch]| f64::from(touches[0].exit_m.expect("a depth"));
+    let depth = |contacts: &[SurfaceContact]| f64::from(contacts[0].depth_m);
     // It rises by 1 cm a frame, to 2 mm below the box and on.
     let (_, first) = see(7, 7.0, 0.998);
     assert!((depth(&first) + 0.002).abs() < 1e-6);
     let (_, second) = see(8, 8.0, 1.008);
     assert!((depth(&second) - 0.008).abs() < 5e-4);
-    assert!(second.iter().all(|touch| (touch.speed_m_s.expect("known") - 0.3).abs() < 0.02));
+    assert!(second.iter().all(|contact| (contact.speed_m_s.expect("known") - 0.3).abs() < 0.02));
     // Half a frame later it has gone on by half of that, and the body is asked about as much lower.
     let (asked, third) = see(8, 8.5, 1.008);
     assert!((asked.position_m()[1] - (1.1 - 0.005)).abs() < 2e-4, "{asked:?}");
@@ -71,7 +71,7 @@ fn a_surface_that_rises_has_its_speed_and_goes_on_between_frames() {
     // A frame that stays is film that stands still.
     let (_, fourth) = see(8, 12.0, 1.008);
     assert!((depth(&fourth) - 0.008).abs() < 5e-4);
-    assert!(fourth.iter().all(|touch| touch.speed_m_s == Some(0.0)));
+    assert!(fourth.iter().all(|contact| contact.speed_m_s == Some(0.0)));
 }
 
 #[test]
@@ -83,8 +83,7 @@ fn between_frames_a_surface_goes_from_where_it_was_to_where_it_is() {
         let at = FrameAge::new(8, FPS, frames / FPS, HullTime::Between);
         surface.pose_to_ask(at, &pose, &shape);
         let body = &Sampled { shape: &shape, around: None, pose: &pose, faces: &faces() };
-        let touches = surface.contacts(at, &planes(1.003, 0.01), body, &eyes()).touches;
-        f64::from(touches[0].exit_m.expect("a depth"))
+        f64::from(surface.contacts(at, &planes(1.003, 0.01), body, &eyes()).contacts[0].depth_m)
     };
     for (frames, expected_m) in
         [(8.0, -0.007), (8.25, -0.0045), (8.5, -0.002), (8.75, 0.0005), (9.0, 0.003), (9.25, 0.003)]
@@ -105,21 +104,27 @@ fn within_a_flat_face_surfaces_meet_with_opposite_normals() {
         // The side of something round, 2 mm deep, that moves out at 0.3 m/s.
         let (sine, cosine) = libm::sincos(lean_deg.to_radians());
         let normal = Vector3::new(sine, cosine, 0.0);
-        let (pixel, normal_world) = (Pixel { column: 0, row: 0 }, normal.map(|part| part as f32).into());
-        let edge = Edge { distance_m: 0.01, camera: 0, pixel, normal_world, moved_m: None };
-        let touch = Touch { edge: Some(edge), speed_m_s: Some(0.3), ..Touch::new(0, 3) };
-        against_face(&touch, 0.002, &pose, faces)
+        let contact = SurfaceContact {
+            sample: 0,
+            camera: 0,
+            normal_world: normal.map(|part| part as f32).into(),
+            moved_m: None,
+            depth_m: 0.0,
+            speed_m_s: Some(0.3),
+            slide_m_s: [0.0; 3],
+        };
+        against_face(&contact, 0.002, &pose, faces)
     };
-    let normal = |touch: &Touch| Vector3::from(touch.edge.expect("an edge").normal_world);
+    let normal = |contact: &SurfaceContact| Vector3::from(contact.normal_world);
     let met = contact(&flat, 30.0);
     assert!((normal(&met) - Vector3::y()).norm() < 1e-6);
     let cosine = libm::cosf(30.0_f32.to_radians());
-    assert!((met.exit_m.expect("a depth") - 0.002 / cosine).abs() < 1e-6);
+    assert!((met.depth_m - 0.002 / cosine).abs() < 1e-6);
     assert!((met.speed_m_s.expect("a speed") - 0.3 / cosine).abs() < 1e-5);
     // Nearly opposite, nearly along, and where the face is no flat one, it is the hull's.
-    for touch in [contact(&flat, 5.0), contact(&flat, 65.0), contact(&faces(), 30.0)] {
-        assert_eq!(touch.exit_m, Some(0.002));
-        assert!(normal(&touch).x > 0.08);
+    for contact in [contact(&flat, 5.0), contact(&flat, 65.0), contact(&faces(), 30.0)] {
+        assert_eq!(contact.depth_m, 0.002);
+        assert!(normal(&contact).x > 0.08);
     }
 }
 
@@ -135,7 +140,7 @@ fn what_is_around_a_body_tells_how_its_surface_slides() {
         let (pixel, moved_m) = (Pixel { column: 0, row: 0 }, Some((sign * moved_m) as f32));
         let normal_world = normal.map(|part| part as f32).into();
         let edge = Edge { distance_m: -0.01, camera: 1, pixel, normal_world, moved_m };
-        Touch { edge: Some(edge), ..Touch::new(sample, 0) }
+        SamplePlane { sample, plane: Some(edge) }
     };
     // A camera over the middle sees both sides as they are.
     let above = Eye { centre_world: Point3::new(0.0, 1.0, 3.0), focal_pixels: 800.0 };
@@ -145,11 +150,11 @@ fn what_is_around_a_body_tells_how_its_surface_slides() {
         let at = age(frame, frames);
         surface.pose_to_ask(at, &pose, &shape);
         let around = (0..10).map(|sample| side(sample, moved_m)).collect();
-        let planes = BodyResult { around, ..planes(1.0, 0.0) };
+        let planes = BodyPlanes { around, ..planes(1.0, 0.0) };
         let body = &Sampled { shape: &shape, around: Some(&around_shape), pose: &pose, faces: &faces() };
         let result = surface.contacts(at, &planes, body, &eyes);
-        assert_eq!(result.touches.len(), 4);
-        result.touches[0].slide_m_s
+        assert_eq!(result.contacts.len(), 4);
+        result.contacts[0].slide_m_s
     };
     assert_eq!(slides(1, 1.0, 0.0), [0.0; 3]);
     for frame in 2..8 {
@@ -186,14 +191,14 @@ fn a_surface_that_flickers_by_a_fraction_of_a_pixel_stands_still_to_the_bit() {
         let body = &Sampled { shape: &shape, around: None, pose: &pose, faces: &faces() };
         // A pixel is 3.75 mm there.
         let height_m = 1.0 + 0.0008 * f64::from((frame * 7 % 5) as i32 - 2) / 2.0;
-        let touches = surface.contacts(at, &planes(height_m, height_m - before_m), body, &eyes()).touches;
+        let contacts = surface.contacts(at, &planes(height_m, height_m - before_m), body, &eyes()).contacts;
         before_m = height_m;
         if frame == 0 {
-            first.clone_from(&touches);
+            first.clone_from(&contacts);
         }
         assert_eq!(
-            touches.iter().map(|touch| touch.exit_m).collect::<Vec<_>>(),
-            first.iter().map(|touch| touch.exit_m).collect::<Vec<_>>()
+            contacts.iter().map(|contact| contact.depth_m).collect::<Vec<_>>(),
+            first.iter().map(|contact| contact.depth_m).collect::<Vec<_>>()
         );
     }
 }

@@ -53,16 +53,12 @@ pub(crate) fn bodies(record: &StepRecord<'_>) -> Bodies {
 /// The samples that were inside the hull, where their bodies are after the step; `None` without any.
 pub(crate) fn touches(record: &StepRecord<'_>) -> Option<Touches> {
     let mut found = Vec::new();
-    for (body, result) in record.world.moving_bodies().zip(record.results.unwrap_or_default()) {
+    for (body, collision) in record.world.moving_bodies().zip(record.collisions.unwrap_or_default()) {
         let world_from_body = body.pose.world_from_body();
         let samples = body.shape.samples_body();
-        found.extend(result.touches.iter().filter(|touch| touch.is_inside()).map(|touch| {
-            let point: Point3<f64> = world_from_body(samples[touch.sample as usize]);
-            Touch {
-                body: body.id,
-                point_m: Some(vector(point.into())),
-                response_m: Some(vector(touch.response_m().unwrap_or_default())),
-            }
+        found.extend(collision.inside().map(|(sample, way_out_m)| {
+            let point: Point3<f64> = world_from_body(samples[sample as usize]);
+            Touch { body: body.id, point_m: Some(vector(point.into())), response_m: Some(vector(way_out_m)) }
         }));
     }
     let is_any = !found.is_empty();
@@ -126,7 +122,7 @@ mod tests {
             slipped_s: 0.0,
             frame: Some(3),
             responses,
-            results: None,
+            collisions: None,
             step_ms: 0.0,
             world,
         })

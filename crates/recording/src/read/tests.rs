@@ -148,7 +148,7 @@ impl TestRun {
             slipped_s: 0.0,
             frame,
             responses: &responses,
-            results: None,
+            collisions: None,
             step_ms: 1.5,
             world: &self.world,
         });
@@ -197,7 +197,7 @@ fn made_again(recording: &Recording) -> (StepCheck, Vec<String>) {
             slipped_s: 0.0,
             frame: None,
             responses: &responses,
-            results: None,
+            collisions: None,
             step_ms: 0.0,
             world: &world,
         });
@@ -508,7 +508,7 @@ fn a_file_that_is_there_stays_until_the_new_one_is_complete() {
         slipped_s: 0.0,
         frame: None,
         responses: &[],
-        results: None,
+        collisions: None,
         step_ms: 0.0,
         world: &world,
     });
@@ -533,7 +533,7 @@ fn a_step_at_no_time_of_film_ends_a_recording() {
             slipped_s: 0.0,
             frame: Some(frame),
             responses: &[],
-            results: None,
+            collisions: None,
             step_ms: 0.0,
             world: &world,
         });

@@ -1,7 +1,7 @@
 //! The answers' JSON form.
 
 use hull::Rig;
-use hull::pass::{BodyResult, Touch};
+use hull::pass::{InsideSample, PaperResult};
 use serde::Serialize;
 
 use super::points::PointsFile;
@@ -55,29 +55,29 @@ impl Answers<'_> {
 }
 
 /// The answers from the pass's results, one a group of the file.
-pub fn answers<'a>(rig: &'a Rig, file: &'a PointsFile, results: &[BodyResult]) -> Answers<'a> {
+pub fn answers<'a>(rig: &'a Rig, file: &'a PointsFile, results: &[PaperResult]) -> Answers<'a> {
     let mut points = vec![PointAnswer::Outside { inside: false }; file.points_m.len()];
     let mut bodies = Vec::new();
     for ((name, indices), result) in file.groups.iter().zip(results) {
-        for touch in &result.touches {
-            points[indices[touch.sample as usize]] = inside(rig, touch);
+        for found in &result.inside {
+            points[indices[found.sample as usize]] = inside(rig, found);
         }
         if let Some(body) = name {
-            let inside = result.touches.len();
+            let inside = result.inside.len();
             bodies.push(BodyAnswer { body, inside, response: result.response_m.ok() });
         }
     }
     Answers { points, bodies }
 }
 
-fn inside<'a>(rig: &'a Rig, touch: &Touch) -> PointAnswer<'a> {
-    let edge = touch.edge;
+fn inside<'a>(rig: &'a Rig, found: &InsideSample) -> PointAnswer<'a> {
+    let edge = found.edge;
     PointAnswer::Inside {
         inside: true,
         camera: edge.map(|edge| rig.cameras()[usize::from(edge.camera)].name()),
         pixel: edge.map(|edge| [edge.pixel.column, edge.pixel.row]),
         distance: edge.map(|edge| f64::from(edge.distance_m)),
         normal: edge.map(|edge| edge.normal_world.map(f64::from)),
-        response: touch.response_m(),
+        response: found.response_m(),
     }
 }

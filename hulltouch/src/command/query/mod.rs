@@ -12,7 +12,7 @@ use std::time::Instant;
 use camera_node::source::MaskFiles;
 use clap::{Args, ValueEnum};
 use hull::cull::hull_box;
-use hull::pass::{BodyResult, Pass};
+use hull::pass::{BodyResult, PaperResult, Pass};
 use hull::question::Answer;
 use hull::rule::{HullRule, NormalWindow, OutOfView, ProbeSettings};
 use hull::view_set::Scratch;
@@ -92,7 +92,7 @@ pub fn run(arguments: &QueryArguments) -> Outcome {
     let mut text = serde_json::to_vec(&answers).map_err(Failure::run)?;
     text.push(b'\n');
     write_whole(&arguments.json, &text)?;
-    let inside: usize = results.iter().map(|body| body.touches.len()).sum();
+    let inside: usize = results.iter().map(|body| body.inside.len()).sum();
     let moved = results.iter().filter(|body| body.response_m.is_ok()).count();
     let bodies = match answers.body_count() {
         0 => String::new(),
@@ -153,7 +153,7 @@ impl Query {
         Pass::new(self.points.bodies(), hull_box.as_ref(), self.settings, group_count)
     }
 
-    fn results(&self) -> Outcome<Vec<BodyResult>> {
+    fn results(&self) -> Outcome<Vec<PaperResult>> {
         let views = self.view_set();
         let mut pass = self.pass(&views, 1);
         let (mut scratch, mut answer) = (Scratch::default(), Answer::default());
@@ -161,7 +161,7 @@ impl Query {
             views.answer(question, &mut scratch, &mut answer);
             pass.answer(0, &answer).map_err(Failure::run)?;
         }
-        Ok(pass.into_results())
+        Ok(paper_results(pass))
     }
 }
 
@@ -177,4 +177,14 @@ fn normal_window(text: &str) -> Result<NormalWindow, String> {
     }
     let pixels = text.parse().map(NormalWindow::Pixels);
     pixels.map_err(|_| format!("found {text:?}, expected auto or a number of pixels"))
+}
+
+/// What a pass found, which asked for the paper's response.
+fn paper_results(pass: Pass) -> Vec<PaperResult> {
+    let paper = |result| match result {
+        BodyResult::Paper(paper) => paper,
+        // It was not asked for contacts.
+        BodyResult::Planes(_) => PaperResult::default(),
+    };
+    pass.into_results().into_iter().map(paper).collect()
 }

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use coordinator::{Placement, Transport, TransportError};
 use film_time::Pace;
-use hull::pass::{BodyResult, Pass};
+use hull::pass::{PaperResult, Pass};
 use hull::rule::{NormalWindow, OutOfView};
 use node_client::Agreement;
 use setup::cli::{Failure, Outcome, temporary_folder};
@@ -23,7 +23,7 @@ const ROUND_TIMEOUT: Duration = Duration::from_secs(600);
 const FRAME: u64 = 0;
 
 /// Starts the nodes, asks them, and stops them.
-pub fn results(query: &Query) -> Outcome<Vec<BodyResult>> {
+pub fn results(query: &Query) -> Outcome<Vec<PaperResult>> {
     let folder = temporary_folder()?;
     let path = folder.path().join("query.cluster.toml");
     write_cluster(query, folder.path(), &path).map_err(|error| Failure::unwritable(folder.path(), error))?;
@@ -37,7 +37,7 @@ pub fn results(query: &Query) -> Outcome<Vec<BodyResult>> {
             Transport::connect(nodes, Placement::Nodes, Agreement::new(query.settings, file.fps, Vec::new()));
         answer(&mut transport, &mut pass).await.map_err(Failure::run)
     })?;
-    Ok(pass.into_results())
+    Ok(super::paper_results(pass))
 }
 
 async fn answer(transport: &mut Transport, pass: &mut Pass) -> Result<(), TransportError> {

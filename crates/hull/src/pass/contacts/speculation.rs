@@ -1,18 +1,18 @@
 //! The speculative question, beside the pass's own: what is likely to be asked next. Together with the classes these are the
-//! planes of samples that touched in the pass before, and of points around their bodies: where little changes nothing else
+//! planes of samples that were inside in the pass before, and of points around their bodies: where little changes nothing else
 //! is to be asked, and a pass takes one trip. Together with planes these are the ways out of bodies of which no sample is
 //! known to be faced. What turns out not to matter is dropped, and what is missing is asked for next: the results do not
 //! depend on it.
 
-use super::groups::{AnswerError, merge, nothing_yet, sort_changes};
+use super::super::groups::{AnswerError, Group, merge, nothing_yet, sort_changes};
+use super::super::{AROUND_REACH, Pass, Response, Targets, changes_of};
 use super::ways_out::MAX_WAY_OUT_M;
-use super::{AROUND_REACH, Pass, PassBody, Targets, changes_of};
 use crate::question::{Answer, Change, NO_EXIT_M, Question, QuestionKind};
 use crate::reach::Reach;
 
 /// The speculative question, and the answers to it.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Speculation {
+pub(in crate::pass) struct Speculation {
     question: Question,
     targets: Targets,
     /// Of the groups that have answered.
@@ -39,18 +39,18 @@ impl Speculation {
         self.waits.clear();
     }
 
-    /// Hands over the exits of touches, in their order, if they were asked for.
-    pub fn take_exits(&mut self, touches: &Targets, merged: &mut Answer) -> bool {
-        if touches.0.is_empty() || self.question.kind != QuestionKind::Exits || self.targets.0.is_empty() {
+    /// Hands over the exits of samples inside, in their order, if they were asked for.
+    pub fn take_exits(&mut self, inside: &Targets, merged: &mut Answer) -> bool {
+        if inside.0.is_empty() || self.question.kind != QuestionKind::Exits || self.targets.0.is_empty() {
             return false;
         }
         sort_changes(&mut self.merged);
         merged.restart(QuestionKind::Exits);
         let (mut at, mut changes) = (0, 0..0);
-        for (point, touch) in touches.0.iter().enumerate() {
+        for (point, found) in inside.0.iter().enumerate() {
             // Both are in order.
-            at += self.targets.0[at..].iter().take_while(|asked| *asked < touch).count();
-            if self.targets.0.get(at) != Some(touch) {
+            at += self.targets.0[at..].iter().take_while(|asked| *asked < found).count();
+            if self.targets.0.get(at) != Some(found) {
                 return false;
             }
             let before = self.merged.changes[changes.end..].iter();
@@ -62,39 +62,65 @@ impl Speculation {
         }
         true
     }
+
+    /// Asks the groups that the pass's own question asks.
+    fn ask(&mut self, groups: &[Group], points_asked: &mut [u64; QuestionKind::ALL.len()]) {
+        nothing_yet(&mut self.merged, &self.question);
+        if !self.targets.0.is_empty() {
+            self.waits.extend(groups.iter().map(|group| group.is_asked));
+            points_asked[self.question.kind as usize] += self.targets.0.len() as u64;
+        }
+    }
+
+    /// Takes a group's answer.
+    pub fn answer(&mut self, group: usize, answer: &Answer) -> Result<(), AnswerError> {
+        if !self.waits.get(group).is_some_and(|&waits| waits) {
+            return Err(AnswerError::Twice(group));
+        }
+        if answer.len() != self.merged.len() {
+            return Err(AnswerError::Count { group, found: answer.len(), expected: self.merged.len() });
+        }
+        merge(&mut self.merged, &mut [], answer);
+        self.waits[group] = false;
+        Ok(())
+    }
 }
 
 impl Pass {
     /// From the next pass on, asks together with classes for planes that are likely to matter, if all groups are asked
     /// for these at once, and together with planes for ways out: it takes fewer trips, and some of the answers are dropped.
-    /// Needs [`Pass::only_planes`].
+    /// Only a pass [for contacts](Pass::for_contacts) does.
     pub fn speculate(&mut self, speculates: bool) {
-        self.speculates = speculates;
+        if let Response::Contacts(contacts) = &mut self.response {
+            contacts.speculates = speculates;
+        }
     }
 
     /// The question to ask together with [`Pass::question`], of the same groups. Its answers may come before or after the
     /// other's.
     pub fn speculative_question(&self) -> Option<&Question> {
-        (!self.speculation.is_answered()).then_some(&self.speculation.question)
+        let Response::Contacts(contacts) = &self.response else { return None };
+        (!contacts.speculation.is_answered()).then_some(&contacts.speculation.question)
     }
 
     /// Speculates on planes. The classes are asked already.
-    pub(super) fn speculate_on_planes(&mut self) {
-        let Pass { speculation, bodies, count, groups, .. } = self;
-        speculation.restart(QuestionKind::Planes);
-        let Speculation { question, targets, .. } = speculation;
+    pub(in crate::pass) fn speculate_on_planes(&mut self) {
+        let Pass { response, bodies, count, asked_count, groups, points_asked, .. } = self;
+        let Response::Contacts(contacts) = response else { return };
+        contacts.speculation.restart(QuestionKind::Planes);
+        let Speculation { question, targets, .. } = &mut contacts.speculation;
         let is_in_one_phase = groups.iter().all(|group| group.is_asked || group.is_left_out);
-        let is_wanted = self.speculates && self.only_planes && is_in_one_phase;
-        let (all, count) = (&*bodies, if is_wanted { *count } else { 0 });
-        for (index, body) in all[..count].iter().enumerate().filter(|(_, body)| body.is_near) {
+        let count = if contacts.speculates && is_in_one_phase { *count } else { 0 };
+        let all = bodies[..count].iter().zip(&contacts.bodies).enumerate();
+        for (index, (body, of_contacts)) in all.filter(|(_, (body, _))| body.is_near) {
             let first = targets.0.len();
-            match body.owner {
+            match of_contacts.owner {
                 None => {
                     let samples = body.reaches.touched();
                     targets.0.extend(samples.map(|(sample, _)| (index as u32, sample)));
                     question.within.extend(body.reaches.touched().map(|(_, reach)| reach));
                 }
-                Some(owner) if all[owner].reaches.touched().len() > 0 => {
+                Some(owner) if owner < *asked_count && bodies[owner].reaches.touched().len() > 0 => {
                     let points = 0..body.points.len() as u32;
                     targets.0.extend(points.clone().map(|point| (index as u32, point)));
                     question.within.extend(points.map(|_| AROUND_REACH));
@@ -106,74 +132,50 @@ impl Pass {
                 question.pick(&body.points, [0.0; 3], picks.iter().map(|&(_, sample)| sample));
             }
         }
-        self.ask_speculation();
+        contacts.speculation.ask(groups, points_asked);
     }
 
-    /// Speculates on ways out. Planes are asked already: of touches without one it is not known whether it faces them.
-    pub(super) fn speculate_on_ways_out(&mut self) {
-        let Pass { speculation, bodies, results, asked_count, .. } = self;
-        speculation.restart(QuestionKind::Exits);
-        let Speculation { question, targets, .. } = speculation;
-        let is_wanted = self.speculates && self.only_planes;
-        let count = if is_wanted { *asked_count } else { 0 };
-        for (index, (body, result)) in bodies[..count].iter().zip(results).enumerate() {
-            if result.touches.iter().any(|touch| touch.edge.is_some() && body.is_faced(touch)) {
+    /// Speculates on ways out. Planes are asked already: of samples without one it is not known whether it faces them.
+    pub(in crate::pass) fn speculate_on_ways_out(&mut self) {
+        let Pass { response, bodies, asked_count, groups, points_asked, .. } = self;
+        let Response::Contacts(contacts) = response else { return };
+        contacts.speculation.restart(QuestionKind::Exits);
+        let Speculation { question, targets, .. } = &mut contacts.speculation;
+        let count = if contacts.speculates { *asked_count } else { 0 };
+        for (index, (body, of_contacts)) in bodies[..count].iter().zip(&contacts.bodies).enumerate() {
+            if body.found.iter().any(|found| found.edge.is_some() && of_contacts.is_faced(body, found)) {
                 continue;
             }
             let first = targets.0.len();
-            for (touch, found) in result.touches.iter().enumerate() {
-                let Some(direction) = body.against_faces(found.sample) else { continue };
-                targets.0.push((index as u32, touch as u32));
+            for (at, found) in body.found.iter().enumerate() {
+                let Some(direction) = of_contacts.against_faces(body, found.sample) else { continue };
+                targets.0.push((index as u32, at as u32));
                 question.directions.push(direction);
                 question.within.push(Reach::covering(MAX_WAY_OUT_M));
             }
             let picks = &targets.0[first..];
             if !picks.is_empty() {
-                let sample = |&(_, touch): &(u32, u32)| result.touches[touch as usize].sample;
+                let sample = |&(_, at): &(u32, u32)| body.found[at as usize].sample;
                 question.pick(&body.points, [0.0; 3], picks.iter().map(sample));
             }
         }
-        self.ask_speculation();
+        contacts.speculation.ask(groups, points_asked);
     }
 
-    /// Asks the groups that the pass's own question asks.
-    fn ask_speculation(&mut self) {
-        let Pass { speculation, groups, points_asked, .. } = self;
-        let Speculation { question, targets, merged, waits } = speculation;
-        nothing_yet(merged, question);
-        if !targets.0.is_empty() {
-            waits.extend(groups.iter().map(|group| group.is_asked));
-            points_asked[question.kind as usize] += targets.0.len() as u64;
-        }
-    }
-
-    pub(super) fn answer_speculation(&mut self, group: usize, answer: &Answer) -> Result<(), AnswerError> {
-        let Speculation { merged, waits, .. } = &mut self.speculation;
-        if !waits.get(group).is_some_and(|&waits| waits) {
-            return Err(AnswerError::Twice(group));
-        }
-        if answer.len() != merged.len() {
-            return Err(AnswerError::Count { group, found: answer.len(), expected: merged.len() });
-        }
-        merge(merged, &mut [], answer);
-        waits[group] = false;
-        Ok(())
-    }
-
-    /// Gives touches the planes that were found speculatively. Points around bodies need no other question, also those
+    /// Gives samples the planes that were found speculatively. Points around bodies need no other question, also those
     /// without a plane.
     pub(super) fn take_planes(&mut self) {
-        let Pass { speculation, bodies, results, .. } = self;
-        let mut edges = speculation.merged.edges.iter();
-        for of_body in speculation.targets.0.chunk_by(|a, b| a.0 == b.0) {
-            let index = of_body[0].0 as usize;
-            let PassBody { owner, is_speculated, .. } = &mut bodies[index];
-            *is_speculated = owner.is_some();
-            let mut touches = results[index].touches.iter_mut().peekable();
+        let Pass { response, bodies, .. } = self;
+        let Response::Contacts(contacts) = response else { return };
+        let mut edges = contacts.speculation.merged.edges.iter();
+        for of_body in contacts.speculation.targets.0.chunk_by(|a, b| a.0 == b.0) {
+            let body = &mut bodies[of_body[0].0 as usize];
+            body.are_edges_known = body.is_around;
+            let mut inside = body.found.iter_mut().peekable();
             for (&(_, sample), edge) in of_body.iter().zip(edges.by_ref()) {
-                while touches.next_if(|touch| touch.sample < sample).is_some() {}
-                if let Some(touch) = touches.next_if(|touch| touch.sample == sample) {
-                    touch.edge = *edge;
+                while inside.next_if(|found| found.sample < sample).is_some() {}
+                if let Some(found) = inside.next_if(|found| found.sample == sample) {
+                    found.edge = *edge;
                 }
             }
         }
@@ -185,7 +187,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn exits_of_some_of_the_touches_that_were_asked_about_are_handed_over_with_their_changes() {
+    fn exits_of_some_of_the_samples_that_were_asked_about_are_handed_over_with_their_changes() {
         let change = |point: u32, t_m: f32| Change { point, t_m, by: 1 };
         let mut speculation = Speculation::default();
         speculation.restart(QuestionKind::Exits);

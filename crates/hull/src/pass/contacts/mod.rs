@@ -1,0 +1,120 @@
+//! What contacts ask for: the planes of the surface near the samples of bodies, their feelers, and points around them.
+
+mod result;
+mod speculation;
+mod ways_out;
+
+use std::sync::Arc;
+
+pub use result::{BodyPlanes, SamplePlane};
+
+use super::found::Found;
+use super::{BodyResult, Pass, Response};
+use crate::faces::FaceNormals;
+pub(super) use speculation::Speculation;
+
+/// What the rounds for contacts know of the bodies of a pass.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Contacts {
+    /// One a body, and after them one for what is around each; there may be buffers of more.
+    bodies: Vec<ContactBody>,
+    /// Planes that are likely to matter are asked for together with the classes, and ways out together with planes.
+    speculates: bool,
+    pub speculation: Speculation,
+}
+
+#[derive(Clone, Debug, Default)]
+struct ContactBody {
+    /// The body that these points are around, if they are no body.
+    owner: Option<usize>,
+    faces: Option<Arc<FaceNormals>>,
+}
+
+impl Contacts {
+    /// Begins a pass: forgets the bodies of the one before.
+    pub fn restart(&mut self) {
+        self.bodies.clear();
+    }
+
+    /// Another body.
+    pub fn add(&mut self, faces: Option<Arc<FaceNormals>>) {
+        self.bodies.push(ContactBody { owner: None, faces });
+    }
+
+    /// Points around a body.
+    pub fn add_around(&mut self, owner: usize) {
+        self.bodies.push(ContactBody { owner: Some(owner), faces: None });
+    }
+
+    /// Whether planes are asked for before it is known whether they matter.
+    pub fn speculates(&self) -> bool {
+        self.speculates
+    }
+
+    /// Writes what was found for a body; what is around it stands there already.
+    pub fn conclude(found: &[Found], planes: &mut BodyPlanes) {
+        planes.samples.clear();
+        planes.samples.extend(found.iter().map(plane));
+    }
+}
+
+fn plane(found: &Found) -> SamplePlane {
+    SamplePlane { sample: found.sample, plane: found.edge }
+}
+
+impl Pass {
+    /// The classes are known: says which planes are needed, and takes those that are.
+    pub(super) fn begin_contacts(&mut self) {
+        self.drop_needless_feelers();
+        self.add_around();
+        self.take_planes();
+    }
+
+    /// A sample that is inside itself takes the plane where it is: its feeler's is not needed.
+    fn drop_needless_feelers(&mut self) {
+        let Response::Contacts(contacts) = &self.response else { return };
+        for (body, of_contacts) in self.bodies[..self.asked_count].iter_mut().zip(&contacts.bodies) {
+            let Some(count) = of_contacts.faces.as_ref().map(|faces| faces.sample_count() as u32) else {
+                continue;
+            };
+            let found = &mut body.found;
+            let own = found.partition_point(|found| found.sample < count);
+            let (mut kept, mut of_own) = (own, 0);
+            for at in own..found.len() {
+                let sample = found[at].sample - count;
+                while of_own < own && found[of_own].sample < sample {
+                    of_own += 1;
+                }
+                if of_own == own || found[of_own].sample != sample {
+                    found[kept] = found[at];
+                    kept += 1;
+                }
+            }
+            found.truncate(kept);
+        }
+    }
+
+    /// All points around the bodies that touch.
+    fn add_around(&mut self) {
+        let Response::Contacts(contacts) = &self.response else { return };
+        let (bodies, around) = self.bodies[..self.count].split_at_mut(self.asked_count);
+        for (points, of_contacts) in around.iter_mut().zip(&contacts.bodies[self.asked_count..]) {
+            let touches = of_contacts.owner.is_some_and(|owner| !bodies[owner].found.is_empty());
+            let count = if touches { points.points.len() as u32 } else { 0 };
+            points.found.extend((0..count).map(|sample| Found::new(sample, 0)));
+        }
+    }
+
+    /// The planes are known: gives the bodies what was found around them, and asks for ways out.
+    pub(super) fn after_planes(&mut self) {
+        let Pass { response, results, bodies, asked_count, count, .. } = self;
+        let Response::Contacts(contacts) = response else { return };
+        for (body, of_contacts) in bodies[..*count].iter().zip(&contacts.bodies).skip(*asked_count) {
+            let Some(owner) = of_contacts.owner else { continue };
+            let BodyResult::Planes(planes) = &mut results[owner] else { continue };
+            let near = body.found.iter().filter(|found| found.edge.is_some());
+            planes.around.extend(near.map(plane));
+        }
+        self.ask_ways_out();
+    }
+}

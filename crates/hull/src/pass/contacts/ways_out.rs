@@ -1,0 +1,116 @@
+//! Bodies of which no sample is faced by the surface found for it: deep in the hull, or met by a limb between two
+//! frames. Each sample asks for its exit against its own face, and then for the plane of the surface there. Where some
+//! are faced these push the body out, and the others have nothing to add: their ways lead through the limb to another
+//! side of it.
+
+use nalgebra::{Point3, Vector3};
+
+use super::super::found::Found;
+use super::super::{Pass, PassBody, Response, Round, changes_of, pick};
+use super::ContactBody;
+use crate::merge::first_exit;
+use crate::question::{Batch, Points, QuestionKind};
+use crate::reach::Reach;
+
+/// A longer way out is none, metres: what moves so far in a frame is another limb.
+pub(super) const MAX_WAY_OUT_M: f64 = 0.2;
+/// The plane is asked for so far before the exit, metres: there it is the nearest.
+const BEFORE_EXIT_M: f64 = 1e-3;
+
+impl Pass {
+    /// Asks for the exits of the samples of such bodies, against their faces.
+    pub(super) fn ask_ways_out(&mut self) {
+        self.question.restart(QuestionKind::Exits);
+        let Pass { question, targets, bodies, asked_count, merged, response, .. } = self;
+        let Response::Contacts(contacts) = response else { return };
+        for (body, of_contacts) in bodies[..*asked_count].iter().zip(&mut contacts.bodies) {
+            let is_faced = |found: &Found| found.edge.is_some() && of_contacts.is_faced(body, found);
+            if body.found.iter().any(is_faced) {
+                of_contacts.faces = None;
+            }
+        }
+        // What is around bodies has no faces, and what was found there is the bodies'.
+        pick(&bodies[..*asked_count], question, targets, |index, body, _, found| {
+            contacts.bodies[index].way_out(body, found).is_some()
+        });
+        for &(body, at) in &targets.0 {
+            let (body, of_contacts) = (&bodies[body as usize], &contacts.bodies[body as usize]);
+            question.directions.extend(of_contacts.way_out(body, &body.found[at as usize]));
+        }
+        question.within.resize(targets.0.len(), Reach::covering(MAX_WAY_OUT_M));
+        if contacts.speculation.take_exits(targets, merged) {
+            return self.after_ways_out();
+        }
+        self.ask(Round::Exits, |_| true);
+    }
+
+    /// Asks for the planes where the ways out end.
+    pub(in crate::pass) fn after_ways_out(&mut self) {
+        let rule = self.settings.rule();
+        let Pass { targets, merged, bodies, question, .. } = self;
+        let (mut changes, mut points, mut ending) = (0..0, Vec::new(), Vec::new());
+        for (at, (&(body, index), &outside_m)) in targets.0.iter().zip(&merged.exits_m).enumerate() {
+            let found = &bodies[body as usize].found[index as usize];
+            changes = changes_of(&merged.changes, at, changes.end);
+            let exit_m = first_exit(outside_m, &merged.changes[changes.clone()], found.inside_count, rule);
+            let Some((exit_m, place)) = exit_m.zip(bodies[body as usize].place_world(found.sample)) else {
+                continue;
+            };
+            let exit_m = f64::from(exit_m);
+            if exit_m > MAX_WAY_OUT_M {
+                continue;
+            }
+            let way = Vector3::from(question.directions[at].map(f64::from));
+            points.push((place + way * (exit_m - BEFORE_EXIT_M.min(0.5 * exit_m))).into());
+            ending.push((body, index));
+        }
+        targets.0 = ending;
+        question.restart(QuestionKind::Planes);
+        if !points.is_empty() {
+            question.batches.push(Batch::all(Points::World(points.into())));
+        }
+        self.ask(Round::Check, |_| true);
+    }
+
+    /// Takes those planes.
+    pub(in crate::pass) fn after_planes_beyond(&mut self) {
+        let Pass { targets, merged, bodies, .. } = self;
+        for (&(body, found), edge) in targets.0.iter().zip(&merged.edges) {
+            if edge.is_some() {
+                bodies[body as usize].found[found as usize].edge = *edge;
+            }
+        }
+        self.round = Round::Done;
+    }
+}
+
+impl ContactBody {
+    /// Against a sample's faces, if it is in the hull and the surface found for it does not face it.
+    fn way_out(&self, body: &PassBody, found: &Found) -> Option<[f32; 3]> {
+        let is_odd = found.edge.is_some() && !self.is_faced(body, found);
+        self.against_faces(body, found.sample).filter(|_| is_odd)
+    }
+
+    /// Against a sample's faces, if it has some.
+    pub fn against_faces(&self, body: &PassBody, sample: u32) -> Option<[f32; 3]> {
+        let (Points::Body { pose, .. }, Some(faces)) = (&body.points, &self.faces) else { return None };
+        let sum: Vector3<f64> = faces.at(sample as usize).iter().sum();
+        let way = (pose.rotation() * -sum).try_normalize(1e-6)?;
+        Some(way.map(|part| part as f32).into())
+    }
+
+    /// Whether the surface found for a sample faces it.
+    pub fn is_faced(&self, body: &PassBody, found: &Found) -> bool {
+        let (Points::Body { pose, .. }, Some(faces)) = (&body.points, &self.faces) else { return false };
+        let normal = found.edge.map_or_else(Vector3::zeros, |edge| edge.normal_world.map(f64::from).into());
+        faces.is_faced(found.sample as usize, pose, &normal)
+    }
+}
+
+impl PassBody {
+    fn place_world(&self, sample: u32) -> Option<Point3<f64>> {
+        let Points::Body { shape, pose } = &self.points else { return None };
+        let world_from_body = pose.world_from_body();
+        shape.samples_body().get(sample as usize).map(|&sample| world_from_body(sample))
+    }
+}

@@ -1,0 +1,125 @@
+//! The rounds of every response: which samples are inside, and the nearest edge, or plane, of those that are (paper §4).
+
+use super::found::Found;
+use super::{AROUND_REACH, Pass, PassBody, Response, Round};
+use crate::merge::inside_count;
+use crate::question::{QuestionKind, Standing};
+use crate::reach::Reach;
+
+impl Pass {
+    pub(super) fn after_classes(&mut self) {
+        let silent = self.groups.iter().any(|group| !group.is_asked && !group.is_left_out);
+        if silent && self.targets.0.is_empty() {
+            return self.ask_the_others();
+        }
+        let rule = self.settings.rule();
+        let Pass { targets, merged, bodies, asked_count, .. } = self;
+        if targets.0.is_empty() {
+            let mut standings = merged.standings.iter();
+            for body in bodies[..*asked_count].iter_mut().filter(|body| body.is_near) {
+                for (sample, &standing) in standings.by_ref().take(body.points.len()).enumerate() {
+                    let found = inside_count(standing, rule).map(|count| Found::new(sample as u32, count));
+                    body.found.extend(found);
+                }
+            }
+        } else {
+            for (&(body, sample), &standing) in targets.0.iter().zip(&merged.standings) {
+                let found = inside_count(standing, rule).map(|count| Found::new(sample, count));
+                bodies[body as usize].found.extend(found);
+            }
+        }
+        match &mut self.response {
+            Response::Paper(paper) => paper.begin(&self.bodies[..self.count]),
+            Response::Contacts(_) => self.begin_contacts(),
+        }
+        self.ask_edges(|body, found| found.edge.is_none() && !body.are_edges_known);
+    }
+
+    /// Asks the groups that were not asked first about the points that no other rejects.
+    pub(super) fn ask_the_others(&mut self) {
+        let Pass { targets, merged, question, bodies, asked_count, groups, .. } = self;
+        question.restart(QuestionKind::Classes);
+        let mut at = 0;
+        for (index, body) in bodies[..*asked_count].iter().enumerate().filter(|(_, body)| body.is_near) {
+            let range = at..at + body.points.len();
+            at = range.end;
+            let left = (0..).zip(&merged.standings[range]);
+            let left = left.filter(|&(_, &standing)| standing != Standing::OUTSIDE);
+            let before = targets.0.len();
+            targets.0.extend(left.map(|(sample, _)| (index as u32, sample)));
+            let picks = &targets.0[before..];
+            if !picks.is_empty() {
+                question.pick(&body.points, [0.0; 3], picks.iter().map(|&(_, sample)| sample));
+            }
+        }
+        merged.standings.retain(|&standing| standing != Standing::OUTSIDE);
+        // What the first said stands; it is merged with what the others say.
+        let so_far = std::mem::take(&mut merged.standings);
+        for group in groups.iter_mut() {
+            (group.is_asked, group.has_answered) = (!group.is_first && !group.is_left_out, false);
+        }
+        if question.is_empty() {
+            self.round = Round::Done;
+        }
+        self.merged.restart(QuestionKind::Classes);
+        self.merged.standings = so_far;
+    }
+
+    /// Asks for edges of the samples inside that fit.
+    pub(super) fn ask_edges(&mut self, fits: impl Fn(&PassBody, &Found) -> bool) {
+        let alone = self.groups.len() == 1;
+        let by_planes = self.asks_planes();
+        self.question.restart(if by_planes { QuestionKind::Planes } else { QuestionKind::Edges });
+        let again = self.round == Round::Edges;
+        self.pick_found(fits);
+        let speculates = matches!(&self.response, Response::Contacts(contacts) if contacts.speculates());
+        let Pass { question, targets, bodies, asked_count, count, .. } = self;
+        let has_around = bodies[*asked_count..*count].iter().any(|around| !around.found.is_empty());
+        if !again && (!alone || has_around) {
+            for body in &mut bodies[..*count] {
+                body.exits_within.clear();
+                body.exits_within.resize(body.found.len(), None);
+            }
+            for of_body in targets.0.chunk_by(|a, b| a.0 == b.0) {
+                let index = of_body[0].0 as usize;
+                let body = &bodies[index];
+                let mut from = 0;
+                let samples = of_body.iter().map(|&(_, at)| body.found[at as usize].sample);
+                question.within.extend(samples.map(|sample| match index >= *asked_count {
+                    true => AROUND_REACH,
+                    // A plane that was missing takes no third trip.
+                    false if alone || speculates => Reach::UNBOUNDED,
+                    false => body.reaches.of(sample, &mut from),
+                }));
+            }
+        }
+        if by_planes && self.question.is_empty() {
+            return self.after_planes();
+        }
+        self.ask_distances(Round::Edges);
+        if !again {
+            self.speculate_on_ways_out();
+        }
+    }
+
+    pub(super) fn after_edges(&mut self) {
+        let Pass { targets, merged, question, bodies, asked_count, exits_within, .. } = self;
+        let mut is_open = false;
+        for (at, (&(body, found), &edge)) in targets.0.iter().zip(&merged.edges).enumerate() {
+            let is_around = body as usize >= *asked_count;
+            let body = &mut bodies[body as usize];
+            body.found[found as usize].edge = edge;
+            if let Some(&within) = exits_within.get(at) {
+                body.exits_within[found as usize] = within;
+            }
+            is_open |= edge.is_none() && question.bounds(at) && !is_around;
+        }
+        if is_open {
+            return self.ask_edges(|body, found| found.edge.is_none() && !body.is_around);
+        }
+        if self.asks_planes() {
+            return self.after_planes();
+        }
+        self.ask_exits(|_| true);
+    }
+}
