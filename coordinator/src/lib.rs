@@ -4,22 +4,21 @@
 //! ask the hull, what the answers make of it). What waits is thin: [`Transport`] (three layouts) and
 //! [`Coordinator`] (the loop).
 
-mod ask_policy;
+mod core;
 mod figures;
 pub mod fuzz;
 pub mod hooks;
 pub mod live;
 mod memory;
 pub mod metrics;
-pub mod query;
-pub mod roster;
 mod run;
 mod threads;
 mod transport;
 
+pub use crate::core::query::{self, AskEvery};
+pub use crate::core::roster;
 pub use figures::{Figures, Percentiles, Progress, Stage};
 pub use memory::{MemoryUse, WorldBytesError, world_from_bytes, world_to_bytes};
-pub use query::AskEvery;
 pub use run::{Coordinator, FRAMES_AHEAD, GoingOn, GoneOn, RunError, RunSettings, Snapshot, Watcher};
 pub use threads::{SERVING_THREADS, runtime, threads_for};
 pub use transport::{BoxError, Fetching, LocalFrames, Placement, Silhouettes, Transport, TransportError};

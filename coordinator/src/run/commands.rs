@@ -9,10 +9,11 @@ use hull::Shape;
 use sim::World;
 use tokio::time::timeout;
 
-use super::budget::StepBudget;
-use super::clock::frame_at;
+use super::now;
 use super::watch::{REPORT_EVERY, Watcher};
 use super::{Coordinator, FRAMES_AHEAD, RunError};
+use crate::core::budget::StepBudget;
+use crate::core::clock::frame_at;
 use crate::live::{Command, MAX_STEPS, MAX_WAITING, Order, Outcome, RESETS_BEYOND, Refusal};
 use crate::query::QueryBody;
 use crate::transport::FirstFrame;
@@ -118,10 +119,10 @@ impl Coordinator {
             return;
         }
         match self.scheduled_film_s() {
-            Some(film_s) => self.clock.shift(film_s),
+            Some(film_s) => self.clock.shift(film_s, now()),
             None => {
                 let before = frame_at(self.film_s(), self.settings.fps);
-                self.clock.pass(self.film_s());
+                self.clock.pass(self.film_s(), now());
                 self.film.frames_passed += frame_at(self.film_s(), self.settings.fps) - before;
             }
         }

@@ -5,8 +5,9 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-use super::clock::frame_at;
+use super::now;
 use super::{Coordinator, FRAMES_AHEAD, RunError, Watcher};
+use crate::core::clock::frame_at;
 use crate::figures::Stage;
 use crate::hooks::FrameRecord;
 use crate::roster::{FrameWait, HullUnavailable, LOCK_STEP_TIMEOUT};
@@ -90,7 +91,7 @@ impl Coordinator {
             return false;
         }
         self.transport.drain();
-        let film_s = self.clock.slipped_film_s(self.film_s());
+        let film_s = self.clock.slipped_film_s(self.film_s(), now());
         let wanted = frame_at(film_s, self.settings.fps);
         self.begin_without_silent(wanted, film_s);
         let (patience, least) = (self.settings.connect_timeout, self.least_cameras());
@@ -99,7 +100,7 @@ impl Coordinator {
         if may_begin {
             // What nodes still keep of film is made good; else the first step itself sees the frame of now.
             let has_film = self.transport.roster().newest_common(wanted).is_some();
-            self.clock.begin(self.film_s(), has_film);
+            self.clock.begin(self.film_s(), has_film, now());
         }
         !may_begin
     }
@@ -139,7 +140,7 @@ impl Coordinator {
     /// Waits for the first frame, not for long; false if the run's time is over.
     pub(super) async fn await_first_frame(&mut self, watcher: &mut dyn Watcher) -> bool {
         self.transport.next_within(LOOK_EVERY).await;
-        let film_s = self.clock.now_s(self.film_s());
+        let film_s = self.clock.now_s(self.film_s(), now());
         let frames = frame_at(film_s, self.settings.fps) + 1;
         self.figures.frames_expected = frames.saturating_sub(self.film.frames_passed);
         if let Some(why) = self.why_not_begun(film_s) {

@@ -9,8 +9,8 @@ use sim::{Body, ResponseMode};
 use tokio::time::Instant;
 
 use super::Coordinator;
-use super::clock::steps_that_share;
 use super::frames::FilmPhase;
+use crate::core::clock::steps_that_share;
 use crate::figures::Stage;
 use crate::query::MAX_STEPS_AHEAD;
 use crate::roster::{HullUnavailable, LOCK_STEP_TIMEOUT, LeaveOut, StepFilm};

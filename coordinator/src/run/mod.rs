@@ -9,12 +9,9 @@
 //! clock.
 
 mod begin;
-mod budget;
-mod clock;
 mod commands;
 mod frames;
 mod hull;
-mod latency;
 mod metrics;
 mod observe;
 mod publish;
@@ -32,6 +29,9 @@ use film_time::{FilmState, Pace, ring_frames};
 use sim::{ResponseMode, World};
 use thiserror::Error;
 
+use crate::core::budget::StepBudget;
+use crate::core::clock::{Clock, LEAST_LAG_S, Now};
+use crate::core::latency::{FilmLatency, Heard};
 use crate::figures::Figures;
 use crate::hooks::{AlterResponse, EndRecord, Recorder, Schedule, Scheduled, Sees};
 use crate::live::{Command, Live, Order, Refusal};
@@ -39,25 +39,23 @@ use crate::memory::{Memory, MemoryUse};
 use crate::query::{AskEvery, HullQuery, Surfaces};
 use crate::roster::{Arrival, WaitError};
 use crate::transport::{Transport, TransportError};
-use budget::StepBudget;
-use clock::Clock;
 use commands::Steering;
 use frames::FilmInUse;
-use latency::{FilmLatency, Heard};
 use publish::Publisher;
 use tokio::time::Instant;
 use watch::RecentFigures;
 
 pub use watch::{GoneOn, Snapshot, Watcher};
 
+/// What the clocks of this process say.
+fn now() -> Now {
+    Now { monotonic_s: film_time::monotonic_s(), unix_s: film_time::unix_now_s() }
+}
+
 /// Bodies of which a fault is logged; further ones are counted alone.
 const MAX_FAULTY: usize = 64;
 /// How far a lock-step node may film ahead of the frame in use: half of its ring.
 pub const FRAMES_AHEAD: u64 = 4;
-/// Live steps never lag by more than this behind film, seconds.
-const MAX_LAG_S: f64 = 0.15;
-/// And may lag by this, however little film nodes keep, seconds.
-const LEAST_LAG_S: f64 = 0.02;
 /// No node has a frame so long before its time, seconds of film.
 const MOST_EARLY_S: f64 = 1.0;
 
@@ -346,9 +344,9 @@ impl Coordinator {
         }
         self.follow_film();
         if !self.settings.lock_step
-            && let Some(due) = self.clock.due(film_s)
+            && let Some(left_s) = self.clock.left_s(film_s, now())
         {
-            self.transport.until(due).await;
+            self.transport.until(Instant::now() + Duration::from_secs_f64(left_s)).await;
         }
         self.take_orders().await;
         if self.steering.is_paused() {

@@ -7,6 +7,7 @@ use hull::collision::BodyCollision;
 use sim::{Body, BodyId, BodyResponse};
 
 use super::Coordinator;
+use super::now;
 use crate::figures::Progress;
 use crate::live::{BodyLook, BodyState, CameraStatus, Live, RunStatus, SceneState, TouchPoint, WorldState};
 use crate::metrics::MetricsSender;
@@ -217,7 +218,7 @@ impl Coordinator {
                 name: camera.name().to_owned(),
                 problem: node.and_then(|node| Some(node.missing()?.to_string())),
                 newest_frame: report.map(|report| report.frame),
-                age_ms: report.map_or(0.0, |report| self.clock.age_s(report) * 1e3),
+                age_ms: report.map_or(0.0, |report| self.clock.age_s(report, now()) * 1e3),
                 stamps: part.map_or(Stamps::Index, |camera| camera.stamps).word(),
                 phase: part.and_then(|camera| Some(camera.pace?.phase)),
                 frames_per_s: part.and_then(|camera| Some(camera.pace?.frames_per_s)),

@@ -3,8 +3,8 @@
 use film_time::unix_now_s;
 
 use super::Coordinator;
-use super::budget::StepBudget;
 use super::watch::{GoneOn, Watcher};
+use crate::core::budget::StepBudget;
 use crate::live::Command;
 use crate::memory::{Memory, MemoryUse};
 

@@ -5,9 +5,10 @@ use hull::collision::BodyCollision;
 use sim::{Body, BodyResponse, FaultKind, WorldError};
 use tokio::time::Instant;
 
-use super::clock::frame_at;
 use super::frames::FilmPhase;
+use super::now;
 use super::{Coordinator, MAX_FAULTY, RunError, Watcher};
+use crate::core::clock::frame_at;
 use crate::figures::Stage;
 use crate::hooks::{Sees, StepRecord};
 use crate::roster::{HullUnavailable, LastFrame};
@@ -24,7 +25,7 @@ impl Coordinator {
         if self.settings.lock_step {
             self.await_frame(wanted).await?;
         } else {
-            self.clock.slip(film_s);
+            self.clock.slip(film_s, now());
         }
         self.transport.drain();
         self.go_on_without(wanted);

@@ -7,6 +7,7 @@ use sim::World;
 use tokio::time::Instant;
 
 use super::Coordinator;
+use super::now;
 use crate::figures::{Percentiles, Progress};
 use crate::transport::Silhouettes;
 
@@ -79,7 +80,7 @@ impl Coordinator {
         let reports = self.transport.roster().reports(frame);
         let Some(report) = reports.as_ref().and_then(|reports| reports.first()) else { return };
         let later_s = self.world.settings().hull_time.frames_later() / self.settings.fps;
-        let age_ms = (self.clock.age_s(report) + later_s) * 1e3;
+        let age_ms = (self.clock.age_s(report, now()) + later_s) * 1e3;
         self.recent.hull_age_ms.add(age_ms);
         self.figures.hull_age.add(age_ms / 1e3);
         if collisions.iter().any(BodyCollision::touches) {

@@ -13,9 +13,9 @@ use tokio::time::Instant;
 
 use super::TransportError;
 use super::nodes::{CALL_TIMEOUT, Nodes, PassEvent};
-use super::round_trips::RoundTrips;
 use super::trace::question_span;
-use crate::ask_policy::AskPolicy;
+use crate::core::ask_policy::AskPolicy;
+use crate::core::round_trips::RoundTrips;
 use crate::figures::Stage;
 use crate::roster::{Roster, RosterNode};
 

@@ -14,7 +14,7 @@ use tokio::time::Instant;
 use super::TransportError;
 use super::in_process::LocalProbes;
 use super::nodes::{Nodes, Unfetched, fetch};
-use super::round_trips::RoundTrips;
+use crate::core::round_trips::RoundTrips;
 use crate::roster::Roster;
 
 /// The frame whose silhouettes were fetched last.

@@ -3,14 +3,12 @@
 //! measured as a run goes. They wait; what is decided from what
 //! they receive is decided by the [`Roster`] and the pass.
 
-mod choice;
 mod cluster;
 mod fan_out;
 mod gather;
 mod in_process;
 mod nodes;
 mod remote;
-mod round_trips;
 mod trace;
 
 use std::collections::VecDeque;

@@ -9,11 +9,11 @@ use telemetry::Span;
 use tokio::sync::oneshot;
 use tokio::time::Instant;
 
-use super::choice::{Choice, Way};
 use super::cluster::Cluster;
 use super::gather::Gather;
 use super::nodes::{CALL_TIMEOUT, Nodes, fetch};
 use super::{Placement, TransportError};
+use crate::core::choice::{Choice, Way};
 use crate::roster::Roster;
 
 /// Where nodes may be left for silhouettes, a frame is fetched so often to know what that takes.

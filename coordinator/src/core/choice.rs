@@ -18,7 +18,7 @@ const USUAL_TRIPS: f64 = 5.0;
 
 /// Where probes are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Way {
+pub(crate) enum Way {
     /// At the nodes.
     Asks,
     /// In this process, of silhouettes that nodes send.
@@ -34,7 +34,7 @@ struct Took {
 
 /// A way, and what speaks for the other.
 #[derive(Debug)]
-pub(super) struct Choice {
+pub(crate) struct Choice {
     way: Way,
     /// A frame's time, milliseconds, where the way may be changed.
     frame_ms: Option<f64>,

@@ -21,7 +21,7 @@ const MAX_KEPT: usize = 1 << 14;
 
 /// A frame that a node reported.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Heard {
+pub(crate) struct Heard {
     /// The node's place in the roster.
     pub node: usize,
     /// The frame's number.
@@ -36,7 +36,7 @@ pub(super) struct Heard {
 
 /// The latency of a live run.
 #[derive(Debug)]
-pub(super) struct FilmLatency {
+pub(crate) struct FilmLatency {
     /// None is set: it is measured.
     is_auto: bool,
     now_s: f64,

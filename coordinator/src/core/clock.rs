@@ -1,31 +1,41 @@
 //! Film time: which frame a step sees, how many steps share it, and when a live step is due. It is this process's own
 //! clock, whatever happens to the wall clock.
 
-use std::time::Duration;
-
-use film_time::{FrameReport, Pace, unix_now_s};
+use film_time::{FrameReport, Pace};
 
 use super::latency::FilmLatency;
-use super::{LEAST_LAG_S, MAX_LAG_S};
-use tokio::time::Instant;
+
+/// Live steps never lag by more than this behind film, seconds.
+const MAX_LAG_S: f64 = 0.15;
+/// And may lag by this, however little film nodes keep, seconds.
+pub(crate) const LEAST_LAG_S: f64 = 0.02;
 
 /// Film times a billionth of a frame before a frame count as that frame's: sums of steps fall short.
 const FRAME_SLACK: f64 = 1e-9;
 
 /// The frame that a step ending at `film_s` (seconds) must see.
-pub(super) fn frame_at(film_s: f64, fps: f64) -> u64 {
+pub(crate) fn frame_at(film_s: f64, fps: f64) -> u64 {
     (film_s * fps + FRAME_SLACK).floor() as u64
 }
 
 /// How many steps of `dt_s` after the one that ends at `film_s` must see the same frame, at most `most`.
 /// Film time alone decides: a frame that comes late leaves the one before in use for longer.
-pub(super) fn steps_that_share(film_s: f64, dt_s: f64, fps: f64, most: usize) -> usize {
+pub(crate) fn steps_that_share(film_s: f64, dt_s: f64, fps: f64, most: usize) -> usize {
     let frame = frame_at(film_s, fps);
     (1..=most).take_while(|&later| frame_at(film_s + later as f64 * dt_s, fps) == frame).count()
 }
 
+/// What clocks say at one moment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Now {
+    /// By [`film_time::monotonic_s`].
+    pub monotonic_s: f64,
+    /// By [`film_time::unix_now_s`].
+    pub unix_s: f64,
+}
+
 /// Film time against the clock.
-pub(super) struct Clock {
+pub(crate) struct Clock {
     pub pace: Pace,
     pub latency: FilmLatency,
     /// What nodes keep of film, seconds.
@@ -49,10 +59,10 @@ impl Clock {
     }
 
     /// The first step is about to be made: if there is film, what nodes still keep of it is made good.
-    pub fn begin(&mut self, film_s: f64, has_film: bool) {
-        self.latency.begin(self.pace.film_now_s());
+    pub fn begin(&mut self, film_s: f64, has_film: bool, now: Now) {
+        self.latency.begin(self.film_now_s(now));
         self.catches_up = has_film;
-        self.slip(film_s);
+        self.slip(film_s, now);
     }
 
     /// By how much film time is ahead of a world's own.
@@ -61,36 +71,40 @@ impl Clock {
     }
 
     /// How long ago the step of a film time was due; negative before.
-    fn lag_s(&self, film_s: f64) -> f64 {
-        self.pace.film_now_s() - (film_s + self.latency.now_s() + self.shifted_s)
+    fn lag_s(&self, film_s: f64, now: Now) -> f64 {
+        self.film_now_s(now) - (film_s + self.latency.now_s() + self.shifted_s)
     }
 
     /// How long ago a frame was captured, seconds. In lock-step film has no time: by the wall clock of where that was.
-    pub fn age_s(&self, report: &FrameReport) -> f64 {
+    pub fn age_s(&self, report: &FrameReport, now: Now) -> f64 {
         if self.pace.lock_step {
-            unix_now_s() - report.captured_unix_s
+            now.unix_s - report.captured_unix_s
         } else {
-            self.pace.film_now_s() - report.capture_time_s
+            self.film_now_s(now) - report.capture_time_s
         }
     }
 
-    /// When the step of a film time is due, if that is still to come.
-    pub fn due(&mut self, film_s: f64) -> Option<Instant> {
-        let left_s = -self.lag_s(film_s);
+    /// In how many seconds the step of a film time is due, if that is still to come.
+    pub fn left_s(&mut self, film_s: f64, now: Now) -> Option<f64> {
+        let left_s = -self.lag_s(film_s, now);
         if left_s > 0.0 {
             self.catches_up = false;
         }
-        (left_s > 0.0).then(|| Instant::now() + Duration::from_secs_f64(left_s))
+        (left_s > 0.0).then_some(left_s)
+    }
+
+    fn film_now_s(&self, now: Now) -> f64 {
+        now.monotonic_s - self.pace.zero_s
     }
 
     /// The film time that is now due, if it is later than this.
-    pub fn now_s(&self, film_s: f64) -> f64 {
-        film_s + self.lag_s(film_s).max(0.0)
+    pub fn now_s(&self, film_s: f64, now: Now) -> f64 {
+        film_s + self.lag_s(film_s, now).max(0.0)
     }
 
     /// The film time of a step, later by what steps can no longer make good.
-    pub fn slipped_film_s(&self, film_s: f64) -> f64 {
-        let now_s = self.now_s(film_s);
+    pub fn slipped_film_s(&self, film_s: f64, now: Now) -> f64 {
+        let now_s = self.now_s(film_s, now);
         if now_s - film_s > self.most_lag_s() { now_s } else { film_s }
     }
 
@@ -101,8 +115,8 @@ impl Clock {
     }
 
     /// Gives up film time that steps can no longer make good.
-    pub fn slip(&mut self, film_s: f64) {
-        let lag_s = self.slipped_film_s(film_s) - film_s;
+    pub fn slip(&mut self, film_s: f64, now: Now) {
+        let lag_s = self.slipped_film_s(film_s, now) - film_s;
         if lag_s > 0.0 {
             tracing::warn!("steps lag {lag_s:.2} s behind film, which goes on without them");
             self.slipped_s += lag_s;
@@ -110,13 +124,13 @@ impl Clock {
     }
 
     /// Lets the film go by that came since a step was due: the step was not wanted.
-    pub fn pass(&mut self, film_s: f64) {
-        self.passed_s += self.lag_s(film_s).max(0.0);
+    pub fn pass(&mut self, film_s: f64, now: Now) {
+        self.passed_s += self.lag_s(film_s, now).max(0.0);
     }
 
     /// The same where film times are given: they are due later from now on.
-    pub fn shift(&mut self, film_s: f64) {
-        self.shifted_s += self.lag_s(film_s).max(0.0);
+    pub fn shift(&mut self, film_s: f64, now: Now) {
+        self.shifted_s += self.lag_s(film_s, now).max(0.0);
     }
 }
 

@@ -12,7 +12,7 @@ const PROBATION_S: f64 = 0.5;
 
 /// The time that the solver has taken for the steps of a world, above what it may take.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct StepBudget {
+pub(crate) struct StepBudget {
     excess_s: f64,
 }
 

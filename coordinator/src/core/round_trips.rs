@@ -17,7 +17,7 @@ const KNOWN_ROUNDS: usize = 5;
 
 /// What a round trip to each node usually takes.
 #[derive(Clone, Debug)]
-pub(super) struct RoundTrips {
+pub(crate) struct RoundTrips {
     /// By node: the longest of late, milliseconds.
     longest_ms: Vec<f64>,
     slack_ms: f64,

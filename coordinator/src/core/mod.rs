@@ -1,0 +1,11 @@
+//! What is decided: plain functions over plain data. Nothing here waits, reads a clock or knows a network; time is an
+//! argument.
+
+pub(crate) mod ask_policy;
+pub(crate) mod budget;
+pub(crate) mod choice;
+pub(crate) mod clock;
+pub(crate) mod latency;
+pub mod query;
+pub mod roster;
+pub(crate) mod round_trips;
