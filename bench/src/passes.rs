@@ -92,8 +92,10 @@ impl Passes {
     pub fn begin<B: Asked>(&mut self, bodies: &[B], hull_box: &WorldBox) {
         self.reaches.resize_with(bodies.len(), Reaches::default);
         self.reaches.iter_mut().zip(self.pass.results()).for_each(|(reaches, result)| reaches.note(result));
-        if B::IS_OF_CONTACTS && !self.pass.asks_planes() {
+        if B::IS_OF_CONTACTS {
             self.pass.for_contacts();
+        } else {
+            self.pass.for_response();
         }
         let asked = bodies.iter().zip(&self.reaches).map(|(body, reaches)| body.asked(reaches));
         self.pass.restart(asked, Some(hull_box));

@@ -42,7 +42,7 @@ pub struct StepRecord<'a> {
     pub frame: Option<u64>,
     /// What was handed to the world, one a moving body.
     pub responses: &'a [BodyResponse],
-    /// All that the hull answered about these bodies, if there was one.
+    /// How the hull meets these bodies, if there was one.
     pub collisions: Option<&'a [BodyCollision]>,
     /// What the step with its pass took, milliseconds.
     pub step_ms: f64,

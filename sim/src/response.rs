@@ -104,7 +104,7 @@ impl BodyResponse {
     pub const UNTOUCHED: BodyResponse =
         BodyResponse { response_m: None, inside_samples: 0, contacts: Vec::new(), spin_rad_s: [0.0; 3] };
 
-    /// Takes what a pass found for a body of that shape instead of what was here; the buffer of contacts is
+    /// Takes how the hull meets a body of that shape instead of what was here; the buffer of contacts is
     /// kept.
     pub fn set(&mut self, collision: &BodyCollision, shape: &Shape) {
         self.response_m = collision.response_m();

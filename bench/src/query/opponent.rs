@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use hull::Camera;
 use hull::coordinates::Coordinates;
 use hull::oracle::DenseView;
-use hull::pass::{AROUND_REACH, BodyResult, SamplePlane};
+use hull::pass::{AROUND_REACH, BodyPlanes, BodyResult, PaperResult, SamplePlane};
 use hull::question::{Edge, Points};
 use nalgebra::{Point3, Vector3};
 use serde::Serialize;
@@ -175,7 +175,7 @@ impl Opponent {
         let theirs = self.answers(load, 4)?;
         let pixel_m = PIXEL_AT_M / studio.dense[0].camera.intrinsics()[(0, 0)];
         let (mut points, mut agreeing, mut ties) = (0, 0, 0);
-        for (body, result) in ours.iter().filter_map(BodyResult::paper).enumerate() {
+        for (body, result) in ours.iter().map(paper).enumerate() {
             for inside in &result.inside {
                 let at = 4 * (body * BODY_POINTS + inside.sample as usize);
                 let Some(their) = theirs.get(at..at + 4) else { continue };
@@ -218,7 +218,7 @@ impl Opponent {
             }
         };
         let (mut probe, mut around) = (0, probes);
-        for (body, result) in bodies.iter().zip(ours.iter().filter_map(BodyResult::planes)) {
+        for (body, result) in bodies.iter().zip(ours.iter().map(planes)) {
             compare(&world_points(&body.probes), &result.samples, probe);
             probe += body.probes.len();
             if let Some(points) = &body.around {
@@ -228,6 +228,14 @@ impl Opponent {
         }
         Ok(agreement("planes", size, TOUCHING, points, agreeing, ties))
     }
+}
+
+fn paper(result: &BodyResult) -> &PaperResult {
+    result.paper().expect("the load asks for the paper's response")
+}
+
+fn planes(result: &BodyResult) -> &BodyPlanes {
+    result.planes().expect("the load asks for contacts")
 }
 
 /// What was compared, and whether enough of it agrees.

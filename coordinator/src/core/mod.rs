@@ -1,5 +1,4 @@
-//! What is decided: plain functions over plain data. Nothing here waits, reads a clock or knows a network; time is an
-//! argument.
+//! What is decided. Nothing here waits, reads a clock or talks to a network; time is an argument.
 
 pub(crate) mod ask_policy;
 pub(crate) mod budget;

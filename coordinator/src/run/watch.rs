@@ -83,7 +83,7 @@ impl Coordinator {
         let age_ms = (self.clock.age_s(report, now()) + later_s) * 1e3;
         self.recent.hull_age_ms.add(age_ms);
         self.figures.hull_age.add(age_ms / 1e3);
-        if collisions.iter().any(BodyCollision::touches) {
+        if collisions.iter().any(BodyCollision::is_touched) {
             self.figures.response_age_ms.add(age_ms);
         }
     }

@@ -54,7 +54,7 @@ impl BodyCollision {
     }
 
     /// Whether film decides anything of the body: a sample is inside, or near the surface.
-    pub fn touches(&self) -> bool {
+    pub fn is_touched(&self) -> bool {
         match self {
             BodyCollision::Paper(paper) => !paper.is_clear(),
             BodyCollision::Contacts(found) => !found.contacts.is_empty(),

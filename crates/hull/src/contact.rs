@@ -99,7 +99,7 @@ impl SurfaceContact {
     }
 }
 
-/// What the hull's surface near one body is.
+/// The hull's surface near one body.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BodyContacts {
     /// Of its samples near the surface, ascending.

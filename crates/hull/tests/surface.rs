@@ -306,3 +306,40 @@ fn ways_out_are_asked_for_together_with_planes_and_end_a_pass_in_three_trips() {
         }
     }
 }
+
+#[test]
+fn a_pass_may_ask_for_one_response_and_then_for_the_other() {
+    let sets = each_alone(&views(0));
+    let shape = Arc::new(Shape::new(block()).expect("samples"));
+    let ask = |pass: &mut Pass| {
+        let points = Points::Body { shape: Arc::clone(&shape), pose: Pose::IDENTITY.moved([0.25, 0.0, 0.0]) };
+        let reaches = Reaches::default();
+        pass.restart([AskedBody::plain(points, &reaches)].into_iter(), Some(&WorldBox::EVERYWHERE));
+        let (mut scratch, mut answer) = (Scratch::default(), Answer::default());
+        while let Some(question) = pass.question().cloned() {
+            let speculative = pass.speculative_question().cloned();
+            for group in (0..sets.len()).filter(|&group| pass.asks(group)).collect::<Vec<_>>() {
+                for question in std::iter::once(&question).chain(&speculative) {
+                    sets[group].answer(question, &mut scratch, &mut answer);
+                    pass.answer(group, &answer).expect("a fitting answer");
+                }
+            }
+        }
+        pass.results().to_vec()
+    };
+    let new = || Pass::new(vec![], None, ProbeSettings::default(), sets.len());
+    let paper = ask(&mut new());
+    let mut pass = new();
+    // Before it asks for contacts.
+    pass.speculate(true);
+    pass.for_contacts();
+    let planes = ask(&mut pass);
+    assert!(paper[0].paper().is_some_and(|paper| paper.response_m.is_ok()), "{paper:?}");
+    assert!(planes[0].planes().is_some_and(|planes| !planes.samples.is_empty()), "{planes:?}");
+    for _ in 0..2 {
+        pass.for_response();
+        assert_eq!(ask(&mut pass), paper);
+        pass.for_contacts();
+        assert_eq!(ask(&mut pass), planes);
+    }
+}

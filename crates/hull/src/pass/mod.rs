@@ -10,8 +10,8 @@
 //! others for the points that are left; edges and exits of some groups first and of the others within what
 //! these have found. None of it changes an answer.
 //!
-//! Two responses need different things after the classes: [`paper`](self::paper) the way out of each body,
-//! [`contacts`](self::contacts) the planes of the surface near it.
+//! Two responses need different things after the classes: the paper's (`paper/`) the way out of each body, contacts
+//! (`contacts/`) the planes of the surface near it.
 
 mod contacts;
 mod found;
@@ -103,6 +103,9 @@ pub struct Pass {
     /// The groups of the first phase are asked; the others follow.
     is_first_phase: bool,
     response: Response,
+    /// For contacts: planes that are likely to matter are asked for together with the classes, and ways out together
+    /// with planes.
+    speculates: bool,
     /// Few exits are asked for, each not far, at the price of rounds.
     saves_bytes: bool,
     /// Points that were asked about since it was made, by kind.
@@ -161,6 +164,7 @@ impl Pass {
             groups: vec![Group::default(); group_count],
             is_first_phase: false,
             response: Response::Paper(paper::Paper::default()),
+            speculates: false,
             saves_bytes: false,
             points_asked: [0; QuestionKind::ALL.len()],
         };
@@ -272,12 +276,26 @@ impl Pass {
         }
     }
 
-    /// From the next pass on, asks for contacts: for planes instead of edges. Bodies have the hull's surface near
-    /// them, and no response.
+    /// Asks for contacts from now on: for planes instead of edges. Bodies have the hull's surface near them, and no
+    /// response. What was found before is dropped; a pass that has just begun goes on with its bodies.
     pub fn for_contacts(&mut self) {
+        if self.asks_planes() {
+            return;
+        }
         let mut contacts = contacts::Contacts::default();
         (0..self.count).for_each(|_| contacts.add(None));
         self.response = Response::Contacts(Box::new(contacts));
+        self.restart_results();
+    }
+
+    /// Asks for the paper's response from now on, as a new pass does. The same holds of what was found before.
+    pub fn for_response(&mut self) {
+        if !self.asks_planes() {
+            return;
+        }
+        let mut paper = paper::Paper::default();
+        paper.restart(self.count);
+        self.response = Response::Paper(paper);
         self.restart_results();
     }
 
@@ -307,7 +325,7 @@ impl Pass {
         &self.points_asked
     }
 
-    /// What was found for each body, in the order given. Complete once there is no question.
+    /// What was found for each body, in the order given. Of bodies that are clear of the hull, until there is no question.
     pub fn results(&self) -> &[BodyResult] {
         &self.results[..self.asked_count]
     }

@@ -72,7 +72,7 @@ impl Pass {
         self.question.restart(if by_planes { QuestionKind::Planes } else { QuestionKind::Edges });
         let again = self.round == Round::Edges;
         self.pick_found(fits);
-        let speculates = matches!(&self.response, Response::Contacts(contacts) if contacts.speculates());
+        let speculates = self.speculates && by_planes;
         let Pass { question, targets, bodies, asked_count, count, .. } = self;
         let has_around = bodies[*asked_count..*count].iter().any(|around| !around.found.is_empty());
         if !again && (!alone || has_around) {

@@ -16,10 +16,8 @@ pub(super) use speculation::Speculation;
 /// What the rounds for contacts know of the bodies of a pass.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Contacts {
-    /// One a body, and after them one for what is around each; there may be buffers of more.
+    /// One for each body, and after them one for what is around each; there may be buffers of more.
     bodies: Vec<ContactBody>,
-    /// Planes that are likely to matter are asked for together with the classes, and ways out together with planes.
-    speculates: bool,
     pub speculation: Speculation,
 }
 
@@ -44,11 +42,6 @@ impl Contacts {
     /// Points around a body.
     pub fn add_around(&mut self, owner: usize) {
         self.bodies.push(ContactBody { owner: Some(owner), faces: None });
-    }
-
-    /// Whether planes are asked for before it is known whether they matter.
-    pub fn speculates(&self) -> bool {
-        self.speculates
     }
 
     /// Writes what was found for a body; what is around it stands there already.

@@ -89,11 +89,9 @@ impl Speculation {
 impl Pass {
     /// From the next pass on, asks together with classes for planes that are likely to matter, if all groups are asked
     /// for these at once, and together with planes for ways out: it takes fewer trips, and some of the answers are dropped.
-    /// Only a pass [for contacts](Pass::for_contacts) does.
+    /// Only a pass [for contacts](Pass::for_contacts) does, also one that becomes so later.
     pub fn speculate(&mut self, speculates: bool) {
-        if let Response::Contacts(contacts) = &mut self.response {
-            contacts.speculates = speculates;
-        }
+        self.speculates = speculates;
     }
 
     /// The question to ask together with [`Pass::question`], of the same groups. Its answers may come before or after the
@@ -105,12 +103,12 @@ impl Pass {
 
     /// Speculates on planes. The classes are asked already.
     pub(in crate::pass) fn speculate_on_planes(&mut self) {
-        let Pass { response, bodies, count, asked_count, groups, points_asked, .. } = self;
+        let Pass { response, bodies, count, groups, points_asked, speculates, .. } = self;
         let Response::Contacts(contacts) = response else { return };
         contacts.speculation.restart(QuestionKind::Planes);
         let Speculation { question, targets, .. } = &mut contacts.speculation;
         let is_in_one_phase = groups.iter().all(|group| group.is_asked || group.is_left_out);
-        let count = if contacts.speculates && is_in_one_phase { *count } else { 0 };
+        let count = if *speculates && is_in_one_phase { *count } else { 0 };
         let all = bodies[..count].iter().zip(&contacts.bodies).enumerate();
         for (index, (body, of_contacts)) in all.filter(|(_, (body, _))| body.is_near) {
             let first = targets.0.len();
@@ -120,7 +118,7 @@ impl Pass {
                     targets.0.extend(samples.map(|(sample, _)| (index as u32, sample)));
                     question.within.extend(body.reaches.touched().map(|(_, reach)| reach));
                 }
-                Some(owner) if owner < *asked_count && bodies[owner].reaches.touched().len() > 0 => {
+                Some(owner) if bodies[owner].reaches.touched().len() > 0 => {
                     let points = 0..body.points.len() as u32;
                     targets.0.extend(points.clone().map(|point| (index as u32, point)));
                     question.within.extend(points.map(|_| AROUND_REACH));
@@ -137,11 +135,11 @@ impl Pass {
 
     /// Speculates on ways out. Planes are asked already: of samples without one it is not known whether it faces them.
     pub(in crate::pass) fn speculate_on_ways_out(&mut self) {
-        let Pass { response, bodies, asked_count, groups, points_asked, .. } = self;
+        let Pass { response, bodies, asked_count, groups, points_asked, speculates, .. } = self;
         let Response::Contacts(contacts) = response else { return };
         contacts.speculation.restart(QuestionKind::Exits);
         let Speculation { question, targets, .. } = &mut contacts.speculation;
-        let count = if contacts.speculates { *asked_count } else { 0 };
+        let count = if *speculates { *asked_count } else { 0 };
         for (index, (body, of_contacts)) in bodies[..count].iter().zip(&contacts.bodies).enumerate() {
             if body.found.iter().any(|found| found.edge.is_some() && of_contacts.is_faced(body, found)) {
                 continue;

@@ -13,7 +13,7 @@ use body_exits::Along;
 /// What the rounds of the paper's response know of the bodies of a pass.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Paper {
-    /// One a body; there may be buffers of more.
+    /// One for each body; there may be buffers of more.
     bodies: Vec<PaperBody>,
 }
 
