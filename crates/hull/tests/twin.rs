@@ -32,13 +32,13 @@ fn run(sets: &[ViewSet], settings: ProbeSettings, points: &[[f64; 3]], first: &[
     let (points, reaches) = (Points::World(points.into()), &Reaches::default());
     let asked = AskedBody::plain(points, reaches);
     pass.restart([asked].into_iter(), Some(&WorldBox::EVERYWHERE));
-    match finish(pass, sets) {
+    match finish(&mut pass, sets) {
         BodyResult::Paper(paper) => paper,
         BodyResult::Planes(planes) => panic!("expected the paper's response, found {planes:?}"),
     }
 }
 
-fn finish(mut pass: Pass, sets: &[ViewSet]) -> BodyResult {
+fn finish(pass: &mut Pass, sets: &[ViewSet]) -> BodyResult {
     let (mut scratch, mut answer) = (Scratch::default(), Answer::default());
     while let Some(question) = pass.question().cloned() {
         let asks: Vec<bool> = (0..sets.len()).map(|group| pass.asks(group)).collect();
@@ -47,7 +47,7 @@ fn finish(mut pass: Pass, sets: &[ViewSet]) -> BodyResult {
             pass.answer(group, &answer).expect("a fitting answer");
         }
     }
-    pass.into_results().remove(0)
+    pass.results()[0].clone()
 }
 
 /// Checks a random rig's answers and returns how many points were inside and how many exits grazed.
@@ -135,8 +135,9 @@ fn check_planes(seed: u64, settings: ProbeSettings, with_ignored: bool) -> usize
         );
         pass.for_contacts();
         pass.ask_in_two_phases(two_phases);
-        let found = finish(pass, sets);
+        let found = finish(&mut pass, sets);
         let found = found.planes().expect("planes");
+        assert_eq!(pass.points_asked()[QuestionKind::Exits as usize], 0, "exits were not asked for");
         assert!(found.samples.iter().all(|of| of.plane == planes[of.sample as usize]), "seed {seed}");
     }
     let edges = ask(QuestionKind::Edges, VectorPath::Portable);
