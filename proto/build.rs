@@ -1,4 +1,4 @@
-//! Compiles the protocol without `protoc`.
+//! Compiles the protocol and the messages of a recording without `protoc`.
 
 #![allow(clippy::disallowed_macros, reason = "Cargo reads what is printed")]
 
@@ -16,5 +16,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         .bytes(".")
         .codec_path("crate::codec::BoundedCodec")
         .compile_fds(descriptors)?;
+    let descriptors = protox::compile(["proto/hulltouch/recording/v1/recording.proto"], ["proto"])?;
+    std::fs::write(out.join("recording_v1.bin"), prost::Message::encode_to_vec(&descriptors))?;
+    prost_build::Config::new().compile_fds(descriptors)?;
     Ok(())
 }

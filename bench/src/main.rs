@@ -12,7 +12,6 @@ mod physics;
 mod plot;
 mod query;
 mod random;
-mod response;
 mod scale;
 mod segment;
 mod sync;

@@ -6,7 +6,6 @@
 
 mod core;
 mod figures;
-pub mod fuzz;
 pub mod hooks;
 pub mod live;
 mod memory;
@@ -18,7 +17,7 @@ mod transport;
 pub use crate::core::query::{self, AskEvery};
 pub use crate::core::roster;
 pub use figures::{Figures, Percentiles, Progress, Stage};
-pub use memory::{MemoryUse, WorldBytesError, world_from_bytes, world_to_bytes};
+pub use memory::MemoryUse;
 pub use run::{Coordinator, FRAMES_AHEAD, GoingOn, GoneOn, RunError, RunSettings, Snapshot, Watcher};
 pub use threads::{SERVING_THREADS, runtime, threads_for};
 pub use transport::{BoxError, Fetching, LocalFrames, Placement, Silhouettes, Transport, TransportError};

@@ -1,5 +1,6 @@
 //! The wire between coordinator and nodes (`hulltouch.v1`), and its conversions to and from the hull's
-//! own types. Generated types go no farther than the node's service and its one client.
+//! own types; the messages of a recording. Generated types go no farther than a service and its one client,
+//! the recording, and the world's encodings.
 
 /// Generated from `proto/hulltouch/v1`.
 pub mod v1 {
@@ -8,6 +9,15 @@ pub mod v1 {
 
     /// The protocol's own description, for reflection.
     pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/hulltouch_v1.bin"));
+}
+
+/// Generated from `proto/hulltouch/recording/v1`: the messages of a recording.
+pub mod recording {
+    #![allow(missing_docs, clippy::all, unused_qualifications)]
+    include!(concat!(env!("OUT_DIR"), "/hulltouch.recording.v1.rs"));
+
+    /// A `FileDescriptorSet` of all messages, which goes into every file.
+    pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/recording_v1.bin"));
 }
 
 mod address;

@@ -9,6 +9,7 @@
 //! and one series of responses give the same poses, bit for bit, on every machine.
 
 pub mod fuzz;
+pub mod ray;
 pub mod response;
 mod rotation;
 pub mod samples;

@@ -1,10 +1,10 @@
 //! What a node that lies says it remembers: a world that was made of an honest one.
 
 use bytes::Bytes;
-use coordinator::{world_from_bytes, world_to_bytes};
 use prost::Message;
 use proto::{open_checkpoint, seal_checkpoint};
 use sim::{BodySnapshot, WorldSnapshot};
+use world_encodings::{world_from_bytes, world_to_bytes};
 
 /// Steps that the poisoned world claims to have made.
 const CLAIMED_STEPS: u64 = 1_000_000;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use setup::cli::{Outcome, PrecisionName};
+use setup::cli::{Outcome, PrecisionName, ResponseName};
 use setup::{LocalCluster, LocalNodes};
 
 use super::bodies::Bodies;
@@ -11,7 +11,6 @@ use super::connection::{AnswerPlace, ClusterClient, PassCosts, PointForm};
 use super::film::{Film, FilmPlan};
 use super::names::SocketName;
 use super::rows::{Row, stages};
-use crate::response::Response;
 use crate::usage::{process_cpu_s, process_memory_mb};
 
 /// Frames of the film: the ring of every node is full.
@@ -37,7 +36,7 @@ pub struct Setting {
     /// Samples of each.
     pub samples: usize,
     /// What they are asked for.
-    pub responses: Vec<Response>,
+    pub responses: Vec<ResponseName>,
     /// How numbers travel.
     pub precisions: Vec<PrecisionName>,
 }
@@ -84,14 +83,14 @@ pub fn measured(scene: &Scene, setting: &Setting, sockets: SocketName, passes: u
         .responses
         .iter()
         .flat_map(|&response| setting.precisions.iter().map(move |&precision| (response, precision)));
-    let each: Vec<(Response, PrecisionName)> = each.collect();
+    let each: Vec<(ResponseName, PrecisionName)> = each.collect();
     for &count in &setting.bodies {
         for &(response, precision) in &each {
             // What was learned of another kind of pass says nothing of this one.
             connected = connected.in_precision(precision.into());
             let form = match response {
-                Response::Paper => PointForm::Registered,
-                Response::Contacts => PointForm::Contacts,
+                ResponseName::Paper => PointForm::Registered,
+                ResponseName::Contacts => PointForm::Contacts,
             };
             let before = cpu_s(&cluster);
             let costs = connected.passes(&bodies.first(count), form, passes)?;

@@ -13,7 +13,7 @@ mod rows;
 
 use clap::Args;
 use serde::Serialize;
-use setup::cli::{ArgumentError, Outcome, PrecisionName, outln, parse_size};
+use setup::cli::{ArgumentError, Outcome, PrecisionName, ResponseName, outln, parse_size};
 
 use self::bodies::SAMPLES;
 use self::limits::Limits;
@@ -22,7 +22,6 @@ use self::model::model_of;
 use self::names::SocketName;
 use self::rows::{Row, TABLE, print_stages};
 use super::outputs::{Outputs, within};
-use super::response::Response;
 use super::scale::report::{ScaleReport, report};
 use super::table::{Machine, Table};
 
@@ -80,7 +79,7 @@ pub struct ClusterBenchArguments {
     samples: usize,
     /// How bodies answer the hull.
     #[arg(long, value_enum, value_name = "NAME,…", value_delimiter = ',', default_value = "paper,contacts")]
-    response: Vec<Response>,
+    response: Vec<ResponseName>,
     /// How numbers travel.
     #[arg(long, value_name = "NAME,…", value_delimiter = ',', default_value = "exact,quantised")]
     precision: Vec<PrecisionName>,

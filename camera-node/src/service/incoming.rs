@@ -3,8 +3,7 @@
 //! An unauthenticated connection is evicted when the next one needs its slot, oldest first of the machine that
 //! has most of them, so that no number of silent ones keeps a coordinator out.
 
-use std::cmp::Reverse;
-use std::collections::{HashMap, VecDeque};
+use std::fmt::Display;
 use std::io;
 use std::net::IpAddr;
 use std::pin::Pin;
@@ -12,28 +11,26 @@ use std::sync::Arc;
 use std::task::{Context, Poll};
 use std::time::{Duration, Instant};
 
+use net::admission::{Policy, RateLimitedLog, Registry, TLS_HANDSHAKE, accept_next};
 use net::{Credentials, HandshakeError, HandshakeLimit, Identity, Peer, ServerSocket, UnixSocket};
 use thiserror::Error;
 use tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
 use tokio::sync::mpsc;
-use tokio::task::{AbortHandle, JoinSet};
+use tokio::task::JoinSet;
 use tokio_stream::Stream;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::server::Connected;
 
 use super::seats::{NoSeat, Seat, SharedSeats};
-use super::seldom::Seldom;
 use crate::listen::{Accepted, Listener};
 
-/// Connections that have not said yet who they are.
-const MAX_BEGINNING: usize = 64;
+/// Connections that have not said yet who they are. Those that have are counted by their seats.
+const POLICY: Policy = Policy { beginning: 64, passing: None };
 /// A peer that has said nothing of the protocol by then is dropped.
 const BEGIN_TIMEOUT: Duration = Duration::from_secs(5);
 /// What a client of HTTP/2 says first.
 const PREFACE: &[u8; 24] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
-/// The system has no descriptor, or no memory: it is asked again after this.
-const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
 /// Connections without a call are looked for so often.
 const IDLE_CHECK: Duration = Duration::from_secs(1);
 
@@ -83,22 +80,19 @@ pub(super) fn incoming(
         Access::ThisMachine | Access::AnyPeer => None,
     };
     let (sender, receiver) = mpsc::channel(1);
-    tokio::spawn(accept(
-        listener,
-        Door { credentials, handshakes: Arc::default(), seats: SharedSeats::default(), log: Arc::default() },
-        sender,
-    ));
+    let door =
+        Door { credentials, handshakes: Arc::default(), seats: SharedSeats::default(), log: Arc::default() };
+    tokio::spawn(accept(listener, door, sender));
     ReceiverStream::new(receiver)
 }
 
 /// Accepts until the receiver is dropped.
 async fn accept(listener: Listener, door: Door, sender: mpsc::Sender<io::Result<Connection>>) {
-    let mut beginning = JoinSet::new();
-    let mut by_age: VecDeque<(Option<IpAddr>, AbortHandle)> = VecDeque::new();
+    let (mut beginning, registry) = (JoinSet::new(), Registry::new(POLICY));
     let mut idle_check = tokio::time::interval(IDLE_CHECK);
     loop {
         let accepted = tokio::select! {
-            accepted = listener.accept() => accepted,
+            accepted = accept_next(|| listener.accept(), |error| door.refuses(None, error)) => accepted,
             Some(_) = beginning.join_next() => continue,
             _ = idle_check.tick() => {
                 door.seats.end_idle();
@@ -106,44 +100,26 @@ async fn accept(listener: Listener, door: Door, sender: mpsc::Sender<io::Result<
             }
             () = sender.closed() => return,
         };
-        let accepted = match accepted {
-            Ok(accepted) => accepted,
-            Err(error) => {
-                door.log.refused(None, &error);
-                tokio::time::sleep(ACCEPT_PAUSE).await;
-                continue;
-            }
-        };
         if let Err(why) = door.may_begin(&accepted) {
-            door.log.refused(accepted.from(), &why);
+            door.refuses(accepted.from(), &why);
             continue;
         }
-        by_age.retain(|(_, handle)| !handle.is_finished());
-        if by_age.len() >= MAX_BEGINNING
-            && let Some(place) = gives_way(by_age.iter().map(|(from, _)| *from))
-            && let Some((_, oldest)) = by_age.remove(place)
-        {
-            oldest.abort();
-        }
         let (door, sender, from) = (door.clone(), sender.clone(), accepted.from());
-        let begun = beginning.spawn(async move {
-            match tokio::time::timeout(BEGIN_TIMEOUT, door.let_in(accepted)).await {
-                Ok(Ok(connection)) => drop(sender.send(Ok(connection)).await),
-                Ok(Err(why)) => door.log.refused(from, &why),
-                Err(_) => door.log.refused(from, &Refusal::Silent),
+        let begun = registry.begin(from, Arc::new(()));
+        beginning.spawn(async move {
+            let admit = async {
+                match tokio::time::timeout(BEGIN_TIMEOUT, door.let_in(accepted)).await {
+                    Ok(Ok(connection)) => drop(sender.send(Ok(connection)).await),
+                    Ok(Err(why)) => door.refuses(from, &why),
+                    Err(_) => door.refuses(from, &Refusal::Silent),
+                }
+            };
+            tokio::select! {
+                () = admit => {}
+                () = begun.evicted() => {}
             }
         });
-        by_age.push_back((from, begun));
     }
-}
-
-/// Of connections in the order in which they came: the place of the first of the machine that has most.
-fn gives_way(machines: impl Iterator<Item = Option<IpAddr>>) -> Option<usize> {
-    let mut count_and_first: HashMap<Option<IpAddr>, (usize, Reverse<usize>)> = HashMap::new();
-    for (place, machine) in machines.enumerate() {
-        count_and_first.entry(machine).or_insert((0, Reverse(place))).0 += 1;
-    }
-    count_and_first.into_values().max().map(|(_, Reverse(first))| first)
 }
 
 /// Why a peer is not admitted.
@@ -171,10 +147,16 @@ struct Door {
     credentials: Option<Arc<Credentials>>,
     handshakes: Arc<HandshakeLimit>,
     seats: SharedSeats,
-    log: Arc<Seldom>,
+    log: Arc<RateLimitedLog>,
 }
 
 impl Door {
+    /// Logs that a connection from that machine, or from this one, comes to nothing.
+    fn refuses(&self, from: Option<IpAddr>, why: &dyn Display) {
+        let from = from.map_or_else(|| "this machine".to_owned(), |from| from.to_string());
+        self.log.warn(&format_args!("a connection from {from} was refused"), why);
+    }
+
     /// Refuses a TLS handshake that is one too many, before it costs anything.
     fn may_begin(&self, accepted: &Accepted) -> Result<(), Refusal> {
         let (Accepted::Tcp(_, from), Some(_)) = (accepted, &self.credentials) else { return Ok(()) };
@@ -217,9 +199,6 @@ impl Door {
 fn other_machine(from: IpAddr) -> Option<IpAddr> {
     (!from.is_loopback()).then_some(from)
 }
-
-/// The first byte of TLS.
-const TLS_HANDSHAKE: u8 = 0x16;
 
 impl Connected for Connection {
     type ConnectInfo = Caller;
@@ -289,19 +268,5 @@ impl AsyncWrite for Connection {
 
     fn poll_shutdown(self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
         Pin::new(&mut self.get_mut().socket).poll_shutdown(context)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_oldest_of_the_machine_with_most_gives_way() {
-        let machine = |last| Some(IpAddr::from([10, 0, 0, last]));
-        assert_eq!(gives_way([1, 2, 3, 2, 1, 2].into_iter().map(machine)), Some(1));
-        assert_eq!(gives_way([3, 2, 1, 2, 1].into_iter().map(machine)), Some(1), "of two the older");
-        assert_eq!(gives_way([None, machine(1)].into_iter()), Some(0));
-        assert_eq!(gives_way(std::iter::empty()), None);
     }
 }

@@ -9,6 +9,7 @@ use std::time::Duration;
 use bytes::Bytes;
 use http::header::{DATE, HeaderValue};
 use http_body::{Frame, SizeHint};
+use net::admission::RateLimitedLog;
 use proto::framing::Messages;
 use proto::text::{MAX_NAME_CHARS, clean};
 use proto::{MAX_CHECKPOINT_BYTES, MAX_MESSAGE_BYTES};
@@ -19,7 +20,6 @@ use tower::{Layer, Service};
 
 use super::incoming::Caller;
 use super::seats::{Seat, Share};
-use super::seldom::Seldom;
 
 /// The date of replies in simulated time.
 const SIMULATED_DATE: &str = "Thu, 01 Jan 1970 00:00:00 GMT";
@@ -68,7 +68,7 @@ fn other_version(path: &str) -> Option<String> {
 /// Counts the calls of all services, and refuses those of another major version.
 #[derive(Clone, Debug, Default)]
 pub(super) struct MeterLayer {
-    log: Arc<Seldom>,
+    log: Arc<RateLimitedLog>,
 }
 
 impl<S> Layer<S> for MeterLayer {
@@ -83,7 +83,7 @@ impl<S> Layer<S> for MeterLayer {
 #[derive(Clone, Debug)]
 pub(super) struct Metered<S> {
     service: S,
-    log: Arc<Seldom>,
+    log: Arc<RateLimitedLog>,
 }
 
 impl<S> Service<http::Request<Body>> for Metered<S>
@@ -101,7 +101,7 @@ where
 
     fn call(&mut self, request: http::Request<Body>) -> Self::Future {
         if let Some(why) = other_version(request.uri().path()) {
-            self.log.warn("a call was refused", &why);
+            self.log.warn(&"a call was refused", &why);
             return Box::pin(async move { Ok(Status::unimplemented(why).into_http()) });
         }
         let seat = request.extensions().get::<Caller>().and_then(|caller| caller.seat.clone());

@@ -11,7 +11,6 @@ mod node;
 mod permission;
 mod probe_stream;
 mod seats;
-mod seldom;
 mod status;
 mod turns;
 mod watch;

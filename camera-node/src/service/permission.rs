@@ -3,17 +3,17 @@
 use std::sync::Arc;
 
 use net::Identity;
+use net::admission::RateLimitedLog;
 use tonic::{Request, Status};
 
 use super::incoming::{Access, Caller};
-use super::seldom::Seldom;
 
 /// Lets only some callers through.
 #[derive(Clone)]
 pub(super) struct Permission {
     /// `None`: everybody who got in.
     allowed: Option<Vec<Identity>>,
-    log: Arc<Seldom>,
+    log: Arc<RateLimitedLog>,
 }
 
 impl Permission {
@@ -49,7 +49,7 @@ impl tonic::service::Interceptor for Permission {
         }
         let allowed: Vec<String> = allowed.iter().map(Identity::to_string).collect();
         let why = format!("this is for {}, and was asked by {peer}", allowed.join(" or "));
-        self.log.warn("a call was refused", &why);
+        self.log.warn(&"a call was refused", &why);
         Err(Status::permission_denied(why))
     }
 }

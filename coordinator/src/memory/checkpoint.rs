@@ -8,9 +8,10 @@ use sim::WorldSnapshot;
 use sim::scene::MAX_BODIES;
 use std::sync::Arc;
 use thiserror::Error;
+use world_encodings::WorldBytesError;
+use world_encodings::checkpoint::{world_from_message, world_to_message};
 
 use super::message::{Kept, KeptTerm};
-use super::world_bytes::{WorldBytesError, world_from_message, world_to_message};
 
 /// No term is higher: coordinators count their starts. A higher one would end the order of worlds.
 pub(super) const MAX_TERM: u64 = 1 << 62;

@@ -6,9 +6,6 @@ mod checkpoint;
 mod message;
 #[cfg(test)]
 mod tests;
-mod world_bytes;
-
-pub use world_bytes::{WorldBytesError, world_from_bytes, world_to_bytes};
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -2,11 +2,26 @@
 
 use crate::question::{Change, NO_EXIT_M, Standing};
 use crate::rule::HullRule;
+use crate::view::View;
+use nalgebra::Point3;
 
 /// The number of cameras that say inside if the point is inside the hull: no camera says outside and
 /// enough say inside.
 pub fn inside_count(standing: Standing, rule: HullRule) -> Option<usize> {
     standing.inside_count().filter(|&count| count >= rule.min_views as usize)
+}
+
+/// Whether one point of the world is inside the hull of a frame's views. Many points are a
+/// [`ViewSet`](crate::ViewSet)'s.
+pub fn contains(views: &[View], point_world: &Point3<f64>, rule: HullRule) -> bool {
+    let mut standing = Standing::inside(0);
+    for view in views {
+        standing = standing.and(view.classify(point_world).into());
+        if standing == Standing::OUTSIDE {
+            return false;
+        }
+    }
+    inside_count(standing, rule).is_some()
 }
 
 /// The first `t` at which the hull rule no longer says inside, metres: a camera says outside, or, of the

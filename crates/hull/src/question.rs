@@ -10,6 +10,7 @@ use crate::body::{Pose, Shape};
 use crate::camera::Pixel;
 use crate::coordinates::Coordinates;
 use crate::reach::Reach;
+use crate::view::Class;
 
 /// Where a batch's points come from.
 #[derive(Clone, Debug, PartialEq)]
@@ -257,6 +258,16 @@ impl Standing {
         let is_outside = (self == Standing::OUTSIDE) | (other == Standing::OUTSIDE);
         let count = self.0.saturating_add(other.0).min(Standing::MOST);
         if is_outside { Standing::OUTSIDE } else { Standing(count) }
+    }
+}
+
+impl From<Class> for Standing {
+    fn from(class: Class) -> Standing {
+        match class {
+            Class::Inside => Standing::inside(1),
+            Class::Outside => Standing::OUTSIDE,
+            Class::Unknown => Standing::inside(0),
+        }
     }
 }
 

@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use common::{Dice, random_rig};
 use hull::cull::WorldBox;
+use hull::merge::contains;
 use hull::oracle::{DenseView, brute};
 use hull::pass::{AskedBody, BodyResult, PaperResult, Pass, Reaches};
 use hull::probe::exit::along;
@@ -68,6 +69,8 @@ fn check(seed: u64, settings: ProbeSettings, with_ignored: bool) -> (usize, usiz
     let mut inside = together.inside.iter();
     for (index, point) in points.iter().enumerate() {
         let a = Point3::from(*point);
+        let is_inside = brute::is_inside(&dense, &settings, &a);
+        assert_eq!(contains(&views, &a, settings.rule()), is_inside, "seed {seed} point {index}");
         let Some(twin) = brute::point(&dense, &settings, &a, MARCH_M) else { continue };
         let found = inside.next().expect("as many inside as the twin says");
         assert_eq!(found.sample as usize, index, "seed {seed}");

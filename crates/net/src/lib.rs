@@ -1,7 +1,10 @@
-//! Identities of a room. A certificate of the room's authority names its owner (an [`Identity`]); a folder of such
-//! certificates ([`Credentials`]) makes TLS 1.3 sockets between those who have one, and [`Authority`] makes the folder
-//! where no other authority does.
+//! Identities of a room, and how many connections a port keeps ([`admission`]).
+//!
+//! A certificate of the room's authority names its owner (an [`Identity`]); a folder of such certificates
+//! ([`Credentials`]) makes TLS 1.3 sockets between those who have one, and [`Authority`] makes the folder where no
+//! other authority does.
 
+pub mod admission;
 mod authority;
 mod credentials;
 mod error;

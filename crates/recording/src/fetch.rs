@@ -11,10 +11,10 @@ use coordinator::{BoxError, Fetching, Silhouettes};
 use film_time::{CameraReport, FrameReport};
 use hull::Silhouette;
 use proto::convert::{SilhouetteEncoding, silhouette_data};
+use proto::recording as messages;
 use tokio::sync::mpsc;
 
 use crate::channels::Channel;
-use crate::messages;
 use crate::times::{Times, unix_ns};
 use crate::writer::{Entry, Sink};
 

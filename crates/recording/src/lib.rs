@@ -8,18 +8,18 @@ mod channels;
 mod convert;
 mod fetch;
 pub mod fuzz;
-mod messages;
 mod queue;
 mod read;
 mod recorder;
 mod times;
 mod writer;
 
-pub use convert::{ConvertError, RunHeader};
+pub use convert::RunHeader;
 pub use fetch::{ColourCrop, ColourSource, Colours, FetchingColours};
 pub use read::{
     Difference, ReadError, ReadProblem, RecordedFrames, RecordedPicture, RecordedPictures, RecordedSteps,
     Recording, StepCheck,
 };
 pub use recorder::{Recorded, RecordingFile, RunRecorder, record};
+pub use world_encodings::recording::ConvertError;
 pub use writer::{Overwrites, WriteError};

@@ -5,12 +5,13 @@ use std::sync::Arc;
 
 use coordinator::hooks::{EndRecord, FrameRecord, Recorder, StepRecord};
 use parking_lot::Mutex;
+use proto::recording::{End, Figures, Response, Step};
 use sim::ResponseMode;
+use world_encodings::recording::vector;
 
 use crate::channels::Channel;
-use crate::convert::{self, RunHeader, command_to_message, contacts_to_bytes, vector};
+use crate::convert::{self, RunHeader, command_to_message, contacts_to_bytes};
 use crate::fetch::{ColourSource, Fetcher, Fetches};
-use crate::messages::{End, Figures, Response, Step};
 use crate::times::Times;
 use crate::writer::{Entry, FileWriter, Overwrites, Sink, WriteError};
 

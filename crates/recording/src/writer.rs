@@ -12,10 +12,10 @@ use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 use mcap::{Compression, McapError, WriteOptions, Writer};
 use prost::Message;
+use proto::recording::DESCRIPTORS;
 use thiserror::Error;
 
 use crate::channels::Channel;
-use crate::messages::DESCRIPTORS;
 use crate::queue::{ByteQueue, Received};
 
 /// What may wait for the disk: a minute of eight cameras' silhouettes.

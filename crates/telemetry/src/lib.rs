@@ -4,7 +4,7 @@
 //! ([`TelemetryPort`]). What is told there is the service's own ([`Telemetry`]), written on a [`Sheet`].
 //!
 //! Any peer that reaches the port may ask, so nothing here is secret and nothing can be changed. Untrusted peers hold a few
-//! connections, each for seconds, and the oldest is evicted.
+//! connections, each for seconds; when there are too many, the oldest of the machine that has most is evicted.
 //!
 //! What one pass takes, and where, is a tree of spans over all processes ([`Span`]), by OpenTelemetry, for users with a
 //! collector. Whether its work gets on is a [`Pulse`], which [`systemd`]'s watchdog and `/live` ask.

@@ -1,6 +1,5 @@
 //! HTTP/1.1 for untrusted peers: one request a connection, and few connections.
 
-use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::net::TcpListener;
 use std::sync::Arc;
@@ -12,19 +11,18 @@ use hyper::server::conn::http1;
 use hyper::service::service_fn;
 use hyper::{Method, Request, Response, StatusCode};
 use hyper_util::rt::{TokioIo, TokioTimer};
+use net::admission::{Policy, Registry, accept_next};
 use tokio::net::TcpStream;
-use tokio::task::{AbortHandle, JoinSet};
+use tokio::task::JoinSet;
 
-/// Connections at once: a scraper has one, and probes have theirs. Beyond, the oldest gives way.
-const MAX_CONNECTIONS: usize = 32;
+/// Connections at once: a scraper has one, and probes have theirs. Each is closed once it was answered.
+const POLICY: Policy = Policy { beginning: 32, passing: None };
 /// The head of a request comes within this.
 const HEAD_TIMEOUT: Duration = Duration::from_secs(5);
 /// And its answer is read within this, from the beginning.
 const CONNECTION_TIMEOUT: Duration = Duration::from_secs(15);
 /// The longest head.
 const MAX_HEAD_BYTES: usize = 8 * 1024;
-/// The system has no descriptor: it is asked again after this.
-const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
 
 /// What a request is answered with.
 pub(crate) struct Answer {
@@ -42,29 +40,22 @@ where
         Ok(listener) => listener,
         Err(error) => return tracing::error!("metrics cannot be served: {error}"),
     };
-    let mut connections = JoinSet::new();
-    let mut by_age: VecDeque<AbortHandle> = VecDeque::new();
+    let (mut connections, registry) = (JoinSet::new(), Registry::new(POLICY));
+    let log = |error: &std::io::Error| tracing::debug!("the metrics port: {error}");
     loop {
-        let accepted = tokio::select! {
-            accepted = listener.accept() => accepted,
+        let (socket, from) = tokio::select! {
+            accepted = accept_next(|| listener.accept(), log) => accepted,
             Some(_) = connections.join_next() => continue,
         };
-        let Ok((socket, _)) = accepted else {
-            tokio::time::sleep(ACCEPT_PAUSE).await;
-            continue;
-        };
-        by_age.retain(|handle| !handle.is_finished());
-        if by_age.len() >= MAX_CONNECTIONS
-            && let Some(oldest) = by_age.pop_front()
-        {
-            oldest.abort();
-        }
-        by_age.push_back(
-            connections.spawn(tokio::time::timeout(
-                CONNECTION_TIMEOUT,
-                serve_connection(socket, Arc::clone(&answer)),
-            )),
-        );
+        let slot = registry.begin(Some(from.ip().to_canonical()), Arc::new(()));
+        let answer = Arc::clone(&answer);
+        connections.spawn(async move {
+            tokio::select! {
+                () = serve_connection(socket, answer) => {}
+                () = slot.evicted() => {}
+                () = tokio::time::sleep(CONNECTION_TIMEOUT) => {}
+            }
+        });
         // A new connection reads what was sent already before the next one may evict it.
         tokio::task::yield_now().await;
     }

@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
+use socket2::{Domain, Socket, Type};
 use telemetry::{Buckets, Labels, Sheet, Telemetry, TelemetryPort};
 
 /// A service that can be made to lack something, and to take its time to say so.
@@ -133,6 +134,20 @@ fn hundreds_of_silent_connections_keep_no_peer_out() {
     assert!(get(port.address(), "/ready").starts_with("HTTP/1.1 200 "));
     let mut oldest = &silent[0];
     assert_eq!(oldest.read(&mut [0]).unwrap_or(0), 0, "the oldest gives way");
+}
+
+#[test]
+fn a_flood_of_one_machine_evicts_no_connection_of_another() {
+    let (port, _) = port();
+    let socket = Socket::new(Domain::IPV4, Type::STREAM, None).expect("a socket");
+    socket.bind(&SocketAddr::from(([127, 0, 0, 2], 0)).into()).expect("an address of loopback");
+    socket.connect(&port.address().into()).expect("connects");
+    let mut scraper = TcpStream::from(socket);
+    let flood: Vec<TcpStream> = (0..300).map(|_| connect(port.address())).collect();
+    scraper.write_all(b"GET /ready HTTP/1.1\r\nHost: a\r\n\r\n").expect("sent");
+    let text = read(scraper);
+    assert!(text.starts_with("HTTP/1.1 200 "), "{text:?}");
+    drop(flood);
 }
 
 #[test]

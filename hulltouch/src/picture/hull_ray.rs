@@ -2,8 +2,11 @@
 
 use hull::camera::Pixel;
 use hull::cull::{WorldBox, hull_box};
+use hull::merge::inside_count;
+use hull::question::Standing;
 use hull::{HullRule, OutOfView, View};
 use nalgebra::{Point3, Vector3};
+use sim::ray::Ray;
 
 use super::field::{CameraRay, Field, Outline, Verdict};
 
@@ -20,19 +23,6 @@ const HALVINGS: usize = 10;
 const ROUNDING_M: f64 = 0.012;
 /// Edges farther than this have none worth their cost, metres.
 const FAR_EDGE_M: f64 = 0.06;
-
-/// A ray of the world; the direction has unit length.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Ray {
-    pub start: Point3<f64>,
-    pub direction: Vector3<f64>,
-}
-
-impl Ray {
-    pub fn at(&self, t_m: f64) -> Point3<f64> {
-        self.start + self.direction * t_m
-    }
-}
 
 /// The visual hull of one frame's views, ready for rays.
 pub(super) struct HullTracer<'a> {
@@ -117,17 +107,18 @@ impl<'a> HullTracer<'a> {
 
     /// How far it is safe to go on from a point of the ray; `None` if that is inside the hull.
     fn step_m(&self, rays: &[CameraRay], t_m: f64) -> Option<f64> {
-        let (mut inside_count, mut safe_m): (u32, Option<f64>) = (0, None);
+        let (mut inside, mut safe_m): (usize, Option<f64>) = (0, None);
         for (field, ray) in self.fields.iter().zip(rays) {
             match field.verdict(ray, t_m) {
-                Verdict::Inside => inside_count += 1,
+                Verdict::Inside => inside += 1,
                 Verdict::Unknown => {}
                 Verdict::Outside { step_m } => {
                     safe_m = Some(safe_m.map_or(step_m, |so_far| so_far.max(step_m)));
                 }
             }
         }
-        if safe_m.is_none() && inside_count < self.rule.min_views { Some(BLIND_STEP_M) } else { safe_m }
+        let is_inside = || inside_count(Standing::inside(inside), self.rule).is_some();
+        safe_m.or_else(|| (!is_inside()).then_some(BLIND_STEP_M))
     }
 
     fn entry_m(&self, rays: &[CameraRay], outside_m: Option<f64>, inside_m: f64) -> f64 {
@@ -160,19 +151,6 @@ impl<'a> HullTracer<'a> {
             sum += normal * (nearness * nearness * slope.norm().min(1.0));
         }
         sum.try_normalize(1e-9)
-    }
-
-    /// True if the point is inside the hull.
-    pub fn contains(views: &[View], point_world: &Point3<f64>, rule: HullRule) -> bool {
-        let mut inside_count = 0;
-        for view in views {
-            match view.classify(point_world) {
-                hull::Class::Outside => return false,
-                hull::Class::Inside => inside_count += 1,
-                hull::Class::Unknown => {}
-            }
-        }
-        inside_count >= rule.min_views
     }
 }
 

@@ -2,9 +2,10 @@
 
 use hull::camera::Pixel;
 use hull::{Camera, Class, View};
+use sim::ray::Ray;
 
 use super::field::Outline;
-use super::hull_ray::{HullTracer, Ray, Scratch};
+use super::hull_ray::{HullTracer, Scratch};
 
 /// For each view, in the order given: intersection over union of the hull of all, ray-marched from its
 /// camera with its lens, with its own silhouette; over the pixels that are not ignored.

@@ -7,7 +7,6 @@ mod hull_ray;
 mod mask;
 mod overview;
 mod shade;
-mod solid_ray;
 #[cfg(test)]
 mod tests;
 
@@ -15,11 +14,11 @@ use hull::{Camera, View};
 use image::{Rgb, RgbImage};
 use nalgebra::{Point2, Point3, Vector3};
 use sim::Body;
+use sim::ray::{Ray, SolidHit, SolidTracer};
 
 use self::field::Outline;
-use self::hull_ray::{HullTracer, Ray, Scratch};
+use self::hull_ray::{HullTracer, Scratch};
 use self::shade::{Colour, Light};
-use self::solid_ray::SolidTracer;
 
 pub use self::mask::overlaps;
 pub use self::overview::{interest, overview_camera};
@@ -111,7 +110,7 @@ impl<'a> Painter<'a> {
             camera,
             scene,
             hull: HullTracer::new(scene.views, Outline::Smooth),
-            solids: scene.bodies.iter().map(SolidTracer::new).collect(),
+            solids: scene.bodies.iter().map(|body| SolidTracer::new(&body.solid, &body.pose)).collect(),
             light: Light::new(scene.up, &axis(0), &-axis(2)),
             floor_axes: [along, scene.up.cross(&along)],
             centre: nalgebra::center(&Point3::from(shown.min), &Point3::from(shown.max)),
@@ -139,15 +138,15 @@ impl<'a> Painter<'a> {
         }
     }
 
-    fn nearest_body(&self, ray: &Ray) -> Option<(usize, solid_ray::SolidHit)> {
+    fn nearest_body(&self, ray: &Ray) -> Option<(usize, SolidHit)> {
         let hits = self.solids.iter().enumerate();
         hits.filter_map(|(index, solid)| Some((index, solid.hit(ray)?)))
             .min_by(|a, b| a.1.t_m.total_cmp(&b.1.t_m))
     }
 
-    fn body_hit(&mut self, ray: &Ray, index: usize, hit: solid_ray::SolidHit) -> PixelHit {
+    fn body_hit(&mut self, ray: &Ray, index: usize, hit: SolidHit) -> PixelHit {
         let lit = self.lit(&ray.at(hit.t_m), &hit.normal_world);
-        let colour = shade::linear(self.solids[index].color);
+        let colour = shade::linear(self.scene.bodies[index].color);
         let colour = self.light.matte(&colour, &hit.normal_world, lit);
         // Edges are drawn a pixel and a half wide, whatever the distance.
         let edge_m = 1.5 * hit.t_m / self.camera.intrinsics()[(0, 0)];

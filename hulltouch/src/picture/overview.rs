@@ -1,11 +1,12 @@
 //! A viewpoint that is no camera's, from which person and bodies are all in the picture.
 
 use hull::cull::WorldBox;
+use hull::merge::contains;
 use hull::{Camera, CameraError, Rig, View};
 use nalgebra::{Matrix3, Point3, Vector3};
 use sim::Body;
 
-use super::hull_ray::{HullTracer, bounds};
+use super::hull_ray::bounds;
 
 /// Points along the longest side of the hull's box when looking for the hull within it.
 const GRID: f64 = 56.0;
@@ -56,7 +57,7 @@ fn hull_extent(views: &[View]) -> Option<WorldBox> {
             for z in 0..count[2] {
                 let at = [x as f64, y as f64, z as f64];
                 let point: [f64; 3] = std::array::from_fn(|axis| around.min[axis] + cell * at[axis]);
-                if HullTracer::contains(views, &Point3::from(point), rule) {
+                if contains(views, &Point3::from(point), rule) {
                     let here = WorldBox { min: point.map(|c| c - cell), max: point.map(|c| c + cell) };
                     found = Some(found.map_or(here, |found| found.union(&here)));
                 }

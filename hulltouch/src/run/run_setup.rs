@@ -7,7 +7,7 @@ use coordinator::{AskEvery, MemoryUse};
 use hull::surface::HullTime;
 use node_client::{Dial, Role};
 use setup::ClusterFile;
-use setup::cli::{Failure, Outcome, check_writable};
+use setup::cli::{Failure, Outcome, ResponseName, check_writable};
 use sim::{ResponseMode, Scene, WorldSettings};
 
 use super::options::{Outlets, RecordTo};
@@ -38,24 +38,6 @@ impl TransportName {
     }
 }
 
-/// How bodies answer the hull.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum ResponseName {
-    /// The paper's: translate, and mirror the velocity.
-    Paper,
-    /// Contacts with planes of the hull's surface, in the physics solver.
-    Contacts,
-}
-
-impl ResponseName {
-    fn mode(self) -> ResponseMode {
-        match self {
-            ResponseName::Paper => ResponseMode::Paper,
-            ResponseName::Contacts => ResponseMode::Contacts,
-        }
-    }
-}
-
 /// Of which moment the hull is that bodies collide with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum HullTimeName {
@@ -79,7 +61,7 @@ pub struct ResponseArguments {
 impl ResponseArguments {
     /// As the world has them.
     pub fn checked(&self) -> Outcome<(ResponseMode, HullTime)> {
-        let response = self.response.mode();
+        let response = ResponseMode::from(self.response);
         match self.hull_time {
             HullTimeName::Newest => Ok((response, HullTime::Newest)),
             HullTimeName::Between if response == ResponseMode::Contacts => Ok((response, HullTime::Between)),

@@ -1,2 +1,2 @@
 #![no_main]
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| coordinator::fuzz::world(bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| world_encodings::fuzz::world(bytes));

@@ -6,6 +6,7 @@ use std::ops::RangeInclusive;
 use proto::text::clean;
 use serde_json::{Map, Value};
 use thiserror::Error;
+use world_encodings::service::Missing;
 
 use crate::json;
 
@@ -70,6 +71,12 @@ pub enum InputError {
         /// The key, what was found and what was expected.
         error: sim::ValueError,
     },
+}
+
+impl From<Missing> for InputError {
+    fn from(Missing { field, expected }: Missing) -> InputError {
+        InputError::Missing { field: field.into(), expected: expected.into() }
+    }
 }
 
 /// The object of a text.

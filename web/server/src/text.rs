@@ -7,7 +7,8 @@ use proto::convert::{SilhouetteEncoding, silhouette_data};
 use proto::text::{MAX_MESSAGE_CHARS, clean};
 use serde::Serialize;
 use serde_json::{Value, json};
-use sim::{Scene, Solid};
+use sim::Scene;
+use world_encodings::shape;
 
 use crate::run_info::{RunInfo, Volume};
 use hull::rule::OutOfView;
@@ -100,24 +101,8 @@ fn body(look: &BodyLook) -> Value {
         "name": look.name,
         "color": look.color,
         "fixed": look.fixed,
-        "shape": shape(&look.solid),
+        "shape": shape::to_json(&look.solid),
     })
-}
-
-/// A body's geometry, body frame, metres.
-pub fn shape(solid: &Solid) -> Value {
-    match solid {
-        Solid::Box { size_m } => json!({"box": {"size": size_m}}),
-        Solid::Ball { radius_m } => json!({"ball": {"radius": radius_m}}),
-        Solid::Capsule { radius_m, length_m } => {
-            json!({"capsule": {"radius": radius_m, "length": length_m}})
-        }
-        Solid::Cylinder { radius_m, height_m } => {
-            json!({"cylinder": {"radius": radius_m, "height": height_m}})
-        }
-        Solid::Cone { radius_m, height_m } => json!({"cone": {"radius": radius_m, "height": height_m}}),
-        Solid::Hull(hull) => json!({"hull": {"corners": hull.corners_m(), "faces": hull.triangles()}}),
-    }
 }
 
 /// The figures of a page's own connection.

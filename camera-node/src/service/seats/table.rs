@@ -10,11 +10,10 @@ use std::net::IpAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
+use net::admission::RateLimitedLog;
 use thiserror::Error;
 use tokio::sync::Notify;
 use tokio::time::Instant;
-
-use super::super::seldom::Seldom;
 
 /// What all connections hold together, bytes: the largest message and its question with room for others, and with the largest
 /// shapes less than 100 MiB.
@@ -70,7 +69,7 @@ pub(super) struct Table {
     next: u64,
     pub(super) slots: HashMap<u64, Slot>,
     lease: Option<Lease>,
-    log: Seldom,
+    log: RateLimitedLog,
 }
 
 /// The last lease holder that the node knows.
@@ -222,12 +221,12 @@ impl Table {
                 }
                 Ended::GaveWay => {
                     let why = "all its slots were in use, and another connection came";
-                    self.log.warn(&format!("a connection from {from} ended"), &why);
+                    self.log.warn(&format_args!("a connection from {from} ended"), &why);
                 }
                 Ended::HeldMost => {
                     let (held, all) = (mib(slot.held_bytes), mib(MAX_HELD_BYTES));
                     let why = format!("it held {held} MiB, most of the {all} MiB that all share");
-                    self.log.warn(&format!("a connection from {from} ended"), &why);
+                    self.log.warn(&format_args!("a connection from {from} ended"), &why);
                 }
             }
         }

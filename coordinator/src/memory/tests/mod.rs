@@ -6,6 +6,8 @@ use proptest::prelude::*;
 use prost::Message as _;
 use proto::{CheckpointError, MAX_CHECKPOINT_BYTES, open_checkpoint, seal_checkpoint};
 use sim::{BodyRequest, BodyResponse, WorldSettings};
+use world_encodings::checkpoint::message::{Body, Mass};
+use world_encodings::{world_from_bytes, world_to_bytes};
 
 use super::message::Kept;
 use super::*;
@@ -66,7 +68,7 @@ fn error_of(change: impl FnOnce(&mut Kept)) -> String {
     error
 }
 
-fn body(message: &mut Kept) -> &mut message::Body {
+fn body(message: &mut Kept) -> &mut Body {
     &mut message.world.as_mut().expect("a world").bodies[0]
 }
 
@@ -107,7 +109,7 @@ fn numbers_that_are_none_are_refused_wherever_they_stand() {
         |message| body(message).spin_rad_s[0] = f64::INFINITY,
         |message| body(message).friction = f64::NAN,
         |message| body(message).color[0] = f32::NAN,
-        |message| body(message).mass = Some(message::Mass::Kg(f64::NAN)),
+        |message| body(message).mass = Some(Mass::Kg(f64::NAN)),
         |message| message.world.as_mut().expect("a world").gravity_m_s2[0] = f64::NAN,
         |message| message.world.as_mut().expect("a world").solids[0].extents_m[0] = f64::NAN,
         |message| message.kept_unix_s = f64::NAN,
@@ -159,8 +161,6 @@ fn half_a_million_empty_bodies_are_counted_before_they_are_decoded() {
     let expected = "Kept.world.bodies: 500000 entries, expected at most 1000";
     let error = Checkpoint::from_bytes(&bytes).expect_err("refused").to_string();
     assert_eq!(error, format!("a checkpoint of no world: {expected}"));
-    let error = world_from_bytes(&bodies).expect_err("refused").to_string();
-    assert_eq!(error, "World.bodies: 500000 entries, expected at most 1000");
 }
 
 #[test]

@@ -1,13 +1,12 @@
 //! What was asked of a run.
 
-use coordinator::live::{Command, Parameters};
-use coordinator::{world_from_bytes, world_to_bytes};
-use sim::Scene;
-
-use super::ConvertError;
-use super::numbers::{finite, required, vector};
-use super::solid::{body_spec, body_spec_from_message};
-use crate::messages::{self, Empty, Grab, Push, Release, SceneText, command::Command as Kind};
+use coordinator::live::Command;
+use proto::recording::{self as messages, Empty, Grab, Push, Release, command::Command as Kind};
+use world_encodings::recording::{
+    ConvertError, body_spec, body_spec_from_message, finite, parameters, parameters_from_message, required,
+    scene_of_text, scene_text, vector,
+};
+use world_encodings::{world_from_bytes, world_to_bytes};
 
 const NAME: &str = "Command";
 
@@ -33,7 +32,7 @@ pub(crate) fn command_to_message(command: &Command) -> messages::Command {
         Command::Release { body, velocity_m_s } => {
             Kind::Release(Release { body: *body, velocity_m_s: velocity_m_s.map(vector) })
         }
-        Command::Set(parameters) => Kind::Set(parameters_message(parameters)),
+        Command::Set(set) => Kind::Set(parameters(set)),
         Command::TakeBackground { seconds } => Kind::TakeBackgroundS(*seconds),
     };
     messages::Command { command: Some(kind) }
@@ -68,37 +67,7 @@ pub(crate) fn command_from_message(message: messages::Command) -> Result<Command
             body,
             velocity_m_s: velocity_m_s.map(|velocity| finite(NAME, &velocity)).transpose()?,
         },
-        Kind::Set(parameters) => Command::Set(Parameters {
-            answers_hull: parameters.answers_hull,
-            hull_restitution: parameters.hull_restitution,
-            hull_friction: parameters.hull_friction,
-            gravity_m_s2: parameters.gravity_m_s2.map(|gravity| finite(NAME, &gravity)).transpose()?,
-        }),
+        Kind::Set(set) => Command::Set(parameters_from_message(NAME, set)?),
         Kind::TakeBackgroundS(seconds) => Command::TakeBackground { seconds },
     })
-}
-
-fn parameters_message(parameters: &Parameters) -> messages::Parameters {
-    let Parameters { answers_hull, hull_restitution, hull_friction, gravity_m_s2 } = *parameters;
-    messages::Parameters {
-        answers_hull,
-        hull_restitution,
-        hull_friction,
-        gravity_m_s2: gravity_m_s2.map(vector),
-    }
-}
-
-pub(super) fn scene_text(scene: &Scene) -> SceneText {
-    SceneText {
-        name: scene.name().to_owned(),
-        toml: scene.text().to_owned(),
-        gravity_m_s2: Some(vector(scene.gravity_m_s2())),
-    }
-}
-
-pub(super) fn scene_of_text(text: &SceneText) -> Result<Scene, ConvertError> {
-    let gravity_m_s2 = required("SceneText", "gravity_m_s2", text.gravity_m_s2.as_ref())?;
-    let scene = Scene::from_toml(&text.name, &text.toml);
-    let scene = scene.and_then(|scene| scene.with_gravity(gravity_m_s2));
-    scene.map_err(|error| ConvertError::new("SceneText", error))
 }

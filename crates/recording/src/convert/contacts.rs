@@ -1,8 +1,7 @@
 //! Contacts with the hull's surface as bytes: a step has hundreds.
 
 use sim::HullContact;
-
-use super::ConvertError;
+use world_encodings::recording::ConvertError;
 
 /// A sample's number, a point, a normal, a depth, a speed and a velocity, four bytes each number.
 const CONTACT_BYTES: usize = 48;

@@ -8,12 +8,11 @@ use hull::rule::{HullRule, NormalWindow, OutOfView, ProbeSettings};
 use hull::surface::HullTime;
 use hull::{Observer, Rig, Silhouette};
 use proto::convert::{Precision, SilhouetteEncoding, silhouette_data, silhouette_from_data};
+use proto::recording::Header;
 use sim::{ResponseMode, Scene, WorldSettings};
+use world_encodings::recording::{ConvertError, scene_of_text, scene_text};
 
-use super::ConvertError;
-use super::command::{scene_of_text, scene_text};
 use super::numbers::{UNIX_S, within};
-use crate::messages::Header;
 
 const NAME: &str = "Header";
 const VERSION: u32 = 1;

@@ -2,18 +2,17 @@
 
 use coordinator::hooks::StepRecord;
 use nalgebra::Point3;
+use proto::recording::{self as messages, Bodies, BodyLook, Patch, Patches, Touch, Touches};
 use sim::{Body, HullPatch, World};
-
-use super::numbers::{colour, rotation, vector};
-use super::solid::solid;
-use crate::messages::{self, Bodies, BodyLook, Patch, Patches, Touch, Touches};
+use world_encodings::recording::{colour, rotation, vector};
+use world_encodings::shape;
 
 /// What bodies there are.
 pub(crate) fn scene(generation: u32, world: &World) -> messages::Scene {
     let look = |body: &Body| BodyLook {
         id: body.id,
         name: body.name.clone(),
-        solid: Some(solid(&body.solid)),
+        solid: Some(shape::to_recording(&body.solid)),
         colour: Some(colour(body.color)),
         fixed: body.fixed,
     };

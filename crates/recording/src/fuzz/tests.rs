@@ -8,11 +8,12 @@ use hull::{Camera, Pose, Rig, Silhouette};
 use nalgebra::{Matrix3, Vector3};
 use prost::Message;
 use proto::convert::{Precision, SilhouetteEncoding, silhouette_data};
+use proto::recording as messages;
 use sim::{BodySpec, HullContact, MassSpec, Scene, Solid, WorldSettings};
+use world_encodings::recording::vector;
 
 use super::{file_of, recorded_messages, recording};
-use crate::convert::{RunHeader, command_to_message, contacts_to_bytes, vector};
-use crate::messages;
+use crate::convert::{RunHeader, command_to_message, contacts_to_bytes};
 
 fn camera(name: &str, x_m: f64) -> Camera {
     let matrix = Matrix3::new(20.0, 0.0, 8.0, 0.0, 20.0, 6.0, 0.0, 0.0, 1.0);

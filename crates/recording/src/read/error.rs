@@ -6,8 +6,7 @@ use mcap::McapError;
 use proto::codec::TooManyEntries;
 use proto::convert::ConvertError as SilhouetteError;
 use thiserror::Error;
-
-use crate::convert::ConvertError;
+use world_encodings::recording::ConvertError;
 
 /// Why a file is no recording that can be replayed.
 #[derive(Debug, Error)]

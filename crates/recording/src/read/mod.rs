@@ -23,10 +23,11 @@ use std::sync::Arc;
 use prost::Message;
 use proto::MAX_SCALE_LOG2;
 use proto::codec::{Entries, check_entries};
+use proto::recording as messages;
+use world_encodings::recording::ConvertError;
 
 use crate::channels::Channel;
-use crate::convert::{ConvertError, RunHeader, SEGMENT_MS, UNIX_S, within};
-use crate::messages;
+use crate::convert::{RunHeader, SEGMENT_MS, UNIX_S, within};
 use chunk::{Chunks, Place, Record};
 
 /// Film of longer runs, and frames beyond these, are no run's.

@@ -6,13 +6,14 @@ use std::sync::Arc;
 
 use coordinator::hooks::{Schedule, Scheduled, Sees};
 use proto::convert::Precision;
+use proto::recording::{Response, Step};
 use sim::{BodyResponse, ResponseMode};
+use world_encodings::recording::{ConvertError, finite};
 
 use super::check::{Expected, StepCheck};
 use super::{Index, ReadError, decode};
 use crate::channels::Channel;
-use crate::convert::{RunHeader, command_from_message, contacts_from_bytes, finite};
-use crate::messages::{Response, Step};
+use crate::convert::{RunHeader, command_from_message, contacts_from_bytes};
 
 /// The steps of a recording, read chunk by chunk.
 #[derive(Debug)]
@@ -108,7 +109,7 @@ impl Schedule for RecordedSteps {
     }
 }
 
-fn response(response: &Response) -> Result<BodyResponse, crate::ConvertError> {
+fn response(response: &Response) -> Result<BodyResponse, ConvertError> {
     let spin = response.spin_rad_s.as_ref().map(|found| finite("Response", found)).transpose()?;
     Ok(BodyResponse {
         response_m: response.response_m.as_ref().map(|found| finite("Response", found)).transpose()?,

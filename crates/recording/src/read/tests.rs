@@ -11,11 +11,11 @@ use hull::surface::HullTime;
 use hull::{Camera, Rig, Silhouette};
 use nalgebra::{Matrix3, Vector3};
 use proto::convert::Precision;
+use proto::recording::Header;
 use sim::solid::ConvexHull;
 use sim::{BodyResponse, BodySpec, MassSpec, ResponseMode, Scene, Solid, World, WorldSettings};
 
 use super::{Recording, StepCheck};
-use crate::messages::Header;
 use crate::{ColourCrop, Overwrites, RecordingFile, RunHeader, RunRecorder, record};
 
 const SIZE: (u32, u32) = (64, 48);

@@ -5,11 +5,11 @@ use std::fs::File;
 use std::sync::Arc;
 
 use parking_lot::Mutex;
+use proto::recording as messages;
 
 use super::{Index, NO_CHUNK, ReadError, decode};
 use crate::channels::Channel;
 use crate::fetch::ColourCrop;
-use crate::messages;
 
 /// Chunks kept unpacked: a frame may lie over two, and the next begins where it ends.
 const KEPT_CHUNKS: usize = 2;

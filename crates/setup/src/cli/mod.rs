@@ -1,5 +1,5 @@
 //! What the program's commands and its benches share: how they fail, files written whole, standard output, progress
-//! on a terminal, temporary folders, sizes and precisions on the command line.
+//! on a terminal, temporary folders, sizes, precisions and responses on the command line.
 
 mod argument;
 mod failure;
@@ -7,6 +7,7 @@ mod output;
 mod output_file;
 mod precision;
 mod progress;
+mod response;
 mod temporary;
 
 pub use crate::{out, outln};
@@ -16,4 +17,5 @@ pub use output::print;
 pub use output_file::{check_writable, write_whole};
 pub use precision::PrecisionName;
 pub use progress::{Progress, while_working};
+pub use response::ResponseName;
 pub use temporary::temporary_folder;

@@ -15,6 +15,7 @@ use hyper::body::Incoming;
 use hyper::service::service_fn;
 use hyper_util::rt::{TokioExecutor, TokioIo, TokioTimer};
 use hyper_util::server::conn::auto::Builder;
+use net::admission::{Activity, ConnectionSlot, Registry, StayGuard, TLS_HANDSHAKE};
 use net::{Credentials, HandshakeLimit};
 use parking_lot::Mutex;
 use socket2::SockRef;
@@ -28,7 +29,6 @@ use tower::ServiceExt as _;
 use super::linger::Lingering;
 use super::progress::{BytesSent, Progress, ProgressSocket};
 use super::refusals::{Refusal, Refusals};
-use super::registry::{Registered, Registry, Staying};
 
 /// By then a peer has sent the whole head of its first request.
 const HEAD_TIMEOUT: Duration = Duration::from_secs(5);
@@ -49,8 +49,6 @@ const PING_TIMEOUT: Duration = Duration::from_secs(10);
 /// Bytes that the kernel buffers for a slow peer: more would be old when it arrives.
 /// A page in the same building takes hundreds of megabits a second through so much.
 const SEND_BUFFER_BYTES: usize = 128 << 10;
-/// The first byte of TLS.
-const TLS_HANDSHAKE: u8 = 0x16;
 
 /// What the connections of a port share.
 #[derive(Debug)]
@@ -70,7 +68,7 @@ pub(crate) struct Connection(Arc<State>);
 #[derive(Debug)]
 struct State {
     port: Arc<PortShared>,
-    registered: Arc<Registered>,
+    slot: Arc<ConnectionSlot>,
     from: IpAddr,
     progress: Arc<Progress>,
     /// Whether the peer has begun something that it has not ended.
@@ -88,9 +86,10 @@ impl Connection {
     /// A peer that was accepted.
     pub(super) fn new(port: &Arc<PortShared>, from: IpAddr) -> Connection {
         let progress = Arc::<Progress>::default();
+        let activity = Arc::clone(&progress) as Arc<dyn Activity>;
         Connection(Arc::new(State {
             port: Arc::clone(port),
-            registered: port.registry.begin(from, Arc::clone(&progress)),
+            slot: port.registry.begin(Some(from), activity),
             from,
             progress,
             has_begun: AtomicBool::new(false),
@@ -121,20 +120,20 @@ impl Connection {
 
     /// Keeps it from being dropped for another, or as idle, as long as the result lives. Who asks for this bounds how many
     /// stay.
-    pub fn stay(&self) -> Staying {
-        self.0.registered.stay()
+    pub fn stay(&self) -> StayGuard {
+        self.0.slot.stay()
     }
 
     /// Answers what is asked until the peer leaves, must leave, or everything ends.
     pub(super) async fn serve(self, stream: TcpStream, router: Router, ending: watch::Receiver<bool>) {
         let ended = tokio::select! {
             ended = self.answer(stream, router, ending) => ended,
-            () = self.0.registered.gives_way() => {
+            () = self.0.slot.evicted() => {
                 Err(if self.last_asked().is_some() { Refusal::Outdated } else { Refusal::GaveWay })
             }
             why = self.loses_patience() => Err(why),
         };
-        self.0.registered.end();
+        self.0.slot.end();
         if let Err(why) = ended {
             self.0.port.refusals.log(Some(self.0.from), &why);
         }
@@ -222,7 +221,7 @@ impl Connection {
 
     /// The head of a request is whole.
     fn has_asked(&self) {
-        self.0.registered.asked();
+        self.0.slot.asked();
         *self.asked() = Some(Instant::now());
     }
 
@@ -247,7 +246,7 @@ impl Connection {
             let (asked, taken) = (self.last_asked().unwrap_or(last), self.bytes_sent().bytes());
             if asked > last {
                 last = asked;
-            } else if taken >= sent + SLOW_LINK_BYTES || self.0.registered.stays() {
+            } else if taken >= sent + SLOW_LINK_BYTES || self.0.slot.stays() {
                 last = Instant::now();
             } else {
                 return Refusal::Idle;

@@ -2,22 +2,20 @@
 
 use std::io;
 use std::sync::Arc;
-use std::time::Duration;
 
 use axum::Router;
+use net::admission::{Registry, accept_next};
 use net::{Credentials, HandshakeLimit};
 use socket2::SockRef;
 use tokio::net::TcpListener;
 use tokio::sync::watch;
 use tokio::task::JoinSet;
 
+use super::POLICY;
 use super::connection::{Connection, PortShared};
 use super::linger::Lingering;
 use super::refusals::{Refusal, Refusals};
-use super::registry::Registry;
 
-/// The system has no descriptor, or no memory: it is asked again after this.
-const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
 /// Connections that the system keeps until they are accepted. The standard library's own bound, 128, is filled by one burst,
 /// and who comes then waits for a second.
 const BACKLOG: i32 = 1024;
@@ -42,7 +40,7 @@ impl Port {
             credentials,
             handshakes: HandshakeLimit::default(),
             lingering: Lingering::default(),
-            registry: Registry::default(),
+            registry: Registry::new(POLICY),
             refusals: Refusals::new(name),
         };
         Ok(Port { listener: TcpListener::from_std(listener)?, shared: Arc::new(shared) })
@@ -59,33 +57,19 @@ impl Port {
         let mut connections = JoinSet::new();
         let of_connections = ending.clone();
         loop {
-            let accepted = tokio::select! {
-                accepted = self.listener.accept() => accepted,
+            let log = |error: &io::Error| self.shared.refusals.log(None, &Refusal::System(error.to_string()));
+            let (stream, from) = tokio::select! {
+                accepted = accept_next(|| self.listener.accept(), log) => accepted,
                 Some(_) = connections.join_next() => continue,
                 // An end whose sender is gone is an end.
                 _ = ending.wait_for(|ended| *ended) => break,
             };
-            match accepted {
-                Ok((stream, from)) => {
-                    let connection = Connection::new(&self.shared, from.ip().to_canonical());
-                    connections.spawn(connection.serve(stream, router.clone(), of_connections.clone()));
-                }
-                Err(error) if is_of_the_peer(&error) => {}
-                Err(error) => {
-                    self.shared.refusals.log(None, &Refusal::System(error));
-                    tokio::time::sleep(ACCEPT_PAUSE).await;
-                }
-            }
+            let connection = Connection::new(&self.shared, from.ip().to_canonical());
+            connections.spawn(connection.serve(stream, router.clone(), of_connections.clone()));
             // A new connection reads what was sent already before the next one may evict it.
             tokio::task::yield_now().await;
         }
         drop(self.listener);
         while connections.join_next().await.is_some() {}
     }
-}
-
-/// Whether the peer went away before it was accepted.
-fn is_of_the_peer(error: &io::Error) -> bool {
-    use io::ErrorKind::{ConnectionAborted, ConnectionRefused, ConnectionReset};
-    matches!(error.kind(), ConnectionAborted | ConnectionRefused | ConnectionReset)
 }

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::task::{Context, Poll};
 
+use net::admission::Activity;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
 
@@ -26,11 +27,6 @@ impl Progress {
         BytesSent(Arc::clone(self))
     }
 
-    /// Whether an answer is being made, or not all of it was sent.
-    pub fn is_answering(&self) -> bool {
-        self.is_unsent.load(Ordering::Relaxed) || self.requests.load(Ordering::Relaxed) > 0
-    }
-
     /// A request is being answered for as long as the result lives.
     pub fn begin_request(self: &Arc<Self>) -> Request {
         self.requests.fetch_add(1, Ordering::Relaxed);
@@ -43,6 +39,12 @@ impl Progress {
             self.bytes_sent.fetch_add(*bytes as u64, Ordering::Relaxed);
         }
         written
+    }
+}
+
+impl Activity for Progress {
+    fn is_answering(&self) -> bool {
+        self.is_unsent.load(Ordering::Relaxed) || self.requests.load(Ordering::Relaxed) > 0
     }
 }
 
@@ -140,5 +142,28 @@ impl AsyncWrite for ProgressSocket {
 
     fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
         Pin::new(&mut self.socket).poll_shutdown(context)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_connection_is_answering_until_its_last_request_is_answered_and_sent() {
+        let progress = Arc::<Progress>::default();
+        assert!(!progress.is_answering());
+        let (one, other) = (progress.begin_request(), progress.begin_request());
+        drop(one);
+        assert!(progress.is_answering());
+        drop(other);
+        assert!(!progress.is_answering());
+        assert!(
+            progress.written(Poll::Pending).is_pending() && progress.is_answering(),
+            "its peer is still reading"
+        );
+        let _ = progress.written(Poll::Ready(Ok(7)));
+        assert!(!progress.is_answering());
+        assert_eq!(progress.bytes_sent().bytes(), 7);
     }
 }

@@ -1,18 +1,13 @@
 //! Connections that come to nothing, in the log.
 
-use std::fmt::Display;
 use std::net::IpAddr;
 use std::time::Duration;
 
 use net::HandshakeError;
-use parking_lot::Mutex;
+use net::admission::RateLimitedLog;
 use thiserror::Error;
-use tokio::time::Instant;
 
-use super::registry::{MAX_BEGINNING, MAX_PASSING};
-
-/// A line so often at most, however many are refused.
-const LOG_EVERY: Duration = Duration::from_secs(1);
+use super::{MAX_BEGINNING, MAX_PASSING};
 
 /// Why a connection ended before its peer had what it wanted.
 #[derive(Debug, Error)]
@@ -49,7 +44,7 @@ pub(super) enum Refusal {
     Idle,
     /// The system's error.
     #[error("cannot accept it: {0}")]
-    System(std::io::Error),
+    System(String),
 }
 
 impl Refusal {
@@ -64,37 +59,28 @@ impl Refusal {
 pub(super) struct Refusals {
     /// The port's name in the log.
     port: &'static str,
-    last: Mutex<Option<(Instant, u64)>>,
+    log: RateLimitedLog,
 }
 
 impl Refusals {
     /// Of a port of this name.
     pub fn new(port: &'static str) -> Refusals {
-        Refusals { port, last: Mutex::default() }
+        Refusals { port, log: RateLimitedLog::default() }
     }
 
     /// Logs it, or counts it for the next line.
     pub fn log(&self, from: Option<IpAddr>, why: &Refusal) {
-        let from = from.map_or_else(|| "an unknown address".to_owned(), |from| from.to_string());
+        let connection = self.connection(from);
         if why.is_usual() {
-            tracing::debug!("{}: a connection from {from} ends: {why}", self.port);
-        } else if let Some(line) = self.line(&from, why, Instant::now()) {
-            tracing::warn!("{line}");
+            tracing::debug!("{connection} ends: {why}");
+        } else {
+            self.log.warn(&format_args!("{connection} was refused"), why);
         }
     }
 
-    fn line(&self, from: &str, why: &dyn Display, now: Instant) -> Option<String> {
-        let mut last = self.last.lock();
-        let more = match *last {
-            Some((at, unsaid)) if now - at < LOG_EVERY => {
-                *last = Some((at, unsaid + 1));
-                return None;
-            }
-            Some((_, unsaid)) if unsaid > 0 => format!(" (and {unsaid} more since the line before)"),
-            _ => String::new(),
-        };
-        *last = Some((now, 0));
-        Some(format!("{}: a connection from {from} was refused: {why}{more}", self.port))
+    fn connection(&self, from: Option<IpAddr>) -> String {
+        let from = from.map_or_else(|| "an unknown address".to_owned(), |from| from.to_string());
+        format!("{}: a connection from {from}", self.port)
     }
 }
 
@@ -103,23 +89,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_thousand_refusals_are_two_lines() {
-        let refusals = Refusals::new("the page");
-        let began = Instant::now();
-        let line = |ms| {
-            refusals.line(
-                "192.0.2.7",
-                &Refusal::Slow(Duration::from_secs(5)),
-                began + Duration::from_millis(ms),
-            )
-        };
-        let first = line(0).expect("said at once");
-        assert_eq!(
-            first,
-            "the page: a connection from 192.0.2.7 was refused: no whole request head within 5 s"
-        );
-        assert_eq!((1..999).filter_map(line).count(), 0);
-        assert_eq!(line(1000), Some(format!("{first} (and 998 more since the line before)")));
-        assert_eq!(line(2000), Some(first));
+    fn a_refusal_names_the_port_the_peer_and_the_reason() {
+        let connection = Refusals::new("the page").connection(Some(IpAddr::from([192, 0, 2, 7])));
+        assert_eq!(connection, "the page: a connection from 192.0.2.7");
+        assert_eq!(Refusal::Slow(Duration::from_secs(5)).to_string(), "no whole request head within 5 s");
+        assert_eq!(Refusal::GaveWay.to_string(), "it had asked nothing when 64 others came");
     }
 }

@@ -1,4 +1,4 @@
-//! The gRPC service `World`. Generated types stay in this file.
+//! The gRPC service `World`.
 
 use std::pin::Pin;
 use std::sync::Arc;
@@ -8,12 +8,13 @@ use prost::Message;
 use proto::text::{MAX_MESSAGE_CHARS, clean};
 use proto::v1;
 use proto::v1::world_server::{World, WorldServer};
-use sim::{BodyRequest, Scene, ShapeRequest, Solid};
+use sim::Scene;
 use tokio::sync::mpsc;
 use tokio_stream::Stream;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::service::Routes;
 use tonic::{Code, Request, Response, Status};
+use world_encodings::{service, shape};
 
 use super::ticks::{DEFAULT_RATE_HZ, Ticks};
 use crate::fields::InputError;
@@ -205,28 +206,12 @@ impl World for Service {
     }
 }
 
-fn numbers(v1::Vector { x, y, z }: v1::Vector) -> [f64; 3] {
-    [x, y, z]
-}
-
-fn vector([x, y, z]: [f64; 3]) -> Option<v1::Vector> {
-    Some(v1::Vector { x, y, z })
-}
-
 fn status(code: Code, why: impl std::fmt::Display) -> Status {
     Status::new(code, clean(&why.to_string(), MAX_MESSAGE_CHARS))
 }
 
 fn invalid(why: impl std::fmt::Display) -> Status {
     status(Code::InvalidArgument, why)
-}
-
-fn missing(field: &str, expected: &str) -> InputError {
-    InputError::Missing { field: field.into(), expected: expected.into() }
-}
-
-fn needed(field: &str, found: Option<v1::Vector>) -> Result<[f64; 3], InputError> {
-    found.map(numbers).ok_or_else(|| missing(field, "a vector"))
 }
 
 /// The command of a call that takes numbers, by its place among these; `None` if the message is none of that call.
@@ -247,23 +232,21 @@ pub(crate) fn command_of_call(call: u8, message: &[u8]) -> Option<Result<Command
 }
 
 fn push(v1::PushRequest { body, impulse, at }: v1::PushRequest) -> Result<Command, InputError> {
-    let impulse_n_s = needed("impulse", impulse)?;
-    Ok(Command::Push { body, impulse_n_s, at_m: at.map(numbers) })
+    let impulse_n_s = service::needed("impulse", impulse)?;
+    Ok(Command::Push { body, impulse_n_s, at_m: at.map(service::numbers) })
 }
 
 fn grab(v1::GrabRequest { body, grip, target }: v1::GrabRequest) -> Result<Command, InputError> {
-    let grip_body_m = grip.map(numbers).unwrap_or_default();
-    Ok(Command::Grab { body, grip_body_m, target_m: needed("target", target)? })
+    let grip_body_m = grip.map(service::numbers).unwrap_or_default();
+    Ok(Command::Grab { body, grip_body_m, target_m: service::needed("target", target)? })
 }
 
 fn release(v1::ReleaseRequest { body, velocity }: v1::ReleaseRequest) -> Result<Command, InputError> {
-    Ok(Command::Release { body, velocity_m_s: velocity.map(numbers) })
+    Ok(Command::Release { body, velocity_m_s: velocity.map(service::numbers) })
 }
 
 fn set(parameters: v1::Parameters) -> Result<Command, InputError> {
-    let v1::Parameters { answers_hull, hull_restitution, hull_friction, gravity } = parameters;
-    let gravity_m_s2 = gravity.map(numbers);
-    let set = Parameters { answers_hull, hull_restitution, hull_friction, gravity_m_s2 };
+    let set = service::parameters_from_message(parameters);
     if set == Parameters::default() {
         return Err(InputError::NothingToSet);
     }
@@ -272,74 +255,26 @@ fn set(parameters: v1::Parameters) -> Result<Command, InputError> {
 
 /// A body to spawn, with the checks of a scene's bodies.
 fn spawn(request: v1::SpawnRequest) -> Result<Command, InputError> {
-    let v1::SpawnRequest { shape, position, rotation, velocity, mass, density, friction, .. } = request;
-    let body = BodyRequest {
-        name: Some(request.name),
-        shape: shape_request(shape.and_then(|shape| shape.kind))?,
-        position: needed("position", position)?,
-        rotation_xyzw: rotation.map(|v1::Quaternion { x, y, z, w }| [x, y, z, w]),
-        velocity: velocity.map(numbers),
-        mass,
-        density,
-        friction,
-        restitution: request.restitution,
-        fixed: request.fixed,
-        color: request.color.map(|v1::Color { red, green, blue }| [red, green, blue]),
-    };
+    let body = service::body_request(request)?;
     let spec = body.check().map_err(|error| InputError::Body { of: "", error })?;
     Ok(Command::Spawn(Box::new(spec)))
 }
 
-fn shape_request(kind: Option<v1::body_shape::Kind>) -> Result<ShapeRequest, InputError> {
-    use v1::body_shape::{Ball, Box, Capsule, Cone, Cylinder, Hull, Kind};
-    let kind = kind.ok_or_else(|| missing("shape", "box, ball, capsule, cylinder, cone or hull"))?;
-    Ok(match kind {
-        Kind::Box(Box { size }) => ShapeRequest::Box { size: needed("shape.box.size", size)? },
-        Kind::Ball(Ball { radius }) => ShapeRequest::Ball { radius },
-        Kind::Capsule(Capsule { radius, length }) => ShapeRequest::Capsule { radius, length },
-        Kind::Cylinder(Cylinder { radius, height }) => ShapeRequest::Cylinder { radius, height },
-        Kind::Cone(Cone { radius, height }) => ShapeRequest::Cone { radius, height },
-        Kind::Hull(Hull { points }) => {
-            ShapeRequest::Hull { points: points.into_iter().map(numbers).collect() }
-        }
-    })
-}
-
-fn shape(solid: &Solid) -> v1::BodyShape {
-    use v1::body_shape::{Ball, Box, Capsule, Cone, Cylinder, Hull, Kind};
-    let kind = match *solid {
-        Solid::Box { size_m } => Kind::Box(Box { size: vector(size_m) }),
-        Solid::Ball { radius_m: radius } => Kind::Ball(Ball { radius }),
-        Solid::Capsule { radius_m: radius, length_m: length } => Kind::Capsule(Capsule { radius, length }),
-        Solid::Cylinder { radius_m: radius, height_m: height } => Kind::Cylinder(Cylinder { radius, height }),
-        Solid::Cone { radius_m: radius, height_m: height } => Kind::Cone(Cone { radius, height }),
-        Solid::Hull(ref hull) => Kind::Hull(Hull {
-            points: hull.corners_m().iter().filter_map(|&corner| vector(corner)).collect(),
-        }),
-    };
-    v1::BodyShape { kind: Some(kind) }
-}
-
 fn description(scene: &SceneState) -> v1::WorldDescription {
-    let Parameters { answers_hull, hull_restitution, hull_friction, gravity_m_s2 } = scene.parameters;
-    let gravity = gravity_m_s2.and_then(vector);
-    let body = |look: &BodyLook| {
-        let [red, green, blue] = look.color.map(f64::from);
-        v1::BodyDescription {
-            id: look.id,
-            name: look.name.clone(),
-            shape: Some(shape(&look.solid)),
-            color: Some(v1::Color { red, green, blue }),
-            fixed: look.fixed,
-        }
+    let body = |look: &BodyLook| v1::BodyDescription {
+        id: look.id,
+        name: look.name.clone(),
+        shape: Some(shape::to_service(&look.solid)),
+        color: Some(service::color(look.color)),
+        fixed: look.fixed,
     };
     v1::WorldDescription {
         generation: scene.generation,
         version: scene.version,
         scene: scene.scene.clone(),
         bodies: scene.bodies.iter().map(body).collect(),
-        parameters: Some(v1::Parameters { answers_hull, hull_restitution, hull_friction, gravity }),
-        up: vector(scene.up),
+        parameters: Some(service::parameters(&scene.parameters)),
+        up: Some(service::vector(scene.up)),
         floor_m: scene.floor_m,
         ..v1::WorldDescription::default()
     }
@@ -350,8 +285,8 @@ fn state(world: &WorldState, with_touches: bool) -> v1::WorldState {
     let touch = |touch: &coordinator::live::TouchPoint| {
         Some(v1::Touch {
             body: world.bodies.get(touch.body as usize)?.id,
-            point: vector(touch.point_m.map(f64::from)),
-            response: vector(touch.response_m.map(f64::from)),
+            point: Some(service::vector(touch.point_m.map(f64::from))),
+            response: Some(service::vector(touch.response_m.map(f64::from))),
         })
     };
     v1::WorldState {
@@ -366,15 +301,14 @@ fn state(world: &WorldState, with_touches: bool) -> v1::WorldState {
 }
 
 fn body_state(body: &BodyState) -> v1::BodyState {
-    let [x, y, z, w] = body.pose.rotation_xyzw();
     v1::BodyState {
         id: body.id,
-        position: vector(body.pose.position_m()),
-        rotation: Some(v1::Quaternion { x, y, z, w }),
-        velocity: vector(body.velocity_m_s),
-        spin: vector(body.spin_rad_s),
+        position: Some(service::vector(body.pose.position_m())),
+        rotation: Some(service::quaternion(body.pose.rotation_xyzw())),
+        velocity: Some(service::vector(body.velocity_m_s)),
+        spin: Some(service::vector(body.spin_rad_s)),
         inside_samples: body.inside_samples,
-        response: body.response_m.and_then(vector),
+        response: body.response_m.map(service::vector),
         grabbed: body.grabbed,
         asleep: body.asleep,
     }
@@ -382,20 +316,22 @@ fn body_state(body: &BodyState) -> v1::BodyState {
 
 #[cfg(test)]
 pub(crate) mod tests {
+    use sim::Solid;
+
     use super::*;
 
     /// One of each call that [`command_of_call`] reads.
     pub fn calls() -> Vec<Vec<u8>> {
-        let at = vector([0.0, 1.5, 0.25]);
+        let at = Some(service::vector([0.0, 1.5, 0.25]));
         let spawn = |solid: &Solid| v1::SpawnRequest {
             name: "can".into(),
-            shape: Some(shape(solid)),
+            shape: Some(shape::to_service(solid)),
             position: at,
             mass: Some(2.0),
             color: Some(v1::Color { red: 1.0, green: 0.5, blue: 0.0 }),
             ..v1::SpawnRequest::default()
         };
-        let gravity = vector([0.0; 3]);
+        let gravity = Some(service::vector([0.0; 3]));
         let messages = [
             (0, spawn(&Solid::Box { size_m: [0.1, 0.2, 0.3] }).encode_to_vec()),
             (0, spawn(&Solid::Cone { radius_m: 0.1, height_m: 0.2 }).encode_to_vec()),
@@ -412,43 +348,6 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn shapes_go_out_as_they_come_in() {
-        let hull = (0..8).map(|i| [i & 1, i >> 1 & 1, i >> 2].map(|bit| 0.2 * f64::from(bit) - 0.1));
-        let points: Vec<[f64; 3]> = hull.collect();
-        let requests = [
-            ShapeRequest::Box { size: [0.1, 0.2, 0.3] },
-            ShapeRequest::Ball { radius: 0.1 },
-            ShapeRequest::Capsule { radius: 0.1, length: 0.2 },
-            ShapeRequest::Cylinder { radius: 0.1, height: 0.2 },
-            ShapeRequest::Cone { radius: 0.1, height: 0.2 },
-            ShapeRequest::Hull { points },
-        ];
-        for request in requests {
-            let body = |shape| BodyRequest {
-                name: None,
-                shape,
-                position: [0.0; 3],
-                rotation_xyzw: None,
-                velocity: None,
-                mass: None,
-                density: None,
-                friction: None,
-                restitution: None,
-                fixed: false,
-                color: None,
-            };
-            let solid = body(request).check().expect("a body").solid;
-            let again = shape_request(shape(&solid).kind).expect("a shape");
-            let again = body(again).check().expect("a body").solid;
-            match (&solid, &again) {
-                // The order of corners is the convex hull's own business.
-                (Solid::Hull(a), Solid::Hull(b)) => assert_eq!(a.corners_m().len(), b.corners_m().len()),
-                _ => assert_eq!(solid, again),
-            }
-        }
-    }
-
-    #[test]
     fn a_spawn_without_shape_or_position_is_refused_by_field() {
         let error = |request| spawn(request).expect_err("refused").to_string();
         assert!(error(v1::SpawnRequest::default()).starts_with("shape is missing"));
@@ -456,7 +355,8 @@ pub(crate) mod tests {
         let shape = Some(v1::BodyShape { kind: Some(ball) });
         let request = v1::SpawnRequest { shape, ..v1::SpawnRequest::default() };
         assert_eq!(error(request.clone()), "position is missing, expected a vector");
-        let request = v1::SpawnRequest { position: vector([0.0; 3]), mass: Some(-1.0), ..request };
+        let request =
+            v1::SpawnRequest { position: Some(service::vector([0.0; 3])), mass: Some(-1.0), ..request };
         assert_eq!(error(request), "mass: -1, expected a number from 0.001 to 10000");
     }
 }

@@ -1,65 +1,26 @@
-//! A world as bytes and back. Every number is checked when it is read, by the checks of a scene's bodies.
+//! What nodes remember of a world: as bytes and back. Every number is checked when it is read, by the checks of a scene's
+//! bodies.
+
+pub(crate) mod error;
+pub mod message;
 
 use hull::Pose;
 use prost::Message as _;
-use proto::codec::{Entries, TooManyEntries, check_entries};
+use proto::codec::{Entries, check_entries};
 use proto::text::{MAX_NAME_CHARS, clean};
 use sim::scene::MAX_BODIES;
 use sim::{
-    BodyRequest, BodySnapshot, BodySpec, MassSpec, Parameters, Scene, SceneError, ShapeRequest, Solid,
-    ValueError, WorldSnapshot,
+    BodyRequest, BodySnapshot, BodySpec, MassSpec, Parameters, Scene, ShapeRequest, Solid, WorldSnapshot,
 };
-use thiserror::Error;
 
-use super::message::{self, Mass};
+use self::message::{Mass, numbers};
+use crate::shape;
+
+pub use error::WorldBytesError;
 
 /// Counted before a message is decoded: an empty one takes two bytes in it and two hundred in memory.
 const ENTRIES: [Entries; 2] =
     [Entries::new("World.solids", &[10], MAX_BODIES), Entries::new("World.bodies", &[11], MAX_BODIES)];
-
-/// Why bytes make no world. Every message is one line.
-#[derive(Clone, Debug, PartialEq, Error)]
-pub enum WorldBytesError {
-    /// They are no message.
-    #[error("no world: {0}")]
-    Message(#[from] prost::DecodeError),
-    /// More bodies, or forms of them, than a world has.
-    #[error(transparent)]
-    Entries(#[from] TooManyEntries),
-    /// A field that is not there, or holds another count of numbers.
-    #[error("{field} holds {found} numbers, expected {expected}")]
-    Count {
-        /// Its name in the message.
-        field: &'static str,
-        /// Numbers found.
-        found: usize,
-        /// Numbers expected.
-        expected: usize,
-    },
-    /// A field that must be there is not.
-    #[error("{0} is missing")]
-    Missing(&'static str),
-    /// A form that no body has.
-    #[error("body {body}: no form of a body has this place")]
-    Solid {
-        /// The body's number.
-        body: u32,
-    },
-    /// A pose without numbers, or with a quaternion of another length than 1.
-    #[error("body {body}: {error}")]
-    Pose {
-        /// The body's number.
-        body: u32,
-        /// What was found and expected.
-        error: hull::body::BodyError,
-    },
-    /// A value that cannot be.
-    #[error(transparent)]
-    Value(#[from] ValueError),
-    /// A scene that cannot be.
-    #[error(transparent)]
-    Scene(#[from] SceneError),
-}
 
 /// The bytes of a world.
 pub fn world_to_bytes(world: &WorldSnapshot) -> Vec<u8> {
@@ -72,7 +33,8 @@ pub fn world_from_bytes(bytes: &[u8]) -> Result<WorldSnapshot, WorldBytesError> 
     world_from_message(message::World::decode(bytes)?)
 }
 
-pub(super) fn world_to_message(world: &WorldSnapshot) -> message::World {
+/// The message of a world.
+pub fn world_to_message(world: &WorldSnapshot) -> message::World {
     let scene = world.scene();
     let Parameters { answers_hull, hull_restitution, hull_friction, gravity_m_s2 } = world.parameters();
     let mut solids: Vec<&Solid> = vec![];
@@ -94,7 +56,7 @@ pub(super) fn world_to_message(world: &WorldSnapshot) -> message::World {
         gravity_m_s2: gravity_m_s2.unwrap_or_default().into(),
         steps: world.steps(),
         next_id: world.next_id(),
-        solids: solids.into_iter().map(solid_to_message).collect(),
+        solids: solids.into_iter().map(shape::to_checkpoint).collect(),
         bodies,
     }
 }
@@ -121,19 +83,8 @@ fn body_to_message(body: &BodySnapshot, solid: usize) -> message::Body {
     }
 }
 
-fn solid_to_message(solid: &Solid) -> message::Solid {
-    let extents_m = match solid {
-        Solid::Box { size_m } => size_m.to_vec(),
-        Solid::Ball { radius_m } => vec![*radius_m],
-        Solid::Capsule { radius_m, length_m: long_m }
-        | Solid::Cylinder { radius_m, height_m: long_m }
-        | Solid::Cone { radius_m, height_m: long_m } => vec![*radius_m, *long_m],
-        Solid::Hull(hull) => hull.points_m().as_flattened().to_vec(),
-    };
-    message::Solid { kind: solid.kind().to_owned(), extents_m }
-}
-
-pub(super) fn world_from_message(found: message::World) -> Result<WorldSnapshot, WorldBytesError> {
+/// The world of a message, every number of it checked.
+pub fn world_from_message(found: message::World) -> Result<WorldSnapshot, WorldBytesError> {
     // It is shown, and came from a peer.
     let scene = Scene::from_toml(&clean(&found.scene_name, MAX_NAME_CHARS), &found.scene_toml)?
         .with_gravity(numbers("scene_gravity_m_s2", &found.scene_gravity_m_s2)?)?;
@@ -144,7 +95,8 @@ pub(super) fn world_from_message(found: message::World) -> Result<WorldSnapshot,
         gravity_m_s2: Some(numbers("gravity_m_s2", &found.gravity_m_s2)?),
     };
     // Bodies of one form share it.
-    let solids = found.solids.iter().map(solid_from_message).collect::<Result<Vec<Solid>, _>>()?;
+    let solid = |solid| Ok(shape::from_checkpoint(solid)?.check()?);
+    let solids = found.solids.iter().map(solid).collect::<Result<Vec<Solid>, WorldBytesError>>()?;
     let bodies = found.bodies.into_iter().map(|body| body_from_message(body, &solids));
     let bodies = bodies.collect::<Result<_, _>>()?;
     Ok(WorldSnapshot::new(scene, parameters, found.steps, found.next_id, bodies)?)
@@ -181,29 +133,42 @@ fn body_from_message(found: message::Body, solids: &[Solid]) -> Result<BodySnaps
     Ok(BodySnapshot { id: body, spec, spin_rad_s: numbers("spin_rad_s", &found.spin_rad_s)? })
 }
 
-fn solid_from_message(found: &message::Solid) -> Result<Solid, WorldBytesError> {
-    let extents_m = &found.extents_m[..];
-    let round = || numbers::<f64, 2>("extents_m", extents_m);
-    let shape = match &found.kind[..] {
-        "box" => ShapeRequest::Box { size: numbers("extents_m", extents_m)? },
-        "ball" => {
-            let [radius] = numbers("extents_m", extents_m)?;
-            ShapeRequest::Ball { radius }
-        }
-        "capsule" => round().map(|[radius, length]| ShapeRequest::Capsule { radius, length })?,
-        "cylinder" => round().map(|[radius, height]| ShapeRequest::Cylinder { radius, height })?,
-        "cone" => round().map(|[radius, height]| ShapeRequest::Cone { radius, height })?,
-        "hull" => {
-            let points = extents_m.chunks(3).map(|point| numbers("extents_m", point));
-            ShapeRequest::Hull { points: points.collect::<Result<_, _>>()? }
-        }
-        _ => return Err(WorldBytesError::Missing("kind")),
-    };
-    Ok(shape.check()?)
-}
+#[cfg(test)]
+mod tests {
+    use sim::{World, WorldSettings};
 
-/// So many numbers.
-fn numbers<T: Copy, const N: usize>(field: &'static str, found: &[T]) -> Result<[T; N], WorldBytesError> {
-    let wrong = |_| WorldBytesError::Count { field, found: found.len(), expected: N };
-    found.try_into().map_err(wrong)
+    use super::*;
+
+    fn world() -> message::World {
+        let scene = Scene::named("topple").expect("a scene");
+        world_to_message(&World::new(&scene, WorldSettings::default()).expect("a world").snapshot())
+    }
+
+    fn error_of(change: fn(&mut message::World)) -> String {
+        let mut changed = world();
+        change(&mut changed);
+        world_from_bytes(&changed.encode_to_vec()).expect_err("refused").to_string()
+    }
+
+    #[test]
+    fn a_world_is_read_as_it_was_written() {
+        let read = world_from_bytes(&world().encode_to_vec()).expect("a world");
+        assert_eq!(world_to_message(&read), world());
+    }
+
+    #[test]
+    fn half_a_million_empty_bodies_are_counted_before_they_are_decoded() {
+        // Field 11 so often, each time an empty message.
+        let error = world_from_bytes(&[0x5a, 0x00].repeat(500_000)).expect_err("refused").to_string();
+        assert_eq!(error, "World.bodies: 500000 entries, expected at most 1000");
+    }
+
+    #[test]
+    fn solids_that_are_none_are_refused() {
+        assert_eq!(error_of(|world| world.solids[0].kind = "torus".into()), "kind is missing");
+        let error = error_of(|world| world.solids[0].extents_m.truncate(1));
+        assert_eq!(error, "extents_m holds 1 numbers, expected 3");
+        let error = error_of(|world| world.bodies[0].solid = 99);
+        assert_eq!(error, "body 0: no form of a body has this place");
+    }
 }

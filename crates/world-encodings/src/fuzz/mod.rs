@@ -6,7 +6,7 @@ mod tests;
 
 use sim::{Scene, World, WorldSettings};
 
-use crate::memory::{world_from_bytes, world_to_bytes};
+use crate::{world_from_bytes, world_to_bytes};
 
 /// Worlds of more bodies are not stepped here: that takes long, and finds nothing else.
 const MAX_STEPPED: usize = 8;

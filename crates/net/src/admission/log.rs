@@ -1,7 +1,6 @@
 //! Rate-limited log for lines that thousands of untrusted peers may cause: one a second, and how many were left out.
 
 use std::fmt::Display;
-use std::net::IpAddr;
 use std::time::Duration;
 
 use parking_lot::Mutex;
@@ -9,23 +8,16 @@ use tokio::time::Instant;
 
 const EVERY: Duration = Duration::from_secs(1);
 
-/// Says something, and not every time.
+/// A log of one line a second at most.
 #[derive(Debug, Default)]
-pub(super) struct Seldom(Mutex<Option<(Instant, u64)>>);
+pub struct RateLimitedLog(Mutex<Option<(Instant, u64)>>);
 
-impl Seldom {
+impl RateLimitedLog {
     /// Warns of what became of something, and why.
-    pub fn warn(&self, what: &str, why: &dyn Display) {
+    pub fn warn(&self, what: &dyn Display, why: &dyn Display) {
         if let Some(unsaid) = self.may_say(Instant::now()) {
-            let more = if unsaid > 0 { format!(", and {unsaid} more") } else { String::new() };
-            tracing::warn!("{what}: {why}{more}");
+            tracing::warn!("{}", line(what, why, unsaid));
         }
-    }
-
-    /// Warns of a connection from that machine that is refused; `None` is this one.
-    pub fn refused(&self, from: Option<IpAddr>, why: &dyn Display) {
-        let from = from.map_or_else(|| "this machine".to_owned(), |from| from.to_string());
-        self.warn(&format!("a connection from {from} was refused"), why);
     }
 
     /// How many were left out before, if this one may be said.
@@ -45,16 +37,26 @@ impl Seldom {
     }
 }
 
+fn line(what: &dyn Display, why: &dyn Display, unsaid: u64) -> String {
+    let more = if unsaid > 0 { format!(" (and {unsaid} more since the line before)") } else { String::new() };
+    format!("{what}: {why}{more}")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn one_a_second_is_said_and_the_others_are_counted() {
-        let (seldom, began) = (Seldom::default(), Instant::now());
+        let (log, began) = (RateLimitedLog::default(), Instant::now());
         let said: Vec<_> =
-            (0..25).map(|tenth| seldom.may_say(began + Duration::from_millis(100 * tenth))).collect();
+            (0..25).map(|tenth| log.may_say(began + Duration::from_millis(100 * tenth))).collect();
         let said: Vec<u64> = said.into_iter().flatten().collect();
         assert_eq!(said, [0, 9, 9]);
+        assert_eq!(line(&"a call was refused", &"no", 0), "a call was refused: no");
+        assert_eq!(
+            line(&"a call was refused", &"no", 9),
+            "a call was refused: no (and 9 more since the line before)"
+        );
     }
 }

@@ -1,10 +1,10 @@
-#[path = "../../../tests/shared/corpora.rs"]
+#[path = "../../../../tests/shared/corpora.rs"]
 mod corpora;
 
 use sim::{Scene, World, WorldSettings};
 
 use super::world;
-use crate::memory::world_to_bytes;
+use crate::world_to_bytes;
 
 #[test]
 fn worlds() {

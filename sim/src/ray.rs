@@ -1,28 +1,42 @@
-//! Where a ray enters a body.
+//! Where a ray enters a body: for those that draw it.
 
+use hull::Pose;
 use nalgebra::{Matrix3, Point3, Vector3};
-use sim::{Body, Solid};
 
-use super::hull_ray::Ray;
+use crate::solid::Solid;
 
 /// Two faces of a polyhedron whose normals are closer than this are one face to the eye.
 const SAME_FACE_COSINE: f64 = 0.99;
 
-/// A body as rays see it.
-pub(super) struct SolidTracer {
+/// A ray of the world; the direction has unit length.
+#[derive(Clone, Copy, Debug)]
+pub struct Ray {
+    /// Where it begins, metres.
+    pub start: Point3<f64>,
+    /// Where it goes.
+    pub direction: Vector3<f64>,
+}
+
+impl Ray {
+    /// The point of the ray that is so many metres along it.
+    pub fn at(&self, t_m: f64) -> Point3<f64> {
+        self.start + self.direction * t_m
+    }
+}
+
+/// A solid in the world, as rays see it.
+pub struct SolidTracer {
     solid: Solid,
     centre_world: Point3<f64>,
     world_from_body: Matrix3<f64>,
     radius_m: f64,
     /// Outward unit normals and offsets of a polyhedron's faces, body frame.
     planes: Vec<(Vector3<f64>, f64)>,
-    /// Its colour, sRGB, 0 to 1.
-    pub color: [f32; 3],
 }
 
-/// Where a ray meets a body.
+/// Where a ray meets a solid.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct SolidHit {
+pub struct SolidHit {
     /// Metres along the ray.
     pub t_m: f64,
     /// Outward unit normal of the world.
@@ -35,8 +49,9 @@ pub(super) struct SolidHit {
 type Local = (f64, Vector3<f64>, f64);
 
 impl SolidTracer {
-    pub fn new(body: &Body) -> SolidTracer {
-        let planes = match &body.solid {
+    /// The solid at a pose.
+    pub fn new(solid: &Solid, pose: &Pose) -> SolidTracer {
+        let planes = match solid {
             Solid::Box { size_m } => (0..6)
                 .map(|side| {
                     let mut normal = Vector3::zeros();
@@ -54,16 +69,15 @@ impl SolidTracer {
             _ => Vec::new(),
         };
         SolidTracer {
-            solid: body.solid.clone(),
-            centre_world: Point3::from(body.pose.position_m()),
-            world_from_body: body.pose.rotation(),
-            radius_m: body.solid.radius_m(),
+            solid: solid.clone(),
+            centre_world: Point3::from(pose.position_m()),
+            world_from_body: pose.rotation(),
+            radius_m: solid.radius_m(),
             planes,
-            color: body.color,
         }
     }
 
-    /// Where the ray enters the body, if it starts outside of it.
+    /// Where the ray enters the solid, if it starts outside of it.
     pub fn hit(&self, ray: &Ray) -> Option<SolidHit> {
         let to_centre = self.centre_world - ray.start;
         let along = to_centre.dot(&ray.direction);
@@ -190,30 +204,8 @@ fn disc(o: &Vector3<f64>, d: &Vector3<f64>, y: f64, radius_m: f64) -> Option<Loc
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hull::{Pose, Shape};
-    use sim::solid::ConvexHull;
+    use crate::solid::ConvexHull;
     use std::sync::Arc;
-
-    fn body(solid: Solid) -> Body {
-        let shape = Arc::new(Shape::new(vec![[0.0; 3]]).expect("a sample"));
-        Body {
-            id: 0,
-            name: "body".to_owned(),
-            probes: Arc::clone(&shape),
-            around: None,
-            faces: None,
-            shape,
-            solid,
-            color: [1.0; 3],
-            fixed: true,
-            mass: sim::MassSpec::MassKg(1.0),
-            friction: 0.6,
-            restitution: 0.1,
-            pose: Pose::new([0.3, -0.2, 0.5], [0.36, 0.48, 0.64, 0.48]).expect("a pose"),
-            velocity_m_s: [0.0; 3],
-            spin_rad_s: [0.0; 3],
-        }
-    }
 
     /// Numbers in −1..1, ever the same.
     fn shares() -> impl FnMut() -> f64 {
@@ -225,10 +217,10 @@ mod tests {
     }
 
     #[track_caller]
-    fn check(solid: Solid) {
-        let body = body(solid);
-        let tracer = SolidTracer::new(&body);
-        let centre = Point3::from(body.pose.position_m());
+    fn check(solid: &Solid) {
+        let pose = Pose::new([0.3, -0.2, 0.5], [0.36, 0.48, 0.64, 0.48]).expect("a pose");
+        let tracer = SolidTracer::new(solid, &pose);
+        let centre = Point3::from(pose.position_m());
         let mut share = shares();
         for _ in 0..2000 {
             let aim = centre + Vector3::new(share(), share(), share()) * 0.02;
@@ -237,11 +229,11 @@ mod tests {
             let hit = tracer.hit(&ray).expect("aimed at the middle");
             assert!(hit.normal_world.dot(&away) > 0.0 && hit.edge_m >= -1e-9, "{hit:?}");
             // A convex solid lies behind the plane through each point of its surface.
-            let rotation = body.pose.rotation();
+            let rotation = pose.rotation();
             let normal_body = rotation.tr_mul(&hit.normal_world);
             let point_body = rotation.tr_mul(&(ray.at(hit.t_m) - centre));
-            let reach_m = body.solid.reach_m(normal_body);
-            assert!((normal_body.dot(&point_body) - reach_m).abs() < 1e-6, "{:?} {hit:?}", body.solid);
+            let reach_m = solid.reach_m(normal_body);
+            assert!((normal_body.dot(&point_body) - reach_m).abs() < 1e-6, "{solid:?} {hit:?}");
         }
         let past = Ray { start: centre + Vector3::new(3.0, 1.0, 0.0), direction: -Vector3::x() };
         assert!(tracer.hit(&past).is_none());
@@ -251,12 +243,12 @@ mod tests {
 
     #[test]
     fn rays_meet_the_surface_of_every_solid() {
-        check(Solid::Box { size_m: [0.2, 0.3, 0.4] });
-        check(Solid::Ball { radius_m: 0.1 });
-        check(Solid::Capsule { radius_m: 0.1, length_m: 0.3 });
-        check(Solid::Cylinder { radius_m: 0.1, height_m: 0.3 });
-        check(Solid::Cone { radius_m: 0.15, height_m: 0.3 });
+        check(&Solid::Box { size_m: [0.2, 0.3, 0.4] });
+        check(&Solid::Ball { radius_m: 0.1 });
+        check(&Solid::Capsule { radius_m: 0.1, length_m: 0.3 });
+        check(&Solid::Cylinder { radius_m: 0.1, height_m: 0.3 });
+        check(&Solid::Cone { radius_m: 0.15, height_m: 0.3 });
         let corners = [[0.2, -0.1, 0.0], [-0.1, -0.1, 0.15], [-0.1, -0.1, -0.15], [0.0, 0.3, 0.0]];
-        check(Solid::Hull(Arc::new(ConvexHull::new(&corners).expect("a tetrahedron"))));
+        check(&Solid::Hull(Arc::new(ConvexHull::new(&corners).expect("a tetrahedron"))));
     }
 }
