@@ -17,6 +17,8 @@ use crate::vector::VectorPath;
 
 /// The radius of the disc that first tells which way to look for another edge, pixels.
 const FIRST_RADIUS: usize = 2;
+/// Rows that are summed together: the least disc has five.
+const ROWS: usize = 8;
 /// Steps of Newton's method that find an offset to a billionth of the radius.
 const OFFSET_STEPS: usize = 3;
 
@@ -41,10 +43,12 @@ pub struct Discs(Vec<Disc>);
 /// The pixels no farther from a pixel than k + 1/2: those with a squared distance of at most k² + k.
 #[derive(Clone, Debug)]
 struct Disc {
-    /// By distance from the middle row, how many pixels a row has on either side of the middle.
-    half_widths: Vec<i32>,
-    /// The same row by row from the first, then negative up to a multiple of sixteen rows.
+    radius: i32,
+    /// Row by row from the first, how many pixels it has on either side of the middle; then negative up to a multiple of
+    /// sixteen rows.
     half_by_row: Vec<i32>,
+    /// Its pixels in windows of 32 columns, from its leftmost on, in blocks of rows, from its first on.
+    masks: Vec<Vec<[u32; ROWS]>>,
     /// By how many of its pixels are background: how far a straight edge is from its middle.
     offsets: Vec<f64>,
 }
@@ -80,7 +84,16 @@ impl Disc {
         let rows = (-radius..=radius).map(|row| half_widths[row.unsigned_abs() as usize]);
         let mut half_by_row: Vec<i32> = rows.collect();
         half_by_row.resize(half_by_row.len().next_multiple_of(16), -1);
-        Disc { half_widths, half_by_row, offsets }
+        let has = |half: i32, column: i32| (column - radius).abs() <= half;
+        let mask = |half: i32, window: i32| {
+            (0..STRIP).fold(0, |mask, bit| mask | u32::from(has(half, window * STRIP + bit)) << bit)
+        };
+        let rows = (2 * radius + 1) as usize;
+        let (blocks, _) = half_by_row[..rows.next_multiple_of(ROWS)].as_chunks::<ROWS>();
+        let of_window =
+            |window: i32| blocks.iter().map(|half| half.map(|half| mask(half, window))).collect::<Vec<_>>();
+        let masks = (0..(2 * radius) / STRIP + 1).map(of_window).collect();
+        Disc { radius, half_by_row, masks, offsets }
     }
 
     /// The zeros of the map within the disc, and how many there are.
@@ -92,22 +105,14 @@ impl Disc {
             return unsafe { avx512::background(candidates, centre, &self.half_by_row) };
         }
         let _ = path;
-        let radius = self.half_widths.len() as i32 - 1;
-        let beyond = if candidates.beyond() { u32::MAX } else { 0 };
         let (mut sum, mut count) = (Sum::default(), 0);
-        for down in -radius..=radius {
-            let half = self.half_widths[down.unsigned_abs() as usize];
-            let (left, right) = (centre.column - half, centre.column + half);
-            let row = (centre.row + down).wrapping_sub(candidates.top()) as usize;
-            for strip in left.div_euclid(STRIP)..=right.div_euclid(STRIP) {
-                let base = strip * STRIP;
-                let (from, to) = ((left - base).max(0), (right - base).min(STRIP - 1));
-                let mask = (u32::MAX << from) & (u32::MAX >> (STRIP - 1 - to));
-                let in_map = strip.wrapping_sub(candidates.left() / STRIP) as usize;
-                let has_word = in_map < candidates.strips() && row < candidates.rows();
-                let word = if has_word { candidates.strip(in_map)[row] } else { beyond };
-                sum.add(&[word], mask, base - centre.column, down);
-                count += (!word & mask).count_ones() as i32;
+        for (window, masks) in self.masks.iter().enumerate() {
+            // Windows of 32 columns begin where the disc does, so that a row's mask is the same wherever the disc is.
+            let across = window as i32 * STRIP - self.radius;
+            for (block, masks) in masks.iter().enumerate() {
+                let down = (block * ROWS) as i32 - self.radius;
+                let corner = Pixel { column: centre.column + across, row: centre.row + down };
+                count += sum.add_rows(&candidates.words_from(corner), masks, across, down);
             }
         }
         (sum, count)

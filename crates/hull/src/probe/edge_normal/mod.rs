@@ -78,6 +78,26 @@ impl Sum {
         }
     }
 
+    /// Adds the zeros of words of consecutive rows, each under a mask of its own, and returns how many there are. Bit 0 is
+    /// `across` from the centre, the first row `down`.
+    #[inline(always)]
+    pub fn add_rows<const ROWS: usize>(
+        &mut self,
+        words: &[u32; ROWS],
+        masks: &[u32; ROWS],
+        across: i32,
+        down: i32,
+    ) -> i32 {
+        let mut all = 0;
+        for at in 0..ROWS {
+            let (count, places) = count_and_places(!words[at] & masks[at]);
+            self.across += across * count + places;
+            self.down += (down + at as i32) * count;
+            all += count;
+        }
+        all
+    }
+
     /// The same for rows beyond the map.
     fn add_same(&mut self, value: bool, mask: u32, across: i32, rows: Range<i32>) {
         let word = if value { u32::MAX } else { 0 };
@@ -87,6 +107,24 @@ impl Sum {
 
 /// The places of a word that have each binary digit, the highest first.
 pub(super) const PLACES: [u32; 5] = [0xffff_0000, 0xff00_ff00, 0xf0f0_f0f0, 0xcccc_cccc, 0xaaaa_aaaa];
+
+/// How many ones there are, and the sum of their places. By sums of ever wider fields, of which the upper of two adds its
+/// width to the place of each of its ones: no processor without AVX-512 counts ones in vectors.
+#[inline(always)]
+fn count_and_places(ones: u32) -> (i32, i32) {
+    let upper = ones >> 1 & 0x5555_5555;
+    let (count, places) = ((ones & 0x5555_5555) + upper, upper);
+    let halves = |fields: u32, width: u32, mask: u32| (fields & mask, fields >> width & mask);
+    let join = |(count, places): (u32, u32), width: u32, mask: u32| {
+        let ((count, upper), (places, more)) = (halves(count, width, mask), halves(places, width, mask));
+        (count + upper, places + more + width * upper)
+    };
+    let pairs = join((count, places), 2, 0x3333_3333);
+    let bytes = join(pairs, 4, 0x0f0f_0f0f);
+    let sixteen = join(bytes, 8, 0x00ff_00ff);
+    let (count, places) = join(sixteen, 16, 0xffff);
+    (count as i32, places as i32)
+}
 
 /// The sum of the places of the ones.
 #[inline(always)]
@@ -100,6 +138,17 @@ mod tests {
     use crate::silhouette::Silhouette;
     use crate::silhouette::tests::{drawn, random_mask};
     use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn ones_are_counted_and_their_places_summed(ones in any::<u32>(), keep in any::<u32>()) {
+            for ones in [ones, ones & keep, ones | keep, 0, u32::MAX] {
+                let expected = (ones.count_ones() as i32, places(ones));
+                prop_assert_eq!(count_and_places(ones), expected);
+                prop_assert_eq!(expected.1, (0..32).filter(|place| ones >> place & 1 != 0).sum::<i32>());
+            }
+        }
+    }
 
     #[test]
     fn a_straight_edge_has_a_straight_normal() {

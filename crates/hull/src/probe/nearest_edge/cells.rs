@@ -2,6 +2,7 @@
 
 #[cfg(target_arch = "x86_64")]
 use super::avx512;
+use super::bits::{highest, lowest};
 use super::{Best, CellPlace, EdgePixel, NOWHERE, Place, REACH, ROWS, bits_beside, by_rows, words_around};
 use crate::camera::Pixel;
 use crate::silhouette::{BitMap, Index};
@@ -146,8 +147,8 @@ impl<'a> Cells<'a> {
         let (mut gaps_left, mut gaps_right, mut most) = ([0i32; ROWS], [0i32; ROWS], [0i32; ROWS]);
         for at in 0..ROWS {
             let (left, right) = (left[at], right[at]);
-            let cells_left = left.leading_zeros() as i32;
-            let cells_right = 31 - (right & right.wrapping_neg()).leading_zeros() as i32;
+            let cells_left = 31 - highest(left);
+            let cells_right = lowest(right, 0);
             let gap_left = (cells_left << self.start.shift) + self.start.across + 1;
             let gap_right = ((cells_right << self.start.shift) - self.start.across).max(0);
             // The cell below or above the start has columns on both sides of it.
@@ -255,8 +256,7 @@ fn window<const COUNT: usize, const ONES: bool>(
     let first_row = place.row + map.top() - start.row;
     for at in 0..COUNT {
         let found = if leftward { left[at] } else { right[at] };
-        let lowest = 31 - (right[at] & right[at].wrapping_neg()).leading_zeros() as i32;
-        let more = if leftward { left[at].leading_zeros() as i32 } else { lowest };
+        let more = if leftward { 31 - highest(left[at]) } else { lowest(right[at], 0) };
         let away = gap + more;
         let down = first_row + at as i32;
         let squared = away * away + down * down;
@@ -267,12 +267,14 @@ fn window<const COUNT: usize, const ONES: bool>(
     if least > best.squared {
         return;
     }
-    for at in 0..COUNT {
-        if squares[at] == least {
-            let column = if leftward { start.column - gaps[at] } else { start.column + gaps[at] };
-            best.offer(least, start.row + first_row + at as i32, column);
-        }
+    let mut are_least = 0u32;
+    for (at, &squared) in squares.iter().enumerate() {
+        are_least |= u32::from(squared == least) << at;
     }
+    // Of rows that are as near the first wins.
+    let at = are_least.trailing_zeros() as usize % COUNT;
+    let column = if leftward { start.column - gaps[at] } else { start.column + gaps[at] };
+    best.offer(least, start.row + first_row + at as i32, column);
 }
 
 /// [`window`] of eight rows with AVX-512.

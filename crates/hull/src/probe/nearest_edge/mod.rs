@@ -7,11 +7,13 @@
 
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+mod bits;
 mod cells;
 
 use crate::camera::Pixel;
 use crate::silhouette::{BitMap, Index, STRIP};
 use crate::vector::VectorPath;
+use bits::{highest, lowest};
 
 /// A background pixel and its squared distance in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -172,9 +174,8 @@ fn key_of_rows<const ONES: bool>(map: &BitMap, place: &Place, path: VectorPath, 
     let mut keys = [0u32; ROWS];
     for at in 0..ROWS {
         // One to 33, zero to 32: beyond the last column there is nothing to be found.
-        let gap_left = left[at].leading_zeros() + 1;
-        let gap_right = 31u32.wrapping_sub((right[at] & right[at].wrapping_neg()).leading_zeros());
-        let gap_right = if right[at] == 0 { 40 } else { gap_right };
+        let gap_left = (32 - highest(left[at])) as u32;
+        let gap_right = lowest(right[at], 40) as u32;
         let is_left = gap_left <= gap_right;
         let gap = if is_left { gap_left } else { gap_right };
         let column = if is_left { 64 - gap_left } else { 64 + gap_right };
@@ -190,12 +191,16 @@ fn key_of_rows<const ONES: bool>(map: &BitMap, place: &Place, path: VectorPath, 
 #[inline(always)]
 fn words_around<'a, const COUNT: usize>(map: &'a BitMap, place: &Place, first: i32) -> [&'a [u32; COUNT]; 3] {
     let missing = if map.beyond() { &[u32::MAX; COUNT] } else { &[0; COUNT] };
-    let words = |strip: usize| -> &[u32; COUNT] {
-        let at = strip.wrapping_mul(map.rows()).wrapping_add(first as usize);
+    let here = place.strip.wrapping_mul(map.rows()).wrapping_add(first as usize);
+    let words = |strip: usize, at: usize| -> &[u32; COUNT] {
         let words = map.words().get(at..).and_then(|words| words.first_chunk());
         words.filter(|_| strip < map.strips()).unwrap_or(missing)
     };
-    [words(place.strip.wrapping_sub(1)), words(place.strip), words(place.strip.wrapping_add(1))]
+    [
+        words(place.strip.wrapping_sub(1), here.wrapping_sub(map.rows())),
+        words(place.strip, here),
+        words(place.strip.wrapping_add(1), here.wrapping_add(map.rows())),
+    ]
 }
 
 /// For each of so many rows, the zeros, or the ones, of the 32 columns before the place's and of the 32 from it on.

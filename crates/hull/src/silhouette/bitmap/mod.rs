@@ -111,6 +111,37 @@ impl BitMap {
         }
     }
 
+    /// So many rows of 32 columns, from a pixel on.
+    #[inline(always)]
+    pub(crate) fn words_from<const COUNT: usize>(&self, corner: Pixel) -> [u32; COUNT] {
+        let strip = corner.column.div_euclid(STRIP).wrapping_sub(self.left / STRIP);
+        let bit = corner.column.rem_euclid(STRIP);
+        let row = corner.row.wrapping_sub(self.top);
+        let before: [u32; COUNT] = self.rows_from(strip, row);
+        let after: [u32; COUNT] = self.rows_from(strip.wrapping_add(1), row);
+        // A shift by 32 is none: shift by one first.
+        std::array::from_fn(|at: usize| before[at] >> bit | after[at] << 1 << (STRIP - 1 - bit))
+    }
+
+    /// So many rows of a strip; both may lie beyond the rectangle.
+    #[inline(always)]
+    fn rows_from<const COUNT: usize>(&self, strip: i32, row: i32) -> [u32; COUNT] {
+        let mut words = [if self.beyond { u32::MAX } else { 0 }; COUNT];
+        if strip as u32 as usize >= self.strips {
+            return words;
+        }
+        let strip = self.strip(strip as usize);
+        match strip.get(row as u32 as usize..).and_then(|words| words.first_chunk()) {
+            Some(found) => *found,
+            None => {
+                for (at, word) in words.iter_mut().enumerate() {
+                    *word = *strip.get((row + at as i32) as u32 as usize).unwrap_or(word);
+                }
+                words
+            }
+        }
+    }
+
     /// True if all bits between two pixels, both included, are ones; false if the rectangle does not hold
     /// them all.
     #[inline(always)]
