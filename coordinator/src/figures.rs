@@ -142,27 +142,16 @@ impl From<Round> for Stage {
     }
 }
 
-/// Everything a run measured.
-#[derive(Clone, Debug, Default)]
-pub struct Figures {
-    /// Wall time from the first step to the last, seconds.
-    pub wall_s: f64,
-    /// Distinct frames used.
-    pub frames: u64,
-    /// Frames that the film of the run held.
-    pub frames_expected: u64,
-    /// Frames passed over between two that were used.
-    pub frames_missed: u64,
+/// What a run has counted: only grows.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RunCounts {
     /// Steps made.
     pub steps: u64,
-    /// Samples of all moving bodies.
-    pub samples: usize,
-    /// Samples inside the hull, summed over steps.
-    pub inside_samples: u64,
-    /// Bodies with samples inside the hull, summed over steps.
-    pub contacts: u64,
-    /// Of the inside samples, those that no response freed.
-    pub left_samples: u64,
+    /// Distinct frames used.
+    pub frames: u64,
+    /// Frames passed over between two that were used. Those that are missing before the first or after the last are not
+    /// among them: a frame may still come, and a count only grows.
+    pub frames_passed_over: u64,
     /// Passes that asked something.
     pub passes: u64,
     /// Of these, those that were answered here, of silhouettes that were fetched.
@@ -171,6 +160,49 @@ pub struct Figures {
     pub round_trips: u64,
     /// Points that passes asked about, by kind, in the order of [`QuestionKind::ALL`].
     pub points: [u64; QuestionKind::ALL.len()],
+    /// Samples inside the hull, summed over steps.
+    pub inside_samples: u64,
+    /// Bodies with samples inside the hull, summed over steps.
+    pub contacts: u64,
+    /// Steps that used an older frame than theirs because theirs was late.
+    pub late_steps: u64,
+    /// Steps that went on without a camera that was not there.
+    pub reduced_steps: u64,
+    /// Steps without a hull because a node was not there or refused, by cause, in the order of
+    /// [`HullUnavailable::CAUSES`].
+    pub blind_by_cause: [u64; HullUnavailable::CAUSES.len()],
+    /// Responses or bodies that were not finite.
+    pub faults: u64,
+    /// Film time given up because the first frame was late or steps took longer than real time, seconds.
+    pub slipped_s: f64,
+    /// Bytes written to nodes.
+    pub bytes_to_nodes: u64,
+    /// Bytes read from nodes.
+    pub bytes_from_nodes: u64,
+    /// Of these, silhouettes fetched to answer probes.
+    pub bytes_silhouettes: u64,
+}
+
+impl RunCounts {
+    /// Steps without a hull.
+    pub fn blind_steps(&self) -> u64 {
+        self.blind_by_cause.iter().sum()
+    }
+}
+
+/// Everything a run measured.
+#[derive(Clone, Debug, Default)]
+pub struct Figures {
+    /// Wall time from the first step to the last, seconds.
+    pub wall_s: f64,
+    /// What was counted.
+    pub counts: RunCounts,
+    /// Frames that the film of the run held.
+    pub frames_expected: u64,
+    /// Samples of all moving bodies.
+    pub samples: usize,
+    /// Of the inside samples, those that no response freed.
+    pub left_samples: u64,
     /// What passes took that asked something.
     pub pass: Histogram,
     /// How old the film was that bodies collided with, from its capture to the end of each step.
@@ -191,24 +223,6 @@ pub struct Figures {
     pub depth_mm: Percentiles,
     /// Each of [`Stage::ALL`].
     pub stage_ms: [Percentiles; Stage::ALL.len()],
-    /// Bytes written to nodes.
-    pub bytes_to_nodes: u64,
-    /// Bytes read from nodes.
-    pub bytes_from_nodes: u64,
-    /// Of these, silhouettes fetched to answer probes.
-    pub bytes_silhouettes: u64,
-    /// Steps that used an older frame than theirs because theirs was late.
-    pub late_steps: u64,
-    /// Steps without a hull because a node was not there or refused.
-    pub blind_steps: u64,
-    /// The same by cause, in the order of [`HullUnavailable::CAUSES`].
-    pub blind_by_cause: [u64; HullUnavailable::CAUSES.len()],
-    /// Steps that went on without a camera that was not there.
-    pub reduced_steps: u64,
-    /// Film time given up because the first frame was late or steps took longer than real time, seconds.
-    pub slipped_s: f64,
-    /// Responses or bodies that were not finite.
-    pub faults: u64,
     /// Why film failed, if it did.
     pub film_failure: Option<String>,
 }
@@ -218,8 +232,8 @@ impl Figures {
     pub(crate) fn add_collisions(&mut self, collisions: &[BodyCollision]) {
         for collision in collisions {
             let inside = collision.inside().count();
-            self.inside_samples += inside as u64;
-            self.contacts += u64::from(inside > 0);
+            self.counts.inside_samples += inside as u64;
+            self.counts.contacts += u64::from(inside > 0);
             if let Some(depth_m) = collision.deepest_m() {
                 self.depth_mm.add(f64::from(depth_m) * 1e3);
             }
@@ -238,7 +252,7 @@ impl Figures {
 
     /// The share of inside samples that a response did not free.
     pub fn left_inside(&self) -> f64 {
-        self.left_samples as f64 / self.inside_samples.max(1) as f64
+        self.left_samples as f64 / self.counts.inside_samples.max(1) as f64
     }
 }
 

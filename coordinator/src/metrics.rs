@@ -5,13 +5,11 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use film_time::ClockLine;
-use hull::question::QuestionKind;
 use telemetry::Histogram;
 use tokio::sync::watch;
 
-use crate::figures::{Progress, Stage};
+use crate::figures::{Progress, RunCounts, Stage};
 use crate::live::CameraStatus;
-use crate::roster::HullUnavailable;
 
 /// Where the newest is handed out.
 pub type MetricsSender = watch::Sender<Option<Arc<RunMetrics>>>;
@@ -56,45 +54,6 @@ pub struct NodeMetrics {
     pub trip_s: Option<f64>,
     /// Questions that it has not answered.
     pub open_questions: usize,
-}
-
-/// What only grows.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct RunCounts {
-    /// Steps made.
-    pub steps: u64,
-    /// Frames used.
-    pub frames: u64,
-    /// Frames passed over between two that were used.
-    pub frames_missed: u64,
-    /// Passes that asked something, and those of them that were answered here, of silhouettes that were fetched.
-    pub passes: u64,
-    /// The second of these.
-    pub gathered_passes: u64,
-    /// Questions of passes, one after the other.
-    pub round_trips: u64,
-    /// Points that passes asked about, by kind, in the order of [`QuestionKind::ALL`].
-    pub points: [u64; QuestionKind::ALL.len()],
-    /// Samples inside the hull, and bodies with some, summed over steps.
-    pub inside_samples: u64,
-    /// The second of these.
-    pub contacts: u64,
-    /// Steps that used an older frame than theirs.
-    pub late_steps: u64,
-    /// Steps that went on without some camera.
-    pub reduced_steps: u64,
-    /// Steps without a hull, by cause, in the order of [`HullUnavailable::CAUSES`].
-    pub blind_steps: [u64; HullUnavailable::CAUSES.len()],
-    /// Responses or bodies that were not finite.
-    pub faults: u64,
-    /// Film time given up, seconds.
-    pub slipped_s: f64,
-    /// Bytes written to nodes, read from them, and of these silhouettes fetched to answer probes.
-    pub bytes_to_nodes: u64,
-    /// The second of these.
-    pub bytes_from_nodes: u64,
-    /// The third.
-    pub bytes_silhouettes: u64,
 }
 
 /// How long things took.

@@ -169,7 +169,7 @@ async fn digest(scene: &Scene, seconds: f64, path: VectorPath) -> (String, u64) 
     let transport = Transport::in_process(Box::new(frames));
     let coordinator = Coordinator::new(transport, world, config.observers(), run);
     let (figures, world) = coordinator.run(&mut Quiet, std::future::pending()).await.expect("runs");
-    (world.digest().to_string(), figures.contacts)
+    (world.digest().to_string(), figures.counts.contacts)
 }
 
 #[tokio::test]

@@ -242,13 +242,13 @@ fn what_was_asked_of_a_run_is_asked_again() {
         let (mut watcher, for_ever) = (NoWatcher, std::future::pending());
         tokio::join!(coordinator.run(&mut watcher, for_ever), steer(follower)).0.expect("it runs")
     });
-    assert_eq!(file.finish().expect("written").steps, figures.steps);
+    assert_eq!(file.finish().expect("written").steps, figures.counts.steps);
     let (output, replayed) = replay(&steered, &["--unpaced"]);
     assert!(output.status.success(), "{}", said(&output));
     assert_eq!(replayed["trajectory_digest"], world.digest().to_string());
     assert_eq!(
         (&replayed["replay"]["given_steps"], &replayed["steps"]),
-        (&Value::from(0), &Value::from(figures.steps))
+        (&Value::from(0), &Value::from(figures.counts.steps))
     );
 }
 

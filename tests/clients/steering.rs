@@ -152,7 +152,7 @@ impl Recorder for Keeper {
     }
 
     fn end(&mut self, record: &EndRecord<'_>) {
-        assert!(record.figures.steps > 0);
+        assert!(record.figures.counts.steps > 0);
         self.0.lock().expect("whole").ended = true;
     }
 }
@@ -217,7 +217,7 @@ async fn play(studio: &Studio, layout: &str, schedule: Box<dyn Schedule>) -> (Ke
 async fn commands_at_the_same_steps_are_the_same_run_over_every_layout_and_from_its_record() {
     let studio = Studio::new(Motion::Wave, 1.5);
     let (first, figures, world) = play(&studio, "inprocess", Box::new(Plan(0, acts))).await;
-    assert!(first.ended && figures.steps == 180, "{}", figures.steps);
+    assert!(first.ended && figures.counts.steps == 180, "{}", figures.counts.steps);
     assert_eq!((first.generations[99], first.generations[100], world.steps()), (0, 1, 80));
     assert!(first.touches > 100, "bodies meet the person: {}", first.touches);
     assert_eq!(world.bodies().len(), 4);
@@ -250,7 +250,7 @@ async fn a_world_goes_on_from_an_earlier_run_and_film_starts_over_over_every_lay
         _ => vec![],
     };
     let (first, figures, world) = play(&studio, "inprocess", Box::new(Plan(0, goes_on.clone()))).await;
-    assert_eq!((figures.steps, world.steps(), figures.frames_expected), (60, 310, 16));
+    assert_eq!((figures.counts.steps, world.steps(), figures.frames_expected), (60, 310, 16));
     for (step, film_frame) in [(0, 0), (3, 1), (59, 15)] {
         let Sees::Recorded { film_s, frame } = first.steps[step].sees else { panic!("as it was kept") };
         assert!((film_s - (step + 1) as f64 / 120.0).abs() < 1e-9, "step {step} at {film_s} s");
@@ -417,7 +417,7 @@ async fn a_reset_is_done_at_once_while_steps_are_slow_and_hundreds_of_commands_w
     };
     let (ran, ()) = tokio::join!(run, steer);
     let (figures, _) = ran.expect("runs");
-    assert!(figures.steps < 10, "{} steps", figures.steps);
+    assert!(figures.counts.steps < 10, "{} steps", figures.counts.steps);
 }
 
 #[tokio::test]
@@ -450,11 +450,11 @@ async fn steps_out_of_a_pause_see_the_frame_at_which_a_live_run_was_paused() {
     let (ran, ()) = tokio::join!(run, steer);
     let (figures, _) = ran.expect("runs");
     // The pause alone was 45 frames; a busy machine's lag is expected film.
-    let lag = figures.slipped_s * FPS;
+    let lag = figures.counts.slipped_s * FPS;
     let expected = figures.frames_expected as f64 - lag;
     timely!(
         watch,
-        expected < figures.frames as f64 + 30.0,
+        expected < figures.counts.frames as f64 + 30.0,
         "film that no step wanted is not expected: {expected}"
     );
 }
@@ -482,7 +482,7 @@ async fn film_goes_by_while_a_live_run_is_paused_and_nothing_counts_as_missed() 
     };
     let (ran, ()) = tokio::join!(run, steer);
     let (figures, _) = ran.expect("runs");
-    let missed = figures.frames_expected.saturating_sub(figures.frames);
+    let missed = figures.frames_expected.saturating_sub(figures.counts.frames);
     timely!(watch, missed < 30, "a second and a half of film went by on purpose, not {missed} frames missed");
 }
 

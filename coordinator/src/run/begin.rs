@@ -62,14 +62,14 @@ impl Coordinator {
     }
 
     fn may_begin_without_missing(&self) -> bool {
-        self.memory_use != MemoryUse::Off
+        self.remembering.memory_use != MemoryUse::Off
             && !self.settings.lock_step
             && self.transport.roster().may_begin_without_missing(self.least_cameras())
     }
 
     /// Whether the connected nodes remember a recent world that this run resumes.
     async fn is_remembered(&self) -> bool {
-        if self.memory_use != MemoryUse::GoOn {
+        if self.remembering.memory_use != MemoryUse::GoOn {
             return false;
         }
         let scene = self.world.scene();

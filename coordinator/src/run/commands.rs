@@ -67,7 +67,7 @@ impl Coordinator {
         for _ in 0..MAX_WAITING {
             // Before each: one may take as long as a node needs for a shape, and a reset is not to wait for all of them.
             self.receive_orders();
-            let Some(order) = self.waiting.pop_front() else { break };
+            let Some(order) = self.commands.waiting.pop_front() else { break };
             self.take(order).await;
         }
     }
@@ -79,19 +79,21 @@ impl Coordinator {
         let refuse = |order: Order, why| drop(order.reply.send(Err(why)));
         for order in (0..MAX_WAITING + RESETS_BEYOND).map_while(|_| live.orders.try_recv().ok()) {
             let beyond = if order.command == Command::Reset { RESETS_BEYOND } else { 0 };
-            if self.waiting.len() < MAX_WAITING + beyond {
-                self.waiting.push_back(order);
+            if self.commands.waiting.len() < MAX_WAITING + beyond {
+                self.commands.waiting.push_back(order);
             } else {
                 refuse(order, Refusal::Busy);
             }
         }
-        take_superseded(&mut self.waiting).into_iter().for_each(|order| refuse(order, Refusal::Superseded));
+        take_superseded(&mut self.commands.waiting)
+            .into_iter()
+            .for_each(|order| refuse(order, Refusal::Superseded));
     }
 
     /// While paused: waits for an order, not for long, and lets film go by; false if the run's time is over.
     pub(super) async fn rest(&mut self, watcher: &mut dyn Watcher) -> bool {
         let Coordinator { transport, publisher, .. } = self;
-        let patience = if self.waiting.is_empty() { REPORT_EVERY } else { Duration::ZERO };
+        let patience = if self.commands.waiting.is_empty() { REPORT_EVERY } else { Duration::ZERO };
         let order = async {
             let live = publisher.live.as_mut()?;
             loop {
@@ -102,9 +104,9 @@ impl Coordinator {
             }
         };
         match timeout(patience, order).await {
-            Ok(Some(order)) => self.waiting.push_back(order),
+            Ok(Some(order)) => self.commands.waiting.push_back(order),
             // No viewer is left that could resume.
-            Ok(None) => self.steering = Steering::Running,
+            Ok(None) => self.commands.steering = Steering::Running,
             Err(_) => {}
         }
         self.take_orders().await;
@@ -162,8 +164,8 @@ impl Coordinator {
 
     async fn apply_command(&mut self, command: &Command) -> Result<Outcome, Refusal> {
         match *command {
-            Command::Pause => self.steering = Steering::Paused,
-            Command::Resume => self.steering = Steering::Running,
+            Command::Pause => self.commands.steering = Steering::Paused,
+            Command::Resume => self.commands.steering = Steering::Running,
             Command::Step(steps) => self.count_steps(steps)?,
             Command::Reset => self.begin_world(self.world.again()?).await?,
             Command::Choose(ref scene) => {
@@ -207,14 +209,14 @@ impl Coordinator {
         if !(1..=MAX_STEPS).contains(&steps) {
             return Err(Refusal::Steps { found: steps });
         }
-        let (left, is_frozen) = match self.steering {
+        let (left, is_frozen) = match self.commands.steering {
             Steering::Counting { left, is_frozen } => (left, is_frozen),
             // In lock-step film has waited.
             Steering::Paused => (0, !self.settings.lock_step),
             Steering::Running => (0, false),
         };
         let left = (left + u64::from(steps)).min(MAX_STEPS.into());
-        self.steering = Steering::Counting { left, is_frozen };
+        self.commands.steering = Steering::Counting { left, is_frozen };
         Ok(())
     }
 

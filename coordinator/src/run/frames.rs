@@ -200,14 +200,15 @@ impl Coordinator {
         let passed = self.film.frames_passed;
         if let Some(before) = self.film.frame.replace(frame) {
             let unwanted = passed.saturating_sub(self.film.passed_before);
-            self.figures.frames_missed += frame.saturating_sub(before + 1).saturating_sub(unwanted);
+            self.figures.counts.frames_passed_over +=
+                frame.saturating_sub(before + 1).saturating_sub(unwanted);
         }
         self.film.passed_before = passed;
         self.transport.use_frame(frame);
         if self.transport.choose_placement() {
             self.regroup();
         }
-        self.figures.frames += 1;
+        self.figures.counts.frames += 1;
         let reports = self.transport.roster().reports(frame).unwrap_or_default();
         let cameras = reports.iter().flat_map(|report| &report.cameras);
         if let Some(slowest_ms) = cameras.map(|camera| camera.segment_ms).reduce(f64::max) {

@@ -111,7 +111,7 @@ impl Coordinator {
                 if by_contacts { surfaces.pose_to_ask(index, at, body) } else { body.pose }
             });
         self.query.begin_step(frame, &reports, poses);
-        let (passes_before, mut repeats) = (self.figures.passes, 0);
+        let (passes_before, mut repeats) = (self.figures.counts.passes, 0);
         while self.query.must_ask() {
             let Err(error) = self.ask(frame, film_s).await else { break };
             // Nodes that failed to answer are left out, and the pass is repeated without them.
@@ -127,7 +127,7 @@ impl Coordinator {
         if let Some(before) = self.film.unavailable.take().filter(HullUnavailable::is_fault) {
             tracing::warn!("hull available again (it was not: {before})");
         }
-        self.figures.steps_without_question += u64::from(self.figures.passes == passes_before);
+        self.figures.steps_without_question += u64::from(self.figures.counts.passes == passes_before);
         self.figures.answers_used += answers.asked as u64;
         self.figures.answers_reused += answers.reused as u64;
         let collisions = self.collisions(at, answers.results);
@@ -169,17 +169,17 @@ impl Coordinator {
         let began = Instant::now();
         let asks_nodes = self.query.ask(&ahead).question().is_some();
         self.figures.add_stage(Stage::Cull, began.elapsed().as_secs_f64() * 1e3);
-        self.figures.passes += u64::from(asks_nodes);
+        self.figures.counts.passes += u64::from(asks_nodes);
         self.figures.poses_asked += self.query.poses_asked() as u64;
         let timeout = self.settings.lock_step.then_some(LOCK_STEP_TIMEOUT);
-        self.figures.gathered_passes += u64::from(asks_nodes && self.transport.gathers());
+        self.figures.counts.gathered_passes += u64::from(asks_nodes && self.transport.gathers());
         let figures = &mut self.figures;
         let mut took = |round: Round, ms: f64| {
-            figures.round_trips += 1;
+            figures.counts.round_trips += 1;
             figures.add_stage(round.into(), ms);
         };
         let asked = self.transport.run_pass(self.query.pass(), frame, timeout, &mut took).await;
-        self.figures.points = *self.query.pass().points_asked();
+        self.figures.counts.points = *self.query.pass().points_asked();
         asked?;
         if asks_nodes {
             self.figures.pass.add(began.elapsed().as_secs_f64());
@@ -203,8 +203,7 @@ impl Coordinator {
 
     /// Counts a step without a hull; the world goes on.
     pub(super) fn lose_hull(&mut self, why: HullUnavailable) {
-        self.figures.blind_steps += 1;
-        self.figures.blind_by_cause[why.cause()] += 1;
+        self.figures.counts.blind_by_cause[why.cause()] += 1;
         self.note_no_hull(why);
     }
 

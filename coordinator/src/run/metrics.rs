@@ -4,9 +4,9 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::Coordinator;
-use crate::figures::{Figures, Progress};
+use crate::figures::{Figures, Progress, RunCounts};
 use crate::live::{CameraStatus, MAX_WAITING};
-use crate::metrics::{MetricsSender, NodeMetrics, Queue, RunCounts, RunMetrics, RunTimes};
+use crate::metrics::{MetricsSender, NodeMetrics, Queue, RunMetrics, RunTimes};
 use crate::roster::{HullUnavailable, RosterNode};
 
 impl Coordinator {
@@ -64,26 +64,15 @@ impl Coordinator {
         nodes.map(node).collect()
     }
 
-    fn counts(&self) -> RunCounts {
-        let (figures, bytes) = (&self.figures, self.transport.bytes());
+    /// What was counted up to now.
+    pub(super) fn counts(&self) -> RunCounts {
+        let bytes = self.transport.bytes();
         RunCounts {
-            steps: figures.steps,
-            frames: figures.frames,
-            frames_missed: figures.frames_missed,
-            passes: figures.passes,
-            gathered_passes: figures.gathered_passes,
-            round_trips: figures.round_trips,
-            points: figures.points,
-            inside_samples: figures.inside_samples,
-            contacts: figures.contacts,
-            late_steps: figures.late_steps,
-            reduced_steps: figures.reduced_steps,
-            blind_steps: figures.blind_by_cause,
-            faults: figures.faults,
             slipped_s: self.clock.slipped_s,
             bytes_to_nodes: bytes.to_nodes,
             bytes_from_nodes: bytes.from_nodes,
             bytes_silhouettes: self.transport.silhouette_bytes(),
+            ..self.figures.counts.clone()
         }
     }
 

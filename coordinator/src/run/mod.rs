@@ -43,7 +43,6 @@ use commands::Steering;
 use frames::FilmInUse;
 use publish::Publisher;
 use tokio::time::Instant;
-use watch::RecentFigures;
 
 pub use watch::{GoneOn, Snapshot, Watcher};
 
@@ -159,13 +158,24 @@ pub struct Coordinator {
     figures: Figures,
     /// What the solver took for the steps of the world.
     budget: StepBudget,
-    steering: Steering,
-    /// Commands that were received, at most [`MAX_WAITING`](crate::live::MAX_WAITING) and a few resets.
-    waiting: VecDeque<Order>,
+    commands: Commands,
     script: Script,
     log: Log,
     publisher: Publisher,
-    recent: RecentFigures,
+    remembering: Remembering,
+}
+
+/// What followers asked for.
+#[derive(Default)]
+struct Commands {
+    steering: Steering,
+    /// Commands that were received, at most [`MAX_WAITING`](crate::live::MAX_WAITING) and a few resets.
+    waiting: VecDeque<Order>,
+}
+
+/// The memory of the run's nodes.
+#[derive(Default)]
+struct Remembering {
     memory_use: MemoryUse,
     /// Once the run has begun, if it uses that of its nodes.
     memory: Option<Memory>,
@@ -220,14 +230,11 @@ impl Coordinator {
             film: FilmInUse::default(),
             figures: Figures::default(),
             budget: StepBudget::default(),
-            steering: Steering::default(),
-            waiting: VecDeque::new(),
+            commands: Commands::default(),
             script: Script::default(),
             log: Log::default(),
             publisher: Publisher::default(),
-            recent: RecentFigures::since(0, 0),
-            memory_use: MemoryUse::Off,
-            memory: None,
+            remembering: Remembering::default(),
         };
         coordinator.bodies_changed();
         coordinator
@@ -248,7 +255,7 @@ impl Coordinator {
 
     /// Has a live run over nodes use their memory.
     pub fn with_memory(mut self, memory_use: MemoryUse) -> Coordinator {
-        self.memory_use = memory_use;
+        self.remembering.memory_use = memory_use;
         self
     }
 
@@ -301,14 +308,10 @@ impl Coordinator {
     /// Adds what is known at the end alone.
     fn finish(&mut self, is_stopped: bool) {
         self.transport.drain();
-        let bytes = self.transport.bytes();
-        self.figures.bytes_to_nodes = bytes.to_nodes;
-        self.figures.bytes_from_nodes = bytes.from_nodes;
-        self.figures.bytes_silhouettes = self.transport.silhouette_bytes();
-        self.figures.slipped_s = self.clock.slipped_s;
+        self.figures.counts = self.counts();
         self.figures.film_failure = match self.transport.roster().film(0) {
             FilmState::Failed(why) => Some(why),
-            FilmState::Running | FilmState::Ended if self.figures.frames > 0 || is_stopped => None,
+            FilmState::Running | FilmState::Ended if self.figures.counts.frames > 0 || is_stopped => None,
             FilmState::Ended => Some("it ended without a frame that all cameras have".into()),
             FilmState::Running => Some(match &self.film.unavailable {
                 Some(why) => why.to_string(),
@@ -335,7 +338,7 @@ impl Coordinator {
         if let Some(held) = self.transport.roster().displaced() {
             return Err(TransportError::Held(held).into());
         }
-        if self.steering.is_paused() {
+        if self.commands.steering.is_paused() {
             return Ok(self.rest(watcher).await);
         }
         let film_s = self.scheduled_film_s().unwrap_or_else(|| self.film_s());
@@ -349,7 +352,7 @@ impl Coordinator {
             self.transport.until(Instant::now() + Duration::from_secs_f64(left_s)).await;
         }
         self.take_orders().await;
-        if self.steering.is_paused() {
+        if self.commands.steering.is_paused() {
             return Ok(true);
         }
         self.give_up_slow_world().await?;

@@ -8,6 +8,7 @@ use sim::{Body, BodyId, BodyResponse};
 
 use super::Coordinator;
 use super::now;
+use super::watch::RecentFigures;
 use crate::figures::Progress;
 use crate::live::{BodyLook, BodyState, CameraStatus, Live, RunStatus, SceneState, TouchPoint, WorldState};
 use crate::metrics::MetricsSender;
@@ -26,6 +27,8 @@ pub(super) struct Publisher {
     pub generation: u32,
     /// The last step, for followers that come while the world does not move.
     pub view: StepView,
+    /// Since the last report.
+    pub recent: RecentFigures,
     scene_version: u64,
     /// Of each camera, whether it was said that it films out of step.
     unsynced: Vec<bool>,
@@ -87,7 +90,7 @@ impl Coordinator {
     /// Publishes the world as it is.
     pub(super) fn publish_world(&self) {
         // A world that stands still is published for followers that come later.
-        let is_seen = |live: &&Live| live.is_watched() || self.steering.is_paused();
+        let is_seen = |live: &&Live| live.is_watched() || self.commands.steering.is_paused();
         let Some(live) = self.publisher.live.as_ref().filter(is_seen) else { return };
         let state = Arc::new(self.world_state());
         live.world.send_if_modified(|known| {
@@ -108,7 +111,7 @@ impl Coordinator {
             step: self.world.steps(),
             film_s: self.publisher.view.film_s,
             frame: self.publisher.view.frame,
-            paused: self.steering.is_paused(),
+            paused: self.commands.steering.is_paused(),
             bodies: bodies.iter().map(|body| self.body_state(body)).collect(),
             touches: touches
                 .filter_map(|&(id, point)| Some(TouchPoint { body: place(id)? as u32, ..point }))
@@ -165,11 +168,11 @@ impl Coordinator {
         live.status.send_replace(Some(Arc::new(RunStatus {
             progress,
             cameras,
-            frames_missed: self.figures.frames_expected.saturating_sub(self.figures.frames),
+            frames_missed: self.figures.frames_expected.saturating_sub(self.figures.counts.frames),
             frames_expected: self.figures.frames_expected,
-            late_steps: self.figures.late_steps,
-            blind_steps: self.figures.blind_steps,
-            reduced_steps: self.figures.reduced_steps,
+            late_steps: self.figures.counts.late_steps,
+            blind_steps: self.figures.counts.blind_steps(),
+            reduced_steps: self.figures.counts.reduced_steps,
         })));
     }
 

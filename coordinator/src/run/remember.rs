@@ -14,12 +14,16 @@ impl Coordinator {
     pub(super) async fn begin_memory(&mut self, watcher: &mut dyn Watcher) {
         let clients = self.transport.clients().to_vec();
         let is_replay = self.script.schedule.is_some();
-        if self.memory_use == MemoryUse::Off || self.settings.lock_step || is_replay || clients.is_empty() {
+        if self.remembering.memory_use == MemoryUse::Off
+            || self.settings.lock_step
+            || is_replay
+            || clients.is_empty()
+        {
             return;
         }
         let mut memory = Memory::new(self.query.observers(), self.world.scene(), clients.len());
         let newest = memory.recall(&clients).await;
-        if self.memory_use == MemoryUse::GoOn
+        if self.remembering.memory_use == MemoryUse::GoOn
             && let Some(found) = newest
         {
             let (age_s, world) = (unix_now_s() - found.kept.unix_s, Box::new(found.world));
@@ -32,7 +36,7 @@ impl Coordinator {
                 Err(why) => tracing::warn!("the world that nodes remember cannot go on: {why}"),
             }
         }
-        self.memory = Some(memory);
+        self.remembering.memory = Some(memory);
     }
 
     fn gone_on(&self, age_s: f64) -> GoneOn {
@@ -47,7 +51,7 @@ impl Coordinator {
 
     /// Hands the nodes the world, if it is time and the world is fit to go on from.
     pub(super) fn remember(&mut self) {
-        if let Some(memory) = &mut self.memory
+        if let Some(memory) = &mut self.remembering.memory
             && self.budget.is_met()
         {
             memory.keep(&self.world, self.transport.clients());

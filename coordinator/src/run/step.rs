@@ -16,7 +16,7 @@ use crate::roster::{HullUnavailable, LastFrame};
 impl Coordinator {
     /// A step that sees what film has for it; false if film has ended and was held long enough.
     pub(super) async fn film_step(&mut self, watcher: &mut dyn Watcher) -> Result<bool, RunError> {
-        if self.steering.is_frozen() && self.film.frame.is_some() {
+        if self.commands.steering.is_frozen() && self.film.frame.is_some() {
             return self.frozen_step(watcher).await;
         }
         let film_s = self.film_s();
@@ -31,7 +31,7 @@ impl Coordinator {
         self.go_on_without(wanted);
         let lacks_any =
             !self.film.cameras.is_empty() && self.film.cameras.len() < self.query.observers().len();
-        self.figures.reduced_steps += u64::from(lacks_any || self.transport.roster().leaves_out_any());
+        self.figures.counts.reduced_steps += u64::from(lacks_any || self.transport.roster().leaves_out_any());
         let roster = self.transport.roster();
         let newest = roster.newest_common(wanted);
         let last = roster.last_frame().filter(|_| roster.film(wanted) == FilmState::Ended);
@@ -42,7 +42,7 @@ impl Coordinator {
                 return Ok(false);
             }
         } else {
-            self.figures.late_steps += u64::from(newest != Some(wanted));
+            self.figures.counts.late_steps += u64::from(newest != Some(wanted));
         }
         if newest != self.film.frame
             && let Some(newest) = newest
@@ -124,10 +124,10 @@ impl Coordinator {
         };
         let view = &mut self.publisher.view;
         (view.film_s, view.frame, view.touching) = (film_s, self.film.hull_frame(), touching);
-        self.steering.count();
+        self.commands.steering.count();
         let step_ms = began.elapsed().as_secs_f64() * 1e3;
         self.figures.step_ms.add(step_ms);
-        self.figures.steps += 1;
+        self.figures.counts.steps += 1;
         self.note_age(collisions.as_deref());
         self.record(&responses, collisions.as_deref(), step_ms);
         self.publish_world();
@@ -157,7 +157,7 @@ impl Coordinator {
         let took_s = began.elapsed().as_secs_f64();
         self.budget.note(took_s);
         self.figures.add_stage(Stage::Physics, took_s * 1e3);
-        self.figures.faults += report.faults.len() as u64;
+        self.figures.counts.faults += report.faults.len() as u64;
         for fault in &report.faults {
             let what = match fault.kind {
                 FaultKind::Response => "its response was not finite and was ignored",

@@ -65,6 +65,12 @@ pub(super) struct RecentFigures {
     passes: u64,
 }
 
+impl Default for RecentFigures {
+    fn default() -> RecentFigures {
+        RecentFigures::since(0, 0)
+    }
+}
+
 impl RecentFigures {
     /// Nothing yet, since so many bytes and passes.
     pub fn since(bytes: u64, passes: u64) -> RecentFigures {
@@ -81,7 +87,7 @@ impl Coordinator {
         let Some(report) = reports.as_ref().and_then(|reports| reports.first()) else { return };
         let later_s = self.world.settings().hull_time.frames_later() / self.settings.fps;
         let age_ms = (self.clock.age_s(report, now()) + later_s) * 1e3;
-        self.recent.hull_age_ms.add(age_ms);
+        self.publisher.recent.hull_age_ms.add(age_ms);
         self.figures.hull_age.add(age_ms / 1e3);
         if collisions.iter().any(BodyCollision::is_touched) {
             self.figures.response_age_ms.add(age_ms);
@@ -90,26 +96,26 @@ impl Coordinator {
 
     /// Reports how the run goes, four times a second; `step_ms` is what a step took, if one was made.
     pub(super) fn report(&mut self, watcher: &mut dyn Watcher, step_ms: Option<f64>) {
-        step_ms.into_iter().for_each(|step_ms| self.recent.steps_ms.add(step_ms));
-        let elapsed = self.recent.since.elapsed();
+        step_ms.into_iter().for_each(|step_ms| self.publisher.recent.steps_ms.add(step_ms));
+        let elapsed = self.publisher.recent.since.elapsed();
         if elapsed < REPORT_EVERY {
             return;
         }
         let bytes = self.transport.bytes();
         let bytes = bytes.to_nodes + bytes.from_nodes;
-        let passes = self.figures.passes;
+        let passes = self.figures.counts.passes;
         let progress = Progress {
             film_s: self.publisher.view.film_s,
             frame: self.film.frame,
-            steps_per_s: self.recent.steps_ms.count() as f64 / elapsed.as_secs_f64(),
-            passes_per_s: (passes - self.recent.passes) as f64 / elapsed.as_secs_f64(),
-            p50_ms: self.recent.steps_ms.p50().unwrap_or(0.0),
-            p99_ms: self.recent.steps_ms.p99().unwrap_or(0.0),
+            steps_per_s: self.publisher.recent.steps_ms.count() as f64 / elapsed.as_secs_f64(),
+            passes_per_s: (passes - self.publisher.recent.passes) as f64 / elapsed.as_secs_f64(),
+            p50_ms: self.publisher.recent.steps_ms.p50().unwrap_or(0.0),
+            p99_ms: self.publisher.recent.steps_ms.p99().unwrap_or(0.0),
             samples: self.figures.samples,
             contacts: self.publisher.view.touching,
-            hull_age_ms: self.recent.hull_age_ms.p50(),
+            hull_age_ms: self.publisher.recent.hull_age_ms.p50(),
             latency_ms: self.clock.latency.now_s() * 1e3,
-            bytes_per_s: (bytes - self.recent.bytes) as f64 / elapsed.as_secs_f64(),
+            bytes_per_s: (bytes - self.publisher.recent.bytes) as f64 / elapsed.as_secs_f64(),
             hull_unavailable: self
                 .film
                 .unavailable
@@ -121,7 +127,7 @@ impl Coordinator {
         self.publish_status(progress);
         // A viewer may have begun to watch a world that does not move.
         self.publish_world();
-        self.recent = RecentFigures::since(bytes, passes);
+        self.publisher.recent = RecentFigures::since(bytes, passes);
     }
 
     pub(super) async fn picture(

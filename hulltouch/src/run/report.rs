@@ -40,16 +40,16 @@ pub fn json(setup: &Setup, figures: &Figures, world: &World, overlaps: &[Overlap
         "seed": setup.world.seed,
         "lock_step": setup.lock_step,
         "wall_s": figures.wall_s,
-        "frames": figures.frames,
-        "steps": figures.steps,
+        "frames": figures.counts.frames,
+        "steps": figures.counts.steps,
         "samples": figures.samples,
-        "inside_samples": figures.inside_samples,
-        "contacts": figures.contacts,
+        "inside_samples": figures.counts.inside_samples,
+        "contacts": figures.counts.contacts,
         "left_inside": figures.left_inside(),
         "questions": {
-            "passes": figures.passes,
-            "gathered": figures.gathered_passes,
-            "round_trips": figures.round_trips,
+            "passes": figures.counts.passes,
+            "gathered": figures.counts.gathered_passes,
+            "round_trips": figures.counts.round_trips,
             "poses": figures.poses_asked,
             "steps_without": figures.steps_without_question,
             "reused_share": figures.reused_share(),
@@ -58,10 +58,10 @@ pub fn json(setup: &Setup, figures: &Figures, world: &World, overlaps: &[Overlap
         "response_age_ms": percentiles(&figures.response_age_ms),
         "depth_mm": percentiles(&figures.depth_mm),
         "stage_ms": stage_ms,
-        "steps_per_s": figures.steps as f64 / figures.wall_s.max(1e-9),
+        "steps_per_s": figures.counts.steps as f64 / figures.wall_s.max(1e-9),
         "bytes": bytes(figures),
         "missed": missed(figures),
-        "faults": figures.faults,
+        "faults": figures.counts.faults,
         "trajectory_digest": world.digest().to_string(),
         "bodies": world.bodies().iter().zip(world.summaries()).map(body).collect::<Vec<Value>>(),
         "hull_overlap": overlaps.iter().map(overlap).collect::<Vec<Value>>(),
@@ -69,12 +69,12 @@ pub fn json(setup: &Setup, figures: &Figures, world: &World, overlaps: &[Overlap
 }
 
 fn bytes(figures: &Figures) -> Value {
-    let all = figures.bytes_to_nodes + figures.bytes_from_nodes;
+    let all = figures.counts.bytes_to_nodes + figures.counts.bytes_from_nodes;
     json!({
-        "to_nodes": figures.bytes_to_nodes,
-        "from_nodes": figures.bytes_from_nodes,
-        "per_step": all as f64 / figures.steps.max(1) as f64,
-        "silhouettes": figures.bytes_silhouettes,
+        "to_nodes": figures.counts.bytes_to_nodes,
+        "from_nodes": figures.counts.bytes_from_nodes,
+        "per_step": all as f64 / figures.counts.steps.max(1) as f64,
+        "silhouettes": figures.counts.bytes_silhouettes,
     })
 }
 
@@ -84,15 +84,15 @@ fn missed(figures: &Figures) -> Value {
         "frames": frames,
         "frames_expected": figures.frames_expected,
         "share": frames as f64 / figures.frames_expected.max(1) as f64,
-        "late_steps": figures.late_steps,
-        "blind_steps": figures.blind_steps,
-        "reduced_steps": figures.reduced_steps,
-        "slipped_s": figures.slipped_s,
+        "late_steps": figures.counts.late_steps,
+        "blind_steps": figures.counts.blind_steps(),
+        "reduced_steps": figures.counts.reduced_steps,
+        "slipped_s": figures.counts.slipped_s,
     })
 }
 
 fn missed_frames(figures: &Figures) -> u64 {
-    figures.frames_expected.saturating_sub(figures.frames)
+    figures.frames_expected.saturating_sub(figures.counts.frames)
 }
 
 fn body((body, record): (&sim::Body, &BodySummary)) -> Value {
@@ -141,7 +141,7 @@ fn stage_table(figures: &Figures) -> String {
     for (stage, figures_ms) in coordinator::Stage::ALL.into_iter().zip(&figures.stage_ms) {
         let shown = (figures_ms.p50(), figures_ms.p99(), figures_ms.max());
         let (Some(p50), Some(p99), Some(max)) = shown else { continue };
-        let (name, a_frame) = (stage.name(), figures_ms.count() as f64 / figures.frames.max(1) as f64);
+        let (name, a_frame) = (stage.name(), figures_ms.count() as f64 / figures.counts.frames.max(1) as f64);
         text += &format!("{name:<12}{a_frame:>9.2}{p50:>9.2}{p99:>9.2}{max:>9.2}\n");
     }
     text
@@ -155,27 +155,27 @@ pub fn summary(setup: &Setup, figures: &Figures, world: &World) -> String {
          step p50 {} ms, p99 {} ms; response age p50 {} ms\n\
          {} passes of {:.2} round trips, {} steps without a question\n\
          {} samples inside over all steps, {:.1} % not freed by their response\n",
-        figures.frames,
+        figures.counts.frames,
         setup.file.rig.cameras().len(),
         missed_frames(figures),
-        figures.steps,
+        figures.counts.steps,
         figures.wall_s,
-        figures.frames as f64 / figures.wall_s.max(1e-9),
+        figures.counts.frames as f64 / figures.wall_s.max(1e-9),
         ms(figures.step_ms.p50()),
         ms(figures.step_ms.p99()),
         ms(figures.response_age_ms.p50()),
-        figures.passes,
-        figures.round_trips as f64 / figures.passes.max(1) as f64,
+        figures.counts.passes,
+        figures.counts.round_trips as f64 / figures.counts.passes.max(1) as f64,
         figures.steps_without_question,
-        figures.inside_samples,
+        figures.counts.inside_samples,
         100.0 * figures.left_inside(),
     );
     text += &stage_table(figures);
-    if figures.blind_steps > 0 {
-        text += &format!("{} steps without a hull\n", figures.blind_steps);
+    if figures.counts.blind_steps() > 0 {
+        text += &format!("{} steps without a hull\n", figures.counts.blind_steps());
     }
-    if figures.reduced_steps > 0 {
-        text += &format!("{} steps without a camera that was not there\n", figures.reduced_steps);
+    if figures.counts.reduced_steps > 0 {
+        text += &format!("{} steps without a camera that was not there\n", figures.counts.reduced_steps);
     }
     for record in world.summaries() {
         text += &touched(record, setup.world.response);

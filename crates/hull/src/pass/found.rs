@@ -59,7 +59,7 @@ impl BodyResult {
 
 /// What is known of a sample inside the hull while its body is asked about.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Found {
+pub(super) struct FoundSample {
     /// The sample's index in its body.
     pub sample: u32,
     /// How many cameras say inside.
@@ -68,8 +68,8 @@ pub(super) struct Found {
     pub edge: Option<Edge>,
 }
 
-impl Found {
-    pub fn new(sample: u32, inside_count: usize) -> Found {
-        Found { sample, inside_count: inside_count as u32, edge: None }
+impl FoundSample {
+    pub fn new(sample: u32, inside_count: usize) -> FoundSample {
+        FoundSample { sample, inside_count: inside_count as u32, edge: None }
     }
 }

@@ -28,7 +28,7 @@ use crate::faces::FaceNormals;
 use crate::question::{Answer, Batch, Change, Points, Question, QuestionKind};
 use crate::reach::Reach;
 use crate::rule::ProbeSettings;
-use found::Found;
+use found::FoundSample;
 use groups::Group;
 
 pub use contacts::{BodyPlanes, SamplePlane};
@@ -125,7 +125,7 @@ struct PassBody {
     points: Points,
     reaches: Reaches,
     /// Its samples inside the hull, ascending.
-    found: Vec<Found>,
+    found: Vec<FoundSample>,
     /// Of each of them the reach of its exit along its edge's normal, if it was answered.
     exits_within: Vec<Option<Reach>>,
     /// Its box meets the hull's.
@@ -342,7 +342,7 @@ impl Pass {
     }
 
     /// Adds the samples inside that fit to the question and to its targets.
-    fn pick_found(&mut self, fits: impl Fn(&PassBody, &Found) -> bool) {
+    fn pick_found(&mut self, fits: impl Fn(&PassBody, &FoundSample) -> bool) {
         let Pass { bodies, count, question, targets, .. } = self;
         pick(&bodies[..*count], question, targets, |_, body, _, found| fits(body, found));
     }
@@ -353,7 +353,7 @@ fn pick(
     bodies: &[PassBody],
     question: &mut Question,
     targets: &mut Targets,
-    fits: impl Fn(usize, &PassBody, usize, &Found) -> bool,
+    fits: impl Fn(usize, &PassBody, usize, &FoundSample) -> bool,
 ) {
     targets.0.clear();
     for (index, body) in bodies.iter().enumerate() {

@@ -1,6 +1,6 @@
 //! The rounds of every response: which samples are inside, and the nearest edge, or plane, of those that are (paper §4).
 
-use super::found::Found;
+use super::found::FoundSample;
 use super::{AROUND_REACH, Pass, PassBody, Response, Round};
 use crate::merge::inside_count;
 use crate::question::{QuestionKind, Standing};
@@ -18,13 +18,14 @@ impl Pass {
             let mut standings = merged.standings.iter();
             for body in bodies[..*asked_count].iter_mut().filter(|body| body.is_near) {
                 for (sample, &standing) in standings.by_ref().take(body.points.len()).enumerate() {
-                    let found = inside_count(standing, rule).map(|count| Found::new(sample as u32, count));
+                    let found =
+                        inside_count(standing, rule).map(|count| FoundSample::new(sample as u32, count));
                     body.found.extend(found);
                 }
             }
         } else {
             for (&(body, sample), &standing) in targets.0.iter().zip(&merged.standings) {
-                let found = inside_count(standing, rule).map(|count| Found::new(sample, count));
+                let found = inside_count(standing, rule).map(|count| FoundSample::new(sample, count));
                 bodies[body as usize].found.extend(found);
             }
         }
@@ -66,7 +67,7 @@ impl Pass {
     }
 
     /// Asks for edges of the samples inside that fit.
-    pub(super) fn ask_edges(&mut self, fits: impl Fn(&PassBody, &Found) -> bool) {
+    pub(super) fn ask_edges(&mut self, fits: impl Fn(&PassBody, &FoundSample) -> bool) {
         let alone = self.groups.len() == 1;
         let by_planes = self.asks_planes();
         self.question.restart(if by_planes { QuestionKind::Planes } else { QuestionKind::Edges });
@@ -105,12 +106,12 @@ impl Pass {
     pub(super) fn after_edges(&mut self) {
         let Pass { targets, merged, question, bodies, asked_count, exits_within, .. } = self;
         let mut is_open = false;
-        for (at, (&(body, found), &edge)) in targets.0.iter().zip(&merged.edges).enumerate() {
+        for (at, (&(body, sample), &edge)) in targets.0.iter().zip(&merged.edges).enumerate() {
             let is_around = body as usize >= *asked_count;
             let body = &mut bodies[body as usize];
-            body.found[found as usize].edge = edge;
+            body.found[sample as usize].edge = edge;
             if let Some(&within) = exits_within.get(at) {
-                body.exits_within[found as usize] = within;
+                body.exits_within[sample as usize] = within;
             }
             is_open |= edge.is_none() && question.bounds(at) && !is_around;
         }

@@ -87,10 +87,10 @@ pub struct Body {
 /// How heavy a body is.
 #[derive(Clone, Copy, PartialEq, Oneof)]
 pub enum Mass {
-    /// Kilograms.
+    /// So many kilograms.
     #[prost(double, tag = "8")]
     Kg(f64),
-    /// A density.
+    /// A density, kg/m³.
     #[prost(double, tag = "9")]
     KgM3(f64),
 }

@@ -5,10 +5,10 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
-use coordinator::Stage;
 use coordinator::live::CameraStatus;
-use coordinator::metrics::{MetricsSender, NodeMetrics, RunCounts, RunMetrics};
+use coordinator::metrics::{MetricsSender, NodeMetrics, RunMetrics};
 use coordinator::roster::HullUnavailable;
+use coordinator::{RunCounts, Stage};
 use film_time::fresh_s;
 use hull::question::QuestionKind;
 use node_client::Dial;
@@ -182,7 +182,11 @@ fn counts(sheet: &mut Sheet<'_>, counts: &RunCounts) -> fmt::Result {
     for (name, help, value) in [
         ("coordinator_steps", "Steps made.", counts.steps),
         ("coordinator_frames", "Frames used.", counts.frames),
-        ("coordinator_frames_missed", "Frames passed over between two that were used.", counts.frames_missed),
+        (
+            "coordinator_frames_missed",
+            "Frames passed over between two that were used.",
+            counts.frames_passed_over,
+        ),
         ("coordinator_passes", "Passes that asked something.", counts.passes),
         ("coordinator_gathered_passes", "Passes over silhouettes that were fetched.", counts.gathered_passes),
         ("coordinator_round_trips", "Questions of passes, one after the other.", counts.round_trips),
@@ -208,7 +212,7 @@ fn counts(sheet: &mut Sheet<'_>, counts: &RunCounts) -> fmt::Result {
 
 /// Steps that saw less than they should.
 fn misses(sheet: &mut Sheet<'_>, counts: &RunCounts) -> fmt::Result {
-    let blind = HullUnavailable::CAUSES.into_iter().zip(counts.blind_steps);
+    let blind = HullUnavailable::CAUSES.into_iter().zip(counts.blind_by_cause);
     let others = [("frame_late", counts.late_steps), ("camera_left_out", counts.reduced_steps)];
     let causes = others.into_iter().chain(blind);
     let causes = causes.map(|(cause, steps)| (vec![("cause", cause.to_owned())], steps as f64));

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 pub use result::{BodyPlanes, SamplePlane};
 
-use super::found::Found;
+use super::found::FoundSample;
 use super::{BodyResult, Pass, Response};
 use crate::faces::FaceNormals;
 pub(super) use speculation::Speculation;
@@ -45,13 +45,13 @@ impl Contacts {
     }
 
     /// Writes what was found for a body; what is around it stands there already.
-    pub fn conclude(found: &[Found], planes: &mut BodyPlanes) {
+    pub fn conclude(found: &[FoundSample], planes: &mut BodyPlanes) {
         planes.samples.clear();
         planes.samples.extend(found.iter().map(plane));
     }
 }
 
-fn plane(found: &Found) -> SamplePlane {
+fn plane(found: &FoundSample) -> SamplePlane {
     SamplePlane { sample: found.sample, plane: found.edge }
 }
 
@@ -94,7 +94,7 @@ impl Pass {
         for (points, of_contacts) in around.iter_mut().zip(&contacts.bodies[self.asked_count..]) {
             let touches = of_contacts.owner.is_some_and(|owner| !bodies[owner].found.is_empty());
             let count = if touches { points.points.len() as u32 } else { 0 };
-            points.found.extend((0..count).map(|sample| Found::new(sample, 0)));
+            points.found.extend((0..count).map(|sample| FoundSample::new(sample, 0)));
         }
     }
 

@@ -5,7 +5,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::super::found::Found;
+use super::super::found::FoundSample;
 use super::super::{Pass, PassBody, Response, Round, changes_of, pick};
 use super::ContactBody;
 use crate::merge::first_exit;
@@ -24,7 +24,7 @@ impl Pass {
         let Pass { question, targets, bodies, asked_count, merged, response, .. } = self;
         let Response::Contacts(contacts) = response else { return };
         for (body, of_contacts) in bodies[..*asked_count].iter().zip(&mut contacts.bodies) {
-            let is_faced = |found: &Found| found.edge.is_some() && of_contacts.is_faced(body, found);
+            let is_faced = |found: &FoundSample| found.edge.is_some() && of_contacts.is_faced(body, found);
             if body.found.iter().any(is_faced) {
                 of_contacts.faces = None;
             }
@@ -86,7 +86,7 @@ impl Pass {
 
 impl ContactBody {
     /// Against a sample's faces, if it is in the hull and the surface found for it does not face it.
-    fn way_out(&self, body: &PassBody, found: &Found) -> Option<[f32; 3]> {
+    fn way_out(&self, body: &PassBody, found: &FoundSample) -> Option<[f32; 3]> {
         let is_odd = found.edge.is_some() && !self.is_faced(body, found);
         self.against_faces(body, found.sample).filter(|_| is_odd)
     }
@@ -100,7 +100,7 @@ impl ContactBody {
     }
 
     /// Whether the surface found for a sample faces it.
-    pub fn is_faced(&self, body: &PassBody, found: &Found) -> bool {
+    pub fn is_faced(&self, body: &PassBody, found: &FoundSample) -> bool {
         let (Points::Body { pose, .. }, Some(faces)) = (&body.points, &self.faces) else { return false };
         let normal = found.edge.map_or_else(Vector3::zeros, |edge| edge.normal_world.map(f64::from).into());
         faces.is_faced(found.sample as usize, pose, &normal)

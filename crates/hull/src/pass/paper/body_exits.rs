@@ -1,6 +1,6 @@
 //! The rounds about bodies: how far a body must move along the mean of its samples' responses (paper §5).
 
-use super::super::found::Found;
+use super::super::found::FoundSample;
 use super::super::{Pass, Response, Round, changes_of, exit_reach, pick};
 use super::result::response_m;
 use super::{NoResponse, PaperBody};
@@ -41,24 +41,24 @@ impl Pass {
         let Pass { bodies, response, count, saves_bytes, .. } = self;
         let Response::Paper(paper) = response else { return };
         let bodies = bodies[..*count].iter().zip(&mut paper.bodies);
-        for (body, paper) in bodies.filter(|(body, _)| body.is_near) {
+        for (body, state) in bodies.filter(|(body, _)| body.is_near) {
             let mut direction = BodyDirection::default();
-            let responses_m = body.found.iter().zip(&paper.exits_m);
+            let responses_m = body.found.iter().zip(&state.exits_m);
             let responses_m = responses_m.filter_map(|(found, &exit_m)| response_m(found.edge, exit_m));
             responses_m.for_each(|m| direction.add(m));
-            paper.direction = direction.unit();
-            paper.along.clear();
-            paper.along.resize(body.found.len(), Along::Unknown);
-            if paper.direction.is_some() {
+            state.direction = direction.unit();
+            state.along.clear();
+            state.along.resize(body.found.len(), Along::Unknown);
+            if state.direction.is_some() {
                 if !alone && !*saves_bytes && body.found.len() <= ALL {
-                    paper.along.fill(Along::Asked);
+                    state.along.fill(Along::Asked);
                 } else {
                     let most = if alone { FARTHEST_BACK } else { FARTHEST_BACK_OF_MANY };
-                    paper.mark_farthest_back(&body.points, &body.found, Along::Unknown, most);
+                    state.mark_farthest_back(&body.points, &body.found, Along::Unknown, most);
                 }
             } else if !body.found.is_empty() {
-                paper.response_m = Err(NoResponse::NoDirection);
-                paper.left_inside = body.found.len();
+                state.response_m = Err(NoResponse::NoDirection);
+                state.left_inside = body.found.len();
             }
         }
         self.ask_marked();
@@ -73,23 +73,23 @@ impl Pass {
         let Pass { question, targets, bodies, response, count, saves_bytes, .. } = self;
         let Response::Paper(paper) = response else { return };
         pick(&bodies[..*count], question, targets, |index, _, at, _| {
-            let paper = &paper.bodies[index];
-            paper.direction.is_some() && paper.along.get(at) == Some(&Along::Asked)
+            let state = &paper.bodies[index];
+            state.direction.is_some() && state.along.get(at) == Some(&Along::Asked)
         });
         for of_body in targets.0.chunk_by(|a, b| a.0 == b.0) {
             let index = of_body[0].0 as usize;
-            let (body, paper) = (&bodies[index], &paper.bodies[index]);
-            question.directions.extend(paper.direction);
+            let (body, state) = (&bodies[index], &paper.bodies[index]);
+            question.directions.extend(state.direction);
             if alone {
                 let camera = |&(_, at): &(u32, u32)| body.found[at as usize].edge;
                 question.hints.extend(of_body.iter().map(|of| camera(of).map_or(0, |edge| edge.camera)));
             } else if is_first {
-                let longest_m = paper.exits_m.iter().flatten().copied().fold(0.0, f32::max);
+                let longest_m = state.exits_m.iter().flatten().copied().fold(0.0, f32::max);
                 let farthest =
                     if *saves_bytes { exit_reach(longest_m, false) } else { body.reaches.of_body(longest_m) };
-                let reach = |&(_, at): &(u32, u32)| match paper.direction {
+                let reach = |&(_, at): &(u32, u32)| match state.direction {
                     Some(direction) if *saves_bytes => {
-                        let (edge, exit_m) = (body.found[at as usize].edge, paper.exits_m[at as usize]);
+                        let (edge, exit_m) = (body.found[at as usize].edge, state.exits_m[at as usize]);
                         farthest.min(reach_along(direction, edge, exit_m))
                     }
                     _ => farthest,
@@ -106,16 +106,16 @@ impl Pass {
         let Response::Paper(paper) = response else { return };
         let mut changes = 0..0;
         for at in 0..targets.0.len() {
-            let (body, found) = targets.0[at];
-            let inside_count = bodies[body as usize].found[found as usize].inside_count;
+            let (body, sample) = targets.0[at];
+            let inside_count = bodies[body as usize].found[sample as usize].inside_count;
             changes = changes_of(&merged.changes, at, changes.end);
             let exit_m = first_exit(merged.exits_m[at], &merged.changes[changes.clone()], inside_count, rule);
             let state = &mut paper.bodies[body as usize];
             if exit_m.is_none() && question.bounds(at) {
-                state.along[found as usize] = Along::Unknown;
+                state.along[sample as usize] = Along::Unknown;
                 continue;
             }
-            state.along[found as usize] = Along::Known;
+            state.along[sample as usize] = Along::Known;
             match exit_m {
                 Some(exit_m) if exit_m > state.longest_m => {
                     state.longest_m = exit_m;
@@ -134,20 +134,20 @@ impl Pass {
         let Response::Paper(paper) = response else { return };
         question.restart(QuestionKind::Classes);
         targets.0.clear();
-        for (index, (body, paper)) in bodies[..*count].iter().zip(&mut paper.bodies).enumerate() {
-            let Some(direction) = paper.direction else { continue };
-            if !paper.has_exits {
-                paper.response_m = Err(NoResponse::NoExit);
-                paper.left_inside = body.found.len();
+        for (index, (body, state)) in bodies[..*count].iter().zip(&mut paper.bodies).enumerate() {
+            let Some(direction) = state.direction else { continue };
+            if !state.has_exits {
+                state.response_m = Err(NoResponse::NoExit);
+                state.left_inside = body.found.len();
                 continue;
             }
-            if paper.is_checked {
+            if state.is_checked {
                 continue;
             }
-            paper.is_checked = true;
-            let response_m = direction.map(|part| f64::from(part) * f64::from(paper.longest_m));
-            paper.response_m = Ok(response_m);
-            paper.left_inside = 0;
+            state.is_checked = true;
+            let response_m = direction.map(|part| f64::from(part) * f64::from(state.longest_m));
+            state.response_m = Ok(response_m);
+            state.left_inside = 0;
             targets.0.extend((0..body.found.len() as u32).map(|at| (index as u32, at)));
             question.pick(&body.points, response_m, body.found.iter().map(|found| found.sample));
         }
@@ -161,11 +161,11 @@ impl Pass {
         let rule = self.settings.rule();
         let Pass { targets, merged, response, .. } = self;
         let Response::Paper(paper) = response else { return };
-        for (&(body, found), &standing) in targets.0.iter().zip(&merged.standings) {
-            let paper = &mut paper.bodies[body as usize];
+        for (&(body, sample), &standing) in targets.0.iter().zip(&merged.standings) {
+            let state = &mut paper.bodies[body as usize];
             let is_inside = inside_count(standing, rule).is_some();
-            paper.left_inside += usize::from(is_inside);
-            let along = &mut paper.along[found as usize];
+            state.left_inside += usize::from(is_inside);
+            let along = &mut state.along[sample as usize];
             if *along != Along::Known {
                 *along = if is_inside { Along::Wanted } else { Along::Unknown };
             }
@@ -182,13 +182,13 @@ impl Pass {
         let Response::Paper(paper) = response else { return };
         let mut has_marked = false;
         let bodies = bodies[..*count].iter().zip(&mut paper.bodies);
-        for (body, paper) in bodies.filter(|(_, paper)| paper.direction.is_some() && paper.has_exits) {
+        for (body, state) in bodies.filter(|(_, state)| state.direction.is_some() && state.has_exits) {
             if alone {
                 has_marked |=
-                    paper.mark_farthest_back(&body.points, &body.found, Along::Wanted, FARTHEST_BACK);
+                    state.mark_farthest_back(&body.points, &body.found, Along::Wanted, FARTHEST_BACK);
                 continue;
             }
-            for along in paper.along.iter_mut().filter(|along| **along == Along::Wanted) {
+            for along in state.along.iter_mut().filter(|along| **along == Along::Wanted) {
                 *along = Along::Asked;
                 has_marked = true;
             }
@@ -208,7 +208,7 @@ fn reach_along(direction: [f32; 3], edge: Option<Edge>, exit_m: Option<f32>) -> 
 impl PaperBody {
     /// Marks some samples of that state, those that lie farthest back along the body's direction; false if
     /// there are none.
-    fn mark_farthest_back(&mut self, points: &Points, found: &[Found], of: Along, most: usize) -> bool {
+    fn mark_farthest_back(&mut self, points: &Points, found: &[FoundSample], of: Along, most: usize) -> bool {
         let Some(direction) = self.direction else { return false };
         let world_along = points.along(direction);
         let mut farthest = [(f64::INFINITY, usize::MAX); FARTHEST_BACK_OF_MANY];

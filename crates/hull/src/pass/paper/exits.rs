@@ -42,11 +42,11 @@ impl Pass {
         let Response::Paper(paper) = response else { return };
         let mut is_open = false;
         let mut changes = 0..0;
-        for (at, (&(body, found), &outside_m)) in targets.0.iter().zip(&merged.exits_m).enumerate() {
-            let count = bodies[body as usize].found[found as usize].inside_count;
+        for (at, (&(body, sample), &outside_m)) in targets.0.iter().zip(&merged.exits_m).enumerate() {
+            let count = bodies[body as usize].found[sample as usize].inside_count;
             changes = changes_of(&merged.changes, at, changes.end);
             let exit_m = first_exit(outside_m, &merged.changes[changes.clone()], count, rule);
-            paper.bodies[body as usize].exits_m[found as usize] = exit_m;
+            paper.bodies[body as usize].exits_m[sample as usize] = exit_m;
             is_open |= exit_m.is_none() && question.bounds(at);
         }
         if is_open {

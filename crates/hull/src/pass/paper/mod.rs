@@ -7,7 +7,7 @@ mod result;
 pub use result::{InsideSample, NoResponse, PaperResult};
 
 use super::PassBody;
-use super::found::Found;
+use super::found::FoundSample;
 use body_exits::Along;
 
 /// What the rounds of the paper's response know of the bodies of a pass.
@@ -75,10 +75,10 @@ impl Paper {
     }
 
     /// Writes what was found for a body.
-    pub fn conclude(&self, index: usize, found: &[Found], result: &mut PaperResult) {
+    pub fn conclude(&self, index: usize, found: &[FoundSample], result: &mut PaperResult) {
         let PaperBody { exits_m, response_m, left_inside, .. } = &self.bodies[index];
         result.inside.clear();
-        let inside = |(found, &exit_m): (&Found, &Option<f32>)| InsideSample {
+        let inside = |(found, &exit_m): (&FoundSample, &Option<f32>)| InsideSample {
             sample: found.sample,
             inside_count: found.inside_count,
             edge: found.edge,
