@@ -109,7 +109,7 @@ impl Sum {
 pub(super) const PLACES: [u32; 5] = [0xffff_0000, 0xff00_ff00, 0xf0f0_f0f0, 0xcccc_cccc, 0xaaaa_aaaa];
 
 /// How many ones there are, and the sum of their places. By sums of ever wider fields, of which the upper of two adds its
-/// width to the place of each of its ones: no processor without AVX-512 counts ones in vectors.
+/// width to the place of each of its ones: x86 counts ones in vectors with AVX-512 alone.
 #[inline(always)]
 fn count_and_places(ones: u32) -> (i32, i32) {
     let upper = ones >> 1 & 0x5555_5555;

@@ -1,5 +1,5 @@
-//! The places of a word's ones by the exponents of floats: no processor without AVX-512 counts zeros in vectors, and loops
-//! around these vectorise on every one.
+//! The places of a word's ones by the exponents of floats: x86 counts zeros in vectors with AVX-512 alone, and loops around
+//! these vectorise without it.
 
 /// How much more than it means an exponent is.
 const BIAS: i32 = 127;
