@@ -172,8 +172,11 @@ async fn a_room_goes_on_under_attack() {
     }
     page_port::attack(&mut peers, page, until);
     peers.join_all().await;
-    check_made(&[&SILENT_SOCKETS, &SLOW_BYTES, &node_port::HALF_MESSAGE_BYTES, &node_port::RESETS]);
-    check_made(&[&node_port::ANNOUNCED, &page_port::PING_BYTES, &page_port::REQUESTS, &page_port::GUESSES]);
+    check_made(&watch, &[&SILENT_SOCKETS, &SLOW_BYTES, &node_port::HALF_MESSAGE_BYTES, &node_port::RESETS]);
+    check_made(
+        &watch,
+        &[&node_port::ANNOUNCED, &page_port::PING_BYTES, &page_port::REQUESTS, &page_port::GUESSES],
+    );
     victims.iter().for_each(|victim| victim.check(attack));
     tokio::task::spawn_blocking(move || check_run(&watch, running, &json, attack)).await.expect("ends");
 }
@@ -182,6 +185,7 @@ async fn a_room_goes_on_under_attack() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_node_without_a_lease_holder_stays_small() {
     let _alone = ATTACK.lock().await;
+    let watch = Watch::start();
     let folder = tempfile::tempdir().expect("a folder");
     let node = node(&named_room(folder.path(), "", ""), "left");
     let address: SocketAddr = node.address().parse().expect("an address");
@@ -189,8 +193,8 @@ async fn a_node_without_a_lease_holder_stays_small() {
     let mut peers = JoinSet::new();
     node_port::attack(&mut peers, address, Instant::now() + attack);
     peers.join_all().await;
-    check_made(&[&SILENT_SOCKETS, &SLOW_BYTES, &node_port::HALF_MESSAGE_BYTES, &node_port::RESETS]);
-    check_made(&[&node_port::ANNOUNCED, &node_port::QUESTIONS]);
+    check_made(&watch, &[&SILENT_SOCKETS, &SLOW_BYTES, &node_port::HALF_MESSAGE_BYTES, &node_port::RESETS]);
+    check_made(&watch, &[&node_port::ANNOUNCED, &node_port::QUESTIONS]);
     victim.check(attack);
     // It is as well as before.
     let mut client = CameraNodeClient::connect(format!("http://{address}")).await.expect("gets in");
@@ -254,7 +258,7 @@ async fn a_room_with_certificates_goes_on_under_attack_from_its_network() {
     peers.join_all().await;
     is_over.store(true, Ordering::Relaxed);
     announcing.join().expect("ends");
-    check_made(&[&SILENT_SOCKETS, &SLOW_BYTES, &handshakes::REPLAYS, &ANNOUNCEMENTS]);
+    check_made(&watch, &[&SILENT_SOCKETS, &SLOW_BYTES, &handshakes::REPLAYS, &ANNOUNCEMENTS]);
     victims.iter().for_each(|victim| victim.check(attack));
     tokio::task::spawn_blocking(move || check_run(&watch, running, &json, attack)).await.expect("ends");
 }
