@@ -1,8 +1,8 @@
 //! The coordinator: asks the nodes, merges their answers and steps the world.
 //!
-//! What is decided stands in `core`, in plain structs: [`roster`] (who is there, which frame all have) and [`query`]
-//! (what to ask the hull, what the answers make of it) among them. What waits is thin: [`Transport`] (three layouts) and
-//! [`Coordinator`] (the loop).
+//! What is decided stands in `core`, in plain structs: the run itself, [`roster`] (who is there, which frame all have) and
+//! [`query`] (what to ask the hull, what the answers make of it) among them. What waits is thin: [`Transport`] (three
+//! layouts) and [`Coordinator`] (the loop).
 
 mod core;
 mod figures;

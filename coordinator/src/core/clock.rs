@@ -10,6 +10,9 @@ const MAX_LAG_S: f64 = 0.15;
 /// And may lag by this, however little film nodes keep, seconds.
 pub(crate) const LEAST_LAG_S: f64 = 0.02;
 
+/// A step is due that is due within this, seconds: sums of times are no more exact, and no timer is finer.
+const DUE_WITHIN_S: f64 = 1e-9;
+
 /// Film times a billionth of a frame before a frame count as that frame's: sums of steps fall short.
 const FRAME_SLACK: f64 = 1e-9;
 
@@ -87,13 +90,13 @@ impl Clock {
     /// In how many seconds the step of a film time is due, if that is still to come.
     pub fn left_s(&mut self, film_s: f64, now: Now) -> Option<f64> {
         let left_s = -self.lag_s(film_s, now);
-        if left_s > 0.0 {
-            self.catches_up = false;
-        }
-        (left_s > 0.0).then_some(left_s)
+        let is_early = left_s > DUE_WITHIN_S;
+        self.catches_up &= !is_early;
+        is_early.then_some(left_s)
     }
 
-    fn film_now_s(&self, now: Now) -> f64 {
+    /// Film time, seconds.
+    pub fn film_now_s(&self, now: Now) -> f64 {
         now.monotonic_s - self.pace.zero_s
     }
 

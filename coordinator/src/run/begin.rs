@@ -23,10 +23,10 @@ impl Coordinator {
         self.await_nodes().await?;
         self.begin_memory(watcher).await;
         let run = getrandom::u64().map_err(RunError::NoRandom)?;
-        let lock_step = self.settings.lock_step;
-        self.clock.pace = if lock_step { Pace::lock_step(run) } else { Pace::live(run, LEAD_S) };
-        let least_cameras = (!lock_step).then(|| self.least_cameras());
-        self.transport.start(self.clock.pace, least_cameras).await?;
+        let lock_step = self.run.settings.lock_step;
+        self.run.clock.pace = if lock_step { Pace::lock_step(run) } else { Pace::live(run, LEAD_S) };
+        let least_cameras = (!lock_step).then(|| self.run.least_cameras());
+        self.transport.start(self.run.clock.pace, least_cameras).await?;
         self.regroup();
         Ok(())
     }
@@ -36,7 +36,7 @@ impl Coordinator {
     /// can be restarted while a node is broken.
     async fn await_nodes(&mut self) -> Result<(), RunError> {
         let began = Instant::now();
-        let deadline = began + self.settings.connect_timeout;
+        let deadline = began + self.run.settings.connect_timeout;
         let mut look_at = began + RESUME_PATIENCE;
         loop {
             let left = deadline - Instant::now();
@@ -63,8 +63,8 @@ impl Coordinator {
 
     fn may_begin_without_missing(&self) -> bool {
         self.remembering.memory_use != MemoryUse::Off
-            && !self.settings.lock_step
-            && self.transport.roster().may_begin_without_missing(self.least_cameras())
+            && !self.run.settings.lock_step
+            && self.transport.roster().may_begin_without_missing(self.run.least_cameras())
     }
 
     /// Whether the connected nodes remember a recent world that this run resumes.
@@ -72,8 +72,8 @@ impl Coordinator {
         if self.remembering.memory_use != MemoryUse::GoOn {
             return false;
         }
-        let scene = self.world.scene();
-        let home = Home::new(Place::of(self.query.observers(), scene), scene);
+        let scene = self.run.world.scene();
+        let home = Home::new(Place::of(self.run.observers(), scene), scene);
         let newest = newest_world(home, self.transport.clients().to_vec()).await;
         newest.is_some_and(|found| (unix_now_s() - found.kept.unix_s).abs() < RECENT_S)
     }

@@ -1,21 +1,17 @@
-//! What others ask of a run: taken between steps, done before the next.
+//! What followers ask of a run: taken between steps, done before the next.
 
-use std::collections::{HashMap, VecDeque};
-use std::sync::Arc;
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use film_time::BACKGROUND_S;
-use hull::Shape;
-use sim::World;
 use tokio::time::timeout;
 
 use super::now;
 use super::watch::{REPORT_EVERY, Watcher};
 use super::{Coordinator, FRAMES_AHEAD, RunError};
-use crate::core::budget::StepBudget;
 use crate::core::clock::frame_at;
-use crate::live::{Command, MAX_STEPS, MAX_WAITING, Order, Outcome, RESETS_BEYOND, Refusal};
-use crate::query::QueryBody;
+use crate::core::run::{Change, Prepared, Steering};
+use crate::live::{Command, MAX_WAITING, Order, Outcome, RESETS_BEYOND, Refusal};
 use crate::transport::FirstFrame;
 
 /// Commands between two steps that a recording keeps.
@@ -25,49 +21,13 @@ const REGISTER_TIMEOUT: Duration = Duration::from_millis(500);
 /// From a message to the cameras until all have received it, seconds.
 const MESSAGE_S: f64 = 0.25;
 
-/// Whether steps are made.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum Steering {
-    /// Step after step.
-    #[default]
-    Running,
-    /// So many steps more.
-    Counting {
-        left: u64,
-        /// They see the frame at which the run was paused: a viewer steps through a moment.
-        is_frozen: bool,
-    },
-    /// No steps until a command.
-    Paused,
-}
-
-impl Steering {
-    pub fn is_paused(self) -> bool {
-        self == Steering::Paused
-    }
-
-    pub fn is_frozen(self) -> bool {
-        matches!(self, Steering::Counting { is_frozen: true, .. })
-    }
-
-    /// A step was made.
-    pub fn count(&mut self) {
-        if let Steering::Counting { left, .. } = self {
-            *left -= 1;
-            if *left == 0 {
-                *self = Steering::Paused;
-            }
-        }
-    }
-}
-
 impl Coordinator {
     /// Does what is asked by now, as much of it as may wait between two steps.
     pub(super) async fn take_orders(&mut self) {
         for _ in 0..MAX_WAITING {
             // Before each: one may take as long as a node needs for a shape, and a reset is not to wait for all of them.
             self.receive_orders();
-            let Some(order) = self.commands.waiting.pop_front() else { break };
+            let Some(order) = self.waiting.pop_front() else { break };
             self.take(order).await;
         }
     }
@@ -79,21 +39,19 @@ impl Coordinator {
         let refuse = |order: Order, why| drop(order.reply.send(Err(why)));
         for order in (0..MAX_WAITING + RESETS_BEYOND).map_while(|_| live.orders.try_recv().ok()) {
             let beyond = if order.command == Command::Reset { RESETS_BEYOND } else { 0 };
-            if self.commands.waiting.len() < MAX_WAITING + beyond {
-                self.commands.waiting.push_back(order);
+            if self.waiting.len() < MAX_WAITING + beyond {
+                self.waiting.push_back(order);
             } else {
                 refuse(order, Refusal::Busy);
             }
         }
-        take_superseded(&mut self.commands.waiting)
-            .into_iter()
-            .for_each(|order| refuse(order, Refusal::Superseded));
+        take_superseded(&mut self.waiting).into_iter().for_each(|order| refuse(order, Refusal::Superseded));
     }
 
-    /// While paused: waits for an order, not for long, and lets film go by; false if the run's time is over.
-    pub(super) async fn rest(&mut self, watcher: &mut dyn Watcher) -> bool {
+    /// While paused: waits for an order, not for long, and lets film go by.
+    pub(super) async fn rest(&mut self, watcher: &mut dyn Watcher) {
         let Coordinator { transport, publisher, .. } = self;
-        let patience = if self.commands.waiting.is_empty() { REPORT_EVERY } else { Duration::ZERO };
+        let patience = if self.waiting.is_empty() { REPORT_EVERY } else { Duration::ZERO };
         let order = async {
             let live = publisher.live.as_mut()?;
             loop {
@@ -104,30 +62,14 @@ impl Coordinator {
             }
         };
         match timeout(patience, order).await {
-            Ok(Some(order)) => self.commands.waiting.push_back(order),
+            Ok(Some(order)) => self.waiting.push_back(order),
             // No viewer is left that could resume.
-            Ok(None) => self.commands.steering = Steering::Running,
+            Ok(None) => self.run.steering = Steering::Running,
             Err(_) => {}
         }
         self.take_orders().await;
-        self.let_film_pass();
-        self.report(watcher, None);
-        !self.is_over(self.film_s())
-    }
-
-    /// Film that came since the last step was due is passed over.
-    fn let_film_pass(&mut self) {
-        if self.settings.lock_step {
-            return;
-        }
-        match self.scheduled_film_s() {
-            Some(film_s) => self.clock.shift(film_s, now()),
-            None => {
-                let before = frame_at(self.film_s(), self.settings.fps);
-                self.clock.pass(self.film_s(), now());
-                self.film.frames_passed += frame_at(self.film_s(), self.settings.fps) - before;
-            }
-        }
+        self.run.let_film_pass(&now);
+        self.report(watcher);
     }
 
     async fn take(&mut self, order: Order) {
@@ -163,139 +105,56 @@ impl Coordinator {
     }
 
     async fn apply_command(&mut self, command: &Command) -> Result<Outcome, Refusal> {
-        match *command {
-            Command::Pause => self.commands.steering = Steering::Paused,
-            Command::Resume => self.commands.steering = Steering::Running,
-            Command::Step(steps) => self.count_steps(steps)?,
-            Command::Reset => self.begin_world(self.world.again()?).await?,
-            Command::Choose(ref scene) => {
-                let scene = scene.clone().with_gravity(self.world.scene().gravity_m_s2())?;
-                self.begin_world(self.world.with_scene(&scene)?).await?;
-            }
-            Command::GoOn(ref from) => self.begin_world(self.world.going_on(from)?).await?,
-            Command::Spawn(ref spec) => {
-                let prepared = self.world.prepare((**spec).clone())?;
-                let bodies = self.world.moving_bodies().flat_map(sim::Body::asked_shapes);
-                let new = prepared.asked_shapes().filter(|_| !spec.fixed);
-                let shapes = bodies.chain(new).collect();
-                self.register(shapes).await?;
-                let id = self.world.spawn(prepared)?;
-                self.bodies_changed();
-                return Ok(Outcome::Spawned(id));
-            }
-            Command::Remove(body) => {
-                self.world.remove(body)?;
-                self.bodies_changed();
-            }
-            Command::Push { body, impulse_n_s, at_m } => {
-                self.world.push(body, impulse_n_s, at_m)?;
-            }
-            Command::Grab { body, grip_body_m, target_m } => {
-                self.world.grab(body, grip_body_m, target_m)?;
-            }
-            Command::Release { body, velocity_m_s } => {
-                self.world.release(body, velocity_m_s)?;
-            }
-            Command::Set(parameters) => {
-                self.world.set(parameters)?;
-                self.publish_scene();
-            }
-            Command::TakeBackground { seconds } => self.take_background(seconds).await?,
+        if let Command::TakeBackground { seconds } = *command {
+            self.take_background(seconds).await?;
+            return Ok(Outcome::Applied);
         }
-        Ok(Outcome::Applied)
-    }
-
-    fn count_steps(&mut self, steps: u32) -> Result<(), Refusal> {
-        if !(1..=MAX_STEPS).contains(&steps) {
-            return Err(Refusal::Steps { found: steps });
+        let prepared = self.run.prepare(command)?;
+        if let Some(shapes) = self.run.shapes(&prepared) {
+            self.transport.register_shapes(shapes, REGISTER_TIMEOUT).await?;
         }
-        let (left, is_frozen) = match self.commands.steering {
-            Steering::Counting { left, is_frozen } => (left, is_frozen),
-            // In lock-step film has waited.
-            Steering::Paused => (0, !self.settings.lock_step),
-            Steering::Running => (0, false),
-        };
-        let left = (left + u64::from(steps)).min(MAX_STEPS.into());
-        self.commands.steering = Steering::Counting { left, is_frozen };
-        Ok(())
+        let (outcome, change) = self.run.carry_out(prepared)?;
+        self.publish_change(change);
+        Ok(outcome)
     }
 
-    /// Puts a new world in the place of the old; film goes on from where it is.
-    async fn begin_world(&mut self, world: World) -> Result<(), Refusal> {
-        let shapes = world.moving_bodies().flat_map(sim::Body::asked_shapes).collect();
-        self.register(shapes).await?;
-        self.replace_world(world);
-        Ok(())
-    }
-
-    /// The same, once its shapes are on their way to the nodes.
-    fn replace_world(&mut self, world: World) {
-        // A world that goes on has a time of its own already, of which this film is not.
-        self.clock.passed_s += self.world.time_s() - world.time_s();
-        self.settings.reuse_within_m = world.scene().hull().reuse_within_m;
-        self.world = world;
-        self.budget = StepBudget::default();
-        self.publisher.generation += 1;
-        self.publisher.view.forget_bodies();
-        self.bodies_changed();
-    }
-
-    /// Live: gives up a world whose steps take far too long. Others have no deadline, and are to be the same on any machine.
-    pub(super) async fn give_up_slow_world(&mut self) -> Result<(), RunError> {
-        if !self.budget.is_exhausted() || self.settings.lock_step || self.script.schedule.is_some() {
-            return Ok(());
+    fn publish_change(&mut self, change: Change) {
+        if change == Change::World {
+            self.publisher.generation += 1;
+            self.publisher.view.forget_bodies();
         }
-        self.start_afresh("the solver takes over 0.1 s a step").await
+        if change != Change::State {
+            self.publish_scene();
+        }
     }
 
     /// Puts the scene's start in the place of a world whose steps cannot be made: whatever made it so, the room goes on.
     pub(super) async fn start_afresh(&mut self, why: &str) -> Result<(), RunError> {
-        tracing::error!(
-            "the world is given up, its scene {:?} starts afresh: {why}",
-            self.world.scene().name()
-        );
-        let world = self.world.again()?;
-        let shapes = world.moving_bodies().flat_map(sim::Body::asked_shapes).collect();
-        if let Err(why) = self.register(shapes).await {
+        let world = &self.run.world;
+        tracing::error!("the world is given up, its scene {:?} starts afresh: {why}", world.scene().name());
+        let prepared = Prepared::World(Box::new(world.again()?));
+        if let Some(shapes) = self.run.shapes(&prepared)
+            && let Err(why) = self.transport.register_shapes(shapes, REGISTER_TIMEOUT).await
+        {
             // They are sent again when a node first misses one.
             tracing::warn!("nodes refuse shapes of the scene: {why}");
         }
-        self.replace_world(world);
+        let (_, change) = self.run.carry_out(prepared).map_err(RunError::Command)?;
+        self.publish_change(change);
         if self.log.recorder.is_some() {
             keep(&mut self.log.commands, Command::Reset);
         }
         Ok(())
     }
 
-    /// Bodies have come or gone: what was known of them by their places no longer holds.
-    pub(super) fn bodies_changed(&mut self) {
-        let bodies = || self.world.moving_bodies();
-        self.figures.samples = bodies().map(|body| body.probes.samples_body().len()).sum();
-        self.surfaces.set_bodies(bodies().count());
-        let asked = bodies().map(|body| QueryBody {
-            shape: Arc::clone(&body.probes),
-            around: body.around.clone(),
-            faces: body.faces.clone(),
-        });
-        self.query.set_bodies(asked.collect(), self.settings.reuse_within_m);
-        self.publish_scene();
-    }
-
-    /// Makes shapes known to all nodes before they are asked about.
-    async fn register(&mut self, shapes: Vec<Arc<Shape>>) -> Result<(), Refusal> {
-        let distinct: HashMap<[u8; 32], Arc<Shape>> =
-            shapes.into_iter().map(|shape| (shape.digest(), shape)).collect();
-        Ok(self.transport.register_shapes(distinct.into_values().collect(), REGISTER_TIMEOUT).await?)
-    }
-
     /// Has all cameras learn their backgrounds, or fails with the reason; it does not need the run any more.
     fn take_background(&self, seconds: f64) -> impl Future<Output = Result<(), Refusal>> + Send + use<> {
-        let fps = self.settings.fps;
+        let fps = self.run.settings.fps;
         let taken = if BACKGROUND_S.contains(&seconds) {
             let frames = (seconds * fps).ceil() as u64;
             // In lock-step cameras wait for the run, which is where it is now.
-            let first = frame_at(self.film_s(), fps) + FRAMES_AHEAD + 1;
-            let first = if self.settings.lock_step {
+            let first = frame_at(self.run.film_s(), fps) + FRAMES_AHEAD + 1;
+            let first = if self.run.settings.lock_step {
                 FirstFrame::At(first)
             } else {
                 FirstFrame::AfterNewest((MESSAGE_S * fps).ceil() as u64)
@@ -307,8 +166,9 @@ impl Coordinator {
         async move { Ok(taken?.await?) }
     }
 
-    /// Does what a schedule has before a step.
-    pub(super) async fn follow(&mut self, commands: Vec<Command>) -> Result<(), RunError> {
+    /// Does what a schedule has before its next step.
+    pub(super) async fn follow_commands(&mut self) -> Result<(), RunError> {
+        let commands = self.script.commands.take().unwrap_or_default();
         for command in commands.into_iter().filter(Command::changes_world) {
             self.carry_out(command).await.map_err(RunError::Command)?;
         }

@@ -30,7 +30,7 @@ impl Coordinator {
         if self.publisher.metrics.is_none() {
             return;
         }
-        let unavailable = self.film.unavailable.as_ref();
+        let unavailable = self.run.film.unavailable.as_ref();
         let metrics = RunMetrics {
             at: Instant::now(),
             hull_frame: self.publisher.view.frame,
@@ -39,7 +39,7 @@ impl Coordinator {
             cameras: cameras.to_vec(),
             nodes: self.node_metrics(),
             counts: self.counts(),
-            times: times(&self.figures),
+            times: times(&self.run.figures),
             queues: self.queues(),
         };
         if let Some(sender) = &self.publisher.metrics {
@@ -68,11 +68,11 @@ impl Coordinator {
     pub(super) fn counts(&self) -> RunCounts {
         let bytes = self.transport.bytes();
         RunCounts {
-            slipped_s: self.clock.slipped_s,
+            slipped_s: self.run.clock.slipped_s,
             bytes_to_nodes: bytes.to_nodes,
             bytes_from_nodes: bytes.from_nodes,
             bytes_silhouettes: self.transport.silhouette_bytes(),
-            ..self.figures.counts.clone()
+            ..self.run.figures.counts.clone()
         }
     }
 

@@ -36,11 +36,12 @@ impl Coordinator {
         stop: impl Future<Output = ()>,
     ) -> Result<(Figures, World), RunError> {
         // How old frames are is told by wall clocks: film time is known to who leads alone.
-        self.clock.pace = Pace::lock_step(0);
-        let place = Place::of(self.query.observers(), self.world.scene());
-        let home = Home::new(place, self.world.scene());
+        self.run.clock.pace = Pace::lock_step(0);
+        let place = Place::of(self.run.observers(), self.run.world.scene());
+        let home = Home::new(place, self.run.world.scene());
         let mut look = Look { home, due: Instant::now(), asking: None, is_warned: false };
-        let until = self.settings.seconds.map(|seconds| Instant::now() + Duration::from_secs_f64(seconds));
+        let until =
+            self.run.settings.seconds.map(|seconds| Instant::now() + Duration::from_secs_f64(seconds));
         tokio::pin!(stop);
         while until.is_none_or(|until| Instant::now() < until) {
             tokio::select! {
@@ -53,10 +54,10 @@ impl Coordinator {
             self.show_frame();
             self.refuse_orders();
             self.publish_world();
-            self.report(watcher, None);
+            self.report(watcher);
             watcher.turned();
         }
-        Ok((self.figures, self.world))
+        Ok((self.run.figures, self.run.world))
     }
 
     /// Shows the world that nodes remember, once they have said which; and asks again in time.
@@ -75,7 +76,7 @@ impl Coordinator {
     }
 
     fn show_world(&mut self, found: &Checkpoint, is_warned: &mut bool) {
-        let world = match self.world.going_on(&found.world) {
+        let world = match self.run.world.going_on(&found.world) {
             Ok(world) => world,
             Err(why) if !*is_warned => {
                 *is_warned = true;
@@ -86,10 +87,10 @@ impl Coordinator {
         };
         let bodies = |world: &World| -> Vec<_> { world.bodies().iter().map(|body| body.id).collect() };
         let is_other =
-            world.scene().name() != self.world.scene().name() || world.steps() < self.world.steps();
+            world.scene().name() != self.run.world.scene().name() || world.steps() < self.run.world.steps();
         let is_changed =
-            bodies(&world) != bodies(&self.world) || world.parameters() != self.world.parameters();
-        self.world = world;
+            bodies(&world) != bodies(&self.run.world) || world.parameters() != self.run.world.parameters();
+        self.run.world = world;
         if is_other {
             self.publisher.generation += 1;
             self.publisher.view.forget_bodies();
@@ -104,9 +105,9 @@ impl Coordinator {
         let nodes = self.transport.roster().nodes().iter().filter(|node| node.missing().is_none());
         let newest = nodes.filter_map(|node| Some(node.newest()?.frame)).min();
         if let Some(frame) = newest {
-            self.film.frame = Some(frame);
+            self.run.film.frame = Some(frame);
             let view = &mut self.publisher.view;
-            (view.frame, view.film_s) = (Some(frame), frame as f64 / self.settings.fps);
+            (view.frame, view.film_s) = (Some(frame), frame as f64 / self.run.settings.fps);
         }
     }
 

@@ -70,7 +70,7 @@ impl Coordinator {
         if !self.publisher.is_watched() {
             return;
         }
-        let bodies = || self.world.moving_bodies();
+        let bodies = || self.run.world.moving_bodies();
         let response = |(body, response): (&Body, &BodyResponse)| {
             (body.id, response.inside_samples, response.response_m)
         };
@@ -90,7 +90,7 @@ impl Coordinator {
     /// Publishes the world as it is.
     pub(super) fn publish_world(&self) {
         // A world that stands still is published for followers that come later.
-        let is_seen = |live: &&Live| live.is_watched() || self.commands.steering.is_paused();
+        let is_seen = |live: &&Live| live.is_watched() || self.run.steering.is_paused();
         let Some(live) = self.publisher.live.as_ref().filter(is_seen) else { return };
         let state = Arc::new(self.world_state());
         live.world.send_if_modified(|known| {
@@ -103,20 +103,20 @@ impl Coordinator {
     }
 
     fn world_state(&self) -> WorldState {
-        let bodies = self.world.bodies();
+        let bodies = self.run.world.bodies();
         let place = |id: BodyId| bodies.binary_search_by_key(&id, |body| body.id).ok();
         let touches = self.publisher.view.touches.iter();
         WorldState {
             generation: self.publisher.generation,
-            step: self.world.steps(),
+            step: self.run.world.steps(),
             film_s: self.publisher.view.film_s,
             frame: self.publisher.view.frame,
-            paused: self.commands.steering.is_paused(),
+            paused: self.run.steering.is_paused(),
             bodies: bodies.iter().map(|body| self.body_state(body)).collect(),
             touches: touches
                 .filter_map(|&(id, point)| Some(TouchPoint { body: place(id)? as u32, ..point }))
                 .collect(),
-            patches: self.world.patches().collect(),
+            patches: self.run.world.patches().collect(),
         }
     }
 
@@ -131,8 +131,8 @@ impl Coordinator {
             spin_rad_s: body.spin_rad_s,
             inside_samples: inside_samples as u32,
             response_m,
-            grabbed: self.world.is_grabbed(body.id),
-            asleep: self.world.is_asleep(body.id),
+            grabbed: self.run.world.is_grabbed(body.id),
+            asleep: self.run.world.is_asleep(body.id),
         }
     }
 
@@ -141,7 +141,7 @@ impl Coordinator {
         let publisher = &mut self.publisher;
         let Some(live) = &publisher.live else { return };
         publisher.scene_version += 1;
-        let (world, scene) = (&self.world, self.world.scene());
+        let (world, scene) = (&self.run.world, self.run.world.scene());
         let look = |body: &Body| BodyLook {
             id: body.id,
             name: body.name.clone(),
@@ -168,17 +168,17 @@ impl Coordinator {
         live.status.send_replace(Some(Arc::new(RunStatus {
             progress,
             cameras,
-            frames_missed: self.figures.frames_expected.saturating_sub(self.figures.counts.frames),
-            frames_expected: self.figures.frames_expected,
-            late_steps: self.figures.counts.late_steps,
-            blind_steps: self.figures.counts.blind_steps(),
-            reduced_steps: self.figures.counts.reduced_steps,
+            frames_missed: self.run.figures.frames_expected.saturating_sub(self.run.figures.counts.frames),
+            frames_expected: self.run.figures.frames_expected,
+            late_steps: self.run.figures.counts.late_steps,
+            blind_steps: self.run.figures.counts.blind_steps(),
+            reduced_steps: self.run.figures.counts.reduced_steps,
         })));
     }
 
     /// Says once of a camera that it films out of step with the others.
     fn warn_unsynced(&mut self, cameras: &[CameraStatus]) {
-        let period_ms = 1e3 / self.settings.fps;
+        let period_ms = 1e3 / self.run.settings.fps;
         let warned = &mut self.publisher.unsynced;
         warned.resize(cameras.len(), false);
         for (camera, warned) in cameras.iter().zip(warned) {
@@ -193,7 +193,7 @@ impl Coordinator {
 
     pub(super) fn camera_status(&self) -> Vec<CameraStatus> {
         let nodes = self.transport.roster().nodes();
-        let cameras = self.query.observers().iter().map(|observer| {
+        let cameras = self.run.observers().iter().map(|observer| {
             // The cameras of this process are one node.
             let of_node =
                 |node: &&RosterNode| nodes.len() == 1 || node.cameras().contains(&observer.rig_index());
@@ -202,11 +202,12 @@ impl Coordinator {
         });
         let cameras: Vec<_> = cameras.collect();
         // How far each capture is from where its frame's number puts it, against the median of all: one that lies moves no other.
-        let shift_s = |report: &FrameReport| report.capture_time_s - report.frame as f64 / self.settings.fps;
+        let shift_s =
+            |report: &FrameReport| report.capture_time_s - report.frame as f64 / self.run.settings.fps;
         let mut shifts: Vec<f64> = cameras.iter().filter_map(|(_, _, report)| report.map(shift_s)).collect();
         shifts.sort_by(f64::total_cmp);
         let median_s = shifts.get(shifts.len() / 2).copied().unwrap_or_default();
-        let late_s = self.clock.latency.late_s();
+        let late_s = self.run.clock.latency.late_s();
         let latest_s = late_s.iter().flatten().copied().fold(f64::MIN, f64::max);
         let others_s =
             late_s.iter().flatten().copied().filter(|&late_s| late_s < latest_s).fold(f64::MIN, f64::max);
@@ -221,7 +222,7 @@ impl Coordinator {
                 name: camera.name().to_owned(),
                 problem: node.and_then(|node| Some(node.missing()?.to_string())),
                 newest_frame: report.map(|report| report.frame),
-                age_ms: report.map_or(0.0, |report| self.clock.age_s(report, now()) * 1e3),
+                age_ms: report.map_or(0.0, |report| self.run.clock.age_s(report, now()) * 1e3),
                 stamps: part.map_or(Stamps::Index, |camera| camera.stamps).word(),
                 phase: part.and_then(|camera| Some(camera.pace?.phase)),
                 frames_per_s: part.and_then(|camera| Some(camera.pace?.frames_per_s)),
@@ -233,7 +234,8 @@ impl Coordinator {
                 late_ms: own_s.map(|own_s| own_s * 1e3),
                 costs_ms: own_s.map_or(0.0, |own_s| (own_s - others_s).max(0.0) * 1e3),
                 left_out: node.is_some_and(RosterNode::is_left_out)
-                    || !self.film.cameras.is_empty() && !self.film.cameras.contains(&observer.rig_index()),
+                    || !self.run.film.cameras.is_empty()
+                        && !self.run.film.cameras.contains(&observer.rig_index()),
             }
         });
         status.collect()

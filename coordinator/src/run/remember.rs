@@ -15,13 +15,13 @@ impl Coordinator {
         let clients = self.transport.clients().to_vec();
         let is_replay = self.script.schedule.is_some();
         if self.remembering.memory_use == MemoryUse::Off
-            || self.settings.lock_step
+            || self.run.settings.lock_step
             || is_replay
             || clients.is_empty()
         {
             return;
         }
-        let mut memory = Memory::new(self.query.observers(), self.world.scene(), clients.len());
+        let mut memory = Memory::new(self.run.observers(), self.run.world.scene(), clients.len());
         let newest = memory.recall(&clients).await;
         if self.remembering.memory_use == MemoryUse::GoOn
             && let Some(found) = newest
@@ -30,7 +30,7 @@ impl Coordinator {
             // As a command, so that a recording has it, too.
             match self.carry_out(Command::GoOn(world)).await {
                 Ok(_) => {
-                    self.budget = StepBudget::on_probation();
+                    self.run.budget = StepBudget::on_probation();
                     watcher.gone_on(&self.gone_on(age_s));
                 }
                 Err(why) => tracing::warn!("the world that nodes remember cannot go on: {why}"),
@@ -41,10 +41,10 @@ impl Coordinator {
 
     fn gone_on(&self, age_s: f64) -> GoneOn {
         GoneOn {
-            scene: self.world.scene().name().to_owned(),
-            bodies: self.world.bodies().len(),
-            steps: self.world.steps(),
-            time_s: self.world.time_s(),
+            scene: self.run.world.scene().name().to_owned(),
+            bodies: self.run.world.bodies().len(),
+            steps: self.run.world.steps(),
+            time_s: self.run.world.time_s(),
             age_s,
         }
     }
@@ -52,9 +52,9 @@ impl Coordinator {
     /// Hands the nodes the world, if it is time and the world is fit to go on from.
     pub(super) fn remember(&mut self) {
         if let Some(memory) = &mut self.remembering.memory
-            && self.budget.is_met()
+            && self.run.budget.is_met()
         {
-            memory.keep(&self.world, self.transport.clients());
+            memory.keep(&self.run.world, self.transport.clients());
         }
     }
 }

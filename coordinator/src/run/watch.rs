@@ -7,7 +7,7 @@ use sim::World;
 use tokio::time::Instant;
 
 use super::Coordinator;
-use super::now;
+use crate::core::run::MadeStep;
 use crate::figures::{Percentiles, Progress};
 use crate::transport::Silhouettes;
 
@@ -77,46 +77,38 @@ impl RecentFigures {
         let (steps_ms, hull_age_ms) = Default::default();
         RecentFigures { since: Instant::now(), steps_ms, hull_age_ms, bytes, passes }
     }
+
+    /// A step was made.
+    pub fn note(&mut self, step: &MadeStep) {
+        self.steps_ms.add(step.step_ms);
+        step.hull_age_ms.into_iter().for_each(|age_ms| self.hull_age_ms.add(age_ms));
+    }
 }
 
 impl Coordinator {
-    /// How old the film is that this step asked, and that caused its responses, if there were any.
-    pub(super) fn note_age(&mut self, collisions: Option<&[BodyCollision]>) {
-        let (Some(frame), Some(collisions)) = (self.film.frame, collisions) else { return };
-        let reports = self.transport.roster().reports(frame);
-        let Some(report) = reports.as_ref().and_then(|reports| reports.first()) else { return };
-        let later_s = self.world.settings().hull_time.frames_later() / self.settings.fps;
-        let age_ms = (self.clock.age_s(report, now()) + later_s) * 1e3;
-        self.publisher.recent.hull_age_ms.add(age_ms);
-        self.figures.hull_age.add(age_ms / 1e3);
-        if collisions.iter().any(BodyCollision::is_touched) {
-            self.figures.response_age_ms.add(age_ms);
-        }
-    }
-
-    /// Reports how the run goes, four times a second; `step_ms` is what a step took, if one was made.
-    pub(super) fn report(&mut self, watcher: &mut dyn Watcher, step_ms: Option<f64>) {
-        step_ms.into_iter().for_each(|step_ms| self.publisher.recent.steps_ms.add(step_ms));
+    /// Reports how the run goes, four times a second.
+    pub(super) fn report(&mut self, watcher: &mut dyn Watcher) {
         let elapsed = self.publisher.recent.since.elapsed();
         if elapsed < REPORT_EVERY {
             return;
         }
         let bytes = self.transport.bytes();
         let bytes = bytes.to_nodes + bytes.from_nodes;
-        let passes = self.figures.counts.passes;
+        let passes = self.run.figures.counts.passes;
         let progress = Progress {
             film_s: self.publisher.view.film_s,
-            frame: self.film.frame,
+            frame: self.run.film.frame,
             steps_per_s: self.publisher.recent.steps_ms.count() as f64 / elapsed.as_secs_f64(),
             passes_per_s: (passes - self.publisher.recent.passes) as f64 / elapsed.as_secs_f64(),
             p50_ms: self.publisher.recent.steps_ms.p50().unwrap_or(0.0),
             p99_ms: self.publisher.recent.steps_ms.p99().unwrap_or(0.0),
-            samples: self.figures.samples,
+            samples: self.run.figures.samples,
             contacts: self.publisher.view.touching,
             hull_age_ms: self.publisher.recent.hull_age_ms.p50(),
-            latency_ms: self.clock.latency.now_s() * 1e3,
+            latency_ms: self.run.clock.latency.now_s() * 1e3,
             bytes_per_s: (bytes - self.publisher.recent.bytes) as f64 / elapsed.as_secs_f64(),
             hull_unavailable: self
+                .run
                 .film
                 .unavailable
                 .as_ref()
@@ -136,14 +128,20 @@ impl Coordinator {
         film_s: f64,
         collisions: Option<&[BodyCollision]>,
     ) {
-        let Some(frame) = self.film.frame else { return };
+        let Some(frame) = self.run.film.frame else { return };
         if !watcher.wants_snapshot(film_s) {
             return;
         }
         match self.transport.silhouettes(frame).await {
             Ok(silhouettes) => {
-                let inside_world = inside_points(&self.world, collisions.unwrap_or_default());
-                watcher.snapshot(Snapshot { film_s, frame, silhouettes, world: &self.world, inside_world });
+                let inside_world = inside_points(&self.run.world, collisions.unwrap_or_default());
+                watcher.snapshot(Snapshot {
+                    film_s,
+                    frame,
+                    silhouettes,
+                    world: &self.run.world,
+                    inside_world,
+                });
             }
             Err(why) => tracing::warn!("no picture at {film_s:.2} s: {why}"),
         }

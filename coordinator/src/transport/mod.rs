@@ -11,11 +11,10 @@ mod nodes;
 mod remote;
 mod trace;
 
-use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
 
-use film_time::{FilmState, Pace, monotonic_s};
+use film_time::{FilmState, Pace};
 use futures::future::BoxFuture;
 use hull::pass::{Pass, Round};
 use hull::{Observer, Shape, Silhouette};
@@ -26,7 +25,8 @@ use thiserror::Error;
 use tokio::sync::mpsc;
 use tokio::time::Instant;
 
-use crate::roster::{Arrival, LeaveOut, Missing, Roster, RosterNode, joined};
+use crate::core::answering::Answering;
+use crate::roster::{Missing, Roster, RosterNode, joined};
 use in_process::InProcess;
 use nodes::{CALL_TIMEOUT, Nodes};
 use remote::Remote;
@@ -173,38 +173,28 @@ impl Transport {
         &self.roster
     }
 
-    /// Decides whom a step goes on without; returns what has changed. See [`Roster::leave_out`].
-    pub fn leave_out(&mut self, wanted: u64, whom: LeaveOut, least: usize) -> Vec<(usize, bool)> {
-        self.roster.leave_out(wanted, whom, least, monotonic_s())
+    /// The same, to decide whom steps go on without.
+    pub(crate) fn roster_mut(&mut self) -> &mut Roster {
+        &mut self.roster
     }
 
-    /// A node reports what cannot be.
-    pub(crate) fn fault(&mut self, node: usize, why: String) {
-        self.roster.fault(node, monotonic_s(), why);
-    }
-
-    /// Whether a group that passes ask is left out.
-    pub fn is_left_out(&self, group: usize) -> bool {
-        let asks = matches!(&self.layout, Layout::Remote(remote) if remote.asks());
-        asks && self.roster.nodes()[group].is_left_out()
-    }
-
-    /// Whether probes are computed here, of silhouettes that nodes send.
-    pub fn gathers(&self) -> bool {
-        matches!(&self.layout, Layout::Remote(remote) if !remote.asks())
+    /// Who answers passes.
+    pub(crate) fn answering(&self) -> Answering {
+        match &self.layout {
+            Layout::Remote(remote) if remote.asks() => Answering::Nodes(remote.nodes.clients.len()),
+            Layout::Remote(_) => Answering::Gathered,
+            Layout::InProcess(_) => Answering::InProcess,
+        }
     }
 
     /// Whether nodes answer passes, so that a question takes a trip.
     pub fn asks_nodes(&self) -> bool {
-        matches!(&self.layout, Layout::Remote(remote) if remote.asks())
+        self.answering().asks_nodes()
     }
 
     /// How many groups a pass asks.
     pub fn group_count(&self) -> usize {
-        match &self.layout {
-            Layout::Remote(remote) if remote.asks() => remote.nodes.clients.len(),
-            Layout::Remote(_) | Layout::InProcess(_) => 1,
-        }
+        self.answering().group_count()
     }
 
     /// Between two frames: goes on where probes are computed faster. True if that is elsewhere: passes ask other groups.
@@ -230,11 +220,6 @@ impl Transport {
         self.nodes().map_or(&[], |nodes| &nodes.clients)
     }
 
-    /// The frames that were reported since the last time, and which nodes film.
-    pub(crate) fn take_arrivals(&mut self) -> (VecDeque<Arrival>, Vec<bool>) {
-        self.roster.take_arrivals(monotonic_s())
-    }
-
     /// Takes note of what has come, without waiting.
     pub fn drain(&mut self) {
         let Transport { roster, layout } = self;
@@ -258,12 +243,6 @@ impl Transport {
     pub async fn next_within(&mut self, at_most: Duration) {
         // Whether news or the clock ended the wait is for the caller to see.
         let _ = tokio::time::timeout(at_most, self.next()).await;
-    }
-
-    /// Waits until a time, and takes note of what comes meanwhile.
-    pub async fn until(&mut self, time: Instant) {
-        // News that never ends is no reason to be late.
-        while Instant::now() < time && tokio::time::timeout_at(time, self.next()).await.is_ok() {}
     }
 
     /// Waits until every node is there; after `timeout`, says which are not and why.

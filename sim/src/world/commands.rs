@@ -80,9 +80,9 @@ pub struct Parameters {
 }
 
 impl PreparedBody {
-    /// What is to be registered with the nodes before it is asked about.
+    /// What is to be registered with the nodes before it is asked about. A fixed body never is.
     pub fn asked_shapes(&self) -> impl Iterator<Item = Arc<Shape>> {
-        self.samples.asked_shapes()
+        self.samples.asked_shapes().filter(|_| !self.spec.fixed)
     }
 }
 

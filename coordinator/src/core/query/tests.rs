@@ -1,55 +1,14 @@
 //! Each rule of asking, over one camera group in memory: no node, no thread, no clock.
 
-use std::f64::consts::FRAC_PI_2;
-
-use film_time::{CameraReport, Stamps};
 use hull::question::Answer;
 use hull::silhouette::PixelRect;
 use hull::view_set::Scratch;
-use hull::{Camera, Silhouette, View, ViewSet};
-use nalgebra::{Matrix3, Vector3};
 
 use super::*;
-
-const SIDE: u32 = 101;
-/// What both cameras see of a person in the middle: a cube of about half a metre.
-const SEEN: PixelRect = PixelRect { left: 42, top: 42, right: 59, bottom: 59 };
-
-/// Two cameras at 3 m that look at the origin, along z and along x.
-fn observers() -> Vec<Arc<Observer>> {
-    let k = Matrix3::new(100.0, 0.0, 50.0, 0.0, 100.0, 50.0, 0.0, 0.0, 1.0);
-    let turns = [Vector3::zeros(), Vector3::new(0.0, FRAC_PI_2, 0.0)];
-    let camera = |turn| Camera::new("camera", (SIDE, SIDE), k, [0.0; 5], turn, Vector3::new(0.0, 0.0, 3.0));
-    let observer = |(index, turn): (usize, Vector3<f64>)| {
-        let camera = camera(turn).expect("a camera");
-        Arc::new(Observer::new(camera, index as u16, ProbeSettings::default(), None))
-    };
-    turns.into_iter().enumerate().map(observer).collect()
-}
-
-fn views() -> ViewSet {
-    let rows = (0..SIDE).map(|row| {
-        let inside = (SEEN.top..SEEN.bottom).contains(&row);
-        (0..SIDE).map(move |column| inside && (SEEN.left..SEEN.right).contains(&column))
-    });
-    let mask: Vec<u8> = rows.flatten().map(|seen| if seen { 255 } else { 0 }).collect();
-    let silhouette = Silhouette::from_mask(SIDE, SIDE, &mask).expect("a silhouette");
-    ViewSet::new(observers().into_iter().map(|observer| View::new(observer, &silhouette)).collect())
-}
+use crate::core::room::{self, SEEN, observers};
 
 fn report(frame: u64, admitted: Option<PixelRect>) -> FrameReport {
-    let camera = |rig_index| CameraReport {
-        rig_index,
-        admitted,
-        area: 0,
-        silhouette_bytes: 0,
-        segment_ms: 0.0,
-        late_s: 0.0,
-        stamps: Stamps::Index,
-        pace: None,
-    };
-    let cameras = vec![camera(0), camera(1)];
-    FrameReport { frame, capture_time_s: 0.0, captured_unix_s: 0.0, cameras, skipped: 0 }
+    room::report(frame, [0, 1], admitted)
 }
 
 fn at(x_m: f64) -> Pose {
@@ -63,7 +22,7 @@ fn query() -> HullQuery {
 /// About one body of two samples, so far on either side of its centre.
 fn query_of(reach_m: f32) -> HullQuery {
     let shape = Arc::new(Shape::new(vec![[reach_m, 0.0, 0.0], [-reach_m, 0.0, 0.0]]).expect("a shape"));
-    let mut query = HullQuery::new(observers(), ProbeSettings::default(), 1, AskEvery::Frame);
+    let mut query = HullQuery::new(observers(2), ProbeSettings::default(), 1, AskEvery::Frame);
     query.set_bodies(vec![QueryBody { shape, around: None, faces: None }], 0.0);
     query
 }
@@ -75,7 +34,8 @@ fn step(query: &mut HullQuery, frame: u64, pose: Pose, ahead: &[Vec<Pose>]) -> (
     if query.must_ask() {
         let ahead = if query.may_foresee() { ahead } else { &[] };
         let pass = query.ask(ahead);
-        let (mut scratch, mut answer, views) = (Scratch::default(), Answer::default(), views());
+        let (mut scratch, mut answer, views) =
+            (Scratch::default(), Answer::default(), room::views(&observers(2)));
         while let Some(question) = pass.question() {
             views.answer(question, &mut scratch, &mut answer);
             pass.answer(0, &answer).expect("one answer a question");

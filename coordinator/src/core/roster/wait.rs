@@ -1,7 +1,7 @@
 //! For how long a step waits for its frame: in lock-step every step, live the first.
 
 use std::task::Poll;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use film_time::FilmState;
 use thiserror::Error;
@@ -35,21 +35,21 @@ pub(crate) fn joined(missing: &[Missing]) -> String {
     missing.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
 }
 
-/// Waits for frames, step after step.
+/// Waits for frames, step after step. Times are seconds by [`film_time::monotonic_s`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FrameWait {
-    missing_since: Option<Instant>,
+    missing_since_s: Option<f64>,
 }
 
 impl FrameWait {
-    /// Ready once the step that wants a frame and began to wait at `began` may be made: every node has a frame
+    /// Ready once the step that wants a frame and began to wait at `began_s` may be made: every node has a frame
     /// that new, or film has ended, or a node has been away for so long that steps go on without a hull.
     pub fn poll(
         &mut self,
         roster: &Roster,
         wanted: u64,
-        began: Instant,
-        now: Instant,
+        began_s: f64,
+        now_s: f64,
     ) -> Poll<Result<(), WaitError>> {
         match roster.film(wanted) {
             FilmState::Failed(why) => return Poll::Ready(Err(WaitError::FilmFailed(why))),
@@ -61,17 +61,17 @@ impl FrameWait {
         }
         let missing: Vec<Missing> = roster.present().filter_map(RosterNode::missing).collect();
         if missing.is_empty() {
-            self.missing_since = None;
+            self.missing_since_s = None;
         } else {
-            let gone = now - *self.missing_since.get_or_insert(now);
-            if gone > LOCK_STEP_TIMEOUT {
+            let gone_s = now_s - *self.missing_since_s.get_or_insert(now_s);
+            if gone_s > LOCK_STEP_TIMEOUT.as_secs_f64() {
                 return Poll::Ready(Err(WaitError::Missing(missing)));
             }
-            if gone > RETURN_TIMEOUT {
+            if gone_s > RETURN_TIMEOUT.as_secs_f64() {
                 return Poll::Ready(Ok(()));
             }
         }
-        late(wanted, began, now)
+        late(wanted, began_s, now_s)
     }
 }
 
@@ -105,17 +105,18 @@ impl Roster {
     }
 
     /// Ready once the very frame that a recording names is there.
-    pub fn poll_recorded(&self, frame: u64, began: Instant, now: Instant) -> Poll<Result<(), WaitError>> {
+    pub fn poll_recorded(&self, frame: u64, began_s: f64, now_s: f64) -> Poll<Result<(), WaitError>> {
         if self.newest_common(frame) == Some(frame) {
             return Poll::Ready(Ok(()));
         }
         match self.film(frame) {
             FilmState::Failed(why) => Poll::Ready(Err(WaitError::FilmFailed(why))),
-            FilmState::Running | FilmState::Ended => late(frame, began, now),
+            FilmState::Running | FilmState::Ended => late(frame, began_s, now_s),
         }
     }
 }
 
-fn late(frame: u64, began: Instant, now: Instant) -> Poll<Result<(), WaitError>> {
-    if now - began > LOCK_STEP_TIMEOUT { Poll::Ready(Err(WaitError::Late { frame })) } else { Poll::Pending }
+fn late(frame: u64, began_s: f64, now_s: f64) -> Poll<Result<(), WaitError>> {
+    let is_late = now_s - began_s > LOCK_STEP_TIMEOUT.as_secs_f64();
+    if is_late { Poll::Ready(Err(WaitError::Late { frame })) } else { Poll::Pending }
 }
