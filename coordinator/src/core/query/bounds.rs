@@ -50,37 +50,12 @@ impl HullBounds {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use film_time::{CameraReport, Stamps};
+    use crate::core::room::{self, SEEN, observers};
+    use hull::ProbeSettings;
     use hull::silhouette::PixelRect;
-    use hull::{Camera, ProbeSettings};
-    use nalgebra::{Matrix3, Vector3};
 
-    /// Two cameras at 3 m that look at the origin, along z and along x.
-    fn observers() -> Vec<Arc<Observer>> {
-        let k = Matrix3::new(100.0, 0.0, 50.0, 0.0, 100.0, 50.0, 0.0, 0.0, 1.0);
-        let turns = [Vector3::zeros(), Vector3::new(0.0, std::f64::consts::FRAC_PI_2, 0.0)];
-        let camera = |turn| Camera::new("camera", (101, 101), k, [0.0; 5], turn, Vector3::new(0.0, 0.0, 3.0));
-        let observer = |(index, turn): (usize, Vector3<f64>)| {
-            let camera = camera(turn).expect("a camera");
-            Arc::new(Observer::new(camera, index as u16, ProbeSettings::default(), None))
-        };
-        turns.into_iter().enumerate().map(observer).collect()
-    }
-
-    /// Both cameras see a person in the middle of the picture: a cube of about half a metre.
     fn report(admitted: Option<PixelRect>) -> FrameReport {
-        let camera = |rig_index| CameraReport {
-            rig_index,
-            admitted,
-            area: 0,
-            silhouette_bytes: 0,
-            segment_ms: 0.0,
-            late_s: 0.0,
-            stamps: Stamps::Index,
-            pace: None,
-        };
-        let cameras = vec![camera(0), camera(1)];
-        FrameReport { frame: 0, capture_time_s: 0.0, captured_unix_s: 0.0, cameras, skipped: 0 }
+        room::report(0, [0, 1], admitted)
     }
 
     fn may_meet(bounds: &HullBounds, position_m: [f64; 3]) -> bool {
@@ -90,8 +65,7 @@ mod tests {
 
     #[test]
     fn what_misses_the_person_in_one_camera_needs_no_question() {
-        let rect = PixelRect { left: 42, top: 42, right: 59, bottom: 59 };
-        let bounds = HullBounds::of(&[&report(Some(rect))], &observers(), ProbeSettings::default().rule());
+        let bounds = HullBounds::of(&[&report(Some(SEEN))], &observers(2), ProbeSettings::default().rule());
         for (position_m, expected) in [
             ([0.0, 0.0, 0.0], true),
             ([0.3, 0.0, 0.0], true),
@@ -105,20 +79,19 @@ mod tests {
 
     #[test]
     fn a_camera_without_a_report_is_as_if_it_were_not_there() {
-        let rect = PixelRect { left: 42, top: 42, right: 59, bottom: 59 };
-        let mut first = report(Some(rect));
+        let mut first = report(Some(SEEN));
         first.cameras.truncate(1);
         let rule = HullRule { min_views: 1, ..ProbeSettings::default().rule() };
-        let bounds = HullBounds::of(&[&first], &observers(), rule);
+        let bounds = HullBounds::of(&[&first], &observers(2), rule);
         assert!(may_meet(&bounds, [0.0, 0.0, 0.6]), "the other would reject it");
         assert!(!may_meet(&bounds, [0.6, 0.0, 0.0]));
     }
 
     #[test]
     fn a_camera_that_rejects_all_it_sees_leaves_no_hull() {
-        let bounds = HullBounds::of(&[&report(None)], &observers(), ProbeSettings::default().rule());
+        let bounds = HullBounds::of(&[&report(None)], &observers(2), ProbeSettings::default().rule());
         assert!(bounds.hull_box().is_none() && !may_meet(&bounds, [0.0; 3]));
-        let unknown = HullBounds::of(&[], &observers(), ProbeSettings::default().rule());
+        let unknown = HullBounds::of(&[], &observers(2), ProbeSettings::default().rule());
         assert!(!may_meet(&unknown, [0.0; 3]));
     }
 }
