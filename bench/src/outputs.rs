@@ -6,7 +6,7 @@ use std::str::FromStr;
 
 use clap::Args;
 use serde::Serialize;
-use setup::cli::{ArgumentError, Outcome, check_writable};
+use setup::cli::{ArgumentError, Outcome, check_json_writable};
 
 use super::plot;
 use super::table::write_json;
@@ -36,7 +36,7 @@ impl Outputs {
     /// Says now what would fail at the end, and makes the folder.
     pub fn prepare(&self) -> Outcome {
         if let Some(path) = &self.json {
-            check_writable("--json", path)?;
+            check_json_writable(path)?;
         }
         self.plot.as_deref().map_or(Ok(()), plot::make_folder)
     }

@@ -52,6 +52,8 @@ fn wrong_words_of_demo() {
     check(&["demo", "--seconds=-1"], 2, &["--seconds is -1"]);
     check(&["demo", "--recording", "/no/such.toml"], 2, &["/no/such.toml"]);
     check(&["demo", "--json", "/no/such/folder/out.json"], 2, &["--json /no/such/folder/out.json"]);
+    let own_file = concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml");
+    check(&["demo", "--json", own_file], 2, &["Cargo.toml", "holds no figures"]);
 }
 
 #[test]
@@ -71,6 +73,15 @@ fn a_recording_that_cannot_be_written_is_refused_before_anything_starts() {
         &["found a folder", "a file to write"],
     );
     check(&[&["demo", "--headless", "--record", &inside], &studio[..]].concat(), 2, &["cannot write"]);
+    let mask = folder.path().join("cam_0.png");
+    std::fs::write(&mask, b"\x89PNG\r\n\x1a\n").expect("written");
+    let mask = mask.to_string_lossy();
+    let over_mask = [&["record", &mask, "--force"], &studio[..]].concat();
+    check(&over_mask, 2, &["cam_0.png", "found no recording", "that --force replaces"]);
+    let new = folder.path().join("new.mcap");
+    let new = new.to_string_lossy();
+    let both = [&["record", &new, "--json", &new], &studio[..]].concat();
+    check(&both, 2, &["--json", "new.mcap", "expected another file than that of the recording"]);
     let cluster = write_cluster(folder.path(), "source = { kind = \"stage\" }");
     // No program listens at its nodes' address: waiting for them would end with status 1.
     check(&["record", &inside, "--cluster", &cluster], 2, &["cannot write"]);

@@ -15,7 +15,7 @@ use std::str::FromStr;
 use std::sync::Arc;
 
 use clap::Args;
-use setup::cli::{ArgumentError, Failure, Outcome, check_writable, outln, parse_size};
+use setup::cli::{ArgumentError, Failure, Outcome, check_json_writable, outln, parse_size};
 use setup::{ClusterFile, SceneChoice};
 use sim::{Scene, StageHint};
 use stage::{Motion, Prop, StageSettings};
@@ -111,7 +111,7 @@ fn parse_seconds(text: &str) -> Result<f64, ArgumentError> {
 /// Runs it.
 pub fn run(arguments: &PhysicsBenchArguments) -> Outcome {
     if let Some(path) = &arguments.json {
-        check_writable("--json", path)?;
+        check_json_writable(path)?;
     }
     let experiments = match &arguments.recording {
         Some(path) => vec![recorded(path, arguments)?],

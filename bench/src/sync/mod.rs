@@ -11,7 +11,7 @@ use clap::Args;
 use hull::rotation::matrix_from_rodrigues;
 use hull::{Camera, Rig};
 use nalgebra::Vector3;
-use setup::cli::{ArgumentError, Failure, Outcome, check_writable, outln, parse_size};
+use setup::cli::{ArgumentError, Failure, Outcome, check_json_writable, outln, parse_size};
 use stage::{Motion, UnknownMotion, studio_rig};
 
 use self::film::{Filmed, MOMENTS_PER_S};
@@ -89,7 +89,7 @@ fn parse_runs(text: &str) -> Result<usize, ArgumentError> {
 /// Runs it.
 pub fn run(arguments: &SyncBenchArguments) -> Outcome {
     if let Some(path) = &arguments.json {
-        check_writable("--json", path)?;
+        check_json_writable(path)?;
     }
     let rig = studio_rig(arguments.cameras, arguments.size).map_err(Failure::input)?;
     let machine = Machine::here();

@@ -1,5 +1,7 @@
 //! Options that several subcommands share, and what they are once checked.
 
+use std::fs::File;
+use std::io::Read as _;
 use std::net::{SocketAddr, ToSocketAddrs as _};
 use std::path::{Path, PathBuf};
 
@@ -116,6 +118,9 @@ impl RecordTo {
         if path.exists() && !force {
             return Err(Failure::input(WriteError::Exists(path)));
         }
+        if path.exists() && !may_be_replaced(&path) {
+            return Err(Failure::unreadable(&path, "found no recording, expected one that --force replaces"));
+        }
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         // Without a name, so that nothing is left and nothing overwritten.
         tempfile::tempfile_in(folder)
@@ -123,6 +128,14 @@ impl RecordTo {
         let overwrites = if force { Overwrites::AtTheEnd } else { Overwrites::Never };
         Ok(RecordTo { path, overwrites, colour })
     }
+}
+
+/// Whether a file is a recording, or empty: nothing else is lost by `--force`.
+fn may_be_replaced(path: &Path) -> bool {
+    const MAGIC: &[u8] = b"\x89MCAP";
+    let mut head = Vec::new();
+    let read = |head: &mut Vec<u8>| File::open(path)?.take(MAGIC.len() as u64).read_to_end(head);
+    path.is_file() && read(&mut head).is_ok() && (head.is_empty() || head == MAGIC)
 }
 
 /// The address that a host's name and a port mean.

@@ -1,5 +1,6 @@
 //! What a run is made from, checked before anything starts.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use clap::{Args, ValueEnum};
@@ -7,7 +8,7 @@ use coordinator::{AskEvery, MemoryUse};
 use hull::surface::HullTime;
 use node_client::{Dial, Role};
 use setup::ClusterFile;
-use setup::cli::{Failure, Outcome, ResponseName, check_writable};
+use setup::cli::{Failure, Outcome, ResponseName, check_json_writable};
 use sim::{ResponseMode, Scene, WorldSettings};
 
 use super::options::{Outlets, RecordTo};
@@ -125,7 +126,11 @@ impl Setup {
     /// Checks now what would fail at the end, and makes the folder of pictures.
     pub fn prepare_outputs(&self) -> Outcome {
         if let Some(json) = &self.outlets.json {
-            check_writable("--json", json)?;
+            check_json_writable(json)?;
+            if self.record.as_ref().is_some_and(|record| is_same_file(&record.path, json)) {
+                let problem = "expected another file than that of the recording";
+                return Err(Failure::input(format_args!("--json {}: {problem}", json.display())));
+            }
         }
         if let Some(folder) = &self.outlets.snapshots {
             std::fs::create_dir_all(folder)
@@ -133,6 +138,15 @@ impl Setup {
         }
         Ok(())
     }
+}
+
+/// Whether two paths of files that may not be there yet lead to one place.
+fn is_same_file(one: &Path, other: &Path) -> bool {
+    let place = |path: &Path| {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        Some((folder.canonicalize().ok()?, path.file_name()?.to_owned()))
+    };
+    place(one).is_some_and(|one| Some(one) == place(other))
 }
 
 /// The world's settings on a scene's own surface of the hull.

@@ -14,7 +14,7 @@ pub use crate::{out, outln};
 pub use argument::{ArgumentError, parse_size};
 pub use failure::{Failure, Outcome};
 pub use output::print;
-pub use output_file::{check_writable, write_whole};
+pub use output_file::{check_json_writable, check_writable, write_whole};
 pub use precision::PrecisionName;
 pub use progress::{Progress, while_working};
 pub use response::ResponseName;

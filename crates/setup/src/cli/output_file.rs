@@ -1,8 +1,13 @@
 //! Files that a command writes.
 
+use std::fs::File;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use super::failure::{Failure, Outcome};
+
+/// What of a file says whether it is JSON.
+const HEAD_BYTES: u64 = 256;
 
 /// Writes a file whole or not at all: beside it first, then in its place. What is no regular file (a
 /// device, a pipe) is written to as it is.
@@ -17,6 +22,23 @@ pub fn write_whole(path: &Path, contents: &[u8]) -> Outcome {
         let _ = std::fs::remove_file(&beside);
         Failure::unwritable(path, error)
     })
+}
+
+/// Asks before a long run, not after it, whether the figures of `--json` can be written, and whether they would take the
+/// place of something else than figures: of a rig, a mask, a recording. All figures are one JSON object.
+pub fn check_json_writable(path: &Path) -> Outcome {
+    let mut found = Vec::new();
+    if path.is_file()
+        && let Ok(file) = File::open(path)
+    {
+        // What cannot be read is no input of this program.
+        let _ = file.take(HEAD_BYTES).read_to_end(&mut found);
+    }
+    if found.trim_ascii_start().first().is_some_and(|&byte| byte != b'{') {
+        let problem = "found a file that holds no figures, expected a new file, or JSON of an earlier run";
+        return Err(Failure::input(format_args!("--json {}: {problem}", path.display())));
+    }
+    check_writable("--json", path)
 }
 
 /// Asks before a long run, not after it, whether a file can be written.
@@ -37,4 +59,33 @@ fn beside(path: &Path) -> PathBuf {
     let mut name = path.file_name().unwrap_or_default().to_owned();
     name.push(".partial");
     path.with_file_name(name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_take_the_place_of_figures_alone() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let at = |name: &str| folder.path().join(name);
+        let holds = |name: &str, bytes: &[u8]| std::fs::write(at(name), bytes).expect("written");
+        holds("figures.json", b"\n{ \"steps\": 3 }");
+        holds("empty", b"");
+        for name in ["new.json", "figures.json", "empty"] {
+            assert_eq!(check_json_writable(&at(name)), Ok(()), "{name}");
+        }
+        assert_eq!(check_json_writable(Path::new("/dev/null")), Ok(()));
+        for (name, bytes) in [
+            ("rig.toml", &b"[cam_0]\nname = \"a\"\n"[..]),
+            ("cam_0.png", b"\x89PNG\r\n\x1a\n"),
+            ("a.mcap", b"\x89MCAP0\r\n"),
+            ("points.csv", b"x,y,z\n"),
+        ] {
+            holds(name, bytes);
+            let refused = check_json_writable(&at(name)).expect_err(name).to_string();
+            assert!(refused.contains(name) && refused.contains("holds no figures"), "{refused}");
+            assert_eq!(std::fs::read(at(name)).expect("there"), bytes);
+        }
+    }
 }

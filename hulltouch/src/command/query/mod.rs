@@ -19,7 +19,7 @@ use hull::view_set::Scratch;
 use hull::{Observer, Rig, Silhouette, View, ViewSet};
 
 use points::PointsFile;
-use setup::cli::{Failure, Outcome, check_writable, outln, while_working, write_whole};
+use setup::cli::{Failure, Outcome, check_json_writable, outln, while_working, write_whole};
 
 /// Answers a file of points against silhouettes from files.
 #[derive(Debug, Args)]
@@ -82,7 +82,7 @@ struct Query {
 /// Runs it.
 pub fn run(arguments: &QueryArguments) -> Outcome {
     let query = Query::read(arguments)?;
-    check_writable("--json", &arguments.json)?;
+    check_json_writable(&arguments.json)?;
     let began = Instant::now();
     let results = while_working("answering", || {
         if arguments.cluster { through_nodes::results(&query) } else { query.results() }

@@ -8,7 +8,7 @@ use camera_node::source::MaskFiles;
 use clap::Args;
 use hull::{Rig, Silhouette};
 use serde::Serialize;
-use setup::cli::{Failure, Outcome, Progress, check_writable, out, outln, while_working, write_whole};
+use setup::cli::{Failure, Outcome, Progress, check_json_writable, out, outln, while_working, write_whole};
 
 use crate::command::query::{masks, read_rig};
 
@@ -60,7 +60,7 @@ struct Film {
 pub fn run(arguments: &CheckArguments) -> Outcome {
     let rig = read_rig(&arguments.rig)?;
     if let Some(path) = &arguments.json {
-        check_writable("--json", path)?;
+        check_json_writable(path)?;
     }
     let film = Film::read(&arguments.silhouettes, &rig)?;
     let report = while_working("checking", || PreparedFrames::new(&film.frames)?.check(&rig))

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use calib::sync::{SyncReport, check_sync};
 use clap::Args;
-use setup::cli::{Failure, Outcome, check_writable, out, while_working, write_whole};
+use setup::cli::{Failure, Outcome, check_json_writable, check_writable, out, while_working, write_whole};
 use setup::{ClusterFile, LatencyChange};
 
 use super::film::{Film, FilmSource};
@@ -66,7 +66,7 @@ pub struct SyncCheckArguments {
 pub fn run(arguments: &SyncCheckArguments) -> Outcome {
     let cluster = arguments.cluster.as_deref().map(ClusterFile::open).transpose()?;
     if let Some(path) = &arguments.json {
-        check_writable("--json", path)?;
+        check_json_writable(path)?;
     }
     let to_write = cluster.as_ref().filter(|_| arguments.write);
     if let Some(cluster) = to_write {
