@@ -12,6 +12,7 @@ use segment::mask::{Channels, MaskError, MaskFilm, MaskImage, Samples};
 
 use super::config::FileConfig;
 use super::film::Fit;
+use super::jpeg;
 use super::numbered;
 use super::{Image, ImageKind, OpenContext, Source, SourceError, SourceFrame};
 
@@ -90,6 +91,18 @@ pub(super) fn decode(
     let mut reader =
         ImageReader::new(bytes).with_guessed_format().map_err(|error| SourceError::file(path, error))?;
     let is_lossy = reader.format() == Some(ImageFormat::Jpeg);
+    if is_lossy {
+        // The decoder fills what is missing with grey.
+        let mut bytes = reader.into_inner();
+        let is_whole = jpeg::has_end(&mut bytes).and_then(|has_end| bytes.rewind().map(|()| has_end));
+        if !is_whole.map_err(|error| SourceError::file(path, error))? {
+            return Err(SourceError::file(
+                path,
+                "found no end of the JPEG, expected a whole file: it is cut off",
+            ));
+        }
+        reader = ImageReader::with_format(bytes, ImageFormat::Jpeg);
+    }
     reader.limits(limits(fit.size()));
     let mut decoder = reader.into_decoder().map_err(|error| SourceError::file(path, error))?;
     // Checked before anything of that size is decoded.
@@ -363,6 +376,15 @@ mod tests {
         fs::write(at("broken.png"), b"\x89PNG\r\n\x1a\nrest").expect("written");
         check_refused(&at("broken.png"), "broken.png: ");
         fs::write(at("text.png"), b"hello").expect("written");
+        write(folder.path(), "cut.jpg", (4, 3), 255);
+        let whole = fs::read(at("cut.jpg")).expect("written");
+        for length in [whole.len() - 1, whole.len() / 2, 4] {
+            fs::write(at("cut.jpg"), &whole[..length]).expect("written");
+            check_refused(
+                &at("cut.jpg"),
+                "cut.jpg: found no end of the JPEG, expected a whole file: it is cut off",
+            );
+        }
         check_refused(&at("text.png"), "text.png: ");
         fs::create_dir(at("twice")).expect("made");
         write(&at("twice"), "a1.png", (4, 3), 0);

@@ -11,6 +11,7 @@ mod files;
 mod film;
 mod film_numbers;
 pub(crate) mod fuzz;
+mod jpeg;
 mod mailbox;
 mod mark;
 mod number;

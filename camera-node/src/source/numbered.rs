@@ -61,10 +61,44 @@ pub fn numbered_images(path: &Path) -> Result<Vec<(u64, PathBuf)>, SourceError> 
         return Err(SourceError::file(path, "no such file or folder"));
     };
     files.sort();
+    if path.is_dir() {
+        refuse_other_formats(path, &files)?;
+    }
     refuse_copies(path, &files)?;
     refuse_twice(path, &files)?;
     refuse_decimals(path, &files)?;
     Ok(files)
+}
+
+/// Refuses `12.webp` among PNG and JPEG files that are named as it is: passed over, it would be a missing frame.
+fn refuse_other_formats(path: &Path, files: &[(u64, PathBuf)]) -> Result<(), SourceError> {
+    const OTHERS: [&str; 6] = ["webp", "bmp", "tif", "tiff", "gif", "pgm"];
+    let around_digits = |stem: &str| -> Vec<String> {
+        runs(stem)
+            .into_iter()
+            .filter(|run| !run.starts_with(|c: char| c.is_ascii_digit()))
+            .map(str::to_owned)
+            .collect()
+    };
+    let stem = |file: &Path| file.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default().to_owned();
+    let known: BTreeSet<Vec<String>> = files.iter().map(|(_, file)| around_digits(&stem(file))).collect();
+    let stems: BTreeSet<String> = files.iter().map(|(_, file)| stem(file)).collect();
+    for entry in fs::read_dir(path).map_err(|error| SourceError::file(path, error))? {
+        let file = entry.map_err(|error| SourceError::file(path, error))?.path();
+        let extension = file.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
+        let name = stem(&file);
+        let is_frame = name.contains(|c: char| c.is_ascii_digit()) && known.contains(&around_digits(&name));
+        if is_frame
+            && !stems.contains(&name)
+            && OTHERS.iter().any(|other| extension.eq_ignore_ascii_case(other))
+        {
+            return Err(SourceError::file(
+                &file,
+                "found an image of another format among the frames, expected .png or .jpg",
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// Refuses a copy that a browser or a file manager made, `12 (1).png` beside `12.png`: it is not image 1.
@@ -220,6 +254,15 @@ impl<'a> Pattern<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_frame_in_another_format_is_refused_and_neighbours_are_passed_over() {
+        let mixed = files(&["a_000.png", "a_001.webp", "a_002.png"]);
+        let error = numbered_images(mixed.path()).expect_err("refused").to_string();
+        assert!(error.contains("a_001.webp: found an image of another format among the frames"), "{error}");
+        let beside = files(&["a_000.png", "a_000.bmp", "logo_1.gif", "cover.webp", "a_001.png"]);
+        assert_eq!(numbered_images(beside.path()).expect("two frames").len(), 2);
+    }
 
     fn files(names: &[&str]) -> tempfile::TempDir {
         let folder = tempfile::tempdir().expect("folder");

@@ -396,4 +396,11 @@ background = { kind = "images", path = "PLATE" }"#;
         same.ends_with("camera \"b\", source: found that of camera \"c\" too, expected its own"),
         "{same}"
     );
+    #[cfg(unix)]
+    {
+        fs::create_dir_all(folder.path("masks/c")).expect("made");
+        std::os::unix::fs::symlink("c", folder.path("masks/d")).expect("linked");
+        let linked = refused(&TEXT.replace(stage, &masks.replace("masks/c", "masks/d")));
+        assert_eq!(linked, same);
+    }
 }
