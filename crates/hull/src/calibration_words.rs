@@ -15,7 +15,7 @@ pub struct Contradiction {
     pub expected: &'static str,
 }
 
-const UNIT_KEYS: [&str; 12] = [
+const UNIT_KEYS: [&str; 19] = [
     "unit",
     "units",
     "lengthunit",
@@ -28,6 +28,13 @@ const UNIT_KEYS: [&str; 12] = [
     "distanceunit",
     "distanceunits",
     "unitoflength",
+    "tvecunit",
+    "tvecunits",
+    "tunit",
+    "tunits",
+    "positionunit",
+    "positionunits",
+    "poseunit",
 ];
 /// Units that are read as they are: metres, and those of images and angles.
 const KNOWN_UNITS: [&str; 12] =
@@ -35,6 +42,13 @@ const KNOWN_UNITS: [&str; 12] =
 /// Names of poses from camera to world.
 const CAMERA_TO_WORLD: [&str; 7] =
     ["cameratoworld", "camera2world", "cam2world", "camtoworld", "c2w", "worldfromcamera", "worldfromcam"];
+/// Names of poses from world to camera.
+const WORLD_TO_CAMERA: [&str; 7] =
+    ["worldtocamera", "world2camera", "world2cam", "worldtocam", "w2c", "camerafromworld", "camfromworld"];
+/// Keys of a flag that turns poses round.
+const INVERSE_KEYS: [&str; 5] = ["inverse", "inverted", "invert", "poseinverse", "poseinverted"];
+/// Keys of how matrices are written.
+const ORDER_KEYS: [&str; 5] = ["matrixorder", "storageorder", "elementorder", "memoryorder", "order"];
 /// Programs whose camera axes differ from OpenCV's.
 const OTHER_AXES: [&str; 2] = ["opengl", "blender"];
 /// Parts of keys whose values are conventions of poses.
@@ -45,7 +59,7 @@ const OTHER_ROTATIONS: [&str; 8] = ["euler", "quat", "rpy", "yaw", "xyz", "zyx",
 const EULER_KEYS: [&str; 5] = ["rotationorder", "eulerorder", "rotorder", "eulerangles", "eulersequence"];
 const ROTATION_KEYS: [&str; 6] =
     ["rotationtype", "rottype", "rotationformat", "rotationrepresentation", "rotationmodel", "rotationform"];
-const SUCCESS_KEYS: [&str; 9] = [
+const SUCCESS_KEYS: [&str; 20] = [
     "calibrated",
     "iscalibrated",
     "valid",
@@ -55,7 +69,20 @@ const SUCCESS_KEYS: [&str; 9] = [
     "converged",
     "isextrinsicscalibrated",
     "poseestimated",
+    "ok",
+    "status",
+    "solved",
+    "registered",
+    "calibrationok",
+    "calibrationstatus",
+    "enabled",
+    "active",
+    "use",
+    "used",
+    "inuse",
 ];
+/// Keys that say that a camera is left out.
+const LEFT_OUT_KEYS: [&str; 5] = ["ignored", "disabled", "exclude", "excluded", "skip"];
 /// A longer text is no word of a convention.
 const MAX_WORD_BYTES: usize = 40;
 
@@ -66,7 +93,29 @@ fn plain(text: &str) -> String {
 }
 
 fn says_no(word: &str) -> bool {
-    ["0", "0.0", "false", "no", "off", "failed"].contains(&word)
+    const NO: [&str; 14] = [
+        "0",
+        "0.0",
+        "false",
+        "no",
+        "off",
+        "failed",
+        "fail",
+        "failure",
+        "error",
+        "bad",
+        "invalid",
+        "rejected",
+        "notconverged",
+        "uncalibrated",
+    ];
+    NO.contains(&word)
+}
+
+/// Whether a flag is one of these names, perhaps with `is` or `has` before it.
+fn is_flag_of(key: &str, names: &[&str]) -> bool {
+    let bare = ["is", "has"].iter().find_map(|prefix| key.strip_prefix(prefix)).unwrap_or(key);
+    names.contains(&key) || names.contains(&bare)
 }
 
 /// An error for a unit of length that is not the metre.
@@ -90,19 +139,30 @@ pub fn check_convention(key: &str, value: &str) -> Result<(), Contradiction> {
     let is_word = word != "c2w" && CAMERA_TO_WORLD.contains(&word.as_str());
     let is_turned =
         is_word || is_convention && CAMERA_TO_WORLD.iter().chain(&OTHER_AXES).any(|name| names_pose(name));
-    let is_flag = CAMERA_TO_WORLD.contains(&key.as_str()) && !word.is_empty() && !says_no(&word);
+    let says_yes = !word.is_empty() && word != "none" && !says_no(&word);
+    let is_flag = is_flag_of(&key, &CAMERA_TO_WORLD) && says_yes
+        || is_flag_of(&key, &WORLD_TO_CAMERA) && says_no(&word)
+        || is_flag_of(&key, &INVERSE_KEYS) && says_yes;
     if is_short && (is_turned || is_flag) {
         return contradiction(value, "a pose from world to camera: x_camera = R x_world + T");
     }
     let is_other = |word: &str| OTHER_ROTATIONS.iter().any(|other| word.contains(other));
-    let is_said = !word.is_empty() && word != "none" && !says_no(&word);
-    let is_euler = EULER_KEYS.contains(&key.as_str()) && is_said
+    if is_short && key.contains("handedness") && word.starts_with("left") {
+        return contradiction(value, "a right-handed world");
+    }
+    if is_short && ORDER_KEYS.contains(&key.as_str()) && word.starts_with("col") {
+        return contradiction(value, "matrices row by row");
+    }
+    let is_euler = EULER_KEYS.contains(&key.as_str()) && says_yes
         || ROTATION_KEYS.contains(&key.as_str()) && is_other(&word);
     if is_euler {
         return contradiction(value, "a Rodrigues vector or a 3 x 3 matrix, no angles about axes");
     }
-    if SUCCESS_KEYS.contains(&key.as_str()) && says_no(&word) {
+    if is_flag_of(&key, &SUCCESS_KEYS) && says_no(&word) {
         return contradiction(value, "a calibration that succeeded: remove the camera, or calibrate it");
+    }
+    if is_flag_of(&key, &LEFT_OUT_KEYS) && ["1", "true", "yes", "on"].contains(&word.as_str()) {
+        return contradiction(value, "a camera that takes part: remove it from the file");
     }
     Ok(())
 }
@@ -151,6 +211,7 @@ mod tests {
         for word in ["mm", "\"cm\"", "feet", "millimeters", "Inch", "0.001"] {
             assert!(check_unit("units", word).is_err(), "{word}");
         }
+        assert!(check_unit("tvec_unit", "mm").is_err());
         let read =
             [("units", "m"), ("unit", "Metres"), ("unit", "[m]"), ("units", "m, rad"), ("unit", "1.0")];
         for (key, word) in read.into_iter().chain([("units", "pixels"), ("board_unit", "mm")]) {
@@ -173,6 +234,20 @@ mod tests {
             ("calibrated", "false"),
             ("valid", "0"),
             ("success", "False"),
+            ("world_to_camera", "false"),
+            ("is_world_to_camera", "0"),
+            ("is_camera_to_world", "true"),
+            ("inverse", "true"),
+            ("handedness", "left"),
+            ("coordinate_handedness", "\"left-handed\""),
+            ("matrix_order", "column-major"),
+            ("status", "failed"),
+            ("ok", "false"),
+            ("has_converged", "0"),
+            ("enabled", "false"),
+            ("active", "no"),
+            ("exclude", "true"),
+            ("disabled", "1"),
         ] {
             assert!(check_convention(key, word).is_err(), "{key} {word}");
         }
@@ -191,6 +266,14 @@ mod tests {
             ("rotation_order", "none"),
             ("cam_to_world", ""),
             ("rvec", "[0.1, 0.2, 0.3]"),
+            ("world_to_camera", "true"),
+            ("inverse", "0"),
+            ("handedness", "right"),
+            ("matrix_order", "row-major"),
+            ("status", "ok"),
+            ("enabled", "true"),
+            ("skip", "false"),
+            ("use", ""),
         ] {
             assert_eq!(check_convention(key, word), Ok(()), "{key} {word}");
         }

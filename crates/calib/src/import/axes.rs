@@ -75,9 +75,11 @@ pub(super) fn finished(
         return Err(ImportError::Option { option: "scale", found: scale.to_string(), expected });
     }
     let turn = options.up.filter(|&up| up != Axis::PlusY).map(Axis::rig_from_source);
+    let is_one_of_many = cameras.len() > 1;
     let cameras = cameras
         .into_iter()
         .map(|camera| {
+            let name = camera.name().to_owned();
             let (size, k) = ((camera.width(), camera.height()), *camera.intrinsics());
             let (lens, translation_m) = (camera.lens().coefficients(), camera.translation_m() * scale);
             match turn {
@@ -89,7 +91,10 @@ pub(super) fn finished(
                 None => Camera::new(camera.name(), size, k, lens, *camera.rotation_rad(), translation_m),
             }
             .and_then(|camera| camera.check_image().map(|()| camera))
-            .map_err(|error| ImportError::camera(file, error))
+            .map_err(|error| {
+                let place = if is_one_of_many { format!("{file}: camera {name}") } else { file.to_owned() };
+                ImportError::camera(&place, error)
+            })
         })
         .collect::<Result<Vec<Camera>, ImportError>>()?;
     room::check(file, &cameras, &turn.unwrap_or_else(Matrix3::identity), &mut warnings)?;

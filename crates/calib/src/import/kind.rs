@@ -47,9 +47,8 @@ pub(super) fn nearly_matrix(text: &str) -> Option<usize> {
 /// How many numbers a text of numbers alone holds, counted up to `most`.
 fn counted(text: &str, most: usize) -> Option<usize> {
     let lines = text.lines().filter(|line| !line.trim_start().starts_with('#'));
-    let words =
-        lines.flat_map(|line| line.split([' ', '\t', ',', ';'])).filter(|word| !word.trim().is_empty());
-    words.take(most).try_fold(0, |count, word| word.trim().parse::<f64>().is_ok().then_some(count + 1))
+    let mut words = lines.flat_map(matrix_words).take(most);
+    words.try_fold(0, |count, word| word.parse::<f64>().is_ok().then_some(count + 1))
 }
 
 /// Whether a text holds twelve numbers and, beside these, brackets or a few words: `P = [1 2 3 4; …]`, a title line.
@@ -69,6 +68,24 @@ pub(super) fn is_dressed_matrix(text: &str) -> bool {
     }
     // A title as "Camera 5" holds a number too.
     numbers == 12 || (numbers == 13 && others > 0)
+}
+
+/// Whether a text has the lines of a matrix, and a few words of them are no numbers as they are read: `1.#QNAN`, `0x10`.
+/// The first such word.
+pub(super) fn odd_word(text: &str) -> Option<&str> {
+    const MOST_ODD: usize = 3;
+    let lines = text.lines().filter(|line| !line.trim_start().starts_with('#'));
+    let words = |line| matrix_words(line).take(13).collect::<Vec<&str>>();
+    let lines: Vec<Vec<&str>> = lines.map(words).filter(|words| !words.is_empty()).take(4).collect();
+    let counts: Vec<usize> = lines.iter().map(Vec::len).collect();
+    let mut odd = lines.into_iter().flatten().filter(|word| word.parse::<f64>().is_err());
+    let first = odd.next().filter(|_| counts == [4, 4, 4] || counts == [12])?;
+    (odd.count() < MOST_ODD).then_some(first)
+}
+
+/// What stands between the blanks, commas and semicolons of a line.
+fn matrix_words(line: &str) -> impl Iterator<Item = &str> {
+    line.split([' ', '\t', ',', ';']).map(str::trim).filter(|word| !word.is_empty())
 }
 
 /// Whether a text may be a calibration, in whatever format.
@@ -137,6 +154,12 @@ mod tests {
             assert!(is_dressed_matrix(text) && !is_matrix(text), "{text}");
         }
         assert!(!is_dressed_matrix("taken on Monday") && !is_dressed_matrix("1 2 3"));
+        for odd in ["1.#QNAN", "0x10", "1_0", "1+0i", "1.2.3", "1,5"] {
+            let text = format!("1 2 3 4\n5 {odd} 7 8\n9 1 2 3\n");
+            assert_eq!(odd_word(&text), (odd != "1,5").then_some(odd));
+        }
+        assert_eq!(odd_word("1 2 3 4\n5 6 7 8\n9 1 2 3\n"), None);
+        assert_eq!(odd_word("a b c d\ne f g h\n1 2 3 4\n"), None);
     }
 
     #[test]

@@ -45,6 +45,7 @@ pub fn from_qualisys(file: &TextFile, options: &ImportOptions) -> Result<Importe
             ));
         }
         let source = Source { file, name: &name, element };
+        source.check_single()?;
         source.check_lens_model(&root)?;
         cameras.push(source.camera(options, &mut warnings)?);
     }
@@ -94,6 +95,18 @@ struct Source<'a> {
 }
 
 impl Source<'_> {
+    /// An error for a second pose, lens or field of one camera.
+    fn check_single(&self) -> Result<(), ImportError> {
+        for part in ["transform", "intrinsic", "fov_video", "fov_marker"] {
+            let count = self.element.children.iter().filter(|child| child.name == part).count();
+            if count > 1 {
+                let key = format!("camera {} {part}", self.name);
+                return Err(ImportError::key(&self.file.path, &key, format!("{count} of them"), "one"));
+            }
+        }
+        Ok(())
+    }
+
     /// An error if an attribute speaks of another lens, or a coefficient that is not read is not zero.
     fn check_lens_model(&self, root: &Element) -> Result<(), ImportError> {
         let shown = |key: &str| format!("camera {} {key}", self.name);
@@ -384,5 +397,7 @@ mod tests {
             "{mirrored}"
         );
         assert!(message("<cameras>", "<cams>").contains("Calib.qca.txt: line"));
+        let twice = message("<transform", "<transform x=\"0\"/><transform");
+        assert!(twice.contains("camera left transform: found 2 of them, expected one"), "{twice}");
     }
 }

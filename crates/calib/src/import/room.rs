@@ -3,7 +3,7 @@
 //! twice, fails here.
 
 use hull::Camera;
-use nalgebra::{Matrix3, Point3, Vector3};
+use nalgebra::{Matrix3, Point2, Point3, Vector3};
 
 use super::ImportError;
 use super::names::is_version_word;
@@ -24,6 +24,8 @@ const MOST_EQUAL_M: f64 = 1e-3;
 const WIDE_APART: f64 = 0.866;
 /// A principal point farther from the middle of its image than this share of the side is that of another size.
 const OFF_MIDDLE: f64 = 0.12;
+/// Pixels of which one side is so many times the other are not square.
+const MOST_STRETCHED: f64 = 1.5;
 /// The mean of unit vectors is longer than this if they have a common direction, and shorter than the other if not.
 const COMMON: f64 = 0.8;
 const NOT_COMMON: f64 = 0.3;
@@ -43,6 +45,7 @@ pub(super) fn check(
         check_up(file, cameras, rig_from_source, warnings)?;
         check_subject(file, cameras, warnings)?;
     }
+    warn_of_lenses(file, cameras, warnings);
     let off: Vec<&str> = cameras.iter().filter(is_off_middle).map(Camera::name).collect();
     if !off.is_empty() {
         warnings.push(format!(
@@ -52,6 +55,35 @@ pub(super) fn check(
         ));
     }
     Ok(())
+}
+
+/// Warnings for pixels that are far from square, and for lenses that show nothing at the middle of a side of the image.
+fn warn_of_lenses(file: &str, cameras: &[Camera], warnings: &mut Vec<String>) {
+    let is_stretched = |camera: &&Camera| {
+        let k = camera.intrinsics();
+        !(1.0 / MOST_STRETCHED..MOST_STRETCHED).contains(&(k[(0, 0)] / k[(1, 1)]))
+    };
+    let folds = |camera: &&Camera| {
+        let (right, bottom) = (f64::from(camera.width() - 1), f64::from(camera.height() - 1));
+        let sides = [(0.0, 0.5 * bottom), (right, 0.5 * bottom), (0.5 * right, 0.0), (0.5 * right, bottom)];
+        sides.iter().any(|&(x, y)| camera.normalised(&Point2::new(x, y)).is_none())
+    };
+    let named =
+        |is: &dyn Fn(&&Camera) -> bool| cameras.iter().filter(is).map(Camera::name).collect::<Vec<&str>>();
+    let (stretched, folded) = (named(&is_stretched), named(&folds));
+    if !stretched.is_empty() {
+        warnings.push(format!(
+            "{file}: the focal lengths of {} differ by more than half: are pixels that far from square?",
+            listed(&stretched)
+        ));
+    }
+    if !folded.is_empty() {
+        warnings.push(format!(
+            "{file}: the lens of {} shows nothing at the middle of a side of the image: are its coefficients k1 k2 p1 \
+             p2 k3?",
+            listed(&folded)
+        ));
+    }
 }
 
 /// Where the cameras stand.
@@ -394,6 +426,24 @@ mod tests {
             warned(&sized(size), "the principal point of cam1, cam2, cam3, cam4 is far from the middle");
         }
         passes(&sized((2048, 1080)));
+    }
+
+    #[test]
+    fn lenses_that_hardly_are_are_named() {
+        let with = |k: [f64; 2], lens: [f64; 5]| -> Vec<Camera> {
+            let made = |camera: &Camera| {
+                let k = Matrix3::new(k[0], 0.0, 960.0, 0.0, k[1], 540.0, 0.0, 0.0, 1.0);
+                let (rotation, translation_m) = (camera.rotation(), *camera.translation_m());
+                Camera::from_matrices(camera.name(), (1920, 1080), k, lens, rotation, translation_m)
+            };
+            room().iter().map(|camera| made(camera).expect("a camera")).collect()
+        };
+        warned(&with([1400.0, 700.0], [0.0; 5]), "the focal lengths of cam1, cam2, cam3, cam4 differ");
+        warned(
+            &with([1400.0; 2], [-3.0, 0.0, 0.0, 0.0, 0.0]),
+            "the lens of cam1, cam2, cam3, cam4 shows nothing",
+        );
+        passes(&with([1400.0, 1300.0], [-0.3, 0.1, 0.0, 0.0, 0.0]));
     }
 
     #[test]

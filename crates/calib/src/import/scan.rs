@@ -6,8 +6,11 @@ use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use hull::text::{MAX_QUOTED_CHARS, shortened};
+
 use super::kind::{
     is_dressed_matrix, is_in_braces, is_matrix, is_rig, is_storage, looks_like_calibration, nearly_matrix,
+    odd_word,
 };
 use super::natural_order::natural_key;
 use super::{ImportError, TextFile};
@@ -47,6 +50,8 @@ pub(super) struct Scan {
     pub(super) whole_rig: Option<String>,
     /// The first file of [`BINARY_ENDINGS`], and how many there are.
     binary: Option<(String, usize)>,
+    /// The first file with the name of a FileStorage that has nothing of a calibration, and how many there are.
+    unknown: Option<(String, usize)>,
     bytes: usize,
     listed: usize,
     /// Folders that were visited, and files of one folder that links lead to.
@@ -57,10 +62,8 @@ pub(super) struct Scan {
 pub(super) fn scan(folder: &Path) -> Result<Scan, ImportError> {
     let mut scan = Scan::default();
     scan.visit(folder, "", 0)?;
-    if let Some((first, count)) = &scan.binary {
-        let more = if *count > 1 { format!(" and {} more", count - 1) } else { String::new() };
-        scan.warnings.push(format!("{first}{more}: left out, no text: write calibrations as text"));
-    }
+    scan.warnings.extend(with_more(&scan.unknown, "no OpenCV FileStorage"));
+    scan.warnings.extend(with_more(&scan.binary, "no text: write calibrations as text"));
     scan.files.sort_by_cached_key(|file| natural_key(&file.path));
     Ok(scan)
 }
@@ -206,14 +209,29 @@ impl Scan {
                 "{}: left out, it holds {count} numbers, expected 12 for a 3 x 4 matrix",
                 file.path
             ));
+        } else if let Some(word) = odd_word(&file.text) {
+            self.warnings.push(format!(
+                "{}: left out, it holds {:?}, expected 12 numbers for a 3 x 4 matrix",
+                file.path,
+                shortened(word, MAX_QUOTED_CHARS)
+            ));
         } else if is_dressed_matrix(&file.text) {
             self.warnings.push(format!(
                 "{}: left out, it holds more than plain numbers (words, brackets, exponents with D), expected 12 numbers for a 3 x 4 matrix",
                 file.path
             ));
+        } else if is_storage_name {
+            self.unknown.get_or_insert_with(|| (file.path, 0)).1 += 1;
         }
         Ok(())
     }
+}
+
+/// A line for the first of several files, if there is one.
+fn with_more(first: &Option<(String, usize)>, why: &str) -> Option<String> {
+    let (first, count) = first.as_ref()?;
+    let more = if *count > 1 { format!(" and {} more", count - 1) } else { String::new() };
+    Some(format!("{first}{more}: left out, {why}"))
 }
 
 fn is_blank(c: char) -> bool {

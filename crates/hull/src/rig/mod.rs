@@ -221,6 +221,7 @@ fn camera_from_section(section: &str, keys: &Table) -> Result<Camera, RigError> 
     let distortion = list(keys.get("distortions"))
         .and_then(|given| five_coefficients(&given))
         .ok_or_else(|| wrong("distortions", keys.get("distortions"), LENS_COEFFICIENTS))?;
+    check_one_lens(&section, keys)?;
     let rotation = vector::<3>(keys.get("rotation"))
         .ok_or_else(|| wrong("rotation", keys.get("rotation"), "a Rodrigues vector of three numbers"))?;
     let translation = vector::<3>(keys.get("translation"))
@@ -235,6 +236,31 @@ fn camera_from_section(section: &str, keys: &Table) -> Result<Camera, RigError> 
     )
     .and_then(|camera| camera.check_image().map(|()| camera))
     .map_err(|error| RigError::Camera { section: section.clone(), error })
+}
+
+/// An error for lens coefficients under another key than `distortions` that are not zero and not the same.
+fn check_one_lens(section: &str, keys: &Table) -> Result<(), RigError> {
+    const SINGLE: [&str; 8] = ["k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2"];
+    const LISTS: [&str; 4] = ["d", "kc", "radial", "tangential"];
+    let read = list(keys.get("distortions"));
+    for (key, value) in keys.iter().filter(|(key, _)| *key != "distortions") {
+        let name = key.to_lowercase().replace(['_', '-'], "");
+        let is_named = name.contains("dist") && !name.contains("distance") && !name.contains("undist");
+        if !is_named && !SINGLE.contains(&name.as_str()) && !LISTS.contains(&name.as_str()) {
+            continue;
+        }
+        let found = list(Some(value)).or_else(|| list(Some(&Value::Array(vec![value.clone()]))));
+        if found.as_ref().is_some_and(|found| found.iter().any(|&number| number != 0.0)) && found != read {
+            let found = shortened(&value.to_string(), MAX_QUOTED_CHARS);
+            let expected = "all lens coefficients under `distortions`, k1 k2 p1 p2 k3";
+            return Err(RigError::Contradiction {
+                section: section.to_owned(),
+                key: shortened(key, MAX_QUOTED_CHARS),
+                error: Contradiction { found, expected },
+            });
+        }
+    }
+    Ok(())
 }
 
 /// The tables of a rig file's text.

@@ -140,6 +140,13 @@ fn numbers_that_cannot_be_of_the_image_or_the_room_are_refused() {
     );
     for (line, message) in [
         ("ignore = true", "ignore: found true, expected a camera that takes part: remove its section"),
+        ("exclude = true", "exclude: found true, expected a camera that takes part: remove it from the file"),
+        ("handedness = \"left\"", "handedness: found left, expected a right-handed world"),
+        ("k1 = 0.5", "k1: found 0.5, expected all lens coefficients under `distortions`, k1 k2 p1 p2 k3"),
+        (
+            "distortion = [0.5, 0, 0, 0, 0]",
+            "distortion: found [0.5, 0, 0, 0, 0], expected all lens coefficients under `distortions`, k1 k2 p1 p2 k3",
+        ),
         (
             "calibrated = false",
             "calibrated: found false, expected a calibration that succeeded: remove the camera, or calibrate it",

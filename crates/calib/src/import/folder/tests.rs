@@ -138,6 +138,8 @@ fn no_camera_is_lost_without_a_word() {
         ("cam1_dist.txt", "-0.28 0.09 0.0011 -0.0003 0.02"),
         ("cam2_dist.csv", "-0.28,0.09,0.0011,-0.0003,0.02"),
         ("cam19.txt", "1.0D+03 2 3 4\n5 6 7 8\n9 1 2 3\n"),
+        ("cam20.txt", "1 2 3 4\n5 1.#QNAN 7 8\n9 1 2 3\n"),
+        ("cam21.yml", "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 412\n"),
     ]);
     fs::write(room.path().join("cam8.yml"), [0u8, 159]).expect("written");
     let warnings = import(room.path(), None, &SIZE).expect("a rig").warnings;
@@ -161,6 +163,8 @@ fn no_camera_is_lost_without_a_word() {
         "cam1_dist.txt",
         "cam2_dist.csv",
         "cam19.txt",
+        "cam20.txt: left out, it holds \"1.#QNAN\"",
+        "cam21.yml: left out, no OpenCV FileStorage",
     ] {
         assert!(warnings.iter().any(|warning| warning.starts_with(name)), "{name}: {warnings:?}");
     }

@@ -243,6 +243,17 @@ fn a_pose_in_another_form_is_refused() {
     ] {
         refused(&format!("{HEAD}{K}{D}{pose}"), message);
     }
+    refused(
+        &format!("{HEAD}{K}{D}{R}{T}fx: 999\n"),
+        "K, fx: found 500 and 999, expected one value for one camera",
+    );
+    assert!(
+        read_files(
+            &[("c.yml", &format!("{HEAD}{K}{D}{R}{T}fx: 500\ncx: 320.01\n"))],
+            &ImportOptions::default()
+        )
+        .is_ok()
+    );
     let millimetres = format!("{HEAD}{K}{D}{R}{T}units: mm\n");
     let options = ImportOptions { scale: Some(0.001), ..Default::default() };
     assert!(read_files(&[("c.yml", &millimetres)], &options).is_ok());

@@ -160,6 +160,7 @@ fn check_conventions(
     options: &ImportOptions,
     warnings: &mut Vec<String>,
 ) -> Result<(), ImportError> {
+    check_focal_keys(file, entries)?;
     for entry in entries {
         // A map is of something else; an attribute of a camera's key is not.
         if entry.key.rsplit_once('/').is_some_and(|(around, _)| roles::meaning(around).is_none()) {
@@ -172,6 +173,35 @@ fn check_conventions(
         )?;
         if changes_images(entry.name(), &value) {
             warnings.push(format!("{}: {}", file.path, changed_images(&entry.key, &value)));
+        }
+    }
+    Ok(())
+}
+
+/// An error for focal lengths or a principal point beside the camera matrix that are others.
+fn check_focal_keys(file: &TextFile, entries: &[Entry]) -> Result<(), ImportError> {
+    /// Printed digits, as a share.
+    const ROUNDED: f64 = 1e-3;
+    let top = || entries.iter().filter(|entry| !entry.is_nested());
+    let mut matrices = top().filter(|entry| {
+        roles::meaning(&entry.key).is_some_and(|found| found.role == Role::Matrix) && Role::Matrix.fits(entry)
+    });
+    let (Some(matrix), None) = (matrices.next(), matrices.next()) else { return Ok(()) };
+    let numbers = matrix.numbers.as_deref().unwrap_or(&[]);
+    for (name, place) in [("fx", 0), ("fy", 4), ("cx", 2), ("cy", 5)] {
+        let Some(&read) = numbers.get(place) else { continue };
+        let other = top().find(|entry| entry.key.eq_ignore_ascii_case(name));
+        let Some((entry, &[found])) = other.and_then(|entry| Some((entry, entry.numbers.as_deref()?))) else {
+            continue;
+        };
+        if (found - read).abs() > ROUNDED * read.abs().max(1.0) {
+            let keys = format!("{}, {}", matrix.key, entry.key);
+            return Err(ImportError::key(
+                &file.path,
+                &keys,
+                format!("{read} and {found}"),
+                "one value for one camera",
+            ));
         }
     }
     Ok(())

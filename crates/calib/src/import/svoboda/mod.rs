@@ -73,7 +73,7 @@ pub fn from_svoboda(files: &[TextFile], options: &ImportOptions) -> Result<Impor
     }
     let matrices = signed(&found)?;
     let folder = Folder { files, names: names(files, &found)?, sizes: sizes(files)? };
-    folder.warn_of_missing_lenses(&found, &mut warnings);
+    folder.check_lenses(&found, &mut warnings)?;
     let mut cameras = Vec::new();
     for (rank, ((number, file), p)) in found.iter().zip(&matrices).enumerate() {
         let parts = taken_apart(&file.path, p)?;
@@ -175,19 +175,34 @@ impl<'a> Folder<'a> {
         self.files.iter().filter(move |file| number_before(&file.path, ".rad") == Some(number))
     }
 
-    /// A warning for the cameras without a `.rad`, where others have one.
-    fn warn_of_missing_lenses(&self, cameras: &[(u32, &TextFile)], warnings: &mut Vec<String>) {
+    /// A warning for the cameras without a `.rad`, where others have one; an error if there is one without a camera
+    /// then: they may be counted from 0.
+    fn check_lenses(
+        &self,
+        cameras: &[(u32, &TextFile)],
+        warnings: &mut Vec<String>,
+    ) -> Result<(), ImportError> {
         let (with, without): (Vec<u32>, Vec<u32>) = cameras
             .iter()
             .map(|&(number, _)| number)
             .partition(|&number| self.radials(number).next().is_some());
         if !with.is_empty() && !without.is_empty() {
+            let is_of_none = |file: &&TextFile| {
+                let number = number_before(&file.path, ".rad");
+                number.is_some_and(|number| cameras.iter().all(|&(camera, _)| camera != number))
+            };
+            if let Some(lone) = self.files.iter().find(is_of_none) {
+                let found = format!("the lens of no camera, and none of camera {}", without[0]);
+                let expected = "the numbers of the cameras' matrices";
+                return Err(ImportError::key(&lone.path, "number", found, expected));
+            }
             let without: Vec<String> = without.iter().map(|number| format!("camera {number}")).collect();
             warnings.push(format!(
                 "MultiCamSelfCal: found no .rad of {}: lens coefficients taken as zero",
                 without.join(", ")
             ));
         }
+        Ok(())
     }
 
     /// By camera number, or by rank where `Res.dat` lists only the cameras in use.
@@ -278,6 +293,19 @@ fn read_radial(file: &TextFile) -> Result<(Matrix3<f64>, [f64; 5]), ImportError>
     if k[(0, 0)] <= 0.0 || k[(1, 1)] <= 0.0 || k[(2, 2)] != 1.0 {
         let found = format!("{} {} {}", k[(0, 0)], k[(1, 1)], k[(2, 2)]);
         return Err(ImportError::key(&file.path, "K11, K22, K33", found, "two focal lengths and 1"));
+    }
+    // What Bouguet's toolbox has beyond the tool's four.
+    for key in ["kc5", "kc6"] {
+        let is_there =
+            file.text.lines().any(|line| line.split_once('=').is_some_and(|(name, _)| name.trim() == key));
+        if is_there && value(key)? != 0.0 {
+            return Err(ImportError::key(
+                &file.path,
+                key,
+                value(key)?.to_string(),
+                "zero: kc1 to kc4 are read",
+            ));
+        }
     }
     Ok((k, [value("kc1")?, value("kc2")?, value("kc3")?, value("kc4")?, 0.0]))
 }

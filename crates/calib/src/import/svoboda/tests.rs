@@ -207,4 +207,12 @@ fn files_of_two_calibrations_are_refused() {
     let found = from_svoboda(&files, &ZERO).expect_err("two lenses").to_string();
     assert!(found.contains("a1.rad and b1.rad: found two lenses of camera 1 that differ"), "{found}");
     assert!(both("a1.rad", &format!("{lens}kc1 = 0.5\n")).contains("kc1: found"));
+    assert!(both("a1.rad", &format!("{lens}kc5 = 0.3\n")).contains("kc5: found 0.3, expected zero"));
+    let mut files = folder(&matrices());
+    files.extend(["b0.rad", "b1.rad", "b2.rad"].map(|path| file(path, &lens[..])));
+    let found = from_svoboda(&files, &ZERO).expect_err("counted from 0").to_string();
+    assert!(
+        found.starts_with("b0.rad: number: found the lens of no camera, and none of camera 3"),
+        "{found}"
+    );
 }
