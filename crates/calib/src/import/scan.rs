@@ -221,7 +221,7 @@ impl Scan {
                 file.path
             ));
         } else if is_storage_name {
-            self.unknown.get_or_insert_with(|| (file.path, 0)).1 += 1;
+            self.unknown.get_or_insert((file.path, 0)).1 += 1;
         }
         Ok(())
     }
