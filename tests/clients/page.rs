@@ -4,11 +4,13 @@
 
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::process::Stdio;
+use std::sync::Arc;
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::time::Duration;
 
 use camera_node::capture::{Film, Filming as _};
 use camera_node::frames::FrameRing;
-use camera_node::pictures::PictureEncoder;
+use camera_node::pictures::{ColourRing, PictureEncoder};
 use camera_node::source::{SourceConfig, StageConfig};
 use camera_node::{NodeCamera, NodeConfig};
 use film_time::{Pace, RunStart};
@@ -208,6 +210,20 @@ async fn a_run_in_one_process_is_seen_and_steered() {
     a_run_is_seen_and_steered(&["--transport", "inprocess"]).await;
 }
 
+/// Has film keep the colours of all frames until what it returns is dropped. Each request lasts for some seconds, and a busy
+/// machine takes longer for a picture, while film goes on.
+fn keep_colours(colours: Arc<ColourRing>, cameras: usize) -> Sender<()> {
+    let request = move || (0..cameras).for_each(|camera| colours.request(camera, false));
+    request();
+    let (kept, ended) = channel();
+    std::thread::spawn(move || {
+        while ended.recv_timeout(Duration::from_millis(100)) == Err(RecvTimeoutError::Timeout) {
+            request();
+        }
+    });
+    kept
+}
+
 /// What eight cameras of the studio send a page by default, a second, in bits: the mean of frames all over
 /// a walk past them.
 #[test]
@@ -226,18 +242,14 @@ fn eight_cameras_at_full_rate_fit_into_fifteen_megabits() {
         settings: ProbeSettings::default(),
         fps: 30.0,
     };
-    let ring = std::sync::Arc::new(FrameRing::new(8));
-    let film = Film::prepare(&config, std::sync::Arc::clone(&ring)).expect("backgrounds");
-    let colours = film.colours();
-    let request = || (0..8).for_each(|camera| colours.request(camera, false));
-    request();
-    let encoder = PictureEncoder::new(std::sync::Arc::clone(&ring), film.colours(), config.rig_indices());
+    let ring = Arc::new(FrameRing::new(8));
+    let film = Film::prepare(&config, Arc::clone(&ring)).expect("backgrounds");
+    let _kept = keep_colours(film.colours(), 8);
+    let encoder = PictureEncoder::new(Arc::clone(&ring), film.colours(), config.rig_indices());
     let encoder = encoder.expect("a thread");
     film.start(RunStart::of_this_process(Pace::lock_step(1))).expect("films");
     let (mut runs, mut jpegs, mut sets) = (0, 0, 0);
     for frame in 0..45 {
-        // Colours are kept for some seconds after they are requested: a busy machine takes longer for the whole film.
-        request();
         film.credit(frame);
         let deadline = std::time::Instant::now() + TIMEOUT;
         let found = loop {
@@ -250,7 +262,7 @@ fn eight_cameras_at_full_rate_fit_into_fifteen_megabits() {
         if frame % 3 != 0 {
             continue;
         }
-        let (sender, pictures) = std::sync::mpsc::channel();
+        let (sender, pictures) = channel();
         let crops = PictureRequest {
             frame: Some(found.number),
             kind: PictureKind::Crops,
