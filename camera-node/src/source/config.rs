@@ -149,11 +149,16 @@ impl SourceConfig {
             (SourceConfig::Pipe(one), SourceConfig::Pipe(other)) => {
                 (&one.command, &one.folder) == (&other.command, &other.folder)
             }
-            (one, other) => one
-                .path()
-                .zip(other.path())
-                .is_some_and(|(one, other)| one == other || place(one) == place(other)),
+            (one, other) => one.path().is_some_and(|path| other.path() == Some(path)),
         }
+    }
+
+    /// Where its file, its folder or the pattern of its folder is once links are followed, as far as it is on this
+    /// machine.
+    pub fn place(&self) -> Option<PathBuf> {
+        let path = self.path()?;
+        let of_folder = || Some(path.parent()?.canonicalize().ok()?.join(path.file_name()?));
+        path.canonicalize().ok().or_else(of_folder)
     }
 
     /// Where its files are.
@@ -305,11 +310,4 @@ fn checked_span<E: serde::de::Error>(found: f64, least: f64) -> Result<f64, E> {
         return Ok(found);
     }
     Err(E::custom(format_args!("found {found}, expected {least} to {MAX_SPAN_S} seconds")))
-}
-
-/// Where a file, a folder or a pattern of a folder is once links are followed, as far as it is on this machine.
-fn place(path: &Path) -> PathBuf {
-    let whole = path.canonicalize().ok();
-    let of_folder = || Some(path.parent()?.canonicalize().ok()?.join(path.file_name()?));
-    whole.or_else(of_folder).unwrap_or_else(|| path.to_owned())
 }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::fs;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use super::SourceError;
@@ -70,35 +71,43 @@ pub fn numbered_images(path: &Path) -> Result<Vec<(u64, PathBuf)>, SourceError> 
     Ok(files)
 }
 
-/// Refuses `12.webp` among PNG and JPEG files that are named as it is: passed over, it would be a missing frame.
+/// Refuses `12.webp` among PNG and JPEG files that are named as it is, where these have no number 12: passed over, it would
+/// be a missing frame.
 fn refuse_other_formats(path: &Path, files: &[(u64, PathBuf)]) -> Result<(), SourceError> {
-    const OTHERS: [&str; 6] = ["webp", "bmp", "tif", "tiff", "gif", "pgm"];
-    let around_digits = |stem: &str| -> Vec<String> {
-        runs(stem)
-            .into_iter()
-            .filter(|run| !run.starts_with(|c: char| c.is_ascii_digit()))
-            .map(str::to_owned)
-            .collect()
+    const OTHERS: [&str; 13] =
+        ["webp", "bmp", "tif", "tiff", "gif", "pgm", "ppm", "pbm", "pnm", "jp2", "avif", "heic", "exr"];
+    let around = |file: &Path| -> Option<(String, String)> {
+        let stem = file.file_stem()?.to_str()?;
+        let digits = last_digits(stem)?;
+        Some((stem[..digits.start].to_owned(), stem[digits.end..].to_owned()))
     };
-    let stem = |file: &Path| file.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default().to_owned();
-    let known: BTreeSet<Vec<String>> = files.iter().map(|(_, file)| around_digits(&stem(file))).collect();
-    let stems: BTreeSet<String> = files.iter().map(|(_, file)| stem(file)).collect();
+    let known: BTreeSet<(String, String)> = files.iter().filter_map(|(_, file)| around(file)).collect();
+    let numbers: BTreeSet<u64> = files.iter().map(|(number, _)| *number).collect();
     for entry in fs::read_dir(path).map_err(|error| SourceError::file(path, error))? {
         let file = entry.map_err(|error| SourceError::file(path, error))?.path();
         let extension = file.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
-        let name = stem(&file);
-        let is_frame = name.contains(|c: char| c.is_ascii_digit()) && known.contains(&around_digits(&name));
-        if is_frame
-            && !stems.contains(&name)
-            && OTHERS.iter().any(|other| extension.eq_ignore_ascii_case(other))
-        {
-            return Err(SourceError::file(
-                &file,
-                "found an image of another format among the frames, expected .png or .jpg",
-            ));
+        if !OTHERS.iter().any(|other| extension.eq_ignore_ascii_case(other)) {
+            continue;
+        }
+        let stem = file.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
+        let number = last_digits(stem).and_then(|digits| stem[digits].parse::<u64>().ok());
+        let is_named_alike = around(&file).is_some_and(|around| known.contains(&around));
+        if is_named_alike && number.is_some_and(|number| !numbers.contains(&number)) {
+            let problem = "found an image of another format among the frames, expected .png or .jpg";
+            return Err(SourceError::file(&file, problem));
         }
     }
     Ok(())
+}
+
+/// Where the last run of digits of a name is.
+fn last_digits(stem: &str) -> Option<Range<usize>> {
+    let end = stem.rfind(|c: char| c.is_ascii_digit())? + 1;
+    let start = stem[..end].rfind(|c: char| !c.is_ascii_digit()).map_or(0, |at| {
+        // The character before the digits may be longer than a byte.
+        at + stem[at..].chars().next().map_or(1, char::len_utf8)
+    });
+    Some(start..end)
 }
 
 /// Refuses a copy that a browser or a file manager made, `12 (1).png` beside `12.png`: it is not image 1.
@@ -215,12 +224,7 @@ fn plain_number(name: &str) -> Option<Result<u64, TooLarge>> {
     if !["png", "jpg", "jpeg"].iter().any(|known| extension.eq_ignore_ascii_case(known)) {
         return None;
     }
-    let end = stem.rfind(|c: char| c.is_ascii_digit())? + 1;
-    let start = stem[..end].rfind(|c: char| !c.is_ascii_digit()).map_or(0, |at| {
-        // The character before the digits may be longer than a byte.
-        at + stem[at..].chars().next().map_or(1, char::len_utf8)
-    });
-    Some(stem[start..end].parse().map_err(|_| TooLarge))
+    Some(stem[last_digits(stem)?].parse().map_err(|_| TooLarge))
 }
 
 /// A pattern of file names: `before%0<width>dafter`.
@@ -260,7 +264,17 @@ mod tests {
         let mixed = files(&["a_000.png", "a_001.webp", "a_002.png"]);
         let error = numbered_images(mixed.path()).expect_err("refused").to_string();
         assert!(error.contains("a_001.webp: found an image of another format among the frames"), "{error}");
-        let beside = files(&["a_000.png", "a_000.bmp", "logo_1.gif", "cover.webp", "a_001.png"]);
+        let padded = files(&["a_000.png", "a_1.webp", "a_002.png"]);
+        assert!(numbered_images(padded.path()).is_err());
+        let beside = files(&[
+            "a_000.png",
+            "a_000.bmp",
+            "logo_1.gif",
+            "cover.webp",
+            "a_001.png",
+            "b_000.tif",
+            "a2_7.tif",
+        ]);
         assert_eq!(numbered_images(beside.path()).expect("two frames").len(), 2);
     }
 

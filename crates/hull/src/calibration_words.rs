@@ -15,7 +15,7 @@ pub struct Contradiction {
     pub expected: &'static str,
 }
 
-const UNIT_KEYS: [&str; 19] = [
+const UNIT_KEYS: [&str; 20] = [
     "unit",
     "units",
     "lengthunit",
@@ -35,6 +35,7 @@ const UNIT_KEYS: [&str; 19] = [
     "positionunit",
     "positionunits",
     "poseunit",
+    "poseunits",
 ];
 /// Units that are read as they are: metres, and those of images and angles.
 const KNOWN_UNITS: [&str; 12] =
@@ -47,6 +48,14 @@ const WORLD_TO_CAMERA: [&str; 7] =
     ["worldtocamera", "world2camera", "world2cam", "worldtocam", "w2c", "camerafromworld", "camfromworld"];
 /// Keys of a flag that turns poses round.
 const INVERSE_KEYS: [&str; 5] = ["inverse", "inverted", "invert", "poseinverse", "poseinverted"];
+/// Keys of whether the world is right-handed.
+const HANDEDNESS_KEYS: [&str; 5] = [
+    "handedness",
+    "worldhandedness",
+    "coordinatehandedness",
+    "coordinatesystemhandedness",
+    "systemhandedness",
+];
 /// Keys of how matrices are written.
 const ORDER_KEYS: [&str; 5] = ["matrixorder", "storageorder", "elementorder", "memoryorder", "order"];
 /// Programs whose camera axes differ from OpenCV's.
@@ -59,30 +68,23 @@ const OTHER_ROTATIONS: [&str; 8] = ["euler", "quat", "rpy", "yaw", "xyz", "zyx",
 const EULER_KEYS: [&str; 5] = ["rotationorder", "eulerorder", "rotorder", "eulerangles", "eulersequence"];
 const ROTATION_KEYS: [&str; 6] =
     ["rotationtype", "rottype", "rotationformat", "rotationrepresentation", "rotationmodel", "rotationform"];
-const SUCCESS_KEYS: [&str; 20] = [
+const SUCCESS_KEYS: [&str; 10] = [
     "calibrated",
-    "iscalibrated",
     "valid",
-    "isvalid",
     "success",
     "successful",
     "converged",
     "isextrinsicscalibrated",
     "poseestimated",
     "ok",
-    "status",
     "solved",
-    "registered",
     "calibrationok",
-    "calibrationstatus",
-    "enabled",
-    "active",
-    "use",
-    "used",
-    "inuse",
 ];
-/// Keys that say that a camera is left out.
-const LEFT_OUT_KEYS: [&str; 5] = ["ignored", "disabled", "exclude", "excluded", "skip"];
+/// Keys of how a calibration ended. Their numbers are passed over: 0 is success to some programs.
+const STATUS_KEYS: [&str; 2] = ["status", "calibrationstatus"];
+/// Keys that say that a camera takes part, and that it is left out.
+const TAKES_PART_KEYS: [&str; 5] = ["enabled", "active", "use", "used", "inuse"];
+const LEFT_OUT_KEYS: [&str; 7] = ["ignore", "ignored", "disable", "disabled", "exclude", "excluded", "skip"];
 /// A longer text is no word of a convention.
 const MAX_WORD_BYTES: usize = 40;
 
@@ -92,13 +94,13 @@ fn plain(text: &str) -> String {
     kept.flat_map(char::to_lowercase).collect()
 }
 
+/// A flag that is off, in words or as a number: OpenCV writes `0.`.
 fn says_no(word: &str) -> bool {
-    const NO: [&str; 14] = [
-        "0",
-        "0.0",
-        "false",
-        "no",
-        "off",
+    word.parse() == Ok(0.0) || ["false", "no", "off", "n"].contains(&word) || says_failed(word)
+}
+
+fn says_failed(word: &str) -> bool {
+    const FAILED: [&str; 12] = [
         "failed",
         "fail",
         "failure",
@@ -107,9 +109,17 @@ fn says_no(word: &str) -> bool {
         "invalid",
         "rejected",
         "notconverged",
+        "diverged",
         "uncalibrated",
+        "notcalibrated",
+        "pending",
     ];
-    NO.contains(&word)
+    FAILED.contains(&word)
+}
+
+/// A flag that is on, in words or as a number.
+fn says_yes(word: &str) -> bool {
+    word.parse() == Ok(1.0) || ["true", "yes", "on", "y"].contains(&word)
 }
 
 /// Whether a flag is one of these names, perhaps with `is` or `has` before it.
@@ -139,29 +149,41 @@ pub fn check_convention(key: &str, value: &str) -> Result<(), Contradiction> {
     let is_word = word != "c2w" && CAMERA_TO_WORLD.contains(&word.as_str());
     let is_turned =
         is_word || is_convention && CAMERA_TO_WORLD.iter().chain(&OTHER_AXES).any(|name| names_pose(name));
-    let says_yes = !word.is_empty() && word != "none" && !says_no(&word);
-    let is_flag = is_flag_of(&key, &CAMERA_TO_WORLD) && says_yes
+    let is_said = !["", "none", "null", "~"].contains(&word.as_str()) && !says_no(&word);
+    let is_flag = is_flag_of(&key, &CAMERA_TO_WORLD) && is_said
         || is_flag_of(&key, &WORLD_TO_CAMERA) && says_no(&word)
-        || is_flag_of(&key, &INVERSE_KEYS) && says_yes;
+        || is_flag_of(&key, &INVERSE_KEYS) && says_yes(&word);
     if is_short && (is_turned || is_flag) {
         return contradiction(value, "a pose from world to camera: x_camera = R x_world + T");
     }
     let is_other = |word: &str| OTHER_ROTATIONS.iter().any(|other| word.contains(other));
-    if is_short && key.contains("handedness") && word.starts_with("left") {
+    if HANDEDNESS_KEYS.contains(&key.as_str()) && ["left", "lefthanded", "lh", "lhs"].contains(&word.as_str())
+    {
         return contradiction(value, "a right-handed world");
     }
-    if is_short && ORDER_KEYS.contains(&key.as_str()) && word.starts_with("col") {
+    const COLUMNS: [&str; 6] = ["col", "column", "columns", "colmajor", "columnmajor", "columnwise"];
+    if ORDER_KEYS.contains(&key.as_str()) && COLUMNS.contains(&word.as_str()) {
         return contradiction(value, "matrices row by row");
     }
-    let is_euler = EULER_KEYS.contains(&key.as_str()) && says_yes
+    let is_euler = EULER_KEYS.contains(&key.as_str()) && is_said
         || ROTATION_KEYS.contains(&key.as_str()) && is_other(&word);
     if is_euler {
         return contradiction(value, "a Rodrigues vector or a 3 x 3 matrix, no angles about axes");
     }
-    if is_flag_of(&key, &SUCCESS_KEYS) && says_no(&word) {
+    let has_failed = is_flag_of(&key, &SUCCESS_KEYS) && says_no(&word)
+        || STATUS_KEYS.contains(&key.as_str()) && says_failed(&word);
+    if has_failed {
         return contradiction(value, "a calibration that succeeded: remove the camera, or calibrate it");
     }
-    if is_flag_of(&key, &LEFT_OUT_KEYS) && ["1", "true", "yes", "on"].contains(&word.as_str()) {
+    Ok(())
+}
+
+/// An error for a key among those of one camera that says that it takes no part.
+pub fn check_takes_part(key: &str, value: &str) -> Result<(), Contradiction> {
+    let (key, word) = (plain(key), plain(value));
+    let is_out = is_flag_of(&key, &TAKES_PART_KEYS) && says_no(&word)
+        || is_flag_of(&key, &LEFT_OUT_KEYS) && says_yes(&word);
+    if is_out {
         return contradiction(value, "a camera that takes part: remove it from the file");
     }
     Ok(())
@@ -242,12 +264,10 @@ mod tests {
             ("coordinate_handedness", "\"left-handed\""),
             ("matrix_order", "column-major"),
             ("status", "failed"),
+            ("status", "not_calibrated"),
             ("ok", "false"),
+            ("valid", "0."),
             ("has_converged", "0"),
-            ("enabled", "false"),
-            ("active", "no"),
-            ("exclude", "true"),
-            ("disabled", "1"),
         ] {
             assert!(check_convention(key, word).is_err(), "{key} {word}");
         }
@@ -270,12 +290,35 @@ mod tests {
             ("inverse", "0"),
             ("handedness", "right"),
             ("matrix_order", "row-major"),
+            ("inverse", "0."),
+            ("inverse", "null"),
+            ("inverse", "[1, 0, 0, 0, 1, 0, 0, 0, 1]"),
+            ("matrix_order", "color"),
+            ("subject_handedness", "left"),
             ("status", "ok"),
-            ("enabled", "true"),
-            ("skip", "false"),
-            ("use", ""),
+            ("status", "0"),
+            ("registered", "0"),
         ] {
             assert_eq!(check_convention(key, word), Ok(()), "{key} {word}");
+        }
+    }
+
+    #[test]
+    fn a_camera_that_takes_no_part_is_refused() {
+        for (key, word) in [
+            ("enabled", "false"),
+            ("is_active", "0."),
+            ("use", "no"),
+            ("exclude", "true"),
+            ("disabled", "1."),
+            ("ignore", "yes"),
+        ] {
+            assert!(check_takes_part(key, word).is_err(), "{key} {word}");
+        }
+        for (key, word) in
+            [("enabled", "true"), ("skip", "3"), ("use", ""), ("ignore", "0"), ("exclude", "[]")]
+        {
+            assert_eq!(check_takes_part(key, word), Ok(()), "{key} {word}");
         }
     }
 

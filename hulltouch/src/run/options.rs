@@ -130,12 +130,18 @@ impl RecordTo {
     }
 }
 
-/// Whether a file is a recording, or empty: nothing else is lost by `--force`.
+/// Whether a file is a recording of this program, or empty: nothing else is lost by `--force`.
 fn may_be_replaced(path: &Path) -> bool {
-    const MAGIC: &[u8] = b"\x89MCAP";
+    // An MCAP begins with its magic and a header of some length, whose first text is the profile.
+    const MAGIC: &[u8] = b"\x89MCAP0\r\n\x01";
+    const PROFILE: &[u8] = b"\x09\0\0\0hulltouch";
+    const LENGTH_BYTES: usize = 8;
     let mut head = Vec::new();
-    let read = |head: &mut Vec<u8>| File::open(path)?.take(MAGIC.len() as u64).read_to_end(head);
-    path.is_file() && read(&mut head).is_ok() && (head.is_empty() || head == MAGIC)
+    let most = (MAGIC.len() + LENGTH_BYTES + PROFILE.len()) as u64;
+    let read = |head: &mut Vec<u8>| File::open(path)?.take(most).read_to_end(head);
+    let is_recording =
+        |head: &[u8]| head.starts_with(MAGIC) && head.get(MAGIC.len() + LENGTH_BYTES..) == Some(PROFILE);
+    path.is_file() && read(&mut head).is_ok() && (head.is_empty() || is_recording(&head))
 }
 
 /// The address that a host's name and a port mean.

@@ -220,7 +220,7 @@ impl Scan {
                 "{}: left out, it holds more than plain numbers (words, brackets, exponents with D), expected 12 numbers for a 3 x 4 matrix",
                 file.path
             ));
-        } else if is_storage_name {
+        } else if is_storage_name && self.whole_rig.as_ref() != Some(&file.path) {
             self.unknown.get_or_insert((file.path, 0)).1 += 1;
         }
         Ok(())

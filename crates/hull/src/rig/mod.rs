@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, Vector3};
 use thiserror::Error;
 use toml::{Table, Value};
 
-use crate::calibration_words::{Contradiction, check_convention, check_unit};
+use crate::calibration_words::{Contradiction, check_convention, check_takes_part, check_unit};
 use crate::camera::{Camera, CameraError};
 use crate::lens_model::{
     LENS_COEFFICIENTS, UnknownLensModel, check_camera_lens_model, check_general_lens_model, five_coefficients,
@@ -204,9 +204,7 @@ fn camera_from_section(section: &str, keys: &Table) -> Result<Camera, RigError> 
     for (key, value) in keys {
         check_camera_words(key, value).map_err(in_section(&section, key))?;
     }
-    if let Some(found @ Value::Boolean(true)) = keys.get("ignore") {
-        return Err(wrong("ignore", Some(found), "a camera that takes part: remove its section"));
-    }
+    check_scalars_of(keys, &section, &check_takes_part)?;
     let size = vector::<2>(keys.get("size"))
         .filter(|size| size.iter().all(|&side| side >= 0.0 && side.fract() == 0.0 && side < 1e6))
         .ok_or_else(|| wrong("size", keys.get("size"), "[width, height] in whole pixels"))?;
@@ -221,7 +219,7 @@ fn camera_from_section(section: &str, keys: &Table) -> Result<Camera, RigError> 
     let distortion = list(keys.get("distortions"))
         .and_then(|given| five_coefficients(&given))
         .ok_or_else(|| wrong("distortions", keys.get("distortions"), LENS_COEFFICIENTS))?;
-    check_one_lens(&section, keys)?;
+    check_one_lens(&section, keys, &distortion)?;
     let rotation = vector::<3>(keys.get("rotation"))
         .ok_or_else(|| wrong("rotation", keys.get("rotation"), "a Rodrigues vector of three numbers"))?;
     let translation = vector::<3>(keys.get("translation"))
@@ -239,18 +237,40 @@ fn camera_from_section(section: &str, keys: &Table) -> Result<Camera, RigError> 
 }
 
 /// An error for lens coefficients under another key than `distortions` that are not zero and not the same.
-fn check_one_lens(section: &str, keys: &Table) -> Result<(), RigError> {
-    const SINGLE: [&str; 8] = ["k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2"];
-    const LISTS: [&str; 4] = ["d", "kc", "radial", "tangential"];
-    let read = list(keys.get("distortions"));
-    for (key, value) in keys.iter().filter(|(key, _)| *key != "distortions") {
+fn check_one_lens(section: &str, keys: &Table, read: &[f64; 5]) -> Result<(), RigError> {
+    const LISTS: [&str; 9] = [
+        "distortion",
+        "dist",
+        "distcoeffs",
+        "distcoeff",
+        "distortioncoefficients",
+        "distortioncoeffs",
+        "lensdistortion",
+        "kc",
+        "d",
+    ];
+    /// Printed digits, as a share.
+    const ROUNDED: f64 = 1e-3;
+    for (key, value) in keys {
         let name = key.to_lowercase().replace(['_', '-'], "");
-        let is_named = name.contains("dist") && !name.contains("distance") && !name.contains("undist");
-        if !is_named && !SINGLE.contains(&name.as_str()) && !LISTS.contains(&name.as_str()) {
-            continue;
-        }
-        let found = list(Some(value)).or_else(|| list(Some(&Value::Array(vec![value.clone()]))));
-        if found.as_ref().is_some_and(|found| found.iter().any(|&number| number != 0.0)) && found != read {
+        let found = numbers_in(value);
+        let place = ["k1", "k2", "p1", "p2", "k3"].iter().position(|known| *known == name);
+        let is_beyond = ["k4", "k5", "k6"].contains(&name.as_str());
+        let is_list = value.is_array() || value.is_table() || name != "d";
+        let pairs: Vec<(f64, f64)> = match (place, name.as_str()) {
+            _ if !found.iter().any(|&number| number != 0.0) => continue,
+            (Some(place), _) => vec![(found[0], read[place])],
+            (None, "radial") => found.iter().copied().zip([read[0], read[1], read[4]]).collect(),
+            (None, "tangential") => found.iter().copied().zip([read[2], read[3]]).collect(),
+            (None, list) if LISTS.contains(&list) && is_list => {
+                let five = five_coefficients(&found).unwrap_or([f64::INFINITY; 5]);
+                five.into_iter().zip(*read).collect()
+            }
+            _ if is_beyond => vec![(found[0], 0.0)],
+            _ => continue,
+        };
+        let is_read = |&(found, read): &(f64, f64)| (found - read).abs() <= ROUNDED * read.abs();
+        if !pairs.iter().all(is_read) {
             let found = shortened(&value.to_string(), MAX_QUOTED_CHARS);
             let expected = "all lens coefficients under `distortions`, k1 k2 p1 p2 k3";
             return Err(RigError::Contradiction {
@@ -261,6 +281,21 @@ fn check_one_lens(section: &str, keys: &Table) -> Result<(), RigError> {
         }
     }
     Ok(())
+}
+
+/// All numbers of a value, in lists in lists and in tables too, and those of a text that holds numbers alone.
+fn numbers_in(value: &Value) -> Vec<f64> {
+    match value {
+        Value::Float(number) => vec![*number],
+        Value::Integer(number) => vec![*number as f64],
+        Value::Array(values) => values.iter().flat_map(numbers_in).collect(),
+        Value::Table(values) => values.values().flat_map(numbers_in).collect(),
+        Value::String(text) => {
+            let words = text.split([' ', ',']).filter(|word| !word.is_empty());
+            words.map(|word| word.parse().ok()).collect::<Option<Vec<f64>>>().unwrap_or_default()
+        }
+        Value::Boolean(_) | Value::Datetime(_) => Vec::new(),
+    }
 }
 
 /// The tables of a rig file's text.

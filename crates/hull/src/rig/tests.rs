@@ -56,6 +56,21 @@ fn a_lens_of_another_model_is_refused_however_it_is_written() {
     for known in ["model = \"acA1920\"", "type = \"usb\"", "notes = \"not a fisheye\"", "k4 = 0.0"] {
         assert!(Rig::from_toml(&TEXT.replacen("fisheye = false", known, 1)).is_ok(), "{known}");
     }
+    for same in [
+        "k1 = -0.046",
+        "distortion = [[-0.046, 0.139, -0.0004, -0.0004, 0.0]]",
+        "dist_coeffs = \"-0.0460 0.139 -0.0004 -0.0004\"",
+        "radial = [-0.046, 0.139]",
+        "focus_dist = 2.5",
+        "d = 2.3",
+    ] {
+        assert!(Rig::from_toml(&TEXT.replacen("fisheye = false", same, 1)).is_ok(), "{same}");
+    }
+    for other in
+        ["p1 = 0.1", "distortion = { k1 = 0.5 }", "radial = [0.2, 0.139]", "kc = [-0.046, 0.139, 0.1, 0.2]"]
+    {
+        assert!(Rig::from_toml(&TEXT.replacen("fisheye = false", other, 1)).is_err(), "{other}");
+    }
     for known in ["fisheye = 0", "fisheye = \"false\"", "distortion_model = \"plumb_bob\""] {
         assert!(Rig::from_toml(&TEXT.replacen("fisheye = false", known, 1)).is_ok(), "{known}");
     }
@@ -139,13 +154,18 @@ fn numbers_that_cannot_be_of_the_image_or_the_room_are_refused() {
         "[cam_9] rotation is a vector of 90.0 rad, expected at most 2 π: are these degrees?",
     );
     for (line, message) in [
-        ("ignore = true", "ignore: found true, expected a camera that takes part: remove its section"),
+        ("ignore = true", "ignore: found true, expected a camera that takes part: remove it from the file"),
+        ("enabled = 0", "enabled: found 0, expected a camera that takes part: remove it from the file"),
         ("exclude = true", "exclude: found true, expected a camera that takes part: remove it from the file"),
         ("handedness = \"left\"", "handedness: found left, expected a right-handed world"),
         ("k1 = 0.5", "k1: found 0.5, expected all lens coefficients under `distortions`, k1 k2 p1 p2 k3"),
         (
             "distortion = [0.5, 0, 0, 0, 0]",
             "distortion: found [0.5, 0, 0, 0, 0], expected all lens coefficients under `distortions`, k1 k2 p1 p2 k3",
+        ),
+        (
+            "dist = [[0.5, 0, 0, 0, 0]]",
+            "dist: found [[0.5, 0, 0, 0, 0]], expected all lens coefficients under `distortions`, k1 k2 p1 p2 k3",
         ),
         (
             "calibrated = false",

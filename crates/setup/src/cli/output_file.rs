@@ -27,16 +27,15 @@ pub fn write_whole(path: &Path, contents: &[u8]) -> Outcome {
 /// Asks before a long run, not after it, whether the figures of `--json` can be written, and whether they would take the
 /// place of something else than figures: of a rig, a mask, a recording. All figures are one JSON object.
 pub fn check_json_writable(path: &Path) -> Outcome {
-    let mut found = Vec::new();
-    if path.is_file()
-        && let Ok(file) = File::open(path)
-    {
-        // What cannot be read is no input of this program.
-        let _ = file.take(HEAD_BYTES).read_to_end(&mut found);
-    }
-    if found.trim_ascii_start().first().is_some_and(|&byte| byte != b'{') {
-        let problem = "found a file that holds no figures, expected a new file, or JSON of an earlier run";
-        return Err(Failure::input(format_args!("--json {}: {problem}", path.display())));
+    if path.is_file() {
+        let mut found = Vec::new();
+        let read = File::open(path).and_then(|file| file.take(HEAD_BYTES).read_to_end(&mut found));
+        read.map_err(|error| Failure::input(format_args!("--json {}: {error}", path.display())))?;
+        if !found.is_empty() && found.trim_ascii_start().first() != Some(&b'{') {
+            let problem =
+                "found a file that holds no figures, expected a new file, or JSON of an earlier run";
+            return Err(Failure::input(format_args!("--json {}: {problem}", path.display())));
+        }
     }
     check_writable("--json", path)
 }

@@ -244,8 +244,8 @@ fn a_pose_in_another_form_is_refused() {
         refused(&format!("{HEAD}{K}{D}{pose}"), message);
     }
     refused(
-        &format!("{HEAD}{K}{D}{R}{T}fx: 999\n"),
-        "K, fx: found 500 and 999, expected one value for one camera",
+        &format!("{HEAD}{K}{D}{R}{T}f_x: 999\n"),
+        "K, f_x: found 500 and 999, expected one value for one camera",
     );
     assert!(
         read_files(

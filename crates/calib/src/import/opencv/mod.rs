@@ -7,7 +7,9 @@ mod parts;
 mod roles;
 
 use hull::Camera;
-use hull::calibration_words::{Contradiction, changes_images, check_convention, check_unit};
+use hull::calibration_words::{
+    Contradiction, changes_images, check_convention, check_takes_part, check_unit,
+};
 
 use super::entry::Entry;
 use super::kind::names_camera;
@@ -168,7 +170,8 @@ fn check_conventions(
         }
         let value = entry.value();
         let unit = if options.scale.is_none() { check_unit(entry.name(), &value) } else { Ok(()) };
-        unit.and_then(|()| check_convention(entry.name(), &value)).map_err(
+        let words = unit.and_then(|()| check_convention(entry.name(), &value));
+        words.and_then(|()| check_takes_part(entry.name(), &value)).map_err(
             |Contradiction { found, expected }| ImportError::key(&file.path, &entry.key, found, expected),
         )?;
         if changes_images(entry.name(), &value) {
@@ -190,18 +193,14 @@ fn check_focal_keys(file: &TextFile, entries: &[Entry]) -> Result<(), ImportErro
     let numbers = matrix.numbers.as_deref().unwrap_or(&[]);
     for (name, place) in [("fx", 0), ("fy", 4), ("cx", 2), ("cy", 5)] {
         let Some(&read) = numbers.get(place) else { continue };
-        let other = top().find(|entry| entry.key.eq_ignore_ascii_case(name));
-        let Some((entry, &[found])) = other.and_then(|entry| Some((entry, entry.numbers.as_deref()?))) else {
-            continue;
-        };
-        if (found - read).abs() > ROUNDED * read.abs().max(1.0) {
-            let keys = format!("{}, {}", matrix.key, entry.key);
-            return Err(ImportError::key(
-                &file.path,
-                &keys,
-                format!("{read} and {found}"),
-                "one value for one camera",
-            ));
+        let is_named = |entry: &&Entry| entry.key.to_lowercase().replace(['_', '-'], "") == name;
+        for entry in top().filter(is_named) {
+            let Some(&[found]) = entry.numbers.as_deref() else { continue };
+            if (found - read).abs() > ROUNDED * read.abs().max(1.0) {
+                let keys = format!("{}, {}", matrix.key, entry.key);
+                let found = format!("{read} and {found}");
+                return Err(ImportError::key(&file.path, &keys, found, "one value for one camera"));
+            }
         }
     }
     Ok(())

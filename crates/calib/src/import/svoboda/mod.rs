@@ -193,7 +193,8 @@ impl<'a> Folder<'a> {
             };
             if let Some(lone) = self.files.iter().find(is_of_none) {
                 let found = format!("the lens of no camera, and none of camera {}", without[0]);
-                let expected = "the numbers of the cameras' matrices";
+                let expected =
+                    "the numbers of the cameras' matrices: renumber the .rad files, or move those away";
                 return Err(ImportError::key(&lone.path, "number", found, expected));
             }
             let without: Vec<String> = without.iter().map(|number| format!("camera {number}")).collect();
@@ -296,15 +297,10 @@ fn read_radial(file: &TextFile) -> Result<(Matrix3<f64>, [f64; 5]), ImportError>
     }
     // What Bouguet's toolbox has beyond the tool's four.
     for key in ["kc5", "kc6"] {
-        let is_there =
-            file.text.lines().any(|line| line.split_once('=').is_some_and(|(name, _)| name.trim() == key));
-        if is_there && value(key)? != 0.0 {
-            return Err(ImportError::key(
-                &file.path,
-                key,
-                value(key)?.to_string(),
-                "zero: kc1 to kc4 are read",
-            ));
+        let names_it = |line: &str| line.split_once('=').is_some_and(|(name, _)| name.trim() == key);
+        let found = if file.text.lines().any(names_it) { value(key)? } else { 0.0 };
+        if found != 0.0 {
+            return Err(ImportError::key(&file.path, key, found.to_string(), "zero: kc1 to kc4 are read"));
         }
     }
     Ok((k, [value("kc1")?, value("kc2")?, value("kc3")?, value("kc4")?, 0.0]))

@@ -2,6 +2,7 @@
 
 mod nodes;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use camera_node::source::SourceConfig;
@@ -80,6 +81,8 @@ impl Checker<'_> {
         named: &[NamedNode],
     ) -> Result<Vec<(CameraEntry, NodeKey)>, ClusterFileError> {
         let mut cameras: Vec<(CameraEntry, NodeKey)> = Vec::new();
+        // Two paths may lead to one film.
+        let mut places: BTreeMap<(&str, PathBuf), Vec<(NodeKey, String)>> = BTreeMap::new();
         for keys in &file.camera {
             let entry = self.camera(folder, whole, rig, &file.segmentation, keys)?;
             if cameras.iter().any(|(other, _)| other.name == entry.name) {
@@ -90,6 +93,14 @@ impl Checker<'_> {
             let node = self.node_key(&format!("camera {:?}, node", entry.name), folder, named, keys)?;
             let at_its_node = cameras.iter().filter(|(_, other)| *other == node);
             at_its_node.map(|(other, _)| other).try_for_each(|other| self.films_apart(&entry, other))?;
+            for (key, film) in [("source", Some(&entry.source)), ("background", entry.background.as_ref())] {
+                let Some(place) = film.and_then(SourceConfig::place) else { continue };
+                let there = places.entry((key, place)).or_default();
+                if let Some((_, other)) = there.iter().find(|(other, _)| *other == node) {
+                    return Err(self.same_film(&entry.name, key, other));
+                }
+                there.push((node.clone(), entry.name.clone()));
+            }
             cameras.push((entry, node));
         }
         if let Some(missing) =
@@ -160,11 +171,13 @@ impl Checker<'_> {
         };
         match films.iter().find(|(_, film)| is_same(film)) {
             None => Ok(()),
-            Some((key, _)) => {
-                let problem = format!("found that of camera {:?} too, expected its own", other.name);
-                Err(self.wrong(&format!("camera {:?}, {key}", one.name), problem))
-            }
+            Some((key, _)) => Err(self.same_film(&one.name, key, &other.name)),
         }
+    }
+
+    fn same_film(&self, name: &str, key: &str, other: &str) -> ClusterFileError {
+        let problem = format!("found that of camera {other:?} too, expected its own");
+        self.wrong(&format!("camera {name:?}, {key}"), problem)
     }
 
     fn source(
