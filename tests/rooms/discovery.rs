@@ -9,6 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use net::{Authority, Identity, Validity};
+use serde_json::Value;
 
 use crate::announcements::{Announcer, instance, new_hosts};
 use crate::certified::issue;
@@ -156,6 +157,42 @@ fn invented_instances_do_not_keep_a_coordinator_from_its_nodes() {
     issue(&path.join("coordinator"), &authority, &Identity::coordinator("room"), Validity::days(30));
     for count in [8, 200] {
         run_beside_invented(&host, path, &cluster, &["--certs", "coordinator"], count);
+    }
+}
+
+#[test]
+fn a_look_finds_nodes_that_another_machine_claims_to_be_before_they_answer() {
+    let Some(host) = host() else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let cluster = named_room(folder.path(), "", "");
+    let _nodes = [("left", "0.0.0.0:7001"), ("right", "0.0.0.0:7002")].map(|(name, listens)| {
+        let mut command = host.command(&program());
+        command.args(["node", "--insecure", "--host", name, "--listen", listens]);
+        Node::start_at(command, &cluster, &[])
+    });
+    let (announcer, watch, is_over) = (Announcer::beside(&host), Watch::start(), AtomicBool::new(false));
+    let looks: Vec<_> = std::thread::scope(|scope| {
+        scope.spawn(|| {
+            for number in (0..1000).cycle().take_while(|_| !is_over.load(Ordering::Relaxed)) {
+                for node in ["left", "right"] {
+                    announcer.send(&instance(node, number.into(), announcer.address, 20_000 + number));
+                }
+                std::thread::sleep(Duration::from_millis(20));
+            }
+        });
+        // One after the other: the nodes answer once a second, so they are late for most.
+        let look = |_| {
+            let mut command = host.command(&program());
+            command.args(["status", "--insecure", "--json"]).arg(&cluster).output()
+        };
+        let looks = (0..8).map(look).collect();
+        is_over.store(true, Ordering::Relaxed);
+        looks
+    });
+    for look in looks {
+        let look: Value = serde_json::from_slice(&look.expect("runs").stdout).expect("JSON");
+        let nodes = look["nodes"].as_array().expect("nodes");
+        timely!(watch, nodes.iter().all(|node| node["problem"].is_null()), "{look}");
     }
 }
 

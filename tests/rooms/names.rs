@@ -7,6 +7,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use camera_node::service::{Access, Node as Service};
+use futures::stream::{self, StreamExt as _};
 use setup::{ClusterFile, expected_node};
 
 use crate::namespace::Host;
@@ -116,10 +117,7 @@ async fn service(file: &ClusterFile, cameras: &[usize]) -> Address {
 
 /// What the client of the node "left" reports first, which looks for it at these addresses.
 async fn first_event(file: &ClusterFile, found: Vec<Address>) -> NodeEvent {
-    let place = NodePlace::sought(move || {
-        let found = found.clone();
-        Box::pin(async move { found })
-    });
+    let place = NodePlace::sought(move || stream::iter([found.clone()]).boxed());
     let left = ExpectedNode { name: Some("left".into()), ..expected_node(&file.rig, place, &[0, 1]) };
     let (sender, mut events) = mpsc::channel(64);
     let agreement = Arc::new(Agreement::new(file.probes, file.fps, Vec::new()));

@@ -4,14 +4,14 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
-use futures::future::{BoxFuture, Either, select};
-use futures::stream::{self, StreamExt as _};
+use futures::future::{Either, ready, select};
+use futures::stream::{self, BoxStream, StreamExt as _};
 use parking_lot::Mutex;
 use proto::Address;
 
 use crate::error::NodeError;
 
-/// Addresses of a node that are tried one after the other, at one connection.
+/// Addresses of a node that are tried one after the other, after each look.
 const MAX_TRIED: usize = 128;
 /// Of these, as many are tried at once: each takes a socket.
 const MAX_TRIED_AT_ONCE: usize = 16;
@@ -34,25 +34,21 @@ pub struct Sought {
     checked: Mutex<Option<Address>>,
 }
 
-/// Addresses at which the node may be, within a bounded time, in the order in which to try them; none if it is not
-/// announced. Any of them may belong to another program.
-pub type FindNode = dyn Fn() -> BoxFuture<'static, Vec<Address>> + Send + Sync;
+/// Looks for the node for a bounded time: each look gives the addresses at which it may be, in the order in which to try
+/// them. Any of them may belong to another program, which may have announced the node before the node did.
+pub type FindNode = dyn Fn() -> BoxStream<'static, Vec<Address>> + Send + Sync;
 
 impl NodePlace {
     /// A place to be found.
-    pub fn sought(find: impl Fn() -> BoxFuture<'static, Vec<Address>> + Send + Sync + 'static) -> NodePlace {
+    pub fn sought(find: impl Fn() -> BoxStream<'static, Vec<Address>> + Send + Sync + 'static) -> NodePlace {
         NodePlace::Sought(Arc::new(Sought { find: Box::new(find), checked: Mutex::default() }))
     }
 
-    /// Where to try; none if the node is not found.
+    /// Where to try, by the first look; none if the node is not found.
     pub async fn addresses(&self) -> Vec<Address> {
         match self {
             NodePlace::At(address) => vec![address.clone()],
-            NodePlace::Sought(sought) => {
-                let mut found = (sought.find)().await;
-                found.truncate(MAX_TRIED);
-                found
-            }
+            NodePlace::Sought(sought) => (sought.find)().next().await.unwrap_or_default(),
         }
     }
 
@@ -63,9 +59,10 @@ impl NodePlace {
     where
         F: Future<Output = Result<T, NodeError>>,
     {
-        if let NodePlace::At(address) = self {
-            return attempt(address.clone()).await;
-        }
+        let find = match self {
+            NodePlace::At(address) => return attempt(address.clone()).await,
+            NodePlace::Sought(sought) => &sought.find,
+        };
         let attempt = &attempt;
         let attempt_at = |address: Address| async move {
             let tried = tokio::time::timeout(FOUND_TIMEOUT, attempt(address.clone())).await;
@@ -81,8 +78,21 @@ impl NodePlace {
             }
         };
         let at_found = async {
-            let found = self.addresses().await;
-            let mut attempts = stream::iter(found).map(attempt_at).buffer_unordered(MAX_TRIED_AT_ONCE);
+            let under_way = &Mutex::new(Vec::new());
+            let begins = |address: &Address| {
+                let mut under_way = under_way.lock();
+                let begins = !under_way.contains(address);
+                under_way.extend(begins.then(|| address.clone()));
+                ready(begins)
+            };
+            let attempt_once = |address: Address| async move {
+                let tried = attempt_at(address.clone()).await;
+                under_way.lock().retain(|other| *other != address);
+                tried
+            };
+            let found = find().flat_map(|found| stream::iter(found).take(MAX_TRIED));
+            let attempts = found.filter(begins).map(attempt_once).buffer_unordered(MAX_TRIED_AT_ONCE);
+            tokio::pin!(attempts);
             let mut failure = NodeError::NotFound;
             while let Some(tried) = attempts.next().await {
                 match tried {
@@ -157,7 +167,7 @@ mod tests {
 
     /// The place of a node that is announced at ports from 1 on.
     fn announced(count: usize) -> NodePlace {
-        NodePlace::sought(move || Box::pin(async move { (1..=count).map(at).collect() }))
+        NodePlace::sought(move || stream::iter([(1..=count).map(at).collect()]).boxed())
     }
 
     async fn silent<T>() -> T {
@@ -179,12 +189,34 @@ mod tests {
     }
 
     #[tokio::test(start_paused = true)]
+    async fn a_node_that_announces_itself_after_others_claimed_to_be_it_is_found() {
+        for others_are_silent in [false, true] {
+            let began = tokio::time::Instant::now();
+            let look = async |looks| {
+                tokio::time::sleep(Duration::from_millis(100)).await;
+                let first = if looks < 10 { 2 } else { 1 };
+                Some(((first..=10).map(at).collect(), looks + 1))
+            };
+            let place = NodePlace::sought(move || stream::unfold(1, look).boxed());
+            let attempt = |address: Address| async move {
+                match address == at(1) {
+                    true => Ok(()),
+                    false if others_are_silent => silent().await,
+                    false => Err(NodeError::NotConnected),
+                }
+            };
+            assert_eq!(place.reach(attempt).await, Ok(()));
+            assert_eq!(began.elapsed(), Duration::from_secs(1));
+        }
+    }
+
+    #[tokio::test(start_paused = true)]
     async fn the_last_address_is_tried_whatever_is_announced() {
         let place = announced(100);
         let attempt =
             |address: Address| async move { if address == at(7) { Ok(()) } else { silent().await } };
         assert_eq!(place.reach(attempt).await, Ok(()));
-        let found = NodePlace::sought(|| Box::pin(silent()));
+        let found = NodePlace::sought(|| stream::pending().boxed());
         let (NodePlace::Sought(known), NodePlace::Sought(next)) = (&place, &found) else { panic!("sought") };
         *next.checked.lock() = known.checked.lock().clone();
         assert_eq!(found.reach(attempt).await, Ok(()));

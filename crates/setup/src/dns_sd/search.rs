@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Weak};
 use std::time::{Duration, Instant};
 
+use futures::stream::{self, Stream, StreamExt as _};
 use node_client::NodePlace;
 use parking_lot::{Mutex, MutexGuard};
 use proto::Address;
@@ -17,7 +18,7 @@ use super::candidates::Candidates;
 use super::message::{Announced, MessageKind, announcements, query};
 use super::station::{Link, Speaker, Station, StopHandle};
 
-/// So long a node is waited for; one that does not answer is looked for again with the next connection.
+/// So long a node is looked for; one that does not answer is looked for again with the next connection.
 const FIND_TIMEOUT: Duration = Duration::from_secs(2);
 /// After the first answer: another network, or another machine that claims to be the node, may answer too.
 const MORE_ANSWERS: Duration = Duration::from_millis(150);
@@ -59,6 +60,14 @@ struct Search {
     began: Instant,
 }
 
+/// One node is looked for.
+struct Look {
+    search: Arc<Search>,
+    found: Arc<Found>,
+    news: watch::Receiver<u64>,
+    node: String,
+}
+
 impl NodeSearch {
     /// Will look for these nodes of a room.
     pub fn new(room: &str, nodes: impl IntoIterator<Item = String>) -> Arc<NodeSearch> {
@@ -79,26 +88,18 @@ impl NodeSearch {
     /// Where one of them is: looked for with every connection.
     pub fn place(self: &Arc<NodeSearch>, node: &str) -> NodePlace {
         let (search, node) = (Arc::clone(self), node.to_owned());
-        NodePlace::sought(move || {
-            let (search, node) = (Arc::clone(&search), node.clone());
-            Box::pin(async move { search.find(&node).await })
-        })
+        NodePlace::sought(move || search.find(&node).boxed())
     }
 
-    /// Where a node is said to be, in the order in which to try; within [`FIND_TIMEOUT`].
-    pub(super) async fn find(&self, node: &str) -> Vec<Address> {
-        let mut news = self.found.news.subscribe();
-        let Some(search) = self.running() else { return Vec::new() };
-        // What was announced before, the search has not heard to be gone. A search that goes on for long asks each second.
-        let since =
-            || Instant::now().checked_sub(RECENT).map_or(search.began, |recent| recent.max(search.began));
-        let announced = news.wait_for(|_| self.found.is_announced(node, since()));
-        if tokio::time::timeout(FIND_TIMEOUT, announced).await.is_err() {
-            return Vec::new();
-        }
-        tokio::time::sleep(MORE_ANSWERS).await;
-        let next = self.found.next(node, since());
-        next.into_iter().map(|address| Address::Tcp(address.to_string())).collect()
+    /// Looks for a node for [`FIND_TIMEOUT`]: where it is said to be, in the order in which to try. While that is tried the
+    /// search goes on: the node answers once a second at most, and others may claim its name before.
+    pub(super) fn find(&self, node: &str) -> impl Stream<Item = Vec<Address>> + Send + use<> {
+        let looks = self.running().map(|search| {
+            let found = Arc::clone(&self.found);
+            let look = Look { search, news: found.news.subscribe(), found, node: node.to_owned() };
+            stream::unfold(look, Look::next).take_until(tokio::time::sleep(FIND_TIMEOUT))
+        });
+        stream::iter(looks).flatten()
     }
 
     /// The search that is under way, or a new one; none where there cannot be one.
@@ -120,6 +121,19 @@ impl NodeSearch {
                 None
             }
         }
+    }
+}
+
+impl Look {
+    /// Where the node is said to be, soon after it is announced.
+    async fn next(mut self) -> Option<(Vec<Address>, Look)> {
+        // What was announced before, the search has not heard to be gone. One that goes on for long asks each second.
+        let began = self.search.began;
+        let since = || Instant::now().checked_sub(RECENT).map_or(began, |recent| recent.max(began));
+        self.news.wait_for(|_| self.found.is_announced(&self.node, since())).await.ok()?;
+        tokio::time::sleep(MORE_ANSWERS).await;
+        let next = self.found.next(&self.node, since()).into_iter();
+        Some((next.map(|address| Address::Tcp(address.to_string())).collect(), self))
     }
 }
 
