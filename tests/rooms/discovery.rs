@@ -110,6 +110,15 @@ fn a_coordinator_that_looks_for_nodes_stays_small_whatever_is_announced() {
     assert!(after_kib < before_kib + MAX_GROWTH_KIB, "it grew from {before_kib} to {after_kib} KiB");
 }
 
+/// Both nodes of the room on a host, without certificates.
+fn insecure_nodes(host: &Host, cluster: &Path) -> [Node; 2] {
+    [("left", "0.0.0.0:7001"), ("right", "0.0.0.0:7002")].map(|(name, listens)| {
+        let mut command = host.command(&program());
+        command.args(["node", "--insecure", "--host", name, "--listen", listens]);
+        Node::start_at(command, cluster, &[])
+    })
+}
+
 /// Runs a coordinator while one machine announces so many instances of each node, at addresses where it says nothing or does
 /// not listen. What the coordinator said.
 fn run_beside_invented(host: &Host, folder: &Path, cluster: &Path, access: &[&str], count: u32) -> String {
@@ -165,11 +174,7 @@ fn a_look_finds_nodes_that_another_machine_claims_to_be_before_they_answer() {
     let Some(host) = host() else { return };
     let folder = tempfile::tempdir().expect("a folder");
     let cluster = named_room(folder.path(), "", "");
-    let _nodes = [("left", "0.0.0.0:7001"), ("right", "0.0.0.0:7002")].map(|(name, listens)| {
-        let mut command = host.command(&program());
-        command.args(["node", "--insecure", "--host", name, "--listen", listens]);
-        Node::start_at(command, &cluster, &[])
-    });
+    let _nodes = insecure_nodes(&host, &cluster);
     let (announcer, watch, is_over) = (Announcer::beside(&host), Watch::start(), AtomicBool::new(false));
     let looks: Vec<_> = std::thread::scope(|scope| {
         scope.spawn(|| {
@@ -192,7 +197,8 @@ fn a_look_finds_nodes_that_another_machine_claims_to_be_before_they_answer() {
     for look in looks {
         let look: Value = serde_json::from_slice(&look.expect("runs").stdout).expect("JSON");
         let nodes = look["nodes"].as_array().expect("nodes");
-        timely!(watch, nodes.iter().all(|node| node["problem"].is_null()), "{look}");
+        assert_eq!(nodes.len(), 2, "{look}");
+        timely!(watch, nodes.iter().all(|node| node.get("problem") == Some(&Value::Null)), "{look}");
     }
 }
 
@@ -201,11 +207,7 @@ fn without_certificates_several_that_claim_a_node_are_reported_in_one_line() {
     let Some(host) = host() else { return };
     let folder = tempfile::tempdir().expect("a folder");
     let cluster = named_room(folder.path(), "", "");
-    let _nodes = [("left", "0.0.0.0:7001"), ("right", "0.0.0.0:7002")].map(|(name, listens)| {
-        let mut command = host.command(&program());
-        command.args(["node", "--insecure", "--host", name, "--listen", listens]);
-        Node::start_at(command, &cluster, &[])
-    });
+    let _nodes = insecure_nodes(&host, &cluster);
     let said = run_beside_invented(&host, folder.path(), &cluster, &["--insecure"], 8);
     let lines =
         said.lines().filter(|line| line.contains("node left of room: ") && line.contains("by DNS-SD"));
