@@ -140,6 +140,11 @@ impl NodeError {
         matches!(self.innermost(), NodeError::Mismatch(_))
     }
 
+    /// Of two attempts, the failure to report: that a node refused says more than that an address is silent.
+    pub(crate) fn or_more_telling(self, later: NodeError) -> NodeError {
+        if later.is_absence() && !self.is_absence() { self } else { later }
+    }
+
     /// Whether the node is away, rather than there and another than is expected: its PC, its program or its cable.
     pub fn is_absence(&self) -> bool {
         match self {

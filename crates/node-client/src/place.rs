@@ -1,22 +1,27 @@
 //! Where a node is: at an address, or wherever it is found.
 
+use std::collections::HashMap;
 use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
-use futures::future::{Either, ready, select};
-use futures::stream::{self, BoxStream, StreamExt as _};
+use futures::FutureExt as _;
+use futures::future::{Either, select};
+use futures::stream::{BoxStream, FuturesUnordered, StreamExt as _};
 use parking_lot::Mutex;
 use proto::Address;
+use tokio::time::Instant;
 
 use crate::error::NodeError;
 
-/// Addresses of a node that are tried one after the other, after each look.
-const MAX_TRIED: usize = 128;
-/// Of these, as many are tried at once: each takes a socket.
+/// Addresses of a node that are tried at once: each takes a socket.
 const MAX_TRIED_AT_ONCE: usize = 16;
+/// Addresses that wait to be tried: those of some looks.
+const MAX_WAITING: usize = 512;
 /// The program that answers at an address that was only found must say which node it is within this.
 const FOUND_TIMEOUT: Duration = Duration::from_secs(5);
+/// An address at which the node was not reached may be found again at once: it is not tried again sooner.
+const TRY_AGAIN_AFTER: Duration = Duration::from_millis(500);
 
 /// Where a node is. Clones share what was found.
 #[derive(Clone)]
@@ -35,7 +40,8 @@ pub struct Sought {
 }
 
 /// Looks for the node for a bounded time: each look gives the addresses at which it may be, in the order in which to try
-/// them. Any of them may belong to another program, which may have announced the node before the node did.
+/// them, before what earlier looks gave. Any of them may belong to another program, which may have announced the node before
+/// the node did.
 pub type FindNode = dyn Fn() -> BoxStream<'static, Vec<Address>> + Send + Sync;
 
 impl NodePlace {
@@ -44,12 +50,23 @@ impl NodePlace {
         NodePlace::Sought(Arc::new(Sought { find: Box::new(find), checked: Mutex::default() }))
     }
 
-    /// Where to try, by the first look; none if the node is not found.
-    pub async fn addresses(&self) -> Vec<Address> {
-        match self {
-            NodePlace::At(address) => vec![address.clone()],
-            NodePlace::Sought(sought) => (sought.find)().next().await.unwrap_or_default(),
+    /// Where to try, as many addresses at most; none if the node is not found.
+    pub async fn addresses(&self, max: usize) -> Vec<Address> {
+        let find = match self {
+            NodePlace::At(address) => return vec![address.clone()],
+            NodePlace::Sought(sought) => &sought.find,
+        };
+        let (mut looks, mut addresses) = (find(), Vec::new());
+        while addresses.len() < max
+            && let Some(found) = looks.next().await
+        {
+            for address in found {
+                if addresses.len() < max && !addresses.contains(&address) {
+                    addresses.push(address);
+                }
+            }
         }
+        addresses
     }
 
     /// Reaches the node: what the first attempt returns that finds the node that is meant. Of a node that is looked for, the
@@ -78,36 +95,39 @@ impl NodePlace {
             }
         };
         let at_found = async {
-            let under_way = &Mutex::new(Vec::new());
-            let begins = |address: &Address| {
-                let mut under_way = under_way.lock();
-                let begins = !under_way.contains(address);
-                under_way.extend(begins.then(|| address.clone()));
-                ready(begins)
-            };
-            let attempt_once = |address: Address| async move {
-                let tried = attempt_at(address.clone()).await;
-                under_way.lock().retain(|other| *other != address);
-                tried
-            };
-            let found = find().flat_map(|found| stream::iter(found).take(MAX_TRIED));
-            let attempts = found.filter(begins).map(attempt_once).buffer_unordered(MAX_TRIED_AT_ONCE);
-            tokio::pin!(attempts);
-            let mut failure = NodeError::NotFound;
-            while let Some(tried) = attempts.next().await {
-                match tried {
-                    Ok(reached) => return Ok(reached),
-                    // The node's own refusal says more than that another address is silent.
-                    Err(error) if error.is_absence() && !failure.is_absence() => {}
-                    Err(error) => failure = error,
+            let (mut looks, mut open, mut queue) = (find(), FuturesUnordered::new(), Queue::default());
+            let (mut is_looking, mut failure) = (true, NodeError::NotFound);
+            while is_looking || !open.is_empty() {
+                tokio::select! {
+                    look = looks.next(), if is_looking => match look {
+                        Some(found) => queue.find(found),
+                        None => is_looking = false,
+                    },
+                    Some((address, tried)) = open.next() => {
+                        let error: NodeError = match tried {
+                            Ok(reached) => return Ok(reached),
+                            Err(error) => error,
+                        };
+                        queue.failed(address);
+                        failure = failure.or_more_telling(error);
+                    },
+                }
+                while open.len() < MAX_TRIED_AT_ONCE
+                    && let Some(address) = queue.next()
+                {
+                    open.push(attempt_at(address.clone()).map(|tried| (address, tried)));
                 }
             }
             Err(failure)
         };
         tokio::pin!(at_known, at_found);
         match select(at_known, at_found).await {
-            Either::Left((Err(_), at_found)) => at_found.await,
-            Either::Right((Err(error), at_known)) => at_known.await.map_err(|_| error),
+            Either::Left((Err(known), at_found)) => {
+                at_found.await.map_err(|found| known.or_more_telling(found))
+            }
+            Either::Right((Err(found), at_known)) => {
+                at_known.await.map_err(|known| known.or_more_telling(found))
+            }
             Either::Left((reached, _)) | Either::Right((reached, _)) => reached,
         }
     }
@@ -130,6 +150,38 @@ impl NodePlace {
             NodePlace::At(address) => Some(address.clone()),
             NodePlace::Sought(sought) => sought.checked.lock().clone(),
         }
+    }
+}
+
+/// The addresses that were found and are to be tried: those of the newest look first.
+#[derive(Default)]
+struct Queue {
+    waiting: Vec<Address>,
+    /// Addresses that were tried, and when each may be tried again: never while it is being tried.
+    tried: HashMap<Address, Option<Instant>>,
+}
+
+impl Queue {
+    /// A look found these, in the order in which to try them.
+    fn find(&mut self, mut found: Vec<Address>) {
+        self.waiting.retain(|address| !found.contains(address));
+        found.append(&mut self.waiting);
+        found.truncate(MAX_WAITING);
+        self.waiting = found;
+    }
+
+    fn next(&mut self) -> Option<Address> {
+        let now = Instant::now();
+        self.tried.retain(|_, again| again.is_none_or(|again| now < again));
+        let next = self.waiting.iter().position(|address| !self.tried.contains_key(address));
+        self.waiting.drain(..next.unwrap_or(self.waiting.len()));
+        let address = (!self.waiting.is_empty()).then(|| self.waiting.remove(0))?;
+        self.tried.insert(address.clone(), None);
+        Some(address)
+    }
+
+    fn failed(&mut self, address: Address) {
+        self.tried.insert(address, Some(Instant::now() + TRY_AGAIN_AFTER));
     }
 }
 
@@ -159,6 +211,8 @@ impl fmt::Debug for NodePlace {
 mod tests {
     use std::sync::atomic::{AtomicUsize, Ordering};
 
+    use futures::stream;
+
     use super::*;
 
     fn at(port: usize) -> Address {
@@ -182,7 +236,7 @@ mod tests {
             tried.fetch_add(1, Ordering::Relaxed);
             if address == at(40) { Ok(40) } else { silent().await }
         };
-        let began = tokio::time::Instant::now();
+        let began = Instant::now();
         assert_eq!(place.reach(attempt).await, Ok(40));
         assert_eq!(began.elapsed(), 2 * FOUND_TIMEOUT, "it is among the third sixteen");
         assert!(tried.load(Ordering::Relaxed) <= 3 * MAX_TRIED_AT_ONCE);
@@ -191,7 +245,7 @@ mod tests {
     #[tokio::test(start_paused = true)]
     async fn a_node_that_announces_itself_after_others_claimed_to_be_it_is_found() {
         for others_are_silent in [false, true] {
-            let began = tokio::time::Instant::now();
+            let began = Instant::now();
             let look = async |looks| {
                 tokio::time::sleep(Duration::from_millis(100)).await;
                 let first = if looks < 10 { 2 } else { 1 };
@@ -208,6 +262,42 @@ mod tests {
             assert_eq!(place.reach(attempt).await, Ok(()));
             assert_eq!(began.elapsed(), Duration::from_secs(1));
         }
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn the_node_of_a_later_look_is_next_whatever_was_found_before() {
+        let looks = [(1..=16).collect(), (17..=128).collect(), vec![1, 2, 200, 17]];
+        let looks = looks.map(|ports: Vec<_>| ports.into_iter().map(at).collect::<Vec<_>>());
+        let place = NodePlace::sought(move || stream::iter(looks.clone()).boxed());
+        let attempt =
+            |address: Address| async move { if address == at(200) { Ok(()) } else { silent().await } };
+        let began = Instant::now();
+        assert_eq!(place.reach(attempt).await, Ok(()));
+        assert_eq!(began.elapsed(), FOUND_TIMEOUT, "the first sixteen are silent");
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn what_earlier_looks_found_is_tried_after_what_later_ones_found() {
+        let place = NodePlace::sought(|| stream::iter([(1..=100).map(at).collect(), vec![at(200)]]).boxed());
+        let attempt =
+            |address: Address| async move { if address == at(100) { Ok(()) } else { silent().await } };
+        assert_eq!(place.reach(attempt).await, Ok(()));
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_node_that_refuses_is_asked_twice_a_second_while_it_is_looked_for() {
+        let look = async |looks| {
+            tokio::time::sleep(Duration::from_millis(150)).await;
+            (looks < 13).then_some((vec![at(1)], looks + 1))
+        };
+        let (place, tried) =
+            (NodePlace::sought(move || stream::unfold(0, look).boxed()), AtomicUsize::new(0));
+        let attempt = |_| async {
+            tried.fetch_add(1, Ordering::Relaxed);
+            Err::<(), _>(NodeError::Refused("no".into()))
+        };
+        place.reach(attempt).await.expect_err("it refuses");
+        assert_eq!(tried.load(Ordering::Relaxed), 4, "within two seconds");
     }
 
     #[tokio::test(start_paused = true)]

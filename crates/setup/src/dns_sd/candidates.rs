@@ -2,7 +2,7 @@
 //!
 //! Any machine may announce any name, and which announcement is true is known only once the node's certificate was
 //! checked. So a machine that announces many does not take the place of one that announces once, and addresses that were
-//! tried without success come after those that were not tried.
+//! given to be tried before come after those that were not.
 
 use std::net::{IpAddr, SocketAddr};
 use std::time::{Duration, Instant};
@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 const MAX_SENDERS: usize = 16;
 /// Addresses that one of them announces.
 const MAX_ADDRESSES: usize = 256;
-/// Addresses that are tried at one connection.
+/// Addresses that a look gives.
 const MAX_TRIED: usize = 128;
 /// What was not announced for so long is forgotten.
 const EXPIRY: Duration = Duration::from_secs(10);

@@ -66,6 +66,7 @@ struct Look {
     found: Arc<Found>,
     news: watch::Receiver<u64>,
     node: String,
+    until: tokio::time::Instant,
 }
 
 impl NodeSearch {
@@ -96,8 +97,9 @@ impl NodeSearch {
     pub(super) fn find(&self, node: &str) -> impl Stream<Item = Vec<Address>> + Send + use<> {
         let looks = self.running().map(|search| {
             let found = Arc::clone(&self.found);
-            let look = Look { search, news: found.news.subscribe(), found, node: node.to_owned() };
-            stream::unfold(look, Look::next).take_until(tokio::time::sleep(FIND_TIMEOUT))
+            let (news, node, until) =
+                (found.news.subscribe(), node.to_owned(), tokio::time::Instant::now() + FIND_TIMEOUT);
+            stream::unfold(Look { search, found, news, node, until }, Look::next)
         });
         stream::iter(looks).flatten()
     }
@@ -130,7 +132,11 @@ impl Look {
         // What was announced before, the search has not heard to be gone. One that goes on for long asks each second.
         let began = self.search.began;
         let since = || Instant::now().checked_sub(RECENT).map_or(began, |recent| recent.max(began));
-        self.news.wait_for(|_| self.found.is_announced(&self.node, since())).await.ok()?;
+        if tokio::time::Instant::now() >= self.until {
+            return None;
+        }
+        let announced = self.news.wait_for(|_| self.found.is_announced(&self.node, since()));
+        tokio::time::timeout_at(self.until, announced).await.ok()?.ok()?;
         tokio::time::sleep(MORE_ANSWERS).await;
         let next = self.found.next(&self.node, since()).into_iter();
         Some((next.map(|address| Address::Tcp(address.to_string())).collect(), self))

@@ -66,6 +66,19 @@ fn loopback_carries_multicast() -> bool {
 }
 
 #[tokio::test]
+async fn a_search_ends_however_much_is_announced() {
+    let room = room("endless");
+    let _left = announced(&room, "left", ADDRESS);
+    let search = search(&room);
+    if found(&search, "left").await.is_none() {
+        return;
+    }
+    // What is announced now is announced in all of the next looks.
+    let looks: Vec<_> = search.find("left").take(1000).collect().await;
+    assert!(!looks.is_empty() && looks.len() < 100, "{} looks", looks.len());
+}
+
+#[tokio::test]
 async fn a_node_is_found_where_it_is_announced_and_no_longer_when_it_is_gone() {
     let (room, other_room) = (room("found"), room("elsewhere"));
     let left = announced(&room, "left", ADDRESS);

@@ -69,8 +69,7 @@ async fn look_at(node: &ExpectedNode, dial: Option<&Arc<dyn Dial>>, agreement: &
 
 /// Where a node may be: for the check, and to be tried.
 async fn find(node: &ExpectedNode) -> (Place, Vec<Address>) {
-    let mut addresses = node.place.addresses().await;
-    addresses.truncate(MAX_LOOKED_AT);
+    let addresses = node.place.addresses(MAX_LOOKED_AT).await;
     if node.place.is_sought() && addresses.is_empty() {
         return (Place::NotAnnounced, addresses);
     }
