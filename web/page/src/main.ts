@@ -1,24 +1,27 @@
 /** The page: puts its parts together. */
 import "./style.css";
+import { version } from "../package.json";
 import { Address } from "./app/address.ts";
 import { App } from "./app/app.ts";
 import { Loop } from "./app/loop.ts";
+import { keepAwake, readAudience } from "./audience.ts";
 import { type Debug, debug } from "./debug.ts";
 import { probeGraphics } from "./draw/graphics.ts";
 import { endpointOf } from "./feed/endpoint.ts";
-import { takeToken } from "./token.ts";
+import { forgetToken, takeToken } from "./token.ts";
 import { CamerasList } from "./ui/cameras_list.ts";
 import { byId, toast } from "./ui/dom.ts";
 import { Figures } from "./ui/figures.ts";
 import { BodyTools } from "./ui/body_tools.ts";
 import { bindKeys } from "./ui/keys.ts";
 import { Layout } from "./ui/layout.ts";
-import { Panel } from "./ui/panel.ts";
+import { Panel, TOKEN_REFUSED } from "./ui/panel.ts";
 import { bindPointer } from "./ui/pointer.ts";
 import { copyLink, savePicture } from "./ui/share.ts";
 import { StatusLine } from "./ui/status_line.ts";
 import { TimelineBar } from "./ui/timeline_bar.ts";
 import { writeHash } from "./view/hash.ts";
+import type { View } from "./view/orbit.ts";
 
 declare global {
   interface Window {
@@ -26,25 +29,34 @@ declare global {
   }
 }
 
-const VERSION = "0.1.0";
 /** So many faults are shown, then no more. */
 const MAX_FAULTS_SHOWN = 3;
 
 const canvas = byId<HTMLCanvasElement>("view");
 const graphics = probeGraphics();
-const token = takeToken();
+const audience = readAudience(location.search);
+// A token in the address of an audience's screen is taken out of it and not used.
+const token = takeToken(!audience.isClean);
 let faults = 0;
+/** Whether the pause that was asked for goes round the moment, and from which view that began. */
+let circles = false;
+let cameFrom: View | null = null;
 
-const app = new App(canvas, graphics, endpointOf(location.href, token), {
+const app = new App(canvas, graphics, audience.background, endpointOf(location.href, token), {
   run: (before, after) => {
+    freeze(before.isPaused, after.isPaused);
     statusLine.changed(before, after);
     panel.paused();
     timeline.update();
   },
   hello: (hello, isFirst) => {
     cameras.build(hello);
-    panel.hello(hello);
-    if (isFirst) address.apply(location.hash);
+    const isRefused = token !== null && !hello.controller;
+    panel.hello(hello, isRefused);
+    if (isRefused && isFirst) toast(TOKEN_REFUSED);
+    if (isRefused) forgetToken();
+    // A screen before an audience stays where its address says, also when the run comes again with another rig.
+    if (isFirst || audience.isClean) applyAddress();
   },
   scene: (scene) => {
     address.followNamed();
@@ -60,7 +72,7 @@ const app = new App(canvas, graphics, endpointOf(location.href, token), {
     panel.update();
     cameras.pressed(app.through);
     timeline.update();
-    address.changed();
+    if (!audience.isClean) address.changed();
   },
   thumbnail: (camera, bitmap) => cameras.thumbnail(camera, bitmap),
   fault: (text) => {
@@ -76,11 +88,33 @@ const figures = new Figures(app, loop.received, graphics?.name ?? "none");
 const timeline = new TimelineBar(app);
 const statusLine = new StatusLine(app);
 
+/** The world stands: one goes round the moment, and before an audience back when the world goes on. */
+function freeze(wasPaused: boolean, isPaused: boolean): void {
+  if (isPaused && !wasPaused && (circles || audience.isClean) && app.through === null && app.frames.playout.live) {
+    cameFrom = app.orbit.now;
+    app.orbit.circle();
+  } else if (wasPaused && !isPaused && cameFrom) {
+    app.orbit.hold();
+    if (audience.isClean) app.orbit.fly(cameFrom);
+    cameFrom = null;
+  }
+  circles &&= isPaused;
+}
+
+/** Goes where the address says; before an audience without what only operators need. */
+function applyAddress(): void {
+  address.apply(location.hash);
+  if (audience.isClean) for (const layer of ["cameras", "images", "touches"] as const) app.setLayer(layer, false);
+}
+
 const actions = {
   screenshot: () => void savePicture(loop.screenshot()),
   share: () => void copyLink(writeHash(address.text())),
   help: () => byId<HTMLDialogElement>("help").showModal(),
-  pause: () => void panel.togglePause(),
+  pause: () => {
+    circles = !app.run.isPaused;
+    void panel.togglePause();
+  },
   step: () => void panel.ask("step", { steps: 1 }),
   reset: () => void panel.ask("reset"),
   escape: () => {
@@ -93,8 +127,19 @@ const actions = {
   },
 };
 
-bindPointer(canvas, app, tools, () => app.changed());
-bindKeys(canvas, app, actions, () => byId<HTMLInputElement>("shortcuts").checked);
+document.body.classList.toggle("clean", audience.isClean);
+document.documentElement.classList.toggle("see-through", audience.background === "transparent");
+if (audience.isClean) {
+  canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+  keepAwake();
+} else {
+  bindPointer(canvas, app, tools, () => app.changed());
+  bindKeys(canvas, app, actions, () => byId<HTMLInputElement>("shortcuts").checked);
+}
+if (audience.refused) {
+  toast(audience.refused);
+  console.warn(audience.refused);
+}
 byId("screenshot").addEventListener("click", actions.screenshot);
 byId("share").addEventListener("click", actions.share);
 byId("help-open").addEventListener("click", actions.help);
@@ -103,18 +148,26 @@ byId("fullscreen").addEventListener("click", () => {
   if (document.fullscreenElement) void document.exitFullscreen();
   else document.documentElement.requestFullscreen().catch(() => toast("This browser has no full screen."));
 });
-window.addEventListener("hashchange", () => address.apply(location.hash));
+window.addEventListener("hashchange", applyAddress);
+// Whatever is touched: the view is the viewer's again.
+for (const input of ["pointerdown", "wheel", "keydown"]) {
+  window.addEventListener(input, () => app.orbit.hold(), { capture: true, passive: true });
+}
 
 if (!graphics) {
   canvas.hidden = true;
   document.body.classList.add("no-view");
   byId("plain").hidden = false;
 }
-new Layout(app);
+const layout = new Layout(app);
+byId("cameras-gone").addEventListener("click", ({ detail }) => {
+  layout.openPanel(true);
+  cameras.showGone(detail === 0);
+});
 setInterval(() => {
   statusLine.update();
   timeline.update();
 }, 250);
 app.connection.connect();
 loop.start();
-window.hulltouch = debug(app, tools, VERSION);
+window.hulltouch = debug(app, tools, version);

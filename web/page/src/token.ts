@@ -2,20 +2,30 @@
 
 const KEY = "hulltouch.token";
 
-/** The token of this tab, if it has one. */
-export function takeToken(): string | null {
+/** The token of this tab, if it has one and may use it. */
+export function takeToken(mayUse = true): string | null {
   const url = new URL(location.href);
   const given = url.searchParams.get("token");
   if (given !== null) {
     url.searchParams.delete("token");
     history.replaceState(null, "", `${url.pathname}${url.search}${url.hash}`);
-    store(given);
-    return given;
+    if (mayUse) store(given);
+    return mayUse ? given : null;
   }
+  if (!mayUse) return null;
   try {
     return sessionStorage.getItem(KEY);
   } catch {
     return null;
+  }
+}
+
+/** It was refused: it is of another run. */
+export function forgetToken(): void {
+  try {
+    sessionStorage.removeItem(KEY);
+  } catch {
+    // Nothing was kept.
   }
 }
 

@@ -1,10 +1,11 @@
 /** The page's state: what came of the run, what is looked at, what is asked. Buttons and keys are in ui/. */
+import type { Background } from "../audience.ts";
 import type { Box } from "../decode/hull_box.ts";
 import { Quality } from "../draw/quality.ts";
 import { Stage } from "../draw/stage.ts";
 import { type Answer, Connection, type Endpoint, type LinkState, type Want } from "../feed/connection.ts";
 import { parseMessage, type WorldMessage } from "../feed/message.ts";
-import { type Hello, type Scene, type Status, type Text } from "../feed/text.ts";
+import { type Hello, isGone, type Scene, type Status, type Text } from "../feed/text.ts";
 import { type Moment, Worlds } from "../time/worlds.ts";
 import { HULL_MODES, type HullMode, type Layer } from "../view/hash.ts";
 import type { Camera } from "../view/lens.ts";
@@ -58,10 +59,10 @@ export class App {
   private startView: View | null = null;
   private met = false;
 
-  constructor(canvas: HTMLCanvasElement, graphics: { antialias: boolean; software: boolean } | null, endpoint: Endpoint, observer: Observer) {
+  constructor(canvas: HTMLCanvasElement, graphics: { antialias: boolean; software: boolean } | null, background: Background, endpoint: Endpoint, observer: Observer) {
     this.canvas = canvas;
     this.observer = observer;
-    this.stage = graphics ? new Stage(canvas, graphics.antialias) : null;
+    this.stage = graphics ? new Stage(canvas, graphics, background) : null;
     this.quality = new Quality(graphics?.software ? 3 : 0);
     this.connection = new Connection(endpoint, {
       link: (state, retry, why) => this.onLink(state, retry, why),
@@ -106,7 +107,8 @@ export class App {
   /** The words for link and run as they are now. */
   describe(nowMs: number): RunText {
     const framesPerS = this.frames.rate.perSecond(nowMs);
-    return describe(this.run, { nowMs, framesPerS, canDraw: this.stage !== null, behindMs: this.frames.playout.behindMs });
+    const { behindMs, isForgotten, isPlaying } = this.frames.playout;
+    return describe(this.run, { nowMs, framesPerS, canDraw: this.stage !== null, behindMs, isForgotten, isPlaying });
   }
 
   get controller(): boolean {
@@ -224,7 +226,7 @@ export class App {
         break;
       case "status":
         this.status = text;
-        this.stage?.cameras?.health(new Set((text.cameras ?? []).flatMap((camera, index) => (camera.problem ? [index] : []))));
+        this.stage?.cameras?.health(new Set((text.cameras ?? []).flatMap((camera, index) => (isGone(camera) ? [index] : []))));
         // Worlds tell it sooner, but none comes before the first step.
         if (this.worlds.newest() === null) this.apply({ type: "paused", isPaused: text.paused ?? false });
         this.apply({ type: "blind", why: text.blind ?? text.progress?.blind ?? null });
@@ -292,9 +294,10 @@ export class App {
       event.preventDefault();
       this.drawing?.lost();
       this.stage?.release();
-      this.observer.fault("The graphics card was lost; waiting for it.");
+      this.apply({ type: "card", isLost: true });
     });
     this.canvas.addEventListener("webglcontextrestored", () => {
+      this.apply({ type: "card", isLost: false });
       this.frames.again();
       this.invalidate();
     });

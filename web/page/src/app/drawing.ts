@@ -42,6 +42,11 @@ export class Drawing {
     this.isOld = true;
   }
 
+  /** Whether the card has lost everything, and is not back. */
+  get isLost(): boolean {
+    return this.gl.isContextLost();
+  }
+
   /** The card lost everything, and what was being drawn. */
   lost(): void {
     this.fence = null;
@@ -51,7 +56,7 @@ export class Drawing {
   /** Whether a picture may be begun: the card is there, done with the last one, and it is time. */
   isFree(now: number, isNew: boolean): boolean {
     if (this.fence && !this.isDone(now, this.fence)) return false;
-    if (this.gl.isContextLost()) return false;
+    if (this.isLost) return false;
     return this.isIdle(now, isNew) || now - this.drawnAt >= this.quality.level.everyMs;
   }
 

@@ -19,6 +19,8 @@ export class Loop {
   private last = 0;
   private receivedBefore = 0;
   private poses = "";
+  /** The bodies of the frame that is looked back at: they stay as it does, though the worlds around it are forgotten. */
+  private held: { readonly frame: number; readonly moment: Moment } | null = null;
 
   constructor(app: App) {
     this.app = app;
@@ -85,16 +87,24 @@ export class Loop {
     // Worlds stand still while paused: then the newest is the moment.
     if (playout.live && newest?.paused) return { world: newest, bodies: newest.bodies };
     const elapsed = shown ? (now - shown.atMs) / 1000 : Infinity;
-    const isStanding = !playout.live && !playout.isPlaying;
+    if (shown && !playout.live && !playout.isPlaying) return this.heldAt(shown.frame) ?? moment;
+    this.held = null;
     const hasHull = mode !== "off" || !playout.live;
-    const ofFrame = shown && hasHull && (elapsed < GONE_S || isStanding) ? worlds.atFrame(shown.frame, isStanding ? 0 : Math.min(elapsed, AHEAD_S)) : null;
+    const ofFrame = shown && hasHull && elapsed < GONE_S ? worlds.atFrame(shown.frame, Math.min(elapsed, AHEAD_S)) : null;
     return ofFrame ?? (playout.live ? worlds.live(BEHIND_S) : moment);
+  }
+
+  private heldAt(frame: number): Moment | null {
+    if (this.held?.frame === frame) return this.held.moment;
+    const moment = this.app.worlds.atFrame(frame, 0);
+    this.held = moment && { frame, moment };
+    return moment;
   }
 
   /** What is on the screen, drawn once more at full effort, as PNG. */
   async screenshot(): Promise<Blob | null> {
     const { drawing, canvas } = this.app;
-    if (!drawing) return null;
+    if (!drawing || drawing.isLost) return null;
     drawing.draw(performance.now(), 0, this.picture());
     // Before the browser shows it and forgets it.
     return new Promise((done) => canvas.toBlob(done, "image/png"));

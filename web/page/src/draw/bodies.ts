@@ -12,19 +12,21 @@ import {
   LineBasicMaterial,
   LineSegments,
   Mesh,
-  MeshLambertMaterial,
+  MeshStandardMaterial,
   SphereGeometry,
 } from "three";
 import type { BodyPose } from "../feed/message.ts";
 import type { BodyText, Shape } from "../feed/text.ts";
 
 const EDGE_ANGLE_DEG = 30;
+/** The layer on which eyes see bodies alone, without their edges. */
+export const ONLY_BODIES = 1;
 
 interface Drawn {
   readonly text: BodyText;
   readonly mesh: Mesh;
   readonly edges: LineSegments;
-  readonly material: MeshLambertMaterial;
+  readonly material: MeshStandardMaterial;
   readonly edge: LineBasicMaterial;
   readonly key: string;
 }
@@ -90,20 +92,22 @@ export class Bodies {
   private add(body: BodyText): void {
     const geometry = geometryOf(body.shape);
     const color = new Color().setRGB(body.color[0], body.color[1], body.color[2], "srgb");
-    const material = new MeshLambertMaterial({
+    const material = new MeshStandardMaterial({
       color,
+      roughness: 0.6,
       flatShading: "hull" in body.shape,
       polygonOffset: true,
       polygonOffsetFactor: 1,
       polygonOffsetUnits: 1,
     });
     const mesh = new Mesh(geometry, material);
+    mesh.layers.enable(ONLY_BODIES);
     mesh.castShadow = true;
     mesh.receiveShadow = true;
     mesh.name = body.name;
     mesh.userData.body = body.id;
     mesh.visible = false;
-    const edge = new LineBasicMaterial({ color: 0x0c0e12, transparent: true, opacity: 0.55 });
+    const edge = new LineBasicMaterial({ color: 0x0c0e12, toneMapped: false, transparent: true, opacity: 0.55 });
     const edges = new LineSegments(new EdgesGeometry(geometry, EDGE_ANGLE_DEG), edge);
     mesh.add(edges);
     this.group.add(mesh);

@@ -2,6 +2,7 @@
 import {
   BufferGeometry,
   Color,
+  CustomBlending,
   Float32BufferAttribute,
   GLSL3,
   Group,
@@ -9,7 +10,10 @@ import {
   LineSegments,
   Mesh,
   NoColorSpace,
+  OneFactor,
+  OneMinusSrcAlphaFactor,
   RawShaderMaterial,
+  SrcAlphaFactor,
   Texture,
   Vector2,
   Vector4,
@@ -110,7 +114,12 @@ export class Cameras {
         uBend: { value: new Vector4() },
         uBend3: { value: new Vector4() },
       },
-      transparent: true,
+      // Also where it counts as opaque: behind the scene it is drawn before opaque bodies.
+      blending: CustomBlending,
+      blendSrc: SrcAlphaFactor,
+      blendDst: OneMinusSrcAlphaFactor,
+      blendSrcAlpha: OneFactor,
+      blendDstAlpha: OneMinusSrcAlphaFactor,
       depthTest: false,
       depthWrite: false,
     });
@@ -165,7 +174,14 @@ export class Cameras {
     (u.uMatrix2.value as Vector2).set(m1[1], 0);
     (u.uBend.value as Vector4).set(k1, k2, p1, p2);
     (u.uBend3.value as Vector4).set(k3, camera.radiusLimit, camera.width, camera.height);
+    // A transparent material is drawn after all opaque ones, whatever its order.
+    this.behind.transparent = inFront;
     this.backdrop.renderOrder = inFront ? 1000 : -1000;
+  }
+
+  /** Whether the camera that is looked through has shown its image. */
+  get hasImageBehind(): boolean {
+    return this.behindTexture.image !== null;
   }
 
   /** Forgets the image behind the scene: another camera's comes. */
@@ -204,7 +220,7 @@ export class Cameras {
   }
 
   private make(camera: Camera, count: number): Drawn {
-    const lineMaterial = new LineBasicMaterial({ color: cameraColor(camera.index, count), transparent: true, opacity: 0.9 });
+    const lineMaterial = new LineBasicMaterial({ toneMapped: false, color: cameraColor(camera.index, count), transparent: true, opacity: 0.9 });
     const lines = new LineSegments(frustum(camera), lineMaterial);
     const texture = imageTexture();
     const material = new RawShaderMaterial({

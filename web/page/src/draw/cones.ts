@@ -21,12 +21,12 @@ export class Cones {
     this.cameras = cameras;
     this.sheets = cameras.map((_, index) => {
       const color = cameraColor(index, cameras.length);
-      const material = new MeshBasicMaterial({ color, transparent: true, opacity: 0.022, side: DoubleSide, depthWrite: false });
+      const material = new MeshBasicMaterial({ toneMapped: false, color, transparent: true, opacity: 0.022, side: DoubleSide, depthWrite: false });
       return new Mesh(dynamic(MAX_SEGMENTS * 3), material);
     });
     this.outlines = cameras.map((_, index) => {
       const color = cameraColor(index, cameras.length);
-      return new LineSegments(dynamic(MAX_SEGMENTS * 3), new LineBasicMaterial({ color, transparent: true, opacity: 0.4, depthWrite: false }));
+      return new LineSegments(dynamic(MAX_SEGMENTS * 3), new LineBasicMaterial({ toneMapped: false, color, transparent: true, opacity: 0.4, depthWrite: false }));
     });
     for (const thing of [...this.sheets, ...this.outlines]) {
       thing.frustumCulled = false;

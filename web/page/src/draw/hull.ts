@@ -23,6 +23,7 @@ import {
   Vector3,
   Vector4,
   Matrix3,
+  Matrix4,
   WebGLArrayRenderTarget,
   WebGLRenderTarget,
   type WebGLRenderer,
@@ -144,7 +145,7 @@ export class HullView {
     this.composing = this.material(
       glsl.QUAD_VERTEX,
       glsl.COMPOSE_FRAGMENT,
-      { uColour: { value: null }, uSurface: { value: null }, uScreen: { value: new Vector2() }, uFade: { value: 0 }, uPart: whole() },
+      { uColour: { value: null }, uSurface: { value: null }, uScreen: { value: new Vector2() }, uFade: { value: 0 }, uPart: whole(), uShadow: { value: null }, uShadows: { value: 0 }, uBias: { value: 0 }, uToShadow: { value: new Matrix4() }, uToWorld: { value: new Matrix4() }, uLight: this.common.uLight },
       false,
     );
     this.composing.depthTest = true;
@@ -248,6 +249,15 @@ export class HullView {
     this.composing.uniforms.uFade.value = share;
   }
 
+  /** Bodies darken the person: the light's depth map of them, or none; `bias` in its depth. */
+  shade(depth: Texture | null, toShadow: Matrix4, bias: number): void {
+    const { uShadow, uShadows, uToShadow, uBias } = this.composing.uniforms;
+    uShadow.value = depth;
+    uShadows.value = depth === null ? 0 : 1;
+    uBias.value = bias;
+    (uToShadow.value as Matrix4).copy(toShadow);
+  }
+
   /** Draws the hull for a view into its own picture and readies it for the scene that is drawn next. */
   draw(renderer: WebGLRenderer, eye: Eye, width: number, height: number, mode: HullMode, effort: Effort, screen: readonly [number, number]): void {
     const visible = this.box !== null && mode !== "off";
@@ -268,6 +278,7 @@ export class HullView {
     uniforms.uColour.value = this.targets.surface.texture;
     uniforms.uSurface.value = this.targets.surface.depthTexture;
     (uniforms.uScreen.value as Vector2).set(screen[0], screen[1]);
+    (uniforms.uToWorld.value as Matrix4).copy(eye.clip).invert();
   }
 
   /** The hull alone from any view: colours and depths, row by row from the bottom. */

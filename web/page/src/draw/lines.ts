@@ -29,7 +29,7 @@ export class Arrows {
 
   constructor(most: number, color: number) {
     this.most = most;
-    this.lines = new LineSegments(dynamic(most * VERTICES), new LineBasicMaterial({ color }));
+    this.lines = new LineSegments(dynamic(most * VERTICES), new LineBasicMaterial({ toneMapped: false, color }));
     drawnOver(this.lines);
   }
 

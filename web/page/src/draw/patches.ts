@@ -26,13 +26,13 @@ export class Patches {
   private readonly place = new Matrix4();
 
   constructor() {
-    const sheet = new MeshBasicMaterial({ color: 0xffb454, opacity: 0.3, side: DoubleSide, depthWrite: false });
+    const sheet = new MeshBasicMaterial({ toneMapped: false, color: 0xffb454, opacity: 0.3, side: DoubleSide, depthWrite: false });
     this.discs = new InstancedMesh(new CircleGeometry(1, 24), sheet, MAX_DRAWN);
     this.discs.instanceMatrix.setUsage(DynamicDrawUsage);
     this.discs.count = 0;
-    this.rims = new InstancedMesh(new RingGeometry(0.95, 1, 24), new MeshBasicMaterial({ color: 0xffb454, side: DoubleSide, depthWrite: false }), 0);
+    this.rims = new InstancedMesh(new RingGeometry(0.95, 1, 24), new MeshBasicMaterial({ toneMapped: false, color: 0xffb454, side: DoubleSide, depthWrite: false }), 0);
     this.rims.instanceMatrix = this.discs.instanceMatrix;
-    this.normals = new LineSegments(dynamic(MAX_DRAWN * 2), new LineBasicMaterial({ color: 0xff7a59 }));
+    this.normals = new LineSegments(dynamic(MAX_DRAWN * 2), new LineBasicMaterial({ toneMapped: false, color: 0xff7a59 }));
     for (const thing of [this.discs, this.rims, this.normals]) drawnOver(thing);
     this.group.add(this.discs, this.normals, this.arrows.lines, this.rims);
   }

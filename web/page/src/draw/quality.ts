@@ -7,18 +7,19 @@ export interface Level {
   readonly photoTests: number;
   /** Depth maps are made at so many halvings of their size. */
   readonly coarseMaps: number;
-  readonly shadows: boolean;
+  /** Texels across the shadow map. */
+  readonly shadowSize: number;
   /** Least time between drawings, milliseconds. */
   readonly everyMs: number;
 }
 
 export const LEVELS: readonly Level[] = [
-  { scale: 1, photoTests: 8, coarseMaps: 0, shadows: true, everyMs: 0 },
-  { scale: 0.75, photoTests: 8, coarseMaps: 0, shadows: true, everyMs: 0 },
-  { scale: 0.75, photoTests: 4, coarseMaps: 0, shadows: false, everyMs: 0 },
-  { scale: 0.5, photoTests: 2, coarseMaps: 1, shadows: false, everyMs: 0 },
-  { scale: 0.5, photoTests: 0, coarseMaps: 1, shadows: false, everyMs: 0 },
-  { scale: 0.35, photoTests: 0, coarseMaps: 1, shadows: false, everyMs: 66 },
+  { scale: 1, photoTests: 8, coarseMaps: 0, shadowSize: 1024, everyMs: 0 },
+  { scale: 0.75, photoTests: 8, coarseMaps: 0, shadowSize: 1024, everyMs: 0 },
+  { scale: 0.75, photoTests: 4, coarseMaps: 0, shadowSize: 512, everyMs: 0 },
+  { scale: 0.5, photoTests: 2, coarseMaps: 1, shadowSize: 512, everyMs: 0 },
+  { scale: 0.5, photoTests: 0, coarseMaps: 1, shadowSize: 256, everyMs: 0 },
+  { scale: 0.35, photoTests: 0, coarseMaps: 1, shadowSize: 256, everyMs: 66 },
 ];
 
 /** Longer than this is too long, shorter than that has room, milliseconds a drawing. */

@@ -1,29 +1,17 @@
 /** All that is drawn, and the order of it. Knows nothing of sockets, pages or time. */
 import {
-  AmbientLight,
-  BoxGeometry,
+  BasicShadowMap,
   Color,
-  DirectionalLight,
-  DoubleSide,
-  FogExp2,
-  Group,
-  HemisphereLight,
-  LineBasicMaterial,
-  LineSegments,
-  BufferGeometry,
-  Float32BufferAttribute,
   Matrix4,
-  Mesh,
-  MeshBasicMaterial,
+  type Mesh,
+  NeutralToneMapping,
   PCFShadowMap,
   PerspectiveCamera,
-  PlaneGeometry,
-  Quaternion,
   Scene,
-  ShadowMaterial,
   Vector3,
   WebGLRenderer,
 } from "three";
+import type { Background } from "../audience.ts";
 import type { Decoded } from "../decode/work.ts";
 import type { BodyPose, WorldMessage } from "../feed/message.ts";
 import type { Hello, Scene as SceneText } from "../feed/text.ts";
@@ -32,15 +20,15 @@ import { type Camera, camera as makeCamera } from "../view/lens.ts";
 import { Bodies } from "./bodies.ts";
 import { Cameras } from "./cameras.ts";
 import { Cones } from "./cones.ts";
+import { ContactShadow } from "./contact_shadow.ts";
 import { type Eye, eyeOf, FAR_M, NEAR_M } from "./eye.ts";
+import { Ground } from "./ground.ts";
 import { HullView } from "./hull.ts";
-import * as glsl from "./glsl/index.ts";
-import type { Level } from "./quality.ts";
+import { Light } from "./light.ts";
 import { Patches } from "./patches.ts";
+import type { Level } from "./quality.ts";
+import { CLEAR, Sky } from "./sky.ts";
 import { Touches } from "./touches.ts";
-
-export const BACKGROUND = 0x14171c;
-const SHADOW_SIZE = 1024;
 
 /** One view to draw. */
 export interface Picture {
@@ -71,27 +59,33 @@ export class Stage {
   rig: readonly Camera[] = [];
   hello: Hello | null = null;
   private readonly scene = new Scene();
-  private readonly light = new DirectionalLight(0xfff4e6, 2.1);
-  private readonly ground = new Group();
-  private shadowBox: Mesh | null = null;
-  private shadowsAreOld = true;
-  private cut = { mode: "photo" as HullMode, shadows: false };
+  private readonly contact = new ContactShadow();
+  private readonly light: Light;
+  private readonly ground: Ground;
+  private readonly sky: Sky;
+  /** Whether there is a floor and a sky. */
+  private readonly isRoom: boolean;
 
-  constructor(canvas: HTMLCanvasElement, antialias: boolean) {
-    this.renderer = new WebGLRenderer({ canvas, antialias, alpha: false, powerPreference: "high-performance" });
+  constructor(canvas: HTMLCanvasElement, { antialias, software }: { antialias: boolean; software: boolean }, background: Background) {
+    this.light = new Light(this.contact, !software);
+    this.ground = new Ground(this.contact, !software);
+    this.sky = new Sky(!software);
+    this.renderer = new WebGLRenderer({ canvas, antialias, alpha: background === "transparent", powerPreference: "high-performance" });
     this.renderer.autoClear = true;
     this.renderer.shadowMap.enabled = true;
-    this.renderer.shadowMap.type = PCFShadowMap;
+    // Soft edges cost the processor more than all else on the floor.
+    this.renderer.shadowMap.type = software ? BasicShadowMap : PCFShadowMap;
     this.renderer.shadowMap.autoUpdate = false;
     this.renderer.info.autoReset = true;
-    this.scene.background = new Color(BACKGROUND);
-    this.scene.fog = new FogExp2(BACKGROUND, 0.028);
-    this.scene.add(new AmbientLight(0xffffff, 0.35), new HemisphereLight(0xdfe8f5, 0x3a3833, 1.0), this.light, this.light.target);
-    this.light.castShadow = true;
-    this.light.shadow.mapSize.set(SHADOW_SIZE, SHADOW_SIZE);
-    this.light.shadow.bias = -0.0008;
-    this.light.shadow.normalBias = 0.01;
-    this.scene.add(this.ground, this.bodies.group, this.touches.group, this.patches.group);
+    // Of bodies alone: the person's colours are the cameras', and lines and floor are drawn as they are meant.
+    this.renderer.toneMapping = NeutralToneMapping;
+    this.isRoom = background === "room";
+    this.sky.mesh.visible = this.isRoom;
+    this.scene.background = background === "transparent" ? null : new Color(background === "room" ? CLEAR : background);
+    if (background === "transparent") this.renderer.setClearAlpha(0);
+    this.scene.environmentIntensity = 0.5;
+    this.scene.add(this.light.group, this.sky.mesh);
+    this.scene.add(this.ground.group, this.bodies.group, this.touches.group, this.patches.group);
   }
 
   /** A rig: everything that depends on the cameras is made again. */
@@ -113,9 +107,9 @@ export class Stage {
     });
     this.hull.up = hello.up;
     this.scene.add(this.cameras.group, this.cameras.backdrop, this.cones.group, this.hull.compose);
-    this.aimLight(hello);
-    this.makeShadowBox();
-    this.makeGround(hello);
+    this.light.setRig(hello, this.hull);
+    this.sky.up = new Vector3(...hello.up);
+    this.ground.place(hello);
     await this.hull.compile(this.renderer);
   }
 
@@ -123,10 +117,10 @@ export class Stage {
     if (this.hello && scene.floor_m !== undefined && scene.floor_m !== this.hello.floor_m) {
       // Another scene may stand on another floor.
       this.hello = { ...this.hello, floor_m: scene.floor_m };
-      this.makeGround(this.hello);
+      this.ground.place(this.hello);
     }
     this.bodies.describe(scene.bodies);
-    this.shadowsAreOld = true;
+    this.light.invalidate(true);
   }
 
   /** A decoded frame set becomes the person that is drawn. */
@@ -134,7 +128,7 @@ export class Stage {
     if (!this.hull || !this.hello) return;
     this.hull.upload(this.renderer, set);
     if (set.cameras.some((part) => part.contour)) this.cones?.show(set, this.hello.volume);
-    this.shadowsAreOld = true;
+    this.light.invalidate(false);
   }
 
   showWorld(world: WorldMessage, bodies: readonly BodyPose[], withTouches: boolean): void {
@@ -143,7 +137,7 @@ export class Stage {
       this.touches.show(world, bodies);
       this.patches.show(world.patches);
     }
-    this.shadowsAreOld = true;
+    this.light.invalidate(true);
   }
 
   resize(width: number, height: number, ratio: number): void {
@@ -161,7 +155,10 @@ export class Stage {
     const [width, height] = this.size();
     const eye = this.aim(picture, width, height);
     const { layers, mode, level } = picture;
-    this.ground.visible = layers.has("grid");
+    const image = picture.through && !picture.through.inFront ? picture.through.opacity : 0;
+    this.ground.group.visible = layers.has("grid");
+    this.ground.show(!this.isRoom ? 0 : this.cameras?.hasImageBehind ? 1 - image : 1, this.isRoom);
+    this.sky.mesh.position.copy(this.view.position);
     this.bodies.group.visible = layers.has("bodies");
     this.touches.group.visible = layers.has("touches");
     this.patches.group.visible = layers.has("touches");
@@ -173,7 +170,7 @@ export class Stage {
     const shrunk: Eye = { ...eye, pinhole: [eye.pinhole[0] * (w / width), eye.pinhole[1] * (h / height), eye.pinhole[2] * (w / width), eye.pinhole[3] * (h / height)] };
     if (this.hull) this.hull.fade = picture.isGrey ? 1 : 0;
     this.hull?.draw(this.renderer, shrunk, w, h, mode, level, [width, height]);
-    this.shadows(layers.has("shadows") && level.shadows, mode);
+    this.light.draw(this.renderer, this.scene, layers.has("shadows"), mode, level.shadowSize);
     this.renderer.setRenderTarget(null);
     this.renderer.render(this.scene, this.view);
   }
@@ -199,11 +196,9 @@ export class Stage {
       for (const each of Array.isArray(material) ? material : material ? [material] : []) each.dispose();
       thing.customDepthMaterial?.dispose();
     });
-    this.light.shadow.map?.dispose();
-    this.light.shadow.map = null;
+    this.light.release();
     this.hull?.release();
     this.cameras?.release();
-    this.shadowsAreOld = true;
   }
 
   /** A point of the world as the last picture has it, −1 to 1; null behind the view. */
@@ -215,7 +210,7 @@ export class Stage {
   }
 
   dispose(): void {
-    for (const old of [this.cameras, this.cones, this.hull, this.bodies, this.touches, this.patches]) old?.dispose();
+    for (const old of [this.cameras, this.cones, this.hull, this.bodies, this.touches, this.patches, this.light, this.ground, this.sky]) old?.dispose();
     this.renderer.dispose();
   }
 
@@ -248,89 +243,4 @@ export class Stage {
     view.updateMatrixWorld(true);
     return eyeOf(view, pinhole);
   }
-
-  private aimLight(hello: Hello): void {
-    const { low, high } = hello.volume;
-    const middle = new Vector3(...low).add(new Vector3(...high)).multiplyScalar(0.5);
-    const up = new Vector3(...hello.up);
-    const turn = new Quaternion().setFromUnitVectors(new Vector3(0, 1, 0), up);
-    const towards = new Vector3(0.42, 0.86, 0.46).normalize().applyQuaternion(turn);
-    const radius = Math.max(1.5, Math.min(6, 0.5 * new Vector3(...high).sub(new Vector3(...low)).length()));
-    this.light.target.position.copy(middle);
-    this.light.position.copy(middle).addScaledVector(towards, radius * 2.5);
-    const frustum = this.light.shadow.camera;
-    [frustum.left, frustum.right, frustum.top, frustum.bottom] = [-radius, radius, radius, -radius];
-    [frustum.near, frustum.far] = [0.1, radius * 5];
-    frustum.updateProjectionMatrix();
-    this.light.target.updateMatrixWorld();
-    if (this.hull) this.hull.light = towards;
-  }
-
-  /** A box that only the light sees: its shader marches to the hull. */
-  private makeShadowBox(): void {
-    if (this.shadowBox) this.scene.remove(this.shadowBox);
-    const hull = this.hull!;
-    const material = hull.material(glsl.SHADOW_VERTEX, glsl.SHADOW_FRAGMENT, hull.common);
-    material.depthTest = true;
-    material.depthWrite = true;
-    material.side = DoubleSide;
-    const unseen = new MeshBasicMaterial({ colorWrite: false, depthWrite: false });
-    this.shadowBox = new Mesh(new BoxGeometry(1, 1, 1), unseen);
-    this.shadowBox.customDepthMaterial = material;
-    this.shadowBox.castShadow = true;
-    this.shadowBox.frustumCulled = false;
-    this.scene.add(this.shadowBox);
-  }
-
-  private shadows(wanted: boolean, mode: HullMode): void {
-    if (wanted !== this.cut.shadows || mode !== this.cut.mode) this.shadowsAreOld = true;
-    this.cut = { mode, shadows: wanted };
-    this.light.castShadow = wanted;
-    const box = this.hull?.box;
-    if (this.shadowBox) {
-      this.shadowBox.visible = wanted && !!box && mode !== "off";
-      if (box) {
-        this.shadowBox.position.fromArray(box.low.map((l, i) => (l + box.high[i]) / 2));
-        this.shadowBox.scale.fromArray(box.low.map((l, i) => Math.max(1e-3, box.high[i] - l)));
-      }
-    }
-    if (wanted && this.shadowsAreOld) {
-      this.renderer.shadowMap.needsUpdate = true;
-      this.shadowsAreOld = false;
-    }
-  }
-
-  private makeGround(hello: Hello): void {
-    for (const child of [...this.ground.children]) {
-      this.ground.remove(child);
-      if (child instanceof Mesh || child instanceof LineSegments) child.geometry.dispose();
-    }
-    const { low, high } = hello.volume;
-    const up = new Vector3(...hello.up);
-    const along = (p: readonly number[]) => p[0] * up.x + p[1] * up.y + p[2] * up.z;
-    const height = hello.floor_m ?? Math.min(along(low), along(high));
-    const middle = new Vector3(...low).add(new Vector3(...high)).multiplyScalar(0.5);
-    this.ground.position.copy(middle).addScaledVector(up, height - middle.dot(up));
-    this.ground.quaternion.setFromUnitVectors(new Vector3(0, 1, 0), up);
-    // Lines fall on whole metres of the world, if up is up.
-    if (Math.abs(up.y) > 0.999) {
-      this.ground.position.x = Math.round(middle.x);
-      this.ground.position.z = Math.round(middle.z);
-    }
-    this.ground.add(lines(8, 0.25, 0x232830), lines(8, 1, 0x39414d));
-    const floor = new Mesh(new PlaneGeometry(16, 16), new ShadowMaterial({ color: 0x000000, opacity: 0.42 }));
-    floor.rotation.x = -Math.PI / 2;
-    floor.position.y = -0.002;
-    floor.receiveShadow = true;
-    this.ground.add(floor);
-  }
-}
-
-function lines(half: number, step: number, color: number): LineSegments {
-  const numbers: number[] = [];
-  for (let at = -half; at <= half + 1e-6; at += step) {
-    numbers.push(-half, 0, at, half, 0, at, at, 0, -half, at, 0, half);
-  }
-  const geometry = new BufferGeometry().setAttribute("position", new Float32BufferAttribute(numbers, 3));
-  return new LineSegments(geometry, new LineBasicMaterial({ color }));
 }

@@ -19,8 +19,8 @@ export class Touches {
   private readonly arrows = new Arrows(MAX_ARROWS, 0xffe08a);
 
   constructor() {
-    this.points = new Points(dynamic(MAX_DRAWN), new PointsMaterial({ color: 0xffb454, size: 5, sizeAttenuation: false }));
-    this.ways = new LineSegments(dynamic(MAX_DRAWN * 2), new LineBasicMaterial({ color: 0xff7a59, transparent: true, opacity: 0.55 }));
+    this.points = new Points(dynamic(MAX_DRAWN), new PointsMaterial({ toneMapped: false, color: 0xffb454, size: 5, sizeAttenuation: false }));
+    this.ways = new LineSegments(dynamic(MAX_DRAWN * 2), new LineBasicMaterial({ toneMapped: false, color: 0xff7a59, transparent: true, opacity: 0.55 }));
     drawnOver(this.points);
     drawnOver(this.ways);
     this.group.add(this.points, this.ways, this.arrows.lines);

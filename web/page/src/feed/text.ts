@@ -91,6 +91,11 @@ export interface CameraStatus {
   readonly left_out?: boolean;
 }
 
+/** Whether a run goes on without a camera. */
+export function isGone({ problem, left_out }: CameraStatus): boolean {
+  return Boolean(problem) || left_out === true;
+}
+
 /** How the run and the feed do, four times a second. Figures that a server leaves out are not shown. */
 export interface Status {
   readonly op: "status";

@@ -13,6 +13,8 @@ export class Playout {
   private at: number | null = null;
   private playing = false;
   private lastMs: number | null = null;
+  /** What stands on the screen while looking back: it stays though the timeline forgets it. */
+  private held: KeptSet | null = null;
 
   constructor(timeline: Timeline) {
     this.timeline = timeline;
@@ -37,8 +39,15 @@ export class Playout {
     return this.at === null ? null : span ? Math.max(0, span[1] - this.at) : 0;
   }
 
+  /** Whether the timeline has forgotten the moment that is looked at. */
+  get isForgotten(): boolean {
+    const span = this.timeline.span();
+    return this.at !== null && span !== null && this.at < span[0];
+  }
+
   goLive(): void {
     this.at = null;
+    this.held = null;
     this.playing = false;
     this.lastMs = null;
   }
@@ -48,15 +57,17 @@ export class Playout {
     const span = this.timeline.span();
     if (!span) return;
     this.at = Math.max(span[0], Math.min(span[1], ms));
+    this.held = null;
     this.playing = false;
   }
 
   /** A picture back or on. */
   beside(direction: 1 | -1): void {
     const span = this.timeline.span();
-    if (!span) return;
-    const there = this.timeline.beside(this.at ?? span[1], direction);
-    if (there) this.seek(there.atMs);
+    // Nothing before a moment that is forgotten is kept.
+    if (!span || (direction < 0 && this.isForgotten)) return;
+    const there = this.isForgotten ? span[0] : this.timeline.beside(this.at ?? span[1], direction)?.atMs;
+    if (there !== undefined) this.seek(there);
   }
 
   play(playing: boolean): void {
@@ -68,21 +79,21 @@ export class Playout {
     }
     this.playing = playing;
     this.lastMs = null;
+    this.held = null;
   }
 
   /** Moves on; the set that is to be shown then, or null while live. */
   step(nowMs: number): KeptSet | null {
-    if (this.at === null) return null;
     const span = this.timeline.span();
-    if (!span) return null;
-    if (this.playing) {
-      this.at += (nowMs - (this.lastMs ?? nowMs)) * RATE;
-      if (this.at >= span[1]) this.goLive();
+    if (this.at === null || !span) return null;
+    if (!this.playing) {
+      this.held ??= this.timeline.at(this.at);
+      return this.held;
     }
+    // What is forgotten cannot be played.
+    this.at = Math.max(span[0], this.at + (nowMs - (this.lastMs ?? nowMs)) * RATE);
     this.lastMs = nowMs;
-    if (this.at === null) return null;
-    // What is looked at may be forgotten meanwhile: then the oldest is shown.
-    this.at = Math.max(this.at, span[0]);
-    return this.timeline.at(this.at);
+    if (this.at >= span[1]) this.goLive();
+    return this.at === null ? null : this.timeline.at(this.at);
   }
 }

@@ -1,12 +1,15 @@
 /** The list of cameras: a small image, a mark of health with its word, and the figures. */
 import type { App } from "../app/app.ts";
-import type { CameraStatus, Hello } from "../feed/text.ts";
-import { byId, bytesText, setPressed, setText } from "./dom.ts";
+import { type CameraStatus, type Hello, isGone } from "../feed/text.ts";
+import { announce, byId, bytesText, setPressed, setText } from "./dom.ts";
+import { plain } from "../feed/plain.ts";
 
 /** Older images are marked late, milliseconds. */
 const OLD_MS = 250;
 /** A camera for which all others wait longer is named. */
 const COSTLY_MS = 5;
+/** A camera that was gone is there again after so long, milliseconds. */
+const BACK_AFTER_MS = 2000;
 /** Cameras farther from the others' time are marked out of step, or whose time is less certain, as a share of a frame. */
 const UNSYNCED = 0.25;
 
@@ -19,6 +22,10 @@ interface Row {
 
 export class CamerasList {
   private rows: Row[] = [];
+  /** The place of the first camera that is gone; −1 if none is. */
+  private gone = -1;
+  /** When each camera was last gone. */
+  private readonly goneAtMs = new Map<number, number>();
   private readonly app: App;
   /** From frame to frame, milliseconds. */
   private frameMs = Infinity;
@@ -29,6 +36,7 @@ export class CamerasList {
 
   build(hello: Hello): void {
     this.frameMs = 1000 / hello.fps;
+    this.goneAtMs.clear();
     const list = byId("cameras");
     list.replaceChildren();
     this.rows = hello.cameras.map((camera, index) => {
@@ -71,6 +79,7 @@ export class CamerasList {
   }
 
   update(cameras: readonly CameraStatus[]): void {
+    this.alarm(cameras);
     let well = 0;
     this.rows.forEach((row, index) => {
       const status = cameras[index];
@@ -81,6 +90,30 @@ export class CamerasList {
       setText(row.health, text);
     });
     setText(byId("cameras-health"), cameras.length > 0 ? `${well} of ${this.rows.length} good` : "");
+  }
+
+  /** Leads to the first camera that is gone; `takesFocus`: for those who go on by key. */
+  showGone(takesFocus: boolean): void {
+    const row = this.rows[this.gone];
+    byId<HTMLDetailsElement>("cameras-part").open = true;
+    row?.button.scrollIntoView({ block: "center" });
+    if (takesFocus) row?.button.focus();
+  }
+
+  /** Over the picture, wherever the list is: how many cameras are left. */
+  private alarm(cameras: readonly CameraStatus[]): void {
+    // A camera that comes and goes with every frame is gone.
+    const now = performance.now();
+    cameras.forEach((status, index) => isGone(status) && this.goneAtMs.set(index, now));
+    const isMissing = (_: CameraStatus, index: number) => now - (this.goneAtMs.get(index) ?? -Infinity) < BACK_AFTER_MS;
+    const left = cameras.length - cameras.filter(isMissing).length;
+    this.gone = cameras.findIndex(isMissing);
+    const pill = byId("cameras-gone");
+    pill.hidden = left === cameras.length;
+    const text = pill.hidden ? "" : `${left} of ${cameras.length} cameras`;
+    if (pill.textContent === text) return;
+    pill.textContent = text;
+    announce(text === "" ? "All cameras are there." : `${text} are left.`);
   }
 
   pressed(through: number | null): void {
@@ -108,8 +141,8 @@ export class CamerasList {
 }
 
 function health(status: CameraStatus, frameMs: number): readonly ["good" | "warn" | "bad", string] {
-  if (status.problem) return ["bad", `gone: ${status.problem}`];
-  if (status.left_out) return ["bad", "left out: it films nothing, or late"];
+  if (status.problem) return ["bad", `gone: ${plain(status.problem)}\nIs its computer on, and does the node run there? Run hulltouch doctor to see why.`];
+  if (status.left_out) return ["bad", "left out: it films nothing, or late\nIs the camera plugged in? Run hulltouch doctor to see why."];
   const time: string[] = [];
   const sight: string[] = [];
   let state: "good" | "warn" = "good";

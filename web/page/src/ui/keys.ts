@@ -1,6 +1,7 @@
 /** Keys. Those on the canvas move the view; single letters can be turned off, and never act while typing. */
 import type { App } from "../app/app.ts";
 import type { Layer } from "../view/hash.ts";
+import { toast } from "./dom.ts";
 
 export interface Actions {
   screenshot(): void;
@@ -38,13 +39,45 @@ export function bindKeys(canvas: HTMLCanvasElement, app: App, actions: Actions, 
   });
 
   document.addEventListener("keydown", (event) => {
-    if (event.ctrlKey || event.metaKey || event.altKey || typing(event.target)) return;
+    if (event.ctrlKey || event.metaKey || event.altKey || typing(document.activeElement)) return;
     if (event.key === "Escape") return actions.escape();
     if (!enabled() || document.querySelector("dialog[open]")) return;
     // Space presses a focused button; elsewhere it pauses.
-    if (event.key === " " && event.target instanceof HTMLElement && event.target.closest("button, summary, input, select, a")) return;
+    if (event.key === " " && document.activeElement?.closest("button, summary, input, select, a")) return;
     if (act(event)) event.preventDefault();
   });
+
+  // What was pressed by pointer loses the focus at once: Space would press it again.
+  let byPointer = false;
+  document.addEventListener("pointerdown", () => (byPointer = true), true);
+  document.addEventListener(
+    "click",
+    ({ detail, target }) => {
+      if (detail === 0 || !(target instanceof Element)) return;
+      const pressed = target.closest<HTMLElement>("button, summary, label, input");
+      if (pressed instanceof HTMLLabelElement) {
+        // It presses its control after this.
+        const { control } = pressed;
+        if (control && !typing(control)) setTimeout(() => document.activeElement === control && control.blur());
+      } else if (pressed && !typing(pressed)) {
+        pressed.blur();
+      }
+    },
+    true,
+  );
+  // So does a list that was opened by pointer, with the first key after it is closed.
+  document.addEventListener(
+    "keydown",
+    (event) => {
+      const list = event.target;
+      if (list instanceof HTMLSelectElement && event.key !== "Tab" && !isOpen(list)) {
+        if (byPointer || (list.id === "scene" && choosesAtOnce(event))) event.preventDefault();
+        if (byPointer) list.blur();
+      }
+      byPointer = false;
+    },
+    true,
+  );
 
   function act(event: KeyboardEvent): boolean {
     const key = event.key.toLowerCase();
@@ -54,7 +87,9 @@ export function bindKeys(canvas: HTMLCanvasElement, app: App, actions: Actions, 
       return true;
     }
     if (/^[1-9]$/.test(key)) {
-      app.lookThrough(Number(key) - 1);
+      const count = app.hello?.cameras.length ?? 0;
+      if (Number(key) <= count) app.lookThrough(Number(key) - 1);
+      else if (count > 0) toast(`There is no camera ${key}: the rig has ${count}.`);
       return true;
     }
     const doings: Record<string, () => void> = {
@@ -86,7 +121,18 @@ export function bindKeys(canvas: HTMLCanvasElement, app: App, actions: Actions, 
   }
 }
 
-function typing(target: EventTarget | null): boolean {
+/** Whether a list is open; taken to be where the browser cannot tell. */
+function isOpen(list: HTMLSelectElement): boolean {
+  return !CSS.supports("selector(:open)") || list.matches(":open");
+}
+
+/** Whether a key would choose another entry of a closed list: the scene of a show must not change so. */
+function choosesAtOnce({ key, altKey, ctrlKey, metaKey }: KeyboardEvent): boolean {
+  if (ctrlKey || metaKey || altKey) return false;
+  return (key.length === 1 && key !== " ") || ["ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight", "Home", "End", "PageUp", "PageDown"].includes(key);
+}
+
+function typing(target: Element | null): boolean {
   if (!(target instanceof HTMLElement)) return false;
   if (target.isContentEditable || target instanceof HTMLTextAreaElement || target instanceof HTMLSelectElement) return true;
   return target instanceof HTMLInputElement && target.type !== "checkbox" && target.type !== "range";

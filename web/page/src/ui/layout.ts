@@ -13,10 +13,10 @@ export class Layout {
     this.openPanel(matchMedia("(min-width: 721px)").matches);
   }
 
-  private openPanel(open: boolean): void {
+  openPanel(open: boolean): void {
     document.body.classList.toggle("panel-closed", !open);
     byId("panel-toggle").setAttribute("aria-expanded", String(open));
-    this.app.wantsThumbnails = open;
+    this.app.wantsThumbnails = open && !document.body.classList.contains("clean");
     this.app.updateWant();
     this.measure();
   }
@@ -26,7 +26,7 @@ export class Layout {
     const strip = document.querySelector(".timeline")!.getBoundingClientRect();
     const isBeside = sheet.width > 0 && sheet.width < innerWidth * 0.6;
     const isBelow = sheet.width > 0 && !isBeside;
-    this.app.covered = [isBeside ? innerWidth - sheet.left : 0, innerHeight - (isBelow ? sheet.top : strip.top)];
+    this.app.covered = [isBeside ? innerWidth - sheet.left : 0, isBelow ? innerHeight - sheet.top : strip.height > 0 ? innerHeight - strip.top : 0];
     this.app.invalidate();
   }
 }

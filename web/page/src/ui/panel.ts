@@ -7,6 +7,8 @@ import type { BodyTools, ShapeKind } from "./body_tools.ts";
 
 /** Time to leave the room before the background is taken, seconds. */
 const LEAVE_S = 5;
+const NO_TOKEN = "You are a viewer. To steer, open the page with its token.";
+export const TOKEN_REFUSED = "The token was refused: you are a viewer. To steer, open the address that the program printed when it started.";
 
 export class Panel {
   private readonly app: App;
@@ -21,7 +23,8 @@ export class Panel {
     this.bindFigures();
   }
 
-  hello(hello: Hello): void {
+  /** `isRefused`: a token was shown, and is not the run's. */
+  hello(hello: Hello, isRefused: boolean): void {
     const camera = byId<HTMLSelectElement>("camera");
     camera.replaceChildren(option("", "None: free view"), ...hello.cameras.map((c, index) => option(String(index), index < 9 ? `${c.name} (${index + 1})` : c.name)));
     const scene = byId<HTMLSelectElement>("scene");
@@ -32,6 +35,7 @@ export class Panel {
     byId<HTMLFieldSetElement>("change").disabled = hello.replay;
     byId<HTMLButtonElement>("reset").disabled = hello.replay;
     byId("viewer-note").hidden = hello.controller;
+    setText(byId("viewer-note"), isRefused ? TOKEN_REFUSED : NO_TOKEN);
     byId("replay-note").hidden = !hello.replay;
     for (const id of ["insecure", "insecure-note"]) byId(id).hidden = hello.insecure === null;
     byId("insecure").title = hello.insecure ?? "";

@@ -14,7 +14,7 @@ export async function savePicture(made: Promise<Blob | null>): Promise<void> {
 
 /** Copies a link to the view that an address's hash stands for. */
 export async function copyLink(hash: string): Promise<void> {
-  const url = `${location.origin}${location.pathname}#${hash}`;
+  const url = `${location.origin}${location.pathname}${location.search}#${hash}`;
   try {
     await navigator.clipboard.writeText(url);
     toast("A link to this view is copied.");

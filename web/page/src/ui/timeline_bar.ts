@@ -1,5 +1,6 @@
 /** The last seconds: look back, play on from there, back to live. */
 import type { App } from "../app/app.ts";
+import type { ButtonState } from "../app/run_state.ts";
 import { SPAN_MS } from "../time/timeline.ts";
 import { byId, setPressed, setText } from "./dom.ts";
 
@@ -18,11 +19,13 @@ export class TimelineBar {
       this.update();
     });
     byId("live").addEventListener("click", () => {
+      if (app.frames.playout.live) return;
       app.goLive();
       this.update();
     });
     byId("look-back").addEventListener("click", () => {
       const { playout } = app.frames;
+      if (app.describe(performance.now()).hold.state === "unavailable") return;
       if (playout.live) app.lookBack(performance.now());
       else playout.play(!playout.isPlaying);
       app.invalidate();
@@ -32,20 +35,32 @@ export class TimelineBar {
 
   update(): void {
     const { playout } = this.app.frames;
-    const { timeline, isLive } = this.app.describe(performance.now());
+    const { timeline, live, hold } = this.app.describe(performance.now());
     const behindMs = playout.behindMs ?? 0;
-    const value = String(Math.round((-behindMs / SPAN_MS) * 1000));
+    const value = String(Math.max(-1000, Math.round((-behindMs / SPAN_MS) * 1000)));
     if (this.scrub.value !== value && (playout.live || document.activeElement !== this.scrub)) this.scrub.value = value;
     setText(byId("behind"), timeline);
     this.scrub.setAttribute("aria-valuetext", playout.live ? timeline : `${(behindMs / 1000).toFixed(1)} seconds ago`);
-    setPressed(byId("live"), isLive);
-    const button = byId("look-back");
-    const stands = !playout.live && !playout.isPlaying;
-    const label = playout.live ? "Hold the picture" : stands ? "Play on from here" : "Hold the picture";
+    setButton(byId<HTMLButtonElement>("live"), live);
+    const button = byId<HTMLButtonElement>("look-back");
+    setButton(button, hold.state);
+    const [label, icon] = HOLDING[hold.action];
     if (button.getAttribute("aria-label") !== label) {
       button.setAttribute("aria-label", label);
       button.title = label;
-      button.querySelector("use")!.setAttribute("href", stands ? "#i-play" : "#i-pause");
+      button.querySelector("use")!.setAttribute("href", icon);
     }
   }
+}
+
+const HOLDING = {
+  hold: ["Hold the picture", "#i-pause"],
+  play: ["Play on from here", "#i-play"],
+  "play from the oldest": ["This moment alone is still kept: play from the oldest picture", "#i-play"],
+} as const;
+
+/** One that is unavailable keeps the focus: it is not disabled, and does nothing. */
+function setButton(button: HTMLButtonElement, state: ButtonState): void {
+  button.setAttribute("aria-disabled", String(state === "unavailable"));
+  if (button.hasAttribute("aria-pressed")) setPressed(button, state === "pressed");
 }

@@ -10,6 +10,8 @@ const MIN_POLAR = 0.02;
 const MAX_POLAR = Math.PI - 0.02;
 /** A movement that is let go of goes on for about so long, seconds. */
 const COAST_S = 0.09;
+/** Once round a frozen moment takes so long, seconds. */
+const ROUND_S = 40;
 /** How long it takes to fly to another view, seconds. */
 const FLIGHT_S = 0.55;
 /** The eye stays so far above the floor, metres. */
@@ -27,9 +29,10 @@ export class Orbit {
   private view: View;
   private flight: { from: View; to: View; began: number | null } | null = null;
   private coast: { azimuth: number; polar: number; zoom: number } = { azimuth: 0, polar: 0, zoom: 0 };
+  private circling = false;
   private readonly axes: readonly [Vec3, Vec3, Vec3];
   private readonly floor: number | null;
-  /** No coasting and no flights. */
+  /** Nothing moves by itself: no coasting, no flights, no circling. */
   reduced = false;
 
   constructor(up: Vec3, floorM: number | null, start: View) {
@@ -63,15 +66,21 @@ export class Orbit {
     return { target, azimuth: Math.atan2(along(x), along(z)), polar: Math.acos(Math.max(-1, Math.min(1, along(up) / distance))), distance };
   }
 
+  /** Goes slowly round the target, until anything else is asked. */
+  circle(): void {
+    this.hold();
+    this.circling = !this.reduced;
+  }
+
   turn(azimuth: number, polar: number, coasting: boolean): void {
-    this.flight = null;
+    this.rest();
     this.change({ azimuth: this.view.azimuth + azimuth, polar: this.view.polar + polar });
     if (coasting && !this.reduced) this.coast = { ...this.coast, azimuth, polar };
   }
 
   /** The target moves across the picture, by shares of its height. */
   pan(right: number, up: number, fovRad: number): void {
-    this.flight = null;
+    this.rest();
     const span = 2 * this.view.distance * Math.tan(fovRad / 2);
     const [r, u] = this.screenAxes();
     this.change({ target: [0, 1, 2].map((i) => this.view.target[i] + (r[i] * right + u[i] * up) * span) as unknown as Vec3 });
@@ -79,7 +88,7 @@ export class Orbit {
 
   /** Nearer by a factor below one, farther above; towards `to` if that is given. */
   zoom(factor: number, to: Vec3 | null = null): void {
-    this.flight = null;
+    this.rest();
     const distance = Math.max(MIN_DISTANCE_M, Math.min(MAX_DISTANCE_M, this.view.distance * factor));
     const share = 1 - distance / this.view.distance;
     const target = to ? (this.view.target.map((t, i) => t + (to[i] - t) * share) as unknown as Vec3) : this.view.target;
@@ -95,6 +104,7 @@ export class Orbit {
   /** Eases to another view. */
   fly(to: View): void {
     const target = this.allowed(to);
+    this.circling = false;
     if (this.reduced) {
       this.view = target;
       return;
@@ -106,13 +116,19 @@ export class Orbit {
   }
 
   jump(to: View): void {
-    this.flight = null;
+    this.rest();
     this.view = this.allowed(to);
   }
 
-  /** A pointer holds the view: nothing coasts. */
+  /** The viewer takes hold of the view: nothing coasts or circles. */
   hold(): void {
     this.coast = { azimuth: 0, polar: 0, zoom: 0 };
+    this.circling = false;
+  }
+
+  private rest(): void {
+    this.flight = null;
+    this.circling = false;
   }
 
   /** Moves on by some seconds; true while something moves. */
@@ -126,6 +142,10 @@ export class Orbit {
       return true;
     }
     if (held) return false;
+    if (this.circling) {
+      this.change({ azimuth: this.view.azimuth + (seconds * 2 * Math.PI) / ROUND_S });
+      return true;
+    }
     const { azimuth, polar } = this.coast;
     if (Math.abs(azimuth) + Math.abs(polar) < 1e-4) {
       this.hold();

@@ -127,6 +127,57 @@ export async function picture(page: Page, from: object, width: number, height: n
   return { rgba, depthM, mask, frame };
 }
 
+/** A picture of the view, with what lies over it. */
+export interface Screen {
+  readonly width: number;
+  readonly height: number;
+  /** Four bytes a pixel, rows from the top. */
+  readonly rgba: Uint8Array;
+  /** Red, green, blue and alpha of a pixel. */
+  at(x: number, y: number): readonly [number, number, number, number];
+}
+
+export async function screen(page: Page): Promise<Screen> {
+  const png = (await page.locator("#view").screenshot({ omitBackground: true })).toString("base64");
+  const read = await page.evaluate(async (data) => {
+    const bitmap = await createImageBitmap(await (await fetch(`data:image/png;base64,${data}`)).blob());
+    const context = new OffscreenCanvas(bitmap.width, bitmap.height).getContext("2d")!;
+    context.drawImage(bitmap, 0, 0);
+    return { width: bitmap.width, height: bitmap.height, rgba: [...context.getImageData(0, 0, bitmap.width, bitmap.height).data] };
+  }, png);
+  const rgba = Uint8Array.from(read.rgba);
+  return { ...read, rgba, at: (x, y) => [...rgba.subarray(4 * (Math.round(y) * read.width + Math.round(x)))].slice(0, 4) as [number, number, number, number] };
+}
+
+/** Takes the graphics card away, and gives it back so long after the page has heard of it; resolves when it is back. */
+export async function loseCard(page: Page, forMs: number): Promise<void> {
+  await page.evaluate(async (gapMs) => {
+    const canvas = document.getElementById("view") as HTMLCanvasElement;
+    const gl = canvas.getContext("webgl2")!;
+    const heard = (event: string) => new Promise((done) => canvas.addEventListener(event, done, { once: true }));
+    // The extension must be kept: a lost context has none.
+    const handle = ((window as any).loseContext ??= gl.getExtension("WEBGL_lose_context"));
+    const [lost, restored] = [heard("webglcontextlost"), heard("webglcontextrestored")];
+    handle.loseContext();
+    // Before the page has heard of it, nothing can be restored.
+    await lost;
+    await new Promise((done) => setTimeout(done, gapMs));
+    handle.restoreContext();
+    await restored;
+  }, forMs);
+}
+
+/** Relative luminance of a colour of the screen, 0 to 1. */
+export function luminance([r, g, b]: readonly number[]): number {
+  const linear = (value: number) => (value <= 10 ? value / 255 / 12.92 : ((value / 255 + 0.055) / 1.055) ** 2.4);
+  return 0.2126 * linear(r) + 0.7152 * linear(g) + 0.0722 * linear(b);
+}
+
+/** The contrast of two luminances, as people see it: 1 is none. */
+export function contrast(a: number, b: number): number {
+  return (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
+}
+
 /** What lets pages steer the runs of these tests. */
 export const TOKEN = "a-token-for-browser-tests";
 

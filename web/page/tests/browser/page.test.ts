@@ -5,7 +5,7 @@ import { dirname, join } from "node:path";
 import { after, before, beforeEach, describe, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
 import { overlap } from "../feeder/person.ts";
-import { DIST, goOn, launch, open, pauseAtItsFrame, picture, Program, PROGRAM, state, TIMEOUT_MS, TOKEN, until, untilStanding, type Watched, within } from "./browser.ts";
+import { DIST, goOn, launch, loseCard, open, pauseAtItsFrame, picture, Program, PROGRAM, state, TIMEOUT_MS, TOKEN, until, untilStanding, type Watched, within } from "./browser.ts";
 
 /** What browsers say of a server that is gone on purpose. */
 const GONE = [/WebSocket connection to/, /ERR_CONNECTION_REFUSED/];
@@ -46,24 +46,6 @@ async function aPlace(page: Page): Promise<{ place: [number, number, number]; at
     if (at && (await page.evaluate((p) => document.elementFromPoint(p[0], p[1])?.id === "view" && (window as any).hulltouch.placeAt(p[0], p[1]) === "floor", at))) return { place, at };
   }
   return assert.fail("no floor is in sight");
-}
-
-/** Takes the graphics card away, and gives it back so long after the page has heard of it; resolves when it is back. */
-async function loseCard(page: Page, forMs: number): Promise<void> {
-  await page.evaluate(async (gapMs) => {
-    const canvas = document.getElementById("view") as HTMLCanvasElement;
-    const gl = canvas.getContext("webgl2")!;
-    const heard = (event: string) => new Promise((done) => canvas.addEventListener(event, done, { once: true }));
-    // The extension must be kept: a lost context has none.
-    const handle = ((window as any).loseContext ??= gl.getExtension("WEBGL_lose_context"));
-    const [lost, restored] = [heard("webglcontextlost"), heard("webglcontextrestored")];
-    handle.loseContext();
-    // Before the page has heard of it, nothing can be restored.
-    await lost;
-    await new Promise((done) => setTimeout(done, gapMs));
-    handle.restoreContext();
-    await restored;
-  }, forMs);
 }
 
 /** The share of a camera's view that shows the person. */

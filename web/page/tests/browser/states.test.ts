@@ -41,7 +41,15 @@ describe("the page says how the run is", () => {
   }
 
   test("live, and nothing else", async () => {
-    assert.deepEqual(await said(/^Live/), { behind: "live", live: "true", banner: null });
+    assert.deepEqual(await said(/^Live/), { behind: "now", live: "true", banner: null });
+  });
+
+  test("without a graphics card nothing is live, and the banner says why", async () => {
+    await page.evaluate(() => ((window as any).card = (document.getElementById("view") as HTMLCanvasElement).getContext("webgl2")!.getExtension("WEBGL_lose_context")!).loseContext());
+    const { live, banner } = await said(/^No picture$/);
+    assert.deepEqual([live, banner], ["false", "The browser lost the graphics card. The picture returns with it; if it does not, load the page again."]);
+    await page.evaluate(() => (window as any).card.restoreContext());
+    assert.deepEqual(await said(/^Live/), { behind: "now", live: "true", banner: null });
   });
 
   test("what is not encrypted", async () => {
@@ -51,9 +59,10 @@ describe("the page says how the run is", () => {
     assert.equal(await page.locator("#insecure-note").textContent(), `Not encrypted: ${INSECURE}`);
   });
 
-  test("paused, beside which Live is not pressed", async () => {
+  test("paused, beside which Live and holding are unavailable", async () => {
     await page.getByRole("button", { name: "Pause" }).click();
     assert.deepEqual(await said(/^Paused$/), { behind: "paused", live: "false", banner: null });
+    for (const button of ["#live", "#look-back"]) assert.equal(await page.locator(button).getAttribute("aria-disabled"), "true", `${button} would do nothing`);
   });
 
   test("touches that are wanted while paused are drawn, again and again", async () => {

@@ -24,6 +24,11 @@ export interface Film {
   thumbnails(index: number): readonly Part[];
 }
 
+/** A body, and where it is held if it does not fall. */
+export interface Placed extends BodyText {
+  readonly at?: [number, number, number];
+}
+
 interface Body extends BodyText {
   position: [number, number, number];
   velocity: [number, number, number];
@@ -44,13 +49,15 @@ export interface Feeder {
   commands(): readonly string[];
   /** Says why there is no hull, from the next status on; null: there is one. */
   goBlind(why: string | null): void;
+  /** A camera is gone, and why; null: all are there. */
+  loseCamera(camera: number | null, why: string): void;
   /** Says goodbye and goes, as a run that is over. */
   end(why: string): Promise<void>;
   close(): Promise<void>;
 }
 
 /** Serves a film and a page on a free port. */
-export async function serve(film: Film, page: string, bodies: readonly BodyText[] = [], port = 0): Promise<Feeder> {
+export async function serve(film: Film, page: string, bodies: readonly Placed[] = [], port = 0): Promise<Feeder> {
   const world = new World(bodies, film);
   const server = createServer((request, response) => {
     const path = normalize(decodeURIComponent(new URL(request.url ?? "/", "http://x").pathname));
@@ -79,6 +86,7 @@ export async function serve(film: Film, page: string, bodies: readonly BodyText[
     sent: () => sent,
     commands: () => commands,
     goBlind: (why) => (world.blind = why),
+    loseCamera: (camera, why) => (world.gone = camera === null ? null : { camera, why }),
     end: async (why) => {
       for (const socket of sockets.clients) {
         socket.send(JSON.stringify({ op: "bye", why }));
@@ -102,7 +110,7 @@ async function close(server: Server, sockets: WebSocketServer, world: World): Pr
 class World {
   readonly bodies: Body[];
   readonly film: Film;
-  private readonly start: readonly BodyText[];
+  private readonly start: readonly Placed[];
   private readonly began = performance.now();
   private readonly timer: ReturnType<typeof setInterval>;
   private nextId = 1000;
@@ -112,16 +120,18 @@ class World {
   scene = "topple";
   paused = false;
   blind: string | null = null;
+  gone: { readonly camera: number; readonly why: string } | null = null;
 
-  constructor(bodies: readonly BodyText[], film: Film) {
+  constructor(bodies: readonly Placed[], film: Film) {
     this.film = film;
     this.start = bodies;
     this.bodies = bodies.map((body, index) => World.body(body, index));
     this.timer = setInterval(() => this.advance(), 1000 / STATE_HZ);
   }
 
-  private static body(text: BodyText, index: number): Body {
+  private static body({ at, ...text }: Placed, index: number): Body {
     const size = "box" in text.shape ? text.shape.box.size[1] / 2 : 0.15;
+    if (at) return { ...text, position: at, velocity: [0, 0, 0], held: at };
     return { ...text, position: [index % 2 === 0 ? -0.7 : 0.75, size, 0.15 + 0.35 * Math.floor(index / 2) - 0.4], velocity: [0, 0, 0], held: null };
   }
 
@@ -298,7 +308,7 @@ class Page {
     this.text({
       op: "status",
       progress: { film_s: world.filmS, frame: world.frame, steps_per_s: 120, passes_per_s: 30, p50_ms: 2.1, p99_ms: 4.4, samples: 12000, contacts: 1, bytes_per_s: 2e5, blind: null },
-      cameras: film.cameras.map((camera, index) => ({ name: camera.name, problem: null, newest_frame: world.frame, age_ms: 31 + index, sync_ms: 0.2, clock_bound_ms: 0.1, foreground: 0.05, silhouette_bytes: 970, segment_ms: 0.9 })),
+      cameras: film.cameras.map((camera, index) => ({ name: camera.name, problem: world.gone?.camera === index ? world.gone.why : null, newest_frame: world.frame, age_ms: 31 + index, sync_ms: 0.2, clock_bound_ms: 0.1, foreground: 0.05, silhouette_bytes: 970, segment_ms: 0.9 })),
       frames_missed: 0,
       frames_expected: world.frame,
       late_steps: 0,

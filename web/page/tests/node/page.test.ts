@@ -97,6 +97,10 @@ test("an op of a newer server is passed over", () => {
   assert.equal(parseText('{"op":"confetti"}'), null);
 });
 
+test("shadows are drawn on every level", () => {
+  for (const { shadowSize } of LEVELS) assert.ok(shadowSize >= 256);
+});
+
 test("slow pictures lower the effort soon, quick ones raise it late, and one slow one changes nothing", () => {
   const quality = new Quality();
   quality.took(500);
@@ -144,11 +148,31 @@ test("a flight ends where it was to go, and a turn ends it", () => {
   assert.equal(orbit.step(12, 0.016, true), false);
 });
 
-test("reduced motion neither coasts nor flies", () => {
+test("circling goes round at one height, and ends with whatever is asked", () => {
+  const stops: ((orbit: Orbit) => void)[] = [(o) => o.turn(0.1, 0, false), (o) => o.pan(0.1, 0, 1), (o) => o.zoom(1), (o) => o.jump(start), (o) => o.fly(start), (o) => o.hold()];
+  for (const stop of stops) {
+    const orbit = new Orbit([0, 1, 0], 0, start);
+    orbit.circle();
+    let before = orbit.now.azimuth;
+    for (let i = 0; i < 10; i++) {
+      assert.ok(orbit.step(i, 0.1, false));
+      assert.ok(orbit.now.azimuth > before && orbit.now.polar === start.polar && orbit.now.distance === start.distance);
+      before = orbit.now.azimuth;
+    }
+    stop(orbit);
+    orbit.step(100, 0.1, false);
+    orbit.step(101, 0.1, false);
+    orbit.step(102, 0.1, false);
+    assert.equal(orbit.step(103, 0.1, false), false, String(stop));
+  }
+});
+
+test("reduced motion neither coasts nor flies nor circles", () => {
   const orbit = new Orbit([0, 1, 0], 0, start);
   orbit.reduced = true;
   orbit.fly({ ...start, distance: 4 });
   assert.equal(orbit.now.distance, 4);
   orbit.turn(0.5, 0, true);
+  orbit.circle();
   assert.equal(orbit.step(1, 0.016, false), false);
 });

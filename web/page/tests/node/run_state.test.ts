@@ -10,39 +10,53 @@ const PAUSED = { type: "paused", isPaused: true } as const;
 const BLIND = { type: "blind", why: "node a is gone" } as const;
 const lost = (why: string | null, retryAtMs = 0) => ({ type: "lost", why, retryAtMs }) as const;
 
-const AROUND: Surroundings = { nowMs: 0, framesPerS: 29.6, canDraw: true, behindMs: null };
+const AROUND: Surroundings = { nowMs: 0, framesPerS: 29.6, canDraw: true, behindMs: null, isForgotten: false, isPlaying: false };
+const HOLD = { action: "hold", state: "free" } as const;
+const NO_HOLD = { action: "hold", state: "unavailable" } as const;
 const words = (state: RunState, around: Partial<Surroundings> = {}) => describe(state, { ...AROUND, ...around });
 
 test("a page connects, is greeted, and is live", () => {
   assert.equal(words(INITIAL).status, "Connecting…");
   assert.equal(words(after(OPENED)).status, "Connected");
   const live = after(CONNECTING, OPENED, HELLO);
-  assert.deepEqual(words(live), { status: "Live · 30 frames/s", banner: null, timeline: "live", isLive: true });
+  assert.deepEqual(words(live), { status: "Live · 30 frames/s", banner: null, timeline: "now", live: "pressed", hold: HOLD });
+  assert.equal(words(live, { framesPerS: 1.2 }).status, "Live · 1 frame/s");
   assert.equal(words(live, { canDraw: false }).status, "Connected");
+  for (const early of [INITIAL, after(OPENED)]) assert.deepEqual([words(early).live, words(early).hold], ["unavailable", NO_HOLD]);
   assert.equal(isStale(live), false);
 });
 
-test("a paused run is not live: no pressed Live beside Paused", () => {
+test("a paused run is not live: what leads to the newest picture and what holds it are unavailable", () => {
   const paused = after(OPENED, HELLO, PAUSED);
-  assert.deepEqual(words(paused), { status: "Paused", banner: null, timeline: "paused", isLive: false });
-  assert.equal(words(reduce(paused, { type: "paused", isPaused: false })).isLive, true);
+  assert.deepEqual(words(paused), { status: "Paused", banner: null, timeline: "paused", live: "unavailable", hold: NO_HOLD });
+  assert.equal(words(reduce(paused, { type: "paused", isPaused: false })).live, "pressed");
 });
 
 test("a run that is looked back at is not live either", () => {
-  const { status, timeline, isLive } = words(after(OPENED, HELLO), { behindMs: 2340 });
-  assert.deepEqual([status, timeline, isLive], ["Looking back", "−2.3 s", false]);
-  assert.equal(words(after(OPENED, HELLO, PAUSED), { behindMs: 0 }).status, "Paused");
+  const { status, timeline, live, hold } = words(after(OPENED, HELLO), { behindMs: 2340 });
+  assert.deepEqual([status, timeline, live, hold], ["Looking back", "−2.3 s", "free", { action: "play", state: "free" }]);
+  assert.deepEqual(words(after(OPENED, HELLO), { behindMs: 900, isPlaying: true }).hold, HOLD);
+  assert.equal(words(after(OPENED, HELLO), { behindMs: 12_300, isForgotten: true }).timeline, "−12.3 s, kept");
+  assert.equal(words(after(OPENED, HELLO, PAUSED), { behindMs: 0 }).status, "Paused, looking back");
+});
+
+test("without a graphics card nothing is live", () => {
+  const lostCard = after(OPENED, HELLO, { type: "card", isLost: true });
+  const { status, banner, live } = words(lostCard);
+  assert.deepEqual([status, live], ["No picture", "unavailable"]);
+  assert.match(banner!.text, /graphics card/);
+  assert.deepEqual(words(reduce(lostCard, { type: "card", isLost: false })).live, "pressed");
 });
 
 test("a recording is called recorded, not live", () => {
   const replay = after(OPENED, { type: "hello", isReplay: true });
-  assert.deepEqual(words(replay), { status: "Recorded · 30 frames/s", banner: null, timeline: "newest", isLive: false });
+  assert.deepEqual(words(replay), { status: "Recorded · 30 frames/s", banner: null, timeline: "newest", live: "unavailable", hold: HOLD });
 });
 
 test("a lost link is counted down, greys the person, and is over with the next hello", () => {
   const gone = after(OPENED, HELLO, lost(null, 2500));
   assert.equal(words(gone, { nowMs: 600 }).banner!.text, "The link to the program is gone. Trying again in 2 s.");
-  assert.deepEqual([words(gone).status, words(gone).timeline, words(gone).isLive], ["Link lost", "last", false]);
+  assert.deepEqual([words(gone).status, words(gone).timeline, words(gone).live, words(gone).hold], ["Link lost", "last", "unavailable", NO_HOLD]);
   assert.ok(isStale(gone) && words(gone).banner!.canRetry && !words(gone).banner!.isCalm);
   const trying = reduce(gone, CONNECTING);
   assert.equal(words(trying).banner!.text, "The link to the program is gone. Trying again…");
@@ -58,8 +72,8 @@ test("the program's reason is told", () => {
 
 test("an ended run stays as it was, however often it is looked for again", () => {
   const ended = after(OPENED, HELLO, lost("the run has ended", 500), CONNECTING, lost(null, 1500), CONNECTING, lost(null, 3500));
-  const { status, banner, timeline, isLive } = words(ended);
-  assert.deepEqual([status, timeline, isLive], ["Ended", "end", false]);
+  const { status, banner, timeline, live } = words(ended);
+  assert.deepEqual([status, timeline, live], ["Ended", "end", "unavailable"]);
   assert.deepEqual(banner, { text: "The run has ended. You see its last picture; the bar below looks back.", isCalm: true, canRetry: false });
   assert.equal(isStale(ended), false, "the person does not go dark");
   assert.equal(words([CONNECTING, OPENED, HELLO].reduce(reduce, ended)).status, "Live · 30 frames/s");

@@ -112,11 +112,18 @@ test("looking back stands, plays on as it came, and ends live", () => {
   assert.ok(playout.live);
 });
 
-test("what is looked at and forgotten is replaced by the oldest", () => {
+test("what is looked at stays though it is forgotten, and goes on from the oldest", () => {
   const timeline = new Timeline();
-  timeline.add(kept(0));
+  for (const at of [0, 100, 200]) timeline.add(kept(at));
   const playout = new Playout(timeline);
-  playout.seek(0);
-  timeline.add(kept(SPAN_MS + 500));
-  assert.equal(playout.step(1)!.atMs, SPAN_MS + 500);
+  playout.seek(100);
+  assert.equal(playout.step(1)!.atMs, 100);
+  assert.equal(playout.isForgotten, false);
+  for (let at = SPAN_MS; at <= 2 * SPAN_MS; at += 100) timeline.add(kept(at));
+  assert.equal(playout.step(20_000)!.atMs, 100);
+  assert.ok(playout.isForgotten && !playout.live);
+  assert.equal(playout.behindMs, 2 * SPAN_MS - 100);
+  playout.play(true);
+  assert.equal(playout.step(20_001)!.atMs, SPAN_MS);
+  assert.equal(playout.isForgotten, false);
 });

@@ -38,7 +38,50 @@ uniform sampler2D uColour;
 uniform sampler2D uSurface;
 uniform vec2 uScreen;
 uniform float uFade;
+// How far the light gets before it meets a body.
+uniform sampler2D uShadow;
+// Whether it is there: 1, or 0.
+uniform int uShadows;
+uniform float uBias;
+uniform mat4 uToShadow;
+uniform mat4 uToWorld;
+uniform vec3 uLight;
 out vec4 colour;
+
+const float SHADOW = 0.28;
+
+vec3 worldAt(ivec2 at, float depth, vec2 size) {
+  vec4 clip = vec4((vec2(at) + 0.5) / size, depth, 1.0) * 2.0 - 1.0;
+  clip.w = 1.0;
+  vec4 world = uToWorld * clip;
+  return world.xyz / world.w;
+}
+
+// From a point of the surface to its neighbours along one direction; beside the outline to one of them.
+vec3 along(ivec2 at, ivec2 step_, float depth, vec2 size) {
+  float before = texelFetch(uSurface, at - step_, 0).r;
+  float after = texelFetch(uSurface, at + step_, 0).r;
+  return worldAt(after < 1.0 ? at + step_ : at, after < 1.0 ? after : depth, size) - worldAt(before < 1.0 ? at - step_ : at, before < 1.0 ? before : depth, size);
+}
+
+// The share of light that bodies take from a point of the surface, if it faces the light. Loops, because drawing by the
+// processor goes through branches that are not taken.
+float shadowAt(ivec2 at, float depth, vec2 size) {
+  at = clamp(at, ivec2(2), ivec2(size) - 3);
+  vec3 to = (uToShadow * vec4(worldAt(at, depth, size), 1.0)).xyz;
+  float inside = depth < 1.0 && all(greaterThan(to, vec3(0.0))) && all(lessThan(to, vec3(1.0))) ? 0.25 : 0.0;
+  float sum = 0.0;
+  for (int i = 0; i < 4; i++) {
+    vec2 aside = (vec2(float(i & 1), float(i >> 1)) - 0.5) / vec2(textureSize(uShadow, 0));
+    sum += inside * step(textureLod(uShadow, to.xy + aside, 0.0).r, to.z - uBias);
+  }
+  for (int i = 0; i < int(ceil(sum)); i++) {
+    vec3 normal = cross(along(at, ivec2(2, 0), depth, size), along(at, ivec2(0, 2), depth, size));
+    sum *= smoothstep(-0.2, 0.3, dot(normalize(normal + 1e-12), uLight));
+  }
+  return sum;
+}
+
 void main() {
   vec2 size = vec2(textureSize(uColour, 0));
   vec2 uv = gl_FragCoord.xy / uScreen;
@@ -62,6 +105,7 @@ void main() {
   vec3 rgb = sum.a > 0.98 ? here.rgb / here.a : sum.rgb / sum.a;
   float grey = dot(rgb, vec3(0.299, 0.587, 0.114));
   rgb = mix(rgb, vec3(grey) * 0.7, uFade);
+  for (int i = 0; i < uShadows; i++) rgb *= 1.0 - SHADOW * shadowAt(pixel, depth, size);
   colour = vec4(rgb * sum.a, sum.a);
   gl_FragDepth = depth;
 }
