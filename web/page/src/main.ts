@@ -90,15 +90,17 @@ const statusLine = new StatusLine(app);
 
 /** The world stands: one goes round the moment, and before an audience back when the world goes on. */
 function freeze(wasPaused: boolean, isPaused: boolean): void {
-  if (isPaused && !wasPaused && (circles || audience.isClean) && app.through === null && app.frames.playout.live) {
+  if (isPaused === wasPaused) return;
+  if (isPaused) {
+    if (!(circles || audience.isClean) || app.through !== null || !app.frames.playout.live) return;
     cameFrom = app.orbit.now;
     app.orbit.circle();
-  } else if (wasPaused && !isPaused && cameFrom) {
+  } else {
     app.orbit.hold();
-    if (audience.isClean) app.orbit.fly(cameFrom);
+    if (audience.isClean && cameFrom) app.orbit.fly(cameFrom);
     cameFrom = null;
+    circles = false;
   }
-  circles &&= isPaused;
 }
 
 /** Goes where the address says; before an audience without what only operators need. */

@@ -86,7 +86,7 @@ interface Drawn {
   hasImage: boolean;
 }
 
-/** A colour for each camera, evenly round the wheel; light enough on the dark floor. */
+/** A colour for each camera, evenly round the wheel. */
 export function cameraColor(index: number, count: number): Color {
   return new Color().setHSL(((index * 0.618034) % 1) * (count > 0 ? 1 : 0), 0.45, 0.68);
 }

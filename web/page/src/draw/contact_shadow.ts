@@ -144,15 +144,11 @@ export class ContactShadow {
     renderer.setClearAlpha(alpha);
   }
 
-  /** The card lost what was drawn. */
+  /** Lets go of what is on the card; it is made again with its next use. */
   release(): void {
     for (const target of this.targets) target.dispose();
     for (const material of [this.near, this.blur, this.plane.material]) material.dispose();
     (this.scene.children[0] as Mesh<BufferGeometry>).geometry.dispose();
     this.plane.geometry.dispose();
-  }
-
-  dispose(): void {
-    this.release();
   }
 }

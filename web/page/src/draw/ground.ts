@@ -30,11 +30,9 @@ export class Ground {
   private readonly floor: Mesh<BufferGeometry, MeshBasicMaterial>;
   private readonly shadow: Mesh<PlaneGeometry, ShadowMaterial>;
   private readonly lines: readonly LineSegments<BufferGeometry, LineBasicMaterial>[];
-  private readonly contact: ContactShadow;
 
   /** Dithered where colours would show steps; that costs, where the processor draws. */
   constructor(contact: ContactShadow, dithering: boolean) {
-    this.contact = contact;
     // Nothing of the floor hides what is drawn after it: feet of the person reach a little below.
     const flat = { transparent: true, depthWrite: false, toneMapped: false } as const;
     this.floor = new Mesh(disc(), new MeshBasicMaterial({ ...flat, vertexColors: true, dithering }));
@@ -80,7 +78,6 @@ export class Ground {
       layer.geometry.dispose();
       layer.material.dispose();
     }
-    this.contact.dispose();
   }
 }
 
