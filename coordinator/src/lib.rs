@@ -4,6 +4,7 @@
 //! [`query`] (what to ask the hull, what the answers make of it) among them. What waits is thin: [`Transport`] (three
 //! layouts) and [`Coordinator`] (the loop).
 
+mod client;
 mod core;
 mod figures;
 pub mod hooks;

@@ -15,6 +15,7 @@ use sim::{BodySpec, Scene, Solid, WorldSnapshot};
 use thiserror::Error;
 use tokio::sync::{mpsc, oneshot, watch};
 
+pub use crate::client::{Client, ClientKind, WeakClient};
 use crate::transport::TransportError;
 
 /// Commands that wait for the next step at most: a page that drags sends one a picture.
@@ -77,12 +78,15 @@ pub enum Command {
 }
 
 /// What a command did.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Outcome {
     /// It took effect.
     Applied,
     /// A body was spawned.
     Spawned(BodyId),
+    /// It took a body or a world away. This command brings it back as it was: a body with its place and velocity and another
+    /// number, without its spin; a world with all its bodies.
+    Revocable(Box<Command>),
 }
 
 /// The most steps that one command makes: a quarter of an hour.
@@ -103,6 +107,14 @@ pub enum Refusal {
     /// Nodes refused it.
     #[error(transparent)]
     Nodes(#[from] TransportError),
+    /// Another client holds the body.
+    #[error("body `{body}` is held by {holder}")]
+    Held {
+        /// The body's name.
+        body: String,
+        /// What the other client is.
+        holder: &'static str,
+    },
     /// Too few or too many steps.
     #[error("{found} steps, expected 1 to {MAX_STEPS}")]
     Steps {
@@ -143,6 +155,8 @@ pub enum Refusal {
 pub struct Order {
     /// What is asked.
     pub command: Command,
+    /// The client that asks.
+    pub client: Client,
     /// Where the answer goes.
     pub reply: oneshot::Sender<Result<Outcome, Refusal>>,
 }
@@ -292,6 +306,7 @@ pub struct RunStatus {
 #[derive(Clone, Debug)]
 pub struct Follower {
     orders: mpsc::Sender<Order>,
+    client: Client,
     /// The world after the newest step.
     pub world: watch::Receiver<Option<Arc<WorldState>>>,
     /// Bodies and parameters.
@@ -328,6 +343,7 @@ pub fn live() -> (Live, Follower) {
     let watching = Arc::new(AtomicUsize::new(0));
     let follower = Follower {
         orders: order,
+        client: Client::new(ClientKind::Program),
         world: see_world,
         scene: see_scene,
         status: see_status,
@@ -350,13 +366,18 @@ impl Follower {
         Watching(Arc::clone(&self.watching))
     }
 
+    /// The same end for another client, which holds bodies of its own.
+    pub fn for_client(&self, client: Client) -> Follower {
+        Follower { client, ..self.clone() }
+    }
+
     /// Asks for something and waits for the step that does it.
     pub async fn order(&self, command: Command) -> Result<Outcome, Refusal> {
         if command != Command::Reset && self.orders.capacity() <= RESETS_BEYOND {
             return Err(self.closed_or_busy());
         }
         let (reply, answered) = oneshot::channel();
-        let order = Order { command, reply };
+        let order = Order { command, client: self.client.clone(), reply };
         self.orders.try_send(order).map_err(|error| match error {
             mpsc::error::TrySendError::Full(_) => Refusal::Busy,
             mpsc::error::TrySendError::Closed(_) => Refusal::Ended,

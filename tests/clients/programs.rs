@@ -247,6 +247,15 @@ async fn a_program_follows_and_steers_over_json() {
     let grab = json!({"command": "grab", "body": id, "grip": [0, 0, 0], "target": [1.2, 1.5, 1.2]});
     controller.send(ask(8, grab)).await.expect("sent");
     heard(&mut viewer, &|message| of_it(message).is_some_and(|body| body["grabbed"] == true)).await;
+    let held = "body `mine` is held by another program";
+    let mut other = open(&format!("rate=1&token={TOKEN}")).await;
+    let grab = json!({"command": "grab", "body": id, "grip": [0, 0, 0], "target": [0, 1.5, 0]});
+    other.send(ask(9, grab)).await.expect("sent");
+    let refused = heard(&mut other, &|message| message["id"] == 9).await;
+    assert_eq!((&refused["op"], &refused["why"]), (&json!("refused"), &json!(held)));
+    let grab = v1::GrabRequest { body: 12, grip: None, target: vector(0.0, 1.5, 0.0) };
+    let refused = client(&demo).await.grab(steering(grab)).await.expect_err("held");
+    assert_eq!((refused.code(), refused.message()), (Code::FailedPrecondition, held));
     drop(controller);
     heard(&mut viewer, &|message| of_it(message).is_some_and(|body| body["grabbed"] == false)).await;
     viewer.send(Message::text("[1")).await.expect("sent");

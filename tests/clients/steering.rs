@@ -8,7 +8,9 @@ use camera_node::service::{Access, Node};
 use camera_node::source::{SourceConfig, StageConfig};
 use camera_node::{NodeCamera, NodeConfig};
 use coordinator::hooks::{EndRecord, FrameRecord, Recorder, Schedule, Scheduled, Sees, StepRecord};
-use coordinator::live::{Command, Follower, MAX_WAITING, Outcome, Parameters, Refusal, WorldState, live};
+use coordinator::live::{
+    Client, ClientKind, Command, Follower, MAX_WAITING, Outcome, Parameters, Refusal, WorldState, live,
+};
 use coordinator::{
     AskEvery, Coordinator, Figures, LocalFrames as _, Placement, Progress, RunSettings, Snapshot, Transport,
     Watcher,
@@ -317,6 +319,93 @@ async fn a_run_is_paused_stepped_changed_and_begun_again_by_those_who_follow_it(
     let (_, world) = ran.expect("runs");
     assert_eq!(world.scene().name(), "crowd");
     assert!(follower.order(Command::Pause).await.is_err(), "it is over");
+}
+
+#[tokio::test]
+async fn a_body_is_held_by_one_client_until_that_one_releases_it_or_is_gone() {
+    let studio = Studio::new(Motion::Idle, 1000.0);
+    let (live, mut follower) = live();
+    let coordinator = studio.coordinator(studio.in_process()).with_live(live);
+    let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
+    let mut quiet = Quiet;
+    let run = coordinator.run(&mut quiet, async { drop(stopped.await) });
+    let steer = async {
+        let _watching = follower.watch();
+        let [page, other] = [(); 2].map(|()| follower.for_client(Client::new(ClientKind::Page)));
+        let grab =
+            |height_m| Command::Grab { body: 2, grip_body_m: [0.0; 3], target_m: [0.6, height_m, 0.6] };
+        let throw = Command::Release { body: 2, velocity_m_s: Some([0.0, 9.0, 0.0]) };
+        let is_held = |world: &WorldState| world.bodies[2].grabbed;
+        page.order(grab(1.2)).await.expect("held");
+        page.order(grab(1.3)).await.expect("held on");
+        seen(&mut follower, is_held).await;
+        let name = follower.scene.borrow().clone().expect("a scene").bodies[2].name.clone();
+        for command in [grab(0.5), throw.clone()] {
+            let refused = other.order(command.clone()).await.expect_err("held").to_string();
+            assert_eq!(refused, format!("body `{name}` is held by another page"));
+            let refused = follower.order(command).await.expect_err("held").to_string();
+            assert_eq!(refused, format!("body `{name}` is held by a page"));
+        }
+        page.order(throw).await.expect("thrown");
+        other.order(grab(1.0)).await.expect("it is free");
+        drop(other);
+        seen(&mut follower, |world| !is_held(world)).await;
+        page.order(grab(1.0)).await.expect("it is free again");
+        // Also while the world stands.
+        follower.order(Command::Pause).await.expect("paused");
+        drop(page);
+        seen(&mut follower, |world| world.paused && !is_held(world)).await;
+        drop(stop);
+    };
+    let (ran, ()) = tokio::join!(run, steer);
+    ran.expect("runs");
+}
+
+#[tokio::test]
+async fn what_a_command_took_away_comes_back_by_the_command_that_it_is_answered_with() {
+    let studio = Studio::new(Motion::Idle, 1000.0);
+    let (live, mut follower) = live();
+    let coordinator = studio.coordinator(studio.in_process()).with_live(live);
+    let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
+    let mut quiet = Quiet;
+    let run = coordinator.run(&mut quiet, async { drop(stopped.await) });
+    let steer = async {
+        let _watching = follower.watch();
+        seen(&mut follower, |world| world.step > 5).await;
+        follower.order(Command::Pause).await.expect("paused");
+        let before = seen(&mut follower, |world| world.paused).await;
+        let undo = async |follower: &Follower, command: Command| {
+            let Outcome::Revocable(back) = follower.order(command).await.expect("done") else {
+                panic!("it can be undone")
+            };
+            *back
+        };
+        let back = undo(&follower, Command::Remove(1)).await;
+        let two = seen(&mut follower, |world| world.bodies.len() == 2).await;
+        assert_eq!(two.step, before.step);
+        let spawned = follower.order(back).await.expect("it comes back");
+        assert_eq!(spawned, Outcome::Spawned(3));
+        let three = seen(&mut follower, |world| world.bodies.len() == 3).await;
+        let (was, is) = (&before.bodies[1], &three.bodies[2]);
+        assert_eq!((is.pose.position_m(), is.velocity_m_s), (was.pose.position_m(), was.velocity_m_s));
+        let names = |follower: &Follower| {
+            let scene = follower.scene.borrow().clone().expect("a scene");
+            scene.bodies.iter().map(|body| body.name.clone()).collect::<std::collections::BTreeSet<_>>()
+        };
+        let known = names(&follower);
+        let back = undo(&follower, Command::Reset).await;
+        seen(&mut follower, |world| world.generation == 1 && world.step == 0).await;
+        follower.order(back).await.expect("the world comes back");
+        let again = seen(&mut follower, |world| world.generation == 2).await;
+        // Rotations are brought to length one again.
+        let places =
+            |world: &WorldState| world.bodies.iter().map(|body| body.pose.position_m()).collect::<Vec<_>>();
+        assert_eq!((again.step, places(&again)), (before.step, places(&three)));
+        assert_eq!(names(&follower), known);
+        drop(stop);
+    };
+    let (ran, ()) = tokio::join!(run, steer);
+    ran.expect("runs");
 }
 
 /// A world of the studio's scene with these bodies instead of its own, each as fast as `velocity_m_s` says of its place.

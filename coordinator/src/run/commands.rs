@@ -10,8 +10,9 @@ use super::now;
 use super::watch::{REPORT_EVERY, Watcher};
 use super::{Coordinator, FRAMES_AHEAD, RunError};
 use crate::core::clock::frame_at;
+use crate::core::holds::HoldChange;
 use crate::core::run::{Change, Prepared, Steering};
-use crate::live::{Command, MAX_WAITING, Order, Outcome, RESETS_BEYOND, Refusal};
+use crate::live::{Client, Command, MAX_WAITING, Order, Outcome, RESETS_BEYOND, Refusal};
 use crate::transport::FirstFrame;
 
 /// Commands between two steps that a recording keeps.
@@ -24,6 +25,7 @@ const MESSAGE_S: f64 = 0.25;
 impl Coordinator {
     /// Does what is asked by now, as much of it as may wait between two steps.
     pub(super) async fn take_orders(&mut self) {
+        self.release_orphans().await;
         for _ in 0..MAX_WAITING {
             // Before each: one may take as long as a node needs for a shape, and a reset is not to wait for all of them.
             self.receive_orders();
@@ -73,7 +75,7 @@ impl Coordinator {
     }
 
     async fn take(&mut self, order: Order) {
-        let Order { command, reply } = order;
+        let Order { command, client, reply } = order;
         if let (Command::TakeBackground { seconds }, None) = (&command, &self.script.schedule) {
             let taken = self.take_background(*seconds);
             // Steps go on while the nodes answer.
@@ -84,11 +86,37 @@ impl Coordinator {
         let outcome = if self.script.schedule.is_some() && !steers {
             Err(Refusal::Replay)
         } else {
-            self.carry_out(command).await
+            self.carry_out_for(&client, command).await
         };
         // The follower may have gone.
         let _ = reply.send(outcome);
         self.publish_world();
+    }
+
+    /// Does one thing for a client, unless another one holds the body.
+    async fn carry_out_for(&mut self, client: &Client, command: Command) -> Result<Outcome, Refusal> {
+        if let Some((body, holder)) = self.holds.conflict(client, &command) {
+            let name = self.run.world.body(body).map_or_else(|| body.to_string(), |body| body.name.clone());
+            return Err(Refusal::Held { body: name, holder: holder.seen_by(client.kind()) });
+        }
+        let change = HoldChange::of(&command);
+        let outcome = self.carry_out(command).await?;
+        if let Some(change) = change {
+            self.holds.note(client, change);
+        }
+        Ok(outcome)
+    }
+
+    /// Releases what clients hold that are gone.
+    async fn release_orphans(&mut self) {
+        for body in self.holds.orphans() {
+            let released = self.carry_out(Command::Release { body, velocity_m_s: None }).await;
+            // There is room for it after the next step.
+            if !matches!(released, Err(Refusal::TooManyCommands { .. })) {
+                self.holds.forget(body);
+                self.publish_world();
+            }
+        }
     }
 
     /// Does one thing, and keeps it for the record.
@@ -121,6 +149,7 @@ impl Coordinator {
     fn publish_change(&mut self, change: Change) {
         if change == Change::World {
             self.publisher.generation += 1;
+            self.holds.clear();
             self.publisher.view.forget_bodies();
         }
         if change != Change::State {
@@ -205,6 +234,7 @@ fn keep(commands: &mut Vec<Command>, command: Command) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::live::ClientKind;
 
     #[test]
     fn a_reset_supersedes_what_was_asked_of_its_world_before() {
@@ -218,7 +248,11 @@ mod tests {
             Command::Reset,
             push(3.0),
         ]
-        .map(|command| Order { command, reply: tokio::sync::oneshot::channel().0 })
+        .map(|command| Order {
+            command,
+            client: Client::new(ClientKind::Page),
+            reply: tokio::sync::oneshot::channel().0,
+        })
         .into();
         let superseded = take_superseded(&mut waiting);
         let commands = |orders: Vec<Order>| orders.into_iter().map(|order| order.command).collect::<Vec<_>>();

@@ -20,6 +20,7 @@ use thiserror::Error;
 use tokio::time::Instant;
 
 use crate::core::clock::Now;
+use crate::core::holds::Holds;
 use crate::core::run::{Action, CannotGoOn, Run};
 use crate::figures::Figures;
 use crate::hooks::{AlterResponse, EndRecord, Recorder, Schedule, Scheduled};
@@ -94,6 +95,7 @@ pub struct Coordinator {
     remembering: Remembering,
     /// Commands that were received, at most [`MAX_WAITING`](crate::live::MAX_WAITING) and a few resets.
     waiting: VecDeque<Order>,
+    holds: Holds,
 }
 
 /// The memory of the run's nodes.
@@ -139,6 +141,7 @@ impl Coordinator {
             publisher: Publisher::default(),
             remembering: Remembering::default(),
             waiting: VecDeque::new(),
+            holds: Holds::default(),
         }
     }
 

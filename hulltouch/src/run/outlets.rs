@@ -80,6 +80,7 @@ fn serve_page(setup: &Setup, plan: &PagePlan, follower: Follower, source: PageSo
         floor_m: setup.scene.floor().map(|floor| floor.height_m),
         has_colour: source.has_colour,
         is_replay: source.is_replay,
+        film_waits: setup.lock_step || source.is_replay,
         insecure: plan.insecure.clone(),
     };
     let feed = Feed::start(&plan.feed, info, follower, source.pictures).map_err(|error| match error {

@@ -125,24 +125,27 @@ fn check_body(body: &BodySnapshot) -> Result<(), ValueError> {
     all_within(&key("spin"), spin_rad_s, -MAX_FALLEN_PER_S..=MAX_FALLEN_PER_S)
 }
 
+impl Body {
+    /// What would spawn this body where it is, with its velocity. Its spin is not in it.
+    pub fn spec(&self) -> BodySpec {
+        BodySpec {
+            name: self.name.clone(),
+            solid: self.solid.clone(),
+            pose: self.pose,
+            velocity_m_s: self.velocity_m_s,
+            mass: self.mass,
+            friction: self.friction,
+            restitution: self.restitution,
+            fixed: self.fixed,
+            color: self.color,
+        }
+    }
+}
+
 impl World {
     /// The world as it is now.
     pub fn snapshot(&self) -> WorldSnapshot {
-        let body = |body: &Body| BodySnapshot {
-            id: body.id,
-            spec: BodySpec {
-                name: body.name.clone(),
-                solid: body.solid.clone(),
-                pose: body.pose,
-                velocity_m_s: body.velocity_m_s,
-                mass: body.mass,
-                friction: body.friction,
-                restitution: body.restitution,
-                fixed: body.fixed,
-                color: body.color,
-            },
-            spin_rad_s: body.spin_rad_s,
-        };
+        let body = |body: &Body| BodySnapshot { id: body.id, spec: body.spec(), spin_rad_s: body.spin_rad_s };
         WorldSnapshot {
             scene: self.scene.clone(),
             parameters: self.parameters(),

@@ -183,7 +183,7 @@ async fn a_live_run_begins_without_a_camera_that_never_films_and_ends_with_its_n
             );
             assert_eq!(figures.film_failure, None);
         } else {
-            let why = "2 cameras film, expected at least min_cameras, 3: no frame has come from \"cam_2\", \"cam_3\"";
+            let why = "2 of 4 cameras, 3 needed: no frame has come from \"cam_2\", \"cam_3\"";
             assert_eq!((steps.len(), figures.film_failure.as_deref()), (0, Some(why)));
         }
     }

@@ -77,24 +77,20 @@ export function debug(app: App, tools: BodyTools, version: string): Debug {
       scene: app.scene?.scene ?? null,
       generation: app.moment?.world.generation ?? null,
       step: app.worlds.newest()?.step ?? null,
-      bodies: (app.moment?.bodies ?? []).map((body) => ({ ...body, name: app.scene?.bodies.find(({ id }) => id === body.id)?.name ?? null })),
+      bodies: (app.moment?.bodies ?? []).map((body) => ({ ...body, isElsewhere: app.stage?.bodies.isHeldElsewhere(body.id) ?? false, name: app.scene?.bodies.find(({ id }) => id === body.id)?.name ?? null })),
       touchesDrawn: app.layers.has("touches") ? (app.stage?.touches.count ?? 0) : 0,
+      preview: app.stage?.preview.place ?? null,
       patchesDrawn: app.layers.has("touches") ? (app.stage?.patches.count ?? 0) : 0,
       box: app.stage?.hull?.box ?? null,
       hasBackdrop: app.stage?.cameras?.backdrop.visible ?? false,
     }),
     rig: () => app.hello?.cameras ?? [],
     picture: (from, width, height, mode = "photo") => picture(app, from, width, height, mode),
-    onCanvas: (point) => onCanvas(app, point),
+    onCanvas: (point) => app.onCanvas(point),
     bodyAt: (x, y) => tools.hit(x, y, false)?.body ?? null,
     placeAt: (x, y) => tools.hit(x, y)?.what ?? null,
     fixedBodies: () => (app.scene?.bodies ?? []).filter(({ fixed }) => fixed).map(({ id }) => id),
   };
-}
-
-function onCanvas({ stage, canvas }: App, point: Vec3): [number, number] | null {
-  const at = stage?.toClip(point);
-  return at ? [(at[0] * 0.5 + 0.5) * canvas.clientWidth, (0.5 - at[1] * 0.5) * canvas.clientHeight] : null;
 }
 
 function picture(app: App, from: From, width: number, height: number, mode: "photo" | "shaded"): TestPicture | null {

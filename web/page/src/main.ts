@@ -117,8 +117,8 @@ const actions = {
     circles = !app.run.isPaused;
     void panel.togglePause();
   },
-  step: () => void panel.ask("step", { steps: 1 }),
-  reset: () => void panel.ask("reset"),
+  step: () => void panel.step(),
+  reset: () => void panel.restart(),
   escape: () => {
     if (tools.placing) tools.placing = false;
     else if (app.through !== null) app.lookThrough(null);
@@ -169,6 +169,7 @@ byId("cameras-gone").addEventListener("click", ({ detail }) => {
 setInterval(() => {
   statusLine.update();
   timeline.update();
+  timeline.seeThrough();
 }, 250);
 app.connection.connect();
 loop.start();

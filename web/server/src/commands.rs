@@ -8,7 +8,7 @@ use crate::fields::{Fields, InputError, wrong};
 
 /// The keys of every command beside its own.
 const ENVELOPE: [&str; 3] = ["op", "id", "command"];
-const COMMANDS: &str = "pause, resume, step, reset, choose, spawn, remove, push, grab, release, set or \
+const COMMANDS: &str = "pause, resume, step, reset, choose, spawn, remove, push, grab, release, set, undo or \
     take_background";
 
 /// A command and the number that its answer carries.
@@ -17,19 +17,39 @@ pub(crate) struct Request {
     /// Chosen by the client.
     pub id: u64,
     /// The command, or why it is none.
-    pub command: Result<Command, InputError>,
+    pub command: Result<Ask, InputError>,
+}
+
+/// What a client asks for.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Ask {
+    /// A command to the run.
+    Run(Command),
+    /// That what an earlier command took away comes back.
+    Undo {
+        /// The number of that command.
+        of: u64,
+    },
 }
 
 /// A `{"op":"command"}` message. An error means that it has no number; a command that is wrong in itself is in the
 /// request, and is refused under its number.
 pub(crate) fn parse(message: &Map<String, Value>) -> Result<Request, InputError> {
     let id = Fields { object: message, of: "command" }.whole("id", 0..=u64::MAX)?;
-    Ok(Request { id, command: command(message) })
+    Ok(Request { id, command: ask(message) })
 }
 
-fn command(message: &Map<String, Value>) -> Result<Command, InputError> {
+fn ask(message: &Map<String, Value>) -> Result<Ask, InputError> {
     let name = Fields { object: message, of: "command" }.text("command")?;
     let fields = Fields { object: message, of: name };
+    if name == "undo" {
+        fields.only(&["of"], &ENVELOPE)?;
+        return Ok(Ask::Undo { of: fields.whole("of", 0..=u64::MAX)? });
+    }
+    command(name, &fields).map(Ask::Run)
+}
+
+fn command(name: &str, fields: &Fields<'_>) -> Result<Command, InputError> {
     let only = |own: &[&str]| fields.only(own, &ENVELOPE);
     Ok(match name {
         "pause" => only(&[]).map(|()| Command::Pause)?,
@@ -44,15 +64,15 @@ fn command(message: &Map<String, Value>) -> Result<Command, InputError> {
             only(&["scene"])?;
             Command::Choose(Scene::named(fields.text("scene")?)?)
         }
-        "spawn" => Command::Spawn(Box::new(spawn(message)?)),
+        "spawn" => Command::Spawn(Box::new(spawn(fields.object)?)),
         "remove" => {
             only(&["body"])?;
-            Command::Remove(body(&fields)?)
+            Command::Remove(body(fields)?)
         }
         "push" => {
             only(&["body", "impulse", "at"])?;
             Command::Push {
-                body: body(&fields)?,
+                body: body(fields)?,
                 impulse_n_s: fields.vector("impulse")?,
                 at_m: fields.optional("at", Fields::vector)?,
             }
@@ -60,7 +80,7 @@ fn command(message: &Map<String, Value>) -> Result<Command, InputError> {
         "grab" => {
             only(&["body", "grip", "target"])?;
             Command::Grab {
-                body: body(&fields)?,
+                body: body(fields)?,
                 grip_body_m: fields.vector("grip")?,
                 target_m: fields.vector("target")?,
             }
@@ -68,11 +88,11 @@ fn command(message: &Map<String, Value>) -> Result<Command, InputError> {
         "release" => {
             only(&["body", "velocity"])?;
             Command::Release {
-                body: body(&fields)?,
+                body: body(fields)?,
                 velocity_m_s: fields.optional("velocity", Fields::vector)?,
             }
         }
-        "set" => Command::Set(parameters(&fields)?),
+        "set" => Command::Set(parameters(fields)?),
         "take_background" => {
             only(&["seconds"])?;
             Command::TakeBackground { seconds: fields.number("seconds", film_time::BACKGROUND_S)? }
@@ -120,7 +140,10 @@ mod tests {
         object.insert("id".into(), 7.into());
         let request = parse(&object).expect("it has a number");
         assert_eq!(request.id, 7);
-        request.command
+        request.command.map(|ask| match ask {
+            Ask::Run(command) => command,
+            Ask::Undo { of } => panic!("undo of {of}"),
+        })
     }
 
     #[test]
@@ -163,7 +186,7 @@ mod tests {
         let release = ok(json!({"command": "release", "body": 3.0}));
         assert!(matches!(release, Command::Release { body: 3, .. }), "{release:?}");
         let Value::Object(numbered) = json!({"id": 7.0, "command": "pause"}) else { panic!("an object") };
-        assert_eq!(parse(&numbered), Ok(Request { id: 7, command: Ok(Command::Pause) }));
+        assert_eq!(parse(&numbered), Ok(Request { id: 7, command: Ok(Ask::Run(Command::Pause)) }));
         let Value::Object(between) = json!({"id": 7.5, "command": "pause"}) else { panic!("an object") };
         let error = parse(&between).expect_err("refused").to_string();
         assert!(error.starts_with("command.id is 7.5, expected a whole number"), "{error}");
@@ -237,6 +260,18 @@ mod tests {
             let error = read(message.clone()).expect_err("refused").to_string();
             assert!(error.contains(expected) && !error.contains('\n'), "{message}: {error}");
         }
+    }
+
+    #[test]
+    fn an_undo_names_the_command_that_it_is_of() {
+        let read = |message: Value| {
+            let Value::Object(object) = message else { panic!("an object") };
+            parse(&object).expect("it has a number").command
+        };
+        let undo = json!({"op": "command", "id": 8, "command": "undo", "of": 7});
+        assert_eq!(read(undo), Ok(Ask::Undo { of: 7 }));
+        let error = read(json!({"op": "command", "id": 8, "command": "undo"})).expect_err("refused");
+        assert!(error.to_string().starts_with("undo.of is missing, expected a whole number"), "{error}");
     }
 
     #[test]

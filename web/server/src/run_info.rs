@@ -33,6 +33,8 @@ pub struct RunInfo {
     pub has_colour: bool,
     /// Whether a recording is replayed: then only pause, resume and step are taken.
     pub is_replay: bool,
+    /// Whether film waits while the run is paused, so that each step sees the film that belongs to it. Live film goes by.
+    pub film_waits: bool,
     /// What is not encrypted though others may be on the way, in words; `None`: nothing.
     pub insecure: Option<String>,
 }
@@ -144,6 +146,7 @@ pub(crate) mod tests {
             floor_m: Some(0.0),
             has_colour: true,
             is_replay: false,
+            film_waits: false,
             insecure: None,
         }
     }

@@ -45,6 +45,7 @@ pub fn hello(info: &RunInfo, volume: &Volume, session: &str, is_controller: bool
         "responses": [info.response.name(), "off"],
         "colour": info.has_colour,
         "replay": info.is_replay,
+        "film_waits": info.film_waits,
         "insecure": info.insecure,
     })
     .to_string()
@@ -131,10 +132,11 @@ pub fn status(status: Option<&RunStatus>, is_paused: bool, feed: &FeedStatus) ->
 }
 
 /// The answer to a command that was applied.
-pub fn done(id: u64, outcome: Outcome) -> String {
+pub fn done(id: u64, outcome: &Outcome) -> String {
     match outcome {
         Outcome::Applied => json!({"op": "done", "id": id}),
         Outcome::Spawned(body) => json!({"op": "done", "id": id, "body": body}),
+        Outcome::Revocable(_) => json!({"op": "done", "id": id, "undo": true}),
     }
     .to_string()
 }

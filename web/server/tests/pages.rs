@@ -196,21 +196,41 @@ async fn a_page_with_the_token_steers_and_no_other() {
 }
 
 #[tokio::test]
-async fn what_a_page_holds_falls_when_it_goes() {
+async fn each_page_is_a_client_which_is_gone_when_it_goes() {
     let run = Run::start();
-    let mut page = run.controller().await;
-    for (id, body) in [(1, 5), (2, 6)] {
-        let grab = json!({"op": "command", "id": id, "command": "grab", "body": body,
-            "grip": [0, 0, 0], "target": [0, 1, 0]});
-        page.say(grab).await;
-        page.hear_op("done").await;
+    let (mut page, mut other) = (run.controller().await, run.controller().await);
+    for (id, of) in [(1, &mut page), (2, &mut other)] {
+        for _ in 0..2 {
+            let grab = json!({"op": "command", "id": id, "command": "grab", "body": id,
+                "grip": [0, 0, 0], "target": [0, 1, 0]});
+            of.say(grab).await;
+            of.hear_op("done").await;
+        }
     }
-    page.say(json!({"op": "command", "id": 3, "command": "release", "body": 5, "velocity": [0, 1, 0]})).await;
-    page.hear_op("done").await;
+    let clients = run.clients.lock().expect("whole").clone();
+    assert_eq!(clients.len(), 4);
+    assert!(clients[0] == clients[1] && clients[2] == clients[3] && clients[0] != clients[2]);
     drop(page);
-    until("the other body is let go", || run.ordered.lock().expect("whole").len() == 4).await;
-    let last = run.ordered.lock().expect("whole").pop();
-    assert_eq!(last, Some(Command::Release { body: 6, velocity_m_s: None }));
+    until("its client is gone, and what it holds is released", || clients[0].upgrade().is_none()).await;
+    assert!(clients[2].upgrade().is_some(), "the other page is still there");
+}
+
+#[tokio::test]
+async fn what_a_page_has_taken_away_it_can_bring_back_once() {
+    let run = Run::start();
+    let (mut page, mut other) = (run.controller().await, run.controller().await);
+    let undo = |id: u64, of: u64| json!({"op": "command", "id": id, "command": "undo", "of": of});
+    page.say(json!({"op": "command", "id": 1, "command": "remove", "body": 4})).await;
+    assert_eq!(page.hear_op("done").await, json!({"op": "done", "id": 1, "undo": true}));
+    other.say(undo(2, 1)).await;
+    let why = other.hear_op("refused").await["why"].clone();
+    assert_eq!(why, json!("command 1 cannot be undone, or not any more"), "it was another page's");
+    page.say(undo(3, 1)).await;
+    assert_eq!(page.hear_op("done").await["id"], json!(3));
+    page.say(undo(4, 1)).await;
+    page.hear_op("refused").await;
+    let ordered = run.ordered.lock().expect("whole");
+    assert_eq!(ordered[..], [Command::Remove(4), Command::Step(7)]);
 }
 
 #[tokio::test]

@@ -206,7 +206,7 @@ fn texts() {
     };
     let feed = FeedStatus { bytes_per_s: 1_500_000.0, sent: 88, dropped: 2, tier: "full", pages: 3 };
     is_golden("status.json", text::status(Some(&status), false, &feed).as_bytes());
-    is_golden("done.json", text::done(7, Outcome::Spawned(12)).as_bytes());
+    is_golden("done.json", text::done(7, &Outcome::Spawned(12)).as_bytes());
     is_golden("refused.json", text::refused(Some(8), "no body has number 99").as_bytes());
     is_golden("bye.json", text::bye("the run has ended").as_bytes());
 }

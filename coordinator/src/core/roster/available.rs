@@ -14,6 +14,14 @@ pub enum HullUnavailable {
     /// A node is not there.
     #[error(transparent)]
     Missing(#[from] Missing),
+    /// Without the nodes that are not there, too few cameras are left.
+    #[error("{shortage}: {missing}")]
+    TooFewLeft {
+        /// How many are.
+        shortage: Shortage,
+        /// The first node that is not there.
+        missing: Missing,
+    },
     /// Film failed for good.
     #[error("film failed: {0}")]
     FilmFailed(String),
@@ -41,26 +49,31 @@ pub enum HullUnavailable {
     #[error("there was no hull when this was recorded")]
     Recorded,
     /// Too few cameras film.
-    #[error("{found} cameras film, expected at least min_cameras, {expected}")]
-    TooFew {
-        /// How many do.
-        found: usize,
-        /// How many there must be.
-        expected: usize,
-    },
+    #[error(transparent)]
+    TooFew(#[from] Shortage),
     /// Too few cameras have begun to film.
-    #[error("{found} cameras film, expected at least min_cameras, {expected}: no frame has come from {}", missing.join(", "))]
+    #[error("{shortage}: no frame has come from {}", missing.join(", "))]
     NotBegun {
-        /// How many do.
-        found: usize,
-        /// How many there must be.
-        expected: usize,
+        /// How many have.
+        shortage: Shortage,
         /// The names of the others.
         missing: Vec<String>,
     },
     /// The nodes did not answer all questions.
     #[error("{0}")]
     Unanswered(String),
+}
+
+/// Fewer cameras than a hull is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[error("{found} of {all} cameras, {needed} needed")]
+pub struct Shortage {
+    /// How many film.
+    pub found: usize,
+    /// How many there are in the rig.
+    pub all: usize,
+    /// How many a hull needs: `min_cameras`, or all where these are fewer.
+    pub needed: usize,
 }
 
 impl HullUnavailable {
@@ -80,14 +93,14 @@ impl HullUnavailable {
     /// Its place in [`HullUnavailable::CAUSES`].
     pub fn cause(&self) -> usize {
         match self {
-            HullUnavailable::Missing(_) => 0,
+            HullUnavailable::Missing(_) | HullUnavailable::TooFewLeft { .. } => 0,
             HullUnavailable::FilmFailed(_) => 1,
             HullUnavailable::NotYet => 2,
             HullUnavailable::NoFrame => 3,
             HullUnavailable::Stopped { .. } => 4,
             HullUnavailable::Forgotten { .. } => 5,
             HullUnavailable::Recorded => 6,
-            HullUnavailable::TooFew { .. } | HullUnavailable::NotBegun { .. } => 7,
+            HullUnavailable::TooFew(_) | HullUnavailable::NotBegun { .. } => 7,
             HullUnavailable::Unanswered(_) => 8,
         }
     }
@@ -116,7 +129,10 @@ impl Roster {
     /// The frame whose hull a step sees, or why there is none.
     pub fn hull_frame(&self, step: StepFilm) -> Result<u64, HullUnavailable> {
         if let Some(missing) = self.present().find_map(RosterNode::missing) {
-            return Err(missing.into());
+            return Err(match self.shortage() {
+                Some(shortage) => HullUnavailable::TooFewLeft { shortage, missing },
+                None => missing.into(),
+            });
         }
         if let FilmState::Failed(why) = self.film(0) {
             return Err(HullUnavailable::FilmFailed(why));

@@ -17,7 +17,7 @@ use thiserror::Error;
 
 use conduct::Conduct;
 
-pub use available::{HullUnavailable, StepFilm};
+pub use available::{HullUnavailable, Shortage, StepFilm};
 pub use present::LeaveOut;
 pub use wait::{FrameWait, WaitError};
 pub(crate) use wait::{LOCK_STEP_TIMEOUT, joined};
@@ -203,6 +203,8 @@ pub struct Roster {
     arrivals: VecDeque<Arrival>,
     /// `min_cameras` of the last [`Roster::leave_out`] of a live run; `None` in lock-step.
     least_cameras: Option<usize>,
+    /// How many cameras were there, as of the last [`Roster::leave_out`].
+    cameras_there: usize,
     /// A run has begun.
     has_begun: bool,
 }
@@ -221,7 +223,7 @@ pub(crate) struct Arrival {
 impl Roster {
     /// Nodes that are not there yet.
     pub fn new(nodes: Vec<RosterNode>) -> Roster {
-        Roster { nodes, arrivals: VecDeque::new(), least_cameras: None, has_begun: false }
+        Roster { nodes, arrivals: VecDeque::new(), least_cameras: None, cameras_there: 0, has_begun: false }
     }
 
     /// The nodes.

@@ -2,7 +2,7 @@
 
 use film_time::FilmState;
 
-use super::{Roster, RosterNode};
+use super::{Roster, RosterNode, Shortage};
 
 /// A node whose film is later than the others' by more frames than this is left out.
 const LATE_FRAMES: u64 = 1;
@@ -98,6 +98,7 @@ impl Roster {
         let left: usize = pairs().filter(|(_, there)| **there).map(|(node, _)| node.films()).sum();
         let is_enough = left >= least && there.contains(&true);
         self.least_cameras = (whom == LeaveOut::Late).then_some(least);
+        self.cameras_there = left;
         let mut changed = Vec::new();
         for (index, (node, there)) in self.nodes.iter_mut().zip(&there).enumerate() {
             node.is_there = *there;
@@ -114,6 +115,13 @@ impl Roster {
             }
         }
         changed
+    }
+
+    /// How many cameras were there as of the last [`Roster::leave_out`], if these are too few for live steps.
+    pub(super) fn shortage(&self) -> Option<Shortage> {
+        let all = self.nodes.iter().map(|node| node.cameras.len()).sum();
+        let (found, needed) = (self.cameras_there, self.least_cameras?.min(all));
+        (found < needed).then_some(Shortage { found, all, needed })
     }
 
     /// Whether a run may begin without the nodes that are missing: these are away and not wrong, fewer than half of all are

@@ -297,7 +297,8 @@ fn no_node_is_left_out_where_too_few_cameras_would_remain() {
     assert_eq!(roster.leave_out(5, LeaveOut::Late, 3, 0.0), [(0, true)]);
     assert_eq!(left_out(&roster), [0; 0]);
     let step = StepFilm { film_s: 0.1, fps: 30.0, frame: Some(5), is_paced: true };
-    assert!(matches!(roster.hull_frame(step), Err(HullUnavailable::Missing(_))), "and there is no hull");
+    let why = roster.hull_frame(step).expect_err("there is no hull").to_string();
+    assert_eq!(why, "2 of 4 cameras, 3 needed: node 0: gone");
     roster.up(0);
     film(&mut roster, 0, [5]);
     assert_eq!(roster.leave_out(5, LeaveOut::Late, 3, 0.0), [(1, false)]);

@@ -100,8 +100,9 @@ impl Run {
     pub fn carry_out(&mut self, prepared: Prepared) -> Result<(Outcome, Change), Refusal> {
         let command = match prepared {
             Prepared::World(world) => {
+                let former = Command::GoOn(Box::new(self.world.snapshot()));
                 self.replace_world(*world);
-                return Ok((Outcome::Applied, Change::World));
+                return Ok((Outcome::Revocable(Box::new(former)), Change::World));
             }
             Prepared::Body(body) => {
                 let id = self.world.spawn(*body)?;
@@ -115,10 +116,14 @@ impl Run {
             Command::Pause => self.steering = Steering::Paused,
             Command::Resume => self.steering = Steering::Running,
             Command::Step(steps) => self.count_steps(steps)?,
-            Command::Remove(body) => {
-                self.world.remove(body)?;
+            Command::Remove(id) => {
+                let removed = self.world.body(id).map(Body::spec);
+                self.world.remove(id)?;
                 self.bodies_changed();
-                change = Change::Scene;
+                let outcome = removed.map_or(Outcome::Applied, |spec| {
+                    Outcome::Revocable(Box::new(Command::Spawn(Box::new(spec))))
+                });
+                return Ok((outcome, Change::Scene));
             }
             Command::Push { body, impulse_n_s, at_m } => self.world.push(body, impulse_n_s, at_m)?,
             Command::Grab { body, grip_body_m, target_m } => {

@@ -7,7 +7,7 @@ use film_time::FilmState;
 use super::step::{FilmPhase, Step};
 use super::{Action, CannotGoOn, Clocks, FRAMES_AHEAD, Run, State};
 use crate::core::clock::frame_at;
-use crate::core::roster::{FrameWait, HullUnavailable, LastFrame, LeaveOut, Roster, StepFilm};
+use crate::core::roster::{FrameWait, HullUnavailable, LastFrame, LeaveOut, Roster, Shortage, StepFilm};
 use crate::figures::Stage;
 
 /// How often a waiting step looks at the clock, seconds.
@@ -157,9 +157,14 @@ impl Run {
         let observers = self.observers();
         let others = observers.iter().filter(|observer| !filming.contains(&observer.rig_index()));
         let missing: Vec<String> = others.map(|observer| format!("{:?}", observer.camera().name())).collect();
-        let (found, expected) = (filming.len(), self.least_cameras());
-        let is_few = found < expected && !missing.is_empty();
-        Some(if is_few { HullUnavailable::NotBegun { found, expected, missing } } else { why })
+        let shortage = self.shortage(filming.len()).filter(|_| !missing.is_empty());
+        Some(shortage.map_or(why, |shortage| HullUnavailable::NotBegun { shortage, missing }))
+    }
+
+    /// By how much so many cameras are too few for a hull, if they are.
+    fn shortage(&self, found: usize) -> Option<Shortage> {
+        let (all, needed) = (self.observers().len(), self.least_cameras());
+        (found < needed).then_some(Shortage { found, all, needed })
     }
 
     /// A step that sees what film has for it.
@@ -318,11 +323,10 @@ impl Run {
         let cameras = reports.iter().flat_map(|report| &report.cameras);
         let mut places: Vec<u16> = cameras.map(|camera| camera.rig_index).collect();
         places.sort_unstable();
-        let expected = self.least_cameras();
         // A frame without reports tells nothing.
         if !places.is_empty() && places != self.film.cameras {
-            if places.len() < expected {
-                return Err(HullUnavailable::TooFew { found: places.len(), expected });
+            if let Some(shortage) = self.shortage(places.len()) {
+                return Err(shortage.into());
             }
             let before = std::mem::replace(&mut self.film.cameras, places);
             if !before.is_empty() {

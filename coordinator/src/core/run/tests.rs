@@ -398,7 +398,7 @@ fn with_too_few_cameras_there_is_no_hull_and_the_world_goes_on() {
     assert!((60..75).contains(&blind), "{blind} of the 66 steps made after it broke");
     assert_eq!(broken.blind_steps(), blind);
     let why = broken.run.film.unavailable.map(|why| why.to_string());
-    assert_eq!(why.as_deref(), Some("node n3: it broke"));
+    assert_eq!(why.as_deref(), Some("3 of 4 cameras, 4 needed: node n3: it broke"));
 }
 
 #[test]

@@ -8,7 +8,7 @@ import { parseMessage, type WorldMessage } from "../feed/message.ts";
 import { type Hello, isGone, type Scene, type Status, type Text } from "../feed/text.ts";
 import { type Moment, Worlds } from "../time/worlds.ts";
 import { HULL_MODES, type HullMode, type Layer } from "../view/hash.ts";
-import type { Camera } from "../view/lens.ts";
+import type { Camera, Vec3 } from "../view/lens.ts";
 import { Orbit, type View } from "../view/orbit.ts";
 import { FOV_DEG, isPerson, presetView, startView, viewOf } from "../view/start.ts";
 import { Drawing } from "./drawing.ts";
@@ -87,6 +87,12 @@ export class App {
   /** Something changed that is seen. */
   invalidate(): void {
     this.drawing?.invalidate();
+  }
+
+  /** Where a point of the world is on the canvas, CSS pixels; null behind the view. */
+  onCanvas(point: Vec3): [number, number] | null {
+    const at = this.stage?.toClip(point);
+    return at ? [(at[0] * 0.5 + 0.5) * this.canvas.clientWidth, (0.5 - at[1] * 0.5) * this.canvas.clientHeight] : null;
   }
 
   get rig(): readonly Camera[] {

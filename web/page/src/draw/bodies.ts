@@ -18,7 +18,10 @@ import {
 import type { BodyPose } from "../feed/message.ts";
 import type { BodyText, Shape } from "../feed/text.ts";
 
-const EDGE_ANGLE_DEG = 30;
+/** Edges are drawn where faces meet at more than this. */
+export const EDGE_ANGLE_DEG = 30;
+/** The edges and the glow of a body that another page or a program holds. */
+const HELD_ELSEWHERE = 0x6fa8ff;
 /** The layer on which eyes see bodies alone, without their edges. */
 export const ONLY_BODIES = 1;
 
@@ -35,6 +38,11 @@ export class Bodies {
   readonly group = new Group();
   private readonly drawn = new Map<number, Drawn>();
   private highlighted: number | null = null;
+  /** The body that this page holds, or held last: worlds show for a moment longer that it is held. */
+  private inHand: number | null = null;
+  private isHolding = false;
+  /** The bodies that another page or a program holds. */
+  private readonly elsewhere = new Set<number>();
 
   /** The bodies of a scene; those that stay keep their meshes. */
   describe(bodies: readonly BodyText[]): void {
@@ -50,6 +58,7 @@ export class Bodies {
   /** Where they are. Bodies that are not mentioned are not drawn. */
   place(poses: readonly BodyPose[]): void {
     for (const drawn of this.drawn.values()) drawn.mesh.visible = false;
+    this.elsewhere.clear();
     for (const pose of poses) {
       const drawn = this.drawn.get(pose.id);
       if (!drawn) continue;
@@ -58,10 +67,35 @@ export class Bodies {
       drawn.mesh.quaternion.fromArray(pose.rotation as unknown as number[]);
       // Touched bodies are told by their edges too, not by colour alone.
       const marked = pose.touching || pose.grabbed || pose.id === this.highlighted;
-      drawn.edge.color.set(pose.grabbed ? 0xffffff : pose.touching ? 0xffd08a : marked ? 0xffffff : 0x0c0e12);
+      const isElsewhere = this.isElsewhere(pose);
+      if (isElsewhere) this.elsewhere.add(pose.id);
+      drawn.edge.color.set(isElsewhere ? HELD_ELSEWHERE : pose.grabbed ? 0xffffff : pose.touching ? 0xffd08a : marked ? 0xffffff : 0x0c0e12);
       drawn.edge.opacity = marked ? 1 : 0.55;
-      drawn.material.emissive.setScalar(pose.id === this.highlighted || pose.grabbed ? 0.07 : 0);
+      if (isElsewhere) drawn.material.emissive.set(HELD_ELSEWHERE).multiplyScalar(0.5);
+      else drawn.material.emissive.setScalar(pose.id === this.highlighted || pose.grabbed ? 0.07 : 0);
     }
+  }
+
+  private isElsewhere({ id, grabbed }: BodyPose): boolean {
+    if (id !== this.inHand) return grabbed;
+    if (!grabbed && !this.isHolding) this.inHand = null;
+    return false;
+  }
+
+  /** This page holds a body. */
+  hold(id: number): void {
+    this.inHand = id;
+    this.isHolding = true;
+  }
+
+  /** This page holds nothing any more. */
+  release(): void {
+    this.isHolding = false;
+  }
+
+  /** Whether another page or a program holds a body. */
+  isHeldElsewhere(id: number): boolean {
+    return this.elsewhere.has(id);
   }
 
   /** Marks the body that is chosen. */

@@ -26,6 +26,7 @@ import { Ground } from "./ground.ts";
 import { HullView } from "./hull.ts";
 import { Light } from "./light.ts";
 import { Patches } from "./patches.ts";
+import { Preview } from "./preview.ts";
 import type { Level } from "./quality.ts";
 import { CLEAR, Sky } from "./sky.ts";
 import { Touches } from "./touches.ts";
@@ -53,6 +54,7 @@ export class Stage {
   readonly bodies = new Bodies();
   readonly touches = new Touches();
   readonly patches = new Patches();
+  readonly preview = new Preview();
   cameras: Cameras | null = null;
   cones: Cones | null = null;
   hull: HullView | null = null;
@@ -85,7 +87,7 @@ export class Stage {
     if (background === "transparent") this.renderer.setClearAlpha(0);
     this.scene.environmentIntensity = 0.5;
     this.scene.add(this.light.group, this.sky.mesh);
-    this.scene.add(this.ground.group, this.bodies.group, this.touches.group, this.patches.group);
+    this.scene.add(this.ground.group, this.bodies.group, this.touches.group, this.patches.group, this.preview.mesh);
   }
 
   /** A rig: everything that depends on the cameras is made again. */
@@ -210,7 +212,7 @@ export class Stage {
   }
 
   dispose(): void {
-    for (const old of [this.cameras, this.cones, this.hull, this.bodies, this.touches, this.patches, this.light, this.ground, this.sky]) old?.dispose();
+    for (const old of [this.cameras, this.cones, this.hull, this.bodies, this.touches, this.patches, this.preview, this.light, this.ground, this.sky]) old?.dispose();
     this.renderer.dispose();
   }
 

@@ -37,8 +37,8 @@ export interface Want {
   readonly silhouettes: boolean;
 }
 
-/** What a command came to. */
-export type Answer = { readonly body?: number } | { readonly refused: string };
+/** What a command came to: its number, the body that was spawned, and whether the command can be undone. */
+export type Answer = { readonly id: number; readonly body?: number; readonly undo?: boolean } | { readonly refused: string };
 
 export class Connection {
   readonly credit: Credit;
@@ -132,7 +132,7 @@ export class Connection {
       const text = parseText(data);
       if (!text) return;
       if (text.op === "done" || text.op === "refused") {
-        this.waiting.get(text.id)?.(text.op === "done" ? { body: text.body } : { refused: text.why });
+        this.waiting.get(text.id)?.(text.op === "done" ? text : { refused: text.why });
         this.waiting.delete(text.id);
         return;
       }

@@ -31,6 +31,8 @@ export interface Hello {
   readonly colour: boolean;
   /** A recorded run made again: it can be held and gone on with, no more. */
   readonly replay: boolean;
+  /** Whether film waits while the run is paused: then a step shows the person of that step. */
+  readonly film_waits: boolean;
   /** What others on the way may read, in words; null if all is encrypted, or stays on one machine. */
   readonly insecure: string | null;
 }
@@ -137,7 +139,7 @@ export type Text =
   | Hello
   | Scene
   | Status
-  | { readonly op: "done"; readonly id: number; readonly body?: number }
+  | { readonly op: "done"; readonly id: number; readonly body?: number; readonly undo?: boolean }
   | { readonly op: "refused"; readonly id: number; readonly why: string }
   | { readonly op: "bye"; readonly why: string };
 
@@ -199,6 +201,7 @@ function hello(value: Record<string, unknown>): Hello {
     responses: list(value.responses ?? [], "responses").map(String),
     colour: value.colour !== false,
     replay: value.replay === true,
+    film_waits: value.film_waits === true,
     insecure: typeof value.insecure === "string" ? value.insecure : null,
   };
 }

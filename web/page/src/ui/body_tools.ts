@@ -1,10 +1,11 @@
 /** Bodies under the pointer: picking, carrying, throwing, placing new ones. */
-import { Plane, Raycaster, Vector2, Vector3, type Mesh } from "three";
+import { Box3, Plane, Raycaster, Vector2, Vector3, type Mesh } from "three";
 import type { App } from "../app/app.ts";
 import { radiusOf } from "../draw/bodies.ts";
 import type { Shape } from "../feed/text.ts";
 import type { Vec3 } from "../view/lens.ts";
-import { toast } from "./dom.ts";
+import { byId, setText, toast } from "./dom.ts";
+import { takeAway } from "./take_away.ts";
 
 /** Thrown bodies are no faster, m/s. */
 const MAX_THROW_M_S = 9;
@@ -12,6 +13,10 @@ const MAX_THROW_M_S = 9;
 const THROW_MS = 90;
 /** About that of light wood: bodies that a person can shove. */
 const DENSITY_KG_M3 = 120;
+/** New bodies go no farther out than this beside the volume in which the cameras see a person, metres. */
+const MAX_OUTSIDE_M = 1;
+const TOO_FAR = "Too far away: the new body goes nearer to the person.";
+const PLACE_HINT = "Click where the new body goes. Esc ends it.";
 const PALETTE: readonly Vec3[] = [
   [0.85, 0.47, 0.24],
   [0.24, 0.55, 0.8],
@@ -57,6 +62,15 @@ interface HeldBody {
   sentAt: number;
   /** Whether an answer is waited for. */
   isAsking: boolean;
+  /** Whether the run has answered that this page holds it. */
+  isHeld: boolean;
+}
+
+/** Where a new body would be. */
+interface Spot {
+  readonly at: Vector3;
+  readonly shape: Shape;
+  readonly isTooFar: boolean;
 }
 
 export class BodyTools {
@@ -66,7 +80,7 @@ export class BodyTools {
   private spawned = 0;
   /** The body that buttons act on. */
   chosen: number | null = null;
-  placing = false;
+  private isPlacing = false;
   kind: ShapeKind = "box";
   sizeM = 0.25;
 
@@ -76,6 +90,16 @@ export class BodyTools {
 
   get carrying(): boolean {
     return this.held !== null;
+  }
+
+  /** Whether a click puts a new body there. */
+  get placing(): boolean {
+    return this.isPlacing;
+  }
+
+  set placing(placing: boolean) {
+    this.isPlacing = placing;
+    this.endPreview();
   }
 
   /** What lies under a point of the canvas, in CSS pixels from its corner. */
@@ -129,6 +153,7 @@ export class BodyTools {
       path: [{ at: performance.now(), point: hit.point.clone() }],
       sentAt: 0,
       isAsking: false,
+      isHeld: false,
     };
     this.send();
     return true;
@@ -156,6 +181,7 @@ export class BodyTools {
     const held = this.held;
     if (!held) return;
     this.held = null;
+    this.app.stage!.bodies.release();
     const now = performance.now();
     const recent = held.path.filter(({ at }) => now - at <= THROW_MS);
     const velocity = new Vector3();
@@ -170,13 +196,45 @@ export class BodyTools {
 
   /** A new body where the pointer is. */
   async place(x: number, y: number): Promise<void> {
+    const spot = this.spot(x, y);
+    if (!spot) return toast("Nothing there to put it on.");
+    if (spot.isTooFar) return toast(TOO_FAR);
+    await this.spawn(spot.at, spot.shape);
+  }
+
+  /** Shows where a new body would be. */
+  preview(x: number, y: number): void {
+    const spot = this.spot(x, y);
+    setText(byId("hint"), spot?.isTooFar ? TOO_FAR : PLACE_HINT);
+    if (spot && !spot.isTooFar) this.app.stage!.preview.show(spot.shape, spot.at, this.nextColor);
+    else this.app.stage?.preview.hide();
+    this.app.invalidate();
+  }
+
+  endPreview(): void {
+    setText(byId("hint"), PLACE_HINT);
+    if (!this.app.stage?.preview.place) return;
+    this.app.stage.preview.hide();
+    this.app.invalidate();
+  }
+
+  private spot(x: number, y: number): Spot | null {
     const hit = this.hit(x, y);
-    if (!hit) return toast("Nothing there to put it on.");
+    if (!hit) return null;
     const shape = shapeOf(this.kind, this.sizeM);
     // On the floor it stands; on other things it is let go of just off their surface.
     const lift = hit.what === "floor" ? this.halfHeight(shape) + 0.005 : radiusOf(shape) + 0.02;
     const at = hit.point.clone().addScaledVector(hit.normal, lift);
-    await this.spawn(at, shape);
+    return { at, shape, isTooFar: this.outsideM(at) > MAX_OUTSIDE_M };
+  }
+
+  /** How far a point is beside the volume in which there can be a person, metres. */
+  private outsideM(point: Vector3): number {
+    const { low, high } = this.app.hello!.volume;
+    const box = new Box3(new Vector3(...low), new Vector3(...high));
+    const way = box.clampPoint(point, new Vector3()).sub(point);
+    const up = new Vector3(...this.app.hello!.up);
+    return way.addScaledVector(up, -way.dot(up)).length();
   }
 
   /** A new body above the middle of what is looked at. */
@@ -203,13 +261,18 @@ export class BodyTools {
   async remove(): Promise<void> {
     if (this.chosen === null) return;
     const body = this.chosen;
+    const name = this.app.stage?.bodies.text(body)?.name ?? "The body";
     this.chosen = null;
-    this.tell(await this.app.command("remove", { body }));
+    await takeAway(this.app, "remove", { body }, `${name} was removed.`);
     this.app.changed();
   }
 
+  private get nextColor(): Vec3 {
+    return PALETTE[this.spawned % PALETTE.length];
+  }
+
   private async spawn(at: Vector3, shape: Shape): Promise<void> {
-    const color = PALETTE[this.spawned % PALETTE.length];
+    const color = this.nextColor;
     this.spawned++;
     const answer = await this.app.command("spawn", { shape, color, position: at.toArray(), density: DENSITY_KG_M3 });
     this.tell(answer);
@@ -242,13 +305,22 @@ export class BodyTools {
     const sent = held.target;
     void this.app.command("grab", { body: held.body, grip: held.grip, target: sent.toArray() }).then((answer) => {
       held.isAsking = false;
-      if (!("refused" in answer) && this.held === held && !held.target.equals(sent)) this.send();
-      if ("refused" in answer && this.held === held) {
-        this.held = null;
-        toast(answer.refused);
-        void this.app.command("release", { body: held.body });
-      }
+      if ("refused" in answer) return this.lose(held, answer.refused);
+      held.isHeld = true;
+      if (this.held === held || this.held === null) this.app.stage!.bodies.hold(held.body);
+      // It was released meanwhile.
+      if (this.held === null) this.app.stage!.bodies.release();
+      if (this.held === held && !held.target.equals(sent)) this.send();
     });
+  }
+
+  /** A body cannot be held, or not any more. */
+  private lose(held: HeldBody, why: string): void {
+    if (this.held !== held) return;
+    this.held = null;
+    this.app.stage!.bodies.release();
+    toast(why);
+    if (held.isHeld) void this.app.command("release", { body: held.body });
   }
 
   /** Height of the scene's floor, or of the run's where the scene says nothing; metres along up. */

@@ -31,13 +31,24 @@ export function bytesText(bytes: number): string {
 
 let toastTimer: ReturnType<typeof setTimeout> | undefined;
 
-/** Says something for some seconds. */
-export function toast(text: string): void {
+/** A message stays for so long; one with a button, until it can be read and reached; milliseconds. */
+const TOAST_MS = 4000;
+const TOAST_WITH_BUTTON_MS = 10_000;
+
+/** Says something for some seconds, with a button that does something about it. */
+export function toast(text: string, button: { readonly label: string; readonly press: () => void } | null = null): void {
   const element = byId("toast");
-  element.textContent = text;
+  byId("toast-text").textContent = text;
+  const action = byId<HTMLButtonElement>("toast-action");
+  action.hidden = button === null;
+  action.textContent = button?.label ?? "";
+  action.onclick = () => {
+    element.hidden = true;
+    button?.press();
+  };
   element.hidden = false;
   clearTimeout(toastTimer);
-  toastTimer = setTimeout(() => (element.hidden = true), 4000);
+  toastTimer = setTimeout(() => (element.hidden = true), button ? TOAST_WITH_BUTTON_MS : TOAST_MS);
 }
 
 /** Says something to those who listen instead of looking. */

@@ -4,10 +4,12 @@ import type { Hello, Scene } from "../feed/text.ts";
 import type { HullMode, Layer } from "../view/hash.ts";
 import { byId, option, setPressed, setText, toast } from "./dom.ts";
 import type { BodyTools, ShapeKind } from "./body_tools.ts";
+import { takeAway } from "./take_away.ts";
 
 /** Time to leave the room before the background is taken, seconds. */
 const LEAVE_S = 5;
 const NO_TOKEN = "You are a viewer. To steer, open the page with its token.";
+const NO_STEP = "Live film goes on and cannot be stepped: only bodies would move. A recording can be stepped.";
 export const TOKEN_REFUSED = "The token was refused: you are a viewer. To steer, open the address that the program printed when it started.";
 
 export class Panel {
@@ -34,6 +36,9 @@ export class Panel {
     byId<HTMLFieldSetElement>("steer").disabled = !hello.controller;
     byId<HTMLFieldSetElement>("change").disabled = hello.replay;
     byId<HTMLButtonElement>("reset").disabled = hello.replay;
+    const step = byId<HTMLButtonElement>("step");
+    step.disabled = !hello.film_waits;
+    step.title = hello.film_waits ? "" : NO_STEP;
     byId("viewer-note").hidden = hello.controller;
     setText(byId("viewer-note"), isRefused ? TOKEN_REFUSED : NO_TOKEN);
     byId("replay-note").hidden = !hello.replay;
@@ -83,7 +88,6 @@ export class Panel {
     if (chosen) setText(byId("chosen"), chosen.name);
     setPressed(byId("place"), tools.placing);
     byId("hint").hidden = !tools.placing;
-    if (tools.placing) setText(byId("hint"), "Click where the new body goes. Esc ends it.");
     this.paused();
     const through = app.through === null ? "free view" : `through ${app.rig[app.through]?.name}`;
     setText(byId("summary"), `${through}; person ${app.mode}; ${app.stage?.bodies.count ?? 0} bodies.`);
@@ -100,6 +104,17 @@ export class Panel {
 
   async togglePause(): Promise<void> {
     await this.ask(this.app.run.isPaused ? "resume" : "pause");
+  }
+
+  /** Makes one step of bodies and person; of live film there is none. */
+  async step(): Promise<void> {
+    if (this.app.hello?.film_waits) await this.ask("step", { steps: 1 });
+    else toast(NO_STEP);
+  }
+
+  /** Begins the scene again; the world before it can come back. */
+  async restart(): Promise<void> {
+    await takeAway(this.app, "reset", {}, "The scene was restarted.");
   }
 
   async ask(command: string, fields: Record<string, unknown> = {}): Promise<void> {
@@ -141,10 +156,10 @@ export class Panel {
   private bindWorld(): void {
     const { app, tools } = this;
     byId("pause").addEventListener("click", () => void this.togglePause());
-    byId("step").addEventListener("click", () => void this.ask("step", { steps: 1 }));
-    byId("reset").addEventListener("click", () => void this.ask("reset"));
+    byId("step").addEventListener("click", () => void this.step());
+    byId("reset").addEventListener("click", () => void this.restart());
     const scene = byId<HTMLSelectElement>("scene");
-    scene.addEventListener("change", () => void this.ask("choose", { scene: scene.value }));
+    scene.addEventListener("change", () => void takeAway(app, "choose", { scene: scene.value }, `Scene ${scene.value} was chosen.`));
     const shape = byId<HTMLSelectElement>("shape");
     shape.addEventListener("change", () => (tools.kind = shape.value as ShapeKind));
     const size = byId<HTMLInputElement>("size");

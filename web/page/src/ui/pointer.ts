@@ -33,6 +33,8 @@ export function bindPointer(canvas: HTMLCanvasElement, app: App, tools: BodyTool
     moved = fingers.size > 1;
     app.orbit.hold();
     app.held = true;
+    // Fingers do not hover.
+    if (tools.placing) tools.preview(x, y);
     if (fingers.size === 1 && event.button === 0 && !tools.placing && app.steers) {
       const hit = tools.hit(x, y, false);
       if (hit?.body !== null && hit && tools.grab(hit)) {
@@ -86,6 +88,7 @@ export function bindPointer(canvas: HTMLCanvasElement, app: App, tools: BodyTool
   };
   canvas.addEventListener("pointerup", up);
   canvas.addEventListener("pointercancel", up);
+  canvas.addEventListener("pointerleave", () => tools.endPreview());
   canvas.addEventListener("contextmenu", (event) => event.preventDefault());
 
   canvas.addEventListener(
@@ -169,7 +172,10 @@ export function bindPointer(canvas: HTMLCanvasElement, app: App, tools: BodyTool
     if (now - hovered < 60) return;
     hovered = now;
     canvas.classList.toggle("placing", tools.placing);
-    if (!tools.placing) canvas.classList.toggle("over-body", tools.bodyAt(x, y) !== null);
+    const body = tools.placing ? null : tools.bodyAt(x, y);
+    canvas.classList.toggle("over-body", body !== null);
+    canvas.classList.toggle("held-elsewhere", body !== null && app.steers && app.stage!.bodies.isHeldElsewhere(body));
+    if (tools.placing) tools.preview(x, y);
   }
 }
 

@@ -1,7 +1,9 @@
 /** The last seconds: look back, play on from there, back to live. */
 import type { App } from "../app/app.ts";
 import type { ButtonState } from "../app/run_state.ts";
+import type { BodyPose } from "../feed/message.ts";
 import { SPAN_MS } from "../time/timeline.ts";
+import type { Vec3 } from "../view/lens.ts";
 import { byId, setPressed, setText } from "./dom.ts";
 
 export class TimelineBar {
@@ -31,6 +33,24 @@ export class TimelineBar {
       app.invalidate();
       this.update();
     });
+  }
+
+  /** A body that lies under the bar is seen through it. */
+  seeThrough(): void {
+    const bar = document.querySelector(".timeline")!;
+    const { left, right, top, bottom } = bar.getBoundingClientRect();
+    const isUnder = ({ id, position }: BodyPose): boolean => {
+      const [at, foot] = [this.app.onCanvas(position), this.app.onCanvas(this.footOf(id, position))];
+      return at !== null && foot !== null && at[0] > left && at[0] < right && Math.max(at[1], foot[1]) > top && at[1] < bottom;
+    };
+    bar.classList.toggle("over-body", this.app.layers.has("bodies") && (this.app.moment?.bodies ?? []).some(isUnder));
+  }
+
+  /** The lowest point that a body at a place can have. */
+  private footOf(id: number, position: Vec3): Vec3 {
+    const radius = this.app.stage?.bodies.mesh(id)?.geometry.boundingSphere?.radius ?? 0;
+    const up = this.app.hello?.up ?? [0, 1, 0];
+    return [position[0] - radius * up[0], position[1] - radius * up[1], position[2] - radius * up[2]];
   }
 
   update(): void {

@@ -11,8 +11,10 @@ const PERSON_M = 2.6;
 export const FOV_DEG = 42;
 /** The start view is never nearer, metres. */
 const NEAREST_M = 2.9;
-/** Around a person there is room for bodies from so far, metres. */
-const ROOM_M = 3.6;
+/** From so far there is room for bodies around a person, metres: the floor is seen to 1.4 m before the person. */
+const ROOM_M = 3.9;
+/** One looks at a point so high above the floor, metres: persons stand, and bodies lie before them. */
+const TARGET_HEIGHT_M = 0.75;
 /** How far the start view turns away from the first camera, the best first: a person looks best near a camera. */
 const ASIDE = [0.36, 0.19, 0.54, 0.04, 0.69, 0.84, -0.88, -0.16, 1.04];
 
@@ -26,13 +28,12 @@ export function startView(hello: Hello, person: Box | null = null): View {
   const around = person ?? hello.volume;
   const middle = around.low.map((l, i) => (l + around.high[i]) / 2) as unknown as [number, number, number];
   const along = (p: readonly number[]) => p[0] * up[0] + p[1] * up[1] + p[2] * up[2];
-  // People stand: the middle of what is seen is about a metre above the floor.
   const floor = hello.floor_m ?? Math.min(along(low), along(high));
-  const rise = floor + 0.95 - along(middle);
+  const rise = floor + TARGET_HEIGHT_M - along(middle);
   const target = middle.map((m, i) => m + rise * up[i]) as unknown as Vec3;
   const reach = Math.max(...low.map((l, i) => (up[i] > 0.5 ? 0 : high[i] - l)));
   const far = Math.max(NEAREST_M, Math.min(7, reach * 0.85));
-  const distance = person ? Math.min(far, Math.max(ROOM_M, distanceTo(person, FOV_DEG))) : far;
+  const distance = person ? Math.max(ROOM_M, Math.min(far, distanceTo(person, FOV_DEG))) : far;
   const ahead = hello.cameras.length > 0 ? new Orbit(up, null, { target, azimuth: 0, polar: 1, distance }).viewOf(centreOf(hello.cameras[0]), target).azimuth : 0;
   const views = ASIDE.map((aside): View => ({ target, azimuth: ahead + aside, polar: 1.36, distance }));
   return views.find((view) => !inTheWay(hello, up, view)) ?? views[0];

@@ -198,6 +198,104 @@ describe("controls", () => {
     await alarm.waitFor({ state: "hidden" });
   });
 
+  test("live film cannot be stepped, and key and button say so", async () => {
+    const before = feeder.commands().length;
+    await page.keyboard.press(" ");
+    await until(page, "a pause", ({ paused }) => paused);
+    const { step } = await state(page);
+    await page.keyboard.press(".");
+    await page.locator("#toast", { hasText: "Live film goes on and cannot be stepped" }).waitFor({ state: "visible" });
+    assert.ok(await page.locator("#step").isDisabled());
+    assert.equal(await page.locator("#step").getAttribute("title"), await page.locator("#toast-text").textContent());
+    await page.keyboard.press(" ");
+    await until(page, "the world goes on", (now) => !now.paused && now.step >= step);
+    assert.deepEqual(feeder.commands().slice(before), ["pause", "resume"]);
+  });
+
+  test("a removal and a restart can be undone", async () => {
+    const before = feeder.commands().length;
+    const undo = page.getByRole("button", { name: "Undo" });
+    await page.locator("#body").selectOption(String(BOX.id));
+    await page.getByRole("button", { name: "Remove" }).click();
+    await page.locator("#toast", { hasText: "box was removed." }).waitFor({ state: "visible" });
+    await until(page, "no body", ({ bodies }) => bodies.length === 0);
+    await undo.click();
+    await until(page, "the body again", ({ bodies }) => bodies.length === 1 && bodies[0].id === BOX.id);
+    await page.locator("#toast", { hasText: "Undone." }).waitFor({ state: "visible" });
+    assert.ok(await undo.isHidden(), "there is nothing more to undo");
+    const { generation } = await state(page);
+    await page.keyboard.press("r");
+    await page.locator("#toast", { hasText: "The scene was restarted." }).waitFor({ state: "visible" });
+    await until(page, "a restart", (now) => now.generation > generation);
+    await undo.click();
+    await page.locator("#toast", { hasText: "Undone." }).waitFor({ state: "visible" });
+    assert.deepEqual(feeder.commands().slice(before), ["remove", "undo", "reset", "undo"]);
+  });
+
+  test("a new body is shown where it will be, and not put far away", async () => {
+    const before = feeder.commands().length;
+    await page.getByRole("button", { name: "Start view" }).click();
+    await page.waitForTimeout(1000);
+    const { eye, target } = await state(page);
+    /** The floor so far before the target, seen from the eye, metres, and where it is on the canvas. */
+    const floor = async (ahead: number): Promise<{ point: number[]; at: [number, number] }> => {
+      const way = [target[0] - eye[0], target[2] - eye[2]].map((part, _, both) => part / Math.hypot(...both));
+      const point = [target[0] + ahead * way[0], 0, target[2] + ahead * way[1]];
+      const at = await page.evaluate((p) => (window as any).hulltouch.onCanvas(p), point);
+      return { point, at };
+    };
+    const [near, far] = [await floor(-1), await floor(8)];
+    // Beside the person.
+    const aside: [number, number] = [far.at[0] - 200, far.at[1]];
+    await page.getByRole("button", { name: "Place by click" }).click();
+    await page.locator("#hint", { hasText: "Click where the new body goes." }).waitFor({ state: "visible" });
+    await page.mouse.move(...near.at);
+    const shown = await until(page, "a preview", ({ preview }) => preview !== null);
+    const missed = Math.hypot(shown.preview[0] - near.point[0], shown.preview[2] - near.point[2]);
+    assert.ok(missed < 0.05 && Math.abs(shown.preview[1] - 0.13) < 0.01, `${shown.preview} instead of ${near.point}`);
+    await page.mouse.move(...aside);
+    await until(page, "no preview", ({ preview }) => preview === null);
+    await page.locator("#hint", { hasText: "Too far away" }).waitFor({ state: "visible" });
+    await page.mouse.click(...aside);
+    await page.locator("#toast", { hasText: "Too far away" }).waitFor({ state: "visible" });
+    await page.mouse.move(...near.at);
+    const again = await until(page, "a preview again", ({ preview }) => preview !== null);
+    await page.mouse.click(...near.at);
+    const placed = await until(page, "a new body", ({ bodies }) => bodies.length === 2);
+    const { position } = placed.bodies.find(({ id }: { id: number }) => id !== BOX.id);
+    assert.ok(Math.hypot(position[0] - again.preview[0], position[2] - again.preview[2]) < 0.01, "it is where it was shown");
+    await page.keyboard.press("Escape");
+    await until(page, "no preview", ({ preview }) => preview === null);
+    assert.deepEqual(feeder.commands().slice(before), ["spawn"]);
+    await page.keyboard.press("r");
+    await until(page, "a restart", ({ bodies }) => bodies.length === 1);
+  });
+
+  test("bodies on the floor before the person are seen above the timeline, and one that lies under it through it", async () => {
+    await page.getByRole("button", { name: "Start view" }).click();
+    await page.waitForTimeout(1000);
+    const onCanvas = (point: readonly number[]): Promise<[number, number]> => page.evaluate((p) => (window as any).hulltouch.onCanvas(p), point);
+    const bar = page.locator(".timeline");
+    const { y: top, height } = (await bar.boundingBox())!;
+    const { eye, target, bodies } = await state(page);
+    const away = Math.hypot(eye[0] - target[0], eye[2] - target[2]);
+    const before = [0, 2].map((axis) => target[axis] + (1.3 * (eye[axis] - target[axis])) / away);
+    assert.ok((await onCanvas([before[0], 0, before[1]]))[1] < top, "the floor 1.3 m before the person");
+    const [x, y, z] = bodies[0].position;
+    assert.equal(await bar.evaluate((element) => element.classList.contains("over-body")), false);
+    let isUnder = false;
+    for (let height_m = 0.4; height_m < 2 && !isUnder; height_m += 0.05) {
+      await page.evaluate((hash) => (location.hash = hash), `eye=${x},${y + height_m + 0.6},${z + 3}&at=${x},${y + height_m},${z}&mode=shaded`);
+      await drawn();
+      const at = await onCanvas([x, y, z]);
+      isUnder = at[1] > top && at[1] < top + height;
+    }
+    assert.ok(isUnder, "no view has the body under the timeline");
+    await page.locator(".timeline.over-body").waitFor();
+    await page.getByRole("button", { name: "Start view" }).click();
+    await page.locator(".timeline:not(.over-body)").waitFor();
+  });
+
   test("a token that is refused is said to be", async () => {
     const viewer = await open(browser, `${feeder.address}?token=another-token`, { viewport: { width: 960, height: 600 } });
     await viewer.page.locator("#toast", { hasText: "The token was refused" }).waitFor({ state: "visible" });

@@ -134,7 +134,7 @@ describe("the page", { skip: PROGRAM ? false : "HULLTOUCH_BIN names no program" 
     await until(page, "the free view", ({ through }) => through === null);
   });
 
-  test("pauses, steps and goes on", async () => {
+  test("pauses and goes on, and steps no live film", async () => {
     const paused = await pauseAtItsFrame(page);
     assert.equal(await page.locator("#link-text").textContent(), "Paused");
     assert.equal(await page.locator("#live").getAttribute("aria-pressed"), "false", "paused is not live");
@@ -142,8 +142,10 @@ describe("the page", { skip: PROGRAM ? false : "HULLTOUCH_BIN names no program" 
     await until(page, "the past", ({ live, frame }) => !live && frame < paused.frame);
     await page.getByRole("button", { name: "Live", exact: true }).click();
     await untilStanding(page);
-    await page.getByRole("button", { name: "Step" }).click();
-    await until(page, "one step", ({ step }) => step === paused.step + 1);
+    await page.keyboard.press(".");
+    await page.locator("#toast", { hasText: "cannot be stepped" }).waitFor({ state: "visible" });
+    assert.ok(await page.getByRole("button", { name: "Step" }).isDisabled());
+    assert.equal((await state(page)).step, paused.step, "person and bodies stand");
     await page.getByRole("button", { name: "Go on" }).click();
     await until(page, "the world goes on", ({ paused: still, step }) => !still && step > paused.step + 5);
   });
@@ -241,7 +243,9 @@ describe("the page", { skip: PROGRAM ? false : "HULLTOUCH_BIN names no program" 
     const chosen = await until(page, "the other scene", ({ scene, generation }) => scene === other && generation > before.generation);
     await page.locator("#response").selectOption("off");
     await page.getByRole("button", { name: "Restart" }).click();
-    await until(page, "a restart", ({ generation }) => generation > chosen.generation);
+    const restarted = await until(page, "a restart", ({ generation }) => generation > chosen.generation);
+    await page.getByRole("button", { name: "Undo" }).click();
+    await until(page, "the world before it", ({ generation, step }) => generation > restarted.generation && step > restarted.step);
   });
 
   test("survives the loss of the graphics card, again and again", async () => {

@@ -88,9 +88,9 @@ describe("the page says how the run is", () => {
   });
 
   test("without a hull the person that is left is grey, and the banner says what that means", async () => {
-    feeder.goBlind("node a is gone");
+    feeder.goBlind("2 of 6 cameras, 3 needed: node a: at unix:/tmp/hulltouch-1/0.sock: the connection broke");
     await until(page, "grey", ({ isGrey }) => isGrey);
-    assert.equal((await said(/^Live/)).banner, "Hull unavailable, collisions off: node a is gone");
+    assert.equal((await said(/^Live/)).banner, "Hull unavailable, collisions off: 2 of 6 cameras, 3 needed: node a: the connection broke");
     feeder.goBlind(null);
     await until(page, "not grey", ({ isGrey }) => !isGrey);
     assert.equal((await said(/^Live/)).banner, null);

@@ -33,6 +33,8 @@ interface Body extends BodyText {
   position: [number, number, number];
   velocity: [number, number, number];
   held: [number, number, number] | null;
+  /** Whether a page holds it. */
+  grabbed?: boolean;
 }
 
 const TYPES: Record<string, string> = { ".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml", ".json": "application/json" };
@@ -114,6 +116,8 @@ class World {
   private readonly began = performance.now();
   private readonly timer: ReturnType<typeof setInterval>;
   private nextId = 1000;
+  /** The bodies before the last command that took any away. */
+  private former: Body[] = [];
   step = 0;
   generation = 1;
   version = 1;
@@ -164,7 +168,7 @@ class World {
     }
   }
 
-  command(message: any): { body?: number } | { why: string } {
+  command(message: any): { body?: number; undo?: true } | { why: string } {
     const held = this.bodies.find((body) => body.id === message.body);
     switch (message.command) {
       case "pause":
@@ -180,26 +184,31 @@ class World {
         return { body: id };
       }
       case "remove":
+        this.former = [...this.bodies];
         this.bodies.splice(this.bodies.indexOf(held!), 1);
+        this.version++;
+        return { undo: true };
+      case "undo":
+        this.bodies.splice(0, this.bodies.length, ...this.former);
         this.version++;
         return {};
       case "grab":
-        if (!held) return { why: `no body ${message.body}` };
-        held.held = message.target;
-        return {};
       case "release":
         if (!held) return { why: `no body ${message.body}` };
-        held.held = null;
+        held.grabbed = message.command === "grab";
+        held.held = message.target ?? null;
+        if (held.grabbed) return {};
         held.velocity = message.velocity ?? [0, 0, 0];
         return {};
       case "reset":
       case "choose":
+        this.former = [...this.bodies];
         this.scene = message.scene ?? this.scene;
         this.bodies.splice(0, this.bodies.length, ...this.start.map((body, index) => World.body(body, index)));
         this.generation++;
         this.version++;
         this.step = 0;
-        return {};
+        return { undo: true };
       case "step":
         this.step += message.steps;
         return {};

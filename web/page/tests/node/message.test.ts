@@ -21,7 +21,7 @@ test("images tell whether they are thumbnails", () => {
 });
 
 test("a world is read as it was written", () => {
-  const bodies = [{ id: 5, position: [1, 2, 3] }, { id: 9, position: [0, 0, 0], held: true }];
+  const bodies = [{ id: 5, position: [1, 2, 3] }, { id: 9, position: [0, 0, 0], grabbed: true }];
   const world = parseMessage(worldMessage(1, 2, 240, 2, 60, true, bodies, [[1, 0.5, 0.25, 0, 0, 0, 1]])) as WorldMessage;
   assert.deepEqual([world.generation, world.step, world.filmS, world.frame, world.paused], [2, 240, 2, 60, true]);
   assert.deepEqual(world.bodies.map(({ id, grabbed, position }) => [id, grabbed, position]), [[5, false, [1, 2, 3]], [9, true, [0, 0, 0]]]);

@@ -11,6 +11,7 @@ test("reasons are shown without addresses, paths and numbers of the system", () 
     ["node a: at a:1: cannot connect: refused (os error 111); node b: it has no camera \"c\"", "node a: cannot connect; node b: it has no camera \"c\""],
     ["node left: cannot open /dev/video0: Permission denied (os error 13)", "node left: cannot open /dev/video0"],
     ["node left: cannot open /home/me/empty.png: no picture", "node left: cannot open a file: no picture"],
+    ["2 of 6 cameras, 3 needed: node c: at unix:/tmp/hulltouch-9/2.sock: cannot connect: refused (os error 111)", "2 of 6 cameras, 3 needed: node c: cannot connect"],
     ["it films 25 frames/s, expected 30", "it films 25 frames/s, expected 30"],
     ["node left does not answer", "node left does not answer"],
   ]) {

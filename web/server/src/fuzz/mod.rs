@@ -9,6 +9,7 @@ use hull::Pose;
 use rosc::{OscPacket, OscType};
 use sim::{Scene, Solid, World, WorldSettings};
 
+use crate::commands::Ask;
 use crate::page::incoming::{self, Incoming, Want};
 use crate::programs::osc::{MAX_BUNDLE_BYTES, bundles};
 use crate::programs::world_service::command_of_call;
@@ -35,10 +36,11 @@ pub fn page(bytes: &[u8]) {
             }
             Ok(Incoming::Shown(_)) => continue,
             Ok(Incoming::Command(request)) => match request.command {
-                Ok(command) => {
+                Ok(Ask::Run(command)) => {
                     apply(world.get_or_insert_with(begun), command);
                     continue;
                 }
+                Ok(Ask::Undo { .. }) => continue,
                 Err(why) => why,
             },
             Err(why) => why,

@@ -10,6 +10,7 @@ use std::time::Duration;
 
 use axum::Router;
 use axum::body::Body;
+use coordinator::live::{Client, ClientKind};
 use hyper::Request;
 use hyper::body::Incoming;
 use hyper::service::service_fn;
@@ -76,6 +77,8 @@ struct State {
     asked: Mutex<Option<Instant>>,
     /// The last token that it offered was the right one.
     has_shown_token: AtomicBool,
+    /// What steers by requests of their own; a socket is another client.
+    client: Client,
 }
 
 /// What HTTP is spoken over.
@@ -95,6 +98,7 @@ impl Connection {
             has_begun: AtomicBool::new(false),
             asked: Mutex::new(None),
             has_shown_token: AtomicBool::new(false),
+            client: Client::new(ClientKind::Program),
         }))
     }
 
@@ -111,6 +115,11 @@ impl Connection {
     /// A token was offered over it: the right one, or another.
     pub fn shows_token(&self, is_right: bool) {
         self.0.has_shown_token.store(is_right, Ordering::Relaxed);
+    }
+
+    /// The client whose commands come as requests of their own: gone with the connection.
+    pub fn client(&self) -> &Client {
+        &self.0.client
     }
 
     /// What was sent to the peer.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
-use coordinator::live::{Follower, Watching};
+use coordinator::live::{Client, ClientKind, Follower, Watching};
 
 use super::frames::{PageFrames, WorldFrame};
 use super::incoming::{self, Incoming, Want};
@@ -51,8 +51,6 @@ pub(crate) struct Page {
     base: Duration,
     /// Whether the last frame set arrived soon enough for the next to follow it on its way.
     is_quick: bool,
-    /// The world's, when the scene was last sent.
-    generation: u32,
     /// Bytes taken when the link was last looked at, and when they last grew or nothing waited.
     last_bytes: u64,
     progress_at: Instant,
@@ -61,7 +59,7 @@ pub(crate) struct Page {
 
 impl Page {
     pub fn new(shared: Arc<Shared>, outbox: Arc<Outbox>, is_controller: bool, bytes_sent: BytesSent) -> Page {
-        let mut follower = shared.follower.clone();
+        let mut follower = shared.follower.for_client(Client::new(ClientKind::Page));
         // What was published before is new to this page.
         follower.world.mark_changed();
         follower.scene.mark_changed();
@@ -85,7 +83,6 @@ impl Page {
             is_state_new: false,
             base: WRITE_TIMEOUT,
             is_quick: false,
-            generation: 0,
             progress_at: now,
             _watching: watching,
         }
@@ -107,10 +104,6 @@ impl Page {
         tokio::select! {
             Ok(()) = follower.scene.changed() => {
                 let scene = follower.scene.borrow_and_update().clone()?;
-                if scene.generation != self.generation {
-                    orders.forget_held();
-                    self.generation = scene.generation;
-                }
                 self.send(text::scene(&scene))
             }
             Ok(()) = follower.world.changed() => {

@@ -9,7 +9,7 @@ use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use axum::{Extension, Router};
-use coordinator::live::{BodyId, SceneState, WorldState};
+use coordinator::live::{BodyId, Client, ClientKind, SceneState, WorldState};
 use serde::Deserialize;
 use serde_json::json;
 use tokio::time::timeout;
@@ -58,7 +58,8 @@ async fn open(
     let refusal = (!may_steer).then_some("add ?token= to the address");
     let upgrade = upgrade.max_message_size(MAX_MESSAGE_BYTES).max_frame_size(MAX_MESSAGE_BYTES);
     upgrade.on_upgrade(async move |socket| {
-        let mut orders = Orders::new(shared.follower.clone(), refusal);
+        let follower = shared.follower.for_client(Client::new(ClientKind::Program));
+        let mut orders = Orders::new(follower, refusal);
         serve(socket, &shared, ticks, &mut orders).await;
         orders.end();
         drop((seat, staying));
@@ -68,15 +69,11 @@ async fn open(
 /// Sends states and answers until either side ends the connection.
 async fn serve(mut socket: WebSocket, shared: &Shared, mut ticks: Ticks, orders: &mut Orders) {
     let mut ending = shared.ending.clone();
-    let (mut generation, mut pings, mut dropped) = (0, Pings::default(), None);
+    let (mut pings, mut dropped) = (Pings::default(), None);
     loop {
         let text = tokio::select! {
             world = ticks.next() => {
                 let Some(world) = world else { return };
-                if world.generation != generation {
-                    orders.forget_held();
-                    generation = world.generation;
-                }
                 state(&world, shared.follower.scene.borrow().as_deref())
             }
             answer = orders.answered() => answer,

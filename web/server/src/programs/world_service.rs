@@ -77,8 +77,11 @@ impl Service {
                 "a viewer cannot steer: send metadata \"authorization: Bearer TOKEN\"",
             ));
         }
+        // Every request of the page's port comes with its connection.
+        let client = request.extensions().get::<Connection>().map(|connection| connection.client().clone());
         let command = command(request.into_inner()).map_err(invalid)?;
-        let follower = &self.0.follower;
+        let shared = &self.0.follower;
+        let follower = client.map_or_else(|| shared.clone(), |client| shared.for_client(client));
         follower.order(command).await.map_err(|why| {
             let is_over = follower.world.has_changed().is_err();
             status(if is_over { Code::Unavailable } else { Code::FailedPrecondition }, why)
@@ -153,7 +156,7 @@ impl World for Service {
     async fn spawn(&self, request: Request<v1::SpawnRequest>) -> Result<Response<v1::SpawnReply>, Status> {
         match self.order(request, spawn).await? {
             Outcome::Spawned(body) => Ok(Response::new(v1::SpawnReply { body })),
-            Outcome::Applied => Err(Status::internal("the run spawned nothing")),
+            Outcome::Applied | Outcome::Revocable(_) => Err(Status::internal("the run spawned nothing")),
         }
     }
 

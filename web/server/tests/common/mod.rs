@@ -9,7 +9,7 @@ use bytes::Bytes;
 use coordinator::Progress;
 use coordinator::live::{
     BodyLook, BodyState, CameraStatus, Command, HullPatch, Live, Order, Outcome, Parameters, Refusal,
-    RunStatus, SceneState, TouchPoint, WorldState, live,
+    RunStatus, SceneState, TouchPoint, WeakClient, WorldState, live,
 };
 use futures::future::BoxFuture;
 use futures::stream::SplitSink;
@@ -97,6 +97,8 @@ pub struct Run {
     pub feed: Feed,
     pub studio: Arc<Studio>,
     pub ordered: Arc<Mutex<Vec<Command>>>,
+    /// The client of each of them.
+    pub clients: Arc<Mutex<Vec<WeakClient>>>,
     world: watch::Sender<Option<Arc<WorldState>>>,
     pub scene: watch::Sender<Option<Arc<SceneState>>>,
     pub status: watch::Sender<Option<Arc<RunStatus>>>,
@@ -120,7 +122,8 @@ fn rig() -> Rig {
 }
 
 impl Run {
-    /// A run that only the test steps. Orders are recorded and done; a removal of body 99 is refused.
+    /// A run that only the test steps. Orders are recorded and done; a removal of body 99 is refused, any other is undone by
+    /// seven steps.
     pub fn start() -> Run {
         Run::start_with(None)
     }
@@ -142,6 +145,7 @@ impl Run {
             floor_m: Some(0.0),
             has_colour: true,
             is_replay: false,
+            film_waits: false,
             insecure: None,
         };
         let settings = FeedSettings {
@@ -155,19 +159,24 @@ impl Run {
         let feed = Feed::start(&settings, facts, follower.clone(), move || pictures).expect("a feed");
         let ordered: Arc<Mutex<Vec<Command>>> = Arc::default();
         let record = Arc::clone(&ordered);
+        let clients: Arc<Mutex<Vec<WeakClient>>> = Arc::default();
+        let heard_from = Arc::clone(&clients);
         tokio::spawn(async move {
-            while let Some(Order { command, reply }) = orders.recv().await {
+            while let Some(Order { command, client, reply }) = orders.recv().await {
                 let answer = match &command {
                     Command::Remove(99) => Err(Refusal::World(sim::CommandError::NoSuchBody(99))),
                     Command::Spawn(_) => Ok(Outcome::Spawned(12)),
+                    Command::Remove(_) => Ok(Outcome::Revocable(Box::new(Command::Step(7)))),
                     _ => Ok(Outcome::Applied),
                 };
                 record.lock().expect("whole").push(command);
+                heard_from.lock().expect("whole").push(client.downgrade());
+                drop(client);
                 // The client may have disconnected.
                 let _ = reply.send(answer);
             }
         });
-        Run { feed, studio, ordered, world, scene, status, follower, step: AtomicU64::new(0) }
+        Run { feed, studio, ordered, clients, world, scene, status, follower, step: AtomicU64::new(0) }
     }
 
     pub fn publish_scene(&self) {
