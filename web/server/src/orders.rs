@@ -15,7 +15,8 @@ const MAX_ORDERS: usize = 64;
 /// What a command took away can be brought back for so long: later it would surprise those who have gone on.
 const UNDO_WITHIN: Duration = Duration::from_secs(30);
 
-type Order = BoxFuture<'static, (u64, Result<Outcome, Refusal>)>;
+/// The command's number, what it undoes, and what became of it.
+type Order = BoxFuture<'static, (u64, Option<Revocable>, Result<Outcome, Refusal>)>;
 
 /// The client's connection to the run. What it holds is released once this and all its orders are dropped.
 pub(crate) struct Orders {
@@ -31,6 +32,8 @@ pub(crate) struct Orders {
 struct Revocable {
     id: u64,
     done_at: Instant,
+    /// The world that it left: in another one nothing is brought back.
+    generation: Option<u32>,
     /// What brings it back.
     command: Command,
 }
@@ -49,34 +52,47 @@ impl Orders {
         if self.waiting.len() >= MAX_ORDERS {
             return refused(&format!("{MAX_ORDERS} commands wait, expected fewer"));
         }
-        let command = match command {
-            Ok(Ask::Run(command)) => command,
+        let (command, undone) = match command {
+            Ok(Ask::Run(command)) => (command, None),
             Ok(Ask::Undo { of }) => match self.take_revocable(of) {
-                Some(command) => command,
+                Some(last) => (last.command.clone(), Some(last)),
                 None => return refused(&format!("command {of} cannot be undone, or not any more")),
             },
             Err(why) => return refused(&why.to_string()),
         };
         let follower = self.follower.clone();
-        self.waiting.push_back(Box::pin(async move { (id, follower.order(command).await) }));
+        self.waiting.push_back(Box::pin(async move { (id, undone, follower.order(command).await) }));
         None
     }
 
-    fn take_revocable(&mut self, id: u64) -> Option<Command> {
-        let is_of = |last: &mut Revocable| last.id == id && last.done_at.elapsed() <= UNDO_WITHIN;
-        self.revocable.take_if(is_of).map(|last| last.command)
+    /// What the client's command of that number took away. What is too old, or of another world, is dropped.
+    fn take_revocable(&mut self, id: u64) -> Option<Revocable> {
+        let generation = self.generation();
+        self.revocable.take_if(|last| last.done_at.elapsed() > UNDO_WITHIN || last.generation != generation);
+        self.revocable.take_if(|last| last.id == id)
+    }
+
+    fn generation(&self) -> Option<u32> {
+        self.follower.scene.borrow().as_ref().map(|scene| scene.generation)
     }
 
     /// The next answer; pending for ever if no command waits.
     pub async fn answered(&mut self) -> String {
-        let Some((id, answer)) = self.waiting.next().await else { return std::future::pending().await };
+        let Some((id, undone, answer)) = self.waiting.next().await else {
+            return std::future::pending().await;
+        };
         let outcome = match answer {
             Ok(outcome) => outcome,
-            Err(why) => return text::refused(Some(id), &why.to_string()),
+            Err(why) => {
+                // It may be asked for again.
+                self.revocable = self.revocable.take().or(undone);
+                return text::refused(Some(id), &why.to_string());
+            }
         };
         let answer = text::done(id, &outcome);
         if let Outcome::Revocable(command) = outcome {
-            self.revocable = Some(Revocable { id, done_at: Instant::now(), command: *command });
+            let generation = self.generation();
+            self.revocable = Some(Revocable { id, done_at: Instant::now(), generation, command: *command });
         }
         answer
     }

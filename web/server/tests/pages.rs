@@ -234,6 +234,25 @@ async fn what_a_page_has_taken_away_it_can_bring_back_once() {
 }
 
 #[tokio::test]
+async fn an_undo_that_is_refused_may_be_asked_for_again_until_another_world_begins() {
+    let run = Run::start();
+    run.publish_scene_of(1);
+    let mut page = run.controller().await;
+    page.say(json!({"op": "command", "id": 1, "command": "remove", "body": 98})).await;
+    page.hear_op("done").await;
+    let mut refused = async |id: u64| {
+        page.say(json!({"op": "command", "id": id, "command": "undo", "of": 1})).await;
+        page.hear_op("refused").await["why"].as_str().expect("a reason").to_owned()
+    };
+    for id in [2, 3] {
+        let why = refused(id).await;
+        assert!(why.contains("99"), "the run refused it: {why}");
+    }
+    run.publish_scene_of(2);
+    assert_eq!(refused(4).await, "command 1 cannot be undone, or not any more");
+}
+
+#[tokio::test]
 async fn a_message_that_is_none_closes_the_page_with_one_line_and_nothing_else() {
     let run = Run::start();
     let mut good = run.viewer().await;

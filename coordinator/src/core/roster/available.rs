@@ -17,7 +17,7 @@ pub enum HullUnavailable {
     /// Without the nodes that are not there, too few cameras are left.
     #[error("{shortage}: {missing}")]
     TooFewLeft {
-        /// How many are.
+        /// How many cameras are left, and needed.
         shortage: Shortage,
         /// The first node that is not there.
         missing: Missing,
@@ -54,7 +54,7 @@ pub enum HullUnavailable {
     /// Too few cameras have begun to film.
     #[error("{shortage}: no frame has come from {}", missing.join(", "))]
     NotBegun {
-        /// How many have.
+        /// How many cameras have begun, and are needed.
         shortage: Shortage,
         /// The names of the others.
         missing: Vec<String>,

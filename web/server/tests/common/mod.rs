@@ -166,6 +166,8 @@ impl Run {
                 let answer = match &command {
                     Command::Remove(99) => Err(Refusal::World(sim::CommandError::NoSuchBody(99))),
                     Command::Spawn(_) => Ok(Outcome::Spawned(12)),
+                    // What brings it back is refused.
+                    Command::Remove(98) => Ok(Outcome::Revocable(Box::new(Command::Remove(99)))),
                     Command::Remove(_) => Ok(Outcome::Revocable(Box::new(Command::Step(7)))),
                     _ => Ok(Outcome::Applied),
                 };
@@ -180,6 +182,11 @@ impl Run {
     }
 
     pub fn publish_scene(&self) {
+        self.publish_scene_of(1);
+    }
+
+    /// The scene of a world, which counts worlds.
+    pub fn publish_scene_of(&self, generation: u32) {
         let look = BodyLook {
             id: 7,
             name: "ball".into(),
@@ -189,7 +196,7 @@ impl Run {
         };
         let parameters = Parameters { answers_hull: Some(true), ..Parameters::default() };
         let scene = SceneState {
-            generation: 1,
+            generation,
             version: 3,
             scene: "by hand".into(),
             bodies: vec![look],
