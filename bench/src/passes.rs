@@ -63,7 +63,13 @@ impl Asked for ContactBody {
 
     fn asked<'a>(&self, reaches: &'a Reaches) -> AskedBody<'a> {
         let ContactBody { probes, around, faces } = self;
-        AskedBody { points: probes.clone(), around: around.clone(), faces: faces.clone(), reaches }
+        AskedBody {
+            points: probes.clone(),
+            around: around.clone(),
+            faces: faces.clone(),
+            back_m: None,
+            reaches,
+        }
     }
 
     fn point_count(&self) -> usize {

@@ -18,6 +18,7 @@ mod seeded;
 pub mod solid;
 mod solver;
 pub mod summary;
+mod support;
 pub mod trajectory;
 pub mod world;
 

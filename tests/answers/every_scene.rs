@@ -32,7 +32,7 @@ const SCENES: [(&str, f64, u64); 9] = [
     ("crowd", 2.5, 40),
 ];
 const SIZE: (u32, u32) = (240, 180);
-const CAMERAS: usize = 5;
+const CAMERAS: usize = 6;
 
 /// Runs the program; returns its figures.
 fn figures(json: &Path, arguments: &[&str]) -> Value {

@@ -146,7 +146,8 @@ mod tests {
             let since_s = (film_s - 2.0).max(0.0);
             let (s, c) = libm::sincos(0.5 * (leans_deg_s * since_s).to_radians());
             let pose = Pose::new([0.0, 1.0 - sinks_m_s * since_s, 0.0], [s, 0.0, 0.0, c]).expect("a pose");
-            let body = BodyAt { pose, speed_m_s: 0.0, spin_rad_s: 0.0, sleeps: false, depth_m: 0.0 };
+            let still = Vector3::zeros();
+            let body = BodyAt { pose, velocity_m_s: still, spin_rad_s: 0.0, sleeps: false, depth_m: 0.0 };
             TrackStep { film_s, bodies: vec![body] }
         };
         Track {

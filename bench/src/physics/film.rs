@@ -24,7 +24,7 @@ pub struct StageFilm {
     pub stage: StageSettings,
     /// The cameras, in rig order.
     pub observers: Vec<Arc<Observer>>,
-    drawn: Mutex<BTreeMap<u64, Vec<Silhouette>>>,
+    drawn: Mutex<BTreeMap<u64, Vec<CameraFrame>>>,
 }
 
 impl StageFilm {
@@ -53,17 +53,18 @@ impl StageFilm {
         begin + (frame - begin) % period.round() as u64
     }
 
-    fn silhouettes(&self, frame: u64) -> Outcome<Vec<Silhouette>> {
+    fn cameras(&self, frame: u64) -> Outcome<Vec<CameraFrame>> {
         let frame = self.first_like(frame);
         if let Some(known) = self.drawn.lock().get(&frame) {
             return Ok(known.clone());
         }
         let time_s = self.stage.time_s(frame);
         let look = |index: usize| {
-            let silhouette = true_silhouette(&self.stage, self.observers[index].camera(), time_s);
-            Ok(Some(silhouette.map_err(Failure::run)?))
+            let observer = &self.observers[index];
+            let silhouette = true_silhouette(&self.stage, observer.camera(), time_s).map_err(Failure::run)?;
+            Ok(Some(CameraFrame::new(observer, silhouette, 0.0)))
         };
-        let seen: Vec<Silhouette> = each(self.observers.len(), look)?.into_iter().flatten().collect();
+        let seen: Vec<CameraFrame> = each(self.observers.len(), look)?.into_iter().flatten().collect();
         self.drawn.lock().insert(frame, seen.clone());
         Ok(seen)
     }
@@ -96,17 +97,18 @@ impl Showing {
     fn draw(&self, frame: u64) -> Outcome {
         let time_s = self.film.stage.time_s(frame);
         let stamp = Stamp { number: frame, capture_time_s: time_s, captured_unix_s: time_s };
-        let silhouettes = self.film.silhouettes(frame)?;
-        for (index, (observer, silhouette)) in self.film.observers.iter().zip(silhouettes).enumerate() {
-            let silhouette = if self.flicker > 0.0 {
-                let size = (silhouette.width(), silhouette.height());
+        let cameras = self.film.cameras(frame)?;
+        for (index, (observer, seen)) in self.film.observers.iter().zip(cameras).enumerate() {
+            let seen = if self.flicker > 0.0 {
+                let size = (seen.silhouette.width(), seen.silhouette.height());
                 let mut random = Random::new((self.seed << 40) ^ (frame << 16) ^ index as u64);
-                let mask = flickering(&silhouette, self.flicker, &mut random);
-                Silhouette::from_mask(size.0, size.1, &mask).map_err(Failure::run)?
+                let mask = flickering(&seen.silhouette, self.flicker, &mut random);
+                let silhouette = Silhouette::from_mask(size.0, size.1, &mask).map_err(Failure::run)?;
+                CameraFrame::new(observer, silhouette, 0.0)
             } else {
-                silhouette
+                seen
             };
-            self.ring.offer(index, stamp, CameraFrame::new(observer, silhouette, 0.0));
+            self.ring.offer(index, stamp, seen);
         }
         Ok(())
     }
@@ -211,7 +213,10 @@ mod tests {
         let stage = StageSettings { motion: Motion::Idle, ..StageSettings::default() };
         let film = StageFilm::new(stage, 2, (64, 48)).expect("a film");
         assert_eq!((film.first_like(3), film.first_like(30), film.first_like(150)), (3, 30, 30));
-        assert_eq!(film.silhouettes(40).expect("drawn"), film.silhouettes(160).expect("drawn"));
+        let silhouettes = |frame: u64| -> Vec<Arc<Silhouette>> {
+            film.cameras(frame).expect("drawn").into_iter().map(|camera| camera.silhouette).collect()
+        };
+        assert_eq!(silhouettes(40), silhouettes(160));
         assert_eq!(film.drawn.lock().len(), 1);
     }
 }

@@ -246,7 +246,7 @@ fn punch(track: &Track) -> Vec<Metric> {
     let start_m = track.steps.first().map_or(f64::NAN, along);
     let ways_m = || track.steps.iter().map(|step| along(step) - start_m);
     let gone = track.steps.iter().zip(ways_m()).find(|(_, way_m)| *way_m > STRUCK_M);
-    let speed_m_s = gone.map_or(0.0, |(step, _)| step.bodies[0].speed_m_s);
+    let speed_m_s = gone.map_or(0.0, |(step, _)| step.bodies[0].speed_m_s());
     vec![
         metric("knocked away at, m/s", speed_m_s, Some(Limit::Within(2.0, 4.5))),
         metric("thrown back, mm", -1e3 * ways_m().fold(0.0, f64::min), Some(Limit::Most(20.0))),
@@ -260,7 +260,7 @@ const GRAVITY_M_S2: f64 = 9.81;
 /// The energy of a cube as the height that it could rise to, metres.
 fn energy_m(body: &BodyAt) -> f64 {
     let turning = DROPPED_M * DROPPED_M / 6.0 * body.spin_rad_s * body.spin_rad_s;
-    body.place().y + (body.speed_m_s * body.speed_m_s + turning) / (2.0 * GRAVITY_M_S2)
+    body.place().y + (body.velocity_m_s.norm_squared() + turning) / (2.0 * GRAVITY_M_S2)
 }
 
 /// The most that any of these bodies has over its least so far, as height, metres, over the table and below it.
@@ -308,7 +308,7 @@ fn squeeze(track: &Track) -> Vec<Metric> {
     };
     let fastest = |steps: &[TrackStep]| {
         let bodies = steps.iter().flat_map(|step| &step.bodies);
-        bodies.map(|body| body.speed_m_s).fold(0.0, f64::max)
+        bodies.map(BodyAt::speed_m_s).fold(0.0, f64::max)
     };
     let risen_mm = height_mm(HELD_S) - height_mm(SETTLED_S);
     let end_mm = track.steps.last().map_or(f64::NAN, |step| height_mm(step.film_s)) - height_mm(SETTLED_S);

@@ -1,5 +1,6 @@
 //! `hulltouch-bench physics`: whether bodies behave as a physicist expects.
 
+mod blows;
 mod falls;
 mod film;
 mod judge;
@@ -20,6 +21,7 @@ use setup::{ClusterFile, SceneChoice};
 use sim::{Scene, StageHint};
 use stage::{Motion, Prop, StageSettings};
 
+use self::blows::Blow;
 use self::falls::{Reference, is_compared};
 use self::film::{FINEST, StageFilm};
 use self::judge::{Conditions, judge, judge_any, seconds_of};
@@ -50,9 +52,12 @@ use super::table::{Machine, Table, write_json};
     those of the references that are asked for too, and ends with the spread of the reference's own ends \
     when its bodies start a millimetre elsewhere.\n\n\
     The scene `normals` has no bodies: it compares the normals of the hull's surface, by disc and by \
-    square, with those at 7680x4320 on a person, and with exact ones on a table.")]
+    square, with those at 7680x4320 on a person, and with exact ones on a table.\n\n\
+    In `strike` a fist and a forearm meet balls at rest, 50 of each speed; in `throw` 200 balls fly at an arm; in \
+    `shove` a person glides into a box, in eight phases of a film frame; in `bounce` balls jump a thousand times on a \
+    table. `solids` says what true solids do.")]
 pub struct PhysicsBenchArguments {
-    /// The scenes, and `normals`.
+    /// The scenes, `normals`, and `strike`, `throw`, `shove` and `bounce`.
     #[arg(
         long,
         value_name = "NAME,…",
@@ -140,12 +145,17 @@ enum Experiment {
     Recording(Scene, Film),
     /// How the hull's normals are off.
     Normals,
+    /// Bodies that meet what moves.
+    Blow(Blow),
 }
 
 impl Experiment {
     fn named(name: &str) -> Outcome<Experiment> {
         if name == NORMALS {
             return Ok(Experiment::Normals);
+        }
+        if let Some(blow) = Blow::ALL.into_iter().find(|blow| blow.name() == name) {
+            return Ok(Experiment::Blow(blow));
         }
         let scene = Scene::named(name);
         scene.map(Experiment::Studio).map_err(|error| Failure::input(format_args!("--scene: {error}")))
@@ -158,6 +168,7 @@ impl Experiment {
     ) -> Outcome {
         match self {
             Experiment::Normals => normals::measure(&arguments.size, arguments.cameras, keep),
+            Experiment::Blow(blow) => blow.measure(arguments, keep),
             Experiment::Studio(scene) => in_studio(scene, arguments, keep),
             Experiment::Recording(scene, film) => {
                 for &response in arguments.response.iter().filter(|response| response.is_of_recordings()) {
@@ -252,7 +263,7 @@ impl Kind<'_> {
     fn track(&self, arguments: &PhysicsBenchArguments, seed: u64, is_moved: bool) -> Outcome<Track> {
         let Kind { scene, response, .. } = *self;
         let seconds = arguments.seconds.unwrap_or_else(|| seconds_of(scene.name()));
-        Track::of(self.film, RunPlan { scene, response, seed, is_moved, seconds })
+        Track::of(self.film, RunPlan { scene, response, seed, is_moved, seconds, guests: &[], substeps: 1 })
     }
 
     fn row_kind(&self, seeds: u64) -> RowKind {
@@ -314,6 +325,9 @@ mod tests {
             assert!(matches!(Experiment::named(name), Ok(Experiment::Studio(_))), "{name}");
         }
         assert!(matches!(Experiment::named(NORMALS), Ok(Experiment::Normals)));
+        for blow in Blow::ALL {
+            assert!(matches!(Experiment::named(blow.name()), Ok(Experiment::Blow(found)) if found == blow));
+        }
         assert!(Experiment::named("nothing").is_err());
         let knees = include_str!("../../../deploy/uu_horseman_knees.scene.toml");
         assert_eq!(Scene::from_toml("knees", knees).expect("a scene").bodies(1).len(), 1);

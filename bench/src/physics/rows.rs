@@ -76,7 +76,7 @@ fn limit_text(limit: Limit) -> String {
 pub const TABLE: Columns<Row> = Columns {
     gap: "  ",
     columns: &[
-        words("scene", 17, |row| row.scene.clone()),
+        words("scene", 20, |row| row.scene.clone()),
         words("response", 11, |row| row.response.clone()),
         number("size", 9, |row| match (row.width, row.height) {
             (Some(width), Some(height)) => format!("{width}x{height}"),

@@ -10,7 +10,7 @@ use nalgebra::{Point3, Quaternion, UnitQuaternion, Vector3};
 use parking_lot::Mutex;
 use setup::cli::{Failure, Outcome};
 use setup::{ClusterFile, InProcess};
-use sim::{Body, BodyId, BodyResponse, Scene, World, WorldSettings};
+use sim::{Body, BodyId, BodyResponse, BodySpec, Scene, World, WorldSettings};
 use stage::{StageSettings, Truth};
 
 use super::film::{Showing, StageFilm};
@@ -38,6 +38,10 @@ pub struct RunPlan<'a> {
     pub is_moved: bool,
     /// How much film.
     pub seconds: f64,
+    /// Bodies beside the scene's.
+    pub guests: &'a [BodySpec],
+    /// On true solids each step is made of so many: what is fast passes through what is thin.
+    pub substeps: u32,
 }
 
 /// What the bodies of a run meet.
@@ -75,8 +79,8 @@ pub struct TrackStep {
 pub struct BodyAt {
     /// Where it is.
     pub pose: Pose,
-    /// How fast its middle moves, m/s; of one that sleeps nothing moves.
-    pub speed_m_s: f64,
+    /// How its origin moves, world, m/s; of one that sleeps nothing moves.
+    pub velocity_m_s: Vector3<f64>,
     /// How fast it turns, rad/s.
     pub spin_rad_s: f64,
     /// Whether it lies still to the bit.
@@ -87,14 +91,18 @@ pub struct BodyAt {
 
 impl BodyAt {
     fn of(body: &Body, depth_m: f64) -> BodyAt {
-        let speed_m_s = Vector3::from(body.velocity_m_s).norm();
         BodyAt {
             pose: body.pose,
-            speed_m_s,
+            velocity_m_s: body.velocity_m_s.into(),
             spin_rad_s: Vector3::from(body.spin_rad_s).norm(),
-            sleeps: speed_m_s == 0.0 && body.spin_rad_s == [0.0; 3],
+            sleeps: body.velocity_m_s == [0.0; 3] && body.spin_rad_s == [0.0; 3],
             depth_m,
         }
+    }
+
+    /// How fast its origin moves, m/s.
+    pub fn speed_m_s(&self) -> f64 {
+        self.velocity_m_s.norm()
     }
 
     /// Its middle, world, metres.
@@ -173,7 +181,7 @@ impl Track {
         (probes, fps, observers): (ProbeSettings, f64, Vec<Arc<Observer>>),
         plan: RunPlan<'_>,
     ) -> Outcome<Track> {
-        let world = plan.world()?;
+        let world = plan.world(1)?;
         let (names, reaches_m) = (names(&world), reaches_m(&world));
         let steps = Arc::new(Mutex::new(Vec::new()));
         let run = RunSettings {
@@ -209,16 +217,24 @@ impl Track {
 
     /// No hull is asked: the bodies stand on the studio's solids.
     fn over_solids(stage: &StageSettings, plan: RunPlan<'_>) -> Outcome<Track> {
-        let mut world = plan.world()?;
+        let mut world = plan.world(plan.substeps)?;
         let (names, reaches_m) = (names(&world), reaches_m(&world));
         let untouched = vec![BodyResponse::UNTOUCHED; world.moving_bodies().len()];
         let (mut solids, mut steps) = (TrueSolids::default(), Vec::new());
         while world.next_time_s() <= plan.seconds + 1e-9 {
             let film_s = world.next_time_s();
             world.set_true_solids(&solids.at(stage, film_s)?).map_err(Failure::run)?;
-            let truth = Truth::new(stage, film_s);
-            let depths_m: Vec<f64> = world.moving_bodies().map(|body| depth_m(body, &truth)).collect();
+            let is_kept = (world.steps() + 1).is_multiple_of(u64::from(plan.substeps));
+            let depths_m: Vec<f64> = if is_kept {
+                let truth = Truth::new(stage, film_s);
+                world.moving_bodies().map(|body| depth_m(body, &truth)).collect()
+            } else {
+                Vec::new()
+            };
             world.step(&untouched).map_err(Failure::run)?;
+            if !is_kept {
+                continue;
+            }
             let bodies = world.moving_bodies().zip(depths_m);
             steps.push(TrackStep {
                 film_s,
@@ -246,11 +262,12 @@ impl Track {
 }
 
 impl RunPlan<'_> {
-    /// The scene's bodies as they start.
-    fn world(&self) -> Outcome<World> {
-        let RunPlan { scene, response, seed, is_moved, .. } = *self;
+    /// The scene's bodies as they start, in a world that makes so many steps of each.
+    fn world(&self, substeps: u32) -> Outcome<World> {
+        let RunPlan { scene, response, seed, is_moved, guests, .. } = *self;
         let (hull_time, response) = (response.hull_time(), response.mode());
-        let settings = WorldSettings { seed, response, hull_time, ..WorldSettings::default() };
+        let dt_s = WorldSettings::default().dt_s / f64::from(substeps);
+        let settings = WorldSettings { dt_s, seed, response, hull_time, ..WorldSettings::default() };
         let mut world = World::new(scene, settings.on(scene.hull())).map_err(Failure::input)?;
         if scene.name() == DROPS {
             // One a run: another that strikes it would give it energy.
@@ -271,6 +288,10 @@ impl RunPlan<'_> {
                 let prepared = world.prepare(spec).map_err(Failure::run)?;
                 world.spawn(prepared).map_err(Failure::run)?;
             }
+        }
+        for guest in guests {
+            let prepared = world.prepare(guest.clone()).map_err(Failure::run)?;
+            world.spawn(prepared).map_err(Failure::run)?;
         }
         Ok(world)
     }

@@ -57,6 +57,7 @@ fn ask_in(sets: &[ViewSet], face: Option<Vector3<f64>>, two_phases: bool) -> Bod
         points: body(&[[0.2, 0.1, 0.0]]),
         around: Some(body(&AROUND)),
         faces: face.map(|_| Arc::new(faces)),
+        back_m: None,
         reaches: &Reaches::default(),
     };
     result(sets, asked, two_phases)
@@ -147,6 +148,34 @@ fn a_sample_that_no_surface_faces_takes_the_one_at_the_end_of_its_way_out() {
 }
 
 #[test]
+fn a_body_that_came_in_fast_meets_the_surface_that_it_came_through() {
+    let views = views(0);
+    // The nearest surface is that to the right; it came from above, or from farther away than is looked for.
+    let samples = [[0.2, 0.1, 0.0], [0.9, 0.0, 0.0]];
+    let feelers = samples.map(|[x, y, z]: [f32; 3]| [x, y - 0.08, z]);
+    let points = body(&[samples, feelers].concat());
+    let mut faces = FaceNormals::default();
+    samples.iter().for_each(|_| faces.push([-Vector3::x()]));
+    let faces = Some(Arc::new(faces));
+    for (sets, two_phases) in
+        [(vec![views.clone()], false), (each_alone(&views), false), (each_alone(&views), true)]
+    {
+        let found = |back_m: Option<[f32; 3]>| {
+            let reaches = Reaches::default();
+            let asked =
+                AskedBody { faces: faces.clone(), back_m, ..AskedBody::plain(points.clone(), &reaches) };
+            result(&sets, asked, two_phases).samples
+        };
+        assert!(normal(&found(None)[0]).x > 0.95);
+        let from_above = found(Some([0.0, 0.3, 0.0]));
+        assert_eq!(from_above.len(), 1, "no feeler is asked about: {from_above:?}");
+        assert!(normal(&from_above[0]).y > 0.95, "{from_above:?}");
+        let from_far = found(Some([0.0, 0.1, 0.0]));
+        assert!(from_far[0].plane.is_none(), "{from_far:?}");
+    }
+}
+
+#[test]
 fn a_feeler_is_asked_for_its_plane_where_its_sample_is_outside() {
     let views = views(0);
     // Within, outside with its feeler within, both outside, within; their feelers lie towards the cube.
@@ -163,6 +192,7 @@ fn a_feeler_is_asked_for_its_plane_where_its_sample_is_outside() {
             points: points.clone(),
             around: None,
             faces: faces.clone(),
+            back_m: None,
             reaches: &Reaches::default(),
         };
         let found = result(&sets, asked, two_phases);

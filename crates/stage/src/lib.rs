@@ -34,7 +34,7 @@ mod tests;
 
 pub use camera_stage::{CameraStage, true_silhouette};
 pub use convex::{ConvexForm, ConvexSolid};
-pub use motion::{LIFT_RISE_S, LIFT_TILT_S, Motion, NEUTRAL_S, UnknownMotion};
+pub use motion::{LIFT_RISE_S, LIFT_TILT_S, Motion, NEUTRAL_S, Speed, UnknownMotion};
 pub use noise::NOISE_SIGMA;
 pub use props::{Prop, UnknownProp};
 pub use rig::{AIM_M, FIELD_OF_VIEW_RAD, RIG_RADIUS_M, studio_rig};

@@ -93,4 +93,22 @@ impl Truth {
         }
         least
     }
+
+    /// Whether the ray from an eye through a point, and on beyond it, meets person or props, but for a tenth of a
+    /// millimetre: then a camera there sees foreground at the point, however fine its image.
+    pub fn meets_ray(&self, eye_world: &Point3<f64>, through_world: &Point3<f64>) -> bool {
+        const GRAZES_M: f64 = 1e-4;
+        /// Nothing in the studio is farther from any of its cameras.
+        const FARTHEST_M: f64 = 12.0;
+        let Some(ray) = (through_world - eye_world).try_normalize(0.0) else { return false };
+        let mut along_m = 0.0;
+        while along_m < FARTHEST_M {
+            let distance_m = self.signed_distance_m(&(eye_world + ray * along_m));
+            if distance_m < GRAZES_M {
+                return true;
+            }
+            along_m += distance_m;
+        }
+        false
+    }
 }

@@ -1,5 +1,6 @@
 //! The rigid-body solver. No other file knows rapier's worlds, and none of its types leave the crate.
 
+mod arrival;
 mod hold;
 mod patches;
 mod true_solids;
@@ -12,6 +13,7 @@ use rapier3d::prelude::{
     RigidBodyHandle, Rotation, SharedShape, Vector,
 };
 
+use arrival::Arrival;
 use hold::Hold;
 use patches::{BodyPatches, Dispatcher, OwnBody, groups_of_bodies};
 
@@ -35,6 +37,12 @@ pub(crate) struct Solver {
     holds: Vec<Hold>,
     /// Of each body.
     patches: Vec<BodyPatches>,
+    /// The solid of each body that touches between its samples.
+    rounds: Vec<Option<Solid>>,
+    /// No surface point of a body is farther from a sample, metres.
+    covering_radius_m: f64,
+    /// Bodies that came into surfaces in the step before the next.
+    arrivals: Vec<Arrival>,
     /// Bodies so far: each has a mark of its own, which its patches carry too.
     marks: u128,
 }
@@ -58,9 +66,14 @@ impl State {
 }
 
 impl Solver {
-    /// A solver with the scene's gravity and floor, and the bodies in order. The error is the index of
-    /// a body whose geometry rapier does not take.
-    pub(crate) fn new(scene: &Scene, specs: &[BodySpec], dt_s: f64) -> Result<Solver, usize> {
+    /// A solver with the scene's gravity and floor, and the bodies in order, whose samples cover their surfaces so
+    /// densely, metres. The error is the index of a body whose geometry rapier does not take.
+    pub(crate) fn new(
+        scene: &Scene,
+        specs: &[BodySpec],
+        dt_s: f64,
+        covering_radius_m: f64,
+    ) -> Result<Solver, usize> {
         let mut physics = PhysicsWorld { gravity: vector(scene.gravity_m_s2()), ..PhysicsWorld::default() };
         let parameters = &mut physics.integration_parameters;
         parameters.dt = dt_s as f32;
@@ -77,7 +90,16 @@ impl Solver {
                 .restitution(floor.restitution as f32);
             physics.insert_collider(ground, None);
         }
-        let mut solver = Solver { physics, handles: vec![], holds: vec![], patches: vec![], marks: 0 };
+        let mut solver = Solver {
+            physics,
+            handles: vec![],
+            holds: vec![],
+            patches: vec![],
+            rounds: vec![],
+            covering_radius_m,
+            arrivals: vec![],
+            marks: 0,
+        };
         for (index, spec) in specs.iter().enumerate() {
             solver.add(spec).ok_or(index)?;
         }
@@ -90,6 +112,7 @@ impl Solver {
         let collider = collider(spec)?.collision_groups(groups_of_bodies()).user_data(self.marks);
         self.handles.push(self.physics.insert(body(spec), collider).0);
         self.patches.push(BodyPatches::default());
+        self.rounds.push(spec.solid.rolls().then(|| spec.solid.clone()));
         Some(())
     }
 
@@ -97,6 +120,7 @@ impl Solver {
     pub(crate) fn remove(&mut self, index: usize) {
         self.let_go(index);
         self.remove_patches(index);
+        self.rounds.remove(index);
         self.physics.remove_body(self.handles.remove(index));
     }
 
@@ -128,6 +152,7 @@ impl Solver {
     pub(crate) fn step(&mut self) {
         self.pull();
         self.physics.step_with_events(&OwnBody, &());
+        self.catch_up();
         let switched_off: Vec<_> = self.physics.quarantine().bodies().to_vec();
         for handle in switched_off {
             self.physics.bodies[handle].set_enabled(true);
@@ -180,6 +205,9 @@ impl Solver {
             handles: self.handles.clone(),
             holds: self.holds.clone(),
             patches: self.patches.clone(),
+            rounds: self.rounds.clone(),
+            covering_radius_m: self.covering_radius_m,
+            arrivals: self.arrivals.clone(),
             marks: self.marks,
         }
     }

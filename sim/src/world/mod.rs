@@ -119,7 +119,7 @@ impl World {
     ) -> Result<World, WorldError> {
         settings.check()?;
         check_pairs(specs.iter())?;
-        let solver = Solver::new(scene, specs, settings.dt_s)
+        let solver = Solver::new(scene, specs, settings.dt_s, settings.covering_radius_m)
             .map_err(|index| WorldError::Solid { body: specs[index].name.clone() })?;
         Ok(World {
             scene: scene.clone(),

@@ -14,6 +14,7 @@ use film_time::FrameReport;
 use hull::faces::FaceNormals;
 use hull::pass::{AskedBody, Pass};
 use hull::question::Points;
+use hull::surface::PoseToAsk;
 use hull::{Observer, Pose, ProbeSettings, Shape};
 
 use answers::{Answers, PoseQuery};
@@ -89,7 +90,12 @@ impl HullQuery {
     }
 
     /// Begins a step that sees `frame`, of which the nodes reported, with the moving bodies at these poses.
-    pub fn begin_step(&mut self, frame: u64, reports: &[&FrameReport], poses: impl Iterator<Item = Pose>) {
+    pub fn begin_step(
+        &mut self,
+        frame: u64,
+        reports: &[&FrameReport],
+        poses: impl Iterator<Item = PoseToAsk>,
+    ) {
         if self.bounds_frame != Some(frame) {
             self.bounds = HullBounds::of(reports, &self.observers, self.settings.rule());
             self.bounds_frame = Some(frame);
@@ -135,13 +141,15 @@ impl HullQuery {
         let HullQuery { bounds, answers, bodies, pass, asked, .. } = self;
         *asked = answers.questions(ahead, |shape, pose| bounds.may_meet(shape, pose));
         let body = |query: &PoseQuery| {
-            let points = |shape: &Arc<Shape>| Points::Body { shape: Arc::clone(shape), pose: query.pose };
+            let points =
+                |shape: &Arc<Shape>| Points::Body { shape: Arc::clone(shape), pose: query.asked.pose };
             let QueryBody { shape, around, faces } = &bodies[query.body];
             let around = around.as_ref().filter(|_| answers.knows_nothing_around(query));
             AskedBody {
                 points: points(shape),
                 around: around.map(points),
                 faces: faces.clone(),
+                back_m: query.asked.back_m,
                 reaches: answers.reaches(query.body),
             }
         };

@@ -1,10 +1,11 @@
 //! The hull's surface near each moving body of a world. Under `--response contacts` only.
 
-use hull::Pose;
+use std::collections::HashMap;
+
 use hull::contact::{BodyContacts, Eye};
 use hull::pass::BodyPlanes;
-use hull::surface::{BodySurface, FrameAge, HullTime, Sampled};
-use sim::Body;
+use hull::surface::{BodySurface, FrameAge, HullTime, PoseToAsk, Sampled};
+use sim::{Body, BodyId};
 
 /// The surfaces near the moving bodies of a world.
 #[derive(Clone, Debug, Default)]
@@ -13,19 +14,27 @@ pub struct Surfaces {
     hull_time: HullTime,
     /// Of the rig's cameras.
     eyes: Vec<Eye>,
+    ids: Vec<BodyId>,
     bodies: Vec<BodySurface>,
 }
 
 impl Surfaces {
     /// Surfaces of film of so many frames a second, seen by these cameras of a rig.
     pub fn of(fps: f64, hull_time: HullTime, eyes: Vec<Eye>) -> Surfaces {
-        Surfaces { fps, hull_time, eyes, bodies: Vec::new() }
+        Surfaces { fps, hull_time, eyes, ids: Vec::new(), bodies: Vec::new() }
     }
 
-    /// Other bodies: nothing is known of any.
-    pub fn set_bodies(&mut self, count: usize) {
+    /// Bodies have come or gone: what is known near the others stays.
+    pub fn set_bodies(&mut self, ids: Vec<BodyId>) {
+        let mut known: HashMap<BodyId, BodySurface> = self.ids.drain(..).zip(self.bodies.drain(..)).collect();
+        self.bodies.extend(ids.iter().map(|id| known.remove(id).unwrap_or_default()));
+        self.ids = ids;
+    }
+
+    /// Another world has begun: its bodies are others.
+    pub fn forget(&mut self) {
+        self.ids.clear();
         self.bodies.clear();
-        self.bodies.resize_with(count, BodySurface::default);
     }
 
     /// A step that ends at `film_s` and sees `frame`.
@@ -33,8 +42,8 @@ impl Surfaces {
         FrameAge::new(frame, self.fps, film_s, self.hull_time)
     }
 
-    /// The pose to ask about a body.
-    pub fn pose_to_ask(&mut self, index: usize, at: FrameAge, body: &Body) -> Pose {
+    /// What to ask about a body.
+    pub fn pose_to_ask(&mut self, index: usize, at: FrameAge, body: &Body) -> PoseToAsk {
         self.bodies[index].pose_to_ask(at, &body.pose, &body.probes)
     }
 
@@ -42,7 +51,13 @@ impl Surfaces {
     pub fn contacts(&mut self, index: usize, at: FrameAge, planes: &BodyPlanes, body: &Body) -> BodyContacts {
         // Under `contacts` every body has faces.
         let Some(faces) = &body.faces else { return BodyContacts::default() };
-        let sampled = Sampled { shape: &body.shape, around: body.around.as_deref(), pose: &body.pose, faces };
+        let sampled = Sampled {
+            shape: &body.shape,
+            around: body.around.as_deref(),
+            pose: &body.pose,
+            velocity_m_s: body.velocity_m_s.into(),
+            faces,
+        };
         self.bodies[index].contacts(at, planes, &sampled, &self.eyes)
     }
 }

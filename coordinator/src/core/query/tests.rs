@@ -29,7 +29,7 @@ fn query_of(reach_m: f32) -> HullQuery {
 
 /// One step; returns how many poses were asked about, and how many samples are inside.
 fn step(query: &mut HullQuery, frame: u64, pose: Pose, ahead: &[Vec<Pose>]) -> (usize, usize) {
-    query.begin_step(frame, &[&report(frame, Some(SEEN))], [pose].into_iter());
+    query.begin_step(frame, &[&report(frame, Some(SEEN))], [PoseToAsk::plain(pose)].into_iter());
     let mut asked = 0;
     if query.must_ask() {
         let ahead = if query.may_foresee() { ahead } else { &[] };
@@ -60,7 +60,7 @@ fn a_body_beyond_the_hulls_bounds_needs_no_question() {
 #[test]
 fn a_frame_without_a_person_needs_no_question() {
     let mut query = query();
-    query.begin_step(0, &[&report(0, None)], [at(0.0)].into_iter());
+    query.begin_step(0, &[&report(0, None)], [PoseToAsk::plain(at(0.0))].into_iter());
     assert!(!query.must_ask());
     assert_eq!(query.take().expect("known").results, [query.pass().clear_result()]);
 }
@@ -68,9 +68,9 @@ fn a_frame_without_a_person_needs_no_question() {
 #[test]
 fn bounds_are_those_of_the_frame() {
     let mut query = query();
-    query.begin_step(0, &[&report(0, None)], [at(0.0)].into_iter());
+    query.begin_step(0, &[&report(0, None)], [PoseToAsk::plain(at(0.0))].into_iter());
     assert!(!query.must_ask());
-    query.begin_step(1, &[&report(1, Some(SEEN))], [at(0.0)].into_iter());
+    query.begin_step(1, &[&report(1, Some(SEEN))], [PoseToAsk::plain(at(0.0))].into_iter());
     assert!(query.must_ask(), "a person has come");
 }
 
@@ -97,7 +97,7 @@ fn poses_of_later_steps_go_into_the_same_question() {
 fn where_bodies_are_touched_nothing_is_foreseen() {
     let mut query = query();
     step(&mut query, 0, at(0.0), &[]);
-    query.begin_step(1, &[&report(1, Some(SEEN))], [at(0.0)].into_iter());
+    query.begin_step(1, &[&report(1, Some(SEEN))], [PoseToAsk::plain(at(0.0))].into_iter());
     assert!(!query.may_foresee());
 }
 
@@ -113,7 +113,7 @@ fn other_bodies_are_asked_about_again() {
 #[test]
 fn while_an_answer_is_missing_there_are_none() {
     let mut query = query();
-    query.begin_step(0, &[&report(0, Some(SEEN))], [at(0.0)].into_iter());
+    query.begin_step(0, &[&report(0, Some(SEEN))], [PoseToAsk::plain(at(0.0))].into_iter());
     query.ask(&[]);
     assert_eq!(query.take(), None, "the pass failed");
 }

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use hull::collision::BodyCollision;
 use hull::contact::Eye;
 use hull::pass::{BodyResult, Pass, Round};
-use hull::surface::FrameAge;
+use hull::surface::{FrameAge, PoseToAsk};
 use hull::{Observer, Pose};
-use sim::{Body, ResponseMode, WorldSettings};
+use sim::{Body, BodyId, ResponseMode, WorldSettings};
 use thiserror::Error;
 
 use super::step::Step;
@@ -54,10 +54,15 @@ impl HullInUse {
         self.leave_out(roster);
     }
 
-    /// Other bodies: see [`HullQuery::set_bodies`].
-    pub fn set_bodies(&mut self, bodies: Vec<QueryBody>, reuse_within_m: f64) {
-        self.surfaces.set_bodies(bodies.len());
+    /// Other bodies: see [`HullQuery::set_bodies`] and [`Surfaces::set_bodies`].
+    pub fn set_bodies(&mut self, ids: Vec<BodyId>, bodies: Vec<QueryBody>, reuse_within_m: f64) {
+        self.surfaces.set_bodies(ids);
         self.query.set_bodies(bodies, reuse_within_m);
+    }
+
+    /// Another world has begun.
+    pub fn forget_surfaces(&mut self) {
+        self.surfaces.forget();
     }
 
     /// Asks nothing of the nodes that steps go on without.
@@ -120,10 +125,9 @@ impl Run {
         let by_contacts = self.is_by_contacts();
         let HullInUse { query, surfaces, .. } = &mut self.hull;
         let at = surfaces.frame_age(frame, step.film_s);
-        let poses =
-            self.world.moving_bodies().enumerate().map(|(index, body)| {
-                if by_contacts { surfaces.pose_to_ask(index, at, body) } else { body.pose }
-            });
+        let poses = self.world.moving_bodies().enumerate().map(|(index, body)| {
+            if by_contacts { surfaces.pose_to_ask(index, at, body) } else { PoseToAsk::plain(body.pose) }
+        });
         query.begin_step(frame, &reports, poses);
         Ok((frame, at))
     }

@@ -164,6 +164,7 @@ impl Run {
         self.settings.reuse_within_m = world.scene().hull().reuse_within_m;
         self.world = world;
         self.budget = StepBudget::default();
+        self.hull.forget_surfaces();
         self.bodies_changed();
     }
 
@@ -176,7 +177,8 @@ impl Run {
             around: body.around.clone(),
             faces: body.faces.clone(),
         });
-        self.hull.set_bodies(asked.collect(), self.settings.reuse_within_m);
+        let ids = bodies().map(|body| body.id).collect();
+        self.hull.set_bodies(ids, asked.collect(), self.settings.reuse_within_m);
     }
 }
 

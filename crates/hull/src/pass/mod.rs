@@ -67,6 +67,9 @@ pub struct AskedBody<'a> {
     /// Which way its faces look at its first samples; those that follow are feelers of these, of which only those are
     /// asked for planes whose sample is outside. Where no surface found faces any face, their ways out are asked for.
     pub faces: Option<Arc<FaceNormals>>,
+    /// The way back to where the body came into the hull, and no farther, world, metres. Its samples inside get the planes of the
+    /// surface that they came through, not the nearest.
+    pub back_m: Option<[f32; 3]>,
     /// How far its edges are worth searching at first, best as the pass before found them.
     pub reaches: &'a Reaches,
 }
@@ -74,7 +77,7 @@ pub struct AskedBody<'a> {
 impl<'a> AskedBody<'a> {
     /// A body of which nothing but its samples is asked about.
     pub fn plain(points: Points, reaches: &'a Reaches) -> AskedBody<'a> {
-        AskedBody { points, around: None, faces: None, reaches }
+        AskedBody { points, around: None, faces: None, back_m: None, reaches }
     }
 }
 
@@ -212,7 +215,7 @@ impl Pass {
             };
             self.add_body(body.points, body.reaches, is_near, false);
             if let Response::Contacts(contacts) = &mut self.response {
-                contacts.add(body.faces);
+                contacts.add(body.faces, body.back_m);
             }
         }
         self.asked_count = self.count;
@@ -283,7 +286,7 @@ impl Pass {
             return;
         }
         let mut contacts = contacts::Contacts::default();
-        (0..self.count).for_each(|_| contacts.add(None));
+        (0..self.count).for_each(|_| contacts.add(None, None));
         self.response = Response::Contacts(Box::new(contacts));
         self.restart_results();
     }

@@ -8,6 +8,7 @@
 //! slides. A step may as well take the surface between the frame and the one before ([`HullTime`]): it goes back from
 //! the newer by what it moved.
 
+mod entry;
 mod level;
 mod motion;
 mod still;
@@ -18,7 +19,7 @@ use crate::body::{Pose, Shape};
 use crate::contact::{BodyContacts, Eye, SurfaceContact, contacts, depth_m, normal};
 use crate::faces::FaceNormals;
 use crate::pass::{BodyPlanes, SamplePlane};
-use motion::{Estimate, Motion, Row};
+use motion::{Estimate, Motion, Place, Row};
 use still::Beliefs;
 
 /// Planes that were found for a pose hold while no sample moves farther against the surface, metres.
@@ -27,6 +28,10 @@ const HOLD_WITHIN_M: f64 = 0.004;
 const ELSE_WEIGHT: f64 = 0.01;
 /// A surface that moves slower than this stands still, m/s.
 const LEAST_SPEED_M_S: f64 = 0.002;
+/// What a plane says of its speed differs by so much at most from the motion of all that is near, m/s, and by such a share
+/// of how fast that is.
+const LEAST_OFF_M_S: f64 = 0.1;
+const MOST_OFF: f64 = 0.3;
 /// Hull and face meet if their normals are so nearly opposite: cosine of 60 degrees.
 const LEAST_OPPOSITE: f64 = 0.5;
 /// The hull's own normal stays if they are so nearly opposite that noise would switch it: cosine of 8 degrees.
@@ -95,8 +100,26 @@ pub struct Sampled<'a> {
     pub around: Option<&'a Shape>,
     /// Where it is now.
     pub pose: &'a Pose,
+    /// How it moves, world, m/s.
+    pub velocity_m_s: Vector3<f64>,
     /// Which way its faces look at the samples.
     pub faces: &'a FaceNormals,
+}
+
+/// What to ask about a body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PoseToAsk {
+    /// Where it is taken to be.
+    pub pose: Pose,
+    /// See [`AskedBody::back_m`](crate::pass::AskedBody::back_m).
+    pub back_m: Option<[f32; 3]>,
+}
+
+impl PoseToAsk {
+    /// For the surface nearest to it.
+    pub fn plain(pose: Pose) -> PoseToAsk {
+        PoseToAsk { pose, back_m: None }
+    }
 }
 
 impl Sampled<'_> {
@@ -110,8 +133,14 @@ impl Sampled<'_> {
 /// What is known of the surface near one body.
 #[derive(Clone, Debug, Default)]
 pub struct BodySurface {
-    /// What was asked last: the frame and the pose.
-    asked: Option<(u64, Pose)>,
+    /// What was asked last, and of which frame.
+    asked: Option<(u64, PoseToAsk)>,
+    /// The body came in fast: it is to be asked about once more, back to there, before it has contacts.
+    back_m: Option<[f32; 3]>,
+    /// Its contacts with the nearest surface, for the case that there is none on the way back.
+    nearest: Vec<SurfaceContact>,
+    /// It was to be asked about once more, and the next step sees another frame: it has waited long enough.
+    has_waited: bool,
     /// Whether what was asked has yet to be taken in.
     is_new: bool,
     /// No sample moved farther between what was asked last and before, metres.
@@ -123,23 +152,23 @@ pub struct BodySurface {
 }
 
 impl BodySurface {
-    /// The pose to ask about a body whose samples and feelers are `probes`: the one that was asked before, while
-    /// its planes hold.
-    pub fn pose_to_ask(&mut self, at: FrameAge, present: &Pose, probes: &Shape) -> Pose {
+    /// What to ask about a body whose samples and feelers are `probes`: what was asked before, while its planes hold.
+    pub fn pose_to_ask(&mut self, at: FrameAge, present: &Pose, probes: &Shape) -> PoseToAsk {
         let pose = self.against_surface(present, at);
-        match self.asked {
-            Some((frame, asked))
-                if frame == at.frame && probes.moved_at_most_m(&asked, &pose) <= HOLD_WITHIN_M =>
-            {
-                asked
-            }
-            _ => {
-                self.moved_m = self.asked.map_or(0.0, |(_, before)| probes.moved_at_most_m(&before, &pose));
-                self.asked = Some((at.frame, pose));
-                self.is_new = true;
-                pose
-            }
-        }
+        let back_m = self.back_m.take();
+        let of_frame = self.asked.filter(|(frame, _)| *frame == at.frame).map(|(_, asked)| asked);
+        self.has_waited = back_m.is_some() && of_frame.is_none();
+        let asked = match of_frame {
+            // Where it was found in the hull: by now it may have gone through.
+            Some(asked) if back_m.is_some() => PoseToAsk { back_m, ..asked },
+            Some(asked) if probes.moved_at_most_m(&asked.pose, &pose) <= HOLD_WITHIN_M => return asked,
+            _ => PoseToAsk::plain(pose),
+        };
+        let before = self.asked.map(|(_, before)| before.pose);
+        self.moved_m = before.map_or(0.0, |before| probes.moved_at_most_m(&before, &pose));
+        self.asked = Some((at.frame, asked));
+        self.is_new = true;
+        asked
     }
 
     /// The contacts of a body with the planes found for its samples and feelers, and around it, where body and surface
@@ -173,16 +202,60 @@ impl BodySurface {
 
     /// Takes in what was asked about a body.
     fn look(&mut self, at: FrameAge, planes: &BodyPlanes, body: &Sampled<'_>, eyes: &[Eye]) {
-        let pose = self.against_surface(body.pose, at);
+        let back_m = self.asked.and_then(|(_, asked)| asked.back_m);
+        let pose = match self.asked {
+            // These planes are of where it was asked about.
+            Some((_, asked)) if back_m.is_some() => asked.pose,
+            _ => self.against_surface(body.pose, at),
+        };
         let place = body.place_at(&pose);
         let is_contact = |found: &SurfaceContact, depth_m: f64| found.is_near(depth_m, &pose, body.faces);
         let mut seen = contacts(planes, body.shape, &pose, body.faces, eyes);
+        if let Some(back_m) = back_m {
+            entry::keep_first(&mut seen, back_m);
+            if seen.is_empty() {
+                std::mem::swap(&mut seen, &mut self.nearest);
+            }
+        }
         seen.iter_mut().for_each(|contact| contact.speed_m_s = speed_m_s(contact, at.fps));
         let slides = self.tell_slides(at, planes, body, &pose, &mut seen, eyes);
+        if back_m.is_none() && self.came_fast(at, body, planes, &seen) {
+            return;
+        }
         self.beliefs.take(&seen, self.moved_m, slides, place, is_contact, eyes);
         // What comes fast is met where it is now, not where it would be had it stood still.
         let believed: Vec<SurfaceContact> = self.beliefs.contacts().copied().collect();
         self.velocity_m_s = if at.is_still { Vector3::zeros() } else { velocity_m_s(&believed) };
+    }
+
+    /// Whether a body that touched nothing before is to be asked about once more: a fast surface has reached it.
+    fn came_fast(
+        &mut self,
+        at: FrameAge,
+        body: &Sampled<'_>,
+        planes: &BodyPlanes,
+        seen: &[SurfaceContact],
+    ) -> bool {
+        let count = body.shape.samples_body().len();
+        let is_inside = planes.samples.first().is_some_and(|found| (found.sample as usize) < count);
+        if self.has_waited || !self.beliefs.is_empty() || !is_inside {
+            return false;
+        }
+        let moved_m = self.estimate.motion().map(|motion| motion.moved_m(&Vector3::zeros()));
+        let surface_m_s = match moved_m {
+            _ if at.is_still => Vector3::zeros(),
+            Some(moved_m) => moved_m * at.fps,
+            None => velocity_m_s(seen),
+        };
+        if surface_m_s.norm() <= entry::FAST_M_S {
+            // It is the body that is fast: by the next step it may be through.
+            return false;
+        }
+        self.back_m = entry::back_m(&(body.velocity_m_s - surface_m_s), at.fps);
+        if self.back_m.is_some() {
+            self.nearest = seen.to_vec();
+        }
+        self.back_m.is_some()
     }
 
     fn spin_rad_s(&self, fps: f64) -> [f32; 3] {
@@ -190,7 +263,7 @@ impl BodySurface {
         (turned_rad * fps).map(|part| part as f32).into()
     }
 
-    /// Says of the contacts how their surface moves along itself, and whether it does.
+    /// Says of the contacts how their surface moves, as far as the motion of all that is near tells, and whether it does.
     fn tell_slides(
         &mut self,
         at: FrameAge,
@@ -200,38 +273,61 @@ impl BodySurface {
         seen: &mut [SurfaceContact],
         eyes: &[Eye],
     ) -> bool {
-        if seen.is_empty() {
+        // What touched before goes on as it did.
+        let is_first = self.beliefs.is_empty();
+        if seen.is_empty() && (planes.samples.is_empty() || !is_first) {
             self.estimate = Estimate::default();
             return false;
         }
         let world_from_body = pose.world_from_body();
         let centre = Point3::from(pose.position_m());
-        let row = |camera: u16, normal: Vector3<f64>, moved_m: Option<f32>, at_world: Point3<f64>| {
+        let found = |camera: u16, normal: Vector3<f64>, moved_m: Option<f32>, at_world: Point3<f64>| {
             let depth_m = depth_m(camera, &normal, &at_world, eyes)?;
             let pixel_m = eyes.get(usize::from(camera))?.pixel_m(&at_world);
             let lever = at_world + normal * depth_m - centre;
-            Some(Row { normal, lever, moved_m: f64::from(moved_m?), pixel_m })
+            Some((Place { normal, lever }, moved_m, pixel_m))
+        };
+        let told = |(place, moved_m, pixel_m): (Place, Option<f32>, f64)| {
+            Some(Row { place, moved_m: f64::from(moved_m?), pixel_m })
         };
         let place = |shape: &Shape, sample: u32| world_from_body(shape.samples_body()[sample as usize]);
+        let near = |shape: &Shape, of: &SamplePlane| {
+            let plane = of.plane?;
+            found(plane.camera, normal(&plane.normal_world), plane.moved_m, place(shape, of.sample))
+        };
         let own = seen.iter().filter_map(|contact| {
             let at_world = place(body.shape, contact.sample);
-            row(contact.camera, contact.normal(), contact.moved_m, at_world)
+            found(contact.camera, contact.normal(), contact.moved_m, at_world)
         });
-        let own: Vec<Row> = own.collect();
-        let near = |shape: &Shape, found: &SamplePlane| {
-            let plane = found.plane?;
-            row(plane.camera, normal(&plane.normal_world), plane.moved_m, place(shape, found.sample))
-        };
+        let own: Vec<_> = own.collect();
+        let is_told = |&(_, moved_m, _): &(Place, Option<f32>, f64)| is_first || moved_m.is_some();
+        let mut places: Vec<Place> =
+            own.iter().filter(|found| is_told(found)).map(|&(place, ..)| place).collect();
+        if is_first && places.is_empty() {
+            // It is in the hull, and no surface near it faces it.
+            let samples =
+                planes.samples.iter().filter(|of| (of.sample as usize) < body.shape.samples_body().len());
+            places.extend(samples.filter_map(|of| near(body.shape, of)).map(|(place, ..)| place));
+        }
+        let own: Vec<Row> = own.into_iter().filter_map(told).collect();
         let around = body.around.into_iter();
-        let around = around.flat_map(|shape| planes.around.iter().filter_map(|found| near(shape, found)));
-        let around: Vec<Row> = around.collect();
-        self.estimate.take(at.frame, &own, &around);
+        let around = around.flat_map(|shape| planes.around.iter().filter_map(|of| near(shape, of)));
+        let around: Vec<Row> = around.filter_map(told).collect();
+        self.estimate.take(at.frame, &places, &own, &around);
         let Some(motion) = self.estimate.motion() else { return false };
         for contact in seen {
             let moved_m = motion.moved_m(&(place(body.shape, contact.sample) - centre));
             let normal = contact.normal();
             let slide_m_s = (moved_m - normal * moved_m.dot(&normal)) * at.fps;
             contact.slide_m_s = slide_m_s.map(|part| part as f32).into();
+            if !is_first {
+                continue;
+            }
+            let fitted_m_s = moved_m.dot(&normal) * at.fps;
+            let most_off_m_s = LEAST_OFF_M_S + MOST_OFF * moved_m.norm() * at.fps;
+            let measured_m_s = contact.speed_m_s.map_or(fitted_m_s, f64::from);
+            let speed_m_s = measured_m_s.clamp(fitted_m_s - most_off_m_s, fitted_m_s + most_off_m_s);
+            contact.speed_m_s = Some(speed_m_s as f32);
         }
         true
     }

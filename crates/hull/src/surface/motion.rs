@@ -36,13 +36,19 @@ const NEAR_M: f64 = 0.3;
 /// And so far before them.
 const BEFORE_M: f64 = 0.02;
 
-/// What one plane says.
+/// A place of the surface.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Row {
+pub(super) struct Place {
     /// Outward, world.
     pub normal: Vector3<f64>,
     /// Where it is from the middle of the body, metres.
     pub lever: Vector3<f64>,
+}
+
+/// What one plane says.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Row {
+    pub place: Place,
     /// How far it moved out in a frame.
     pub moved_m: f64,
     /// A pixel there.
@@ -83,14 +89,15 @@ struct Sums {
 impl Row {
     /// What it says of a shift and of a turn.
     fn six(&self) -> Vector6<f64> {
-        Vector6::from_iterator(self.normal.iter().chain(&self.lever.cross(&self.normal)).copied())
+        let Place { normal, lever } = &self.place;
+        Vector6::from_iterator(normal.iter().chain(&lever.cross(normal)).copied())
     }
 
     /// How exactly it would be known if that were the motion. What it says itself must not decide: those that say
     /// little would be known best, and hold everything back.
     fn sigma_m(&self, motion: &Motion) -> f64 {
-        let moved_m = motion.moved_m(&self.lever);
-        let shown_m = moved_m.dot(&self.normal).abs().max(ALONG * moved_m.norm());
+        let moved_m = motion.moved_m(&self.place.lever);
+        let shown_m = moved_m.dot(&self.place.normal).abs().max(ALONG * moved_m.norm());
         libm::hypot(SIGMA_PIXELS * self.pixel_m, SIGMA_SHARE * shown_m).max(LEAST_SIGMA_M)
     }
 
@@ -108,12 +115,13 @@ impl Estimate {
         self.motion.as_ref()
     }
 
-    /// Takes a frame, once: what the body's contacts say, and what the planes around it do.
-    pub fn take(&mut self, frame: u64, own: &[Row], around: &[Row]) {
+    /// Takes a frame, once: where the body's contacts are, what those of them say that were found in the frame before, and what
+    /// the planes around it do.
+    pub fn take(&mut self, frame: u64, contacts: &[Place], own: &[Row], around: &[Row]) {
         if self.frame.replace(frame) == Some(frame) {
             return;
         }
-        let told: Vec<f64> = around.iter().map(|row| told_of_slides(row, own)).collect();
+        let told: Vec<f64> = around.iter().map(|row| told_of_slides(row, contacts)).collect();
         let own = levelled(own);
         let own = own.iter().map(|row| (row, 1.0));
         let told_by = around.iter().zip(told.iter().copied());
@@ -135,21 +143,21 @@ impl Estimate {
 /// The contacts with the mean normals of those that face alike: what single normals are off would tell of slides.
 fn levelled(own: &[Row]) -> Vec<Row> {
     let mean = |row: &Row| {
-        let alike = own.iter().filter(|other| other.normal.dot(&row.normal) > FACE_ALIKE);
-        let sum: Vector3<f64> = alike.map(|other| other.normal).sum();
-        Row { normal: sum.normalize(), ..*row }
+        let alike = own.iter().filter(|other| other.place.normal.dot(&row.place.normal) > FACE_ALIKE);
+        let sum: Vector3<f64> = alike.map(|other| other.place.normal).sum();
+        Row { place: Place { normal: sum.normalize(), ..row.place }, ..*row }
     };
     own.iter().map(mean).collect()
 }
 
 /// How much a plane tells of how the contacts' surface slides: nothing if it faces as they do, and little if it is far
 /// from them or before them: what carries a body lies behind its surface.
-fn told_of_slides(row: &Row, own: &[Row]) -> f64 {
+fn told_of_slides(row: &Row, contacts: &[Place]) -> f64 {
     let (mut alike, mut near_m, mut before_m) = (0.0_f64, f64::INFINITY, 0.0);
-    for contact in own {
-        let cosine = row.normal.dot(&contact.normal);
+    for contact in contacts {
+        let cosine = row.place.normal.dot(&contact.normal);
         alike = alike.max(cosine * cosine);
-        let from_contact = row.lever - contact.lever;
+        let from_contact = row.place.lever - contact.lever;
         if from_contact.norm() < near_m {
             near_m = from_contact.norm();
             before_m = from_contact.dot(&contact.normal).max(0.0);
@@ -219,14 +227,19 @@ mod tests {
     fn rows(motion: &Motion) -> Vec<Row> {
         let row = |(lever, normal): ([f64; 3], [f64; 3])| {
             let (lever, normal) = (Vector3::from(lever), Vector3::from(normal));
-            Row { normal, lever, moved_m: motion.moved_m(&lever).dot(&normal), pixel_m: 0.004 }
+            Row {
+                place: Place { normal, lever },
+                moved_m: motion.moved_m(&lever).dot(&normal),
+                pixel_m: 0.004,
+            }
         };
         LID.into_iter().map(row).collect()
     }
 
     fn estimate(rows: &[Row]) -> Estimate {
         let mut estimate = Estimate::default();
-        (0..6).for_each(|frame| estimate.take(frame, &rows[..4], &rows[4..]));
+        let places: Vec<Place> = rows[..4].iter().map(|row| row.place).collect();
+        (0..6).for_each(|frame| estimate.take(frame, &places, &rows[..4], &rows[4..]));
         estimate
     }
 
@@ -245,8 +258,7 @@ mod tests {
         let truth = Motion(Vector6::new(0.02, 0.0, 0.0, 0.0, 0.0, 0.0));
         let mut rows = rows(&truth);
         rows.extend((0..3).map(|at| Row {
-            normal: Vector3::x(),
-            lever: Vector3::new(0.3, 0.05 * f64::from(at), 0.0),
+            place: Place { normal: Vector3::x(), lever: Vector3::new(0.3, 0.05 * f64::from(at), 0.0) },
             moved_m: -0.06,
             pixel_m: 0.004,
         }));

@@ -66,6 +66,11 @@ impl Piece {
 }
 
 impl Beliefs {
+    /// Whether nothing is near.
+    pub fn is_empty(&self) -> bool {
+        self.planes.is_empty()
+    }
+
     /// The planes that are believed.
     pub fn contacts(&self) -> impl Iterator<Item = &SurfaceContact> {
         self.planes.iter().filter(|belief| belief.is_believed).map(|belief| &belief.contact)

@@ -54,7 +54,13 @@ fn a_surface_that_rises_has_its_speed_and_goes_on_between_frames() {
     let mut see = |frame: u64, frames: f64, height_m: f64| {
         let at = age(frame, frames);
         let asked = surface.pose_to_ask(at, &pose, &shape);
-        let body = &Sampled { shape: &shape, around: None, pose: &pose, faces: &faces() };
+        let body = &Sampled {
+            shape: &shape,
+            around: None,
+            pose: &pose,
+            velocity_m_s: Vector3::zeros(),
+            faces: &faces(),
+        };
         (asked, surface.contacts(at, &planes(height_m, 0.01), body, &eyes()).contacts)
     };
     let depth = |contacts: &[SurfaceContact]| f64::from(contacts[0].depth_m);
@@ -66,7 +72,7 @@ fn a_surface_that_rises_has_its_speed_and_goes_on_between_frames() {
     assert!(second.iter().all(|contact| (contact.speed_m_s.expect("known") - 0.3).abs() < 0.02));
     // Half a frame later it has gone on by half of that, and the body is asked about as much lower.
     let (asked, third) = see(8, 8.5, 1.008);
-    assert!((asked.position_m()[1] - (1.1 - 0.005)).abs() < 2e-4, "{asked:?}");
+    assert!((asked.pose.position_m()[1] - (1.1 - 0.005)).abs() < 2e-4, "{asked:?}");
     assert!((depth(&third) - 0.013).abs() < 5e-4);
     // A frame that stays is film that stands still.
     let (_, fourth) = see(8, 12.0, 1.008);
@@ -82,7 +88,13 @@ fn between_frames_a_surface_goes_from_where_it_was_to_where_it_is() {
     let mut depth_m = |frames: f64| {
         let at = FrameAge::new(8, FPS, frames / FPS, HullTime::Between);
         surface.pose_to_ask(at, &pose, &shape);
-        let body = &Sampled { shape: &shape, around: None, pose: &pose, faces: &faces() };
+        let body = &Sampled {
+            shape: &shape,
+            around: None,
+            pose: &pose,
+            velocity_m_s: Vector3::zeros(),
+            faces: &faces(),
+        };
         f64::from(surface.contacts(at, &planes(1.003, 0.01), body, &eyes()).contacts[0].depth_m)
     };
     for (frames, expected_m) in
@@ -151,7 +163,13 @@ fn what_is_around_a_body_tells_how_its_surface_slides() {
         surface.pose_to_ask(at, &pose, &shape);
         let around = (0..10).map(|sample| side(sample, moved_m)).collect();
         let planes = BodyPlanes { around, ..planes(1.0, 0.0) };
-        let body = &Sampled { shape: &shape, around: Some(&around_shape), pose: &pose, faces: &faces() };
+        let body = &Sampled {
+            shape: &shape,
+            around: Some(&around_shape),
+            pose: &pose,
+            velocity_m_s: Vector3::zeros(),
+            faces: &faces(),
+        };
         let result = surface.contacts(at, &planes, body, &eyes);
         assert_eq!(result.contacts.len(), 4);
         result.contacts[0].slide_m_s
@@ -166,12 +184,57 @@ fn what_is_around_a_body_tells_how_its_surface_slides() {
 }
 
 #[test]
+fn a_body_that_comes_fast_is_asked_about_once_more_before_it_has_contacts() {
+    let (shape, pose) = (shape(), pose(1.1));
+    let mut surface = BodySurface::default();
+    // In one frame the surface rose by 10 cm, to 5 cm deep in the box.
+    let mut see = |frames: f64| {
+        let at = age(7, frames);
+        let asked = surface.pose_to_ask(at, &pose, &shape);
+        let velocity_m_s = Vector3::zeros();
+        let body = &Sampled { shape: &shape, around: None, pose: &pose, velocity_m_s, faces: &faces() };
+        (asked, surface.contacts(at, &planes(1.05, 0.1), body, &eyes()).contacts)
+    };
+    let (asked, contacts) = see(7.0);
+    assert_eq!((asked.back_m, contacts.len()), (None, 0));
+    let (again, contacts) = see(7.25);
+    assert_eq!(again.pose, asked.pose, "where it was found in the hull");
+    let back_m = again.back_m.expect("a way back");
+    assert!(back_m[1] > 0.15 && back_m[0].abs() < 0.05, "{back_m:?}");
+    assert_eq!(contacts.len(), 4);
+    for contact in &contacts {
+        assert!(
+            contact.depth_m > 0.05 && contact.speed_m_s.is_some_and(|speed_m_s| speed_m_s > 2.0),
+            "{contact:?}"
+        );
+    }
+    let (_, contacts) = see(7.5);
+    assert_eq!(contacts.len(), 4, "it goes on");
+}
+
+#[test]
+fn a_fast_body_waits_for_one_step_at_most_where_each_step_sees_a_frame_of_its_own() {
+    let (shape, pose) = (shape(), pose(1.1));
+    let mut surface = BodySurface::default();
+    let mut see = |frame: u64| {
+        let at = age(frame, frame as f64);
+        let asked = surface.pose_to_ask(at, &pose, &shape);
+        let velocity_m_s = Vector3::new(0.0, -4.0, 0.0);
+        let body = &Sampled { shape: &shape, around: None, pose: &pose, velocity_m_s, faces: &faces() };
+        (asked.back_m, surface.contacts(at, &planes(1.02, 0.1), body, &eyes()).contacts.len())
+    };
+    assert_eq!(see(7), (None, 0));
+    assert_eq!(see(8), (None, 4));
+    assert_eq!(see(9), (None, 4));
+}
+
+#[test]
 fn a_body_is_asked_again_once_it_has_moved_against_the_surface_or_at_another_frame() {
     let shape = shape();
     let mut surface = BodySurface::default();
     let mut ask = |frame: u64, down_m: f64| {
         let pose = pose(1.1).moved([0.0, -down_m, 0.0]);
-        1.1 - surface.pose_to_ask(age(frame, frame as f64), &pose, &shape).position_m()[1]
+        1.1 - surface.pose_to_ask(age(frame, frame as f64), &pose, &shape).pose.position_m()[1]
     };
     let is = |found: f64, expected: f64| (found - expected).abs() < 1e-6;
     assert!(is(ask(3, 0.0), 0.0) && is(ask(3, 0.003), 0.0), "near enough");
@@ -188,7 +251,13 @@ fn a_surface_that_flickers_by_a_fraction_of_a_pixel_stands_still_to_the_bit() {
     for frame in 0..40 {
         let at = age(frame, frame as f64);
         surface.pose_to_ask(at, &pose, &shape);
-        let body = &Sampled { shape: &shape, around: None, pose: &pose, faces: &faces() };
+        let body = &Sampled {
+            shape: &shape,
+            around: None,
+            pose: &pose,
+            velocity_m_s: Vector3::zeros(),
+            faces: &faces(),
+        };
         // A pixel is 3.75 mm there.
         let height_m = 1.0 + 0.0008 * f64::from((frame * 7 % 5) as i32 - 2) / 2.0;
         let contacts = surface.contacts(at, &planes(height_m, height_m - before_m), body, &eyes()).contacts;

@@ -1,5 +1,6 @@
 //! What each motion does with the body, as a function of time.
 
+pub(crate) mod blow;
 pub(crate) mod calm;
 pub(crate) mod carry;
 pub(crate) mod lift;
@@ -30,6 +31,9 @@ impl Motion {
             Motion::Tray => carry::tray(since_s % carry::TRAY_PERIOD_S),
             Motion::Push => strike::push(since_s % strike::PUSH_PERIOD_S),
             Motion::Squeeze => carry::squeeze(since_s % carry::SQUEEZE_PERIOD_S),
+            Motion::Reach => blow::reach(since_s),
+            Motion::Swing(speed) => blow::swing(since_s % self.period_s(), speed.m_s()),
+            Motion::Glide(speed) => blow::glide(since_s % self.period_s(), speed.m_s()),
         })
     }
 }

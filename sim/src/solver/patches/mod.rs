@@ -8,14 +8,16 @@ mod choice;
 mod shape;
 mod view;
 
+use nalgebra::Vector3;
 use rapier3d::math::Pose;
 use rapier3d::prelude::{
-    ActiveHooks, ColliderBuilder, ColliderHandle, Group, InteractionGroups, InteractionTestMode,
+    ActiveHooks, Collider, ColliderBuilder, ColliderHandle, Group, InteractionGroups, InteractionTestMode,
     RigidBodyBuilder, RigidBodyHandle, Vector,
 };
 
 use super::Solver;
 use crate::response::HullContact;
+use crate::solid::Solid;
 use choice::{MAX_POINTS, agree, cluster, spread};
 use shape::{PatchPoint, PatchShape};
 
@@ -46,19 +48,24 @@ pub(crate) struct Surface {
 pub(super) struct BodyPatches(Vec<Patch>);
 
 #[derive(Clone, Debug)]
-struct Patch {
-    body: RigidBodyHandle,
+pub(super) struct Patch {
+    pub body: RigidBodyHandle,
     collider: ColliderHandle,
     /// What touches; empty while it is not in use.
-    points: Vec<PatchPoint>,
+    pub points: Vec<PatchPoint>,
     /// How many contacts it was made of.
     samples: usize,
-    normal: Vector,
+    pub normal: Vector,
     /// How fast it moves out along the normal, m/s.
     speed_m_s: f32,
     /// Whether it moves at all, or turns.
     moves: bool,
     surface: Surface,
+}
+
+/// Whether a collider is a patch.
+pub(super) fn is_patch(collider: &Collider) -> bool {
+    collider.shape().as_shape::<PatchShape>().is_some()
 }
 
 /// The groups of a body's own collider.
@@ -80,6 +87,9 @@ impl Solver {
         let mut is_taken = vec![false; patches.0.len()];
         let mut moved = false;
         let motion = (surface, Vector::from_array(spin_rad_s));
+        // A body that touches already does not arrive.
+        let is_free = !patches.0.iter().any(Patch::is_in_use);
+        let mut arrival = None;
         for members in cluster(contacts, MAX_PATCHES) {
             let normal = choice::mean_normal(contacts, &members);
             let found = patches
@@ -98,6 +108,9 @@ impl Solver {
             });
             is_taken[place] = true;
             moved |= self.place_patch(index, &mut patches.0[place], normal, contacts, &members, motion);
+            if is_free && let Some(found) = self.arrival(index, &patches.0[place]) {
+                arrival = Some(found.earlier(arrival));
+            }
         }
         for (patch, _) in
             patches.0.iter_mut().zip(is_taken).filter(|(patch, taken)| !taken && patch.is_in_use())
@@ -109,6 +122,9 @@ impl Solver {
         self.patches[index] = patches;
         if moved {
             self.wake(index);
+        }
+        if let Some(arrival) = arrival {
+            self.arrive(arrival);
         }
     }
 
@@ -143,6 +159,42 @@ impl Solver {
         }
     }
 
+    /// Where a round solid touches a surface of that normal: members whose support point is near their sample, and the
+    /// contacts with these at that point, each as deep there as its own plane says. One always touches.
+    fn at_supports(
+        &self,
+        solid: &Solid,
+        normal: Vector,
+        pose: &Pose,
+        contacts: &[HullContact],
+        members: &[usize],
+    ) -> (Vec<HullContact>, Vec<usize>) {
+        let into_body = (pose.rotation.inverse() * -normal).to_array().map(f64::from).into();
+        let mut moved = contacts.to_vec();
+        let (mut touching, mut nearest) = (Vec::with_capacity(members.len()), (f64::INFINITY, members[0]));
+        for &member in members {
+            let contact = &mut moved[member];
+            let sample = Vector3::from(contact.point_body_m.map(f64::from));
+            let way = solid.support_of(sample, &into_body) - sample;
+            let way_m = way.norm();
+            if way_m < nearest.0 {
+                nearest = (way_m, member);
+            }
+            if way_m <= self.covering_radius_m {
+                touching.push(member);
+            }
+            let support: [f32; 3] = (sample + way).map(|part| part as f32).into();
+            let way =
+                pose.rotation * (Vector::from_array(support) - Vector::from_array(contact.point_body_m));
+            contact.depth_m -= way.dot(Vector::from_array(contact.normal_world));
+            contact.point_body_m = support;
+        }
+        if touching.is_empty() {
+            touching.push(nearest.1);
+        }
+        (moved, touching)
+    }
+
     /// Puts a patch where its contacts say; false if it is there already.
     fn place_patch(
         &mut self,
@@ -156,10 +208,15 @@ impl Solver {
         let pose = *self.physics.bodies[self.handles[index]].position();
         let normal =
             if patch.is_in_use() && patch.normal.dot(mean) > SAME_NORMAL { patch.normal } else { mean };
+        let at_supports = self.rounds[index]
+            .as_ref()
+            .map(|solid| self.at_supports(solid, normal, &pose, contacts, members));
+        let (contacts, touching) =
+            at_supports.as_ref().map_or((contacts, members), |(moved, touching)| (&moved[..], &touching[..]));
         let world = |member: usize| pose * Vector::from_array(contacts[member].point_body_m);
         let is_kept =
             |member: usize| patch.points.iter().any(|point| point.sample == contacts[member].sample);
-        let chosen = spread(contacts, members, normal, world, is_kept);
+        let chosen = spread(contacts, touching, normal, world, is_kept);
         patch.samples = members.len();
         let origin = pose.translation;
         let points: Vec<PatchPoint> = chosen

@@ -21,7 +21,7 @@ use rapier3d::prelude::{ColliderHandle, PairFilterContext, PhysicsHooks, SharedS
 
 /// A sample that touches.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct PatchPoint {
+pub(in crate::solver) struct PatchPoint {
     /// Its index in its body.
     pub sample: u32,
     /// Body frame, metres.

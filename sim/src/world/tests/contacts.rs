@@ -238,6 +238,48 @@ fn a_dropped_box_gains_no_energy() {
 }
 
 #[test]
+fn a_ball_bounces_straight_up_as_high_as_its_restitution_says_and_gains_nothing() {
+    for restitution in [0.5, 0.8, 1.0] {
+        for height_m in [0.3, 0.71, 1.4] {
+            let mut world = contact_world(&format!(
+                "floor.enabled = false
+                [hull]
+                restitution = {restitution:?}
+                friction = 0.5
+                [[bodies]]
+                name = 'ball'
+                shape.ball.radius = 0.06
+                restitution = {restitution:?}
+                place.at = [0.0, {height_m}, 0.0]"
+            ));
+            let ground = below(0.0, 0.0);
+            let start_m = world.solver.energy_m(0);
+            let (mut least_m, mut falls, mut bounces) = (start_m, true, 0);
+            while world.time_s() < 4.0 {
+                let responses = responses(&world, &ground);
+                world.step(&responses).expect("a step");
+                let (energy_m, ball) = (world.solver.energy_m(0), &world.bodies()[0]);
+                assert!(energy_m < least_m + 2e-3, "{restitution}: {energy_m} m over {least_m} m");
+                least_m = least_m.min(energy_m);
+                assert!(Vector3::from(ball.spin_rad_s).norm() < 0.1, "{:?}", ball.spin_rad_s);
+                let rises = ball.velocity_m_s[1] > 0.0;
+                bounces += i32::from(falls && rises);
+                if falls && rises && bounces == 1 {
+                    let expected = restitution * restitution * (start_m - 0.06);
+                    let found = energy_m - 0.06;
+                    assert!(
+                        (found / expected - 1.0).abs() < 0.05,
+                        "{restitution}: {found}, expected {expected}"
+                    );
+                }
+                falls = !rises;
+            }
+            assert!(bounces > 2, "{bounces}");
+        }
+    }
+}
+
+#[test]
 fn contacts_that_are_no_numbers_do_no_harm() {
     let mut world = tower(1);
     let table = below(1.0, 0.0);

@@ -25,6 +25,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use hull::pass::{BodyResult, PaperResult, Reaches};
+use hull::surface::PoseToAsk;
 use hull::{Pose, Shape};
 
 /// Answers kept a body: more than one question asks, so that none is dropped unused; where one frame is
@@ -51,8 +52,8 @@ pub enum AskEvery {
 pub(crate) struct PoseQuery {
     /// The body's place among the moving ones.
     pub body: usize,
-    /// World from body.
-    pub pose: Pose,
+    /// World from body, and how.
+    pub asked: PoseToAsk,
 }
 
 /// The answers that one step takes.
@@ -91,8 +92,8 @@ struct RecentTouches {
 #[derive(Clone, Debug)]
 struct BodyAnswers {
     shape: Arc<Shape>,
-    /// The body's pose at this step; `None` before the first.
-    present: Option<Pose>,
+    /// What this step asks of the body; `None` before the first.
+    present: Option<PoseToAsk>,
     /// Whether it may meet the hull there.
     is_near: bool,
     known: VecDeque<KnownAnswer>,
@@ -101,7 +102,7 @@ struct BodyAnswers {
 
 #[derive(Clone, Debug)]
 struct KnownAnswer {
-    pose: Pose,
+    asked: PoseToAsk,
     result: BodyResult,
     step: u64,
 }
@@ -129,15 +130,15 @@ impl Answers {
     pub fn begin_step(
         &mut self,
         frame: u64,
-        present: impl Iterator<Item = Pose>,
+        present: impl Iterator<Item = PoseToAsk>,
         may_meet: impl Fn(&Shape, &Pose) -> bool,
     ) {
         self.step += 1;
         self.is_first = self.frame != Some(frame);
         self.frame = Some(frame);
-        for (body, pose) in self.bodies.iter_mut().zip(present) {
-            body.present = Some(pose);
-            body.is_near = may_meet(&body.shape, &pose);
+        for (body, asked) in self.bodies.iter_mut().zip(present) {
+            body.present = Some(asked);
+            body.is_near = may_meet(&body.shape, &asked.pose);
             if self.is_first || self.ask_every == AskEvery::Step {
                 body.known.clear();
             }
@@ -161,16 +162,17 @@ impl Answers {
         let near = self.bodies.iter().enumerate().filter(|(_, body)| body.is_near);
         let lacking = near.filter(|(_, body)| self.present(body).is_none());
         let present =
-            lacking.filter_map(|(index, body)| Some(PoseQuery { body: index, pose: body.present? }));
+            lacking.filter_map(|(index, body)| Some(PoseQuery { body: index, asked: body.present? }));
         let mut asked: Vec<PoseQuery> = present.collect();
         let mut planned: Vec<Vec<Pose>> = vec![Vec::new(); self.bodies.len()];
-        asked.iter().for_each(|asked| planned[asked.body].push(asked.pose));
+        asked.iter().for_each(|asked| planned[asked.body].push(asked.asked.pose));
         let mut samples_ahead = 0;
         for poses in ahead {
             for (index, (body, &pose)) in self.bodies.iter().zip(poses).enumerate() {
                 let holds =
                     |planned: &Pose| same_bits(planned, &pose) || self.is_within(body, planned, &pose);
-                let is_planned = self.known(body, &pose).is_some() || planned[index].iter().any(holds);
+                let is_planned =
+                    self.known(body, &PoseToAsk::plain(pose)).is_some() || planned[index].iter().any(holds);
                 if is_planned || !may_meet(&body.shape, &pose) {
                     continue;
                 }
@@ -179,7 +181,7 @@ impl Answers {
                     return asked;
                 }
                 planned[index].push(pose);
-                asked.push(PoseQuery { body: index, pose });
+                asked.push(PoseQuery { body: index, asked: PoseToAsk::plain(pose) });
             }
         }
         asked
@@ -188,7 +190,7 @@ impl Answers {
     /// Whether what is around a body is unknown in this frame, and the question is about where it is now.
     pub fn knows_nothing_around(&self, query: &PoseQuery) -> bool {
         let body = &self.bodies[query.body];
-        let is_present = body.present.is_some_and(|pose| same_bits(&pose, &query.pose));
+        let is_present = body.present.is_some_and(|asked| is_same(&asked, &query.asked));
         let has_around = |known: &KnownAnswer| known.result.planes().is_some_and(|of| !of.around.is_empty());
         is_present && !body.known.iter().any(has_around)
     }
@@ -205,7 +207,7 @@ impl Answers {
             if known.len() == MAX_KNOWN {
                 known.pop_front();
             }
-            known.push_back(KnownAnswer { pose: asked.pose, result: result.clone(), step: self.step });
+            known.push_back(KnownAnswer { asked: asked.asked, result: result.clone(), step: self.step });
         }
     }
 
@@ -216,7 +218,7 @@ impl Answers {
             let known = if body.is_near { Some(self.present(body)?) } else { None };
             taken.asked += usize::from(known.is_some());
             taken.reused += usize::from(known.is_some_and(|known| known.step < self.step));
-            let own = known.filter(|known| body.present.is_some_and(|pose| same_bits(&known.pose, &pose)));
+            let own = known.filter(|known| body.present.is_some_and(|asked| is_same(&known.asked, &asked)));
             taken.results.push(own.map_or(clear, |known| &known.result).clone());
         }
         let touched = taken.results.iter().any(|result| !result.is_clear());
@@ -232,29 +234,33 @@ impl Answers {
         self.known(body, body.present.as_ref()?)
     }
 
-    /// The answer for a pose, if one is known that holds: one for this very pose comes first.
-    fn known<'a>(&self, body: &'a BodyAnswers, pose: &Pose) -> Option<&'a KnownAnswer> {
-        let same = body.known.iter().find(|known| same_bits(&known.pose, pose));
-        same.or_else(|| body.known.iter().find(|known| self.clears(body, known, pose)))
+    /// The answer to what is asked, if one is known that holds: one for this very pose comes first.
+    fn known<'a>(&self, body: &'a BodyAnswers, asked: &PoseToAsk) -> Option<&'a KnownAnswer> {
+        let same = body.known.iter().find(|known| is_same(&known.asked, asked));
+        same.or_else(|| body.known.iter().find(|known| self.clears(body, known, &asked.pose)))
     }
 
     /// Whether by an answer the body counts as clear at another pose.
     fn clears(&self, body: &BodyAnswers, known: &KnownAnswer, pose: &Pose) -> bool {
         let freed = match &known.result {
-            result if result.is_clear() => Some(known.pose),
+            result if result.is_clear() => Some(known.asked.pose),
             BodyResult::Paper(PaperResult { response_m: Ok(response_m), left_inside: 0, .. }) => {
-                Some(known.pose.moved(*response_m))
+                Some(known.asked.pose.moved(*response_m))
             }
             _ => None,
         };
         let is_near = |from: &Pose| self.is_within(body, from, pose);
-        freed.is_some_and(|freed| is_near(&freed) && is_near(&known.pose))
+        freed.is_some_and(|freed| is_near(&freed) && is_near(&known.asked.pose))
     }
 
     /// Whether no sample moves farther between the poses than what is reused allows.
     fn is_within(&self, body: &BodyAnswers, from: &Pose, to: &Pose) -> bool {
         self.reuse_within_m > 0.0 && body.shape.moved_at_most_m(from, to) <= self.reuse_within_m
     }
+}
+
+fn is_same(a: &PoseToAsk, b: &PoseToAsk) -> bool {
+    same_bits(&a.pose, &b.pose) && a.back_m == b.back_m
 }
 
 fn same_bits(a: &Pose, b: &Pose) -> bool {

@@ -87,11 +87,11 @@ fn step(
     ahead: &[Vec<Pose>],
 ) -> (Vec<PoseQuery>, StepAnswers) {
     let may_meet = |_: &Shape, pose: &Pose| pose.position_m()[1] < 10.0;
-    answers.begin_step(frame, present.iter().copied(), may_meet);
+    answers.begin_step(frame, present.iter().copied().map(PoseToAsk::plain), may_meet);
     let ahead = if answers.may_foresee() { ahead } else { &[] };
     let asked = if answers.lacks_any() { answers.questions(ahead, may_meet) } else { vec![] };
     let results: Vec<BodyResult> =
-        asked.iter().map(|asked| hull.result(&answers.bodies[asked.body].shape, &asked.pose)).collect();
+        asked.iter().map(|asked| hull.result(&answers.bodies[asked.body].shape, &asked.asked.pose)).collect();
     answers.add(&asked, &results);
     let taken = answers.take(&clear()).expect("nothing is missing once all was asked");
     (asked, taken)
@@ -125,7 +125,7 @@ fn only_bodies_that_went_elsewhere_are_asked_again() {
     let first = [at(0.0), at(1.0), at(2.0)];
     step(&mut answers, 1, &NOWHERE, &first, &[vec![at(0.01), at(1.01), at(2.01)]]);
     let (asked, taken) = step(&mut answers, 1, &NOWHERE, &[at(0.01), at(1.02), at(2.01)], &[]);
-    assert_eq!((asked.len(), asked[0].body, asked[0].pose, taken.reused), (1, 1, at(1.02), 2));
+    assert_eq!((asked.len(), asked[0].body, asked[0].asked.pose, taken.reused), (1, 1, at(1.02), 2));
 }
 
 #[test]
@@ -183,7 +183,7 @@ fn poses_within_the_tolerance_are_asked_once() {
     let mut answers = answers(1, 0.05);
     let ahead: Vec<Vec<Pose>> = (1..=3).map(|k| vec![at(2.0 + 0.02 * f64::from(k))]).collect();
     let (asked, _) = step(&mut answers, 1, &NOWHERE, &[at(2.0)], &ahead);
-    assert_eq!(asked.iter().map(|asked| asked.pose).collect::<Vec<_>>(), [at(2.0), at(2.06)]);
+    assert_eq!(asked.iter().map(|asked| asked.asked.pose).collect::<Vec<_>>(), [at(2.0), at(2.06)]);
 }
 
 #[test]

@@ -26,6 +26,8 @@ struct ContactBody {
     /// The body that these points are around, if they are no body.
     owner: Option<usize>,
     faces: Option<Arc<FaceNormals>>,
+    /// See [`AskedBody::back_m`](super::AskedBody::back_m).
+    back_m: Option<[f32; 3]>,
 }
 
 impl Contacts {
@@ -35,13 +37,13 @@ impl Contacts {
     }
 
     /// Another body.
-    pub fn add(&mut self, faces: Option<Arc<FaceNormals>>) {
-        self.bodies.push(ContactBody { owner: None, faces });
+    pub fn add(&mut self, faces: Option<Arc<FaceNormals>>, back_m: Option<[f32; 3]>) {
+        self.bodies.push(ContactBody { owner: None, faces, back_m });
     }
 
     /// Points around a body.
     pub fn add_around(&mut self, owner: usize) {
-        self.bodies.push(ContactBody { owner: Some(owner), faces: None });
+        self.bodies.push(ContactBody { owner: Some(owner), faces: None, back_m: None });
     }
 
     /// Writes what was found for a body; what is around it stands there already.
@@ -61,9 +63,21 @@ impl Pass {
         self.drop_needless_feelers();
         self.add_around();
         self.take_planes();
+        self.skip_nearest_planes();
     }
 
-    /// A sample that is inside itself takes the plane where it is: its feeler's is not needed.
+    /// Of bodies that are asked about back along their way the nearest planes are not needed.
+    fn skip_nearest_planes(&mut self) {
+        let Response::Contacts(contacts) = &self.response else { return };
+        let bodies = self.bodies[..self.asked_count].iter_mut().zip(&contacts.bodies);
+        for (body, _) in bodies.filter(|(_, of_contacts)| of_contacts.back_m.is_some()) {
+            body.are_edges_known = true;
+            body.found.iter_mut().for_each(|found| found.edge = None);
+        }
+    }
+
+    /// A sample that is inside itself takes the plane where it is: its feeler's is not needed. Of a body that is
+    /// asked about back along its way no feeler's is.
     fn drop_needless_feelers(&mut self) {
         let Response::Contacts(contacts) = &self.response else { return };
         for (body, of_contacts) in self.bodies[..self.asked_count].iter_mut().zip(&contacts.bodies) {
@@ -72,6 +86,10 @@ impl Pass {
             };
             let found = &mut body.found;
             let own = found.partition_point(|found| found.sample < count);
+            if of_contacts.back_m.is_some() {
+                found.truncate(own);
+                continue;
+            }
             let (mut kept, mut of_own) = (own, 0);
             for at in own..found.len() {
                 let sample = found[at].sample - count;

@@ -4,9 +4,9 @@
 //! known to be faced. What turns out not to matter is dropped, and what is missing is asked for next: the results do not
 //! depend on it.
 
+use super::super::found::FoundSample;
 use super::super::groups::{AnswerError, Group, merge, nothing_yet, sort_changes};
 use super::super::{AROUND_REACH, Pass, Response, Targets, changes_of};
-use super::ways_out::MAX_WAY_OUT_M;
 use crate::question::{Answer, Change, NO_EXIT_M, Question, QuestionKind};
 use crate::reach::Reach;
 
@@ -110,7 +110,9 @@ impl Pass {
         let is_in_one_phase = groups.iter().all(|group| group.is_asked || group.is_left_out);
         let count = if *speculates && is_in_one_phase { *count } else { 0 };
         let all = bodies[..count].iter().zip(&contacts.bodies).enumerate();
-        for (index, (body, of_contacts)) in all.filter(|(_, (body, _))| body.is_near) {
+        for (index, (body, of_contacts)) in
+            all.filter(|(_, (body, of_contacts))| body.is_near && of_contacts.back_m.is_none())
+        {
             let first = targets.0.len();
             match of_contacts.owner {
                 None => {
@@ -141,15 +143,16 @@ impl Pass {
         let Speculation { question, targets, .. } = &mut contacts.speculation;
         let count = if *speculates { *asked_count } else { 0 };
         for (index, (body, of_contacts)) in bodies[..count].iter().zip(&contacts.bodies).enumerate() {
-            if body.found.iter().any(|found| found.edge.is_some() && of_contacts.is_faced(body, found)) {
+            let is_faced = |found: &FoundSample| found.edge.is_some() && of_contacts.is_faced(body, found);
+            if of_contacts.back_m.is_none() && body.found.iter().any(is_faced) {
                 continue;
             }
             let first = targets.0.len();
             for (at, found) in body.found.iter().enumerate() {
-                let Some(direction) = of_contacts.against_faces(body, found.sample) else { continue };
+                let Some(direction) = of_contacts.likely_way_out(body, found.sample) else { continue };
                 targets.0.push((index as u32, at as u32));
                 question.directions.push(direction);
-                question.within.push(Reach::covering(MAX_WAY_OUT_M));
+                question.within.push(Reach::covering(of_contacts.farthest_m()));
             }
             let picks = &targets.0[first..];
             if !picks.is_empty() {

@@ -1,7 +1,11 @@
-//! Bodies of which no sample is faced by the surface found for it: deep in the hull, or met by a limb between two
-//! frames. Each sample asks for its exit against its own face, and then for the plane of the surface there. Where some
-//! are faced these push the body out, and the others have nothing to add: their ways lead through the limb to another
-//! side of it.
+//! Bodies that are deep in the hull: the surface nearest to a sample is not the one that it came through. Each sample asks for
+//! its way out, and then for the plane of the surface there.
+//!
+//! - Of a body whose motion against the surface is known, each sample inside goes back the way it came (paper §7: very fast
+//!   objects).
+//! - Of a body of which no sample is faced by the surface found for it, each goes against its own face. Where some
+//!   are faced these push the body out, and the others have nothing to add: their ways lead through the limb to another
+//!   side of it.
 
 use nalgebra::{Point3, Vector3};
 
@@ -13,7 +17,7 @@ use crate::question::{Batch, Points, QuestionKind};
 use crate::reach::Reach;
 
 /// A longer way out is none, metres: what moves so far in a frame is another limb.
-pub(super) const MAX_WAY_OUT_M: f64 = 0.2;
+const MAX_WAY_OUT_M: f64 = 0.2;
 /// The plane is asked for so far before the exit, metres: there it is the nearest.
 const BEFORE_EXIT_M: f64 = 1e-3;
 
@@ -24,6 +28,9 @@ impl Pass {
         let Pass { question, targets, bodies, asked_count, merged, response, .. } = self;
         let Response::Contacts(contacts) = response else { return };
         for (body, of_contacts) in bodies[..*asked_count].iter().zip(&mut contacts.bodies) {
+            if of_contacts.back_m.is_some() {
+                continue;
+            }
             let is_faced = |found: &FoundSample| found.edge.is_some() && of_contacts.is_faced(body, found);
             if body.found.iter().any(is_faced) {
                 of_contacts.faces = None;
@@ -37,7 +44,8 @@ impl Pass {
             let (body, of_contacts) = (&bodies[body as usize], &contacts.bodies[body as usize]);
             question.directions.extend(of_contacts.way_out(body, &body.found[at as usize]));
         }
-        question.within.resize(targets.0.len(), Reach::covering(MAX_WAY_OUT_M));
+        let reach = |&(body, _): &(u32, u32)| Reach::covering(contacts.bodies[body as usize].farthest_m());
+        question.within.extend(targets.0.iter().map(reach));
         if contacts.speculation.take_exits(targets, merged) {
             return self.after_ways_out();
         }
@@ -47,7 +55,8 @@ impl Pass {
     /// Asks for the planes where the ways out end.
     pub(in crate::pass) fn after_ways_out(&mut self) {
         let rule = self.settings.rule();
-        let Pass { targets, merged, bodies, question, .. } = self;
+        let Pass { targets, merged, bodies, question, response, .. } = self;
+        let Response::Contacts(contacts) = response else { return };
         let (mut changes, mut points, mut ending) = (0..0, Vec::new(), Vec::new());
         for (at, (&(body, index), &outside_m)) in targets.0.iter().zip(&merged.exits_m).enumerate() {
             let found = &bodies[body as usize].found[index as usize];
@@ -57,7 +66,7 @@ impl Pass {
                 continue;
             };
             let exit_m = f64::from(exit_m);
-            if exit_m > MAX_WAY_OUT_M {
+            if exit_m > contacts.bodies[body as usize].farthest_m() {
                 continue;
             }
             let way = Vector3::from(question.directions[at].map(f64::from));
@@ -85,14 +94,34 @@ impl Pass {
 }
 
 impl ContactBody {
-    /// Against a sample's faces, if it is in the hull and the surface found for it does not face it.
+    /// Which way a sample inside leaves the hull, if that is asked: back, or against its faces if the surface found for it does
+    /// not face it. Unit, world.
     fn way_out(&self, body: &PassBody, found: &FoundSample) -> Option<[f32; 3]> {
+        if let Some(back) = self.back() {
+            return Some(back);
+        }
         let is_odd = found.edge.is_some() && !self.is_faced(body, found);
         self.against_faces(body, found.sample).filter(|_| is_odd)
     }
 
+    /// Which way the body goes back, if that is known. Unit, world.
+    fn back(&self) -> Option<[f32; 3]> {
+        let back = Vector3::from(self.back_m?.map(f64::from)).try_normalize(0.0)?;
+        Some(back.map(|part| part as f32).into())
+    }
+
+    /// How long a way out may be, metres.
+    pub fn farthest_m(&self) -> f64 {
+        self.back_m.map_or(MAX_WAY_OUT_M, |back_m| Vector3::from(back_m.map(f64::from)).norm())
+    }
+
+    /// Which way a sample leaves the hull, as far as that is known before planes are. Unit, world.
+    pub fn likely_way_out(&self, body: &PassBody, sample: u32) -> Option<[f32; 3]> {
+        self.back().or_else(|| self.against_faces(body, sample))
+    }
+
     /// Against a sample's faces, if it has some.
-    pub fn against_faces(&self, body: &PassBody, sample: u32) -> Option<[f32; 3]> {
+    fn against_faces(&self, body: &PassBody, sample: u32) -> Option<[f32; 3]> {
         let (Points::Body { pose, .. }, Some(faces)) = (&body.points, &self.faces) else { return None };
         let sum: Vector3<f64> = faces.at(sample as usize).iter().sum();
         let way = (pose.rotation() * -sum).try_normalize(1e-6)?;
