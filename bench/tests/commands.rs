@@ -32,6 +32,15 @@ fn rows(figures: &Value) -> &Vec<Value> {
 }
 
 #[test]
+fn help_is_wrapped_once() {
+    let commands = testkit::help_is_wrapped_once(env!("CARGO_BIN_EXE_hulltouch-bench"), &[]);
+    assert!(
+        ["query", "physics"].iter().all(|name| commands.iter().any(|command| command == name)),
+        "{commands:?}"
+    );
+}
+
+#[test]
 fn cluster_times_passes_of_real_processes_and_models_larger_ones() {
     let folder = tempfile::tempdir().expect("folder");
     let arguments = ["cluster", "--nodes", "2,8", "--bodies", "2", "--size", "160x120", "--passes", "3"];

@@ -152,18 +152,38 @@ pub struct RunCounts {
     /// Frames passed over between two that were used. Those that are missing before the first or after the last are not
     /// among them: a frame may still come, and a count only grows.
     pub frames_passed_over: u64,
-    /// Passes that asked something.
-    pub passes: u64,
-    /// Of these, those that were answered here, of silhouettes that were fetched.
-    pub gathered_passes: u64,
-    /// Questions of these passes that the cameras answered, one after the other.
-    pub round_trips: u64,
-    /// Points that passes asked about, by kind, in the order of [`QuestionKind::ALL`].
-    pub points: [u64; QuestionKind::ALL.len()],
+    /// Passes, and what they asked.
+    pub passes: PassCounts,
     /// Samples inside the hull, summed over steps.
     pub inside_samples: u64,
     /// Bodies with samples inside the hull, summed over steps.
     pub contacts: u64,
+    /// Steps that lacked film or cameras.
+    pub misses: MissedSteps,
+    /// Responses or bodies that were not finite.
+    pub faults: u64,
+    /// Film time given up because the first frame was late or steps took longer than real time, seconds.
+    pub slipped_s: f64,
+    /// Bytes at the sockets of nodes.
+    pub bytes: NodeBytes,
+}
+
+/// Passes of a run, and what they asked.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PassCounts {
+    /// Passes that asked something.
+    pub asked: u64,
+    /// Of these, those that were answered here, of silhouettes that were fetched.
+    pub gathered: u64,
+    /// Questions of these passes that the cameras answered, one after the other.
+    pub round_trips: u64,
+    /// Points that passes asked about, by kind, in the order of [`QuestionKind::ALL`].
+    pub points: [u64; QuestionKind::ALL.len()],
+}
+
+/// Steps of a run that lacked film or cameras.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MissedSteps {
     /// Steps that used an older frame than theirs because theirs was late.
     pub late_steps: u64,
     /// Steps that went on without a camera that was not there.
@@ -171,19 +191,20 @@ pub struct RunCounts {
     /// Steps without a hull because a node was not there or refused, by cause, in the order of
     /// [`HullUnavailable::CAUSES`].
     pub blind_by_cause: [u64; HullUnavailable::CAUSES.len()],
-    /// Responses or bodies that were not finite.
-    pub faults: u64,
-    /// Film time given up because the first frame was late or steps took longer than real time, seconds.
-    pub slipped_s: f64,
-    /// Bytes written to nodes.
-    pub bytes_to_nodes: u64,
-    /// Bytes read from nodes.
-    pub bytes_from_nodes: u64,
-    /// Of these, silhouettes fetched to answer probes.
-    pub bytes_silhouettes: u64,
 }
 
-impl RunCounts {
+/// Bytes at the sockets of nodes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct NodeBytes {
+    /// Bytes written to nodes.
+    pub to_nodes: u64,
+    /// Bytes read from nodes.
+    pub from_nodes: u64,
+    /// Of these, silhouettes fetched to answer probes.
+    pub silhouettes: u64,
+}
+
+impl MissedSteps {
     /// Steps without a hull.
     pub fn blind_steps(&self) -> u64 {
         self.blind_by_cause.iter().sum()
@@ -203,28 +224,49 @@ pub struct Figures {
     pub samples: usize,
     /// Of the inside samples, those that no response freed.
     pub left_samples: u64,
-    /// What passes took that asked something.
-    pub pass: Histogram,
-    /// How old the film was that bodies collided with, from its capture to the end of each step.
-    pub hull_age: Histogram,
+    /// How often answers about bodies were used, and used again.
+    pub answers: AnswerCounts,
+    /// How long what took, and how old film was.
+    pub times: Timings,
+    /// How deep the deepest sample of a touching body is in the hull before a step, along its normal.
+    pub depth_mm: Percentiles,
+    /// Why film failed, if it did.
+    pub film_failure: Option<String>,
+}
+
+/// How often answers about bodies were used.
+#[derive(Clone, Debug, Default)]
+pub struct AnswerCounts {
     /// Poses that were asked about.
     pub poses_asked: u64,
     /// Steps with a hull that asked nothing: all answers were known, or no body was near the hull.
     pub steps_without_question: u64,
-    /// Answers that were used at a later step than the one that asked, summed over bodies and steps.
-    pub answers_reused: u64,
     /// Answers used, summed over bodies and steps; bodies beyond the hull's bounds need none.
-    pub answers_used: u64,
+    pub used: u64,
+    /// Of these, those that an earlier step asked for.
+    pub reused: u64,
+}
+
+impl AnswerCounts {
+    /// The share of the answers used that were asked at an earlier step.
+    pub fn reused_share(&self) -> f64 {
+        self.reused as f64 / self.used.max(1) as f64
+    }
+}
+
+/// How long what took, and how old film was.
+#[derive(Clone, Debug, Default)]
+pub struct Timings {
+    /// What passes took that asked something.
+    pub pass: Histogram,
     /// A step with its pass.
     pub step_ms: Percentiles,
-    /// Capture of the film to the response it caused.
-    pub response_age_ms: Percentiles,
-    /// How deep the deepest sample of a touching body is in the hull before a step, along its normal.
-    pub depth_mm: Percentiles,
     /// Each of [`Stage::ALL`].
     pub stage_ms: [Percentiles; Stage::ALL.len()],
-    /// Why film failed, if it did.
-    pub film_failure: Option<String>,
+    /// How old the film was that bodies collided with, from its capture to the end of each step.
+    pub hull_age: Histogram,
+    /// Capture of the film to the response it caused.
+    pub response_age_ms: Percentiles,
 }
 
 impl Figures {
@@ -242,12 +284,7 @@ impl Figures {
     }
 
     pub(crate) fn add_stage(&mut self, stage: Stage, value_ms: f64) {
-        self.stage_ms[stage as usize].add(value_ms);
-    }
-
-    /// The share of the answers used that were asked at an earlier step.
-    pub fn reused_share(&self) -> f64 {
-        self.answers_reused as f64 / self.answers_used.max(1) as f64
+        self.times.stage_ms[stage as usize].add(value_ms);
     }
 
     /// The share of inside samples that a response did not free.

@@ -17,7 +17,10 @@ mod transport;
 
 pub use crate::core::query::{self, AskEvery};
 pub use crate::core::roster;
-pub use figures::{Figures, Percentiles, Progress, RunCounts, Stage};
+pub use figures::{
+    AnswerCounts, Figures, MissedSteps, NodeBytes, PassCounts, Percentiles, Progress, RunCounts, Stage,
+    Timings,
+};
 pub use memory::MemoryUse;
 pub use run::{Coordinator, FRAMES_AHEAD, GoingOn, GoneOn, RunError, RunSettings, Snapshot, Watcher};
 pub use threads::{SERVING_THREADS, runtime, threads_for};

@@ -211,7 +211,7 @@ impl Track {
         let mut steps = std::mem::take(&mut *steps.lock());
         let later_s = plan.response.hull_time().frames_later() / fps;
         steps.iter_mut().for_each(|step| step.film_s -= later_s);
-        let passes_a_frame = figures.counts.passes as f64 / figures.counts.frames.max(1) as f64;
+        let passes_a_frame = figures.counts.passes.asked as f64 / figures.counts.frames.max(1) as f64;
         Ok(Track { names, reaches_m, steps, passes_a_frame })
     }
 

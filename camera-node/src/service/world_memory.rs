@@ -16,12 +16,16 @@ pub(super) struct KeptWorlds {
 }
 
 impl WorldMemory {
-    /// Keeps a checkpoint and the one before. One that is too long or not whole is refused, and those before stay.
+    /// Keeps a checkpoint and the one before. The newest once more changes nothing. One that is too long or not whole is refused,
+    /// and those before stay.
     pub fn keep(&self, checkpoint: &[u8]) -> Result<(), CheckpointError> {
         open_checkpoint(checkpoint)?;
         // A copy: what was received may be a small part of a large buffer.
         let newest = Bytes::copy_from_slice(checkpoint);
         let mut kept = self.locked();
+        if kept.newest == newest {
+            return Ok(());
+        }
         let previous = std::mem::take(&mut kept.newest);
         *kept = KeptWorlds { newest, previous };
         Ok(())
@@ -55,6 +59,8 @@ mod tests {
         memory.keep(&third).expect("whole");
         let kept = KeptWorlds { newest: third, previous: second.clone() };
         assert_eq!(memory.kept(), kept);
+        memory.keep(&kept.newest).expect("whole");
+        assert_eq!(memory.kept(), kept, "the same once more");
         memory.keep(&second[..second.len() / 2]).expect_err("cut in half");
         let long = memory.keep(&vec![0; MAX_CHECKPOINT_BYTES + 1]).expect_err("too long");
         assert_eq!(long.to_string(), "a checkpoint of 1048577 bytes, expected at most 1048576");

@@ -17,7 +17,7 @@ use hull::Observer;
 use node_client::{NodeClient, NodeError};
 use proto::text::{MAX_MESSAGE_CHARS, clean};
 use sim::{Scene, World};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::time::{Instant, timeout};
 
 pub(crate) use agreement::Home;
@@ -45,15 +45,34 @@ pub enum MemoryUse {
     Fresh,
 }
 
+/// The way of worlds to a node.
+#[derive(Debug)]
+struct Way {
+    /// A world on its way holds it.
+    free: Arc<Semaphore>,
+    /// How often the node was connected when it was last handed a world.
+    connections: u64,
+}
+
 /// Hands the nodes the world, once a second.
 pub(crate) struct Memory {
     home: Home,
     moment: Moment,
     due: Instant,
-    /// One a node, which a world on its way to it holds.
-    ways: Vec<Arc<Semaphore>>,
+    ways: Vec<Way>,
+    /// What the nodes were handed last; empty before.
+    latest: watch::Sender<Bytes>,
     /// Whether it was said that the world is too large.
     is_warned: Arc<AtomicBool>,
+}
+
+impl Way {
+    /// Whether a world may go to the node, if it was connected so often: all get one that is due, one that has come back any.
+    fn admit(&mut self, connections: u64, is_due: bool) -> Option<OwnedSemaphorePermit> {
+        let permit = Arc::clone(&self.free).try_acquire_owned().ok()?;
+        let is_back = std::mem::replace(&mut self.connections, connections) != connections;
+        (is_due || is_back).then_some(permit)
+    }
 }
 
 impl Memory {
@@ -65,29 +84,43 @@ impl Memory {
             home: Home::new(Place::of(observers, scene), scene),
             moment: Moment { term: 1, run, sequence: 0, unix_s: 0.0 },
             due: Instant::now() + KEEP_EVERY,
-            ways: (0..nodes).map(|_| Arc::new(Semaphore::new(1))).collect(),
+            ways: (0..nodes).map(|_| Way { free: Arc::new(Semaphore::new(1)), connections: 0 }).collect(),
+            latest: watch::Sender::default(),
             is_warned: Arc::default(),
         }
     }
 
-    /// Once a second puts the world on its way to all nodes that have taken the one before. Never waits; the bytes are
-    /// made on another thread.
-    pub fn keep(&mut self, world: &World, clients: &[Arc<NodeClient>]) {
-        if Instant::now() < self.due {
+    /// Once a second puts the world on its way to all nodes that have taken the one before. A node that was connected again since,
+    /// by the counts of `connections`, is handed what the others have: until it has the same, one node less remembers it. Never
+    /// waits; the bytes are made on another thread.
+    pub fn keep(
+        &mut self,
+        world: &World,
+        clients: &[Arc<NodeClient>],
+        connections: impl Iterator<Item = u64>,
+    ) {
+        let is_due = Instant::now() >= self.due;
+        let free = |((way, client), connections): ((&mut Way, &Arc<NodeClient>), u64)| {
+            let permit = way.admit(connections, is_due)?;
+            Some((permit, Arc::clone(client)))
+        };
+        let ways: Vec<_> = self.ways.iter_mut().zip(clients).zip(connections).filter_map(free).collect();
+        if !is_due {
+            let latest = self.latest.borrow().clone();
+            if !latest.is_empty() {
+                ways.into_iter().for_each(|(way, client)| send(latest.clone(), way, client));
+            }
             return;
         }
         self.due = Instant::now() + KEEP_EVERY;
-        let free = |(way, client): (&Arc<Semaphore>, &Arc<NodeClient>)| {
-            Some((Arc::clone(way).try_acquire_owned().ok()?, Arc::clone(client)))
-        };
-        let ways: Vec<_> = self.ways.iter().zip(clients).filter_map(free).collect();
         if ways.is_empty() {
             return;
         }
         self.moment.sequence += 1;
         self.moment.unix_s = unix_now_s();
         let checkpoint = Checkpoint { place: self.home.place(), kept: self.moment, world: world.snapshot() };
-        tokio::spawn(hand_out(checkpoint, ways, Arc::clone(&self.is_warned)));
+        let (latest, is_warned) = (self.latest.clone(), Arc::clone(&self.is_warned));
+        tokio::spawn(hand_out(checkpoint, ways, latest, is_warned));
     }
 
     /// The newest world that can go on here, of what the nodes remember. From now on this run's are newer than all of that.
@@ -131,6 +164,7 @@ async fn read(home: Home, fetched: Vec<Result<Vec<Bytes>, NodeError>>) -> Recall
 async fn hand_out(
     checkpoint: Checkpoint,
     ways: Vec<(OwnedSemaphorePermit, Arc<NodeClient>)>,
+    latest: watch::Sender<Bytes>,
     is_warned: Arc<AtomicBool>,
 ) {
     let bytes = match film_time::apart(move || checkpoint.to_bytes()).await {
@@ -144,14 +178,17 @@ async fn hand_out(
         // The run ends.
         None => return,
     };
-    for (way, client) in ways {
-        let bytes = bytes.clone();
-        tokio::spawn(async move {
-            let kept = timeout(KEEP_TIMEOUT, client.keep_world(bytes)).await;
-            if let Err(error) = kept.unwrap_or(Err(NodeError::Timeout(KEEP_TIMEOUT))) {
-                tracing::debug!("node {} does not remember the world: {error}", client.node());
-            }
-            drop(way);
-        });
-    }
+    latest.send_replace(bytes.clone());
+    ways.into_iter().for_each(|(way, client)| send(bytes.clone(), way, client));
+}
+
+/// Sends a node a world. Its way is free again once the node has taken it, or failed to.
+fn send(bytes: Bytes, way: OwnedSemaphorePermit, client: Arc<NodeClient>) {
+    tokio::spawn(async move {
+        let kept = timeout(KEEP_TIMEOUT, client.keep_world(bytes)).await;
+        if let Err(error) = kept.unwrap_or(Err(NodeError::Timeout(KEEP_TIMEOUT))) {
+            tracing::debug!("node {} does not remember the world: {error}", client.node());
+        }
+        drop(way);
+    });
 }

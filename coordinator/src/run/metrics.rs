@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::Coordinator;
-use crate::figures::{Figures, Progress, RunCounts};
+use crate::figures::{Figures, NodeBytes, Progress, RunCounts};
 use crate::live::{CameraStatus, MAX_WAITING};
 use crate::metrics::{MetricsSender, NodeMetrics, Queue, RunMetrics, RunTimes};
 use crate::roster::{HullUnavailable, RosterNode};
@@ -69,9 +69,11 @@ impl Coordinator {
         let bytes = self.transport.bytes();
         RunCounts {
             slipped_s: self.run.clock.slipped_s,
-            bytes_to_nodes: bytes.to_nodes,
-            bytes_from_nodes: bytes.from_nodes,
-            bytes_silhouettes: self.transport.silhouette_bytes(),
+            bytes: NodeBytes {
+                to_nodes: bytes.to_nodes,
+                from_nodes: bytes.from_nodes,
+                silhouettes: self.transport.silhouette_bytes(),
+            },
             ..self.run.figures.counts.clone()
         }
     }
@@ -87,10 +89,10 @@ impl Coordinator {
 
 fn times(figures: &Figures) -> RunTimes {
     RunTimes {
-        stages: std::array::from_fn(|stage| *figures.stage_ms[stage].histogram()),
-        step: *figures.step_ms.histogram(),
-        pass: figures.pass,
-        response_age: *figures.response_age_ms.histogram(),
-        hull_age: figures.hull_age,
+        stages: std::array::from_fn(|stage| *figures.times.stage_ms[stage].histogram()),
+        step: *figures.times.step_ms.histogram(),
+        pass: figures.times.pass,
+        response_age: *figures.times.response_age_ms.histogram(),
+        hull_age: figures.times.hull_age,
     }
 }

@@ -170,9 +170,9 @@ impl Coordinator {
             cameras,
             frames_missed: self.run.figures.frames_expected.saturating_sub(self.run.figures.counts.frames),
             frames_expected: self.run.figures.frames_expected,
-            late_steps: self.run.figures.counts.late_steps,
-            blind_steps: self.run.figures.counts.blind_steps(),
-            reduced_steps: self.run.figures.counts.reduced_steps,
+            late_steps: self.run.figures.counts.misses.late_steps,
+            blind_steps: self.run.figures.counts.misses.blind_steps(),
+            reduced_steps: self.run.figures.counts.misses.reduced_steps,
         })));
     }
 

@@ -5,6 +5,7 @@ use film_time::unix_now_s;
 use super::Coordinator;
 use super::watch::{GoneOn, Watcher};
 use crate::core::budget::StepBudget;
+use crate::core::roster::RosterNode;
 use crate::live::Command;
 use crate::memory::{Memory, MemoryUse};
 
@@ -54,7 +55,8 @@ impl Coordinator {
         if let Some(memory) = &mut self.remembering.memory
             && self.run.budget.is_met()
         {
-            memory.keep(&self.run.world, self.transport.clients());
+            let nodes = self.transport.roster().nodes();
+            memory.keep(&self.run.world, self.transport.clients(), nodes.iter().map(RosterNode::connections));
         }
     }
 }

@@ -94,7 +94,7 @@ impl Coordinator {
         }
         let bytes = self.transport.bytes();
         let bytes = bytes.to_nodes + bytes.from_nodes;
-        let passes = self.run.figures.counts.passes;
+        let passes = self.run.figures.counts.passes.asked;
         let progress = Progress {
             film_s: self.publisher.view.film_s,
             frame: self.run.film.frame,

@@ -108,8 +108,11 @@ impl Nodes {
                     error => {
                         if error.is_invalid() {
                             roster.fault(node, monotonic_s(), error.to_string());
-                        } else if roster.nodes()[node].missing().is_none() {
-                            // One that breaks its connection again and again is late with all that it was asked.
+                        } else if roster.nodes()[node].missing().is_none()
+                            && !matches!(error, NodeError::Timeout(_))
+                        {
+                            // One that breaks its connection again and again is late with all that it was asked. What we broke
+                            // because a call was not answered has been waited for: its answers since then tell how it behaves.
                             roster.record_late(&[node], monotonic_s(), &error.to_string());
                         }
                         roster.down(node, error.to_string());

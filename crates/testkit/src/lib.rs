@@ -4,11 +4,13 @@
 // The build script compiles it as a program; here it is formatted, linted and tested.
 #[allow(dead_code, reason = "its main function is the program's")]
 mod camera;
+mod help;
 mod running;
 mod skip;
 mod starvation;
 mod sweep;
 
+pub use help::help_is_wrapped_once;
 pub use running::Running;
 pub use skip::{has_program, skip};
 pub use starvation::{Watch, ran_out_of_time};

@@ -25,7 +25,7 @@ pub struct Overlap {
 pub fn json(setup: &Setup, figures: &Figures, world: &World, overlaps: &[Overlap]) -> Value {
     let sizes = setup.file.rig.cameras().iter().map(|camera| (camera.width(), camera.height()));
     let (width, height) = sizes.max().unwrap_or((0, 0));
-    let stages = coordinator::Stage::ALL.into_iter().zip(&figures.stage_ms);
+    let stages = coordinator::Stage::ALL.into_iter().zip(&figures.times.stage_ms);
     let stage_ms: serde_json::Map<String, Value> =
         stages.map(|(stage, figures)| (stage.name().to_owned(), percentiles(figures))).collect();
     json!({
@@ -47,15 +47,15 @@ pub fn json(setup: &Setup, figures: &Figures, world: &World, overlaps: &[Overlap
         "contacts": figures.counts.contacts,
         "left_inside": figures.left_inside(),
         "questions": {
-            "passes": figures.counts.passes,
-            "gathered": figures.counts.gathered_passes,
-            "round_trips": figures.counts.round_trips,
-            "poses": figures.poses_asked,
-            "steps_without": figures.steps_without_question,
-            "reused_share": figures.reused_share(),
+            "passes": figures.counts.passes.asked,
+            "gathered": figures.counts.passes.gathered,
+            "round_trips": figures.counts.passes.round_trips,
+            "poses": figures.answers.poses_asked,
+            "steps_without": figures.answers.steps_without_question,
+            "reused_share": figures.answers.reused_share(),
         },
-        "step_ms": percentiles(&figures.step_ms),
-        "response_age_ms": percentiles(&figures.response_age_ms),
+        "step_ms": percentiles(&figures.times.step_ms),
+        "response_age_ms": percentiles(&figures.times.response_age_ms),
         "depth_mm": percentiles(&figures.depth_mm),
         "stage_ms": stage_ms,
         "steps_per_s": figures.counts.steps as f64 / figures.wall_s.max(1e-9),
@@ -69,12 +69,12 @@ pub fn json(setup: &Setup, figures: &Figures, world: &World, overlaps: &[Overlap
 }
 
 fn bytes(figures: &Figures) -> Value {
-    let all = figures.counts.bytes_to_nodes + figures.counts.bytes_from_nodes;
+    let all = figures.counts.bytes.to_nodes + figures.counts.bytes.from_nodes;
     json!({
-        "to_nodes": figures.counts.bytes_to_nodes,
-        "from_nodes": figures.counts.bytes_from_nodes,
+        "to_nodes": figures.counts.bytes.to_nodes,
+        "from_nodes": figures.counts.bytes.from_nodes,
         "per_step": all as f64 / figures.counts.steps.max(1) as f64,
-        "silhouettes": figures.counts.bytes_silhouettes,
+        "silhouettes": figures.counts.bytes.silhouettes,
     })
 }
 
@@ -84,9 +84,9 @@ fn missed(figures: &Figures) -> Value {
         "frames": frames,
         "frames_expected": figures.frames_expected,
         "share": frames as f64 / figures.frames_expected.max(1) as f64,
-        "late_steps": figures.counts.late_steps,
-        "blind_steps": figures.counts.blind_steps(),
-        "reduced_steps": figures.counts.reduced_steps,
+        "late_steps": figures.counts.misses.late_steps,
+        "blind_steps": figures.counts.misses.blind_steps(),
+        "reduced_steps": figures.counts.misses.reduced_steps,
         "slipped_s": figures.counts.slipped_s,
     })
 }
@@ -138,7 +138,7 @@ fn percentiles(figures: &Percentiles) -> Value {
 /// The stages of a step that took place: how often in a frame, and their milliseconds.
 fn stage_table(figures: &Figures) -> String {
     let mut text = format!("{:<12}{:>9}{:>9}{:>9}{:>9}\n", "stage", "a frame", "p50 ms", "p99 ms", "max ms");
-    for (stage, figures_ms) in coordinator::Stage::ALL.into_iter().zip(&figures.stage_ms) {
+    for (stage, figures_ms) in coordinator::Stage::ALL.into_iter().zip(&figures.times.stage_ms) {
         let shown = (figures_ms.p50(), figures_ms.p99(), figures_ms.max());
         let (Some(p50), Some(p99), Some(max)) = shown else { continue };
         let (name, a_frame) = (stage.name(), figures_ms.count() as f64 / figures.counts.frames.max(1) as f64);
@@ -161,21 +161,22 @@ pub fn summary(setup: &Setup, figures: &Figures, world: &World) -> String {
         figures.counts.steps,
         figures.wall_s,
         figures.counts.frames as f64 / figures.wall_s.max(1e-9),
-        ms(figures.step_ms.p50()),
-        ms(figures.step_ms.p99()),
-        ms(figures.response_age_ms.p50()),
-        figures.counts.passes,
-        figures.counts.round_trips as f64 / figures.counts.passes.max(1) as f64,
-        figures.steps_without_question,
+        ms(figures.times.step_ms.p50()),
+        ms(figures.times.step_ms.p99()),
+        ms(figures.times.response_age_ms.p50()),
+        figures.counts.passes.asked,
+        figures.counts.passes.round_trips as f64 / figures.counts.passes.asked.max(1) as f64,
+        figures.answers.steps_without_question,
         figures.counts.inside_samples,
         100.0 * figures.left_inside(),
     );
     text += &stage_table(figures);
-    if figures.counts.blind_steps() > 0 {
-        text += &format!("{} steps without a hull\n", figures.counts.blind_steps());
+    if figures.counts.misses.blind_steps() > 0 {
+        text += &format!("{} steps without a hull\n", figures.counts.misses.blind_steps());
     }
-    if figures.counts.reduced_steps > 0 {
-        text += &format!("{} steps without a camera that was not there\n", figures.counts.reduced_steps);
+    if figures.counts.misses.reduced_steps > 0 {
+        text +=
+            &format!("{} steps without a camera that was not there\n", figures.counts.misses.reduced_steps);
     }
     for record in world.summaries() {
         text += &touched(record, setup.world.response);

@@ -29,7 +29,12 @@ async fn a_live_world_stands_still_until_its_first_frame_comes() {
     let live = RunSettings { lock_step: false, ..settings(1.5) };
     let (steps, figures) = play(film, &scene, live, std::future::pending()).await;
     timely!(watch, figures.counts.steps > 0, "no step was made");
-    timely!(watch, figures.counts.blind_steps() == 0, "{} steps are blind", figures.counts.blind_steps());
+    timely!(
+        watch,
+        figures.counts.misses.blind_steps() == 0,
+        "{} steps are blind",
+        figures.counts.misses.blind_steps()
+    );
     assert!(steps.iter().all(|step| step.frame.is_some()), "no step is blind");
     assert!(steps[0].film_s > 0.45, "film went by meanwhile: {}", steps[0].film_s);
     assert!(steps[0].frame > Some(10), "the first step sees the film of then: {:?}", steps[0].frame);
@@ -52,7 +57,7 @@ async fn a_live_world_does_not_wait_for_its_first_frame_for_ever() {
     let (steps, figures) = play(film(), &scene, patient, std::future::pending()).await;
     timely!(watch, figures.counts.steps > 0, "it does not go on without a hull");
     assert!(steps.iter().all(|step| step.frame.is_none() && step.film_s > 0.2));
-    assert_eq!(figures.counts.blind_steps(), figures.counts.steps);
+    assert_eq!(figures.counts.misses.blind_steps(), figures.counts.steps);
     let (_, figures) = play(film(), &scene, live(0.2), std::future::pending()).await;
     assert_eq!(figures.counts.steps, 0, "its time is over");
     assert_eq!(figures.film_failure.as_deref(), Some("the first frame has not come yet"));
@@ -112,7 +117,11 @@ async fn bodies_only_fall_while_a_camera_is_silent_and_are_not_thrown_when_it_an
         check_settled(&what, &steps, SETTLED_S);
         let back_s = silent.end as f64 / FPS;
         let blind = between(&steps, SETTLED_S, back_s);
-        assert_eq!((blind.len() as u64, figures.counts.faults), (figures.counts.blind_steps(), 0), "{what}");
+        assert_eq!(
+            (blind.len() as u64, figures.counts.faults),
+            (figures.counts.misses.blind_steps(), 0),
+            "{what}"
+        );
         check_falls(&what, blind, SETTLED_S - 1.0 / 120.0);
         let back = since(&steps, back_s);
         check_not_thrown(&what, &blind[0], back);
@@ -140,7 +149,11 @@ async fn bodies_only_fall_once_a_node_is_lost() {
     let (steps, figures) = play_over(transport, observers, &scene, settings(2.8), run).await;
     check_settled("a node is lost", &steps, SETTLED_S);
     let blind = &steps[steps.partition_point(|step| step.frame.is_some())..];
-    assert!(blind.len() > 40 && blind.len() as u64 == figures.counts.blind_steps(), "{} steps", blind.len());
+    assert!(
+        blind.len() > 40 && blind.len() as u64 == figures.counts.misses.blind_steps(),
+        "{} steps",
+        blind.len()
+    );
     check_falls("a node is lost", blind, blind[0].film_s - 1.0 / 120.0);
     assert!(farthest_m(blind) > 0.3, "they fall through what no camera sees");
     assert_eq!(figures.counts.faults, 0);
@@ -177,9 +190,10 @@ async fn a_live_run_begins_without_a_camera_that_never_films_and_ends_with_its_n
         if is_enough {
             timely!(
                 watch,
-                steps.first().is_some_and(|step| step.frame.is_some()) && figures.counts.blind_steps() == 0,
+                steps.first().is_some_and(|step| step.frame.is_some())
+                    && figures.counts.misses.blind_steps() == 0,
                 "it waited in vain: {} steps without a hull",
-                figures.counts.blind_steps()
+                figures.counts.misses.blind_steps()
             );
             assert_eq!(figures.film_failure, None);
         } else {
@@ -207,7 +221,7 @@ async fn bodies_at_rest_stay_where_they_are_when_film_jumps_back_or_drops_frames
             check_settled(&what, &steps, 1.0);
             let goes_back = steps.windows(2).any(|pair| pair[1].frame < pair[0].frame);
             assert_eq!(
-                (goes_back, figures.counts.blind_steps(), figures.counts.faults),
+                (goes_back, figures.counts.misses.blind_steps(), figures.counts.faults),
                 (fault == "back", 0, 0),
                 "{what}"
             );
@@ -251,7 +265,7 @@ async fn a_camera_that_stands_in_a_contact_throws_no_body() {
         let film = Film::of(&scene, &with_camera_at(&rig(), at_m), all(80));
         let (steps, figures) = play(film, &scene, settings(2.5), std::future::pending()).await;
         assert!(steps.iter().any(|step| step.contacts > 0), "{off_m:?}: nothing touched");
-        assert_eq!((figures.counts.blind_steps(), figures.counts.faults), (0, 0), "{off_m:?}");
+        assert_eq!((figures.counts.misses.blind_steps(), figures.counts.faults), (0, 0), "{off_m:?}");
         // It sees background where the table is, and they fall: no faster than from their own height.
         let highest_m = steps[0].positions_m.iter().map(|position| position.y).fold(0.0, f64::max);
         let (found_m_s, most_m_s) = (fastest_m_s(&steps), (2.0 * GRAVITY_M_S2 * highest_m).sqrt() + 0.1);

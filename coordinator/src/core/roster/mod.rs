@@ -56,60 +56,66 @@ pub struct RosterNode {
     name: String,
     /// Places in the rig.
     cameras: Vec<u16>,
-    is_up: bool,
-    /// How often it was.
+    connection: Connection,
+    /// How often it was connected.
     connections: u64,
-    /// Why it is, or was last, not there.
-    problem: Option<String>,
-    film: FilmState,
-    /// Whether it films without end.
-    is_endless: bool,
-    /// Of recent frames, ascending.
-    reports: VecDeque<FrameReport>,
+    film: NodeFilm,
     /// When it did not answer in time, seconds, if it has not been heard of since.
     silent_since_s: Option<f64>,
-    /// Steps go on without it.
-    is_left_out: bool,
-    /// Since when they do, seconds.
+    /// Since when steps go on without it, seconds, if they do.
     left_out_s: Option<f64>,
     /// Steps could use it, as of the last [`Roster::leave_out`].
     is_there: bool,
-    /// Another coordinator leads it.
-    is_held: bool,
-    /// It answered, and is not what is expected.
-    is_wrong: bool,
     conduct: Conduct,
     /// How far film time may be off there, seconds; nothing of cameras of this process.
     clock_bound_s: f64,
 }
 
+/// Whether a node is there, or why not.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Connection {
+    /// It was never reached, and no attempt has failed yet.
+    Silent,
+    Up,
+    /// It was lost, or cannot be reached.
+    Down(String),
+    /// It answers, and is not what is expected.
+    Wrong(String),
+    /// Another coordinator leads it.
+    Held(String),
+}
+
+/// What a node has reported of its film.
+#[derive(Clone, Debug)]
+struct NodeFilm {
+    state: FilmState,
+    /// Whether it films without end.
+    is_endless: bool,
+    /// Of recent frames, ascending.
+    reports: VecDeque<FrameReport>,
+}
+
 impl RosterNode {
     /// A node by the name that messages use, and its cameras' places in the rig. It is not there yet, and its film may end.
     pub fn new(name: String, cameras: Vec<u16>) -> RosterNode {
-        let (film, reports) = (FilmState::Running, VecDeque::new());
         RosterNode {
             name,
             cameras,
-            is_up: false,
+            connection: Connection::Silent,
             connections: 0,
-            problem: None,
-            film,
-            is_endless: false,
-            reports,
+            film: NodeFilm { state: FilmState::Running, is_endless: false, reports: VecDeque::new() },
             silent_since_s: None,
-            is_left_out: false,
             left_out_s: None,
             is_there: false,
-            is_held: false,
-            is_wrong: false,
             conduct: Conduct::default(),
             clock_bound_s: 0.0,
         }
     }
 
     /// The same node, which may film without end: that its film has ended is then a fault.
-    pub fn endless(self, is_endless: bool) -> RosterNode {
-        RosterNode { is_endless, ..self }
+    pub fn endless(mut self, is_endless: bool) -> RosterNode {
+        self.film.is_endless = is_endless;
+        self
     }
 
     /// The places of its cameras in the rig.
@@ -122,6 +128,14 @@ impl RosterNode {
         self.connections
     }
 
+    fn is_up(&self) -> bool {
+        self.connection == Connection::Up
+    }
+
+    fn is_held(&self) -> bool {
+        matches!(self.connection, Connection::Held(_))
+    }
+
     /// Whether it did not answer in time, and has not been heard of since.
     fn is_silent(&self) -> bool {
         self.silent_since_s.is_some()
@@ -129,12 +143,12 @@ impl RosterNode {
 
     /// Whether steps go on without it.
     pub fn is_left_out(&self) -> bool {
-        self.is_left_out
+        self.left_out_s.is_some()
     }
 
     /// The report of its newest frame.
     pub fn newest(&self) -> Option<&FrameReport> {
-        self.reports.back()
+        self.film.reports.back()
     }
 
     /// How far film time may be off there, seconds.
@@ -144,22 +158,24 @@ impl RosterNode {
 
     /// Why it is not there, if it is not.
     pub fn missing(&self) -> Option<Missing> {
-        let node = || self.name.clone();
-        match &self.problem {
-            _ if self.is_up => None,
-            None => Some(Missing::Silent { node: node() }),
-            Some(problem) => Some(Missing::Down { node: node(), problem: problem.clone() }),
+        let node = self.name.clone();
+        match &self.connection {
+            Connection::Up => None,
+            Connection::Silent => Some(Missing::Silent { node }),
+            Connection::Down(problem) | Connection::Wrong(problem) | Connection::Held(problem) => {
+                Some(Missing::Down { node, problem: problem.clone() })
+            }
         }
     }
 
     /// What it reported of a frame that is remembered.
     pub fn report(&self, frame: u64) -> Option<&FrameReport> {
-        self.reports.iter().find(|report| report.frame == frame)
+        self.film.reports.iter().find(|report| report.frame == frame)
     }
 
     /// Why its film has failed, if it has.
     pub fn film_failure(&self) -> Option<&str> {
-        match &self.film {
+        match &self.film.state {
             FilmState::Failed(why) => Some(why),
             FilmState::Running | FilmState::Ended => None,
         }
@@ -171,12 +187,12 @@ impl RosterNode {
 
     /// The newest frame that it has up to one.
     fn newest_until(&self, wanted: u64) -> Option<u64> {
-        self.reports.iter().rev().map(|report| report.frame).find(|&frame| frame <= wanted)
+        self.film.reports.iter().rev().map(|report| report.frame).find(|&frame| frame <= wanted)
     }
 
     fn forget_film(&mut self) {
-        self.reports.clear();
-        self.film = FilmState::Running;
+        self.film.reports.clear();
+        self.film.state = FilmState::Running;
     }
 
     fn add(&mut self, report: FrameReport) {
@@ -185,12 +201,10 @@ impl RosterNode {
             self.forget_film();
         }
         // No frame follows an end: this is another film.
-        if self.film != FilmState::Running {
-            self.film = FilmState::Running;
-        }
-        self.reports.push_back(report);
-        if self.reports.len() > REMEMBERED_FRAMES {
-            self.reports.pop_front();
+        self.film.state = FilmState::Running;
+        self.film.reports.push_back(report);
+        if self.film.reports.len() > REMEMBERED_FRAMES {
+            self.film.reports.pop_front();
         }
     }
 }
@@ -234,22 +248,19 @@ impl Roster {
     /// A node is connected; what it reported before no longer holds.
     pub fn up(&mut self, node: usize) {
         let node = &mut self.nodes[node];
-        (node.is_up, node.problem, node.is_held, node.silent_since_s) = (true, None, false, None);
-        node.is_wrong = false;
+        (node.connection, node.silent_since_s) = (Connection::Up, None);
         node.connections += 1;
         node.forget_film();
     }
 
     /// A node is not there.
     pub fn down(&mut self, node: usize, problem: String) {
-        let node = &mut self.nodes[node];
-        (node.is_up, node.problem, node.is_wrong, node.is_held) = (false, Some(problem), false, false);
+        self.nodes[node].connection = Connection::Down(problem);
     }
 
     /// A node that is down is there, and is not what is expected.
     pub fn wrong(&mut self, node: usize, problem: String) {
-        self.down(node, problem);
-        self.nodes[node].is_wrong = true;
+        self.nodes[node].connection = Connection::Wrong(problem);
     }
 
     /// A node refused, or answered wrongly: it is left out until it is heard of, and for longer if that happens often.
@@ -262,7 +273,7 @@ impl Roster {
     /// Whether steps ask a node, and it has answered so far.
     pub fn answers(&self, node: usize, now_s: f64) -> bool {
         let node = &self.nodes[node];
-        node.is_up && !node.is_silent() && !node.is_left_out && !node.conduct.is_excluded(now_s)
+        node.is_up() && !node.is_silent() && !node.is_left_out() && !node.conduct.is_excluded(now_s)
     }
 
     /// Whether a node may refuse a question about a frame for this reason: it no longer has an old frame, and not yet one that
@@ -283,19 +294,18 @@ impl Roster {
 
     /// A node is led by another coordinator.
     pub fn held(&mut self, node: usize, by: String) {
-        self.down(node, by);
-        self.nodes[node].is_held = true;
+        self.nodes[node].connection = Connection::Held(by);
     }
 
     /// The first node that is led by another, and by whom.
     pub fn held_node(&self) -> Option<Missing> {
-        self.nodes.iter().find(|node| node.is_held)?.missing()
+        self.nodes.iter().find(|node| node.is_held())?.missing()
     }
 
     /// The same if another leads most of the nodes, or half of them before a run has begun; one alone of several may say so
     /// wrongly.
     pub fn displaced(&self) -> Option<Missing> {
-        let (all, held) = (self.nodes.len(), self.nodes.iter().filter(|node| node.is_held).count());
+        let (all, held) = (self.nodes.len(), self.nodes.iter().filter(|node| node.is_held()).count());
         let are_most = if self.has_begun { 2 * held > all } else { 2 * held >= all && held >= all.min(2) };
         if are_most { self.held_node() } else { None }
     }
@@ -307,11 +317,12 @@ impl Roster {
         node.silent_since_s = node.silent_since_s.filter(|&since_s| heard_s <= since_s);
         match event {
             FilmEvent::Frame(report) => node.add(report),
-            FilmEvent::Ended if node.is_endless => {
-                node.film = FilmState::Failed(format!("node {} reports the end of live film", node.name));
+            FilmEvent::Ended if node.film.is_endless => {
+                let why = format!("node {} reports the end of live film", node.name);
+                node.film.state = FilmState::Failed(why);
             }
-            FilmEvent::Ended => node.film = FilmState::Ended,
-            FilmEvent::Failed(why) => node.film = FilmState::Failed(why),
+            FilmEvent::Ended => node.film.state = FilmState::Ended,
+            FilmEvent::Failed(why) => node.film.state = FilmState::Failed(why),
         }
     }
 
@@ -332,7 +343,7 @@ impl Roster {
                 let is_near = node.newest_frame().is_some_and(|own| own + REMEMBERED_FRAMES as u64 > newest);
                 now_s > left_out_s + LATE_FOR_S && is_near && !node.conduct.is_excluded(now_s)
             });
-            node.is_up && !node.is_silent() && is_waited_for && node.film == FilmState::Running
+            node.is_up() && !node.is_silent() && is_waited_for && node.film.state == FilmState::Running
         };
         (std::mem::take(&mut self.arrivals), self.nodes.iter().map(films).collect())
     }
@@ -363,7 +374,7 @@ impl Roster {
     /// The newest frame not newer than `wanted` that all nodes have that are not left out.
     pub fn newest_common(&self, wanted: u64) -> Option<u64> {
         let first = self.present().next()?;
-        let frames = first.reports.iter().rev().map(|report| report.frame);
+        let frames = first.film.reports.iter().rev().map(|report| report.frame);
         let all_have = |frame: &u64| self.present().all(|node| node.report(*frame).is_some());
         frames.filter(|&frame| frame <= wanted).find(all_have)
     }
@@ -376,7 +387,7 @@ impl Roster {
     /// The last frame of film: that of the node whose film ended first, of those that are not left out. `None` while all
     /// run.
     pub fn last_frame(&self) -> Option<LastFrame> {
-        let ended = self.present().filter(|node| node.film == FilmState::Ended);
+        let ended = self.present().filter(|node| node.film.state == FilmState::Ended);
         ended.map(|node| node.newest_frame().map_or(LastFrame::None, LastFrame::Frame)).min()
     }
 
@@ -384,9 +395,9 @@ impl Roster {
     /// that is done early does not cut off what others have yet to report: in lock-step a fast node ends several
     /// frames ahead of the one in use.
     pub fn film(&self, wanted: u64) -> FilmState {
-        let failed = self.present().find(|node| matches!(node.film, FilmState::Failed(_)));
+        let failed = self.present().find(|node| matches!(node.film.state, FilmState::Failed(_)));
         if let Some(node) = failed {
-            return node.film.clone();
+            return node.film.state.clone();
         }
         match self.last_frame() {
             Some(last) if last < LastFrame::Frame(wanted) => FilmState::Ended,

@@ -2,7 +2,7 @@
 
 use film_time::FilmState;
 
-use super::{Roster, RosterNode, Shortage};
+use super::{Connection, Roster, RosterNode, Shortage};
 
 /// A node whose film is later than the others' by more frames than this is left out.
 const LATE_FRAMES: u64 = 1;
@@ -28,17 +28,17 @@ impl RosterNode {
         now_s: f64,
     ) -> bool {
         if whom == LeaveOut::Missing {
-            return self.is_up;
+            return self.is_up();
         }
         let in_time = match (lead, self.newest_until(wanted)) {
-            _ if self.is_left_out => common.is_none_or(|common| self.report(common).is_some()),
+            _ if self.is_left_out() => common.is_none_or(|common| self.report(common).is_some()),
             (Some(lead), Some(newest)) => newest + LATE_FRAMES >= lead,
             (Some(_), None) => false,
             (None, _) => true,
         };
-        let has_ended = self.film == FilmState::Ended;
-        let behaves = !self.conduct.is_excluded(now_s) && !matches!(self.film, FilmState::Failed(_));
-        self.is_up && !self.is_silent() && behaves && (in_time || has_ended)
+        let has_ended = self.film.state == FilmState::Ended;
+        let behaves = !self.conduct.is_excluded(now_s) && !matches!(self.film.state, FilmState::Failed(_));
+        self.is_up() && !self.is_silent() && behaves && (in_time || has_ended)
     }
 
     /// How many cameras it films with.
@@ -53,7 +53,7 @@ impl RosterNode {
 impl Roster {
     /// The nodes that steps go on with.
     pub(super) fn present(&self) -> impl Iterator<Item = &RosterNode> {
-        self.nodes.iter().filter(|node| !node.is_left_out)
+        self.nodes.iter().filter(|node| !node.is_left_out())
     }
 
     /// Whether steps go on without a node.
@@ -66,7 +66,7 @@ impl Roster {
     /// theirs, but of the network.
     pub fn record_late(&mut self, late: &[usize], now_s: f64, why: &str) {
         if let &[node] = late
-            && self.nodes[node].is_up
+            && self.nodes[node].is_up()
             && self.has_enough_cameras_without(node, now_s)
         {
             self.nodes[node].conduct.late(now_s, why.to_owned());
@@ -78,7 +78,7 @@ impl Roster {
     pub fn has_enough_cameras_without(&self, node: usize, now_s: f64) -> bool {
         let Some(least) = self.least_cameras else { return false };
         let answers = |node: &RosterNode| {
-            node.is_there && node.is_up && !node.is_silent() && !node.conduct.is_excluded(now_s)
+            node.is_there && node.is_up() && !node.is_silent() && !node.conduct.is_excluded(now_s)
         };
         let others = self.nodes.iter().enumerate().filter(|&(other, _)| other != node).map(|(_, node)| node);
         others.filter(|node| answers(node)).map(RosterNode::films).sum::<usize>() >= least.max(1)
@@ -88,7 +88,7 @@ impl Roster {
     /// `least` cameras would remain. Returns what has changed: nodes, and whether each is back.
     pub fn leave_out(&mut self, wanted: u64, whom: LeaveOut, least: usize, now_s: f64) -> Vec<(usize, bool)> {
         let behaves =
-            |node: &&RosterNode| node.is_up && !node.is_silent() && !node.conduct.is_excluded(now_s);
+            |node: &&RosterNode| node.is_up() && !node.is_silent() && !node.conduct.is_excluded(now_s);
         let newest = |node: &RosterNode| node.newest_until(wanted);
         let lead = self.nodes.iter().filter(behaves).filter_map(newest).max();
         let common = self.newest_common(wanted);
@@ -103,13 +103,12 @@ impl Roster {
         for (index, (node, there)) in self.nodes.iter_mut().zip(&there).enumerate() {
             node.is_there = *there;
             let is_left_out = is_enough && !there;
-            if node.is_left_out != is_left_out {
+            if node.is_left_out() != is_left_out {
                 // Film that is in time in one frame and late in the next would change the hull with each.
-                let answers = node.is_up && !node.is_silent() && node.film == FilmState::Running;
+                let answers = node.is_up() && !node.is_silent() && node.film.state == FilmState::Running;
                 if is_left_out && answers && whom == LeaveOut::Late {
                     node.conduct.late(now_s, "its film was late".to_owned());
                 }
-                node.is_left_out = is_left_out;
                 node.left_out_s = is_left_out.then_some(now_s);
                 changed.push((index, !is_left_out));
             }
@@ -127,8 +126,10 @@ impl Roster {
     /// Whether a run may begin without the nodes that are missing: these are away and not wrong, fewer than half of all are
     /// held by another coordinator, and so many cameras are there.
     pub fn may_begin_without_missing(&self, least: usize) -> bool {
-        let there: usize = self.nodes.iter().filter(|node| node.is_up).map(|node| node.cameras.len()).sum();
-        there >= least.max(1) && !self.nodes.iter().any(|node| node.is_wrong) && self.displaced().is_none()
+        let there: usize = self.nodes.iter().filter(|node| node.is_up()).map(|node| node.cameras.len()).sum();
+        there >= least.max(1)
+            && !self.nodes.iter().any(|node| matches!(node.connection, Connection::Wrong(_)))
+            && self.displaced().is_none()
     }
 
     /// The name of a node and its cameras.

@@ -81,7 +81,7 @@ impl Roster {
     /// for long enough.
     pub fn may_begin(&self, wanted: u64, film_s: f64, patience: Duration, least: usize) -> bool {
         // A node that has failed is left out, if the others have enough cameras.
-        let films = |node: &&RosterNode| node.is_up && !matches!(node.film, FilmState::Failed(_));
+        let films = |node: &&RosterNode| node.is_up() && !matches!(node.film.state, FilmState::Failed(_));
         let cameras: usize = self.nodes.iter().filter(films).map(|node| node.cameras.len()).sum();
         let is_over = match self.film(wanted) {
             FilmState::Running => false,

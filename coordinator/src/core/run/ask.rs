@@ -104,7 +104,7 @@ impl Run {
         }
         match self.begin_question(&step, roster) {
             Ok((frame, at)) => {
-                let passes_before = self.figures.counts.passes;
+                let passes_before = self.figures.counts.passes.asked;
                 self.ask(OpenQuestion { step, frame, at, passes_before, repeats: 0, asked_s: None }, clocks)
             }
             Err(why) => {
@@ -141,10 +141,10 @@ impl Run {
         let began_s = clocks().monotonic_s;
         let asks = self.hull.query.ask(&ahead).question().is_some();
         self.figures.add_stage(Stage::Cull, (clocks().monotonic_s - began_s) * 1e3);
-        self.figures.counts.passes += u64::from(asks);
-        self.figures.poses_asked += self.hull.query.poses_asked() as u64;
+        self.figures.counts.passes.asked += u64::from(asks);
+        self.figures.answers.poses_asked += self.hull.query.poses_asked() as u64;
         let is_gathered = self.hull.answering == Answering::Gathered;
-        self.figures.counts.gathered_passes += u64::from(asks && is_gathered);
+        self.figures.counts.passes.gathered += u64::from(asks && is_gathered);
         let timeout = self.settings.lock_step.then_some(LOCK_STEP_TIMEOUT);
         let frame = question.frame;
         self.state = State::Asking(OpenQuestion { asked_s: asks.then_some(began_s), ..question });
@@ -155,7 +155,7 @@ impl Run {
     pub fn pass(&mut self) -> (&mut Pass, impl FnMut(Round, f64)) {
         let Run { hull, figures, .. } = self;
         let took = |round: Round, ms: f64| {
-            figures.counts.round_trips += 1;
+            figures.counts.passes.round_trips += 1;
             figures.add_stage(round.into(), ms);
         };
         (hull.query.pass(), took)
@@ -164,10 +164,10 @@ impl Run {
     /// The pass was answered, or why not. Without the nodes that failed to answer, which are left out, it is asked once more.
     pub fn answered(&mut self, answered: Result<(), Unanswered>, roster: &mut Roster, clocks: Clocks) {
         let State::Asking(mut question) = std::mem::take(&mut self.state) else { return };
-        self.figures.counts.points = *self.hull.query.pass().points_asked();
+        self.figures.counts.passes.points = *self.hull.query.pass().points_asked();
         let Err(Unanswered(why)) = answered else {
             if let Some(asked_s) = question.asked_s {
-                self.figures.pass.add(clocks().monotonic_s - asked_s);
+                self.figures.times.pass.add(clocks().monotonic_s - asked_s);
             }
             self.hull.query.answered();
             self.state = State::Asked { question, is_answered: true };
@@ -196,9 +196,10 @@ impl Run {
         if let Some(before) = self.film.unavailable.take().filter(HullUnavailable::is_fault) {
             tracing::warn!("hull available again (it was not: {before})");
         }
-        self.figures.steps_without_question += u64::from(self.figures.counts.passes == passes_before);
-        self.figures.answers_used += answers.asked as u64;
-        self.figures.answers_reused += answers.reused as u64;
+        self.figures.answers.steps_without_question +=
+            u64::from(self.figures.counts.passes.asked == passes_before);
+        self.figures.answers.used += answers.asked as u64;
+        self.figures.answers.reused += answers.reused as u64;
         let collisions = self.collisions(at, answers.results, clocks);
         self.figures.add_collisions(&collisions);
         self.answered_step(step, Some(collisions))

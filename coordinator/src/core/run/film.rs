@@ -225,7 +225,7 @@ impl Run {
         self.go_on_without(wanted, roster, clocks);
         let cameras = self.observers().len();
         let lacks_any = !self.film.cameras.is_empty() && self.film.cameras.len() < cameras;
-        self.figures.counts.reduced_steps += u64::from(lacks_any || roster.leaves_out_any());
+        self.figures.counts.misses.reduced_steps += u64::from(lacks_any || roster.leaves_out_any());
         let newest = roster.newest_common(wanted);
         let last = roster.last_frame().filter(|_| roster.film(wanted) == FilmState::Ended);
         if let Some(last) = last {
@@ -235,7 +235,7 @@ impl Run {
                 return Ok(Action::End);
             }
         } else {
-            self.figures.counts.late_steps += u64::from(newest != Some(wanted));
+            self.figures.counts.misses.late_steps += u64::from(newest != Some(wanted));
         }
         let phase = if last.is_some() { FilmPhase::Held } else { FilmPhase::Runs };
         self.with_frame(newest.or(self.film.frame), Step::of(film_s, phase), roster, clocks)
@@ -375,7 +375,7 @@ impl Run {
 
     /// Counts a step without a hull; the world goes on.
     pub(super) fn lose_hull(&mut self, why: HullUnavailable) {
-        self.figures.counts.blind_by_cause[why.cause()] += 1;
+        self.figures.counts.misses.blind_by_cause[why.cause()] += 1;
         self.note_no_hull(why);
     }
 

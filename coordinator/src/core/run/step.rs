@@ -158,7 +158,7 @@ impl Run {
         self.figures.counts.faults += report.faults.len() as u64;
         self.steering.count();
         let step_ms = (clocks().monotonic_s - step.began_s) * 1e3;
-        self.figures.step_ms.add(step_ms);
+        self.figures.times.step_ms.add(step_ms);
         self.figures.counts.steps += 1;
         let hull_age_ms = self.note_age(step.collisions.as_deref(), roster, clocks);
         Ok(MadeStep { touched: report.touched, faults: report.faults, step_ms, hull_age_ms })
@@ -175,9 +175,9 @@ impl Run {
         let reports = roster.reports(self.film.frame?)?;
         let later_s = self.world.settings().hull_time.frames_later() / self.settings.fps;
         let age_ms = (self.clock.age_s(reports.first()?, clocks()) + later_s) * 1e3;
-        self.figures.hull_age.add(age_ms / 1e3);
+        self.figures.times.hull_age.add(age_ms / 1e3);
         if collisions.iter().any(BodyCollision::is_touched) {
-            self.figures.response_age_ms.add(age_ms);
+            self.figures.times.response_age_ms.add(age_ms);
         }
         Some(age_ms)
     }

@@ -277,7 +277,7 @@ impl Scripted {
     }
 
     fn blind_steps(&self) -> u64 {
-        self.run.figures.counts.blind_steps()
+        self.run.figures.counts.misses.blind_steps()
     }
 }
 
@@ -349,7 +349,7 @@ fn the_same_script_is_the_same_run() {
     let runs = [(); 2].map(|()| run(RunSettings { going_on, ..settings() }, script()));
     assert_eq!(runs[0].steps, runs[1].steps);
     assert_eq!(runs[0].digest(), runs[1].digest());
-    assert!(runs[0].run.figures.counts.reduced_steps > 0);
+    assert!(runs[0].run.figures.counts.misses.reduced_steps > 0);
 }
 
 #[test]
@@ -358,7 +358,7 @@ fn a_node_that_freezes_costs_one_question_and_is_left_out_until_it_goes_on() {
         run(settings(), [films(31), vec![(0.3, 1, Event::Freezes), (0.7, 1, Event::GoesOn)]].concat());
     assert_eq!((frozen.failures, frozen.blind_steps()), (1, 0), "the step asks once more, without it");
     assert!(!frozen.roster.nodes()[1].is_left_out());
-    let reduced = frozen.run.figures.counts.reduced_steps;
+    let reduced = frozen.run.figures.counts.misses.reduced_steps;
     assert!((40..60).contains(&reduced), "{reduced} of 120 steps, 48 of them in these 0.4 s");
 }
 
@@ -370,7 +370,7 @@ fn a_question_that_no_node_is_left_out_for_is_not_asked_again() {
     assert!(deaf.failures > 0);
     assert_eq!(deaf.blind_steps(), deaf.failures as u64, "each costs a step its hull");
     let why = HullUnavailable::Unanswered("no answer in time".into());
-    assert_eq!(deaf.run.figures.counts.blind_by_cause[why.cause()], deaf.blind_steps());
+    assert_eq!(deaf.run.figures.counts.misses.blind_by_cause[why.cause()], deaf.blind_steps());
 }
 
 #[test]
@@ -470,10 +470,10 @@ fn a_schedule_sees_its_frames_and_waits_for_them() {
     replayed.follow(Sees::Recorded { film_s: 0.2, frame: Some(5) }).expect("it has the frame");
     replayed.follow(Sees::Recorded { film_s: 0.21, frame: None }).expect("as when it was recorded");
     assert_eq!(replayed.frames(), [Some(5), None]);
-    let asked = replayed.run.figures.counts.passes;
+    let asked = replayed.run.figures.counts.passes.asked;
     let responses = vec![BodyResponse::UNTOUCHED];
     replayed.follow(Sees::Given { film_s: 0.22, frame: Some(6), responses }).expect("nothing is needed");
-    assert_eq!(replayed.run.figures.counts.passes, asked, "responses are given");
+    assert_eq!(replayed.run.figures.counts.passes.asked, asked, "responses are given");
     replayed.is_frozen[0] = true;
     let error =
         replayed.follow(Sees::Recorded { film_s: 0.24, frame: Some(7) }).expect_err("a node lacks it");
@@ -485,7 +485,7 @@ fn a_schedule_ends_where_a_step_has_no_hull_any_more() {
     let mut replayed = Scripted::new(RunSettings { lock_step: true, ..settings() }, films(31));
     replayed.run.sees = Some(Sees::Recorded { film_s: 0.2, frame: Some(5) });
     // The box is where the hull must be asked, and one node answers nothing.
-    while replayed.run.figures.counts.passes == 0 {
+    while replayed.run.figures.counts.passes.asked == 0 {
         if replayed.run.film.frame.is_some() {
             replayed.is_frozen[2] = true;
         }

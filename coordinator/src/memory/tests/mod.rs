@@ -82,6 +82,22 @@ fn a_checkpoint_is_read_as_it_was_written_to_the_bit() {
 }
 
 #[test]
+fn a_node_that_has_come_back_is_handed_a_world_before_its_turn() {
+    let mut way = Way { free: Arc::new(Semaphore::new(1)), connections: 1 };
+    let mut is_admitted = |connections, is_due| way.admit(connections, is_due).is_some();
+    assert!(!is_admitted(1, false) && is_admitted(1, true));
+    assert!(is_admitted(2, false), "it is back");
+    assert!(!is_admitted(2, false), "it was handed one");
+    let on_its_way = way.admit(2, true).expect("free");
+    assert!(
+        way.admit(3, false).is_none() && way.admit(3, true).is_none(),
+        "it has yet to take the one before"
+    );
+    drop(on_its_way);
+    assert!(way.admit(3, false).is_some());
+}
+
+#[test]
 fn a_thousand_bodies_take_a_fifth_of_what_a_node_keeps() {
     let bodies = "[[bodies]]\nname = 'box'\nshape.box.size = [0.2, 0.2, 0.2]\ncount = 1000\nplace.stack.foot = [0, 0, 0]";
     let scene = Scene::from_toml("crowded", bodies).expect("a scene");

@@ -2,8 +2,8 @@
 
 use thiserror::Error;
 
-use super::{Pass, Response, Round};
-use crate::question::{Answer, Change, NO_EXIT_M, Question, QuestionKind, Standing};
+use super::{Pass, PendingQuestion, Response, Round};
+use crate::question::{Answer, QuestionKind};
 use crate::reach::Reach;
 
 /// Why a group's answer was refused.
@@ -93,7 +93,7 @@ impl Pass {
         let asked = *self.groups.get(group).ok_or(AnswerError::Group { found: group, expected })?;
         if self.round != Round::Done
             && let Response::Contacts(contacts) = &mut self.response
-            && contacts.speculation.is_answered_by(answer, &self.question)
+            && contacts.speculation.is_answered_by(answer, &self.pending.question)
         {
             contacts.speculation.answer(group, answer)?;
             self.advance_if_answered();
@@ -102,13 +102,14 @@ impl Pass {
         if self.round == Round::Done || !asked.is_asked || asked.has_answered {
             return Err(AnswerError::Twice(group));
         }
-        if !answer.kind.answers(self.question.kind) {
+        if !answer.kind.answers(self.pending.question.kind) {
             return Err(AnswerError::Kind(group));
         }
-        if answer.len() != self.merged.len() {
-            return Err(AnswerError::Count { group, found: answer.len(), expected: self.merged.len() });
+        let expected = self.pending.merged.len();
+        if answer.len() != expected {
+            return Err(AnswerError::Count { group, found: answer.len(), expected });
         }
-        merge(&mut self.merged, &mut self.exits_within, answer);
+        self.pending.merge(answer);
         self.groups[group].has_answered = true;
         self.advance_if_answered();
         Ok(())
@@ -126,19 +127,20 @@ impl Pass {
 
     /// Asks the question that stands there, or ends if it is empty.
     pub(super) fn ask(&mut self, round: Round, asks: impl Fn(&Group) -> bool) {
-        let count = self.question.len();
-        self.points_asked[self.question.kind as usize] += count as u64;
+        let Pass { pending, groups, .. } = self;
+        let count = pending.question.len();
+        self.points_asked[pending.question.kind as usize] += count as u64;
         self.round = if count == 0 { Round::Done } else { round };
-        for group in &mut self.groups {
+        for group in groups.iter_mut() {
             group.is_asked = !group.is_left_out && asks(group);
             group.has_answered = false;
         }
-        nothing_yet(&mut self.merged, &self.question);
-        if matches!(self.question.kind, QuestionKind::Edges | QuestionKind::Planes) {
+        pending.forget_answers();
+        if matches!(pending.question.kind, QuestionKind::Edges | QuestionKind::Planes) {
             // One group alone finds exits at once.
-            let told = if self.groups.len() == 1 { 0 } else { count };
-            self.exits_within.clear();
-            self.exits_within.resize(told, None);
+            let told = if groups.len() == 1 { 0 } else { count };
+            pending.exits_within.clear();
+            pending.exits_within.resize(told, None);
         }
     }
 
@@ -146,8 +148,8 @@ impl Pass {
     /// bounded anyway; what is asked again is worth no more trips, unless bytes are dearer. Planes never are: most are
     /// of points around bodies, which no other group can spare any work.
     pub(super) fn ask_distances(&mut self, round: Round) {
-        let is_bounded = !self.question.within.is_empty();
-        let is_worth_it = !self.asks_planes() && (self.saves_bytes || is_bounded);
+        let is_bounded = !self.pending.question.within.is_empty();
+        let is_worth_it = !self.asks_planes() && (self.trips.saves_bytes || is_bounded);
         let two_phases =
             is_worth_it && self.groups.iter().any(|group| group.is_in_first_phase && !group.is_left_out);
         self.ask(round, |group| !two_phases || group.is_in_first_phase);
@@ -156,9 +158,10 @@ impl Pass {
 
     /// Asks the groups of the second phase, within what the first found.
     fn ask_within_found(&mut self) {
-        let Pass { question, merged, groups, targets, bodies, .. } = self;
+        let Pass { pending: PendingQuestion { question, targets, merged, .. }, groups, bodies, .. } = self;
         // From outside the farthest plane wins: what was found of points around bodies bounds nothing.
-        let bounds = |at: usize| targets.0.get(at).is_none_or(|&(body, _)| !bodies[body as usize].is_around);
+        let bounds =
+            |at: usize| targets.0.get(at).is_none_or(|&(body, _)| !bodies.all()[body as usize].is_around);
         let edges_m = merged.edges.iter().map(|edge| edge.map_or(f32::INFINITY, |edge| edge.distance_m));
         let found_m = edges_m.chain(merged.exits_m.iter().copied());
         question.within.resize(question.len(), Reach::UNBOUNDED);
@@ -181,7 +184,7 @@ impl Pass {
         if self.is_first_phase {
             return self.ask_within_found();
         }
-        sort_changes(&mut self.merged);
+        self.pending.sort_changes();
         match (self.round, &self.response) {
             (Round::Classes, _) => self.after_classes(),
             (Round::Edges, _) => self.after_edges(),
@@ -192,44 +195,5 @@ impl Pass {
             (Round::Check, Response::Paper(_)) => self.after_check(),
             (Round::Done, _) => {}
         }
-    }
-}
-
-/// The answer to a question that no group has answered.
-pub(super) fn nothing_yet(merged: &mut Answer, question: &Question) {
-    merged.restart(question.kind);
-    let count = question.len();
-    match question.kind {
-        QuestionKind::Classes => merged.standings.resize(count, Standing::inside(0)),
-        QuestionKind::Edges | QuestionKind::Planes => merged.edges.resize(count, None),
-        QuestionKind::Exits | QuestionKind::SharedExits => merged.exits_m.resize(count, NO_EXIT_M),
-    }
-}
-
-/// Merges a group's answer with those of others, in any order. `exits_within` follows the merged edges, if it has places.
-pub(super) fn merge(merged: &mut Answer, exits_within: &mut [Option<Reach>], answer: &Answer) {
-    for (merged, &standing) in merged.standings.iter_mut().zip(&answer.standings) {
-        *merged = merged.and(standing);
-    }
-    for (at, (merged, edge)) in merged.edges.iter_mut().zip(&answer.edges).enumerate() {
-        let Some(edge) = edge else { continue };
-        if merged.is_none_or(|before| edge.is_nearer(&before)) {
-            *merged = Some(*edge);
-            if let Some(within) = exits_within.get_mut(at) {
-                *within = answer.exits_within.get(at).copied();
-            }
-        }
-    }
-    for (merged, &exit_m) in merged.exits_m.iter_mut().zip(&answer.exits_m) {
-        *merged = merged.min(exit_m);
-    }
-    merged.changes.extend_from_slice(&answer.changes);
-}
-
-/// Sorts the merged changes by point and along each ray: of several groups they are not.
-pub(super) fn sort_changes(merged: &mut Answer) {
-    let order = |a: &Change, b: &Change| a.point.cmp(&b.point).then(a.t_m.total_cmp(&b.t_m));
-    if !merged.changes.is_sorted_by(|a, b| order(a, b).is_le()) {
-        merged.changes.sort_unstable_by(order);
     }
 }

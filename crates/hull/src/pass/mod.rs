@@ -13,10 +13,12 @@
 //! Two responses need different things after the classes: the paper's (`paper/`) the way out of each body, contacts
 //! (`contacts/`) the planes of the surface near it.
 
+mod bodies;
 mod contacts;
 mod found;
 mod groups;
 mod paper;
+mod pending;
 mod reaches;
 mod rounds;
 
@@ -25,11 +27,12 @@ use std::sync::Arc;
 
 use crate::cull::WorldBox;
 use crate::faces::FaceNormals;
-use crate::question::{Answer, Batch, Change, Points, Question, QuestionKind};
+use crate::question::{Batch, Change, Points, Question, QuestionKind};
 use crate::reach::Reach;
 use crate::rule::ProbeSettings;
-use found::FoundSample;
+use bodies::{Bodies, PassBody};
 use groups::Group;
+use pending::PendingQuestion;
 
 pub use contacts::{BodyPlanes, SamplePlane};
 pub use found::BodyResult;
@@ -86,33 +89,29 @@ impl<'a> AskedBody<'a> {
 #[derive(Clone, Debug)]
 pub struct Pass {
     settings: ProbeSettings,
-    bodies: Vec<PassBody>,
+    bodies: Bodies,
+    /// Of each body; there may be buffers of more.
     results: Vec<BodyResult>,
-    /// Bodies of this pass, and after them what is around them: there may be buffers of more.
-    count: usize,
-    /// How many of them are bodies; there may be buffers of more results.
-    asked_count: usize,
-    /// A buffer.
-    around: Vec<(usize, Points)>,
     round: Round,
-    question: Question,
-    /// What the question's points are, in its order.
-    targets: Targets,
-    /// The answers so far. Merging does not depend on their order.
-    merged: Answer,
-    /// For each merged edge the reach of its exit, if it was answered.
-    exits_within: Vec<Option<Reach>>,
+    /// The question of this round.
+    pending: PendingQuestion,
     groups: Vec<Group>,
     /// The groups of the first phase are asked; the others follow.
     is_first_phase: bool,
     response: Response,
+    trips: TripPolicy,
+    /// Points that were asked about since it was made, by kind.
+    points_asked: [u64; QuestionKind::ALL.len()],
+}
+
+/// How round trips weigh against bytes.
+#[derive(Clone, Copy, Debug, Default)]
+struct TripPolicy {
     /// For contacts: planes that are likely to matter are asked for together with the classes, and ways out together
     /// with planes.
     speculates: bool,
     /// Few exits are asked for, each not far, at the price of rounds.
     saves_bytes: bool,
-    /// Points that were asked about since it was made, by kind.
-    points_asked: [u64; QuestionKind::ALL.len()],
 }
 
 /// For which response it asks, and what that needs to know of the bodies.
@@ -121,27 +120,6 @@ enum Response {
     Paper(paper::Paper),
     Contacts(Box<contacts::Contacts>),
 }
-
-/// A body of a pass, or what is around one.
-#[derive(Clone, Debug)]
-struct PassBody {
-    points: Points,
-    reaches: Reaches,
-    /// Its samples inside the hull, ascending.
-    found: Vec<FoundSample>,
-    /// Of each of them the reach of its exit along its edge's normal, if it was answered.
-    exits_within: Vec<Option<Reach>>,
-    /// Its box meets the hull's.
-    is_near: bool,
-    /// These points are around a body.
-    is_around: bool,
-    /// All its edges were asked for together with the classes.
-    are_edges_known: bool,
-}
-
-/// The body of each of the question's points, and which of its samples, or of those inside, it is.
-#[derive(Clone, Debug, Default)]
-struct Targets(Vec<(u32, u32)>);
 
 impl Pass {
     /// Starts a pass over bodies, to be asked of `group_count` groups. Bodies whose box does not meet
@@ -154,21 +132,14 @@ impl Pass {
     ) -> Pass {
         let mut pass = Pass {
             settings,
-            bodies: Vec::new(),
+            bodies: Bodies::default(),
             results: Vec::new(),
-            count: 0,
-            asked_count: 0,
-            around: Vec::new(),
             round: Round::Done,
-            question: Question::default(),
-            targets: Targets::default(),
-            merged: Answer::default(),
-            exits_within: Vec::new(),
+            pending: PendingQuestion::default(),
             groups: vec![Group::default(); group_count],
             is_first_phase: false,
             response: Response::Paper(paper::Paper::default()),
-            speculates: false,
-            saves_bytes: false,
+            trips: TripPolicy::default(),
             points_asked: [0; QuestionKind::ALL.len()],
         };
         let unknown = Reaches::default();
@@ -177,65 +148,29 @@ impl Pass {
         pass
     }
 
-    fn add_body(&mut self, points: Points, known: &Reaches, is_near: bool, is_around: bool) {
-        let old = self.bodies.get_mut(self.count);
-        let take = |old: &mut PassBody| {
-            let PassBody { found, exits_within, reaches, .. } = old;
-            (std::mem::take(found), std::mem::take(exits_within), std::mem::take(reaches))
-        };
-        let (mut found, exits_within, mut reaches) = old.map(take).unwrap_or_default();
-        found.clear();
-        reaches.copy_from(known);
-        let are_edges_known = false;
-        let body = PassBody { points, reaches, found, exits_within, is_near, is_around, are_edges_known };
-        if self.count < self.bodies.len() {
-            self.bodies[self.count] = body;
-        } else {
-            self.bodies.push(body);
-        }
-        self.count += 1;
-    }
-
     /// Starts another pass with the same groups, settings and buffers.
     pub fn restart<'a>(&mut self, bodies: impl Iterator<Item = AskedBody<'a>>, hull_box: Option<&WorldBox>) {
-        self.count = 0;
-        let mut around = std::mem::take(&mut self.around);
-        around.clear();
+        self.bodies.restart();
         if let Response::Contacts(contacts) = &mut self.response {
             contacts.restart();
         }
-        for body in bodies {
-            around.extend(body.around.map(|points| (self.count, points)));
-            let is_near = match (hull_box, &body.points) {
-                (None, _) => false,
-                (Some(hull_box), Points::Body { shape, pose }) => {
-                    hull_box.meets(&WorldBox::of_body(shape, pose))
-                }
-                (Some(_), Points::World(_)) => true,
-            };
-            self.add_body(body.points, body.reaches, is_near, false);
+        for mut body in bodies {
             if let Response::Contacts(contacts) = &mut self.response {
-                contacts.add(body.faces, body.back_m);
+                contacts.add(body.faces.take(), body.back_m);
             }
+            self.bodies.add(body, hull_box);
         }
-        self.asked_count = self.count;
-        let unknown = Reaches::default();
-        for (owner, points) in around.drain(..) {
-            let is_near = self.bodies[owner].is_near;
-            self.add_body(points, &unknown, is_near, true);
-            if let Response::Contacts(contacts) = &mut self.response {
-                contacts.add_around(owner);
+        match &mut self.response {
+            Response::Contacts(contacts) => self.bodies.add_around(|owner| contacts.add_around(owner)),
+            Response::Paper(paper) => {
+                self.bodies.add_around(|_| {});
+                paper.restart(self.bodies.all().len());
             }
-        }
-        self.around = around;
-        if let Response::Paper(paper) = &mut self.response {
-            paper.restart(self.count);
         }
         self.restart_results();
-        self.question.restart(QuestionKind::Classes);
-        self.targets.0.clear();
-        for body in self.bodies[..self.asked_count].iter().filter(|body| body.is_near) {
-            self.question.batches.push(Batch::all(body.points.clone()));
+        self.pending.restart(QuestionKind::Classes);
+        for body in self.bodies.asked().iter().filter(|body| body.is_near) {
+            self.pending.question.batches.push(Batch::all(body.points.clone()));
         }
         self.is_first_phase = false;
         let has_first = self.groups.iter().any(|group| group.is_first && !group.is_left_out);
@@ -245,7 +180,8 @@ impl Pass {
 
     /// Results of bodies that are clear of the hull, in the buffers of those before.
     fn restart_results(&mut self) {
-        for result in self.results.iter_mut().take(self.asked_count) {
+        let count = self.bodies.asked().len();
+        for result in self.results.iter_mut().take(count) {
             match (&self.response, result) {
                 (Response::Paper(_), BodyResult::Paper(paper)) => {
                     paper.inside.clear();
@@ -258,15 +194,15 @@ impl Pass {
                 (_, other) => *other = self.response.clear(),
             }
         }
-        while self.results.len() < self.asked_count {
+        while self.results.len() < count {
             self.results.push(self.response.clear());
         }
     }
 
     /// There is nothing left to ask: writes what was found.
     fn conclude(&mut self) {
-        let Pass { bodies, results, response, asked_count, .. } = self;
-        for (index, (body, result)) in bodies[..*asked_count].iter().zip(results).enumerate() {
+        let Pass { bodies, results, response, .. } = self;
+        for (index, (body, result)) in bodies.asked().iter().zip(results).enumerate() {
             match (&*response, result) {
                 (Response::Paper(paper), BodyResult::Paper(result)) => {
                     paper.conclude(index, &body.found, result);
@@ -286,7 +222,7 @@ impl Pass {
             return;
         }
         let mut contacts = contacts::Contacts::default();
-        (0..self.count).for_each(|_| contacts.add(None, None));
+        self.bodies.all().iter().for_each(|_| contacts.add(None, None));
         self.response = Response::Contacts(Box::new(contacts));
         self.restart_results();
     }
@@ -297,7 +233,7 @@ impl Pass {
             return;
         }
         let mut paper = paper::Paper::default();
-        paper.restart(self.count);
+        paper.restart(self.bodies.all().len());
         self.response = Response::Paper(paper);
         self.restart_results();
     }
@@ -310,7 +246,7 @@ impl Pass {
     /// Whether bytes are dearer than rounds: then several groups are asked for fewer exits, each within less, and more
     /// often once more.
     pub fn save_bytes(&mut self, saves_bytes: bool) {
-        self.saves_bytes = saves_bytes;
+        self.trips.saves_bytes = saves_bytes;
     }
 
     /// The round that is being asked.
@@ -320,7 +256,7 @@ impl Pass {
 
     /// The question of this round; `None` when the pass is done.
     pub fn question(&self) -> Option<&Question> {
-        (self.round != Round::Done).then_some(&self.question)
+        (self.round != Round::Done).then_some(&self.pending.question)
     }
 
     /// How many points were asked about since it was made, by kind, in the order of [`QuestionKind::ALL`].
@@ -330,44 +266,18 @@ impl Pass {
 
     /// What was found for each body, in the order given. Of bodies that are clear of the hull, until there is no question.
     pub fn results(&self) -> &[BodyResult] {
-        &self.results[..self.asked_count]
+        &self.results[..self.bodies.asked().len()]
     }
 
     /// The same, to keep.
     pub fn into_results(mut self) -> Vec<BodyResult> {
-        self.results.truncate(self.asked_count);
+        self.results.truncate(self.bodies.asked().len());
         self.results
     }
 
     /// What would be found for a body that is clear of the hull.
     pub fn clear_result(&self) -> BodyResult {
         self.response.clear()
-    }
-
-    /// Adds the samples inside that fit to the question and to its targets.
-    fn pick_found(&mut self, fits: impl Fn(&PassBody, &FoundSample) -> bool) {
-        let Pass { bodies, count, question, targets, .. } = self;
-        pick(&bodies[..*count], question, targets, |_, body, _, found| fits(body, found));
-    }
-}
-
-/// Adds the samples inside that fit to a question and to its targets: by their body, its index, theirs among those inside.
-fn pick(
-    bodies: &[PassBody],
-    question: &mut Question,
-    targets: &mut Targets,
-    fits: impl Fn(usize, &PassBody, usize, &FoundSample) -> bool,
-) {
-    targets.0.clear();
-    for (index, body) in bodies.iter().enumerate() {
-        let before = targets.0.len();
-        let found = body.found.iter().enumerate().filter(|&(at, found)| fits(index, body, at, found));
-        targets.0.extend(found.map(|(at, _)| (index as u32, at as u32)));
-        let picks = &targets.0[before..];
-        if !picks.is_empty() {
-            let samples = picks.iter().map(|&(_, at)| body.found[at as usize].sample);
-            question.pick(&body.points, [0.0; 3], samples);
-        }
     }
 }
 

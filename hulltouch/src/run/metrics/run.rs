@@ -187,9 +187,9 @@ fn counts(sheet: &mut Sheet<'_>, counts: &RunCounts) -> fmt::Result {
             "Frames passed over between two that were used.",
             counts.frames_passed_over,
         ),
-        ("coordinator_passes", "Passes that asked something.", counts.passes),
-        ("coordinator_gathered_passes", "Passes over silhouettes that were fetched.", counts.gathered_passes),
-        ("coordinator_round_trips", "Questions of passes, one after the other.", counts.round_trips),
+        ("coordinator_passes", "Passes that asked something.", counts.passes.asked),
+        ("coordinator_gathered_passes", "Passes over silhouettes that were fetched.", counts.passes.gathered),
+        ("coordinator_round_trips", "Questions of passes, one after the other.", counts.passes.round_trips),
         ("coordinator_inside_samples", "Samples inside the hull, summed over steps.", counts.inside_samples),
         ("coordinator_contacts", "Bodies that touch the hull, summed over steps.", counts.contacts),
         ("coordinator_faults", "Responses or bodies that were not finite.", counts.faults),
@@ -197,13 +197,13 @@ fn counts(sheet: &mut Sheet<'_>, counts: &RunCounts) -> fmt::Result {
         sheet.counter(name, help, one(value as f64))?;
     }
     sheet.counter("coordinator_slipped_seconds", "Film time given up.", one(counts.slipped_s))?;
-    let kinds = QuestionKind::ALL.into_iter().zip(counts.points);
+    let kinds = QuestionKind::ALL.into_iter().zip(counts.passes.points);
     let points = kinds.map(|(kind, points)| (vec![("kind", kind.word().to_owned())], points as f64));
     sheet.counter("coordinator_points", "Points that passes asked about.", points)?;
     let bytes = [
-        ("to_nodes", counts.bytes_to_nodes),
-        ("from_nodes", counts.bytes_from_nodes),
-        ("silhouettes", counts.bytes_silhouettes),
+        ("to_nodes", counts.bytes.to_nodes),
+        ("from_nodes", counts.bytes.from_nodes),
+        ("silhouettes", counts.bytes.silhouettes),
     ];
     let bytes = bytes.map(|(kind, bytes)| (vec![("kind", kind.to_owned())], bytes as f64));
     let help = "Bytes at the sockets of nodes; silhouettes are part of what comes from nodes.";
@@ -212,8 +212,8 @@ fn counts(sheet: &mut Sheet<'_>, counts: &RunCounts) -> fmt::Result {
 
 /// Steps that saw less than they should.
 fn misses(sheet: &mut Sheet<'_>, counts: &RunCounts) -> fmt::Result {
-    let blind = HullUnavailable::CAUSES.into_iter().zip(counts.blind_by_cause);
-    let others = [("frame_late", counts.late_steps), ("camera_left_out", counts.reduced_steps)];
+    let blind = HullUnavailable::CAUSES.into_iter().zip(counts.misses.blind_by_cause);
+    let others = [("frame_late", counts.misses.late_steps), ("camera_left_out", counts.misses.reduced_steps)];
     let causes = others.into_iter().chain(blind);
     let causes = causes.map(|(cause, steps)| (vec![("cause", cause.to_owned())], steps as f64));
     let help =

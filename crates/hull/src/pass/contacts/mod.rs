@@ -69,7 +69,7 @@ impl Pass {
     /// Of bodies that are asked about back along their way the nearest planes are not needed.
     fn skip_nearest_planes(&mut self) {
         let Response::Contacts(contacts) = &self.response else { return };
-        let bodies = self.bodies[..self.asked_count].iter_mut().zip(&contacts.bodies);
+        let bodies = self.bodies.asked_mut().iter_mut().zip(&contacts.bodies);
         for (body, _) in bodies.filter(|(_, of_contacts)| of_contacts.back_m.is_some()) {
             body.are_edges_known = true;
             body.found.iter_mut().for_each(|found| found.edge = None);
@@ -80,7 +80,7 @@ impl Pass {
     /// asked about back along its way no feeler's is.
     fn drop_needless_feelers(&mut self) {
         let Response::Contacts(contacts) = &self.response else { return };
-        for (body, of_contacts) in self.bodies[..self.asked_count].iter_mut().zip(&contacts.bodies) {
+        for (body, of_contacts) in self.bodies.asked_mut().iter_mut().zip(&contacts.bodies) {
             let Some(count) = of_contacts.faces.as_ref().map(|faces| faces.sample_count() as u32) else {
                 continue;
             };
@@ -108,8 +108,8 @@ impl Pass {
     /// All points around the bodies that touch.
     fn add_around(&mut self) {
         let Response::Contacts(contacts) = &self.response else { return };
-        let (bodies, around) = self.bodies[..self.count].split_at_mut(self.asked_count);
-        for (points, of_contacts) in around.iter_mut().zip(&contacts.bodies[self.asked_count..]) {
+        let (bodies, around) = self.bodies.split_mut();
+        for (points, of_contacts) in around.iter_mut().zip(&contacts.bodies[bodies.len()..]) {
             let touches = of_contacts.owner.is_some_and(|owner| !bodies[owner].found.is_empty());
             let count = if touches { points.points.len() as u32 } else { 0 };
             points.found.extend((0..count).map(|sample| FoundSample::new(sample, 0)));
@@ -118,9 +118,9 @@ impl Pass {
 
     /// The planes are known: gives the bodies what was found around them, and asks for ways out.
     pub(super) fn after_planes(&mut self) {
-        let Pass { response, results, bodies, asked_count, count, .. } = self;
+        let Pass { response, results, bodies, .. } = self;
         let Response::Contacts(contacts) = response else { return };
-        for (body, of_contacts) in bodies[..*count].iter().zip(&contacts.bodies).skip(*asked_count) {
+        for (body, of_contacts) in bodies.all().iter().zip(&contacts.bodies) {
             let Some(owner) = of_contacts.owner else { continue };
             let BodyResult::Planes(planes) = &mut results[owner] else { continue };
             let near = body.found.iter().filter(|found| found.edge.is_some());

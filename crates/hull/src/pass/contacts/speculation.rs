@@ -5,18 +5,16 @@
 //! depend on it.
 
 use super::super::found::FoundSample;
-use super::super::groups::{AnswerError, Group, merge, nothing_yet, sort_changes};
-use super::super::{AROUND_REACH, Pass, Response, Targets, changes_of};
+use super::super::groups::{AnswerError, Group};
+use super::super::pending::Targets;
+use super::super::{AROUND_REACH, Pass, PendingQuestion, Response, changes_of};
 use crate::question::{Answer, Change, NO_EXIT_M, Question, QuestionKind};
 use crate::reach::Reach;
 
 /// The speculative question, and the answers to it.
 #[derive(Clone, Debug, Default)]
 pub(in crate::pass) struct Speculation {
-    question: Question,
-    targets: Targets,
-    /// Of the groups that have answered.
-    merged: Answer,
+    pending: PendingQuestion,
     /// The groups that have not answered.
     waits: Vec<bool>,
 }
@@ -29,46 +27,49 @@ impl Speculation {
 
     /// Whether an answer is to this question, which is of another kind than the pass's own.
     pub fn is_answered_by(&self, answer: &Answer, own: &Question) -> bool {
-        !answer.kind.answers(own.kind) && answer.kind.answers(self.question.kind)
+        !answer.kind.answers(own.kind) && answer.kind.answers(self.pending.question.kind)
     }
 
     fn restart(&mut self, kind: QuestionKind) {
-        self.question.restart(kind);
-        self.merged.restart(kind);
-        self.targets.0.clear();
+        self.pending.restart(kind);
+        self.pending.merged.restart(kind);
         self.waits.clear();
     }
 
     /// Hands over the exits of samples inside, in their order, if they were asked for.
     pub fn take_exits(&mut self, inside: &Targets, merged: &mut Answer) -> bool {
-        if inside.0.is_empty() || self.question.kind != QuestionKind::Exits || self.targets.0.is_empty() {
+        let asks_exits =
+            self.pending.question.kind == QuestionKind::Exits && !self.pending.targets.0.is_empty();
+        if inside.0.is_empty() || !asks_exits {
             return false;
         }
-        sort_changes(&mut self.merged);
+        self.pending.sort_changes();
+        let PendingQuestion { targets, merged: known, .. } = &self.pending;
         merged.restart(QuestionKind::Exits);
         let (mut at, mut changes) = (0, 0..0);
         for (point, found) in inside.0.iter().enumerate() {
             // Both are in order.
-            at += self.targets.0[at..].iter().take_while(|asked| *asked < found).count();
-            if self.targets.0.get(at) != Some(found) {
+            at += targets.0[at..].iter().take_while(|asked| *asked < found).count();
+            if targets.0.get(at) != Some(found) {
                 return false;
             }
-            let before = self.merged.changes[changes.end..].iter();
+            let before = known.changes[changes.end..].iter();
             let start = changes.end + before.take_while(|change| (change.point as usize) < at).count();
-            changes = changes_of(&self.merged.changes, at, start);
-            let of_point = self.merged.changes[changes.clone()].iter();
+            changes = changes_of(&known.changes, at, start);
+            let of_point = known.changes[changes.clone()].iter();
             merged.changes.extend(of_point.map(|&change| Change { point: point as u32, ..change }));
-            merged.exits_m.push(self.merged.exits_m.get(at).copied().unwrap_or(NO_EXIT_M));
+            merged.exits_m.push(known.exits_m.get(at).copied().unwrap_or(NO_EXIT_M));
         }
         true
     }
 
     /// Asks the groups that the pass's own question asks.
     fn ask(&mut self, groups: &[Group], points_asked: &mut [u64; QuestionKind::ALL.len()]) {
-        nothing_yet(&mut self.merged, &self.question);
-        if !self.targets.0.is_empty() {
-            self.waits.extend(groups.iter().map(|group| group.is_asked));
-            points_asked[self.question.kind as usize] += self.targets.0.len() as u64;
+        let Speculation { pending, waits } = self;
+        pending.forget_answers();
+        if !pending.targets.0.is_empty() {
+            waits.extend(groups.iter().map(|group| group.is_asked));
+            points_asked[pending.question.kind as usize] += pending.targets.0.len() as u64;
         }
     }
 
@@ -77,10 +78,11 @@ impl Speculation {
         if !self.waits.get(group).is_some_and(|&waits| waits) {
             return Err(AnswerError::Twice(group));
         }
-        if answer.len() != self.merged.len() {
-            return Err(AnswerError::Count { group, found: answer.len(), expected: self.merged.len() });
+        let expected = self.pending.merged.len();
+        if answer.len() != expected {
+            return Err(AnswerError::Count { group, found: answer.len(), expected });
         }
-        merge(&mut self.merged, &mut [], answer);
+        self.pending.merge(answer);
         self.waits[group] = false;
         Ok(())
     }
@@ -91,25 +93,25 @@ impl Pass {
     /// for these at once, and together with planes for ways out: it takes fewer trips, and some of the answers are dropped.
     /// Only a pass [for contacts](Pass::for_contacts) does, also one that becomes so later.
     pub fn speculate(&mut self, speculates: bool) {
-        self.speculates = speculates;
+        self.trips.speculates = speculates;
     }
 
     /// The question to ask together with [`Pass::question`], of the same groups. Its answers may come before or after the
     /// other's.
     pub fn speculative_question(&self) -> Option<&Question> {
         let Response::Contacts(contacts) = &self.response else { return None };
-        (!contacts.speculation.is_answered()).then_some(&contacts.speculation.question)
+        (!contacts.speculation.is_answered()).then_some(&contacts.speculation.pending.question)
     }
 
     /// Speculates on planes. The classes are asked already.
     pub(in crate::pass) fn speculate_on_planes(&mut self) {
-        let Pass { response, bodies, count, groups, points_asked, speculates, .. } = self;
+        let Pass { response, bodies, groups, points_asked, trips, .. } = self;
         let Response::Contacts(contacts) = response else { return };
         contacts.speculation.restart(QuestionKind::Planes);
-        let Speculation { question, targets, .. } = &mut contacts.speculation;
+        let PendingQuestion { question, targets, .. } = &mut contacts.speculation.pending;
         let is_in_one_phase = groups.iter().all(|group| group.is_asked || group.is_left_out);
-        let count = if *speculates && is_in_one_phase { *count } else { 0 };
-        let all = bodies[..count].iter().zip(&contacts.bodies).enumerate();
+        let bodies = if trips.speculates && is_in_one_phase { bodies.all() } else { &[] };
+        let all = bodies.iter().zip(&contacts.bodies).enumerate();
         for (index, (body, of_contacts)) in
             all.filter(|(_, (body, of_contacts))| body.is_near && of_contacts.back_m.is_none())
         {
@@ -137,12 +139,12 @@ impl Pass {
 
     /// Speculates on ways out. Planes are asked already: of samples without one it is not known whether it faces them.
     pub(in crate::pass) fn speculate_on_ways_out(&mut self) {
-        let Pass { response, bodies, asked_count, groups, points_asked, speculates, .. } = self;
+        let Pass { response, bodies, groups, points_asked, trips, .. } = self;
         let Response::Contacts(contacts) = response else { return };
         contacts.speculation.restart(QuestionKind::Exits);
-        let Speculation { question, targets, .. } = &mut contacts.speculation;
-        let count = if *speculates { *asked_count } else { 0 };
-        for (index, (body, of_contacts)) in bodies[..count].iter().zip(&contacts.bodies).enumerate() {
+        let PendingQuestion { question, targets, .. } = &mut contacts.speculation.pending;
+        let bodies = if trips.speculates { bodies.asked() } else { &[] };
+        for (index, (body, of_contacts)) in bodies.iter().zip(&contacts.bodies).enumerate() {
             let is_faced = |found: &FoundSample| found.edge.is_some() && of_contacts.is_faced(body, found);
             if of_contacts.back_m.is_none() && body.found.iter().any(is_faced) {
                 continue;
@@ -168,9 +170,10 @@ impl Pass {
     pub(super) fn take_planes(&mut self) {
         let Pass { response, bodies, .. } = self;
         let Response::Contacts(contacts) = response else { return };
-        let mut edges = contacts.speculation.merged.edges.iter();
-        for of_body in contacts.speculation.targets.0.chunk_by(|a, b| a.0 == b.0) {
-            let body = &mut bodies[of_body[0].0 as usize];
+        let PendingQuestion { targets, merged, .. } = &contacts.speculation.pending;
+        let mut edges = merged.edges.iter();
+        for of_body in targets.0.chunk_by(|a, b| a.0 == b.0) {
+            let body = &mut bodies.all_mut()[of_body[0].0 as usize];
             body.are_edges_known = body.is_around;
             let mut inside = body.found.iter_mut().peekable();
             for (&(_, sample), edge) in of_body.iter().zip(edges.by_ref()) {
@@ -192,9 +195,9 @@ mod tests {
         let change = |point: u32, t_m: f32| Change { point, t_m, by: 1 };
         let mut speculation = Speculation::default();
         speculation.restart(QuestionKind::Exits);
-        speculation.targets = Targets(vec![(0, 0), (0, 1), (1, 0), (1, 2), (2, 5)]);
-        speculation.merged.exits_m = vec![0.1, 0.2, 0.3, 0.4, 0.5];
-        speculation.merged.changes = [(3, 0.2), (1, 0.3), (3, 0.1), (4, 0.4), (0, 0.5)]
+        speculation.pending.targets = Targets(vec![(0, 0), (0, 1), (1, 0), (1, 2), (2, 5)]);
+        speculation.pending.merged.exits_m = vec![0.1, 0.2, 0.3, 0.4, 0.5];
+        speculation.pending.merged.changes = [(3, 0.2), (1, 0.3), (3, 0.1), (4, 0.4), (0, 0.5)]
             .map(|(point, t_m)| change(point, t_m))
             .to_vec();
         let mut merged = Answer::default();

@@ -10,7 +10,7 @@
 use nalgebra::{Point3, Vector3};
 
 use super::super::found::FoundSample;
-use super::super::{Pass, PassBody, Response, Round, changes_of, pick};
+use super::super::{Pass, PassBody, PendingQuestion, Response, Round, changes_of};
 use super::ContactBody;
 use crate::merge::first_exit;
 use crate::question::{Batch, Points, QuestionKind};
@@ -24,10 +24,10 @@ const BEFORE_EXIT_M: f64 = 1e-3;
 impl Pass {
     /// Asks for the exits of the samples of such bodies, against their faces.
     pub(super) fn ask_ways_out(&mut self) {
-        self.question.restart(QuestionKind::Exits);
-        let Pass { question, targets, bodies, asked_count, merged, response, .. } = self;
+        let Pass { pending, bodies, response, .. } = self;
         let Response::Contacts(contacts) = response else { return };
-        for (body, of_contacts) in bodies[..*asked_count].iter().zip(&mut contacts.bodies) {
+        pending.restart(QuestionKind::Exits);
+        for (body, of_contacts) in bodies.asked().iter().zip(&mut contacts.bodies) {
             if of_contacts.back_m.is_some() {
                 continue;
             }
@@ -37,11 +37,12 @@ impl Pass {
             }
         }
         // What is around bodies has no faces, and what was found there is the bodies'.
-        pick(&bodies[..*asked_count], question, targets, |index, body, _, found| {
+        pending.pick(bodies.asked(), |index, body, _, found| {
             contacts.bodies[index].way_out(body, found).is_some()
         });
+        let PendingQuestion { question, targets, merged, .. } = pending;
         for &(body, at) in &targets.0 {
-            let (body, of_contacts) = (&bodies[body as usize], &contacts.bodies[body as usize]);
+            let (body, of_contacts) = (&bodies.asked()[body as usize], &contacts.bodies[body as usize]);
             question.directions.extend(of_contacts.way_out(body, &body.found[at as usize]));
         }
         let reach = |&(body, _): &(u32, u32)| Reach::covering(contacts.bodies[body as usize].farthest_m());
@@ -55,14 +56,15 @@ impl Pass {
     /// Asks for the planes where the ways out end.
     pub(in crate::pass) fn after_ways_out(&mut self) {
         let rule = self.settings.rule();
-        let Pass { targets, merged, bodies, question, response, .. } = self;
+        let Pass { pending: PendingQuestion { question, targets, merged, .. }, bodies, response, .. } = self;
         let Response::Contacts(contacts) = response else { return };
         let (mut changes, mut points, mut ending) = (0..0, Vec::new(), Vec::new());
         for (at, (&(body, index), &outside_m)) in targets.0.iter().zip(&merged.exits_m).enumerate() {
-            let found = &bodies[body as usize].found[index as usize];
+            let of_pass = &bodies.asked()[body as usize];
+            let found = &of_pass.found[index as usize];
             changes = changes_of(&merged.changes, at, changes.end);
             let exit_m = first_exit(outside_m, &merged.changes[changes.clone()], found.inside_count, rule);
-            let Some((exit_m, place)) = exit_m.zip(bodies[body as usize].place_world(found.sample)) else {
+            let Some((exit_m, place)) = exit_m.zip(of_pass.place_world(found.sample)) else {
                 continue;
             };
             let exit_m = f64::from(exit_m);
@@ -83,10 +85,10 @@ impl Pass {
 
     /// Takes those planes.
     pub(in crate::pass) fn after_planes_beyond(&mut self) {
-        let Pass { targets, merged, bodies, .. } = self;
+        let Pass { pending: PendingQuestion { targets, merged, .. }, bodies, .. } = self;
         for (&(body, found), edge) in targets.0.iter().zip(&merged.edges) {
             if edge.is_some() {
-                bodies[body as usize].found[found as usize].edge = *edge;
+                bodies.asked_mut()[body as usize].found[found as usize].edge = *edge;
             }
         }
         self.round = Round::Done;

@@ -1,7 +1,7 @@
 //! The rounds about bodies: how far a body must move along the mean of its samples' responses (paper §5).
 
 use super::super::found::FoundSample;
-use super::super::{Pass, Response, Round, changes_of, exit_reach, pick};
+use super::super::{Pass, PendingQuestion, Response, Round, changes_of, exit_reach};
 use super::result::response_m;
 use super::{NoResponse, PaperBody};
 use crate::merge::{first_exit, inside_count};
@@ -38,9 +38,9 @@ impl Pass {
     /// others are outside once the body has moved so far; the check finds those that are not.
     pub(in crate::pass) fn ask_body_exits(&mut self) {
         let alone = self.groups.len() == 1;
-        let Pass { bodies, response, count, saves_bytes, .. } = self;
+        let Pass { bodies, response, trips, .. } = self;
         let Response::Paper(paper) = response else { return };
-        let bodies = bodies[..*count].iter().zip(&mut paper.bodies);
+        let bodies = bodies.all().iter().zip(&mut paper.bodies);
         for (body, state) in bodies.filter(|(body, _)| body.is_near) {
             let mut direction = BodyDirection::default();
             let responses_m = body.found.iter().zip(&state.exits_m);
@@ -50,7 +50,7 @@ impl Pass {
             state.along.clear();
             state.along.resize(body.found.len(), Along::Unknown);
             if state.direction.is_some() {
-                if !alone && !*saves_bytes && body.found.len() <= ALL {
+                if !alone && !trips.saves_bytes && body.found.len() <= ALL {
                     state.along.fill(Along::Asked);
                 } else {
                     let most = if alone { FARTHEST_BACK } else { FARTHEST_BACK_OF_MANY };
@@ -69,26 +69,30 @@ impl Pass {
     fn ask_marked(&mut self) {
         let alone = self.groups.len() == 1;
         let is_first = self.round != Round::Check;
-        self.question.restart(QuestionKind::SharedExits);
-        let Pass { question, targets, bodies, response, count, saves_bytes, .. } = self;
+        let Pass { pending, bodies, response, trips, .. } = self;
         let Response::Paper(paper) = response else { return };
-        pick(&bodies[..*count], question, targets, |index, _, at, _| {
+        pending.restart(QuestionKind::SharedExits);
+        pending.pick(bodies.all(), |index, _, at, _| {
             let state = &paper.bodies[index];
             state.direction.is_some() && state.along.get(at) == Some(&Along::Asked)
         });
+        let PendingQuestion { question, targets, .. } = pending;
         for of_body in targets.0.chunk_by(|a, b| a.0 == b.0) {
             let index = of_body[0].0 as usize;
-            let (body, state) = (&bodies[index], &paper.bodies[index]);
+            let (body, state) = (&bodies.all()[index], &paper.bodies[index]);
             question.directions.extend(state.direction);
             if alone {
                 let camera = |&(_, at): &(u32, u32)| body.found[at as usize].edge;
                 question.hints.extend(of_body.iter().map(|of| camera(of).map_or(0, |edge| edge.camera)));
             } else if is_first {
                 let longest_m = state.exits_m.iter().flatten().copied().fold(0.0, f32::max);
-                let farthest =
-                    if *saves_bytes { exit_reach(longest_m, false) } else { body.reaches.of_body(longest_m) };
+                let farthest = if trips.saves_bytes {
+                    exit_reach(longest_m, false)
+                } else {
+                    body.reaches.of_body(longest_m)
+                };
                 let reach = |&(_, at): &(u32, u32)| match state.direction {
-                    Some(direction) if *saves_bytes => {
+                    Some(direction) if trips.saves_bytes => {
                         let (edge, exit_m) = (body.found[at as usize].edge, state.exits_m[at as usize]);
                         farthest.min(reach_along(direction, edge, exit_m))
                     }
@@ -102,12 +106,12 @@ impl Pass {
 
     pub(in crate::pass) fn after_body_exits(&mut self) {
         let rule = self.settings.rule();
-        let Pass { targets, merged, question, bodies, response, .. } = self;
+        let Pass { pending: PendingQuestion { question, targets, merged, .. }, bodies, response, .. } = self;
         let Response::Paper(paper) = response else { return };
         let mut changes = 0..0;
         for at in 0..targets.0.len() {
             let (body, sample) = targets.0[at];
-            let inside_count = bodies[body as usize].found[sample as usize].inside_count;
+            let inside_count = bodies.all()[body as usize].found[sample as usize].inside_count;
             changes = changes_of(&merged.changes, at, changes.end);
             let exit_m = first_exit(merged.exits_m[at], &merged.changes[changes.clone()], inside_count, rule);
             let state = &mut paper.bodies[body as usize];
@@ -130,11 +134,11 @@ impl Pass {
 
     /// Asks which samples inside of the bodies whose response is new are still inside after it.
     fn ask_check(&mut self) {
-        let Pass { bodies, response, count, question, targets, .. } = self;
+        let Pass { pending, bodies, response, .. } = self;
         let Response::Paper(paper) = response else { return };
-        question.restart(QuestionKind::Classes);
-        targets.0.clear();
-        for (index, (body, state)) in bodies[..*count].iter().zip(&mut paper.bodies).enumerate() {
+        pending.restart(QuestionKind::Classes);
+        let PendingQuestion { question, targets, .. } = pending;
+        for (index, (body, state)) in bodies.all().iter().zip(&mut paper.bodies).enumerate() {
             let Some(direction) = state.direction else { continue };
             if !state.has_exits {
                 state.response_m = Err(NoResponse::NoExit);
@@ -159,7 +163,7 @@ impl Pass {
 
     pub(in crate::pass) fn after_check(&mut self) {
         let rule = self.settings.rule();
-        let Pass { targets, merged, response, .. } = self;
+        let Pass { pending: PendingQuestion { targets, merged, .. }, response, .. } = self;
         let Response::Paper(paper) = response else { return };
         for (&(body, sample), &standing) in targets.0.iter().zip(&merged.standings) {
             let state = &mut paper.bodies[body as usize];
@@ -178,10 +182,10 @@ impl Pass {
     /// nothing has to travel and the response that they give may free the others.
     fn ask_left(&mut self) {
         let alone = self.groups.len() == 1;
-        let Pass { bodies, response, count, .. } = self;
+        let Pass { bodies, response, .. } = self;
         let Response::Paper(paper) = response else { return };
         let mut has_marked = false;
-        let bodies = bodies[..*count].iter().zip(&mut paper.bodies);
+        let bodies = bodies.all().iter().zip(&mut paper.bodies);
         for (body, state) in bodies.filter(|(_, state)| state.direction.is_some() && state.has_exits) {
             if alone {
                 has_marked |=

@@ -1,5 +1,4 @@
 //! A run made by hand, a feed that serves it, and pages that look.
-#![allow(dead_code, reason = "every test uses its part")]
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
@@ -102,7 +101,6 @@ pub struct Run {
     world: watch::Sender<Option<Arc<WorldState>>>,
     pub scene: watch::Sender<Option<Arc<SceneState>>>,
     pub status: watch::Sender<Option<Arc<RunStatus>>>,
-    follower: coordinator::live::Follower,
     step: AtomicU64,
 }
 
@@ -156,7 +154,7 @@ impl Run {
             origin: None,
         };
         let pictures: Arc<dyn Pictures> = studio.clone();
-        let feed = Feed::start(&settings, facts, follower.clone(), move || pictures).expect("a feed");
+        let feed = Feed::start(&settings, facts, follower, move || pictures).expect("a feed");
         let ordered: Arc<Mutex<Vec<Command>>> = Arc::default();
         let record = Arc::clone(&ordered);
         let clients: Arc<Mutex<Vec<WeakClient>>> = Arc::default();
@@ -178,7 +176,7 @@ impl Run {
                 let _ = reply.send(answer);
             }
         });
-        Run { feed, studio, ordered, clients, world, scene, status, follower, step: AtomicU64::new(0) }
+        Run { feed, studio, ordered, clients, world, scene, status, step: AtomicU64::new(0) }
     }
 
     pub fn publish_scene(&self) {
@@ -329,20 +327,6 @@ pub enum Heard {
     Text(Value),
     Binary(Vec<u8>),
     Close(Option<String>),
-}
-
-impl Heard {
-    pub fn op(&self) -> &str {
-        match self {
-            Heard::Text(text) => text["op"].as_str().unwrap_or_default(),
-            _ => "",
-        }
-    }
-
-    /// The message's type, if it is binary.
-    pub fn kind(&self) -> Option<u8> {
-        if let Heard::Binary(bytes) = self { Some(bytes[4]) } else { None }
-    }
 }
 
 pub fn u16_at(bytes: &[u8], at: usize) -> u16 {

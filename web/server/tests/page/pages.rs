@@ -1,8 +1,6 @@
 //! What pages see and may do, over real sockets.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use coordinator::live::Command;
 use proto::PictureKind;
 use serde_json::json;

@@ -1,14 +1,12 @@
 //! The page with a certificate.
 
-mod common;
-
 use std::fs;
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use common::*;
+use crate::common::*;
 use net::{AUTHORITIES, Authority, CERTIFICATE, Credentials, Identity, KEY, Validity};
 use rustls::crypto::ring;
 use rustls::pki_types::pem::PemObject as _;

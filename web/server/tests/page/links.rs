@@ -1,12 +1,10 @@
 //! Pages that read slowly or not at all, and the others beside them.
 
-mod common;
-
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
-use common::*;
+use crate::common::*;
 use futures::{SinkExt as _, StreamExt as _};
 use serde_json::json;
 use testkit::{Watch, timely};

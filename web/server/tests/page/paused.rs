@@ -1,10 +1,8 @@
 //! What pages see of a paused world, whose frame the nodes have dropped.
 
-mod common;
-
 use std::sync::atomic::Ordering;
 
-use common::*;
+use crate::common::*;
 use proto::PictureKind;
 use serde_json::json;
 

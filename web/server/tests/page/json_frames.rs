@@ -1,8 +1,6 @@
 //! What a program may send over its socket besides a command: every message that is none is answered by a reason.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use futures::{SinkExt as _, StreamExt as _};
 use serde_json::{Value, json};
 use tokio_tungstenite::tungstenite::Message;

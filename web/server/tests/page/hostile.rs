@@ -1,10 +1,8 @@
 //! Text of pages and programs comes back as one short line without control characters, and a flood of pings ends.
 
-mod common;
-
 use std::net::SocketAddr;
 
-use common::*;
+use crate::common::*;
 use futures::{SinkExt as _, StreamExt as _};
 use serde_json::{Value, json};
 use testkit::{Watch, timely};

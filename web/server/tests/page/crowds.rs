@@ -1,11 +1,9 @@
 //! A peer that only holds the port open keeps no other out, and seats are kept for holders of the token.
 
-mod common;
-
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use common::*;
+use crate::common::*;
 use testkit::{Watch, timely};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpStream;
