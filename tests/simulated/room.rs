@@ -315,7 +315,7 @@ fn coordinator(studio: &Studio, log: &Log, trouble: Trouble) -> impl FnOnce() ->
     move || {
         let scene = Scene::from_toml("simulated", SCENE).expect("a scene");
         let world = World::new(&scene, WorldSettings::default()).expect("a world");
-        let shapes = world.moving_bodies().flat_map(sim::Body::asked_shapes).collect();
+        let shapes = world.asked_shapes().collect();
         let agreement =
             Agreement::new(ProbeSettings::default(), FPS, shapes).dialling(Arc::new(SimulatedNetwork));
         let placement = Placement::Fastest(observers.clone());

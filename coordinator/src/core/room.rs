@@ -26,9 +26,14 @@ pub(crate) fn observers(count: u16) -> Vec<Arc<Observer>> {
 
 /// What these cameras see.
 pub(crate) fn views(observers: &[Arc<Observer>]) -> ViewSet {
+    views_of(observers, SEEN)
+}
+
+/// The same where every camera sees something else.
+pub(crate) fn views_of(observers: &[Arc<Observer>], seen: PixelRect) -> ViewSet {
     let rows = (0..SIDE).map(|row| {
-        let inside = (SEEN.top..SEEN.bottom).contains(&row);
-        (0..SIDE).map(move |column| inside && (SEEN.left..SEEN.right).contains(&column))
+        let inside = (seen.top..seen.bottom).contains(&row);
+        (0..SIDE).map(move |column| inside && (seen.left..seen.right).contains(&column))
     });
     let mask: Vec<u8> = rows.flatten().map(|seen| if seen { 255 } else { 0 }).collect();
     let silhouette = Silhouette::from_mask(SIDE, SIDE, &mask).expect("a silhouette");

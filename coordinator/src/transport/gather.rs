@@ -17,12 +17,13 @@ use super::nodes::{Nodes, Unfetched, fetch};
 use crate::core::round_trips::RoundTrips;
 use crate::roster::Roster;
 
-/// The frame whose silhouettes were fetched last.
+/// The frames whose silhouettes were fetched last.
 pub(super) struct Gather {
     pub encoding: SilhouetteEncoding,
     pub silhouette_bytes: u64,
     observers: Vec<Arc<Observer>>,
-    fetched: Option<(u64, ViewSet)>,
+    /// At most two, one after the other.
+    fetched: Vec<(u64, ViewSet)>,
     /// The nodes that were fetched from, and their places in the roster.
     clients: Vec<Arc<NodeClient>>,
     places: Vec<usize>,
@@ -39,7 +40,7 @@ impl Gather {
             encoding: SilhouetteEncoding::default(),
             silhouette_bytes: 0,
             observers,
-            fetched: None,
+            fetched: Vec::new(),
             probes: LocalProbes::default(),
         }
     }
@@ -59,7 +60,7 @@ impl Gather {
             return Ok(None);
         }
         self.go_on_with(nodes, roster);
-        let (began, is_there) = (Instant::now(), self.fetched.as_ref().is_some_and(|(at, _)| *at == frame));
+        let (began, is_there) = (Instant::now(), self.fetched.iter().any(|(at, _)| *at == frame));
         let span = if is_there { Span::NONE } else { nodes.trace.part("fetch") };
         let timeout = timeout.unwrap_or_else(|| self.fetches.timeout(roster, monotonic_s()));
         let fetched = self.fetch(frame, pass.asks_planes(), timeout, &span).await;
@@ -77,7 +78,7 @@ impl Gather {
         let fetched_ms = (!is_there).then(|| began.elapsed().as_secs_f64() * 1e3);
         drop(span);
         let _span = nodes.trace.part("compute");
-        if let Some((_, views)) = &self.fetched {
+        if let Some((_, views)) = self.fetched.iter().find(|(at, _)| *at == frame) {
             self.probes.run(pass, views, took);
         }
         Ok(fetched_ms)
@@ -90,7 +91,7 @@ impl Gather {
         if places != self.places {
             self.clients = places.iter().map(|&place| Arc::clone(&nodes.clients[place])).collect();
             self.places = places;
-            self.fetched = None;
+            self.fetched.clear();
         }
     }
 
@@ -103,22 +104,23 @@ impl Gather {
         timeout: Duration,
         span: &Span,
     ) -> Result<(), Unfetched> {
-        let fetched = self.fetched.as_ref().map(|(fetched, _)| *fetched);
-        if fetched == Some(frame) {
+        if self.fetched.iter().any(|(at, _)| *at == frame) {
             return Ok(());
         }
-        if let Some(before) = frame.checked_sub(1).filter(|&before| needs_before && fetched != Some(before)) {
+        let newest = self.fetched.last().map(|(at, _)| *at);
+        if let Some(before) = frame.checked_sub(1).filter(|&before| needs_before && newest != Some(before)) {
             // A node that has passed it over tells of an earlier one at best.
             if let Ok(views) = self.views(before, timeout, span).await {
-                self.fetched = Some((before, views));
+                self.fetched.push((before, views));
             }
         }
         let views = self.views(frame, timeout, span).await?;
-        let views = match &self.fetched {
+        let views = match self.fetched.last() {
             Some((before, seen)) => views.after(seen, frame.saturating_sub(*before)),
             None => views,
         };
-        self.fetched = Some((frame, views));
+        self.fetched.retain(|(at, _)| at + 1 == frame);
+        self.fetched.push((frame, views));
         Ok(())
     }
 

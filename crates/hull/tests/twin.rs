@@ -35,7 +35,7 @@ fn run(sets: &[ViewSet], settings: ProbeSettings, points: &[[f64; 3]], first: &[
     pass.restart([asked].into_iter(), Some(&WorldBox::EVERYWHERE));
     match finish(&mut pass, sets) {
         BodyResult::Paper(paper) => paper,
-        BodyResult::Planes(planes) => panic!("expected the paper's response, found {planes:?}"),
+        other => panic!("expected the paper's response, found {other:?}"),
     }
 }
 

@@ -99,7 +99,7 @@ fn colour_source<P: Pictures + 'static>(
 }
 
 fn connect(setup: &Setup, nodes: Vec<ExpectedNode>, world: &World, placement: Placement) -> Transport {
-    let mut shapes: Vec<Arc<hull::Shape>> = world.moving_bodies().flat_map(sim::Body::asked_shapes).collect();
+    let mut shapes: Vec<Arc<hull::Shape>> = world.asked_shapes().collect();
     shapes.sort_by_key(|shape| shape.digest());
     shapes.dedup_by_key(|shape| shape.digest());
     let agreement = Agreement::new(setup.file.probes, setup.file.fps, shapes).with_role(setup.role);

@@ -19,7 +19,7 @@ pub use settings::{WorldError, WorldSettings};
 pub use snapshot::{BodySnapshot, WorldSnapshot};
 pub use step::{Fault, FaultKind, StepReport};
 
-use crate::response::HullPatch;
+use crate::response::{HullPatch, ResponseMode};
 use crate::scene::{BodySpec, MassSpec, Scene};
 use crate::solid::Solid;
 use crate::solver::{Solver, TrueSolids};
@@ -68,7 +68,7 @@ pub struct Body {
 }
 
 impl Body {
-    /// All that nodes must know of it before it is asked about.
+    /// Its samples and the points around it, about which nodes are asked.
     pub fn asked_shapes(&self) -> impl Iterator<Item = Arc<Shape>> {
         [Some(&self.probes), self.around.as_ref()].into_iter().flatten().map(Arc::clone)
     }
@@ -182,6 +182,13 @@ impl World {
     /// The bodies that are not fixed: the hull is asked about these, and responses come in this order.
     pub fn moving_bodies(&self) -> impl ExactSizeIterator<Item = &Body> {
         self.moving.iter().map(|&index| &self.bodies[index])
+    }
+
+    /// All shapes that nodes are asked about. Some may be there more than once.
+    pub fn asked_shapes(&self) -> impl Iterator<Item = Arc<Shape>> {
+        let by_contacts = self.settings.response == ResponseMode::Contacts;
+        let grid = by_contacts.then(hull::surface::grid);
+        self.moving_bodies().flat_map(Body::asked_shapes).chain(grid)
     }
 
     /// The hull's surface at the bodies after the last step, at most [`MAX_PATCHES`](crate::MAX_PATCHES) a body, in their

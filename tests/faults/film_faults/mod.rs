@@ -139,7 +139,7 @@ async fn bodies_only_fall_once_a_node_is_lost() {
         let address = served[served.len() - 1].address.clone();
         nodes.push(expected_node(&rig, address, &cameras.collect::<Vec<_>>()));
     }
-    let shapes = world(&scene).moving_bodies().flat_map(sim::Body::asked_shapes).collect();
+    let shapes = world(&scene).asked_shapes().collect();
     let transport =
         Transport::connect(nodes, Placement::Nodes, Agreement::new(ProbeSettings::default(), FPS, shapes));
     let observers = node_config(&scene, &rig, 0..4).observers();
@@ -171,7 +171,7 @@ async fn a_live_run_begins_without_a_camera_that_never_films_and_ends_with_its_n
             nodes.push(expected_node(&rig, node.address.clone(), &cameras.collect::<Vec<_>>()));
             served.push(node);
         }
-        let shapes = world(&scene).moving_bodies().flat_map(sim::Body::asked_shapes).collect();
+        let shapes = world(&scene).asked_shapes().collect();
         let agreement = Agreement::new(ProbeSettings::default(), FPS, shapes);
         let transport = Transport::connect(nodes, Placement::Nodes, agreement);
         let observers = node_config(&scene, &rig, 0..4).observers();

@@ -12,9 +12,9 @@ use std::sync::Arc;
 
 use film_time::FrameReport;
 use hull::faces::FaceNormals;
-use hull::pass::{AskedBody, Pass};
+use hull::pass::{AskedBody, BodyResult, Pass, Reaches};
 use hull::question::Points;
-use hull::surface::PoseToAsk;
+use hull::surface::{Occupancy, PoseToAsk};
 use hull::{Observer, Pose, ProbeSettings, Shape};
 
 use answers::{Answers, PoseQuery};
@@ -155,6 +155,23 @@ impl HullQuery {
         };
         pass.restart(asked.iter().map(body), bounds.hull_box());
         pass
+    }
+
+    /// The pass that asks which places of grids about these poses are inside the hull of a frame, the one in use or the one before:
+    /// see [`HullQuery::take_occupancies`].
+    pub fn ask_occupancies(&mut self, grid: &Arc<Shape>, poses: &[Pose]) {
+        let unknown = Reaches::default();
+        let about = |&pose: &Pose| AskedBody::plain(Points::Body { shape: Arc::clone(grid), pose }, &unknown);
+        self.pass.for_classes();
+        // A grid is about a place that touches the hull of the frame in use.
+        self.pass.restart(poses.iter().map(about), self.bounds.hull_box());
+    }
+
+    /// The results of that pass, one a pose, if it is done. The next pass asks for planes again.
+    pub fn take_occupancies(&mut self) -> Vec<Occupancy> {
+        let found = self.pass.results().iter().filter_map(BodyResult::inside).map(Occupancy::of).collect();
+        self.pass.for_contacts();
+        found
     }
 
     /// The pass begun by [`HullQuery::ask`].

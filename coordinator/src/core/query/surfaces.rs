@@ -2,9 +2,11 @@
 
 use std::collections::HashMap;
 
+use hull::Pose;
 use hull::contact::{BodyContacts, Eye};
 use hull::pass::BodyPlanes;
 use hull::surface::{BodySurface, FrameAge, HullTime, PoseToAsk, Sampled};
+use nalgebra::Vector3;
 use sim::{Body, BodyId};
 
 /// The surfaces near the moving bodies of a world.
@@ -47,17 +49,36 @@ impl Surfaces {
         self.bodies[index].pose_to_ask(at, &body.pose, &body.probes)
     }
 
+    /// Where to look for how far the surface near a body moved, if that must be known.
+    pub fn place_to_look(
+        &self,
+        index: usize,
+        at: FrameAge,
+        planes: &BodyPlanes,
+        body: &Body,
+    ) -> Option<Pose> {
+        self.bodies[index].place_to_look(at, planes, &sampled(body)?)
+    }
+
+    /// How far it moved before the frame, world, metres.
+    pub fn take_shift(&mut self, index: usize, at: FrameAge, shift_m: Vector3<f64>) {
+        self.bodies[index].take_shift(at, shift_m);
+    }
+
     /// The contacts of a body with the planes found for its samples and feelers, where body and surface are now.
     pub fn contacts(&mut self, index: usize, at: FrameAge, planes: &BodyPlanes, body: &Body) -> BodyContacts {
-        // Under `contacts` every body has faces.
-        let Some(faces) = &body.faces else { return BodyContacts::default() };
-        let sampled = Sampled {
-            shape: &body.shape,
-            around: body.around.as_deref(),
-            pose: &body.pose,
-            velocity_m_s: body.velocity_m_s.into(),
-            faces,
-        };
+        let Some(sampled) = sampled(body) else { return BodyContacts::default() };
         self.bodies[index].contacts(at, planes, &sampled, &self.eyes)
     }
+}
+
+/// A body as its surface sees it. Under `contacts` every body has faces.
+fn sampled(body: &Body) -> Option<Sampled<'_>> {
+    Some(Sampled {
+        shape: &body.shape,
+        around: body.around.as_deref(),
+        pose: &body.pose,
+        velocity_m_s: body.velocity_m_s.into(),
+        faces: body.faces.as_ref()?,
+    })
 }

@@ -3,13 +3,14 @@
 use std::sync::Arc;
 
 use hull::collision::BodyCollision;
-use hull::contact::Eye;
+use hull::contact::{BodyContacts, Eye};
 use hull::pass::{BodyResult, Pass, Round};
 use hull::surface::{FrameAge, PoseToAsk};
 use hull::{Observer, Pose};
 use sim::{Body, BodyId, ResponseMode, WorldSettings};
 use thiserror::Error;
 
+use super::shift::ShiftQuestion;
 use super::step::Step;
 use super::{Action, CannotGoOn, Clocks, Run, RunSettings, State};
 use crate::core::answering::Answering;
@@ -25,7 +26,7 @@ const MAX_REPEATS: usize = 3;
 pub(crate) struct HullInUse {
     pub query: HullQuery,
     /// Under contacts: the hull's surface near each moving body.
-    surfaces: Surfaces,
+    pub surfaces: Surfaces,
     answering: Answering,
 }
 
@@ -105,7 +106,8 @@ impl Run {
         match self.begin_question(&step, roster) {
             Ok((frame, at)) => {
                 let passes_before = self.figures.counts.passes.asked;
-                self.ask(OpenQuestion { step, frame, at, passes_before, repeats: 0, asked_s: None }, clocks)
+                let question = OpenQuestion { step, frame, at, passes_before, repeats: 0, asked_s: None };
+                self.ask(question, roster, clocks)
             }
             Err(why) => {
                 self.lose_hull(why);
@@ -133,9 +135,14 @@ impl Run {
     }
 
     /// One pass over all that this step lacks, and what is worth foreseeing.
-    pub(super) fn ask(&mut self, question: OpenQuestion, clocks: Clocks) -> Result<Action, CannotGoOn> {
+    pub(super) fn ask(
+        &mut self,
+        question: OpenQuestion,
+        roster: &Roster,
+        clocks: Clocks,
+    ) -> Result<Action, CannotGoOn> {
         if !self.hull.query.must_ask() {
-            return self.take_answers(question, true, clocks);
+            return self.take_answers(question, true, roster, clocks);
         }
         let ahead = self.foresee(question.step.film_s, clocks);
         let began_s = clocks().monotonic_s;
@@ -163,7 +170,11 @@ impl Run {
 
     /// The pass was answered, or why not. Without the nodes that failed to answer, which are left out, it is asked once more.
     pub fn answered(&mut self, answered: Result<(), Unanswered>, roster: &mut Roster, clocks: Clocks) {
-        let State::Asking(mut question) = std::mem::take(&mut self.state) else { return };
+        let mut question = match std::mem::take(&mut self.state) {
+            State::Asking(question) => question,
+            State::AskingShifts(shifts) => return self.take_occupancies(shifts, answered.is_ok()),
+            _ => return,
+        };
         self.figures.counts.passes.points = *self.hull.query.pass().points_asked();
         let Err(Unanswered(why)) = answered else {
             if let Some(asked_s) = question.asked_s {
@@ -188,9 +199,10 @@ impl Run {
         &mut self,
         question: OpenQuestion,
         is_answered: bool,
+        roster: &Roster,
         clocks: Clocks,
     ) -> Result<Action, CannotGoOn> {
-        let OpenQuestion { step, at, passes_before, .. } = question;
+        let OpenQuestion { step, frame, at, passes_before, .. } = question;
         let answers = if is_answered { self.hull.query.take() } else { None };
         let Some(answers) = answers else { return self.answered_step(step, None) };
         if let Some(before) = self.film.unavailable.take().filter(HullUnavailable::is_fault) {
@@ -200,7 +212,21 @@ impl Run {
             u64::from(self.figures.counts.passes.asked == passes_before);
         self.figures.answers.used += answers.asked as u64;
         self.figures.answers.reused += answers.reused as u64;
-        let collisions = self.collisions(at, answers.results, clocks);
+        match self.shifts_to_ask(frame, at, &answers.results, roster) {
+            Some(asked) => Ok(self.ask_shifts(ShiftQuestion::new(step, frame, at, answers.results, asked))),
+            None => self.collide(step, at, answers.results, clocks),
+        }
+    }
+
+    /// The answers about every moving body are whole: makes collisions of them.
+    pub(super) fn collide(
+        &mut self,
+        step: Step,
+        at: FrameAge,
+        found: Vec<BodyResult>,
+        clocks: Clocks,
+    ) -> Result<Action, CannotGoOn> {
+        let collisions = self.collisions(at, found, clocks);
         self.figures.add_collisions(&collisions);
         self.answered_step(step, Some(collisions))
     }
@@ -215,6 +241,8 @@ impl Run {
             BodyResult::Planes(planes) => {
                 BodyCollision::Contacts(surfaces.contacts(index, at, &planes, body))
             }
+            // Asked about grids alone.
+            BodyResult::Inside(_) => BodyCollision::Contacts(BodyContacts::default()),
         };
         let collisions = bodies.map(collision).collect();
         if self.is_by_contacts() {

@@ -90,8 +90,8 @@ impl Run {
     /// The shapes that nodes must know before the command is carried out; `None` if these are those that they know.
     pub fn shapes(&self, prepared: &Prepared) -> Option<Vec<Arc<Shape>>> {
         match prepared {
-            Prepared::World(world) => Some(distinct(asked_shapes(world))),
-            Prepared::Body(body) => Some(distinct(asked_shapes(&self.world).chain(body.asked_shapes()))),
+            Prepared::World(world) => Some(distinct(world.asked_shapes())),
+            Prepared::Body(body) => Some(distinct(self.world.asked_shapes().chain(body.asked_shapes()))),
             Prepared::Command(_) => None,
         }
     }
@@ -180,10 +180,6 @@ impl Run {
         let ids = bodies().map(|body| body.id).collect();
         self.hull.set_bodies(ids, asked.collect(), self.settings.reuse_within_m);
     }
-}
-
-fn asked_shapes(world: &World) -> impl Iterator<Item = Arc<Shape>> {
-    world.moving_bodies().flat_map(Body::asked_shapes)
 }
 
 fn distinct(shapes: impl Iterator<Item = Arc<Shape>>) -> Vec<Arc<Shape>> {

@@ -48,6 +48,8 @@ impl CameraLog {
 pub(crate) struct FilmInUse {
     /// The newest that was taken into use.
     pub frame: Option<u64>,
+    /// The one in use before it.
+    pub before: Option<u64>,
     /// Why the last step had no hull, if it had none.
     pub unavailable: Option<HullUnavailable>,
     /// The cameras that the last step asked, by their places in the rig, ascending.
@@ -286,7 +288,8 @@ impl Run {
 
     fn note_frame(&mut self, frame: u64, roster: &Roster) {
         let passed = self.film.frames_passed;
-        if let Some(before) = self.film.frame.replace(frame) {
+        self.film.before = self.film.frame.replace(frame);
+        if let Some(before) = self.film.before {
             let unwanted = passed.saturating_sub(self.film.passed_before);
             self.figures.counts.frames_passed_over +=
                 frame.saturating_sub(before + 1).saturating_sub(unwanted);

@@ -12,8 +12,8 @@
 mod ask;
 mod commands;
 mod film;
-
 mod settings;
+mod shift;
 mod step;
 
 use std::sync::Arc;
@@ -37,6 +37,7 @@ use ask::{HullInUse, OpenQuestion};
 pub(crate) use commands::{Change, Prepared, Steering};
 use film::FilmInUse;
 pub use settings::{GoingOn, RunSettings};
+use shift::ShiftQuestion;
 use step::Step;
 pub(crate) use step::{AnsweredStep, MadeStep};
 
@@ -121,6 +122,12 @@ enum State {
     Asking(OpenQuestion),
     /// The hull has answered, or not.
     Asked { question: OpenQuestion, is_answered: bool },
+    /// Which places near a body are inside the hull is to be asked.
+    AsksShifts(ShiftQuestion),
+    /// That is on its way.
+    AskingShifts(ShiftQuestion),
+    /// How far surfaces moved is known, or will not be.
+    Shifted(ShiftQuestion),
     /// The run's time is over.
     Over,
 }
@@ -187,8 +194,12 @@ impl Run {
             }
             State::Framed(step) => self.meet_hull(step, roster, clocks),
             // One whose answer was not handed over is asked again.
-            State::Asks(question) | State::Asking(question) => self.ask(question, clocks),
-            State::Asked { question, is_answered } => self.take_answers(question, is_answered, clocks),
+            State::Asks(question) | State::Asking(question) => self.ask(question, roster, clocks),
+            State::Asked { question, is_answered } => {
+                self.take_answers(question, is_answered, roster, clocks)
+            }
+            State::AsksShifts(shifts) | State::AskingShifts(shifts) => Ok(self.ask_shifts(shifts)),
+            State::Shifted(shifts) => self.meet_surfaces(shifts, clocks),
             State::Over => Ok(Action::End),
         }
     }

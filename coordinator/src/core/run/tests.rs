@@ -6,9 +6,10 @@ use std::rc::Rc;
 
 use film_time::FilmEvent;
 use hull::question::Answer;
+use hull::silhouette::PixelRect;
 use hull::view_set::Scratch;
 use hull::{ProbeSettings, ViewSet};
-use sim::{BodyResponse, BodySpec, Scene, TrajectoryDigest, WorldSettings};
+use sim::{BodyResponse, BodySpec, Parameters, Scene, TrajectoryDigest, WorldSettings};
 
 use super::*;
 use crate::core::query::AskEvery;
@@ -60,6 +61,8 @@ struct Seen {
     is_touched: bool,
     /// How far the deepest contact moves the box out, metres.
     deepest_m: f32,
+    /// How fast the fastest surface comes that it touches, m/s.
+    fastest_m_s: f32,
 }
 
 struct Scripted {
@@ -68,8 +71,9 @@ struct Scripted {
     now_s: Rc<Cell<f64>>,
     /// Events and their times, ascending, by node.
     script: VecDeque<(f64, u16, Event)>,
-    /// What each node sees.
-    views: Vec<ViewSet>,
+    /// What every camera sees of a frame, and what is made of it for each node.
+    seen: fn(u64) -> PixelRect,
+    views: (PixelRect, Vec<ViewSet>),
     is_frozen: [bool; NODES as usize],
     is_deaf: [bool; NODES as usize],
     /// Commands, and the steps before which they are given.
@@ -118,7 +122,7 @@ impl Scripted {
         let mut roster = Roster::new(nodes.collect());
         (0..NODES.into()).for_each(|node| roster.up(node));
         roster.begin_run();
-        let views = observers.chunks(1).map(room::views).collect();
+        let views = (room::SEEN, observers.chunks(1).map(room::views).collect());
         let answering = Answering::Nodes(NODES.into());
         let pace = Pace { run: 1, zero_s: 0.0, epoch_unix_s: 0.0, lock_step: settings.lock_step };
         let mut run = Run::new(world, observers, settings, (&roster, answering));
@@ -128,6 +132,7 @@ impl Scripted {
             roster,
             now_s: Rc::default(),
             script: script.into(),
+            seen: |_| room::SEEN,
             views,
             is_frozen: [false; NODES as usize],
             is_deaf: [false; NODES as usize],
@@ -156,7 +161,7 @@ impl Scripted {
                 Event::Frame(_) if self.is_frozen[place] => {}
                 Event::Frame(frame) => {
                     self.roster.heard(Arrival { node: place, frame, heard_s: at_s });
-                    let report = room::report(frame, [node], Some(room::SEEN));
+                    let report = room::report(frame, [node], Some((self.seen)(frame)));
                     self.roster.film_event(place, FilmEvent::Frame(report), at_s);
                 }
                 Event::Ends => self.roster.film_event(place, FilmEvent::Ended, at_s),
@@ -176,13 +181,19 @@ impl Scripted {
     }
 
     /// All that are asked answer, but for nodes that are frozen.
-    fn answer(&mut self) -> Result<(), Unanswered> {
+    fn answer(&mut self, frame: u64) -> Result<(), Unanswered> {
         self.pass(self.now_s.get() + self.answer_s);
+        let seen = (self.seen)(frame);
+        if seen != self.views.0 {
+            let views = |observer| room::views_of(observer, seen);
+            self.views = (seen, self.run.observers().chunks(1).map(views).collect());
+        }
+        let views = &self.views.1;
         let (pass, mut took) = self.run.pass();
         let (mut scratch, mut answer) = (Scratch::default(), Answer::default());
         while let Some(question) = pass.question().cloned() {
             let also = pass.speculative_question().cloned();
-            let asked: Vec<usize> = (0..self.views.len()).filter(|&node| pass.asks(node)).collect();
+            let asked: Vec<usize> = (0..views.len()).filter(|&node| pass.asks(node)).collect();
             let is_silent = |node: &usize| self.is_frozen[*node] || self.is_deaf[*node];
             let silent: Vec<usize> = asked.iter().copied().filter(is_silent).collect();
             if !silent.is_empty() {
@@ -194,7 +205,7 @@ impl Scripted {
             took(pass.round(), self.answer_s * 1e3);
             for question in [Some(question), also].into_iter().flatten() {
                 for &node in &asked {
-                    self.views[node].answer(&question, &mut scratch, &mut answer);
+                    views[node].answer(&question, &mut scratch, &mut answer);
                     pass.answer(node, &answer).expect("an answer to what was asked");
                 }
             }
@@ -214,8 +225,8 @@ impl Scripted {
                 self.pass(clock.get());
             }
             Action::UseFrame(_) | Action::StandStill | Action::StartAfresh => {}
-            Action::Ask { .. } => {
-                let answered = self.answer();
+            Action::Ask { frame, .. } => {
+                let answered = self.answer(frame);
                 self.run.answered(answered, &mut self.roster, &clocks);
             }
             Action::Make(step) => {
@@ -223,8 +234,10 @@ impl Scripted {
                 let made = self.run.make(&step, &self.roster, &clocks).expect("a step");
                 let is_touched = made.touched > 0;
                 let contacts = step.responses.iter().flat_map(|response| &response.contacts);
-                let deepest_m = contacts.map(|contact| contact.depth_m).fold(0.0, f32::max);
-                self.steps.push(Seen { at_s, frame: self.run.film.hull_frame(), is_touched, deepest_m });
+                let deepest_m = contacts.clone().map(|contact| contact.depth_m).fold(0.0, f32::max);
+                let fastest_m_s = contacts.filter_map(|contact| contact.speed_m_s).fold(0.0, f32::max);
+                let frame = self.run.film.hull_frame();
+                self.steps.push(Seen { at_s, frame, is_touched, deepest_m, fastest_m_s });
             }
             Action::Rest => {
                 self.take_order();
@@ -291,6 +304,22 @@ fn run(settings: RunSettings, script: Vec<(f64, u16, Event)>) -> Scripted {
 /// What steps 1 to `count` see if nothing fails: step k sees frame k / 4.
 fn every_frame(count: u64) -> Vec<Option<u64>> {
     (1..=count).map(|step| Some(step / STEPS_PER_FRAME)).collect()
+}
+
+/// What every camera sees below the box comes up by 15 cm a frame, 4.5 m/s, and no edge tells how far it moved.
+#[test]
+fn what_comes_fast_is_as_fast_as_the_frame_before_tells() {
+    let mut comes = Scripted::new(settings(), films(31));
+    comes.seen = |frame| {
+        let rows = 5 * frame.min(9) as u32;
+        PixelRect { left: 42, top: 5 + rows, right: 59, bottom: 22 + rows }
+    };
+    let no_gravity = Parameters { gravity_m_s2: Some([0.0; 3]), ..Parameters::default() };
+    comes.commands.push_back((0, Command::Set(no_gravity)));
+    comes.go().expect("it goes on");
+    let met = comes.steps.iter().find(|step| step.fastest_m_s > 0.0).expect("it meets the box");
+    assert!((met.fastest_m_s - 4.5).abs() < 0.3, "{met:?}");
+    assert!(comes.steps.iter().all(|step| step.fastest_m_s < 5.0));
 }
 
 #[test]

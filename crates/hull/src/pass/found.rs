@@ -11,6 +11,8 @@ pub enum BodyResult {
     Paper(PaperResult),
     /// For contacts.
     Planes(BodyPlanes),
+    /// Of classes alone: the samples inside, ascending.
+    Inside(Vec<u32>),
 }
 
 impl BodyResult {
@@ -18,15 +20,23 @@ impl BodyResult {
     pub fn paper(&self) -> Option<&PaperResult> {
         match self {
             BodyResult::Paper(paper) => Some(paper),
-            BodyResult::Planes(_) => None,
+            BodyResult::Planes(_) | BodyResult::Inside(_) => None,
         }
     }
 
     /// What was found for contacts, if these were asked.
     pub fn planes(&self) -> Option<&BodyPlanes> {
         match self {
-            BodyResult::Paper(_) => None,
             BodyResult::Planes(planes) => Some(planes),
+            BodyResult::Paper(_) | BodyResult::Inside(_) => None,
+        }
+    }
+
+    /// The samples inside, of a pass for classes alone.
+    pub fn inside(&self) -> Option<&[u32]> {
+        match self {
+            BodyResult::Inside(inside) => Some(inside),
+            BodyResult::Paper(_) | BodyResult::Planes(_) => None,
         }
     }
 
@@ -35,6 +45,7 @@ impl BodyResult {
         match self {
             BodyResult::Paper(paper) => paper.is_clear(),
             BodyResult::Planes(planes) => planes.samples.is_empty(),
+            BodyResult::Inside(inside) => inside.is_empty(),
         }
     }
 
@@ -43,6 +54,7 @@ impl BodyResult {
         match self {
             BodyResult::Paper(paper) => paper.inside.len(),
             BodyResult::Planes(planes) => planes.samples.len(),
+            BodyResult::Inside(inside) => inside.len(),
         }
     }
 
@@ -51,6 +63,7 @@ impl BodyResult {
         let (inside, planes) = match self {
             BodyResult::Paper(paper) => (&paper.inside[..], &[][..]),
             BodyResult::Planes(planes) => (&[][..], &planes.samples[..]),
+            BodyResult::Inside(_) => (&[][..], &[][..]),
         };
         let inside = inside.iter().filter_map(|inside| Some((inside.sample, inside.edge?.distance_m)));
         inside.chain(planes.iter().filter_map(|found| Some((found.sample, found.plane?.distance_m))))

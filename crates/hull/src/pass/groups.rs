@@ -193,7 +193,7 @@ impl Pass {
             (Round::Exits, Response::Paper(_)) => self.after_exits(),
             (Round::BodyExits, _) => self.after_body_exits(),
             (Round::Check, Response::Paper(_)) => self.after_check(),
-            (Round::Done, _) => {}
+            (Round::Exits | Round::Check, Response::Classes) | (Round::Done, _) => {}
         }
     }
 }

@@ -11,7 +11,7 @@
 //! these have found. None of it changes an answer.
 //!
 //! Two responses need different things after the classes: the paper's (`paper/`) the way out of each body, contacts
-//! (`contacts/`) the planes of the surface near it.
+//! (`contacts/`) the planes of the surface near it. A pass for classes alone ends there.
 
 mod bodies;
 mod contacts;
@@ -119,6 +119,8 @@ struct TripPolicy {
 enum Response {
     Paper(paper::Paper),
     Contacts(Box<contacts::Contacts>),
+    /// None: for classes alone.
+    Classes,
 }
 
 impl Pass {
@@ -166,6 +168,7 @@ impl Pass {
                 self.bodies.add_around(|_| {});
                 paper.restart(self.bodies.all().len());
             }
+            Response::Classes => self.bodies.add_around(|_| {}),
         }
         self.restart_results();
         self.pending.restart(QuestionKind::Classes);
@@ -191,6 +194,7 @@ impl Pass {
                     planes.samples.clear();
                     planes.around.clear();
                 }
+                (Response::Classes, BodyResult::Inside(inside)) => inside.clear(),
                 (_, other) => *other = self.response.clear(),
             }
         }
@@ -209,6 +213,10 @@ impl Pass {
                 }
                 (Response::Contacts(_), BodyResult::Planes(planes)) => {
                     contacts::Contacts::conclude(&body.found, planes);
+                }
+                (Response::Classes, BodyResult::Inside(inside)) => {
+                    inside.clear();
+                    inside.extend(body.found.iter().map(|found| found.sample));
                 }
                 _ => {}
             }
@@ -229,12 +237,18 @@ impl Pass {
 
     /// Asks for the paper's response from now on, as a new pass does. The same holds of what was found before.
     pub fn for_response(&mut self) {
-        if !self.asks_planes() {
+        if matches!(self.response, Response::Paper(_)) {
             return;
         }
         let mut paper = paper::Paper::default();
         paper.restart(self.bodies.all().len());
         self.response = Response::Paper(paper);
+        self.restart_results();
+    }
+
+    /// Asks for classes alone from now on: which samples are inside, and no more. The same holds of what was found before.
+    pub fn for_classes(&mut self) {
+        self.response = Response::Classes;
         self.restart_results();
     }
 
@@ -287,6 +301,7 @@ impl Response {
         match self {
             Response::Paper(_) => BodyResult::Paper(PaperResult::default()),
             Response::Contacts(_) => BodyResult::Planes(BodyPlanes::default()),
+            Response::Classes => BodyResult::Inside(Vec::new()),
         }
     }
 }

@@ -32,6 +32,10 @@ impl Pass {
         match &mut self.response {
             Response::Paper(paper) => paper.begin(self.bodies.all()),
             Response::Contacts(_) => self.begin_contacts(),
+            Response::Classes => {
+                self.round = Round::Done;
+                return;
+            }
         }
         self.ask_edges(|body, found| found.edge.is_none() && !body.are_edges_known);
     }

@@ -5,12 +5,14 @@
 //! stood still since the frame, and again once it has left that place: what rides on a lifted lid is asked once a
 //! frame. Cameras tell how far each plane moved since the frame before. Motion along a surface cannot be seen there:
 //! planes around the body are asked for too, and the rigid motion that explains all of them says how the surface
-//! slides. A step may as well take the surface between the frame and the one before ([`HullTime`]): it goes back from
+//! slides. Where what first touches a body moved farther than it is thick, edges tell too little: the shift between two frames is
+//! found from the places inside the hull ([`shift_m`]). A step may as well take the surface between the frame and the one before ([`HullTime`]): it goes back from
 //! the newer by what it moved.
 
 mod entry;
 mod level;
 mod motion;
+mod shift;
 mod still;
 
 use nalgebra::{Matrix3, Point3, Vector3};
@@ -22,6 +24,8 @@ use crate::pass::{BodyPlanes, SamplePlane};
 use motion::{Estimate, Motion, Place, Row};
 use still::Beliefs;
 
+pub use shift::{Occupancy, grid, shift_m};
+
 /// Planes that were found for a pose hold while no sample moves farther against the surface, metres.
 const HOLD_WITHIN_M: f64 = 0.004;
 /// What a body's surface is taken to do where its contacts do not say weighs so much against each.
@@ -32,6 +36,10 @@ const LEAST_SPEED_M_S: f64 = 0.002;
 /// of how fast that is.
 const LEAST_OFF_M_S: f64 = 0.1;
 const MOST_OFF: f64 = 0.3;
+/// A shift tells more than edges do of what is faster than this, m/s: below it is known no better than to a centimetre a frame.
+const LEAST_SHIFT_M_S: f64 = 1.5;
+/// It is asked for where an edge says that the surface is faster than this, m/s, or nothing: edges may tell a third.
+const MAYBE_FAST_M_S: f64 = 0.5;
 /// Hull and face meet if their normals are so nearly opposite: cosine of 60 degrees.
 const LEAST_OPPOSITE: f64 = 0.5;
 /// The hull's own normal stays if they are so nearly opposite that noise would switch it: cosine of 8 degrees.
@@ -148,6 +156,8 @@ pub struct BodySurface {
     /// Of the surface where the body is, world.
     velocity_m_s: Vector3<f64>,
     estimate: Estimate,
+    /// How far the surface moved before a frame, if it moved far, world, metres.
+    shift: Option<(u64, Vector3<f64>)>,
     beliefs: Beliefs,
 }
 
@@ -169,6 +179,42 @@ impl BodySurface {
         self.asked = Some((at.frame, asked));
         self.is_new = true;
         asked
+    }
+
+    /// Where to look for how far the surface moved since the frame before: about what was found inside of a body that touched
+    /// nothing, if that may have come fast. `None` where it need not be known, or is.
+    pub fn place_to_look(&self, at: FrameAge, planes: &BodyPlanes, body: &Sampled<'_>) -> Option<Pose> {
+        let (_, asked) = self.asked.filter(|_| self.is_new && self.beliefs.is_empty() && !at.is_still)?;
+        if self.shift_at(at).is_some() {
+            return None;
+        }
+        let may_be_fast = |of: &SamplePlane| {
+            let moved_m =
+                of.plane.map(|plane| plane.moved_m.map_or(f64::INFINITY, |moved_m| f64::from(moved_m).abs()));
+            moved_m.is_some_and(|moved_m| moved_m * at.fps > MAYBE_FAST_M_S)
+        };
+        if !planes.samples.iter().chain(&planes.around).any(may_be_fast) {
+            return None;
+        }
+        let place = body.place_at(&asked.pose);
+        let count = body.shape.samples_body().len();
+        let inside =
+            || planes.samples.iter().map(|found| found.sample).filter(|&sample| (sample as usize) < count);
+        let sum: Vector3<f64> = inside().map(|sample| place(sample).coords).sum();
+        let number = inside().count();
+        if number == 0 {
+            return None;
+        }
+        Some(Pose::IDENTITY.moved((sum / number as f64).into()))
+    }
+
+    /// Takes in how far the surface there moved before a frame, world, metres.
+    pub fn take_shift(&mut self, at: FrameAge, shift_m: Vector3<f64>) {
+        self.shift = Some((at.frame, shift_m));
+    }
+
+    fn shift_at(&self, at: FrameAge) -> Option<Vector3<f64>> {
+        self.shift.filter(|(frame, _)| *frame == at.frame).map(|(_, shift_m)| shift_m)
     }
 
     /// The contacts of a body with the planes found for its samples and feelers, and around it, where body and surface
@@ -314,6 +360,11 @@ impl BodySurface {
         let around = around.flat_map(|shape| planes.around.iter().filter_map(|of| near(shape, of)));
         let around: Vec<Row> = around.filter_map(told).collect();
         self.estimate.take(at.frame, &places, &own, &around);
+        let shift_m =
+            self.shift_at(at).filter(|shift_m| is_first && shift_m.norm() * at.fps > LEAST_SHIFT_M_S);
+        if let Some(shift_m) = shift_m {
+            self.estimate.replace(shift_m);
+        }
         let Some(motion) = self.estimate.motion() else { return false };
         for contact in seen {
             let moved_m = motion.moved_m(&(place(body.shape, contact.sample) - centre));
@@ -325,7 +376,7 @@ impl BodySurface {
             }
             let fitted_m_s = moved_m.dot(&normal) * at.fps;
             let most_off_m_s = LEAST_OFF_M_S + MOST_OFF * moved_m.norm() * at.fps;
-            let measured_m_s = contact.speed_m_s.map_or(fitted_m_s, f64::from);
+            let measured_m_s = contact.speed_m_s.filter(|_| shift_m.is_none()).map_or(fitted_m_s, f64::from);
             let speed_m_s = measured_m_s.clamp(fitted_m_s - most_off_m_s, fitted_m_s + most_off_m_s);
             contact.speed_m_s = Some(speed_m_s as f32);
         }

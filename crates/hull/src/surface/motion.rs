@@ -60,6 +60,11 @@ pub(super) struct Row {
 pub(super) struct Motion(Vector6<f64>);
 
 impl Motion {
+    /// A shift without a turn, metres.
+    fn of_shift_m(shift_m: &Vector3<f64>) -> Motion {
+        Motion(Vector6::new(shift_m.x, shift_m.y, shift_m.z, 0.0, 0.0, 0.0))
+    }
+
     /// How far a place, from the middle of the body, moves in a frame.
     pub fn moved_m(&self, lever: &Vector3<f64>) -> Vector3<f64> {
         self.0.fixed_rows::<3>(0) + self.turned_rad().cross(lever)
@@ -113,6 +118,11 @@ impl Estimate {
     /// The motion in the newest frame; `None` while nothing is seen to move.
     pub fn motion(&self) -> Option<&Motion> {
         self.motion.as_ref()
+    }
+
+    /// Puts a motion that is known otherwise in the place of what planes told of the newest frame.
+    pub fn replace(&mut self, shift_m: Vector3<f64>) {
+        self.motion = Some(Motion::of_shift_m(&shift_m));
     }
 
     /// Takes a frame, once: where the body's contacts are, what those of them say that were found in the frame before, and what

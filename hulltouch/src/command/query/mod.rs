@@ -183,8 +183,8 @@ fn normal_window(text: &str) -> Result<NormalWindow, String> {
 fn paper_results(pass: Pass) -> Vec<PaperResult> {
     let paper = |result| match result {
         BodyResult::Paper(paper) => paper,
-        // It was not asked for contacts.
-        BodyResult::Planes(_) => PaperResult::default(),
+        // It was asked for nothing else.
+        BodyResult::Planes(_) | BodyResult::Inside(_) => PaperResult::default(),
     };
     pass.into_results().into_iter().map(paper).collect()
 }
