@@ -19,7 +19,7 @@ use crate::roster::Roster;
 
 /// The frames whose silhouettes were fetched last.
 pub(super) struct Gather {
-    pub encoding: SilhouetteEncoding,
+    encoding: SilhouetteEncoding,
     pub silhouette_bytes: u64,
     observers: Vec<Arc<Observer>>,
     /// At most two, one after the other.
@@ -43,6 +43,12 @@ impl Gather {
             fetched: Vec::new(),
             probes: LocalProbes::default(),
         }
+    }
+
+    /// From the next frame on silhouettes travel so. Those that came otherwise are fetched again.
+    pub fn encode_as(&mut self, encoding: SilhouetteEncoding) {
+        self.encoding = encoding;
+        self.fetched.clear();
     }
 
     /// Answers a pass; each fetch may take `timeout`, or without one what is usual. Returns what fetching the frame took,

@@ -59,7 +59,7 @@ impl Remote {
     }
 
     pub fn with_silhouettes_as(mut self, encoding: SilhouetteEncoding) -> Remote {
-        self.gather.encoding = encoding;
+        self.gather.encode_as(encoding);
         self
     }
 
