@@ -12,6 +12,7 @@ use stage::{Joint, Motion, NEUTRAL_S, StageSettings, Truth, studio_rig};
 use super::{BALL_M, FREE, Keep, Seen, body, course, each_seen};
 use crate::physics::PhysicsBenchArguments;
 use crate::physics::metric::{Limit, Metric, metric};
+use crate::physics::track::BodyAt;
 use crate::random::Random;
 
 /// How many, and how fast, m/s.
@@ -24,9 +25,15 @@ const AFTER_S: f64 = 0.4;
 /// They fly at the arm between these shares of the way from elbow to knuckles, and so far beside it at most, metres.
 const ALONG: [f64; 2] = [0.3, 0.9];
 const ASIDE_M: f64 = 0.01;
-/// A ball has passed if it is so far beyond the arm, metres, with so much of its speed left.
+/// A ball has gone on if it is so far beyond the arm, metres, with so much of its speed left.
 const BEYOND_M: f64 = 0.12;
 const LEFT: f64 = 0.25;
+/// It has passed through the hull, and not along a side of it, if it came out at such a share of the way through at least.
+const THROUGH: f64 = 0.5;
+/// Its way is looked at in pieces of this length, metres.
+const PIECE_M: f64 = 0.01;
+/// No way through the hull of an arm is longer, metres.
+const LONGEST_M: f64 = 1.0;
 /// What changes the velocity by less than this share is no contact; a contact is wrong if no point of the hull is so near
 /// to the ball, metres.
 const CHANGED: f64 = 0.01;
@@ -61,6 +68,30 @@ impl ExactHull {
         };
         (0..=SHELLS).any(shell)
     }
+
+    /// How far through the hull a way went, as a share of the straight way on from where it came in; `None` if it never did.
+    fn share_of_way_through(
+        &self,
+        places: impl Iterator<Item = Point3<f64>>,
+        way: &Vector3<f64>,
+    ) -> Option<f64> {
+        let mut inside = places.filter(|place| self.holds(place));
+        let first = inside.next()?;
+        let last = inside.last().unwrap_or(first);
+        let pieces = (1..(LONGEST_M / PIECE_M) as usize).map(|piece| piece as f64 * PIECE_M);
+        let through_m =
+            pieces.take_while(|ahead_m| self.holds(&(first + way * *ahead_m))).last().unwrap_or(PIECE_M);
+        Some((last - first).dot(way) / through_m)
+    }
+}
+
+/// Places along a ball's way, close together.
+fn places_along<'a>(track: &'a [&BodyAt]) -> impl Iterator<Item = Point3<f64>> + 'a {
+    track.windows(2).flat_map(|pair| {
+        let (from, to) = (pair[0].place(), pair[1].place());
+        let pieces = ((to - from).norm() / PIECE_M).ceil().max(1.0);
+        (0..pieces as usize).map(move |piece| from + (to - from) * (piece as f64 / pieces))
+    })
 }
 
 /// Directions evenly over the sphere.
@@ -76,6 +107,9 @@ fn directions(count: usize) -> impl Iterator<Item = Vector3<f64>> {
 
 /// What became of a ball.
 struct Thrown {
+    /// It is beyond the arm and flies on.
+    went_on: bool,
+    /// And has passed through the hull. The arm's hull has inclined sides, along which a ball may fly on.
     has_passed: bool,
     /// Whether its first contact was with the hull; `None` if it met nothing.
     met_hull: Option<bool>,
@@ -107,6 +141,9 @@ fn throw(seen: &Seen, hull: &ExactHull, stage: &StageSettings, mut random: Rando
     let track = seen.run(ball, hit_s + AFTER_S, 1)?;
     let Some(last) = course(&track).next_back() else { return Err(Failure::run("a run without a step")) };
     let is_beyond = (last.place() - hit).dot(&way) > BEYOND_M;
+    let went_on = is_beyond && last.velocity_m_s.dot(&way) > LEFT * speed_m_s;
+    let whole: Vec<&BodyAt> = course(&track).collect();
+    let through = went_on.then(|| hull.share_of_way_through(places_along(&whole), &way)).flatten();
     let steps = course(&track).zip(course(&track).skip(1));
     let mut contacts = steps
         .filter(|(before, after)| (after.velocity_m_s - before.velocity_m_s).norm() > CHANGED * speed_m_s);
@@ -114,7 +151,7 @@ fn throw(seen: &Seen, hull: &ExactHull, stage: &StageSettings, mut random: Rando
     let met_hull = contacts
         .next()
         .map(|(before, after)| [before, after].iter().any(|ball| hull.is_near(&ball.place(), within_m)));
-    Ok(Thrown { has_passed: is_beyond && last.velocity_m_s.dot(&way) > LEFT * speed_m_s, met_hull })
+    Ok(Thrown { went_on, has_passed: through.is_some_and(|share| share > THROUGH), met_hull })
 }
 
 fn judge(thrown: &[Thrown], is_of_solids: bool) -> Vec<Metric> {
@@ -125,6 +162,7 @@ fn judge(thrown: &[Thrown], is_of_solids: bool) -> Vec<Metric> {
     let limit = |limit: Limit| (!is_of_solids).then_some(limit);
     vec![
         metric("passed of 200", count(&|ball| ball.has_passed), limit(Limit::Most(0.0))),
+        metric("flew on", count(&|ball| ball.went_on), None),
         metric("met something", met, None),
         metric("3 cm off the hull, %", 100.0 * wrong / met.max(1.0), limit(Limit::Most(1.0))),
     ]
@@ -142,6 +180,22 @@ mod tests {
         assert!(hull.holds(&wrist));
         let beside = wrist + Vector3::new(0.0, 0.0, 0.4);
         assert!(!hull.holds(&beside) && !hull.is_near(&beside, 0.1) && hull.is_near(&beside, 0.4));
+    }
+
+    #[test]
+    fn a_way_through_the_hull_is_told_from_one_along_its_side() {
+        let stage = StageSettings { motion: Motion::Reach, ..StageSettings::default() };
+        let hull = ExactHull::new(&stage, 8, HITS_S[0]).expect("a rig");
+        let wrist = stage.motion.joint_world(Joint::LeftWrist, HITS_S[0]);
+        let way = Vector3::z();
+        let share = |from_m: f64, to_m: f64, beside_m: f64| {
+            let pieces = (from_m / PIECE_M) as i32..(to_m / PIECE_M) as i32;
+            let place = |piece| wrist + way * (f64::from(piece) * PIECE_M) + Vector3::y() * beside_m;
+            hull.share_of_way_through(pieces.map(place), &way)
+        };
+        assert!(share(-0.5, 0.5, 0.0).is_some_and(|share| (0.9..=1.1).contains(&share)));
+        assert!(share(-0.5, 0.0, 0.0).is_some_and(|share| share < 0.8), "it stopped inside");
+        assert_eq!(share(-0.5, 0.5, 0.5), None, "it never came in");
     }
 
     #[test]
