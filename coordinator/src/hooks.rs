@@ -119,8 +119,13 @@ pub trait Schedule: Send {
 }
 
 impl Command {
+    /// Whether cameras carry it out, which takes as long as they film.
+    pub fn is_of_background(&self) -> bool {
+        matches!(self, Command::TakeBackground { .. } | Command::RestoreBackground { .. })
+    }
+
     /// Whether it changes what bodies there are, what they do, or which world it is.
     pub fn changes_world(&self) -> bool {
-        !matches!(self, Command::Pause | Command::Resume | Command::Step(_) | Command::TakeBackground { .. })
+        !matches!(self, Command::Pause | Command::Resume | Command::Step(_)) && !self.is_of_background()
     }
 }

@@ -5,7 +5,7 @@
 //! is published while there is no follower.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use film_time::BACKGROUND_S;
 use hull::Pose;
@@ -70,10 +70,17 @@ pub enum Command {
     },
     /// Parameters of the world.
     Set(Parameters),
-    /// Every camera learns its background again from the film of the next seconds.
+    /// Every camera learns its background again from the film of the next seconds. If one cannot, all keep theirs.
     TakeBackground {
         /// How long, seconds.
         seconds: f64,
+        /// Also if the room does not look empty by the background in use: the light has changed, or furniture.
+        allow_foreground: bool,
+    },
+    /// Every camera uses the background again that was in use before.
+    RestoreBackground {
+        /// The id of the one that goes.
+        id: u64,
     },
 }
 
@@ -84,8 +91,8 @@ pub enum Outcome {
     Applied,
     /// A body was spawned.
     Spawned(BodyId),
-    /// It took a body or a world away. This command brings it back as it was: a body with its place and velocity and another
-    /// number, without its spin; a world with all its bodies.
+    /// It took a body, a world or a background away. This command brings it back as it was: a body with its place and velocity
+    /// and another number, without its spin; a world with all its bodies.
     Revocable(Box<Command>),
 }
 
@@ -127,6 +134,9 @@ pub enum Refusal {
         /// Film asked for, seconds.
         found_s: f64,
     },
+    /// One background at a time.
+    #[error("a background is being taken already: wait until it is there")]
+    BackgroundBusy,
     /// The run follows a recording.
     #[error("this run follows a recording, which others steered: pause, resume or step")]
     Replay,
@@ -314,6 +324,7 @@ pub struct Follower {
     /// The run's figures, four times a second.
     pub status: watch::Receiver<Option<Arc<RunStatus>>>,
     watching: Arc<AtomicUsize>,
+    is_steered: Arc<AtomicBool>,
 }
 
 /// Counts a follower, until dropped.
@@ -348,6 +359,7 @@ pub fn live() -> (Live, Follower) {
         scene: see_scene,
         status: see_status,
         watching: Arc::clone(&watching),
+        is_steered: Arc::default(),
     };
     (Live { orders, world, scene, status, watching }, follower)
 }
@@ -366,13 +378,24 @@ impl Follower {
         Watching(Arc::clone(&self.watching))
     }
 
+    /// Whether no client has asked for anything yet; from now on one has.
+    pub fn is_first_to_steer(&self) -> bool {
+        !self.is_steered.swap(true, Ordering::Relaxed)
+    }
+
     /// The same end for another client, which holds bodies of its own.
     pub fn for_client(&self, client: Client) -> Follower {
         Follower { client, ..self.clone() }
     }
 
+    /// The same end for a client of the same kind that holds no body.
+    pub fn apart(&self) -> Follower {
+        self.for_client(Client::new(self.client.kind()))
+    }
+
     /// Asks for something and waits for the step that does it.
     pub async fn order(&self, command: Command) -> Result<Outcome, Refusal> {
+        self.is_steered.store(true, Ordering::Relaxed);
         if command != Command::Reset && self.orders.capacity() <= RESETS_BEYOND {
             return Err(self.closed_or_busy());
         }

@@ -66,6 +66,7 @@ bounded! {
         "Bodies.world" false [5, 3] => MAX_ENTRIES
     ],
     ProbeReply, FetchSilhouettesRequest, Silhouette, TakeBackgroundRequest, TakeBackgroundReply,
+    RestoreBackgroundRequest, RestoreBackgroundReply,
     FetchPicturesRequest ["FetchPicturesRequest.cameras" true [5] => MAX_CAMERAS],
     Picture, KeepWorldRequest, KeepWorldReply, FetchWorldRequest, FetchWorldReply, StatusRequest,
     StatusReply [

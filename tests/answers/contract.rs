@@ -393,6 +393,10 @@ async fn obeys_one_coordinator_at_a_time(client: &mut Client, probe: &mut Probe,
         client.register_shapes(v1::RegisterShapesRequest { shapes: vec![], holder: 8 }).await.map(drop),
         client.keep_world(v1::KeepWorldRequest { holder: 8, ..Default::default() }).await.map(drop),
         client.take_background(background).await.map(drop),
+        client
+            .restore_background(v1::RestoreBackgroundRequest { holder: 8, ..Default::default() })
+            .await
+            .map(drop),
     ];
     for refused in refused {
         let refused = refused.expect_err("held");

@@ -2,11 +2,13 @@
 
 #![allow(clippy::disallowed_macros, reason = "a test says what it measured")]
 
+use std::fs;
 use std::io::{BufRead as _, BufReader, Read as _};
-use std::process::Stdio;
+use std::os::unix::fs::PermissionsExt;
+use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use camera_node::capture::{Film, Filming as _};
 use camera_node::frames::FrameRing;
@@ -39,6 +41,10 @@ struct Demo {
 
 impl Demo {
     fn start(more: &[&str]) -> Demo {
+        Demo::run(&mut Demo::command(more))
+    }
+
+    fn command(more: &[&str]) -> Command {
         let mut command = testkit::command(env!("CARGO_BIN_EXE_hulltouch"));
         command
             .args(["demo", "--headless", "--listen", "127.0.0.1:0", "--cameras", "2", "--size", "160x120"])
@@ -48,7 +54,11 @@ impl Demo {
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped());
-        let mut running = Running::start(&mut command);
+        command
+    }
+
+    fn run(command: &mut Command) -> Demo {
+        let mut running = Running::start(command);
         let mut errors = BufReader::new(running.child().stderr.take().expect("piped"));
         let mut line = |prefix: &str| {
             let mut line = String::new();
@@ -251,9 +261,9 @@ fn eight_cameras_at_full_rate_fit_into_fifteen_megabits() {
     let (mut runs, mut jpegs, mut sets) = (0, 0, 0);
     for frame in 0..45 {
         film.credit(frame);
-        let deadline = std::time::Instant::now() + TIMEOUT;
+        let deadline = Instant::now() + TIMEOUT;
         let found = loop {
-            assert!(std::time::Instant::now() < deadline, "frame {frame} is filmed sooner or later");
+            assert!(Instant::now() < deadline, "frame {frame} is filmed sooner or later");
             match ring.get(frame) {
                 Ok(found) => break found,
                 Err(_) => std::thread::sleep(Duration::from_millis(2)),
@@ -283,4 +293,37 @@ fn eight_cameras_at_full_rate_fit_into_fifteen_megabits() {
     let bits = 8 * (frames + worlds);
     eprintln!("runs {} B, JPEGs {} B a frame; {:.2} Mbit/s", runs / sets, jpegs / sets, bits as f64 / 1e6);
     assert!(bits <= 15_000_000, "{bits} bits a second");
+}
+
+#[test]
+fn the_page_is_opened_in_a_browser_on_request() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (browser, opened) = (folder.path().join("xdg-open"), folder.path().join("opened"));
+    fs::write(&browser, "#!/bin/sh\ncd \"${0%/*}\" && printf %s \"$1\" >part && mv part opened\n")
+        .expect("written");
+    fs::set_permissions(&browser, PermissionsExt::from_mode(0o755)).expect("its own file");
+    let mut command = Demo::command(&["--open"]);
+    let path = std::env::var("PATH").unwrap_or_default();
+    command.env("PATH", format!("{}:{path}", folder.path().display()));
+    let demo = Demo::run(&mut command);
+    let address = demo
+        .socket
+        .strip_prefix("ws://")
+        .and_then(|address| address.strip_suffix("feed"))
+        .expect("an address");
+    let by = Instant::now() + TIMEOUT;
+    while !opened.exists() {
+        assert!(Instant::now() < by, "no browser was started");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    assert_eq!(fs::read_to_string(opened).expect("text"), format!("http://{address}?token={TOKEN}"));
+}
+
+#[test]
+fn a_run_without_a_page_opens_none() {
+    let mut command = testkit::command(env!("CARGO_BIN_EXE_hulltouch"));
+    let output = command.args(["demo", "--headless", "--open", "--seconds", "1"]).output().expect("it ends");
+    assert_eq!(output.status.code(), Some(2));
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(said.contains("--open: this run serves no page: expected no --headless, or --listen"), "{said}");
 }

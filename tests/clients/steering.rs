@@ -15,6 +15,7 @@ use coordinator::{
     AskEvery, Coordinator, Figures, LocalFrames as _, Placement, Progress, RunSettings, Snapshot, Transport,
     Watcher,
 };
+use film_time::BackgroundFilm;
 use hull::{Observer, ProbeSettings, Rig};
 use node_client::Agreement;
 use proto::Address;
@@ -576,30 +577,51 @@ async fn film_goes_by_while_a_live_run_is_paused_and_nothing_counts_as_missed() 
 }
 
 #[tokio::test]
-async fn what_stands_still_vanishes_once_the_background_is_taken() {
-    let mut studio = Studio::new(Motion::Idle, 4.0);
+async fn a_background_with_a_person_is_taken_on_request_alone_and_can_be_undone() {
+    for layout in ["cluster", "inprocess"] {
+        take_background_with_a_person(layout).await;
+    }
+}
+
+async fn take_background_with_a_person(layout: &str) {
+    let mut studio = Studio::new(Motion::Idle, 7.0);
     studio.stage.props = vec![Prop::Table];
     let world = studio.world();
-    let (live, follower) = live();
+    let (live, mut follower) = live();
     let kept = Arc::new(Mutex::new(Kept::default()));
     let coordinator = studio
-        .coordinator(studio.over("cluster", &world).await)
+        .coordinator(studio.over(layout, &world).await)
         .with_live(live)
         .with_recorder(Box::new(Keeper(Arc::clone(&kept))));
+    let take = |seconds, allow_foreground| Command::TakeBackground { seconds, allow_foreground };
     let ordered = async {
-        let error = follower.order(Command::TakeBackground { seconds: 60.0 }).await.expect_err("too long");
+        let _watching = follower.watch();
+        let error = follower.order(take(60.0, false)).await.expect_err("too long");
         assert_eq!(error.to_string(), "a background of 60 s, expected 0.2 to 30 s");
-        follower.order(Command::TakeBackground { seconds: 1.0 }).await.expect("taken");
+        let refused = follower.order(take(1.0, false)).await.expect_err("not empty").to_string();
+        let says = |part: &str| refused.contains(part);
+        assert!(says("keeps its background: ") && says("foreground, expected an empty room"), "{refused}");
+        let refused_s = seen(&mut follower, |_| true).await.film_s;
+        let taken = follower.order(take(1.0, true)).await.expect("taken");
+        let Outcome::Revocable(undo) = taken else { panic!("{taken:?} cannot be undone") };
+        let taken_s = seen(&mut follower, |_| true).await.film_s;
+        seen(&mut follower, |world| world.film_s > taken_s + 0.5).await;
+        assert_eq!(follower.order(*undo).await.expect("undone"), Outcome::Applied);
+        (refused_s, taken_s)
     };
     let mut quiet = Quiet;
-    let (ran, ()) = tokio::join!(coordinator.run(&mut quiet, std::future::pending()), ordered);
+    let (ran, (refused_s, taken_s)) =
+        tokio::join!(coordinator.run(&mut quiet, std::future::pending()), ordered);
     ran.expect("runs");
     let areas = kept.lock().expect("whole").areas.clone();
     let (first, last) = (areas[1].1, areas[areas.len() - 1].1);
     assert!(first > 1000, "the person and the table are seen: {areas:?}");
-    assert!(last < first / 10, "no person is seen any more: {areas:?}");
-    let kept_up = areas.iter().filter(|(frame, _)| (2..25).contains(frame));
-    assert!(kept_up.into_iter().all(|(_, area)| 2 * area > first), "until then the old one stays: {areas:?}");
+    let at = |film_s: f64| (film_s * FPS) as u64;
+    let mut after_refusal = areas.iter().filter(|(frame, _)| (2..at(refused_s) + 10).contains(frame));
+    assert!(after_refusal.all(|(_, area)| 2 * area > first), "the old one stays: {areas:?}");
+    let mut taken = areas.iter().filter(|(frame, _)| (at(taken_s) + 5..at(taken_s) + 10).contains(frame));
+    assert!(taken.all(|(_, area)| *area < first / 10), "no person is seen any more: {areas:?}");
+    assert!(2 * last > first, "the person is back: {areas:?}");
 }
 
 #[tokio::test]
@@ -608,6 +630,7 @@ async fn cameras_without_a_background_say_so_and_none_of_the_others_learns() {
     let mut config = studio.config(0..4);
     config.cameras[2].segmentation.method = segment::Method::Chroma;
     let cameras = InProcess::prepare(&config).expect("films");
-    let refused = cameras.take_background(1, 30).expect_err("refused");
+    let film = BackgroundFilm { id: 1, first_frame: 1, frames: 30, allow_foreground: true };
+    let refused = cameras.take_background(film).await.expect_err("refused");
     assert_eq!(refused.to_string(), "camera \"cam_2\" learns no background: it is keyed by colour");
 }

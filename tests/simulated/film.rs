@@ -3,11 +3,11 @@
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use camera_node::capture::{BackgroundError, BackgroundRequest, CaptureError, FilmClock, Filming};
+use camera_node::capture::{BackgroundError, CaptureError, FilmClock, Filming, Learning};
 use camera_node::frames::{CameraFrame, FrameRing, Stamp};
 use camera_node::source::{SourceConfig, StageConfig};
 use camera_node::{NodeCamera, NodeConfig};
-use film_time::{ClockLine, RunStart};
+use film_time::{BackgroundFilm, ClockLine, RunStart};
 use hull::{Observer, ProbeSettings, Rig, Silhouette};
 use segment::SegmentSettings;
 use stage::{Motion, StageSettings};
@@ -151,11 +151,13 @@ impl Filming for SimulatedFilm {
 
     fn cut_at(&self, _: u64, _: f64) {}
 
-    fn take_background(&self, _: BackgroundRequest) -> Result<(), BackgroundError> {
+    fn take_background(&self, _: BackgroundFilm) -> Result<Learning, BackgroundError> {
         Err(BackgroundError::Masks("simulated".into()))
     }
 
-    fn check_background(&self, _: BackgroundRequest) -> Result<(), BackgroundError> {
+    fn check_background(&self, _: BackgroundFilm) -> Result<(), BackgroundError> {
         Err(BackgroundError::Masks("simulated".into()))
     }
+
+    fn restore_background(&self, _: u64) {}
 }

@@ -310,6 +310,13 @@ impl CameraNode for Liar {
         self.honest.clone().take_background(request.into_inner()).await
     }
 
+    async fn restore_background(
+        &self,
+        request: Request<v1::RestoreBackgroundRequest>,
+    ) -> Result<Response<v1::RestoreBackgroundReply>, Status> {
+        self.honest.clone().restore_background(request.into_inner()).await
+    }
+
     async fn keep_world(
         &self,
         request: Request<v1::KeepWorldRequest>,

@@ -8,7 +8,7 @@ use film_time::{CameraPace, RunStart, unix_now_s};
 use telemetry::Beat;
 
 use super::CaptureError;
-use super::background::{BackgroundCapture, RequestSlot};
+use super::background::{BackgroundCapture, BackgroundError, BackgroundSlot, CapturedBackground};
 use super::camera::ReadyCamera;
 use super::film_clock::FilmClock;
 use super::gate::Gate;
@@ -39,7 +39,7 @@ pub(super) struct CaptureLoop {
     pub ring: Arc<FrameRing>,
     pub colours: Arc<ColourRing>,
     pub gate: Arc<Gate>,
-    pub slot: Arc<RequestSlot>,
+    pub slot: Arc<BackgroundSlot>,
     pub meter: Arc<FilmMeter>,
     pub beat: Arc<Beat>,
 }
@@ -124,8 +124,8 @@ impl CaptureLoop {
             let frame = self.after(frame, past_s);
             // What came before its first frame was not missed.
             let missed = if *next == 0 { 0 } else { frame.number.saturating_sub(*next) };
-            self.offer(camera, frame, missed, source.pace(), image, masks)?;
-            self.learn(camera, background, frame.number, image);
+            let foreground = self.offer(camera, frame, missed, source.pace(), image, masks)?;
+            self.learn(camera, background, frame.number, image, foreground);
             *next = frame.number.saturating_add(1);
             filmed(camera.name());
         }
@@ -144,27 +144,30 @@ impl CaptureLoop {
         SourceFrame { capture_time_s, ..frame }
     }
 
-    /// Shows a frame to the background that is being learnt, if any; once it is complete it is used.
+    /// Shows a frame to the background that is being learnt, if any; once it is complete it is used, if the room was empty.
     fn learn(
         &self,
         camera: &mut ReadyCamera,
         background: &mut BackgroundCapture,
         number: u64,
         image: &Image,
+        foreground: f64,
     ) {
-        let Some(learnt) = background.add(&self.slot, number, image) else { return };
-        let used = learnt.and_then(|model| match &mut camera.segmenter {
-            Some(segmenter) => Ok(segmenter.use_background(model)?),
-            None => Err(CutoutError::NoSegmenter),
-        });
-        let name = camera.name();
-        match used {
-            Ok(()) => tracing::info!("camera {name:?}: new background after frame {number}"),
-            Err(error) => tracing::warn!("camera {name:?} keeps its background: {error}"),
+        for id in self.slot.take_restores() {
+            background.stop(id);
+            restore(camera, id);
         }
+        let Some(captured) = background.add(&self.slot, number, image, foreground) else { return };
+        let used = use_background(camera, &captured);
+        match &used {
+            Ok(()) => tracing::info!("camera {:?}: new background after frame {number}", camera.name()),
+            Err(error) => tracing::warn!("{error}"),
+        }
+        // A peer that has gone does not use it: see `Learning`.
+        let _ = captured.order.answer.send(used);
     }
 
-    /// Makes a frame's silhouette and hands it in.
+    /// Makes a frame's silhouette and hands it in; returns which share of the image it covers.
     fn offer(
         &self,
         camera: &mut ReadyCamera,
@@ -173,7 +176,7 @@ impl CaptureLoop {
         pace: Option<CameraPace>,
         image: &Image,
         masks: &mut MaskWatch,
-    ) -> Result<(), CaptureError> {
+    ) -> Result<f64, CaptureError> {
         let began = Instant::now();
         let name = camera.config.camera.name();
         let silhouette = silhouette(camera.segmenter.as_mut(), image, name)
@@ -204,7 +207,7 @@ impl CaptureLoop {
         self.ring.offer(self.index, stamp, part);
         let segment_s = segment_ms / 1e3;
         self.meter.filmed(self.index, FilmedFrame { missed, foreground, segment_s, age_s });
-        Ok(())
+        Ok(foreground)
     }
 
     /// Waits until frame `next` is due; the oldest frame that is still of use, or `None` if the run stops.
@@ -221,6 +224,30 @@ impl CaptureLoop {
             let due = (self.clock.now_s() * self.context.fps).floor().max(0.0) as u64;
             next.max(due)
         })
+    }
+}
+
+/// Cuts out with the new background from now on, unless the room was not empty.
+fn use_background(camera: &mut ReadyCamera, captured: &CapturedBackground) -> Result<(), BackgroundError> {
+    let name = || camera.config.camera.name().to_owned();
+    if captured.is_occupied() {
+        return Err(BackgroundError::Foreground { camera: name(), share: captured.foreground });
+    }
+    let used = captured.model.clone().and_then(|model| match &mut camera.segmenter {
+        Some(segmenter) => Ok(segmenter.use_background(captured.order.film.id, model)?),
+        None => Err(CutoutError::NoSegmenter),
+    });
+    used.map_err(|error| BackgroundError::Cutout { camera: name(), error })
+}
+
+/// Cuts out with the background again that was in use before that one.
+fn restore(camera: &mut ReadyCamera, id: u64) {
+    let restored = camera.segmenter.as_mut().map(|segmenter| segmenter.restore_background(id));
+    let name = camera.name();
+    match restored {
+        Some(Ok(true)) => tracing::info!("camera {name:?}: the background before is in use again"),
+        Some(Err(error)) => tracing::warn!("camera {name:?} keeps its background: {error}"),
+        Some(Ok(false)) | None => {}
     }
 }
 

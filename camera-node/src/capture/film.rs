@@ -4,12 +4,12 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use film_time::{ClockLine, RunStart};
+use film_time::{BackgroundFilm, ClockLine, RunStart};
 use parking_lot::Mutex;
 use telemetry::{Beat, Pulse};
 
 use super::CaptureError;
-use super::background::{BackgroundError, BackgroundRequest, RequestSlot};
+use super::background::{BackgroundError, BackgroundSlot, Learning, check_background};
 use super::camera::ReadyCamera;
 use super::capture_loop::{CaptureLoop, Opened};
 use super::film_clock::FilmClock;
@@ -42,7 +42,7 @@ pub struct Film {
 struct FilmCamera {
     config: NodeCamera,
     ready: Arc<Mutex<ReadyCamera>>,
-    slot: Arc<RequestSlot>,
+    slot: Arc<BackgroundSlot>,
     /// Of its film thread.
     beat: Arc<Beat>,
 }
@@ -117,7 +117,6 @@ impl Film {
     ) -> Result<Vec<(CaptureLoop, Opened)>, CaptureError> {
         let capture_loop = |(index, camera): (usize, &FilmCamera)| {
             let context = self.context(start, gate, clock, &camera.beat);
-            camera.slot.set(None);
             let capture = CaptureLoop {
                 index,
                 start,
@@ -247,14 +246,18 @@ impl Filming for Film {
         }
     }
 
-    fn take_background(&self, request: BackgroundRequest) -> Result<(), BackgroundError> {
-        self.check_background(request)?;
-        self.cameras.iter().for_each(|camera| camera.slot.set(Some(request)));
-        Ok(())
+    fn take_background(&self, film: BackgroundFilm) -> Result<Learning, BackgroundError> {
+        self.check_background(film)?;
+        let cameras = self.cameras.iter().map(|camera| (camera.config.camera.name(), &camera.slot));
+        Ok(Learning::begin(film, cameras))
     }
 
-    fn check_background(&self, request: BackgroundRequest) -> Result<(), BackgroundError> {
-        request.check(self.cameras.iter().map(|camera| &camera.config), self.fps)
+    fn check_background(&self, film: BackgroundFilm) -> Result<(), BackgroundError> {
+        check_background(film, self.cameras.iter().map(|camera| &camera.config), self.fps)
+    }
+
+    fn restore_background(&self, id: u64) {
+        self.cameras.iter().for_each(|camera| camera.slot.restore(id));
     }
 }
 
@@ -277,9 +280,11 @@ impl Run {
 /// A film thread: the ring hears how the film ended.
 fn film(capture: &CaptureLoop, opened: Opened, camera: &Mutex<ReadyCamera>) {
     let mut camera = camera.lock();
+    capture.slot.set_filmed(true);
     let run = std::panic::AssertUnwindSafe(|| capture.run(&mut camera, opened));
     let filmed = std::panic::catch_unwind(run).unwrap_or(Err(CaptureError::Panicked));
     capture.beat.waits();
+    capture.slot.set_filmed(false);
     match filmed {
         Ok(()) => capture.ring.end(capture.index),
         Err(error) => {

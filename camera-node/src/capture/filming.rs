@@ -1,9 +1,9 @@
 //! What a service needs of its film.
 
-use film_time::{ClockLine, RunStart};
+use film_time::{BackgroundFilm, ClockLine, RunStart};
 
 use super::CaptureError;
-use super::background::{BackgroundError, BackgroundRequest};
+use super::background::{BackgroundError, Learning};
 
 /// Film of a node's cameras: it begins and ends as it is told, and offers its frames to a ring.
 pub trait Filming: Send + Sync + 'static {
@@ -32,8 +32,11 @@ pub trait Filming: Send + Sync + 'static {
 
     /// Has every camera learn its background again from frames of the film; until it has, the old one stays in
     /// use. Refused if a camera has none to learn.
-    fn take_background(&self, request: BackgroundRequest) -> Result<(), BackgroundError>;
+    fn take_background(&self, film: BackgroundFilm) -> Result<Learning, BackgroundError>;
 
     /// Whether [`Filming::take_background`] would be refused, and why.
-    fn check_background(&self, request: BackgroundRequest) -> Result<(), BackgroundError>;
+    fn check_background(&self, film: BackgroundFilm) -> Result<(), BackgroundError>;
+
+    /// Has every camera whose background has that id use the one before again; one that is learning it stops.
+    fn restore_background(&self, id: u64);
 }

@@ -14,7 +14,7 @@ mod mask_watch;
 mod retry;
 mod segmenter;
 
-pub use background::{BackgroundError, BackgroundRequest};
+pub use background::{BackgroundError, Learning};
 pub use film::Film;
 pub use film_clock::FilmClock;
 pub use filming::Filming;

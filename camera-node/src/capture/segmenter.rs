@@ -8,6 +8,8 @@ use crate::source::{Image, ImageError, ImageKind};
 
 /// More raw foreground than this share of an image is no person: the camera was moved, or the light.
 const DOUBTFUL_SHARE: f64 = 0.5;
+/// Backgrounds kept that can be used again, at most: one that was taken, and one that is refused elsewhere meanwhile.
+const MAX_BEFORE: usize = 2;
 
 /// Why a frame has no silhouette, or a camera no background.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -34,6 +36,8 @@ pub(super) struct ColourSegmenter {
     settings: SegmentSettings,
     /// The empty room, unless the settings need none.
     background: Option<BackgroundModel>,
+    /// Those before, the newest last, each with the id of the one that took its place.
+    before: Vec<(u64, BackgroundModel)>,
     segmenter: Segmenter,
     /// Cores that one frame may take.
     cores: usize,
@@ -51,12 +55,41 @@ impl ColourSegmenter {
     ) -> Result<ColourSegmenter, SegmentError> {
         let mut segmenter = Segmenter::new(settings, format, background.as_ref())?;
         segmenter.set_cores(cores);
-        Ok(ColourSegmenter { settings: settings.clone(), background, segmenter, cores, doubted: false })
+        Ok(ColourSegmenter {
+            settings: settings.clone(),
+            background,
+            before: vec![],
+            segmenter,
+            cores,
+            doubted: false,
+        })
     }
 
-    /// Uses another background from now on.
-    pub fn use_background(&mut self, model: BackgroundModel) -> Result<(), SegmentError> {
-        *self = ColourSegmenter::new(&self.settings, model.format(), Some(model), self.cores)?;
+    /// Uses another background from now on, of that id.
+    pub fn use_background(&mut self, id: u64, model: BackgroundModel) -> Result<(), SegmentError> {
+        let former = self.background.clone();
+        self.begin_again(model.format(), Some(model))?;
+        if self.before.len() == MAX_BEFORE {
+            self.before.remove(0);
+        }
+        self.before.extend(former.map(|former| (id, former)));
+        Ok(())
+    }
+
+    /// Uses the background again that was in use before the one of that id; whether that one is in use.
+    pub fn restore_background(&mut self, id: u64) -> Result<bool, SegmentError> {
+        let Some((_, model)) = self.before.pop_if(|(taken, _)| *taken == id) else { return Ok(false) };
+        self.begin_again(model.format(), Some(model))?;
+        Ok(true)
+    }
+
+    fn begin_again(
+        &mut self,
+        format: Format,
+        background: Option<BackgroundModel>,
+    ) -> Result<(), SegmentError> {
+        let next = ColourSegmenter::new(&self.settings, format, background, self.cores)?;
+        *self = ColourSegmenter { before: std::mem::take(&mut self.before), ..next };
         Ok(())
     }
 
@@ -65,7 +98,7 @@ impl ColourSegmenter {
     fn segment(&mut self, format: Format, bytes: &[u8], camera: &str) -> Result<Silhouette, SegmentError> {
         if self.segmenter.format() != format {
             let background = self.background.as_ref().map(|model| model.in_layout(format.layout()));
-            *self = ColourSegmenter::new(&self.settings, format, background, self.cores)?;
+            self.begin_again(format, background)?;
         }
         let found = self.segmenter.segment(bytes)?;
         let doubted = found.raw_share > DOUBTFUL_SHARE;
@@ -131,6 +164,24 @@ mod tests {
             overlaps.push(count(|a, b| a && b) / count(|a, b| a || b));
         }
         overlaps.iter().sum::<f64>() / overlaps.len() as f64
+    }
+
+    #[test]
+    fn backgrounds_are_restored_in_the_order_in_which_they_came() {
+        let format = Format::new(Layout::Rgb, 8, 8).expect("a size");
+        let plate = |level: u8| BackgroundModel::from_plate(format, &[level; 192]).expect("a plate");
+        let mut segmenter =
+            ColourSegmenter::new(&SegmentSettings::default(), format, Some(plate(10)), 1).expect("fits");
+        let level = |segmenter: &ColourSegmenter| segmenter.background.as_ref().map(|model| model.mean()[0]);
+        for id in 1..4 {
+            segmenter.use_background(id, plate(10 + id as u8)).expect("fits");
+        }
+        assert_eq!(level(&segmenter), Some(13));
+        assert_eq!(segmenter.restore_background(2), Ok(false), "it is not in use");
+        for (id, restored, in_use) in [(3, true, 12), (2, true, 11), (1, false, 11)] {
+            assert_eq!(segmenter.restore_background(id), Ok(restored), "{id}");
+            assert_eq!(level(&segmenter), Some(in_use));
+        }
     }
 
     #[test]

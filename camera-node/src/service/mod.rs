@@ -25,7 +25,7 @@ use std::pin::Pin;
 use std::sync::Arc;
 
 use bytes::Bytes;
-use film_time::{monotonic_s, ring_frames};
+use film_time::{BackgroundFilm, monotonic_s, ring_frames};
 use hull::Silhouette;
 use prost::Message as _;
 use proto::convert::{
@@ -42,7 +42,7 @@ use tokio_stream::StreamExt;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status, Streaming};
 
-use crate::capture::{BackgroundRequest, Film, Filming};
+use crate::capture::{BackgroundError, Film, Filming};
 use crate::config::{NodeCamera, NodeConfig};
 use crate::frames::{CameraFrame, FrameError, FrameRing};
 use crate::pictures::{PictureEncoder, PictureError};
@@ -244,15 +244,25 @@ impl CameraNode for Service {
         request: Request<v1::TakeBackgroundRequest>,
     ) -> Result<Response<v1::TakeBackgroundReply>, Status> {
         self.hold.check_call(request.get_ref().holder, &request)?;
-        let v1::TakeBackgroundRequest { first_frame, frames, check_only, holder: _ } = request.into_inner();
-        let background = BackgroundRequest { first_frame, frames };
-        let taken = if check_only {
-            self.film.check_background(background)
+        let v1::TakeBackgroundRequest { id, first_frame, frames, check_only, allow_foreground, holder: _ } =
+            request.into_inner();
+        let film = BackgroundFilm { id, first_frame, frames, allow_foreground };
+        let refused = |error: BackgroundError| Status::failed_precondition(error.to_string());
+        if check_only {
+            self.film.check_background(film).map_err(refused)?;
         } else {
-            self.film.take_background(background)
-        };
-        taken.map_err(|error| Status::failed_precondition(error.to_string()))?;
+            self.film.take_background(film).map_err(refused)?.finished().await.map_err(refused)?;
+        }
         Ok(Response::new(v1::TakeBackgroundReply {}))
+    }
+
+    async fn restore_background(
+        &self,
+        request: Request<v1::RestoreBackgroundRequest>,
+    ) -> Result<Response<v1::RestoreBackgroundReply>, Status> {
+        self.hold.check_call(request.get_ref().holder, &request)?;
+        self.film.restore_background(request.get_ref().id);
+        Ok(Response::new(v1::RestoreBackgroundReply {}))
     }
 
     type FetchSilhouettesStream = Replies<v1::Silhouette>;

@@ -1,9 +1,11 @@
 //! What followers ask of a run: taken between steps, done before the next.
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 use std::time::Duration;
 
-use film_time::BACKGROUND_S;
+use film_time::{BACKGROUND_S, unix_now_s};
+use futures::future::BoxFuture;
 use tokio::time::timeout;
 
 use super::now;
@@ -13,7 +15,8 @@ use crate::core::clock::frame_at;
 use crate::core::holds::HoldChange;
 use crate::core::run::{Change, Prepared, Steering};
 use crate::live::{Client, Command, MAX_WAITING, Order, Outcome, RESETS_BEYOND, Refusal};
-use crate::transport::FirstFrame;
+use crate::roster::LOCK_STEP_TIMEOUT;
+use crate::transport::{FirstFrame, WantedBackground};
 
 /// Commands between two steps that a recording keeps.
 const MAX_KEPT: usize = 10_000;
@@ -21,6 +24,10 @@ const MAX_KEPT: usize = 10_000;
 const REGISTER_TIMEOUT: Duration = Duration::from_millis(500);
 /// From a message to the cameras until all have received it, seconds.
 const MESSAGE_S: f64 = 0.25;
+/// Film of a background comes so much late at most: longer, and a camera films none.
+const MAX_LATE: Duration = Duration::from_secs(5);
+/// Backgrounds are numbered by the time at which they are asked for, in microseconds.
+const IDS_PER_S: f64 = 1e6;
 
 impl Coordinator {
     /// Does what is asked by now, as much of it as may wait between two steps.
@@ -76,10 +83,11 @@ impl Coordinator {
 
     async fn take(&mut self, order: Order) {
         let Order { command, client, reply } = order;
-        if let (Command::TakeBackground { seconds }, None) = (&command, &self.script.schedule) {
-            let taken = self.take_background(*seconds);
-            // Steps go on while the nodes answer.
-            tokio::spawn(async move { reply.send(taken.await.map(|()| Outcome::Applied)) });
+        if self.script.schedule.is_none()
+            && let Some(backgrounds) = self.change_backgrounds(&command)
+        {
+            // Steps go on while cameras film.
+            tokio::spawn(async move { reply.send(backgrounds.await) });
             return;
         }
         let steers = matches!(command, Command::Pause | Command::Resume | Command::Step(_));
@@ -133,10 +141,6 @@ impl Coordinator {
     }
 
     async fn apply_command(&mut self, command: &Command) -> Result<Outcome, Refusal> {
-        if let Command::TakeBackground { seconds } = *command {
-            self.take_background(seconds).await?;
-            return Ok(Outcome::Applied);
-        }
         let prepared = self.run.prepare(command)?;
         if let Some(shapes) = self.run.shapes(&prepared) {
             self.transport.register_shapes(shapes, REGISTER_TIMEOUT).await?;
@@ -176,23 +180,48 @@ impl Coordinator {
         Ok(())
     }
 
-    /// Has all cameras learn their backgrounds, or fails with the reason; it does not need the run any more.
-    fn take_background(&self, seconds: f64) -> impl Future<Output = Result<(), Refusal>> + Send + use<> {
+    /// Has the cameras carry out a command about their backgrounds; `None` for other commands. What is returned needs the run no
+    /// more.
+    fn change_backgrounds(&self, command: &Command) -> Option<BoxFuture<'static, Result<Outcome, Refusal>>> {
+        Some(match *command {
+            Command::TakeBackground { seconds, allow_foreground } => {
+                Box::pin(self.take_background(seconds, allow_foreground))
+            }
+            Command::RestoreBackground { id } => {
+                let restored = self.transport.restore_background(id);
+                Box::pin(async move { Ok(restored.await.map(|()| Outcome::Applied)?) })
+            }
+            _ => return None,
+        })
+    }
+
+    /// Has all cameras learn their backgrounds, or fails with the reason.
+    fn take_background(
+        &self,
+        seconds: f64,
+        allow_foreground: bool,
+    ) -> impl Future<Output = Result<Outcome, Refusal>> + Send + use<> {
         let fps = self.run.settings.fps;
-        let taken = if BACKGROUND_S.contains(&seconds) {
-            let frames = (seconds * fps).ceil() as u64;
-            // In lock-step cameras wait for the run, which is where it is now.
-            let first = frame_at(self.run.film_s(), fps) + FRAMES_AHEAD + 1;
-            let first = if self.run.settings.lock_step {
-                FirstFrame::At(first)
-            } else {
-                FirstFrame::AfterNewest((MESSAGE_S * fps).ceil() as u64)
-            };
-            Ok(self.transport.take_background(first, frames))
+        let id = (unix_now_s() * IDS_PER_S) as u64;
+        let frames = (seconds * fps).ceil() as u64;
+        // In lock-step cameras wait for the run, which is where it is now, and may stand still.
+        let (first, takes_at_most) = if self.run.settings.lock_step {
+            (FirstFrame::At(frame_at(self.run.film_s(), fps) + FRAMES_AHEAD + 1), LOCK_STEP_TIMEOUT)
         } else {
-            Err(Refusal::Background { found_s: seconds })
+            let later = FirstFrame::AfterNewest((MESSAGE_S * fps).ceil() as u64);
+            (later, Duration::try_from_secs_f64(seconds + MESSAGE_S).unwrap_or_default() + MAX_LATE)
         };
-        async move { Ok(taken?.await?) }
+        let wanted = WantedBackground { id, first, frames, allow_foreground, takes_at_most };
+        let taken = match Arc::clone(&self.background_turn).try_lock_owned() {
+            _ if !BACKGROUND_S.contains(&seconds) => Err(Refusal::Background { found_s: seconds }),
+            Err(_) => Err(Refusal::BackgroundBusy),
+            Ok(turn) => Ok((turn, self.transport.take_background(wanted))),
+        };
+        async move {
+            let (_turn, taken) = taken?;
+            taken.await?;
+            Ok(Outcome::Revocable(Box::new(Command::RestoreBackground { id })))
+        }
     }
 
     /// Does what a schedule has before its next step.

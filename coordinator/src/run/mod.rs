@@ -96,6 +96,8 @@ pub struct Coordinator {
     /// Commands that were received, at most [`MAX_WAITING`](crate::live::MAX_WAITING) and a few resets.
     waiting: VecDeque<Order>,
     holds: Holds,
+    /// Locked while cameras learn a background.
+    background_turn: Arc<tokio::sync::Mutex<()>>,
 }
 
 /// The memory of the run's nodes.
@@ -142,6 +144,7 @@ impl Coordinator {
             remembering: Remembering::default(),
             waiting: VecDeque::new(),
             holds: Holds::default(),
+            background_turn: Arc::default(),
         }
     }
 

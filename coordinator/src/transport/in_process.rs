@@ -1,6 +1,7 @@
 //! Cameras that are filmed in this very process: one node that is always there.
 
-use film_time::{Cut, FilmEvent, FilmState, FrameReport, Pace, monotonic_s};
+use film_time::{BackgroundFilm, Cut, FilmEvent, FilmState, FrameReport, Pace, monotonic_s};
+use futures::future::BoxFuture;
 use hull::ViewSet;
 use hull::pass::{Pass, Round};
 use hull::question::Answer;
@@ -40,10 +41,14 @@ pub trait LocalFrames: Send {
     fn with_views(&self, frame: u64, use_views: &mut dyn FnMut(&ViewSet)) -> bool;
     /// The silhouettes of a frame.
     fn silhouettes(&self, frame: u64) -> Option<Silhouettes>;
-    /// Has every camera learn its background again from so many frames.
-    fn take_background(&self, first_frame: u64, frames: u64) -> Result<(), BoxError> {
-        let _ = (first_frame, frames);
-        Err("these cameras learn no background".into())
+    /// Has every camera learn its background again; what is returned ends when all have, or one cannot.
+    fn take_background(&self, film: BackgroundFilm) -> BoxFuture<'static, Result<(), BoxError>> {
+        let _ = film;
+        Box::pin(futures::future::ready(Err("these cameras learn no background".into())))
+    }
+    /// Has the cameras whose backgrounds have that id use the ones before again.
+    fn restore_background(&self, id: u64) {
+        let _ = id;
     }
 }
 

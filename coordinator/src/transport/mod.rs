@@ -14,7 +14,7 @@ mod trace;
 use std::sync::Arc;
 use std::time::Duration;
 
-use film_time::{FilmState, Pace};
+use film_time::{BackgroundFilm, FilmState, Pace};
 use futures::future::BoxFuture;
 use hull::pass::{Pass, Round};
 use hull::{Observer, Shape, Silhouette};
@@ -127,6 +127,27 @@ pub(crate) enum FirstFrame {
     At(u64),
     /// So many after the newest.
     AfterNewest(u64),
+}
+
+/// A background that all cameras are to learn.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct WantedBackground {
+    /// See [`BackgroundFilm`].
+    pub id: u64,
+    pub first: FirstFrame,
+    /// Frames of film.
+    pub frames: u64,
+    /// See [`BackgroundFilm`].
+    pub allow_foreground: bool,
+    /// Until all cameras have learnt it.
+    pub takes_at_most: Duration,
+}
+
+impl WantedBackground {
+    fn film(&self, first_frame: u64) -> BackgroundFilm {
+        let WantedBackground { id, frames, allow_foreground, .. } = *self;
+        BackgroundFilm { id, first_frame, frames, allow_foreground }
+    }
 }
 
 impl Transport {
@@ -331,24 +352,38 @@ impl Transport {
         remote.nodes.register(&new, at_most, roster).await
     }
 
-    /// Has every camera of every node learn its background again from so many frames of film. If one cannot, none
-    /// does. What is returned holds on to the nodes by itself.
+    /// Has every camera of every node learn its background again. If one cannot, all keep theirs. What is returned holds on to the
+    /// nodes by itself.
     pub(crate) fn take_background(
         &self,
-        first: FirstFrame,
-        frames: u64,
+        wanted: WantedBackground,
     ) -> BoxFuture<'static, Result<(), TransportError>> {
         match &self.layout {
-            Layout::Remote(remote) => Box::pin(remote.nodes.take_background(first, frames)),
+            Layout::Remote(remote) => Box::pin(remote.nodes.take_background(wanted)),
             Layout::InProcess(cameras) => {
-                let first = match first {
+                let first_frame = match wanted.first {
                     FirstFrame::At(frame) => frame,
                     FirstFrame::AfterNewest(later) => {
                         self.roster.newest().map_or(0, |newest| newest + 1) + later
                     }
                 };
-                let taken = cameras.frames.take_background(first, frames).map_err(TransportError::Local);
-                Box::pin(futures::future::ready(taken))
+                let taken = cameras.frames.take_background(wanted.film(first_frame));
+                let taken = tokio::time::timeout(wanted.takes_at_most, taken);
+                let late = "a camera did not film its background in time";
+                Box::pin(async move {
+                    taken.await.unwrap_or_else(|_| Err(late.into())).map_err(TransportError::Local)
+                })
+            }
+        }
+    }
+
+    /// Has every camera use the background again that was in use before the one of that id.
+    pub(crate) fn restore_background(&self, id: u64) -> BoxFuture<'static, Result<(), TransportError>> {
+        match &self.layout {
+            Layout::Remote(remote) => Box::pin(remote.nodes.restore_background(id)),
+            Layout::InProcess(cameras) => {
+                cameras.frames.restore_background(id);
+                Box::pin(futures::future::ready(Ok(())))
             }
         }
     }

@@ -14,7 +14,7 @@ use tokio::sync::mpsc;
 use tokio::time::Instant;
 
 use super::trace::question_span;
-use super::{FirstFrame, TransportError};
+use super::{FirstFrame, TransportError, WantedBackground};
 use crate::roster::{Arrival, Roster};
 
 /// A picture, or a message to the cameras, is not worth more of a step's time.
@@ -127,23 +127,38 @@ impl Nodes {
         None
     }
 
-    /// Has all cameras learn their backgrounds from so many frames; if one cannot, none does. What is returned
-    /// needs the run no more.
+    /// Has all cameras learn their backgrounds; if one cannot, all keep theirs. What is returned needs the run no more.
     pub fn take_background(
         &self,
-        first: FirstFrame,
-        frames: u64,
+        wanted: WantedBackground,
     ) -> impl Future<Output = Result<(), TransportError>> + Send + use<> {
         let (clients, next_frame) = (self.clients.clone(), Arc::clone(&self.next_frame));
         async move {
-            ask_for_background(&clients, 0, frames, true).await?;
-            let first = match first {
+            let check = wanted.film(0);
+            each(&clients, |client| in_time(CALL_TIMEOUT, client.take_background(check, true))).await?;
+            let first_frame = match wanted.first {
                 FirstFrame::At(frame) => frame,
                 // As of now: asking whether they can took a while.
                 FirstFrame::AfterNewest(later) => next_frame.load(Ordering::Relaxed) + later,
             };
-            ask_for_background(&clients, first, frames, false).await
+            let film = wanted.film(first_frame);
+            let at_most = wanted.takes_at_most;
+            let taken = each(&clients, |client| in_time(at_most, client.take_background(film, false))).await;
+            if taken.is_err() {
+                // A node that does not hear this restores it itself, because its call has ended.
+                let _ = restore_background(&clients, wanted.id).await;
+            }
+            taken
         }
+    }
+
+    /// Has all cameras use the backgrounds again that were in use before that one.
+    pub fn restore_background(
+        &self,
+        id: u64,
+    ) -> impl Future<Output = Result<(), TransportError>> + Send + use<> {
+        let clients = self.clients.clone();
+        async move { restore_background(&clients, id).await }
     }
 
     /// Starts a run at all nodes, also at those that connect later. With `least_cameras`, of a live run, it goes on without
@@ -233,8 +248,7 @@ impl Nodes {
 
 /// Starts a run at a node.
 async fn start_at(client: &NodeClient, pace: Pace) -> Result<(), NodeError> {
-    let started = tokio::time::timeout(START_TIMEOUT, client.start(pace)).await;
-    started.unwrap_or(Err(NodeError::Timeout(START_TIMEOUT)))
+    in_time(START_TIMEOUT, client.start(pace)).await
 }
 
 /// Calls all nodes at once. Of several errors a refusal counts first.
@@ -255,17 +269,16 @@ where
     refused.into_iter().chain(others).collect()
 }
 
-async fn ask_for_background(
-    clients: &[Arc<NodeClient>],
-    first_frame: u64,
-    frames: u64,
-    check_only: bool,
-) -> Result<(), TransportError> {
-    each(clients, |client| async move {
-        let taken = client.take_background(first_frame, frames, check_only);
-        tokio::time::timeout(CALL_TIMEOUT, taken).await.unwrap_or(Err(NodeError::Timeout(CALL_TIMEOUT)))
-    })
-    .await
+async fn restore_background(clients: &[Arc<NodeClient>], id: u64) -> Result<(), TransportError> {
+    each(clients, |client| in_time(CALL_TIMEOUT, client.restore_background(id))).await
+}
+
+/// A call that has failed if it is not answered by then.
+async fn in_time(
+    timeout: Duration,
+    call: impl Future<Output = Result<(), NodeError>>,
+) -> Result<(), NodeError> {
+    tokio::time::timeout(timeout, call).await.unwrap_or(Err(NodeError::Timeout(timeout)))
 }
 
 /// Silhouettes of a frame.

@@ -12,6 +12,19 @@ use crate::simulation::simulated_clock;
 /// the room waiting.
 pub const BACKGROUND_S: RangeInclusive<f64> = 0.2..=30.0;
 
+/// Which film a background is to be learnt from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BackgroundFilm {
+    /// By which the background can be undone; no two have the same.
+    pub id: u64,
+    /// The first frame.
+    pub first_frame: u64,
+    /// How many.
+    pub frames: u64,
+    /// Also if the room does not look empty by the background in use: after the light has changed, or furniture.
+    pub allow_foreground: bool,
+}
+
 /// How many frames a node keeps: half a second of film, whatever a coordinator lags behind; a few of slow film, and no
 /// more of fast film than answers need.
 pub fn ring_frames(fps: f64) -> usize {

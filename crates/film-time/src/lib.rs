@@ -10,7 +10,7 @@ mod simulation;
 pub use clock::{ClockLine, monotonic_s};
 pub use cut::Cut;
 pub use film::{
-    BACKGROUND_S, CameraPace, CameraReport, FilmEvent, FilmState, FrameReport, Pace, RunStart, Stamps,
-    fresh_s, ring_frames, unix_now_s,
+    BACKGROUND_S, BackgroundFilm, CameraPace, CameraReport, FilmEvent, FilmState, FrameReport, Pace,
+    RunStart, Stamps, fresh_s, ring_frames, unix_now_s,
 };
 pub use simulation::{apart, is_simulated, simulate};

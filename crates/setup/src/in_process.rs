@@ -4,11 +4,11 @@ use std::io;
 use std::sync::Arc;
 
 use camera_node::NodeConfig;
-use camera_node::capture::{BackgroundRequest, CaptureError, Film, Filming as _};
+use camera_node::capture::{CaptureError, Film, Filming as _};
 use camera_node::frames::FrameRing;
 use camera_node::pictures::PictureEncoder;
 use coordinator::{BoxError, LocalFrames, Silhouettes};
-use film_time::{FilmState, FrameReport, Pace, RunStart, ring_frames};
+use film_time::{BackgroundFilm, FilmState, FrameReport, Pace, RunStart, ring_frames};
 use futures::future::BoxFuture;
 use hull::ViewSet;
 use node_client::FETCH_TIMEOUT;
@@ -111,7 +111,12 @@ impl LocalFrames for InProcess {
         Some(self.ring.get(frame).ok()?.silhouettes())
     }
 
-    fn take_background(&self, first_frame: u64, frames: u64) -> Result<(), BoxError> {
-        Ok(self.film.take_background(BackgroundRequest { first_frame, frames })?)
+    fn take_background(&self, film: BackgroundFilm) -> BoxFuture<'static, Result<(), BoxError>> {
+        let learning = self.film.take_background(film);
+        Box::pin(async move { Ok(learning?.finished().await?) })
+    }
+
+    fn restore_background(&self, id: u64) {
+        self.film.restore_background(id);
     }
 }

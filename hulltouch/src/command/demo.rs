@@ -92,7 +92,11 @@ pub fn run(arguments: &DemoArguments) -> Outcome {
     let response = arguments.response.checked()?;
     let seconds = checked_seconds(arguments.seconds)?;
     let security = arguments.consent.checked();
-    let outlets = arguments.outlets.checked(&security)?;
+    let mut outlets = arguments.outlets.checked(&security)?;
+    if let Some(page) = &mut outlets.page {
+        // Two runs that use every frame are the same run, looked at or not.
+        page.feed.begins_for_first_page = !arguments.unpaced;
+    }
     let record = arguments.record.checked()?;
     if cfg!(debug_assertions) {
         tracing::warn!("this is a debug build and slow: build with --release, or run `cargo demo`");

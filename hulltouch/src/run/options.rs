@@ -64,6 +64,11 @@ impl OutletArguments {
     /// What is served where, and for whom. A headless run serves its page only with --listen.
     pub fn checked(&self, security: &Security) -> Outcome<Outlets> {
         let has_page = !self.headless || self.page.listens();
+        if self.page.opens() && !has_page {
+            return Err(Failure::input(
+                "--open: this run serves no page: expected no --headless, or --listen",
+            ));
+        }
         Ok(Outlets {
             live_line: !self.headless,
             page: has_page.then(|| self.page.checked(security)).transpose()?,

@@ -93,5 +93,6 @@ fn serve_page(setup: &Setup, plan: &PagePlan, follower: Follower, source: PageSo
     let announcement = plan.announcement(address, stderr.is_terminal());
     // A closed standard error is no reason not to run.
     let _ = stderr.write_all(announcement.as_bytes());
+    plan.open(address);
     Ok(feed)
 }

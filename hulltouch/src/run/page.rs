@@ -26,6 +26,10 @@ pub struct PageArguments {
     /// Where a proxy with a certificate shows the page, as in https://studio.example: its name is answered too.
     #[arg(long, value_name = "ORIGIN")]
     origin: Option<String>,
+    /// Open the page in this machine's browser, with the token: other users of this machine may see it in the list of
+    /// processes.
+    #[arg(long)]
+    open: bool,
 }
 
 /// The page of a run.
@@ -37,12 +41,19 @@ pub struct PagePlan {
     pub token_from: TokenFrom,
     /// What is not encrypted though others may be on the way, in words for those who look.
     pub insecure: Option<String>,
+    /// A browser is to show it.
+    pub opens: bool,
 }
 
 impl PageArguments {
     /// Whether an address was asked for.
     pub fn listens(&self) -> bool {
         self.listen.is_some()
+    }
+
+    /// Whether a browser is to show it.
+    pub fn opens(&self) -> bool {
+        self.open
     }
 
     /// The page, with whatever its address needs.
@@ -69,9 +80,17 @@ impl PageArguments {
         let clear: Vec<&str> = clear.iter().filter(|(is_so, _)| *is_so).map(|(_, what)| *what).collect();
         let insecure = (!clear.is_empty()).then(|| format!("--insecure: {}", clear.join("; ")));
         Ok(PagePlan {
-            feed: FeedSettings { listen, or_any_port, token, credentials, origin },
+            feed: FeedSettings {
+                listen,
+                or_any_port,
+                token,
+                credentials,
+                origin,
+                begins_for_first_page: false,
+            },
             token_from,
             insecure,
+            opens: self.open,
         })
     }
 }
@@ -90,15 +109,42 @@ impl PagePlan {
 
     /// Where the page is. The token is for terminals only: what is piped is kept, in journals and elsewhere.
     pub fn announcement(&self, address: SocketAddr, is_terminal: bool) -> String {
+        let page = self.page(address);
         let own = self.own_origin(address);
-        let (page, proxied) = match &self.feed.origin {
-            Some(origin) => (format!("{origin}/"), format!("proxy: from {origin}/ to {own}/\n")),
-            None => (format!("{own}/"), String::new()),
-        };
+        let origin = self.feed.origin.as_ref();
+        let proxied = origin.map_or_else(String::new, |origin| format!("proxy: from {origin}/ to {own}/\n"));
         if is_terminal {
-            return format!("page: {page}?token={}\nviewers: {page}\n{proxied}", self.feed.token.text());
+            let hint = if self.opens { "" } else { "(--open shows it in your browser)\n" };
+            return format!("page: {}\nviewers: {page}\n{proxied}{hint}", self.steering_page(address));
         }
         format!("page: {page}\nviewers: {page}\n{proxied}token: {}\n", self.token_from)
+    }
+
+    /// Shows the page in this machine's browser, if that is wanted.
+    pub fn open(&self, address: SocketAddr) {
+        if !self.opens {
+            return;
+        }
+        let page = self.steering_page(address);
+        // What starts browsers takes a while. Its error tells the token.
+        std::thread::spawn(move || {
+            if open::that_detached(page).is_err() {
+                tracing::warn!("--open: no browser could be started: open the page's address yourself");
+            }
+        });
+    }
+
+    /// Where the page is found.
+    fn page(&self, address: SocketAddr) -> String {
+        match &self.feed.origin {
+            Some(origin) => format!("{origin}/"),
+            None => format!("{}/", self.own_origin(address)),
+        }
+    }
+
+    /// The same with the token.
+    fn steering_page(&self, address: SocketAddr) -> String {
+        format!("{}?token={}", self.page(address), self.feed.token.text())
     }
 
     /// This server itself. That it listens on all addresses is no address: then by this machine's name.
@@ -122,7 +168,8 @@ mod tests {
 
     fn plan(listen: &str, origin: Option<&str>, security: &Security) -> Outcome<PagePlan> {
         let listen = Some(listen.parse().expect("an address"));
-        PageArguments { listen, token_file: None, origin: origin.map(Into::into) }.checked(security)
+        let origin = origin.map(Into::into);
+        PageArguments { listen, origin, ..PageArguments::default() }.checked(security)
     }
 
     #[test]
@@ -160,7 +207,7 @@ mod tests {
         let address = "127.0.0.1:8470".parse().expect("an address");
         assert_eq!(
             plan.announcement(address, true),
-            "page: http://127.0.0.1:8470/?token=let-me-steer\nviewers: http://127.0.0.1:8470/\n"
+            "page: http://127.0.0.1:8470/?token=let-me-steer\nviewers: http://127.0.0.1:8470/\n(--open shows it in your browser)\n"
         );
         assert_eq!(
             plan.announcement(address, false),

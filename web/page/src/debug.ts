@@ -75,6 +75,7 @@ export function debug(app: App, tools: BodyTools, version: string): Debug {
       timelineMs: (([from, to]) => to - from)(app.frames.timeline.span() ?? [0, 0]),
       cameras: app.hello?.cameras.length ?? 0,
       scene: app.scene?.scene ?? null,
+      parameters: app.scene?.parameters ?? {},
       generation: app.moment?.world.generation ?? null,
       step: app.worlds.newest()?.step ?? null,
       bodies: (app.moment?.bodies ?? []).map((body) => ({ ...body, isElsewhere: app.stage?.bodies.isHeldElsewhere(body.id) ?? false, name: app.scene?.bodies.find(({ id }) => id === body.id)?.name ?? null })),

@@ -12,6 +12,7 @@ import { forgetToken, takeToken } from "./token.ts";
 import { CamerasList } from "./ui/cameras_list.ts";
 import { byId, toast } from "./ui/dom.ts";
 import { Figures } from "./ui/figures.ts";
+import { FirstSeconds } from "./ui/first_seconds.ts";
 import { BodyTools } from "./ui/body_tools.ts";
 import { bindKeys } from "./ui/keys.ts";
 import { Layout } from "./ui/layout.ts";
@@ -87,6 +88,7 @@ const cameras = new CamerasList(app);
 const figures = new Figures(app, loop.received, graphics?.name ?? "none");
 const timeline = new TimelineBar(app);
 const statusLine = new StatusLine(app);
+const firstSeconds = audience.isClean ? null : new FirstSeconds(app, canvas);
 
 /** The world stands: one goes round the moment, and before an audience back when the world goes on. */
 function freeze(wasPaused: boolean, isPaused: boolean): void {
@@ -170,6 +172,7 @@ setInterval(() => {
   statusLine.update();
   timeline.update();
   timeline.seeThrough();
+  firstSeconds?.update();
 }, 250);
 app.connection.connect();
 loop.start();

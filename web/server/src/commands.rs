@@ -94,8 +94,11 @@ fn command(name: &str, fields: &Fields<'_>) -> Result<Command, InputError> {
         }
         "set" => Command::Set(parameters(fields)?),
         "take_background" => {
-            only(&["seconds"])?;
-            Command::TakeBackground { seconds: fields.number("seconds", film_time::BACKGROUND_S)? }
+            only(&["seconds", "allow_foreground"])?;
+            Command::TakeBackground {
+                seconds: fields.number("seconds", film_time::BACKGROUND_S)?,
+                allow_foreground: fields.optional("allow_foreground", Fields::truth)?.unwrap_or(false),
+            }
         }
         _ => return Err(wrong("command", &name.into(), COMMANDS)),
     })
@@ -170,7 +173,9 @@ mod tests {
             Parameters { answers_hull: Some(false), gravity_m_s2: Some([0.0; 3]), ..Parameters::default() };
         assert_eq!(ok(set), Command::Set(expected));
         let background = json!({"command": "take_background", "seconds": 2.5});
-        assert_eq!(ok(background), Command::TakeBackground { seconds: 2.5 });
+        assert_eq!(ok(background), Command::TakeBackground { seconds: 2.5, allow_foreground: false });
+        let background = json!({"command": "take_background", "seconds": 2.5, "allow_foreground": true});
+        assert_eq!(ok(background), Command::TakeBackground { seconds: 2.5, allow_foreground: true });
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use coordinator::live::{Command, Follower, Outcome, Refusal};
 use futures::StreamExt as _;
 use futures::future::BoxFuture;
-use futures::stream::FuturesOrdered;
+use futures::stream::{FuturesOrdered, FuturesUnordered};
 
 use crate::commands::{Ask, Request};
 use crate::text;
@@ -25,6 +25,8 @@ pub(crate) struct Orders {
     refusal: Option<&'static str>,
     /// In their order: a release must not overtake its grab.
     waiting: FuturesOrdered<Order>,
+    /// Those that take as long as cameras film; others are answered meanwhile.
+    filming: FuturesUnordered<Order>,
     revocable: Option<Revocable>,
 }
 
@@ -32,7 +34,7 @@ pub(crate) struct Orders {
 struct Revocable {
     id: u64,
     done_at: Instant,
-    /// The world that it left: in another one nothing is brought back.
+    /// The world that it left: in another one only a background is brought back.
     generation: Option<u32>,
     /// What brings it back.
     command: Command,
@@ -40,7 +42,13 @@ struct Revocable {
 
 impl Orders {
     pub fn new(follower: Follower, refusal: Option<&'static str>) -> Orders {
-        Orders { follower, refusal, waiting: FuturesOrdered::new(), revocable: None }
+        Orders {
+            follower,
+            refusal,
+            waiting: FuturesOrdered::new(),
+            filming: FuturesUnordered::new(),
+            revocable: None,
+        }
     }
 
     /// Passes a command on to the run; returns the answer if it is refused at once.
@@ -49,7 +57,7 @@ impl Orders {
         if let Some(how) = self.refusal {
             return refused(&format!("a viewer cannot steer: {how}"));
         }
-        if self.waiting.len() >= MAX_ORDERS {
+        if self.waiting.len() + self.filming.len() >= MAX_ORDERS {
             return refused(&format!("{MAX_ORDERS} commands wait, expected fewer"));
         }
         let (command, undone) = match command {
@@ -60,15 +68,23 @@ impl Orders {
             },
             Err(why) => return refused(&why.to_string()),
         };
-        let follower = self.follower.clone();
-        self.waiting.push_back(Box::pin(async move { (id, undone, follower.order(command).await) }));
+        if command.is_of_background() {
+            // What the client holds is not held for as long as cameras film.
+            let follower = self.follower.apart();
+            self.filming.push(Box::pin(async move { (id, undone, follower.order(command).await) }));
+        } else {
+            let follower = self.follower.clone();
+            self.waiting.push_back(Box::pin(async move { (id, undone, follower.order(command).await) }));
+        }
         None
     }
 
     /// What the client's command of that number took away. What is too old, or of another world, is dropped.
     fn take_revocable(&mut self, id: u64) -> Option<Revocable> {
         let generation = self.generation();
-        self.revocable.take_if(|last| last.done_at.elapsed() > UNDO_WITHIN || last.generation != generation);
+        let is_of_another =
+            |last: &Revocable| last.generation != generation && !last.command.is_of_background();
+        self.revocable.take_if(|last| last.done_at.elapsed() > UNDO_WITHIN || is_of_another(last));
         self.revocable.take_if(|last| last.id == id)
     }
 
@@ -78,8 +94,10 @@ impl Orders {
 
     /// The next answer; pending for ever if no command waits.
     pub async fn answered(&mut self) -> String {
-        let Some((id, undone, answer)) = self.waiting.next().await else {
-            return std::future::pending().await;
+        let (id, undone, answer) = tokio::select! {
+            Some(answered) = self.waiting.next() => answered,
+            Some(answered) = self.filming.next() => answered,
+            else => return std::future::pending().await,
         };
         let outcome = match answer {
             Ok(outcome) => outcome,
@@ -100,7 +118,7 @@ impl Orders {
     /// The client has disconnected: what it has asked for already is still done.
     pub fn end(mut self) {
         tokio::spawn(async move {
-            while !self.waiting.is_empty() {
+            while !(self.waiting.is_empty() && self.filming.is_empty()) {
                 self.answered().await;
             }
         });

@@ -42,6 +42,8 @@ pub struct FeedSettings {
     pub credentials: Option<Arc<Credentials>>,
     /// Where a proxy in front of this server shows it.
     pub origin: Option<Origin>,
+    /// The first page sees the scene from its start, if none has steered the run before.
+    pub begins_for_first_page: bool,
 }
 
 /// Why there is no feed.
@@ -99,6 +101,7 @@ impl Feed {
             volume: info.volume(),
             info,
             follower,
+            begins_for_first_page: settings.begins_for_first_page,
             pages: pages.clone(),
             programs: Seats::default(),
             access: Access::new(settings.token.clone(), address, settings.origin.clone()),

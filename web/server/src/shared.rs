@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use coordinator::live::Follower;
+use coordinator::live::{Command, Follower};
 use tokio::sync::watch;
 
 use crate::http::{Access, Connection, Guesses};
@@ -16,6 +16,8 @@ pub(crate) struct Shared {
     /// The info's own; finding it takes a while.
     pub volume: Volume,
     pub follower: Follower,
+    /// See [`FeedSettings`](crate::FeedSettings).
+    pub begins_for_first_page: bool,
     pub messages: MessageCache,
     pub access: Access,
     pub guesses: Guesses,
@@ -30,6 +32,15 @@ pub(crate) struct Shared {
 }
 
 impl Shared {
+    /// A page has come: of a run that none has steered yet it sees the scene from its start.
+    pub fn page_came(&self) {
+        if self.begins_for_first_page && self.follower.is_first_to_steer() {
+            let follower = self.follower.clone();
+            // A run that ends meanwhile begins nothing.
+            tokio::spawn(async move { drop(follower.order(Command::Reset).await) });
+        }
+    }
+
     /// Whether a peer may steer that offers a token over this connection, or none. Of a machine that guesses tokens they are
     /// judged late, but over connections that have shown the right one.
     pub async fn may_steer(&self, connection: &Connection, token: Option<&str>) -> bool {

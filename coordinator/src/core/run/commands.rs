@@ -137,7 +137,7 @@ impl Run {
             Command::Reset | Command::Choose(_) | Command::GoOn(_) | Command::Spawn(_) => {
                 return self.carry_out(self.prepare(command)?);
             }
-            Command::TakeBackground { .. } => {}
+            Command::TakeBackground { .. } | Command::RestoreBackground { .. } => {}
         }
         Ok((Outcome::Applied, change))
     }

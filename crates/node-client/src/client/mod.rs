@@ -7,7 +7,7 @@ mod state;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use film_time::{ClockLine, FilmEvent, Pace, RunStart, monotonic_s};
+use film_time::{BackgroundFilm, ClockLine, FilmEvent, Pace, RunStart, monotonic_s};
 use hull::question::Question;
 use hull::{Shape, Silhouette};
 use parking_lot::{Mutex, MutexGuard};
@@ -228,16 +228,20 @@ impl NodeClient {
         register(&mut self.client()?, shapes, self.holder()).await
     }
 
-    /// Has the node's cameras learn their backgrounds again from so many frames; or only asks whether they can.
-    pub async fn take_background(
-        &self,
-        first_frame: u64,
-        frames: u64,
-        check_only: bool,
-    ) -> Result<(), NodeError> {
+    /// Has the node's cameras learn their backgrounds again, and waits until they have; or only asks whether they can.
+    pub async fn take_background(&self, film: BackgroundFilm, check_only: bool) -> Result<(), NodeError> {
+        let BackgroundFilm { id, first_frame, frames, allow_foreground } = film;
         let holder = self.holder();
-        let request = v1::TakeBackgroundRequest { first_frame, frames, check_only, holder };
+        let request =
+            v1::TakeBackgroundRequest { id, first_frame, frames, check_only, holder, allow_foreground };
         self.client()?.take_background(request).await?;
+        Ok(())
+    }
+
+    /// Has the cameras whose backgrounds have that id use the ones before again.
+    pub async fn restore_background(&self, id: u64) -> Result<(), NodeError> {
+        let request = v1::RestoreBackgroundRequest { id, holder: self.holder() };
+        self.client()?.restore_background(request).await?;
         Ok(())
     }
 

@@ -1,7 +1,9 @@
 //! What was asked of a run.
 
 use coordinator::live::Command;
-use proto::recording::{self as messages, Empty, Grab, Push, Release, command::Command as Kind};
+use proto::recording::{
+    self as messages, Empty, Grab, Push, Release, TakeBackground, command::Command as Kind,
+};
 use world_encodings::recording::{
     ConvertError, body_spec, body_spec_from_message, finite, parameters, parameters_from_message, required,
     scene_of_text, scene_text, vector,
@@ -33,7 +35,10 @@ pub(crate) fn command_to_message(command: &Command) -> messages::Command {
             Kind::Release(Release { body: *body, velocity_m_s: velocity_m_s.map(vector) })
         }
         Command::Set(set) => Kind::Set(parameters(set)),
-        Command::TakeBackground { seconds } => Kind::TakeBackgroundS(*seconds),
+        Command::TakeBackground { seconds, allow_foreground } => {
+            Kind::TakeBackground(TakeBackground { seconds: *seconds, allow_foreground: *allow_foreground })
+        }
+        Command::RestoreBackground { id } => Kind::RestoreBackground(*id),
     };
     messages::Command { command: Some(kind) }
 }
@@ -68,6 +73,10 @@ pub(crate) fn command_from_message(message: messages::Command) -> Result<Command
             velocity_m_s: velocity_m_s.map(|velocity| finite(NAME, &velocity)).transpose()?,
         },
         Kind::Set(set) => Command::Set(parameters_from_message(NAME, set)?),
-        Kind::TakeBackgroundS(seconds) => Command::TakeBackground { seconds },
+        Kind::TakeBackgroundS(seconds) => Command::TakeBackground { seconds, allow_foreground: false },
+        Kind::TakeBackground(TakeBackground { seconds, allow_foreground }) => {
+            Command::TakeBackground { seconds, allow_foreground }
+        }
+        Kind::RestoreBackground(id) => Command::RestoreBackground { id },
     })
 }

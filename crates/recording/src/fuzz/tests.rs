@@ -66,7 +66,7 @@ fn commands() -> Vec<messages::Command> {
         Command::Grab { body: 0, grip_body_m: [0.0; 3], target_m: [1.0; 3] },
         Command::Release { body: 0, velocity_m_s: None },
         Command::Set(Parameters { gravity_m_s2, ..Parameters::default() }),
-        Command::TakeBackground { seconds: 2.0 },
+        Command::TakeBackground { seconds: 2.0, allow_foreground: true },
         Command::Reset,
     ];
     commands.iter().map(command_to_message).collect()

@@ -625,7 +625,8 @@ fn every_command_survives() {
         Command::Pause,
         Command::Resume,
         Command::Step(4),
-        Command::TakeBackground { seconds: 2.0 },
+        Command::TakeBackground { seconds: 2.0, allow_foreground: true },
+        Command::RestoreBackground { id: u64::MAX },
     ];
     let folder = tempfile::tempdir().expect("folder");
     let path = folder.path().join("run.mcap");

@@ -22,11 +22,13 @@ export class Figures {
     const { progress, feed } = app.status ?? {};
     const status = app.status;
     const ms = (value: number | null | undefined, digits = 1) => (value === null || value === undefined ? null : `${value.toFixed(digits)} ms`);
+    // A recording's lenses filmed long ago, and its steps wait for its frames.
+    const live = <T>(value: T): T | null => (app.hello?.replay ? null : value);
+    this.show("From lens to screen", live(ms(app.frames.latency.get(), 0)));
+    this.show("From lens to step", live(ms(progress?.hull_age_ms, 0)));
+    this.show("Latency", live(ms(progress?.latency_ms, 0)));
     this.show("Pictures drawn", `${(app.drawing?.rate.perSecond(now) ?? 0).toFixed(0)} /s`);
     this.show("Frames shown", `${app.frames.rate.perSecond(now).toFixed(1)} /s`);
-    this.show("From lens to screen", ms(app.frames.latency.get(), 0));
-    this.show("From lens to step", ms(progress?.hull_age_ms, 0));
-    this.show("Latency", ms(progress?.latency_ms, 0));
     this.show("Link", `${((this.received.perSecond(now) * 8) / 1e6).toFixed(1)} Mbit/s`);
     this.show("Decoding", ms(app.frames.decodeMs.get()));
     this.show("Drawing", ms(app.quality.averageMs || null));
@@ -41,8 +43,8 @@ export class Figures {
     this.show("Samples", progress?.samples?.toLocaleString("en") ?? null);
     this.show("Bodies touched", progress?.contacts?.toString() ?? null);
     this.show("Nodes' traffic", progress?.bytes_per_s === undefined ? null : `${bytesText(progress.bytes_per_s)}/s`);
-    this.show("Frames missed", status?.frames_missed === undefined ? null : `${status.frames_missed} of ${status.frames_expected ?? "?"}`);
-    this.show("Late steps", status?.late_steps?.toString() ?? null);
+    this.show("Frames missed", status?.frames_missed === undefined ? null : live(`${status.frames_missed} of ${status.frames_expected ?? "?"}`));
+    this.show("Late steps", live(status?.late_steps?.toString() ?? null));
     this.show("Steps without hull", status?.blind_steps?.toString() ?? null);
     this.show("Steps without a camera", status?.reduced_steps?.toString() ?? null);
     this.show("Film", progress?.film_s === undefined ? null : `${progress.film_s.toFixed(1)} s`);
@@ -50,10 +52,10 @@ export class Figures {
     this.show("Graphics", this.renderer);
   }
 
+  /** Shows a figure, `null` as a dash: each has its place from the start. */
   private show(name: string, value: string | null): void {
     let row = this.rows.get(name);
     if (!row) {
-      if (value === null) return;
       const term = document.createElement("dt");
       term.textContent = name;
       row = document.createElement("dd");

@@ -2,12 +2,12 @@
 import type { App } from "../app/app.ts";
 import type { Hello, Scene } from "../feed/text.ts";
 import type { HullMode, Layer } from "../view/hash.ts";
+import { BackgroundTaking } from "./background.ts";
 import { byId, option, setPressed, setText, toast } from "./dom.ts";
 import type { BodyTools, ShapeKind } from "./body_tools.ts";
+import { ParameterSliders } from "./parameters.ts";
 import { takeAway } from "./take_away.ts";
 
-/** Time to leave the room before the background is taken, seconds. */
-const LEAVE_S = 5;
 const NO_TOKEN = "You are a viewer. To steer, open the page with its token.";
 const NO_STEP = "Live film goes on and cannot be stepped: only bodies would move. A recording can be stepped.";
 export const TOKEN_REFUSED = "The token was refused: you are a viewer. To steer, open the address that the program printed when it started.";
@@ -15,14 +15,16 @@ export const TOKEN_REFUSED = "The token was refused: you are a viewer. To steer,
 export class Panel {
   private readonly app: App;
   private readonly tools: BodyTools;
-  private countdown: ReturnType<typeof setInterval> | undefined;
+  private readonly sliders: ParameterSliders;
 
   constructor(app: App, tools: BodyTools) {
     this.app = app;
     this.tools = tools;
+    this.sliders = new ParameterSliders(app, (fields) => void this.ask("set", fields));
     this.bindView();
     this.bindWorld();
     this.bindFigures();
+    new BackgroundTaking(app);
   }
 
   /** `isRefused`: a token was shown, and is not the run's. */
@@ -55,16 +57,13 @@ export class Panel {
     const select = byId<HTMLSelectElement>("scene");
     if (![...select.options].some(({ value }) => value === scene.scene) && scene.scene) select.append(option(scene.scene, scene.scene));
     select.value = scene.scene;
-    const { answers_hull, hull_restitution } = scene.parameters;
+    const { answers_hull } = scene.parameters;
     if (answers_hull !== undefined && answers_hull !== null) {
       const response = byId<HTMLSelectElement>("response");
       const answering = [...response.options].find(({ value }) => value !== "off");
       response.value = answers_hull ? (answering?.value ?? "") : "off";
     }
-    if (hull_restitution !== undefined && hull_restitution !== null && document.activeElement?.id !== "restitution") {
-      byId<HTMLInputElement>("restitution").value = String(Math.round(hull_restitution * 100));
-      setText(byId("restitution-text"), `${Math.round(hull_restitution * 100)} %`);
-    }
+    this.sliders.show(scene.parameters);
     byId<HTMLSelectElement>("body").replaceChildren(option("", "None"), ...scene.bodies.map(({ id, name }) => option(String(id), name)));
     if (this.tools.chosen !== null && !scene.bodies.some(({ id }) => id === this.tools.chosen)) this.tools.chosen = null;
     this.update();
@@ -177,10 +176,6 @@ export class Panel {
     byId("remove").addEventListener("click", () => void tools.remove());
     const response = byId<HTMLSelectElement>("response");
     response.addEventListener("change", () => void this.ask("set", { answers_hull: response.value !== "off" }));
-    const restitution = byId<HTMLInputElement>("restitution");
-    restitution.addEventListener("input", () => setText(byId("restitution-text"), `${restitution.value} %`));
-    restitution.addEventListener("change", () => void this.ask("set", { hull_restitution: Number(restitution.value) / 100 }));
-    byId("background").addEventListener("click", () => this.takeBackground());
   }
 
   private bindFigures(): void {
@@ -195,48 +190,5 @@ export class Panel {
       app.colour = colour.value as App["colour"];
       app.changed();
     });
-  }
-
-  /** Counts down so that the room can be left, takes the background, and shows when it is done. */
-  private takeBackground(): void {
-    const button = byId<HTMLButtonElement>("background");
-    const text = byId("countdown");
-    if (this.countdown !== undefined) {
-      clearInterval(this.countdown);
-      this.countdown = undefined;
-      button.textContent = "Take background";
-      text.hidden = true;
-      return;
-    }
-    const seconds = Math.max(1, Math.min(30, Number(byId<HTMLInputElement>("background-seconds").value) || 3));
-    const stop = () => {
-      clearInterval(this.countdown);
-      this.countdown = undefined;
-      button.textContent = "Take background";
-    };
-    let left = LEAVE_S;
-    text.hidden = false;
-    button.textContent = "Stop";
-    const tick = () => {
-      if (left > 0) {
-        setText(text, `Leave the room: ${left} s`);
-      } else if (left === 0) {
-        setText(text, `Taking the background: ${seconds} s`);
-        void this.app.command("take_background", { seconds }).then((answer) => {
-          if (!("refused" in answer)) return;
-          stop();
-          setText(text, `No background was taken: ${answer.refused}`);
-        });
-      } else if (left <= -seconds) {
-        stop();
-        setText(text, "Background taken.");
-        return;
-      } else {
-        setText(text, `Taking the background: ${seconds + left} s`);
-      }
-      left--;
-    };
-    tick();
-    this.countdown = setInterval(tick, 1000);
   }
 }

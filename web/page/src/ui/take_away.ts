@@ -9,7 +9,8 @@ export async function takeAway(app: App, command: string, fields: Record<string,
   else if (answer.undo) toast(report, { label: "Undo", press: () => void bringBack(app, answer.id) });
 }
 
-async function bringBack(app: App, of: number): Promise<void> {
+/** Brings back what the command of that number took away. */
+export async function bringBack(app: App, of: number): Promise<void> {
   const answer = await app.command("undo", { of });
   toast("refused" in answer ? answer.refused : "Undone.");
 }

@@ -42,6 +42,16 @@ describe("controls", () => {
     await until(page, "some pictures", (now) => now.pictures > pictures + 2);
   }
 
+  test("a hint says how to look round until that was done", async () => {
+    await page.getByText("Drag to look from any side; drag a body to throw it.").waitFor();
+    await page.mouse.move(300, 120);
+    await page.mouse.down();
+    await page.mouse.move(340, 120, { steps: 4 });
+    await page.mouse.up();
+    await page.locator("#first").waitFor({ state: "hidden" });
+    await page.keyboard.press("0");
+  });
+
   test("Space pauses, whatever was clicked before", async () => {
     for (const pressed of [page.getByRole("button", { name: "Top", exact: true }), page.getByRole("checkbox", { name: /Touches/ })]) {
       await pressed.click();
@@ -75,6 +85,47 @@ describe("controls", () => {
     assert.deepEqual(feeder.commands().slice(before), []);
     assert.equal(await page.locator("#scene").inputValue(), "topple");
     await page.locator("#scene").blur();
+  });
+
+  test("bounce, friction and gravity are set by sliders, which show what the run has", async () => {
+    const shown = (id: string, text: string) => page.waitForFunction(([of, is]) => document.getElementById(`${of}-text`)!.textContent === is, [id, text] as const);
+    await shown("friction", "0.50");
+    await shown("gravity", "9.8 m/s²");
+    for (const [id, value, text] of [["restitution", "75", "75 %"], ["friction", "120", "1.20"], ["gravity", "1.6", "1.6 m/s²"]] as const) {
+      await page.locator(`#${id}`).fill(value);
+      await page.locator(`#${id}`).blur();
+      await shown(id, text);
+    }
+    await until(page, "what the run has", ({ parameters }) => parameters.hull_friction === 1.2 && parameters.hull_restitution === 0.75 && parameters.gravity_m_s2[1] === -1.6);
+    await page.locator("#gravity").fill("9.8");
+    await page.locator("#gravity").blur();
+  });
+
+  test("a background is taken by the cameras' own account, and can be undone", async () => {
+    const take = page.getByRole("button", { name: "Take background" });
+    const dialog = page.locator("#emptying");
+    const outcome = page.locator("#background-outcome");
+    const given = () => feeder.commands().filter((command) => command === "take_background").length;
+    await take.click();
+    await dialog.getByText("Leave the room").waitFor();
+    const box = (await dialog.boundingBox())!;
+    assert.deepEqual([box.x, box.y, box.width, box.height], [0, 0, 960, 600], "it covers the screen");
+    await page.keyboard.press("Escape");
+    await dialog.waitFor({ state: "hidden" });
+    await page.waitForTimeout(6000);
+    assert.equal(given(), 0, "it was stopped in time");
+
+    await take.click();
+    await outcome.getByText(/No background was taken: camera "left" keeps its background: 3.2 %/).waitFor();
+    assert.ok(await dialog.isHidden());
+    await page.getByLabel("Light or furniture has changed").check();
+    await take.click();
+    await page.getByText("All cameras have a new background.").waitFor();
+    assert.equal(given(), 2);
+    assert.equal(await outcome.textContent(), "");
+    assert.ok(!(await page.getByLabel("Light or furniture has changed").isChecked()), "next time it is asked again");
+    await page.getByRole("button", { name: "Undo" }).click();
+    await page.getByText("Undone.").waitFor();
   });
 
   test("a key without a camera says so", async () => {

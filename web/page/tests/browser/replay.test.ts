@@ -58,6 +58,13 @@ describe("a recording", { skip: PROGRAM ? false : "HULLTOUCH_BIN names no progra
   test("is held and gone on with, and takes no other command", async () => {
     const held = await until(page, "a person, standing", ({ framesShown, paused, bodies }) => framesShown > 0 && paused && bodies.length > 0);
     assert.deepEqual(new Set(held.bodies.map(({ name }: { name: string }) => name)), new Set(recorded.map(({ name }) => name)));
+    const told = () => page.locator("#figures dt, #figures dd").allTextContents();
+    let figures = await told();
+    for (; !figures[figures.indexOf("Film") + 1]?.endsWith(" s"); figures = await told()) await page.waitForTimeout(50);
+    assert.equal(figures[0], "From lens to screen");
+    for (const live of ["From lens to screen", "From lens to step", "Frames missed", "Late steps"]) {
+      assert.equal(figures[figures.indexOf(live) + 1], "–", `a recording has no ${live}`);
+    }
     assert.ok(await page.getByText("A recorded run").isVisible());
     assert.ok(await page.getByRole("button", { name: "Restart" }).isDisabled());
     assert.ok(await page.getByRole("button", { name: "Drop from above" }).isDisabled());

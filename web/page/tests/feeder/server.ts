@@ -118,6 +118,9 @@ class World {
   private nextId = 1000;
   /** The bodies before the last command that took any away. */
   private former: Body[] = [];
+  /** The last command that took anything away took a background. */
+  private tookBackground = false;
+  readonly parameters = { answers_hull: true, hull_restitution: 0.3, hull_friction: 0.5, gravity_m_s2: [0, -9.81, 0] };
   step = 0;
   generation = 1;
   version = 1;
@@ -184,11 +187,13 @@ class World {
         return { body: id };
       }
       case "remove":
+        this.tookBackground = false;
         this.former = [...this.bodies];
         this.bodies.splice(this.bodies.indexOf(held!), 1);
         this.version++;
         return { undo: true };
       case "undo":
+        if (this.tookBackground) return {};
         this.bodies.splice(0, this.bodies.length, ...this.former);
         this.version++;
         return {};
@@ -202,6 +207,7 @@ class World {
         return {};
       case "reset":
       case "choose":
+        this.tookBackground = false;
         this.former = [...this.bodies];
         this.scene = message.scene ?? this.scene;
         this.bodies.splice(0, this.bodies.length, ...this.start.map((body, index) => World.body(body, index)));
@@ -213,9 +219,15 @@ class World {
         this.step += message.steps;
         return {};
       case "set":
-      case "push":
-      case "take_background":
+        for (const key of ["hull_restitution", "hull_friction"] as const) this.parameters[key] = message[key] ?? this.parameters[key];
+        this.parameters.gravity_m_s2 = message.gravity ?? this.parameters.gravity_m_s2;
+        this.version++;
         return {};
+      case "push":
+        return {};
+      case "take_background":
+        this.tookBackground = true;
+        return message.allow_foreground ? { undo: true } : { why: 'camera "left" keeps its background: 3.2 % of its image were foreground meanwhile' };
       default:
         return { why: `no command ${message.command}` };
     }
@@ -306,7 +318,7 @@ class Page {
     if (this.version !== world.version) {
       this.version = world.version;
       const bodies = world.bodies.map(({ id, name, color, fixed, shape }) => ({ id, name, color, fixed, shape }));
-      this.text({ op: "scene", generation: world.generation, version: world.version, scene: world.scene, parameters: { answers_hull: true, hull_restitution: 0.3, hull_friction: 0.5, gravity_m_s2: [0, -9.81, 0] }, bodies });
+      this.text({ op: "scene", generation: world.generation, version: world.version, scene: world.scene, parameters: world.parameters, bodies });
     }
     const touches = this.wants.touches ? world.bodies.map(({ position }, index) => [index, ...position, 0, 0.1, 0]) : [];
     this.socket.send(worldMessage(this.seq++, world.generation, world.step, world.filmS, world.frame, world.paused, world.bodies, touches));

@@ -5,6 +5,7 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use proto::text::clean;
+use rust_embed::EmbeddedFile;
 
 /// The built page.
 #[derive(rust_embed::RustEmbed)]
@@ -15,6 +16,8 @@ struct Files;
 const INDEX: &str = "index.html";
 /// Files whose name changes with their contents.
 const HASHED: &str = "assets/";
+/// How files may be encoded, the shortest first, and how the names of such files end.
+const ENCODINGS: [(&str, &str); 2] = [("br", "br"), ("gzip", "gz")];
 /// What the page may load: its own files, its own sockets, and images and workers that it makes itself.
 const POLICY: &str = "default-src 'self'; connect-src 'self' ws: wss:; img-src 'self' data: blob:; \
     style-src 'self' 'unsafe-inline'; worker-src 'self' blob:; base-uri 'none'; frame-ancestors 'none'";
@@ -27,7 +30,7 @@ pub(crate) fn routes<S: Clone + Send + Sync + 'static>() -> Router<S> {
 async fn serve(uri: Uri, headers: HeaderMap) -> Response {
     let path = uri.path().trim_start_matches('/');
     let path = if path.is_empty() { INDEX } else { path };
-    let Some(file) = Files::get(path) else {
+    let Some((file, encoding)) = file(path, &headers) else {
         return (StatusCode::NOT_FOUND, format!("no {:?} here\n", clean(path, 100))).into_response();
     };
     let hash = file.metadata.sha256_hash();
@@ -42,6 +45,10 @@ async fn serve(uri: Uri, headers: HeaderMap) -> Response {
     };
     let more = response.headers_mut();
     more.insert(header::CACHE_CONTROL, HeaderValue::from_static(keep));
+    more.insert(header::VARY, HeaderValue::from_static("accept-encoding"));
+    if let Some(encoding) = encoding {
+        more.insert(header::CONTENT_ENCODING, HeaderValue::from_static(encoding));
+    }
     more.insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
     more.insert(header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(POLICY));
     more.insert(header::REFERRER_POLICY, HeaderValue::from_static("no-referrer"));
@@ -49,6 +56,24 @@ async fn serve(uri: Uri, headers: HeaderMap) -> Response {
         more.insert(header::ETAG, tag);
     }
     response
+}
+
+/// A file in the shortest form that the browser takes, and how that is encoded.
+fn file(path: &str, headers: &HeaderMap) -> Option<(EmbeddedFile, Option<&'static str>)> {
+    let encoded = ENCODINGS.iter().filter(|(encoding, _)| takes(headers, encoding));
+    let mut encoded = encoded
+        .filter_map(|(encoding, ending)| Some((Files::get(&format!("{path}.{ending}"))?, Some(*encoding))));
+    encoded.next().or_else(|| Some((Files::get(path)?, None)))
+}
+
+/// Whether the browser takes an encoding: it names it, and not with weight 0.
+fn takes(headers: &HeaderMap, encoding: &str) -> bool {
+    let lists = headers.get_all(header::ACCEPT_ENCODING).iter().filter_map(|list| list.to_str().ok());
+    lists.flat_map(|list| list.split(',')).any(|entry| {
+        let (name, weight) = entry.split_once(';').unwrap_or((entry, ""));
+        let weight = weight.trim().strip_prefix("q=").and_then(|weight| weight.parse::<f32>().ok());
+        name.trim().eq_ignore_ascii_case(encoding) && weight != Some(0.0)
+    })
 }
 
 fn kind(path: &str) -> &'static str {

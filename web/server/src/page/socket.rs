@@ -70,6 +70,7 @@ async fn serve(socket: WebSocket, shared: Arc<Shared>, is_controller: bool, byte
     let (sink, stream) = socket.split();
     let outbox = Arc::new(Outbox::default());
     let mut writing = Writing(tokio::spawn(write(sink, Arc::clone(&outbox))));
+    shared.page_came();
     let mut page = Page::new(shared, Arc::clone(&outbox), is_controller, bytes_sent);
     let ending = tokio::select! {
         ending = talk(&mut page, stream) => ending,

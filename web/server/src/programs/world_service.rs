@@ -204,7 +204,9 @@ impl World for Service {
         &self,
         request: Request<v1::TakeWorldBackgroundRequest>,
     ) -> Result<Response<v1::Done>, Status> {
-        let command = |v1::TakeWorldBackgroundRequest { seconds }| Ok(Command::TakeBackground { seconds });
+        let command = |v1::TakeWorldBackgroundRequest { seconds, allow_foreground }| {
+            Ok(Command::TakeBackground { seconds, allow_foreground })
+        };
         self.apply(request, command).await
     }
 }

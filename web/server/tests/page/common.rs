@@ -123,11 +123,11 @@ impl Run {
     /// A run that only the test steps. Orders are recorded and done; a removal of body 99 is refused, any other is undone by
     /// seven steps.
     pub fn start() -> Run {
-        Run::start_with(None)
+        Run::start_with(None, false)
     }
 
-    /// The same with a page that is encrypted, if there are certificates.
-    pub fn start_with(credentials: Option<Arc<Credentials>>) -> Run {
+    /// The same with a page that is encrypted, if there are certificates; and with a scene that begins for the first page.
+    pub fn start_with(credentials: Option<Arc<Credentials>>, begins_for_first_page: bool) -> Run {
         let (live, follower) = live();
         let Live { mut orders, world, scene, status, .. } = live;
         let studio = Arc::new(Studio::default());
@@ -152,6 +152,7 @@ impl Run {
             token: Token::new(TOKEN).expect("a token"),
             credentials,
             origin: None,
+            begins_for_first_page,
         };
         let pictures: Arc<dyn Pictures> = studio.clone();
         let feed = Feed::start(&settings, facts, follower, move || pictures).expect("a feed");

@@ -41,6 +41,34 @@ async fn the_page_is_served_fresh_and_its_assets_for_ever() {
 }
 
 #[tokio::test]
+async fn files_come_compressed_as_the_browser_takes_them() {
+    let run = Run::start();
+    let (head, plain) = get(&run, "/", "").await;
+    assert!(!head.contains("content-encoding") && head.contains("vary: accept-encoding"), "{head}");
+    let tag = |head: &str| head.lines().find(|line| line.starts_with("etag: ")).map(str::to_owned);
+    let mut tags = vec![tag(&head)];
+    for (takes, encoding) in [
+        ("br", "br"),
+        ("gzip, deflate, br", "br"),
+        ("GZIP;q=0.5", "gzip"),
+        ("br;q=0, gzip", "gzip"),
+        ("deflate\nAccept-Encoding: gzip", "gzip"),
+    ] {
+        let (head, body) = get(&run, "/", &format!("Accept-Encoding: {takes}\n")).await;
+        assert!(head.contains(&format!("content-encoding: {encoding}\r\n")), "{takes}: {head}");
+        assert!(head.contains("content-type: text/html") && 2 * body.len() < plain.len(), "{takes}: {head}");
+        tags.push(tag(&head));
+    }
+    tags.sort();
+    tags.dedup();
+    assert_eq!(tags.len(), 3, "each form has its own tag: {tags:?}");
+    for takes in ["identity", "br;q=0", "brr", "", "*;q=0"] {
+        let (head, body) = get(&run, "/", &format!("Accept-Encoding: {takes}\n")).await;
+        assert!(!head.contains("content-encoding") && body == plain, "{takes}: {head}");
+    }
+}
+
+#[tokio::test]
 async fn what_a_browser_asks_for_another_site_is_refused() {
     let run = Run::start();
     let port = run.feed.address().port();

@@ -37,7 +37,7 @@ fn issue(folder: &Path, authority: &Authority) {
 fn start(folder: &Path, authority: &Authority) -> Run {
     issue(folder, authority);
     let credentials = Credentials::open(folder, Identity::coordinator(ROOM)).expect("valid");
-    Run::start_with(Some(Arc::new(credentials)))
+    Run::start_with(Some(Arc::new(credentials)), false)
 }
 
 /// A browser's side, which trusts an authority and has no certificate.

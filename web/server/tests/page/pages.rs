@@ -2,6 +2,7 @@
 
 use crate::common::*;
 use coordinator::live::Command;
+use futures::SinkExt as _;
 use proto::PictureKind;
 use serde_json::json;
 use tokio_tungstenite::tungstenite;
@@ -45,6 +46,36 @@ async fn a_page_is_told_what_the_run_is() {
     assert_eq!((&status["feed"]["tier"], &status["feed"]["pages"]), (&json!("full"), &json!(1)));
     run.publish_scene();
     page.hear_op("scene").await;
+}
+
+#[tokio::test]
+async fn the_first_page_sees_the_scene_from_its_start() {
+    let run = Run::start_with(None, true);
+    run.publish_scene();
+    for _ in 0..2 {
+        let mut page = run.viewer().await;
+        page.hear_op("scene").await;
+    }
+    let mut page = run.controller().await;
+    // By its answer all that was asked before is done.
+    page.say(json!({"op": "command", "id": 1, "command": "pause"})).await;
+    page.hear_op("done").await;
+    assert_eq!(*run.ordered.lock().expect("whole"), [Command::Reset, Command::Pause]);
+}
+
+#[tokio::test]
+async fn a_run_that_was_steered_goes_on_when_a_page_comes() {
+    let run = Run::start_with(None, true);
+    run.publish_scene();
+    let url = format!("ws://{}/state?token={TOKEN}", run.feed.address());
+    let (mut program, _) = tokio_tungstenite::connect_async(url).await.expect("connects");
+    let step = json!({"op": "command", "id": 1, "command": "step"}).to_string();
+    program.send(tungstenite::Message::text(step)).await.expect("sent");
+    until("a step", || !run.ordered.lock().expect("whole").is_empty()).await;
+    let mut page = run.controller().await;
+    page.say(json!({"op": "command", "id": 1, "command": "pause"})).await;
+    page.hear_op("done").await;
+    assert_eq!(*run.ordered.lock().expect("whole"), [Command::Step(1), Command::Pause]);
 }
 
 #[tokio::test]
