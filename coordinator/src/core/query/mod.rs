@@ -125,11 +125,6 @@ impl HullQuery {
         self.bounds_frame = None;
     }
 
-    /// Changes what this step asks about a body.
-    pub fn change_question(&mut self, body: usize, asked: PoseToAsk) {
-        self.answers.change_question(body, asked);
-    }
-
     /// Whether the hull must be asked about a pose of this step.
     pub fn must_ask(&self) -> bool {
         self.answers.lacks_any()

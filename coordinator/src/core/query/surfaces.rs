@@ -65,17 +65,6 @@ impl Surfaces {
         self.bodies[index].take_shift(at, shift_m);
     }
 
-    /// What to ask about a body once more in this step, if it or the surface that it meets is fast.
-    pub fn ask_back(
-        &mut self,
-        index: usize,
-        at: FrameAge,
-        planes: &BodyPlanes,
-        body: &Body,
-    ) -> Option<PoseToAsk> {
-        self.bodies[index].ask_back(at, planes, &sampled(body)?, &self.eyes)
-    }
-
     /// The contacts of a body with the planes found for its samples and feelers, where body and surface are now.
     pub fn contacts(&mut self, index: usize, at: FrameAge, planes: &BodyPlanes, body: &Body) -> BodyContacts {
         let Some(sampled) = sampled(body) else { return BodyContacts::default() };

@@ -10,7 +10,6 @@ use hull::{Observer, Pose};
 use sim::{Body, BodyId, ResponseMode, WorldSettings};
 use thiserror::Error;
 
-use super::question::OpenQuestion;
 use super::shift::ShiftQuestion;
 use super::step::Step;
 use super::{Action, CannotGoOn, Clocks, Run, RunSettings, State};
@@ -79,6 +78,18 @@ impl HullInUse {
 #[error("{0}")]
 pub(crate) struct Unanswered(pub String);
 
+/// A step whose hull is asked about.
+#[derive(Debug)]
+pub(crate) struct OpenQuestion {
+    step: Step,
+    frame: u64,
+    at: FrameAge,
+    passes_before: u64,
+    repeats: usize,
+    /// When the pass was asked, seconds; `None` if that asks nothing.
+    asked_s: Option<f64>,
+}
+
 impl Run {
     /// The step's frame is in use: asks the hull about every moving body, if there is one.
     pub(super) fn meet_hull(
@@ -94,7 +105,8 @@ impl Run {
         }
         match self.begin_question(&step, roster) {
             Ok((frame, at)) => {
-                let question = OpenQuestion::new(step, frame, at, self.figures.counts.passes.asked);
+                let passes_before = self.figures.counts.passes.asked;
+                let question = OpenQuestion { step, frame, at, passes_before, repeats: 0, asked_s: None };
                 self.ask(question, roster, clocks)
             }
             Err(why) => {
@@ -132,8 +144,7 @@ impl Run {
         if !self.hull.query.must_ask() {
             return self.take_answers(question, true, roster, clocks);
         }
-        let ahead =
-            if question.found.is_some() { vec![] } else { self.foresee(question.step.film_s, clocks) };
+        let ahead = self.foresee(question.step.film_s, clocks);
         let began_s = clocks().monotonic_s;
         let asks = self.hull.query.ask(&ahead).question().is_some();
         self.figures.add_stage(Stage::Cull, (clocks().monotonic_s - began_s) * 1e3);
@@ -178,10 +189,7 @@ impl Run {
         self.state = if may_repeat && self.go_on_without(question.frame, roster, clocks) {
             State::Asks(question)
         } else {
-            // What was found at first is still there.
-            if question.found.is_none() {
-                self.lose_hull(HullUnavailable::Unanswered(why));
-            }
+            self.lose_hull(HullUnavailable::Unanswered(why));
             State::Asked { question, is_answered: false }
         };
     }
@@ -189,64 +197,38 @@ impl Run {
     /// What the hull answers about every moving body.
     pub(super) fn take_answers(
         &mut self,
-        mut question: OpenQuestion,
+        question: OpenQuestion,
         is_answered: bool,
         roster: &Roster,
         clocks: Clocks,
     ) -> Result<Action, CannotGoOn> {
+        let OpenQuestion { step, frame, at, passes_before, .. } = question;
         let answers = if is_answered { self.hull.query.take() } else { None };
-        if let Some(found) = question.found.take() {
-            let found = answers.map_or(found, |answers| answers.results);
-            return self.collide(question, found, clocks);
-        }
-        let Some(answers) = answers else { return self.answered_step(question.step, None) };
+        let Some(answers) = answers else { return self.answered_step(step, None) };
         if let Some(before) = self.film.unavailable.take().filter(HullUnavailable::is_fault) {
             tracing::warn!("hull available again (it was not: {before})");
         }
+        self.figures.answers.steps_without_question +=
+            u64::from(self.figures.counts.passes.asked == passes_before);
         self.figures.answers.used += answers.asked as u64;
         self.figures.answers.reused += answers.reused as u64;
-        match self.shifts_to_ask(question.frame, question.at, &answers.results, roster) {
-            Some(asked) => Ok(self.ask_shifts(ShiftQuestion::new(question, answers.results, asked))),
-            None => self.meet_surfaces(question, answers.results, roster, clocks),
+        match self.shifts_to_ask(frame, at, &answers.results, roster) {
+            Some(asked) => Ok(self.ask_shifts(ShiftQuestion::new(step, frame, at, answers.results, asked))),
+            None => self.collide(step, at, answers.results, clocks),
         }
-    }
-
-    /// The surfaces near the moving bodies are known, and how fast they are: asks once more about bodies that came in fast, and
-    /// has all collide.
-    pub(super) fn meet_surfaces(
-        &mut self,
-        question: OpenQuestion,
-        found: Vec<BodyResult>,
-        roster: &Roster,
-        clocks: Clocks,
-    ) -> Result<Action, CannotGoOn> {
-        let HullInUse { query, surfaces, .. } = &mut self.hull;
-        let mut are_asked = false;
-        for (index, (body, found)) in self.world.moving_bodies().zip(&found).enumerate() {
-            let Some(planes) = found.planes() else { continue };
-            if let Some(asked) = surfaces.ask_back(index, question.at, planes, body) {
-                query.change_question(index, asked);
-                are_asked = true;
-            }
-        }
-        if are_asked {
-            return self.ask(OpenQuestion { found: Some(found), ..question }, roster, clocks);
-        }
-        self.collide(question, found, clocks)
     }
 
     /// The answers about every moving body are whole: makes collisions of them.
-    fn collide(
+    pub(super) fn collide(
         &mut self,
-        question: OpenQuestion,
+        step: Step,
+        at: FrameAge,
         found: Vec<BodyResult>,
         clocks: Clocks,
     ) -> Result<Action, CannotGoOn> {
-        self.figures.answers.steps_without_question +=
-            u64::from(self.figures.counts.passes.asked == question.passes_before);
-        let collisions = self.collisions(question.at, found, clocks);
+        let collisions = self.collisions(at, found, clocks);
         self.figures.add_collisions(&collisions);
-        self.answered_step(question.step, Some(collisions))
+        self.answered_step(step, Some(collisions))
     }
 
     /// What was found for the bodies, for contacts from the planes.

@@ -12,7 +12,6 @@
 mod ask;
 mod commands;
 mod film;
-mod question;
 mod settings;
 mod shift;
 mod step;
@@ -33,11 +32,10 @@ use crate::core::roster::{Arrival, HullUnavailable, Roster, WaitError};
 use crate::figures::Figures;
 use crate::hooks::Sees;
 
-use ask::HullInUse;
 pub(crate) use ask::Unanswered;
+use ask::{HullInUse, OpenQuestion};
 pub(crate) use commands::{Change, Prepared, Steering};
 use film::FilmInUse;
-use question::OpenQuestion;
 pub use settings::{GoingOn, RunSettings};
 use shift::ShiftQuestion;
 use step::Step;
@@ -201,9 +199,7 @@ impl Run {
                 self.take_answers(question, is_answered, roster, clocks)
             }
             State::AsksShifts(shifts) | State::AskingShifts(shifts) => Ok(self.ask_shifts(shifts)),
-            State::Shifted(ShiftQuestion { question, found, .. }) => {
-                self.meet_surfaces(question, found, roster, clocks)
-            }
+            State::Shifted(shifts) => self.meet_surfaces(shifts, clocks),
             State::Over => Ok(Action::End),
         }
     }

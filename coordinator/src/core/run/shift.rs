@@ -5,8 +5,8 @@ use hull::Pose;
 use hull::pass::BodyResult;
 use hull::surface::{FrameAge, Occupancy, grid, shift_m};
 
-use super::question::OpenQuestion;
-use super::{Action, Run, State};
+use super::step::Step;
+use super::{Action, CannotGoOn, Clocks, Run, State};
 use crate::core::roster::{LOCK_STEP_TIMEOUT, Roster};
 
 /// A step looks for the shifts of so many bodies at most: more that are met at once are taken as their edges tell.
@@ -18,18 +18,25 @@ type Look = (usize, Pose);
 /// A step whose planes are known, and what is asked about them.
 #[derive(Debug)]
 pub(super) struct ShiftQuestion {
-    /// The step, whose planes were answered.
-    pub question: OpenQuestion,
+    step: Step,
+    frame: u64,
+    at: FrameAge,
     /// One a moving body.
-    pub found: Vec<BodyResult>,
+    found: Vec<BodyResult>,
     asked: Vec<Look>,
     /// Of the frame before, once that is known.
     before: Option<Vec<Occupancy>>,
 }
 
 impl ShiftQuestion {
-    pub fn new(question: OpenQuestion, found: Vec<BodyResult>, asked: Vec<Look>) -> ShiftQuestion {
-        ShiftQuestion { question, found, asked, before: None }
+    pub fn new(
+        step: Step,
+        frame: u64,
+        at: FrameAge,
+        found: Vec<BodyResult>,
+        asked: Vec<Look>,
+    ) -> ShiftQuestion {
+        ShiftQuestion { step, frame, at, found, asked, before: None }
     }
 }
 
@@ -53,8 +60,7 @@ impl Run {
 
     /// Asks about the frame before, then about the frame in use.
     pub(super) fn ask_shifts(&mut self, shifts: ShiftQuestion) -> Action {
-        let OpenQuestion { frame, .. } = shifts.question;
-        let frame = if shifts.before.is_none() { frame - 1 } else { frame };
+        let frame = if shifts.before.is_none() { shifts.frame - 1 } else { shifts.frame };
         let poses: Vec<Pose> = shifts.asked.iter().map(|&(_, pose)| pose).collect();
         self.hull.query.ask_occupancies(&grid(), &poses);
         self.figures.counts.passes.asked += 1;
@@ -72,11 +78,21 @@ impl Run {
             Some(before) => {
                 for ((&(body, _), before), now) in shifts.asked.iter().zip(&before).zip(&found) {
                     if let Some(shift_m) = shift_m(before, now) {
-                        self.hull.surfaces.take_shift(body, shifts.question.at, shift_m);
+                        self.hull.surfaces.take_shift(body, shifts.at, shift_m);
                     }
                 }
                 State::Shifted(shifts)
             }
         };
+    }
+
+    /// All is known that the step asks.
+    pub(super) fn meet_surfaces(
+        &mut self,
+        shifts: ShiftQuestion,
+        clocks: Clocks,
+    ) -> Result<Action, CannotGoOn> {
+        let ShiftQuestion { step, at, found, .. } = shifts;
+        self.collide(step, at, found, clocks)
     }
 }

@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 
 use crate::contact::SurfaceContact;
 
-/// A body that is slower relative to the surface meets the nearest surface, m/s.
+/// Where the surface, or the body relative to it, is slower, the body meets the nearest surface, m/s.
 pub(super) const FAST_M_S: f64 = 0.5;
 /// A body came in within a frame period; outlines may tell a third of the true speed, so it is looked for so much farther.
 const PERIODS: f64 = 3.0;

@@ -143,8 +143,12 @@ impl Sampled<'_> {
 pub struct BodySurface {
     /// What was asked last, and of which frame.
     asked: Option<(u64, PoseToAsk)>,
-    /// Contacts with the nearest surface of a body that came in fast, for the case that there is none on its way back.
+    /// The body came in fast: it is to be asked about once more, back to there, before it has contacts.
+    back_m: Option<[f32; 3]>,
+    /// Its contacts with the nearest surface, for the case that there is none on the way back.
     nearest: Vec<SurfaceContact>,
+    /// It was to be asked about once more, and the next step sees another frame: it has waited long enough.
+    has_waited: bool,
     /// Whether what was asked has yet to be taken in.
     is_new: bool,
     /// No sample moved farther between what was asked last and before, metres.
@@ -161,13 +165,15 @@ impl BodySurface {
     /// What to ask about a body whose samples and feelers are `probes`: what was asked before, while its planes hold.
     pub fn pose_to_ask(&mut self, at: FrameAge, present: &Pose, probes: &Shape) -> PoseToAsk {
         let pose = self.against_surface(present, at);
+        let back_m = self.back_m.take();
         let of_frame = self.asked.filter(|(frame, _)| *frame == at.frame).map(|(_, asked)| asked);
-        if let Some(asked) =
-            of_frame.filter(|asked| probes.moved_at_most_m(&asked.pose, &pose) <= HOLD_WITHIN_M)
-        {
-            return asked;
-        }
-        let asked = PoseToAsk::plain(pose);
+        self.has_waited = back_m.is_some() && of_frame.is_none();
+        let asked = match of_frame {
+            // Where it was found in the hull: by now it may have gone through.
+            Some(asked) if back_m.is_some() => PoseToAsk { back_m, ..asked },
+            Some(asked) if probes.moved_at_most_m(&asked.pose, &pose) <= HOLD_WITHIN_M => return asked,
+            _ => PoseToAsk::plain(pose),
+        };
         let before = self.asked.map(|(_, before)| before.pose);
         self.moved_m = before.map_or(0.0, |before| probes.moved_at_most_m(&before, &pose));
         self.asked = Some((at.frame, asked));
@@ -205,37 +211,6 @@ impl BodySurface {
     /// Takes in how far the surface there moved before a frame, world, metres.
     pub fn take_shift(&mut self, at: FrameAge, shift_m: Vector3<f64>) {
         self.shift = Some((at.frame, shift_m));
-    }
-
-    /// What to ask about a body once more in the same step, with ways back to where it came in: of a body that touched nothing
-    /// and is found inside, if it or the surface there is fast. What was found at first is kept for the case that nothing is found there.
-    pub fn ask_back(
-        &mut self,
-        at: FrameAge,
-        planes: &BodyPlanes,
-        body: &Sampled<'_>,
-        eyes: &[Eye],
-    ) -> Option<PoseToAsk> {
-        let (_, asked) = self.asked.filter(|_| self.is_new && self.beliefs.is_empty())?;
-        let count = body.shape.samples_body().len();
-        let is_inside = planes.samples.first().is_some_and(|found| (found.sample as usize) < count);
-        if asked.back_m.is_some() || !is_inside {
-            return None;
-        }
-        let pose = self.against_surface(body.pose, at);
-        let mut seen = contacts(planes, body.shape, &pose, body.faces, eyes);
-        self.tell_motion(at, planes, body, &pose, &mut seen, eyes);
-        let moved_m = self.estimate.motion().map(|motion| motion.moved_m(&Vector3::zeros()));
-        let surface_m_s = match moved_m {
-            _ if at.is_still => Vector3::zeros(),
-            Some(moved_m) => moved_m * at.fps,
-            None => velocity_m_s(&seen),
-        };
-        let back_m = entry::back_m(&(body.velocity_m_s - surface_m_s), at.fps)?;
-        self.nearest = seen;
-        let asked = PoseToAsk { back_m: Some(back_m), ..asked };
-        self.asked = Some((at.frame, asked));
-        Some(asked)
     }
 
     fn shift_at(&self, at: FrameAge) -> Option<Vector3<f64>> {
@@ -288,11 +263,45 @@ impl BodySurface {
                 std::mem::swap(&mut seen, &mut self.nearest);
             }
         }
-        let slides = self.tell_motion(at, planes, body, &pose, &mut seen, eyes);
+        seen.iter_mut().for_each(|contact| contact.speed_m_s = speed_m_s(contact, at.fps));
+        let slides = self.tell_slides(at, planes, body, &pose, &mut seen, eyes);
+        if back_m.is_none() && self.came_fast(at, body, planes, &seen) {
+            return;
+        }
         self.beliefs.take(&seen, self.moved_m, slides, place, is_contact, eyes);
         // What comes fast is met where it is now, not where it would be had it stood still.
         let believed: Vec<SurfaceContact> = self.beliefs.contacts().copied().collect();
         self.velocity_m_s = if at.is_still { Vector3::zeros() } else { velocity_m_s(&believed) };
+    }
+
+    /// Whether a body that touched nothing before is to be asked about once more: a fast surface has reached it.
+    fn came_fast(
+        &mut self,
+        at: FrameAge,
+        body: &Sampled<'_>,
+        planes: &BodyPlanes,
+        seen: &[SurfaceContact],
+    ) -> bool {
+        let count = body.shape.samples_body().len();
+        let is_inside = planes.samples.first().is_some_and(|found| (found.sample as usize) < count);
+        if self.has_waited || !self.beliefs.is_empty() || !is_inside {
+            return false;
+        }
+        let moved_m = self.estimate.motion().map(|motion| motion.moved_m(&Vector3::zeros()));
+        let surface_m_s = match moved_m {
+            _ if at.is_still => Vector3::zeros(),
+            Some(moved_m) => moved_m * at.fps,
+            None => velocity_m_s(seen),
+        };
+        if surface_m_s.norm() <= entry::FAST_M_S {
+            // It is the body that is fast: by the next step it may be through.
+            return false;
+        }
+        self.back_m = entry::back_m(&(body.velocity_m_s - surface_m_s), at.fps);
+        if self.back_m.is_some() {
+            self.nearest = seen.to_vec();
+        }
+        self.back_m.is_some()
     }
 
     fn spin_rad_s(&self, fps: f64) -> [f32; 3] {
@@ -300,9 +309,8 @@ impl BodySurface {
         (turned_rad * fps).map(|part| part as f32).into()
     }
 
-    /// Says of the contacts how fast their surface moves, out and along itself, as far as the motion of all that is near tells, and
-    /// whether it does.
-    fn tell_motion(
+    /// Says of the contacts how their surface moves, as far as the motion of all that is near tells, and whether it does.
+    fn tell_slides(
         &mut self,
         at: FrameAge,
         planes: &BodyPlanes,
@@ -311,7 +319,6 @@ impl BodySurface {
         seen: &mut [SurfaceContact],
         eyes: &[Eye],
     ) -> bool {
-        seen.iter_mut().for_each(|contact| contact.speed_m_s = speed_m_s(contact, at.fps));
         // What touched before goes on as it did.
         let is_first = self.beliefs.is_empty();
         if seen.is_empty() && (planes.samples.is_empty() || !is_first) {

@@ -145,11 +145,6 @@ impl Answers {
         }
     }
 
-    /// Changes what this step asks about a body.
-    pub fn change_question(&mut self, body: usize, asked: PoseToAsk) {
-        self.bodies[body].present = Some(asked);
-    }
-
     /// Whether the hull must be asked about a present pose.
     pub fn lacks_any(&self) -> bool {
         self.bodies.iter().any(|body| body.is_near && self.present(body).is_none())
