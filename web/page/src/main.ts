@@ -13,6 +13,7 @@ import { CamerasList } from "./ui/cameras_list.ts";
 import { byId, toast } from "./ui/dom.ts";
 import { Figures } from "./ui/figures.ts";
 import { FirstSeconds } from "./ui/first_seconds.ts";
+import { Graphs } from "./ui/graphs.ts";
 import { BodyTools } from "./ui/body_tools.ts";
 import { bindKeys } from "./ui/keys.ts";
 import { Layout } from "./ui/layout.ts";
@@ -66,6 +67,7 @@ const app = new App(canvas, graphics, audience.background, endpointOf(location.h
   status: (status) => {
     cameras.update(status.cameras ?? []);
     figures.update();
+    graphs.add(status);
   },
   view: () => {
     app.stage?.bodies.highlight(tools.chosen ?? app.follow);
@@ -86,6 +88,7 @@ const tools = new BodyTools(app);
 const panel = new Panel(app, tools);
 const cameras = new CamerasList(app);
 const figures = new Figures(app, loop.received, graphics?.name ?? "none");
+const graphs = new Graphs(app);
 const timeline = new TimelineBar(app);
 const statusLine = new StatusLine(app);
 const firstSeconds = audience.isClean ? null : new FirstSeconds(app, canvas);

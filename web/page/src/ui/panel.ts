@@ -35,9 +35,9 @@ export class Panel {
     scene.replaceChildren(...hello.scenes.map((name) => option(name, name)));
     const response = byId<HTMLSelectElement>("response");
     response.replaceChildren(...(hello.responses.length > 0 ? hello.responses : ["paper", "off"]).map((name) => option(name, name === "off" ? "Off" : "Moves bodies")));
-    byId<HTMLFieldSetElement>("steer").disabled = !hello.controller;
-    byId<HTMLFieldSetElement>("change").disabled = hello.replay;
-    byId<HTMLButtonElement>("reset").disabled = hello.replay;
+    for (const part of document.querySelectorAll<HTMLFieldSetElement | HTMLButtonElement | HTMLSelectElement>(".steer")) {
+      part.disabled = !hello.controller || (hello.replay && part.classList.contains("change"));
+    }
     const step = byId<HTMLButtonElement>("step");
     step.disabled = !hello.film_waits;
     step.title = hello.film_waits ? "" : NO_STEP;

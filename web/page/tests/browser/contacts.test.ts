@@ -41,7 +41,6 @@ describe("boxes on a table, under contacts", { skip: PROGRAM ? false : "HULLTOUC
     try {
       const { page, complaints } = await open(browser, program.page, { viewport: { width: 960, height: 600 } });
       await showsPatches(page);
-      await page.locator("summary", { hasText: "Figures" }).click();
       const age = page.locator("dt", { hasText: "From lens to step" }).locator("+ dd", { hasText: /^\d+ ms$/ });
       await age.waitFor({ state: "visible" });
       assert.deepEqual(complaints, []);

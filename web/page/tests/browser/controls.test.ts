@@ -52,6 +52,32 @@ describe("controls", () => {
     await page.keyboard.press("0");
   });
 
+  test("what a show needs stands first, the rest is folded, and cameras are seen without scrolling", async () => {
+    const operator = await browser.newPage({ viewport: { width: 1280, height: 800 } });
+    await operator.goto(`${feeder.address}?token=${feeder.token}`);
+    await until(operator, "the run", ({ controller }) => controller);
+    await operator.locator("#cameras button").nth(7).waitFor({ state: "visible" });
+    const { first, lowest, panel } = await operator.evaluate(() => {
+      const panel = document.getElementById("panel")!;
+      const seen = [...panel.querySelectorAll<HTMLElement>("button, select, input")].filter((element) => element.checkVisibility());
+      const rows = [...panel.querySelectorAll("#cameras button")];
+      return { first: seen.slice(0, 5).map((element) => element.id || element.dataset.preset), lowest: Math.max(...rows.map((row) => row.getBoundingClientRect().bottom)), panel: panel.getBoundingClientRect().bottom };
+    });
+    assert.deepEqual(first, ["pause", "reset", "scene", "drop", "home"]);
+    assert.ok(lowest <= panel, `the last camera ends at ${lowest}, the panel at ${panel}`);
+    assert.ok(await operator.getByRole("button", { name: "Take background" }).isHidden());
+    await operator.close();
+  });
+
+  test("graphs show the last minute", async () => {
+    const graph = page.locator("#last-minute canvas").nth(1);
+    await graph.scrollIntoViewIfNeeded();
+    await page.locator("#last-minute output").nth(1).filter({ hasText: /^\d+\.\d ms at most$/ }).waitFor();
+    const painted = () => graph.evaluate((canvas: HTMLCanvasElement) => canvas.getContext("2d")!.getImageData(0, 0, canvas.width, canvas.height).data.filter((_, at) => at % 4 === 3).filter((alpha) => alpha > 0).length);
+    assert.ok((await painted()) > 0);
+    assert.match((await graph.getAttribute("aria-label"))!, /^Step with its pass, p99 in the last minute: /);
+  });
+
   test("Space pauses, whatever was clicked before", async () => {
     for (const pressed of [page.getByRole("button", { name: "Top", exact: true }), page.getByRole("checkbox", { name: /Touches/ })]) {
       await pressed.click();
@@ -194,7 +220,6 @@ describe("controls", () => {
     await page.keyboard.press(" ");
     await until(page, "a pause", ({ paused }) => paused);
     await page.getByRole("button", { name: "Start view" }).click();
-    await page.getByText("Figures", { exact: true }).click();
     // By itself the level may change between two pictures.
     for (const level of ["high", "low"]) {
       await page.locator("#quality").selectOption(level);
