@@ -55,6 +55,7 @@ const app = new App(canvas, graphics, audience.background, endpointOf(location.h
     cameras.build(hello);
     const isRefused = token !== null && !hello.controller;
     panel.hello(hello, isRefused);
+    graphs.hello(hello.session);
     if (isRefused && isFirst) toast(TOKEN_REFUSED);
     if (isRefused) forgetToken();
     // A screen before an audience stays where its address says, also when the run comes again with another rig.
@@ -176,6 +177,7 @@ setInterval(() => {
   timeline.update();
   timeline.seeThrough();
   firstSeconds?.update();
+  graphs.update();
 }, 250);
 app.connection.connect();
 loop.start();

@@ -1,60 +1,71 @@
-/** Graphs of the last minute: how old the film is that bodies meet, how long steps take, and which frames were missed. */
+/** Graphs of the last minute: how old the film is that collisions use, how long steps take, how many frames were missed. */
 import type { App } from "../app/app.ts";
 import type { Status } from "../feed/text.ts";
 import { Growth, KEPT_MS, LastMinute } from "../time/last_minute.ts";
 import { byId, setText } from "./dom.ts";
 
 const HEIGHT_PX = 32;
-/** Figures are drawn against this at least: a quiet run is a flat line. Milliseconds, milliseconds, frames. */
-const LEAST_MOST = { age: 50, step: 5, missed: 1 };
 
-/** One figure's name, its graph, and what is said of it. */
+/** What a graph is of. */
+interface Kind {
+  readonly name: string;
+  /** What is said of its greatest value. */
+  readonly most: (value: number) => string;
+  /** The graph is at least so high: small values are a flat line. */
+  readonly leastHeight: number;
+  /** A count is drawn as bars, all else as a line. */
+  readonly isCount: boolean;
+}
+
+const AGE: Kind = { name: "From lens to step", most: (ms) => `${ms.toFixed(1)} ms at most`, leastHeight: 50, isCount: false };
+const STEP: Kind = { name: "Step with its pass, p99", most: (ms) => `${ms.toFixed(1)} ms at most`, leastHeight: 5, isCount: false };
+const MISSED: Kind = { name: "Frames missed", most: (count) => (count === 0 ? "none" : `${count} at once`), leastHeight: 1, isCount: true };
+
 class Graph {
   readonly last = new LastMinute();
-  private readonly leastMost: number;
-  private readonly unit: string;
-  private readonly name: string;
-  private readonly said = document.createElement("output");
+  private readonly kind: Kind;
+  private readonly output = document.createElement("output");
   private readonly canvas = document.createElement("canvas");
-  private readonly isOfCounts: boolean;
 
-  constructor(name: string, unit: string, leastMost: number, isOfCounts = false) {
-    this.name = name;
-    this.unit = unit;
-    this.leastMost = leastMost;
-    this.isOfCounts = isOfCounts;
+  constructor(kind: Kind) {
+    this.kind = kind;
     const label = document.createElement("span");
-    label.textContent = name;
-    this.said.setAttribute("aria-live", "off");
+    label.textContent = kind.name;
+    this.output.setAttribute("aria-live", "off");
     this.canvas.setAttribute("role", "img");
-    byId("last-minute").append(label, this.said, this.canvas);
+    byId("last-minute").append(label, this.output, this.canvas);
   }
 
   draw(nowMs: number): void {
-    const most = this.last.most();
-    const digits = this.isOfCounts ? 0 : 1;
-    const text = most === null ? "–" : `${most.toFixed(digits)} ${this.unit} at most`;
-    setText(this.said, text);
-    this.canvas.setAttribute("aria-label", `${this.name} in the last minute: ${most === null ? "not known" : text}`);
-    const width = this.canvas.clientWidth;
-    const context = this.canvas.getContext("2d");
-    // Folded away, it is drawn once it is seen.
+    const { kind, canvas } = this;
+    const most = this.last.most(nowMs);
+    const text = most === null ? "–" : kind.most(most);
+    setText(this.output, text);
+    canvas.setAttribute("aria-label", `${kind.name} in the last minute: ${most === null ? "not known" : text}`);
+    const width = canvas.clientWidth;
+    const context = canvas.getContext("2d");
     if (width === 0 || !context) return;
-    const ratio = devicePixelRatio;
-    [this.canvas.width, this.canvas.height] = [Math.round(width * ratio), Math.round(HEIGHT_PX * ratio)];
-    context.scale(ratio, ratio);
-    const style = getComputedStyle(this.canvas);
-    const scale = (HEIGHT_PX - 2) / Math.max(this.leastMost, most ?? 0);
+    [canvas.width, canvas.height] = [Math.round(width * devicePixelRatio), Math.round(HEIGHT_PX * devicePixelRatio)];
+    context.scale(devicePixelRatio, devicePixelRatio);
+    const scale = (HEIGHT_PX - 2) / Math.max(kind.leastHeight, most ?? 0);
     const across = (atMs: number) => width - ((nowMs - atMs) / KEPT_MS) * width;
     const down = (value: number) => HEIGHT_PX - 1 - value * scale;
-    context.strokeStyle = style.getPropertyValue(this.isOfCounts ? "--bad" : "--accent");
+    context.strokeStyle = getComputedStyle(canvas).getPropertyValue(kind.isCount ? "--bad" : "--accent");
     context.lineWidth = 1.5;
     context.beginPath();
-    for (const piece of this.last.pieces()) {
+    for (const piece of this.last.pieces(nowMs)) {
       for (const [index, { atMs, value }] of piece.entries()) {
         const [x, y] = [across(atMs), down(value!)];
-        if (this.isOfCounts || index === 0) context.moveTo(x, this.isOfCounts ? HEIGHT_PX : y);
-        if (!this.isOfCounts || value! > 0) context.lineTo(x, y);
+        if (kind.isCount) {
+          if (value! > 0) {
+            context.moveTo(x, HEIGHT_PX);
+            context.lineTo(x, y);
+          }
+          continue;
+        }
+        // A sample alone is a dot.
+        if (index === 0) context.moveTo(x - 1, y);
+        context.lineTo(x, y);
       }
     }
     context.stroke();
@@ -63,14 +74,23 @@ class Graph {
 
 export class Graphs {
   private readonly app: App;
-  private readonly age = new Graph("From lens to step", "ms", LEAST_MOST.age);
-  private readonly step = new Graph("Step with its pass, p99", "ms", LEAST_MOST.step);
-  private readonly missed = new Graph("Frames missed at once", "frames", LEAST_MOST.missed, true);
+  private readonly age = new Graph(AGE);
+  private readonly step = new Graph(STEP);
+  private readonly missed = new Graph(MISSED);
   private readonly growth = new Growth();
+  private readonly part = byId("last-minute").closest("details")!;
+  private session: string | null = null;
 
   constructor(app: App) {
     this.app = app;
-    byId("last-minute").closest("details")!.addEventListener("toggle", () => this.draw());
+    this.part.addEventListener("toggle", () => this.update());
+  }
+
+  /** A link is open, of this run or another. */
+  hello(session: string): void {
+    this.growth.restart();
+    if (session !== this.session) for (const graph of [this.age, this.step, this.missed]) graph.last.clear();
+    this.session = session;
   }
 
   /** The run's figures, as they come. */
@@ -79,12 +99,14 @@ export class Graphs {
     // A recording's lenses filmed long ago, and no frame of it is missed.
     const live = <T>(value: T | undefined): T | null => (this.app.hello?.replay ? null : (value ?? null));
     this.age.last.add(nowMs, live(progress?.hull_age_ms));
-    this.step.last.add(nowMs, progress?.p99_ms ?? null);
-    this.missed.last.add(nowMs, this.growth.of(live(frames_missed)));
-    this.draw();
+    // While the world stands, no step takes any time.
+    this.step.last.add(nowMs, progress?.steps_per_s ? (progress.p99_ms ?? null) : null);
+    this.missed.last.add(nowMs, this.growth.increase(live(frames_missed)));
   }
 
-  private draw(): void {
+  /** Draws what is there now; nothing while the graphs are folded away. */
+  update(): void {
+    if (!this.part.open) return;
     const nowMs = performance.now();
     for (const graph of [this.age, this.step, this.missed]) graph.draw(nowMs);
   }

@@ -39,8 +39,9 @@ export class Panel {
       part.disabled = !hello.controller || (hello.replay && part.classList.contains("change"));
     }
     const step = byId<HTMLButtonElement>("step");
-    step.disabled = !hello.film_waits;
-    step.title = hello.film_waits ? "" : NO_STEP;
+    step.hidden = !hello.film_waits;
+    // A viewer cannot steer: the view is what there is.
+    if (!hello.controller) byId<HTMLDetailsElement>("view-part").open = true;
     byId("viewer-note").hidden = hello.controller;
     setText(byId("viewer-note"), isRefused ? TOKEN_REFUSED : NO_TOKEN);
     byId("replay-note").hidden = !hello.replay;

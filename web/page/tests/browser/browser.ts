@@ -50,7 +50,7 @@ const HARMLESS = [/GL Driver Message/, /KHR_parallel_shader_compile/];
 export async function open(browser: Browser, url: string, options: BrowserContextOptions = {}, alsoHarmless: RegExp[] = []): Promise<Watched> {
   const context = await browser.newContext({ viewport: { width: 480, height: 320 }, ...options });
   context.setDefaultTimeout(TIMEOUT_MS);
-  // What is folded away is no less there.
+  // Tests press what is folded away too.
   await context.addInitScript(() => addEventListener("DOMContentLoaded", () => document.querySelectorAll("details").forEach((part) => (part.open = true))));
   const page = await context.newPage();
   const complaints: string[] = [];

@@ -274,15 +274,14 @@ describe("controls", () => {
     await alarm.waitFor({ state: "hidden" });
   });
 
-  test("live film cannot be stepped, and key and button say so", async () => {
+  test("live film cannot be stepped: there is no button, and the key says so", async () => {
     const before = feeder.commands().length;
     await page.keyboard.press(" ");
     await until(page, "a pause", ({ paused }) => paused);
     const { step } = await state(page);
     await page.keyboard.press(".");
     await page.locator("#toast", { hasText: "Live film goes on and cannot be stepped" }).waitFor({ state: "visible" });
-    assert.ok(await page.locator("#step").isDisabled());
-    assert.equal(await page.locator("#step").getAttribute("title"), await page.locator("#toast-text").textContent());
+    assert.ok(await page.locator("#step").isHidden());
     await page.keyboard.press(" ");
     await until(page, "the world goes on", (now) => !now.paused && now.step >= step);
     assert.deepEqual(feeder.commands().slice(before), ["pause", "resume"]);
