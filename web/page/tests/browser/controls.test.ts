@@ -57,13 +57,15 @@ describe("controls", () => {
     await operator.goto(`${feeder.address}?token=${feeder.token}`);
     await until(operator, "the run", ({ controller }) => controller);
     await operator.locator("#cameras button").nth(7).waitFor({ state: "visible" });
-    const { first, lowest, panel } = await operator.evaluate(() => {
+    const { first, hidden, lowest, panel } = await operator.evaluate(() => {
       const panel = document.getElementById("panel")!;
       const seen = [...panel.querySelectorAll<HTMLElement>("button, select, input")].filter((element) => element.checkVisibility());
       const rows = [...panel.querySelectorAll("#cameras button")];
-      return { first: seen.slice(0, 5).map((element) => element.id || element.dataset.preset), lowest: Math.max(...rows.map((row) => row.getBoundingClientRect().bottom)), panel: panel.getBoundingClientRect().bottom };
+      const list = document.getElementById("cameras")!;
+      return { first: seen.slice(0, 5).map((element) => element.id || element.dataset.preset), hidden: list.scrollHeight - list.clientHeight, lowest: Math.max(...rows.map((row) => row.getBoundingClientRect().bottom)), panel: panel.getBoundingClientRect().bottom };
     });
     assert.deepEqual(first, ["pause", "reset", "scene", "drop", "home"]);
+    assert.equal(hidden, 0, "pixels of the list that are scrolled away");
     assert.ok(lowest <= panel, `the last camera ends at ${lowest}, the panel at ${panel}`);
     assert.ok(await operator.getByRole("button", { name: "Take background" }).isHidden());
     await operator.close();
