@@ -15,6 +15,8 @@ export interface Actions {
 
 const TURN = 0.12;
 const FINE = 0.2;
+/** What Space presses, opens or follows while it has the focus. */
+const PRESSED_BY_SPACE = "button, summary, input, select, a";
 const LAYER_KEYS: Record<string, Layer> = { b: "bodies", c: "cameras", n: "images", k: "touches", g: "grid", s: "shadows" };
 
 export function bindKeys(canvas: HTMLCanvasElement, app: App, actions: Actions, enabled: () => boolean): void {
@@ -43,28 +45,28 @@ export function bindKeys(canvas: HTMLCanvasElement, app: App, actions: Actions, 
     if (event.key === "Escape") return actions.escape();
     if (!enabled() || document.querySelector("dialog[open]")) return;
     // Space presses a focused button; elsewhere it pauses.
-    if (event.key === " " && document.activeElement?.closest("button, summary, input, select, a")) return;
+    if (event.key === " " && document.activeElement?.closest(PRESSED_BY_SPACE)) return;
     if (act(event)) event.preventDefault();
   });
 
-  // What was pressed by pointer loses the focus at once: Space would press it again.
+  // What was pressed by pointer loses the focus at once, also if the pointer is released beside it: Space would press it again.
   let byPointer = false;
   document.addEventListener("pointerdown", () => (byPointer = true), true);
   document.addEventListener(
-    "click",
-    ({ detail, target }) => {
-      if (detail === 0 || !(target instanceof Element)) return;
-      const pressed = target.closest<HTMLElement>("button, summary, label, input");
-      if (pressed instanceof HTMLLabelElement) {
-        // It presses its control after this.
-        const { control } = pressed;
-        if (control && !typing(control)) setTimeout(() => document.activeElement === control && control.blur());
-      } else if (pressed && !typing(pressed)) {
-        pressed.blur();
-      }
+    "mouseup",
+    () => {
+      const focused = document.activeElement;
+      if (focused?.closest(PRESSED_BY_SPACE) && !typing(focused)) (focused as HTMLElement).blur();
     },
     true,
   );
+  // A label would focus its control after that.
+  document.addEventListener("click", (event) => {
+    const pressed = event.target instanceof Element ? event.target.closest("button, select, input, label") : null;
+    if (event.detail === 0 || !(pressed instanceof HTMLLabelElement) || !pressed.control || typing(pressed.control)) return;
+    event.preventDefault();
+    pressed.control.click();
+  });
   // So does a list that was opened by pointer, with the first key after it is closed.
   document.addEventListener(
     "keydown",

@@ -78,7 +78,8 @@ export async function until(page: Page, what: string, condition: (state: Record<
     if (condition(last)) return last;
     await page.waitForTimeout(50);
   }
-  assert.fail(`${what}: not within ${TIMEOUT_MS / 1000} s; the page says ${JSON.stringify(last).slice(0, 1500)}`);
+  const focused = await page.evaluate(() => document.activeElement?.outerHTML.split(">")[0]);
+  assert.fail(`${what}: not within ${TIMEOUT_MS / 1000} s; the focus is on ${focused}>; the page says ${JSON.stringify(last).slice(0, 1500)}`);
 }
 
 /** Waits until the run is paused and the page shows the frame at which it stands. */

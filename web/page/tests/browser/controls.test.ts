@@ -88,6 +88,13 @@ describe("controls", () => {
       await page.keyboard.press(" ");
       await until(page, "the world goes on", ({ paused }) => !paused);
     }
+    // A label's text is pressed as its control is.
+    await page.locator("label", { hasText: "Floor" }).locator("kbd").click();
+    await page.keyboard.press(" ");
+    await until(page, "a pause without the grid", ({ paused, layers }) => paused && !layers.includes("grid"));
+    await page.keyboard.press(" ");
+    await until(page, "the world goes on", ({ paused }) => !paused);
+    await page.keyboard.press("g");
     await page.keyboard.press("k");
     await until(page, "no touches", ({ layers }) => !layers.includes("touches"));
     // The button's own meaning is no other.
@@ -95,6 +102,19 @@ describe("controls", () => {
     await until(page, "a pause", ({ paused }) => paused);
     await page.keyboard.press(" ");
     await until(page, "the world goes on", ({ paused }) => !paused);
+  });
+
+  test("Space pauses, also where the pointer was released beside what it pressed", async () => {
+    for (const pressed of [page.getByRole("button", { name: "Top", exact: true }), page.locator("#restitution")]) {
+      await pressed.hover();
+      await page.mouse.down();
+      await page.mouse.move(300, 300, { steps: 4 });
+      await page.mouse.up();
+      await page.keyboard.press(" ");
+      await until(page, "a pause", ({ paused }) => paused);
+      await page.keyboard.press(" ");
+      await until(page, "the world goes on", ({ paused }) => !paused);
+    }
   });
 
   test("Space presses the button that was reached by key", async () => {
