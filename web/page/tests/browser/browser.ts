@@ -47,8 +47,9 @@ export interface Watched {
 /** Messages that say nothing about the page: drivers that tell of their speed, and a link that is cut on purpose. */
 const HARMLESS = [/GL Driver Message/, /KHR_parallel_shader_compile/];
 
+/** A page, drawn at half the size of its layout: without a graphics card pixels are what takes time. */
 export async function open(browser: Browser, url: string, options: BrowserContextOptions = {}, alsoHarmless: RegExp[] = []): Promise<Watched> {
-  const context = await browser.newContext({ viewport: { width: 480, height: 320 }, ...options });
+  const context = await browser.newContext({ viewport: { width: 480, height: 320 }, deviceScaleFactor: 0.5, ...options });
   context.setDefaultTimeout(TIMEOUT_MS);
   // Tests press what is folded away too.
   await context.addInitScript(() => addEventListener("DOMContentLoaded", () => document.querySelectorAll("details").forEach((part) => (part.open = true))));
@@ -78,8 +79,8 @@ export async function until(page: Page, what: string, condition: (state: Record<
     if (condition(last)) return last;
     await page.waitForTimeout(50);
   }
-  const focused = await page.evaluate(() => document.activeElement?.outerHTML.split(">")[0]);
-  assert.fail(`${what}: not within ${TIMEOUT_MS / 1000} s; the focus is on ${focused}>; the page says ${JSON.stringify(last).slice(0, 1500)}`);
+  const [focused, told] = await page.evaluate(() => [document.activeElement?.outerHTML.split(">")[0], document.getElementById("toast")?.textContent]);
+  assert.fail(`${what}: not within ${TIMEOUT_MS / 1000} s; the focus is on ${focused}>; it told last: ${told}; the page says ${JSON.stringify(last).slice(0, 1500)}`);
 }
 
 /** Waits until the run is paused and the page shows the frame at which it stands. */
@@ -130,7 +131,7 @@ export async function picture(page: Page, from: object, width: number, height: n
   return { rgba, depthM, mask, frame };
 }
 
-/** A picture of the view, with what lies over it. */
+/** A picture of the screen. */
 export interface Screen {
   readonly width: number;
   readonly height: number;
@@ -140,16 +141,26 @@ export interface Screen {
   at(x: number, y: number): readonly [number, number, number, number];
 }
 
+/** A picture of the view, with what lies over it, in pixels of the layout. */
 export async function screen(page: Page): Promise<Screen> {
-  const png = (await page.locator("#view").screenshot({ omitBackground: true })).toString("base64");
-  const read = await page.evaluate(async (data) => {
-    const bitmap = await createImageBitmap(await (await fetch(`data:image/png;base64,${data}`)).blob());
+  return decoded(page, await page.locator("#view").screenshot({ omitBackground: true, scale: "css" }));
+}
+
+/** A picture in a PNG file; the browser decodes it. */
+export async function decoded(page: Page, png: Buffer): Promise<Screen> {
+  const { width, height, base64 } = await page.evaluate(async (data) => {
+    const file = await (await fetch(`data:image/png;base64,${data}`)).blob();
+    const bitmap = await createImageBitmap(file, { colorSpaceConversion: "none", premultiplyAlpha: "none" });
     const context = new OffscreenCanvas(bitmap.width, bitmap.height).getContext("2d")!;
     context.drawImage(bitmap, 0, 0);
-    return { width: bitmap.width, height: bitmap.height, rgba: [...context.getImageData(0, 0, bitmap.width, bitmap.height).data] };
-  }, png);
-  const rgba = Uint8Array.from(read.rgba);
-  return { ...read, rgba, at: (x, y) => [...rgba.subarray(4 * (Math.round(y) * read.width + Math.round(x)))].slice(0, 4) as [number, number, number, number] };
+    const { data: pixels } = context.getImageData(0, 0, bitmap.width, bitmap.height);
+    // As a list of numbers half a million pixels take half a minute.
+    let text = "";
+    for (let at = 0; at < pixels.length; at += 8192) text += String.fromCharCode(...pixels.subarray(at, at + 8192));
+    return { width: bitmap.width, height: bitmap.height, base64: btoa(text) };
+  }, png.toString("base64"));
+  const rgba = new Uint8Array(Buffer.from(base64, "base64"));
+  return { width, height, rgba, at: (x, y) => [...rgba.subarray(4 * (Math.round(y) * width + Math.round(x))).subarray(0, 4)] as [number, number, number, number] };
 }
 
 /** Takes the graphics card away, and gives it back so long after the page has heard of it; resolves when it is back. */

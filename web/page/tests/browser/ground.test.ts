@@ -22,7 +22,7 @@ describe("the room", () => {
     browser = await launch();
     const { film } = await known(browser, { bent: false, outside: true, colour: true });
     feeder = await serve(film, DIST, [BOX, ROOF]);
-    ({ page } = await open(browser, `${feeder.address}?clean`, { viewport: { width: 960, height: 540 } }));
+    ({ page } = await open(browser, `${feeder.address}?clean`, { viewport: { width: 960, height: 540 }, deviceScaleFactor: 1 }));
     await until(page, "a person", ({ framesShown, pictures }) => framesShown > 2 && pictures > 4);
   });
   after(async () => {

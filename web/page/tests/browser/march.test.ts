@@ -7,7 +7,7 @@ import { join } from "node:path";
 import { after, before, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
 import { overlap } from "../feeder/person.ts";
-import { launch, open, picture, PROGRAM, Program, state, steer, until } from "./browser.ts";
+import { decoded, launch, open, picture, PROGRAM, Program, state, steer, until } from "./browser.ts";
 
 /** Physics steps a second. */
 const STEPS_PER_S = 120;
@@ -33,7 +33,7 @@ interface Taken {
   readonly film_s: number;
   readonly frame: number;
   readonly view: { readonly size: [number, number]; readonly matrix: number[][]; readonly rotation: number[][]; readonly translation: number[] };
-  readonly png: string;
+  readonly png: Buffer;
 }
 
 let folder: string;
@@ -51,7 +51,7 @@ before(async () => {
   const files = readdirSync(path("pictures")).sort();
   const told: Omit<Taken, "png">[] = JSON.parse(readFileSync(path("run.json"), "utf8")).hull_overlap;
   assert.equal(files.length, told.length);
-  pictures = told.map((each, index) => ({ ...each, png: readFileSync(join(path("pictures"), files[index])).toString("base64") }));
+  pictures = told.map((each, index) => ({ ...each, png: readFileSync(join(path("pictures"), files[index])) }));
   browser = await launch();
   program = await Program.start([path("run.mcap"), "--listen", "127.0.0.1:0"], "replay");
   // Before a browser is there: the recording is short.
@@ -68,19 +68,10 @@ function run(...args: string[]): void {
   assert.equal(done.status, 0, `${args.join(" ")}: ${done.error ?? done.stderr}`);
 }
 
-/** Where the person is in a picture of the program; decoded by the browser. */
+/** Where the person is in a picture of the program. */
 async function personIn(page: Page, taken: Taken): Promise<Uint8Array> {
-  const rgba = await page.evaluate(async (png) => {
-    const bitmap = await createImageBitmap(await (await fetch(`data:image/png;base64,${png}`)).blob(), { colorSpaceConversion: "none", premultiplyAlpha: "none" });
-    const context = new OffscreenCanvas(bitmap.width, bitmap.height).getContext("2d")!;
-    context.drawImage(bitmap, 0, 0);
-    const { data } = context.getImageData(0, 0, bitmap.width, bitmap.height);
-    let text = "";
-    for (let at = 0; at < data.length; at += 8192) text += String.fromCharCode(...data.subarray(at, at + 8192));
-    return btoa(text);
-  }, taken.png);
-  const bytes = Buffer.from(rgba, "base64");
-  return Uint8Array.from({ length: bytes.length / 4 }, (_, i) => (bytes[i * 4] > bytes[i * 4 + 2] ? 1 : 0));
+  const { rgba, width, height } = await decoded(page, taken.png);
+  return Uint8Array.from({ length: width * height }, (_, i) => (rgba[i * 4] > rgba[i * 4 + 2] ? 1 : 0));
 }
 
 test("the page's outline is that of the program's own ray-march", { skip: PROGRAM ? false : "HULLTOUCH_BIN names no program" }, async (t) => {
