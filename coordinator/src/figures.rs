@@ -150,7 +150,7 @@ pub struct RunCounts {
     /// Distinct frames used.
     pub frames: u64,
     /// Frames passed over between two that were used. Those that are missing before the first or after the last are not
-    /// among them: a frame may still come, and a count only grows.
+    /// among them: a frame may still come, and a count only grows. [`Figures::frames_missed`] includes them.
     pub frames_passed_over: u64,
     /// Passes, and what they asked.
     pub passes: PassCounts,
@@ -285,6 +285,14 @@ impl Figures {
 
     pub(crate) fn add_stage(&mut self, stage: Stage, value_ms: f64) {
         self.times.stage_ms[stage as usize].add(value_ms);
+    }
+
+    /// Frames that the film of the run held and no step used: [`Figures::frames_expected`] less [`RunCounts::frames`].
+    /// The page and the JSON of a run show it. It can shrink: a late frame is missed until a step uses it.
+    /// [`RunCounts::frames_passed_over`], which metrics show, only grows: it leaves out frames before the first that was
+    /// used and after the newest.
+    pub fn frames_missed(&self) -> u64 {
+        self.frames_expected.saturating_sub(self.counts.frames)
     }
 
     /// The share of inside samples that a response did not free.

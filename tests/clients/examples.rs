@@ -37,21 +37,40 @@ fn blocks(text: &str) -> impl Iterator<Item = (&str, &str, &str)> {
     })
 }
 
-/// Files that a page shows (`toml NAME`) lie in the folder in which its commands (`sh runnable`) run.
+/// README.md and every page of docs/.
+fn pages() -> Vec<PathBuf> {
+    let (mut pages, mut folders) = (vec![root().join("README.md")], vec![root().join("docs")]);
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).expect("documents") {
+            let path = entry.expect("a document").path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|ending| ending == "md") {
+                pages.push(path);
+            }
+        }
+    }
+    pages
+}
+
+/// Files that a page shows (`toml NAME`, `txt NAME`) lie in the folder in which its commands (`sh runnable`) run, beside the
+/// project's folder `deploy`.
 #[test]
 fn commands_that_the_documents_mark_as_runnable_run() {
     const WORDS: &str = "hulltouch() { \"$PROGRAM\" \"$@\"; }\ncargo() { hulltouch \"$@\"; }\nset -e\n";
     let mut run = 0;
-    for page in std::fs::read_dir(root().join("docs")).expect("documents").flatten() {
-        let Some(name) = page.file_name().to_str().filter(|name| name.ends_with(".md")).map(str::to_owned)
-        else {
-            continue;
-        };
+    for page in pages() {
+        let name = page.display();
         let folder = tempfile::tempdir().expect("a folder");
-        let text = std::fs::read_to_string(page.path()).expect("a document");
+        std::os::unix::fs::symlink(root().join("deploy"), folder.path().join("deploy")).expect("linked");
+        let text = std::fs::read_to_string(&page).expect("a document");
         for (language, more, lines) in blocks(&text) {
             match (language, more) {
-                ("toml", file) => std::fs::write(folder.path().join(file), lines).expect("written"),
+                ("toml" | "txt", file) => {
+                    let path = folder.path().join(file);
+                    std::fs::create_dir_all(path.parent().expect("its folder")).expect("made");
+                    std::fs::write(path, lines).expect("written");
+                }
                 ("sh", "runnable") => {
                     let mut shell = testkit::command("sh");
                     shell.arg("-c").arg(format!("{WORDS}{lines}")).current_dir(folder.path());
@@ -61,11 +80,13 @@ fn commands_that_the_documents_mark_as_runnable_run() {
                     assert!(output.status.success(), "{name}: {lines}{said}");
                     run += 1;
                 }
-                _ => panic!("{name}: a block of {language} {more:?}, expected toml NAME or sh runnable"),
+                _ => panic!(
+                    "{name}: a block of {language} {more:?}, expected toml NAME, txt NAME or sh runnable"
+                ),
             }
         }
     }
-    assert!(run > 2, "{run} blocks");
+    assert!(run >= 12, "{run} blocks");
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! A room that is watched: what nodes and their coordinator tell on their ports of `--metrics`, and that everything on the
-//! dashboard and in the alert rules is there.
+//! dashboard, in the alert rules and in docs/metrics.md is there.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::io::{BufRead as _, BufReader};
 use std::net::SocketAddr;
@@ -178,6 +179,72 @@ fn value(text: &str, name: &str, labels: &[(&str, &str)]) -> f64 {
     };
     let line = text.lines().find(has).unwrap_or_else(|| panic!("no {name} with {labels:?} in\n{text}"));
     line.rsplit(' ').next().and_then(|value| value.parse().ok()).expect("a number")
+}
+
+/// The header of a table of metrics in docs/metrics.md.
+const HEADER: &str = "| metric | type | labels | unit | meaning |";
+
+/// A metric as one line: its name as Prometheus stores it, its type, and its labels beside those of its port.
+fn metric<'a>(name: &str, kind: &str, labels: impl IntoIterator<Item = &'a str>) -> String {
+    let labels: BTreeSet<&str> = labels.into_iter().collect();
+    format!("{name} {kind} {labels:?}")
+}
+
+/// The metrics in the tables of a document.
+fn documented_metrics(text: &str) -> BTreeSet<String> {
+    let mut metrics = BTreeSet::new();
+    let mut is_within = false;
+    for line in text.lines() {
+        is_within = line == HEADER || (is_within && line.starts_with('|'));
+        let cells: Vec<&str> = line.split('|').map(str::trim).collect();
+        if let (true, [_, name, kind, labels, ..]) = (is_within, &cells[..])
+            && let Some(name) = name.strip_prefix('`').and_then(|name| name.strip_suffix('`'))
+        {
+            let is_new = metrics.insert(metric(name, kind, labels.split('`').skip(1).step_by(2)));
+            assert!(is_new, "{name} has two rows");
+        }
+    }
+    metrics
+}
+
+/// The metrics of a scrape. Every series of the port has these labels.
+fn served_metrics(text: &str, of_port: &[&str]) -> BTreeSet<String> {
+    // Each family begins with lines of help, type and perhaps unit; its samples follow.
+    let families = text.split("# TYPE ").skip(1).map(|family| {
+        let (head, rest) = family.split_once('\n').expect("samples");
+        let (name, kind) = head.split_once(' ').expect("a name and a type");
+        let name = if kind == "counter" { format!("{name}_total") } else { name.to_owned() };
+        let samples: Vec<&str> = rest.lines().filter(|line| !line.starts_with('#')).collect();
+        assert!(!samples.is_empty() && samples.iter().all(|line| line.starts_with(&name)), "{name}: {rest}");
+        // Labels stand before the quoted values, as in name{room="a",le="0.1"} 1.
+        let parts = samples.iter().flat_map(|line| line.split('"').step_by(2));
+        let labels = parts.filter_map(|part| part.strip_suffix('=')?.rsplit(['{', ',']).next());
+        metric(&name, kind, labels.filter(|label| *label != "le" && !of_port.contains(label)))
+    });
+    families.collect()
+}
+
+#[test]
+fn the_metrics_in_the_documents_are_those_that_are_served() {
+    let document = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/metrics.md");
+    let documented = documented_metrics(&fs::read_to_string(document).expect("a document"));
+    let room = Room::new();
+    let by = Instant::now() + TIMEOUT;
+    loop {
+        let [left, right, coordinator] = room.services().map(|service| get(service.metrics, "/metrics").body);
+        let mut served = served_metrics(&coordinator, &["room"]);
+        served.extend(served_metrics(&left, &["room", "node"]));
+        served.extend(served_metrics(&right, &["room", "node"]));
+        let undocumented: Vec<&String> = served.difference(&documented).collect();
+        assert!(undocumented.is_empty(), "docs/metrics.md lacks these, or differs: {undocumented:#?}");
+        // A metric is served once it has a value.
+        let unserved: Vec<&String> = documented.difference(&served).collect();
+        if unserved.is_empty() {
+            return;
+        }
+        assert!(Instant::now() < by, "docs/metrics.md has these, which are not served: {unserved:#?}");
+        std::thread::sleep(Duration::from_millis(100));
+    }
 }
 
 #[test]
