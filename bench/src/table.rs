@@ -10,7 +10,7 @@ use setup::cli::{Failure, Outcome, outln, write_whole};
 /// A bench's figures.
 #[derive(Debug, Serialize)]
 pub struct Table<Row> {
-    /// Which bench.
+    /// Name of the bench.
     pub bench: &'static str,
     /// Where it ran.
     pub machine: Machine,

@@ -124,7 +124,7 @@ impl AnswerMeter {
         self.0.lock().refused[reason as usize] += 1;
     }
 
-    /// So far.
+    /// The figures since the process began.
     pub fn read(&self) -> AnswerFigures {
         self.0.lock().clone()
     }
@@ -169,7 +169,7 @@ impl TrafficMeter {
         self.closed.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// So far.
+    /// The figures since the process began.
     pub fn read(&self) -> TrafficFigures {
         let closed = self.closed.load(Ordering::Relaxed);
         let opened = self.opened.load(Ordering::Relaxed);

@@ -76,8 +76,8 @@ pub struct RunTimes {
 pub struct Queue {
     /// What waits there.
     pub name: &'static str,
-    /// How much of it.
+    /// Number of entries that wait.
     pub length: usize,
-    /// How much may.
+    /// The most entries that may wait.
     pub capacity: usize,
 }

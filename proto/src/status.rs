@@ -13,7 +13,7 @@ pub struct NodeStatus {
     pub node_s: f64,
     /// A reading of its wall clock at the same moment, unix seconds.
     pub unix_s: f64,
-    /// Who holds it.
+    /// The lease holder, if there is one.
     pub holder: Option<HolderStatus>,
     /// When the certificate ends that it shows, unix seconds.
     pub certificate_ends_unix_s: Option<f64>,

@@ -66,7 +66,7 @@ pub enum HullError {
     /// Too few points, or too many.
     #[error("{found} points, expected 4 to {MAX_HULL_POINTS}")]
     PointCount {
-        /// How many.
+        /// Number of points.
         found: usize,
     },
     /// A coordinate that is none, or too far out.

@@ -32,7 +32,7 @@ pub fn issue(folder: &Path, authority: &Authority, owner: &Identity, validity: V
 pub struct Room {
     /// Where everything is.
     pub folder: tempfile::TempDir,
-    /// Who signs.
+    /// The authority that signs the certificates.
     pub authority: Authority,
     /// With the addresses at which they listen.
     pub cluster: PathBuf,

@@ -152,7 +152,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn everybody_sees_the_person_whole_and_some_points_are_inside() {
+    fn all_cameras_see_the_person_whole_and_some_points_are_inside() {
         let studio = Studio::new((640, 480), 2000);
         for silhouette in &studio.silhouettes {
             let bounds = silhouette.bounds().expect("a person");

@@ -61,7 +61,7 @@ pub const FRAMES_ONLY: Rates = Rates { frames_per_s: FPS, passes_per_s: FPS };
 pub struct Cost {
     /// The layout.
     pub layout: Layout,
-    /// How numbers travel.
+    /// The encoding of numbers on the wire: `exact` or `quantised`.
     pub precision: &'static str,
     /// Bytes that every frame takes: its news, and its silhouettes if they are gathered.
     pub bytes_per_frame: f64,

@@ -3,8 +3,8 @@
 use std::slice;
 
 use hull::cull::WorldBox;
-use proto::convert::SilhouetteEncoding;
-use setup::cli::{Failure, Outcome, PrecisionName};
+use proto::convert::{Precision, SilhouetteEncoding};
+use setup::cli::{Failure, Outcome};
 
 use std::sync::Arc;
 
@@ -27,10 +27,10 @@ const ENCODINGS: [SilhouetteEncoding; 4] = [
 ];
 
 /// What is asked, and how.
-const REQUESTS: [(Layout, PointForm, PrecisionName); 3] = [
-    (Layout::RawPoints, PointForm::RawPoints, PrecisionName::Exact),
-    (Layout::RegisteredBodies, PointForm::Registered, PrecisionName::Exact),
-    (Layout::RegisteredBodies, PointForm::Registered, PrecisionName::Quantised),
+const REQUESTS: [(Layout, PointForm, Precision); 3] = [
+    (Layout::RawPoints, PointForm::RawPoints, Precision::Exact),
+    (Layout::RegisteredBodies, PointForm::Registered, Precision::Exact),
+    (Layout::RegisteredBodies, PointForm::Registered, Precision::Quantised),
 ];
 /// Points that all cameras together are asked about for one figure, at most: bytes differ little from pass to
 /// pass, and a hundred thousand points go to 64 cameras.
@@ -48,7 +48,7 @@ pub struct FilmMeasurement {
 /// All layouts for so many bodies.
 #[derive(Clone, Debug)]
 pub struct AtBodies {
-    /// How many.
+    /// Number of bodies.
     pub bodies: usize,
     /// The share of their samples that was inside.
     pub inside_share: f64,
@@ -86,7 +86,7 @@ pub fn measured(
         costs.extend(gathered.iter().map(|(layout, frame)| gathered_cost(*layout, &nodes, frame, local_ms)));
         let mut inside_share = 0.0;
         for (layout, asked, precision) in REQUESTS {
-            nodes = nodes.in_precision(precision.into());
+            nodes = nodes.in_precision(precision);
             let took = nodes.passes(&bodies, asked, affordable(passes, &bodies, plan.cameras))?;
             costs.push(Cost {
                 precision: precision.name(),

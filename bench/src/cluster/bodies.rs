@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use hull::body::Pose;
-use hull::contact::FEELER_M;
+use hull::contact::OFFSET_M;
 use hull::cull::WorldBox;
 use hull::faces::FaceNormals;
 use hull::question::{Answer, Batch, Points, Question, QuestionKind};
@@ -12,7 +12,7 @@ use hull::view_set::Scratch;
 use hull::{Shape, ViewSet};
 use setup::cli::{Failure, Outcome};
 use sim::Solid;
-use sim::samples::normals::{face_normals, with_feelers};
+use sim::samples::normals::{face_normals, with_offset_samples};
 use sim::samples::{cloud, shape};
 
 use crate::passes::ContactBody;
@@ -128,7 +128,7 @@ fn shapes(samples: usize) -> Outcome<Vec<Arc<BodyShape>>> {
     let of_solid = |solid: &Solid| {
         let samples = Arc::new(sampled(solid, samples)?);
         let faces = face_normals(solid, &samples);
-        let probes = with_feelers(&faces, &samples, FEELER_M).map_err(Failure::run)?;
+        let probes = with_offset_samples(&faces, &samples, OFFSET_M).map_err(Failure::run)?;
         let around = Shape::new(cloud(&samples).collect()).map_err(Failure::run)?;
         let (probes, around, faces) = (Arc::new(probes), Arc::new(around), Arc::new(faces));
         Ok(Arc::new(BodyShape { samples, probes, around, faces }))

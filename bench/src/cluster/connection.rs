@@ -35,7 +35,7 @@ pub enum PointForm {
     Registered,
     /// Points of the world.
     RawPoints,
-    /// Registered shapes at poses, with feelers and what is around them, asked about for contacts.
+    /// Registered shapes at poses, with offset samples and what is around them, asked about for contacts.
     Contacts,
 }
 
@@ -63,7 +63,7 @@ pub struct ClusterClient {
 /// What passes cost.
 #[derive(Clone, Debug, Default)]
 pub struct PassCosts {
-    /// How many.
+    /// Number of passes.
     pub passes: u64,
     /// A whole pass.
     pub pass_ms: Percentiles,
@@ -73,7 +73,7 @@ pub struct PassCosts {
     pub trips: BTreeMap<Round, u64>,
     /// Bytes at the sockets, over all nodes and passes.
     pub bytes: ByteCounts,
-    /// The share of all samples, and feelers if they were asked about, that was inside.
+    /// The share of all samples, and offset samples if they were asked about, that was inside.
     pub inside_share: f64,
     /// Processor time of the coordinator's thread, milliseconds a pass.
     pub coordinator_cpu_ms: f64,

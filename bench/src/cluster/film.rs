@@ -34,7 +34,7 @@ pub struct FilmPlan {
     pub nodes: usize,
     /// Width and height of their images, pixels.
     pub size: (u32, u32),
-    /// How many frames.
+    /// Number of frames.
     pub frames: u64,
     /// The share of pixels that are inverted, each independently.
     pub noise: f64,

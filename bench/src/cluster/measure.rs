@@ -2,8 +2,10 @@
 
 use std::sync::Arc;
 
-use setup::cli::{Outcome, PrecisionName, ResponseName};
+use proto::convert::Precision;
+use setup::cli::Outcome;
 use setup::{LocalCluster, LocalNodes};
+use sim::ResponseMode;
 
 use super::bodies::Bodies;
 use super::certificates::Certificates;
@@ -36,9 +38,9 @@ pub struct Setting {
     /// Samples of each.
     pub samples: usize,
     /// What they are asked for.
-    pub responses: Vec<ResponseName>,
-    /// How numbers travel.
-    pub precisions: Vec<PrecisionName>,
+    pub responses: Vec<ResponseMode>,
+    /// The encodings of numbers on the wire.
+    pub precisions: Vec<Precision>,
 }
 
 /// A film and bodies in it.
@@ -83,14 +85,14 @@ pub fn measured(scene: &Scene, setting: &Setting, sockets: SocketName, passes: u
         .responses
         .iter()
         .flat_map(|&response| setting.precisions.iter().map(move |&precision| (response, precision)));
-    let each: Vec<(ResponseName, PrecisionName)> = each.collect();
+    let each: Vec<(ResponseMode, Precision)> = each.collect();
     for &count in &setting.bodies {
         for &(response, precision) in &each {
             // What was learned of another kind of pass says nothing of this one.
-            connected = connected.in_precision(precision.into());
+            connected = connected.in_precision(precision);
             let form = match response {
-                ResponseName::Paper => PointForm::Registered,
-                ResponseName::Contacts => PointForm::Contacts,
+                ResponseMode::Paper => PointForm::Registered,
+                ResponseMode::Contacts => PointForm::Contacts,
             };
             let before = cpu_s(&cluster);
             let costs = connected.passes(&bodies.first(count), form, passes)?;

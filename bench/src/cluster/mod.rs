@@ -12,8 +12,10 @@ pub mod names;
 mod rows;
 
 use clap::Args;
+use proto::convert::Precision;
 use serde::Serialize;
-use setup::cli::{ArgumentError, Outcome, PrecisionName, ResponseName, outln, parse_size};
+use setup::cli::{ArgumentError, Outcome, PRECISIONS, RESPONSES, named, outln, parse_size};
+use sim::ResponseMode;
 
 use self::bodies::SAMPLES;
 use self::limits::Limits;
@@ -41,8 +43,8 @@ const SIZES: [(u32, u32); 4] = [(640, 480), (1920, 1080), (3840, 2160), (7680, 4
     Each node is a process with a ring full of silhouettes; the coordinator is this process. Bodies of \
     500 samples stand against a person, about 5 % of the samples inside, and move a little with every \
     pass. A pass is the paper's (classes, edges, exits, exits along the mean, a check) or one for \
-    contacts: classes of every sample and of its feeler a centimetre out, planes of those inside, how \
-    they moved since the frame before, and, of bodies that no plane faces, the exits against their faces \
+    contacts: classes of every sample and of its offset sample a centimetre out, planes of those inside, \
+    how they moved since the frame before, and, of bodies that no plane faces, the exits against their faces \
     (exits) and the planes there (check). Four passes share a frame; the first of them asks for planes \
     of 192 points around every body too. Without --nodes, --bodies and --size each of them is varied \
     about 8 nodes, 30 bodies, 3840x2160; with any of them every combination of what is given is \
@@ -78,11 +80,11 @@ pub struct ClusterBenchArguments {
     #[arg(long, value_name = "S", default_value_t = SAMPLES, value_parser = parse_samples)]
     samples: usize,
     /// How bodies answer the hull.
-    #[arg(long, value_enum, value_name = "NAME,…", value_delimiter = ',', default_value = "paper,contacts")]
-    response: Vec<ResponseName>,
-    /// How numbers travel.
-    #[arg(long, value_name = "NAME,…", value_delimiter = ',', default_value = "exact,quantised")]
-    precision: Vec<PrecisionName>,
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',', value_parser = named(RESPONSES), default_value = "paper,contacts")]
+    response: Vec<ResponseMode>,
+    /// Encodings of numbers on the wire.
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',', value_parser = named(PRECISIONS), default_value = "exact,quantised")]
+    precision: Vec<Precision>,
     /// Over which sockets nodes are asked.
     #[arg(long, value_name = "KIND,…", value_delimiter = ',', default_value = "unix")]
     sockets: Vec<SocketName>,

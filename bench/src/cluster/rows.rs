@@ -25,7 +25,7 @@ pub struct Row {
     pub height: u32,
     /// What the bodies are asked for.
     pub response: &'static str,
-    /// How numbers travel.
+    /// The encoding of numbers on the wire.
     pub precision: &'static str,
     /// The kind of sockets.
     pub sockets: &'static str,
@@ -43,7 +43,7 @@ pub struct Row {
     pub bytes_to_node_pass: f64,
     /// Of these, from the node.
     pub bytes_from_node_pass: f64,
-    /// The share of the samples, and their feelers where these are asked about, that was inside.
+    /// The share of the samples, and of their offset samples where these are asked about, that was inside.
     pub inside_share: f64,
     /// Processor time of a node, milliseconds a pass.
     pub node_cpu_ms: Option<f64>,

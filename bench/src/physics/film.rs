@@ -1,16 +1,17 @@
 //! True silhouettes of the studio, drawn as a run asks for them; on request their outlines flicker.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use camera_node::frames::{CameraFrame, FrameRing, Stamp};
-use coordinator::{BoxError, LocalFrames, Silhouettes};
-use film_time::{FilmState, FrameReport, Pace};
+use camera_node::frames::{CameraFrame, Frame, FrameRing, Stamp};
+use coordinator::BoxError;
+use film_time::Pace;
 use hull::{Camera, Observer, ProbeSettings, Silhouette, ViewSet};
 use parking_lot::Mutex;
+use setup::RingFilm;
 use setup::cli::{Failure, Outcome};
 use stage::{StageSettings, studio_rig, true_silhouette};
-use tokio::sync::watch;
 
 use crate::crews::each;
 use crate::random::Random;
@@ -114,7 +115,11 @@ impl Showing {
     }
 }
 
-impl LocalFrames for Showing {
+impl RingFilm for Showing {
+    fn ring(&self) -> &FrameRing {
+        &self.ring
+    }
+
     fn start(&self, _: Pace) -> Result<(), BoxError> {
         self.credit(0);
         Ok(())
@@ -130,40 +135,12 @@ impl LocalFrames for Showing {
         }
     }
 
-    fn use_frame(&self, frame: u64) {
-        self.ring.hold(frame);
-    }
-
-    fn watch(&self) -> watch::Receiver<u64> {
-        self.ring.watch()
-    }
-
-    fn frames(&self) -> Vec<u64> {
-        self.ring.since(None).frames.iter().map(|frame| frame.number).collect()
-    }
-
-    fn report(&self, frame: u64) -> Option<FrameReport> {
-        Some(self.ring.get(frame).ok()?.report())
-    }
-
-    fn film(&self) -> FilmState {
-        self.ring.state()
-    }
-
-    fn with_views(&self, frame: u64, use_views: &mut dyn FnMut(&ViewSet)) -> bool {
-        self.ring.get(frame).is_ok_and(|frame| {
-            if self.tells_speeds {
-                use_views(&frame.views);
-            } else {
-                // No frames after another, nothing is known of it.
-                use_views(&frame.views.clone().after(&frame.views, 0));
-            }
-            true
-        })
-    }
-
-    fn silhouettes(&self, frame: u64) -> Option<Silhouettes> {
-        Some(self.ring.get(frame).ok()?.silhouettes())
+    fn views<'a>(&self, frame: &'a Frame) -> Option<Cow<'a, ViewSet>> {
+        if self.tells_speeds {
+            return Some(Cow::Borrowed(&frame.views));
+        }
+        // No frames after another, nothing is known of it.
+        Some(Cow::Owned(frame.views.clone().after(&frame.views, 0)))
     }
 }
 

@@ -8,7 +8,7 @@ use crate::table::{Columns, number, or_dash, words};
 /// One figure of one kind of run.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
-    /// Which scene.
+    /// Name of the scene.
     pub scene: String,
     /// How bodies answered the hull.
     pub response: String,
@@ -18,7 +18,7 @@ pub struct Row {
     pub height: Option<u32>,
     /// The share of outline pixels that flickered.
     pub noise: f64,
-    /// How many runs.
+    /// Number of runs, each with a seed of its own.
     pub seeds: u64,
     /// What was measured, with its unit.
     pub metric: &'static str,
@@ -33,7 +33,7 @@ pub struct Row {
 /// What rows of one kind of run have in common.
 #[derive(Clone, Debug)]
 pub struct RowKind {
-    /// Which scene.
+    /// Name of the scene.
     pub scene: String,
     /// How bodies answered the hull.
     pub response: String,
@@ -41,7 +41,7 @@ pub struct RowKind {
     pub size: Option<(u32, u32)>,
     /// The share of outline pixels that flickered.
     pub noise: f64,
-    /// How many runs.
+    /// Number of runs, each with a seed of its own.
     pub seeds: u64,
 }
 

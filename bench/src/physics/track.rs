@@ -9,7 +9,7 @@ use hull::{Observer, Pose, ProbeSettings};
 use nalgebra::{Point3, Quaternion, UnitQuaternion, Vector3};
 use parking_lot::Mutex;
 use setup::cli::{Failure, Outcome};
-use setup::{ClusterFile, InProcess};
+use setup::{ClusterFile, InProcess, RingFrames};
 use sim::{Body, BodyId, BodyResponse, BodySpec, Scene, World, WorldSettings};
 use stage::{StageSettings, Truth};
 
@@ -36,7 +36,7 @@ pub struct RunPlan<'a> {
     pub seed: u64,
     /// Whether every body starts a millimetre from its place, in a direction of the seed's.
     pub is_moved: bool,
-    /// How much film.
+    /// Length of the film, seconds.
     pub seconds: f64,
     /// Bodies beside the scene's.
     pub guests: &'a [BodySpec],
@@ -164,7 +164,7 @@ impl Track {
             Film::Solids(stage) => Track::over_solids(stage, plan),
             Film::Studio(film, flicker) => {
                 let showing = Showing::new(film, *flicker, plan.seed);
-                let frames = Box::new(showing.telling_speeds(plan.response.tells_speeds()));
+                let frames = Box::new(RingFrames(showing.telling_speeds(plan.response.tells_speeds())));
                 let setup = (ProbeSettings::default(), film.stage.fps, film.observers.clone());
                 Track::over_film(frames, setup, plan)
             }

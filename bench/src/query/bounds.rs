@@ -14,9 +14,9 @@ use crate::passes::world_points;
 /// sum to 1.
 #[derive(Clone, Debug, Default, Serialize, PartialEq)]
 pub struct BoundSavings {
-    /// Which points.
+    /// Name of the load: the points that were asked about.
     pub load: String,
-    /// How many.
+    /// Number of samples.
     pub samples: usize,
     /// The body's box misses the box around the hull.
     pub body_box: f64,

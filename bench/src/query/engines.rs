@@ -65,7 +65,7 @@ impl Sets {
     }
 }
 
-/// Everybody who does the inside test.
+/// All engines that do the inside test.
 pub fn inside_lanes<'a>(
     studio: &'a Studio,
     sets: &'a Sets,
@@ -99,7 +99,7 @@ fn inside_lane<'a>(engine: &'static str, groups: &'a [ViewSet], points_world: &'
     })
 }
 
-/// Everybody who does full passes; the rate counts `counted` points.
+/// All engines that do full passes; the rate counts `counted` points.
 pub fn pass_lanes<'a>(
     studio: &'a Studio,
     sets: &'a Sets,
@@ -116,7 +116,7 @@ pub fn pass_lanes<'a>(
     lanes
 }
 
-/// Everybody who does contact passes; the rate counts samples and their feelers.
+/// All engines that do contact passes; the rate counts samples and their offset samples.
 pub fn contact_lanes<'a>(
     studio: &'a Studio,
     sets: &'a Sets,

@@ -50,8 +50,8 @@ const TOUCHING_BODIES: usize = PASS_POINTS / SAMPLES;
     Loads: `inside` is the inside test alone, on random points in the box of a person of the stage, most \
     of them outside; `contacts` are full passes over points 1 to 3 cm inside, `anywhere` over points \
     uniformly inside, both in bodies of 64 neighbours. `touching` are contact passes over 30 bodies of \
-    500 samples that touch the person: classes of every sample and its feeler a centimetre out, which \
-    are counted, planes near those inside and near 192 points around every body; no frame before is \
+    500 samples that touch the person: classes of every sample and of its offset sample, a centimetre \
+    out, which are counted, planes near those inside and near 192 points around every body; no frame before is \
     there to tell how planes move. `_bent` are the same with distorting lenses. `paper` is the paper's \
     own set-up: 7 cameras and a heap of boxes, all samples counted.\n\n\
     Engines: `hulltouch`; `hulltouch_portable`, the same without vectors that not every machine has; \
@@ -92,7 +92,7 @@ struct TwinCheck {
     load: String,
     /// Planes compared.
     planes: usize,
-    /// Samples and feelers inside.
+    /// Samples and offset samples inside.
     inside: usize,
     /// Points around the bodies with a plane near.
     around: usize,

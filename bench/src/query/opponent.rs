@@ -51,7 +51,7 @@ const PLANE_NUMBERS: usize = 5;
 pub struct Agreement {
     /// Of the cameras' images.
     pub size: String,
-    /// Which points.
+    /// Name of the load: the points that were asked about.
     pub load: String,
     /// Points compared.
     pub points: usize,
@@ -189,7 +189,7 @@ impl Opponent {
         Ok(agreement("responses", size, load, points, agreeing, ties))
     }
 
-    /// Compares the planes near the samples, feelers and points around of bodies that touch.
+    /// Compares the planes near the samples, offset samples and points around of bodies that touch.
     pub fn check_planes(
         &mut self,
         studio: &Studio,

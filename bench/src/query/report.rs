@@ -83,8 +83,8 @@ impl Report {
         }
         for TwinCheck { size, load, planes, inside, around, failed } in &self.twins {
             outln!(
-                "{size:>10}  {load:14}  {inside} samples and feelers inside, {around} points around with a plane; \
-                 {planes} planes compared with the slow twin's{}",
+                "{size:>10}  {load:14}  {inside} samples and offset samples inside, {around} points around with a \
+                 plane; {planes} planes compared with the slow twin's{}",
                 mark(failed)
             )?;
         }

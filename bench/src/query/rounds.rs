@@ -18,7 +18,7 @@ use crate::usage::thread_cpu_s;
 pub struct RoundCosts {
     /// Of the cameras' images.
     pub size: String,
-    /// Which points.
+    /// Name of the load: the points that were asked about.
     pub load: String,
     /// Which cameras stand together.
     pub engine: &'static str,

@@ -11,7 +11,7 @@ use setup::cli::{Failure, Outcome};
 const EMPTY_FRAMES: u64 = 32;
 /// The stage is asked for frames of so many a second: how exactly a camera can be late.
 pub const MOMENTS_PER_S: f64 = 3000.0;
-/// Film begins here, seconds: everybody moves by then.
+/// Film begins here, seconds: the person moves by then.
 const START_S: f64 = 3.0;
 
 /// What is filmed.
@@ -23,7 +23,7 @@ pub struct Filmed {
     pub seed: u64,
     /// Frames a second.
     pub fps: f64,
-    /// How long.
+    /// Length of the film, seconds.
     pub seconds: f64,
 }
 

@@ -47,7 +47,7 @@ pub enum BackgroundError {
          expected an empty room ({} % at most)", 100.0 * share, 100.0 * MAX_FOREGROUND
     )]
     Foreground {
-        /// Which camera.
+        /// Name of the camera.
         camera: String,
         /// The greatest share of its image.
         share: f64,
@@ -55,7 +55,7 @@ pub enum BackgroundError {
     /// Its frames make no background.
     #[error("camera {camera:?} keeps its background: {error}")]
     Cutout {
-        /// Which camera.
+        /// Name of the camera.
         camera: String,
         /// What happened.
         error: CutoutError,

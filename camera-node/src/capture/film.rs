@@ -35,8 +35,8 @@ pub struct Film {
     meter: Arc<FilmMeter>,
     pulse: Pulse,
     run: Mutex<Option<Run>>,
-    /// Of the run that is on, or begins; apart from it, so that a message never waits for sources to open.
-    reins: Mutex<Reins>,
+    /// Of the current run, or of one that starts. It has a lock of its own: a message never waits for sources to open.
+    controls: Mutex<RunControls>,
 }
 
 struct FilmCamera {
@@ -47,9 +47,9 @@ struct FilmCamera {
     beat: Arc<Beat>,
 }
 
-/// What a run is led by.
+/// What messages of the lease holder change of a run: its number, credits, clock and frame phase.
 #[derive(Default)]
-struct Reins {
+struct RunControls {
     run: u64,
     gate: Arc<Gate>,
     clock: Option<Arc<FilmClock>>,
@@ -90,7 +90,7 @@ impl Film {
             meter: Arc::new(FilmMeter::new(names)),
             pulse,
             run: Mutex::default(),
-            reins: Mutex::default(),
+            controls: Mutex::default(),
         })
     }
 
@@ -150,7 +150,7 @@ impl Film {
         self.colours.clear();
         let (gate, clock) = (Arc::new(Gate::default()), Arc::new(FilmClock::new(start.clock)));
         self.meter.clock(start.clock.bound_s);
-        *self.reins.lock() = Reins {
+        *self.controls.lock() = RunControls {
             run: start.run,
             gate: Arc::clone(&gate),
             clock: Some(Arc::clone(&clock)),
@@ -175,7 +175,7 @@ impl Film {
         beat: &Arc<Beat>,
     ) -> OpenContext {
         let (gate, clock, beat) = (Arc::clone(gate), Arc::clone(clock), Arc::clone(beat));
-        let phase = Arc::clone(&self.reins.lock().phase);
+        let phase = Arc::clone(&self.controls.lock().phase);
         let live_silence = if start.lock_step { Duration::MAX } else { silence(self.fps) };
         OpenContext {
             fps: self.fps,
@@ -193,7 +193,7 @@ impl Film {
 
     /// The same of the run that is on.
     pub fn cut_here(&self, phase: f64) {
-        *self.reins.lock().phase.lock() = Some(phase);
+        *self.controls.lock().phase.lock() = Some(phase);
     }
 }
 
@@ -212,17 +212,17 @@ impl Filming for Film {
         if !is_wanted() {
             return false;
         }
-        *self.reins.lock() = Reins::default();
+        *self.controls.lock() = RunControls::default();
         run.take().map(Run::stop).is_some()
     }
 
     fn credit(&self, up_to_frame: u64) {
-        self.reins.lock().gate.credit(up_to_frame);
+        self.controls.lock().gate.credit(up_to_frame);
     }
 
     fn keep_time(&self, run: u64, line: ClockLine) -> bool {
-        let reins = self.reins.lock();
-        let Some(clock) = reins.clock.as_ref().filter(|_| reins.run == run) else { return true };
+        let controls = self.controls.lock();
+        let Some(clock) = controls.clock.as_ref().filter(|_| controls.run == run) else { return true };
         self.meter.clock(line.bound_s);
         clock.follow(line)
     }
@@ -240,9 +240,9 @@ impl Filming for Film {
     }
 
     fn cut_at(&self, run: u64, phase: f64) {
-        let reins = self.reins.lock();
-        if reins.run == run {
-            *reins.phase.lock() = Some(phase);
+        let controls = self.controls.lock();
+        if controls.run == run {
+            *controls.phase.lock() = Some(phase);
         }
     }
 

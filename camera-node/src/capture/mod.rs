@@ -31,7 +31,7 @@ pub enum CaptureError {
     /// The source.
     #[error("camera {camera:?}: {error}")]
     Source {
-        /// Which camera.
+        /// Name of the camera.
         camera: String,
         /// What happened.
         error: SourceError,
@@ -39,13 +39,13 @@ pub enum CaptureError {
     /// A live camera's source gives no more frames.
     #[error("camera {camera:?}: its film has ended, expected film without end")]
     Ended {
-        /// Which camera.
+        /// Name of the camera.
         camera: String,
     },
     /// The background clip.
     #[error("camera {camera:?}: background: {error}")]
     Background {
-        /// Which camera.
+        /// Name of the camera.
         camera: String,
         /// What happened.
         error: CutoutError,
@@ -53,7 +53,7 @@ pub enum CaptureError {
     /// The segmentation, or its settings.
     #[error("camera {camera:?}: segmentation: {error}")]
     Segmentation {
-        /// Which camera.
+        /// Name of the camera.
         camera: String,
         /// What happened.
         error: CutoutError,

@@ -1,4 +1,4 @@
-//! What a coordinator tells of film while its stream lives, and what becomes of the film when no lease holder is left.
+//! Applies the frame credits that coordinators send, and stops the cameras when no lease holder is left.
 
 use std::sync::Arc;
 
@@ -11,15 +11,15 @@ use super::hold::{DESERTED_AFTER, SharedHold};
 use crate::capture::Filming;
 use crate::frames::FrameRing;
 
-/// Film that the lease holder of the node controls.
-pub(super) struct Led {
+/// Applies the credits of one stream to the film and the ring of the node.
+pub(super) struct CreditReceiver {
     pub hold: SharedHold,
     pub film: Arc<dyn Filming>,
     pub ring: Arc<FrameRing>,
 }
 
-impl Led {
-    /// Does what the messages of one stream say, as long as their sender holds the node.
+impl CreditReceiver {
+    /// Applies the messages of one stream, as long as their sender holds the lease.
     pub async fn follow(self, mut credits: Streaming<v1::FrameCredit>) {
         let mut counted: Option<u64> = None;
         while let Some(Ok(v1::FrameCredit { up_to_frame, in_use, holder })) = credits.next().await {
@@ -37,9 +37,9 @@ impl Led {
             }
         }
         if let Some(holder) = counted {
-            let led = self.hold.lock().stream_ended(holder, Instant::now());
-            // What others begin and end costs nothing.
-            if led {
+            let was_holder = self.hold.lock().stream_ended(holder, Instant::now());
+            // Streams of other peers change nothing.
+            if was_holder {
                 self.stop_if_deserted().await;
             }
         }

@@ -34,7 +34,7 @@ const PREFACE: &[u8; 24] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
 /// Connections without a call are looked for so often.
 const IDLE_CHECK: Duration = Duration::from_secs(1);
 
-/// Who may connect.
+/// The peers from which a node accepts connections.
 #[derive(Clone, Default)]
 pub enum Access {
     /// Processes of this machine.

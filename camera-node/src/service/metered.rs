@@ -188,7 +188,7 @@ impl Received {
         if whole > 0 {
             self.seat.iter().for_each(|seat| seat.heard());
         }
-        self.share.set(held).map_err(|spent| Status::resource_exhausted(spent.to_string()))
+        self.share.set(held).map_err(|error| Status::resource_exhausted(error.to_string()))
     }
 }
 
@@ -257,7 +257,7 @@ impl http_body::Body for Sent {
         }
         let counted = |data: Bytes| match Share::take(&this.seat, data.len()) {
             Ok(share) => Ok(Bytes::from_owner(Unsent { data, _share: share })),
-            Err(spent) => Err(Status::resource_exhausted(spent.to_string())),
+            Err(error) => Err(Status::resource_exhausted(error.to_string())),
         };
         Poll::Ready(Some(match frame.into_data() {
             Ok(data) => counted(data).map(Frame::data),

@@ -2,10 +2,10 @@
 //! on a thread of their own; async code moves bytes.
 
 mod counted;
+mod credit_receiver;
 mod film_events;
 mod hold;
 mod incoming;
-mod led;
 mod metered;
 mod node;
 mod permission;
@@ -47,11 +47,11 @@ use crate::config::{NodeCamera, NodeConfig};
 use crate::frames::{CameraFrame, FrameError, FrameRing};
 use crate::pictures::{PictureEncoder, PictureError};
 use crate::shapes::Shapes;
+use credit_receiver::CreditReceiver;
 use hold::{ClaimRefused, SharedHold, held};
 use incoming::Caller;
-use led::Led;
 use probe_stream::ProbeStream;
-use seats::{Seat, Share, Spent};
+use seats::{BudgetExhausted, Seat, Share};
 use worker::{MAX_WAITING, ReplySender, WaitingReply, Worker};
 use world_memory::{KeptWorlds, WorldMemory};
 
@@ -122,8 +122,8 @@ fn invalid(error: impl std::fmt::Display) -> Status {
     Status::invalid_argument(error.to_string())
 }
 
-fn spent(spent: Spent) -> Status {
-    Status::resource_exhausted(spent.to_string())
+fn budget_exhausted(error: BudgetExhausted) -> Status {
+    Status::resource_exhausted(error.to_string())
 }
 
 /// Where what the caller holds is counted.
@@ -199,8 +199,8 @@ impl CameraNode for Service {
         &self,
         request: Request<Streaming<v1::FrameCredit>>,
     ) -> Result<Response<Self::WatchFramesStream>, Status> {
-        let led = Led { hold: self.hold.clone(), film: Arc::clone(&self.film), ring: Arc::clone(&self.ring) };
-        tokio::spawn(led.follow(request.into_inner()));
+        let (hold, film, ring) = (self.hold.clone(), Arc::clone(&self.film), Arc::clone(&self.ring));
+        tokio::spawn(CreditReceiver { hold, film, ring }.follow(request.into_inner()));
         // A reader that lags by more than the ring has lost frames anyway.
         let (sender, receiver) = mpsc::channel(self.ring.frames());
         tokio::spawn(film_events::send_film_events(Arc::clone(&self.ring), sender));
@@ -216,7 +216,7 @@ impl CameraNode for Service {
         let v1::RegisterShapesRequest { shapes, holder } = request.into_inner();
         // The message, and what is made of it.
         let bytes: usize = shapes.iter().map(|shape| shape.samples.len()).sum();
-        let _share = Share::take(&seat, 2 * bytes).map_err(spent)?;
+        let _share = Share::take(&seat, 2 * bytes).map_err(budget_exhausted)?;
         let shapes: Result<Vec<_>, _> = shapes.iter().map(shape_from_wire).collect();
         self.shapes
             .register(shapes.map_err(invalid)?, holder)
@@ -282,7 +282,7 @@ impl CameraNode for Service {
             |camera: &CameraFrame| (camera.rig_index, size(&camera.silhouette), camera.bytes.clone());
         let cameras: Vec<_> = frame.cameras.iter().map(compact).collect();
         let bytes = cameras.iter().map(|(_, _, bytes)| bytes.len()).sum();
-        let share = Share::take(&seat, bytes).map_err(spent)?;
+        let share = Share::take(&seat, bytes).map_err(budget_exhausted)?;
         // Encoded one at a time, as they are sent: eight 8K images at once would be 265 MB.
         let silhouette = move |(rig_index, size, compact): (u16, _, Bytes)| {
             // They end when the last silhouette is on its way.
@@ -313,7 +313,7 @@ impl CameraNode for Service {
         let deliver = move |picture| {
             let picture = picture_to_wire(picture);
             let share = Share::take(&seat, picture.encoded_len());
-            let picture = share.map(|share| (picture, share)).map_err(spent);
+            let picture = share.map(|share| (picture, share)).map_err(budget_exhausted);
             if sender.try_send(picture).is_err() {
                 tracing::debug!("a picture found no reader");
             }

@@ -56,7 +56,7 @@ pub enum ServeError {
     /// The address cannot be had.
     #[error("cannot listen on {address}: {error}")]
     Listen {
-        /// Which address.
+        /// The address to listen on.
         address: Listen,
         /// The system's reason.
         error: std::io::Error,

@@ -11,7 +11,7 @@ use super::incoming::{Access, Caller};
 /// Lets only some callers through.
 #[derive(Clone)]
 pub(super) struct Permission {
-    /// `None`: everybody who got in.
+    /// Owners whose certificates allow the call; `None`: every admitted connection may call.
     allowed: Option<Vec<Identity>>,
     log: Arc<RateLimitedLog>,
 }

@@ -11,7 +11,7 @@ use tonic::Streaming;
 
 use super::Service;
 use super::hold::SharedHold;
-use super::seats::{Seat, Share, Spent};
+use super::seats::{BudgetExhausted, Seat, Share};
 use super::worker::{ProbeJob, ReplySender, Worker};
 use crate::shapes::Shapes;
 
@@ -79,17 +79,17 @@ impl ProbeStream {
             let _ = self.share.set(self.reader.held_bytes());
             Box::new(refusal(id, RefusalReason::from(&error), error.to_string()))
         })?;
-        let share = self.count(&question).map_err(|spent| {
+        let share = self.count(&question).map_err(|error| {
             self.reader = QuestionReader::default();
             let _ = self.share.set(0);
-            Box::new(refusal(id, RefusalReason::Busy, spent.to_string()))
+            Box::new(refusal(id, RefusalReason::Busy, error.to_string()))
         })?;
         span.count("hulltouch.points", question.len());
         span.count("hulltouch.bytes", question.held_bytes());
         Ok(ProbeJob { id, frame, cameras, precision, question, span, _share: share })
     }
 
-    fn count(&mut self, question: &Question) -> Result<Share, Spent> {
+    fn count(&mut self, question: &Question) -> Result<Share, BudgetExhausted> {
         self.share.set(self.reader.held_bytes())?;
         Share::take(&self.seat, question.held_bytes())
     }

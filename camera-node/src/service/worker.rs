@@ -91,7 +91,7 @@ impl ReplySender {
     fn counted(&self, reply: v1::ProbeReply) -> Result<WaitingReply, Status> {
         match Share::take(&self.seat, reply.encoded_len()) {
             Ok(share) => Ok(WaitingReply { reply, _share: share }),
-            Err(spent) => Err(Status::resource_exhausted(spent.to_string())),
+            Err(error) => Err(Status::resource_exhausted(error.to_string())),
         }
     }
 }

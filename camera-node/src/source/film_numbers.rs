@@ -41,7 +41,7 @@ pub enum FilmTimeError {
     /// Usual neighbours are seconds of film apart, or as unevenly apart as times are.
     #[error("image numbers are usually {} apart, which is {apart_s:.1} s of film: {}", .spacing.usual, apart_advice(*.spacing))]
     Apart {
-        /// How far.
+        /// The usual distance between image numbers, and whether it is regular.
         spacing: Spacing,
         /// The same as film time, seconds.
         apart_s: f64,

@@ -31,7 +31,7 @@ pub enum SideError {
     Missing {
         /// "time" or "count".
         what: &'static str,
-        /// Which frame.
+        /// Number of the frame.
         frame: u64,
     },
     /// Far more came than frames.

@@ -43,7 +43,7 @@ pub enum Y4mError {
     /// A line does not end.
     #[error("{what} does not end within {MAX_LINE_BYTES} bytes (starts with {found:?})")]
     LongLine {
-        /// Which line.
+        /// The kind of line: the header, or a FRAME line.
         what: &'static str,
         /// Its first bytes, shortened.
         found: String,

@@ -1,6 +1,6 @@
 //! Where the answers to a pass come from.
 
-/// Who answers passes.
+/// The process that answers the questions of a pass, and the silhouettes it uses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Answering {
     /// This process, of its own cameras.

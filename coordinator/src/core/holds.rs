@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use sim::BodyId;
 
 use crate::client::{Client, ClientKind, WeakClient};
-use crate::live::Command;
+use crate::core::command::Command;
 
 /// The bodies that are held, and by which client.
 #[derive(Debug, Default)]

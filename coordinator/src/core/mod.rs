@@ -5,6 +5,7 @@ pub(crate) mod ask_policy;
 pub(crate) mod budget;
 pub(crate) mod choice;
 pub(crate) mod clock;
+pub(crate) mod command;
 pub(crate) mod holds;
 pub(crate) mod latency;
 pub mod query;

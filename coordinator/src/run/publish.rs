@@ -168,7 +168,7 @@ impl Coordinator {
         live.status.send_replace(Some(Arc::new(RunStatus {
             progress,
             cameras,
-            frames_missed: self.run.figures.frames_expected.saturating_sub(self.run.figures.counts.frames),
+            frames_missed: self.run.figures.frames_missed(),
             frames_expected: self.run.figures.frames_expected,
             late_steps: self.run.figures.counts.misses.late_steps,
             blind_steps: self.run.figures.counts.misses.blind_steps(),

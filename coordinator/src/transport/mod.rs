@@ -26,6 +26,7 @@ use tokio::sync::mpsc;
 use tokio::time::Instant;
 
 use crate::core::answering::Answering;
+use crate::core::command::Refusal;
 use crate::roster::{Missing, Roster, RosterNode, joined};
 use in_process::InProcess;
 use nodes::{CALL_TIMEOUT, Nodes};
@@ -68,13 +69,13 @@ pub enum TransportError {
     /// A frame of this process's cameras is no longer there.
     #[error("frame {frame} is gone")]
     Gone {
-        /// Which frame.
+        /// Number of the frame.
         frame: u64,
     },
     /// A frame did not come in time.
     #[error("not every node has frame {frame} after {} s", timeout.as_secs())]
     Late {
-        /// Which frame.
+        /// Number of the frame.
         frame: u64,
         /// In which time.
         timeout: Duration,
@@ -85,6 +86,12 @@ pub enum TransportError {
     /// The cameras of this process.
     #[error("{0}")]
     Local(BoxError),
+}
+
+impl From<TransportError> for Refusal {
+    fn from(error: TransportError) -> Refusal {
+        Refusal::Nodes(error.into())
+    }
 }
 
 impl TransportError {
@@ -199,7 +206,7 @@ impl Transport {
         &mut self.roster
     }
 
-    /// Who answers passes.
+    /// Where the answers to a pass come from.
     pub(crate) fn answering(&self) -> Answering {
         match &self.layout {
             Layout::Remote(remote) if remote.asks() => Answering::Nodes(remote.nodes.clients.len()),
@@ -329,7 +336,7 @@ impl Transport {
         }
     }
 
-    /// Has everybody keep a frame, however old it gets, until another is in use.
+    /// Makes all nodes keep a frame, however old it gets, until another is in use.
     pub(crate) fn use_frame(&self, frame: u64) {
         match &self.layout {
             Layout::Remote(remote) => remote.nodes.use_frame(frame),

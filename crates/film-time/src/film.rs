@@ -19,7 +19,7 @@ pub struct BackgroundFilm {
     pub id: u64,
     /// The first frame.
     pub first_frame: u64,
-    /// How many.
+    /// Number of frames.
     pub frames: u64,
     /// Also if the room does not look empty by the background in use: after the light has changed, or furniture.
     pub allow_foreground: bool,

@@ -15,7 +15,7 @@ pub enum BodyError {
     /// A coordinate is NaN or infinite.
     #[error("sample {index} holds {value}, expected finite metres")]
     Sample {
-        /// Which sample.
+        /// Index of the sample.
         index: usize,
         /// The offending number.
         value: f32,
@@ -23,7 +23,7 @@ pub enum BodyError {
     /// Too many samples, or none.
     #[error("shape of {found} samples, expected 1 to {MAX_SAMPLES}")]
     SampleCount {
-        /// How many.
+        /// Number of samples.
         found: usize,
     },
     /// A pose that is none.

@@ -9,11 +9,10 @@ use crate::faces::FaceNormals;
 use crate::pass::BodyPlanes;
 use crate::question::Edge;
 
-/// Samples are asked about where they are and so far out along their faces' normals, metres: contacts exist before
-/// bodies touch.
-pub const FEELER_M: f64 = 0.01;
-/// A plane farther away than this is none of the sample's, metres: a corner's feeler stands out by the root of three.
-const FARTHEST_M: f64 = 1.8 * FEELER_M + 1e-3;
+/// How far the offset sample of a sample lies out along its faces' normals, metres: contacts exist before bodies touch.
+pub const OFFSET_M: f64 = 0.01;
+/// A plane farther away than this is none of the sample's, metres: a corner's offset sample is out by the root of three.
+const FARTHEST_M: f64 = 1.8 * OFFSET_M + 1e-3;
 
 /// Where a camera stands, and how fine its image is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -123,9 +122,9 @@ pub(crate) fn depth_m(
     Some(normal.dot(&(eye.centre_world - at_world)))
 }
 
-/// Makes of the planes found for a body's samples, and after them for the feeler of each, the contacts of the samples.
-/// A sample takes the plane found where it is, or its feeler's where that alone is inside, and only surface that faces
-/// it. `eyes` are those of the rig's cameras.
+/// Makes of the planes found for a body's samples, and after them for the offset sample of each, the contacts of the
+/// samples. A sample takes the plane found where it is, or that of its offset sample where this alone is inside, and only
+/// surface that faces it. `eyes` are those of the rig's cameras.
 pub fn contacts(
     planes: &BodyPlanes,
     shape: &Shape,
@@ -136,12 +135,12 @@ pub fn contacts(
     let samples = shape.samples_body();
     let world_from_body = pose.world_from_body();
     let split = planes.samples.partition_point(|found| (found.sample as usize) < samples.len());
-    let (own, feelers) = planes.samples.split_at(split);
-    let (mut own, mut feelers) = (own.iter().peekable(), feelers.iter().peekable());
+    let (own, offset) = planes.samples.split_at(split);
+    let (mut own, mut offset) = (own.iter().peekable(), offset.iter().peekable());
     let contact = |(index, &sample): (usize, &[f32; 3])| {
         let at_sample = own.next_if(|found| found.sample as usize == index);
-        let at_feeler = feelers.next_if(|found| found.sample as usize == index + samples.len());
-        let plane = [at_sample, at_feeler].into_iter().flatten().find_map(|found| found.plane)?;
+        let at_offset = offset.next_if(|found| found.sample as usize == index + samples.len());
+        let plane = [at_sample, at_offset].into_iter().flatten().find_map(|found| found.plane)?;
         let depth_m = depth_m(plane.camera, &normal(&plane.normal_world), &world_from_body(sample), eyes)?;
         let contact = SurfaceContact::of(index as u32, &plane, depth_m);
         contact.is_near(depth_m, pose, faces).then_some(contact)
@@ -179,7 +178,7 @@ mod tests {
         // 2 mm deep, found at the samples themselves.
         let deep = found(0.598, vec![plane(0), plane(1), plane(2)]);
         assert!(matches!(deep[..], [(0, a), (2, b)] if (a - 0.002).abs() < 1e-6 && a == b), "{deep:?}");
-        // 5 mm above, found by the feelers alone.
+        // 5 mm above, found by the offset samples alone.
         let above = found(0.605, vec![plane(3), plane(4), plane(5)]);
         assert!(matches!(above[..], [(0, a), (2, _)] if (a + 0.005).abs() < 1e-6), "{above:?}");
         // Too far above, of a camera that is not there, without an edge.

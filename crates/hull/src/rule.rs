@@ -33,7 +33,7 @@ pub enum NormalWindow {
     /// Keeps the physical size of the paper's 5 × 5 at 640 pixels.
     #[default]
     Auto,
-    /// So many pixels.
+    /// `k` itself, pixels.
     Pixels(u32),
 }
 

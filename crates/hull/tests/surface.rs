@@ -152,8 +152,8 @@ fn a_body_that_came_in_fast_meets_the_surface_that_it_came_through() {
     let views = views(0);
     // The nearest surface is that to the right; it came from above, or from farther away than is looked for.
     let samples = [[0.2, 0.1, 0.0], [0.9, 0.0, 0.0]];
-    let feelers = samples.map(|[x, y, z]: [f32; 3]| [x, y - 0.08, z]);
-    let points = body(&[samples, feelers].concat());
+    let offset = samples.map(|[x, y, z]: [f32; 3]| [x, y - 0.08, z]);
+    let points = body(&[samples, offset].concat());
     let mut faces = FaceNormals::default();
     samples.iter().for_each(|_| faces.push([-Vector3::x()]));
     let faces = Some(Arc::new(faces));
@@ -168,7 +168,7 @@ fn a_body_that_came_in_fast_meets_the_surface_that_it_came_through() {
         };
         assert!(normal(&found(None)[0]).x > 0.95);
         let from_above = found(Some([0.0, 0.3, 0.0]));
-        assert_eq!(from_above.len(), 1, "no feeler is asked about: {from_above:?}");
+        assert_eq!(from_above.len(), 1, "no offset sample is asked about: {from_above:?}");
         assert!(normal(&from_above[0]).y > 0.95, "{from_above:?}");
         let from_far = found(Some([0.0, 0.1, 0.0]));
         assert!(from_far[0].plane.is_none(), "{from_far:?}");
@@ -176,12 +176,12 @@ fn a_body_that_came_in_fast_meets_the_surface_that_it_came_through() {
 }
 
 #[test]
-fn a_feeler_is_asked_for_its_plane_where_its_sample_is_outside() {
+fn an_offset_sample_is_asked_for_its_plane_where_its_sample_is_outside() {
     let views = views(0);
-    // Within, outside with its feeler within, both outside, within; their feelers lie towards the cube.
+    // Within, outside with its offset sample within, both outside, within; offset samples lie towards the cube.
     let samples = [[0.2, 0.1, 0.0], [0.3, 0.1, 0.0], [0.4, 0.1, 0.0], [0.1, 0.1, 0.0]];
-    let feelers = samples.map(|[x, y, z]: [f32; 3]| [x - 0.08, y, z]);
-    let points = body(&[samples, feelers].concat());
+    let offset = samples.map(|[x, y, z]: [f32; 3]| [x - 0.08, y, z]);
+    let points = body(&[samples, offset].concat());
     let mut faces = FaceNormals::default();
     samples.iter().for_each(|_| faces.push([-Vector3::x()]));
     let faces = Some(Arc::new(faces));

@@ -78,7 +78,7 @@ impl Credentials {
         self.max_connection_age
     }
 
-    /// Whose they are.
+    /// The identity that the certificate proves.
     pub fn own(&self) -> &Identity {
         &self.own
     }

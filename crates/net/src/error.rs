@@ -75,9 +75,9 @@ pub enum CertificateError {
     Name {
         /// The certificate.
         path: PathBuf,
-        /// Whose it is.
+        /// The identity that it names.
         found: String,
-        /// Who we are.
+        /// The identity of this process.
         expected: String,
     },
 }

@@ -42,7 +42,7 @@ pub enum NodeError {
     /// The connection broke before it was of any use.
     #[error("the connection broke at once ({why}): {hint}")]
     AtOnce {
-        /// How it broke.
+        /// The error of the connection.
         why: String,
         /// What may be wrong.
         hint: String,
@@ -101,7 +101,7 @@ pub enum NodeError {
     /// Messages without end that answer nothing.
     #[error("invalid reply: {count} messages within a second that answer nothing, or tell film again")]
     Flood {
-        /// How many.
+        /// Number of these messages within a second.
         count: u32,
     },
     /// Another node than the one meant.

@@ -7,17 +7,21 @@ use camera_node::NodeConfig;
 use camera_node::capture::{CaptureError, Film, Filming as _};
 use camera_node::frames::FrameRing;
 use camera_node::pictures::PictureEncoder;
-use coordinator::{BoxError, LocalFrames, Silhouettes};
-use film_time::{BackgroundFilm, FilmState, FrameReport, Pace, RunStart, ring_frames};
+use coordinator::BoxError;
+use film_time::{BackgroundFilm, Pace, RunStart, ring_frames};
 use futures::future::BoxFuture;
-use hull::ViewSet;
 use node_client::FETCH_TIMEOUT;
 use proto::{FramePictures, Picture, PictureRequest};
-use tokio::sync::{mpsc, watch};
+use tokio::sync::mpsc;
 use web_server::pictures::Pictures;
 
+use crate::ring_frames::{RingFilm, RingFrames};
+
 /// Cameras filmed in this process.
-pub struct InProcess {
+pub type InProcess = RingFrames<LocalFilm>;
+
+/// The film of cameras of this process, and the ring that it fills.
+pub struct LocalFilm {
     film: Film,
     ring: Arc<FrameRing>,
 }
@@ -26,13 +30,13 @@ impl InProcess {
     /// Opens the cameras and learns their backgrounds.
     pub fn prepare(config: &NodeConfig) -> Result<InProcess, CaptureError> {
         let ring = Arc::new(FrameRing::new(config.cameras.len()).keeping(ring_frames(config.fps)));
-        Ok(InProcess { film: Film::prepare(config, Arc::clone(&ring))?, ring })
+        Ok(RingFrames(LocalFilm { film: Film::prepare(config, Arc::clone(&ring))?, ring }))
     }
 
     /// What makes pictures of its frames, on a thread of its own.
     pub fn pictures(&self, config: &NodeConfig) -> io::Result<LocalPictures> {
-        let encoder = PictureEncoder::new(Arc::clone(&self.ring), self.film.colours(), config.rig_indices());
-        encoder.map(LocalPictures)
+        let LocalFilm { film, ring } = &self.0;
+        PictureEncoder::new(Arc::clone(ring), film.colours(), config.rig_indices()).map(LocalPictures)
     }
 }
 
@@ -66,7 +70,11 @@ impl Pictures for LocalPictures {
     }
 }
 
-impl LocalFrames for InProcess {
+impl RingFilm for LocalFilm {
+    fn ring(&self) -> &FrameRing {
+        &self.ring
+    }
+
     fn start(&self, pace: Pace) -> Result<(), BoxError> {
         Ok(self.film.start(RunStart::of_this_process(pace))?)
     }
@@ -75,40 +83,8 @@ impl LocalFrames for InProcess {
         self.film.credit(up_to_frame);
     }
 
-    fn use_frame(&self, frame: u64) {
-        self.ring.hold(frame);
-    }
-
     fn cut_at(&self, phase: f64) {
         self.film.cut_here(phase);
-    }
-
-    fn watch(&self) -> watch::Receiver<u64> {
-        self.ring.watch()
-    }
-
-    fn frames(&self) -> Vec<u64> {
-        self.ring.since(None).frames.iter().map(|frame| frame.number).collect()
-    }
-
-    fn report(&self, frame: u64) -> Option<FrameReport> {
-        Some(self.ring.get(frame).ok()?.report())
-    }
-
-    fn film(&self) -> FilmState {
-        self.ring.state()
-    }
-
-    fn with_views(&self, frame: u64, use_views: &mut dyn FnMut(&ViewSet)) -> bool {
-        let found = self.ring.get(frame);
-        found.is_ok_and(|frame| {
-            use_views(&frame.views);
-            true
-        })
-    }
-
-    fn silhouettes(&self, frame: u64) -> Option<Silhouettes> {
-        Some(self.ring.get(frame).ok()?.silhouettes())
     }
 
     fn take_background(&self, film: BackgroundFilm) -> BoxFuture<'static, Result<(), BoxError>> {

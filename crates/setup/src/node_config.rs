@@ -21,7 +21,7 @@ pub enum NodeConfigError {
     IgnoreMask {
         /// Its name.
         camera: String,
-        /// Why not.
+        /// What is wrong with the mask.
         error: SourceError,
     },
     /// An ignore mask is all black or all white.

@@ -39,7 +39,7 @@ pub enum PortError {
     /// The address cannot be had.
     #[error("cannot listen on {address}: {error}")]
     Listen {
-        /// Which address.
+        /// The address to listen on.
         address: SocketAddr,
         /// The system's reason.
         error: std::io::Error,

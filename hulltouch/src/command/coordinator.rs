@@ -9,11 +9,9 @@ use setup::cli::{Failure, Outcome};
 
 use crate::run::options::{OutletArguments, Outlets, RecordOptions};
 use crate::run::run_deployed;
-use crate::run::run_setup::{
-    AskName, ResponseArguments, Setup, TransportName, checked_seconds, world_settings,
-};
+use crate::run::run_setup::{ResponseArguments, Setup, TransportName, checked_seconds, world_settings};
 use crate::run::security::SecurityArguments;
-use coordinator::MemoryUse;
+use coordinator::{AskEvery, MemoryUse};
 use node_client::Role;
 
 /// Ask the nodes of a cluster file, merge their answers and step the world.
@@ -89,7 +87,7 @@ pub fn run(arguments: &CoordinatorArguments) -> Outcome {
         file,
         scene,
         transport: arguments.transport,
-        asks: AskName::default().into(),
+        asks: AskEvery::default(),
         lock_step: arguments.unpaced,
         role: arguments.role(),
         dial: security.dial,

@@ -4,18 +4,17 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use hull::Rig;
+use proto::convert::Precision;
 use setup::ClusterFile;
-use setup::cli::{Failure, Outcome, PrecisionName, parse_size, temporary_folder};
+use setup::cli::{Failure, NamedValue, Outcome, PRECISIONS, named, parse_size, temporary_folder};
 use sim::{Scene, StageHint};
 use stage::{Motion, Prop, studio_rig};
 
 use crate::run::options::{OutletArguments, RecordOptions};
 use crate::run::run_locally;
-use crate::run::run_setup::{
-    AskName, ResponseArguments, Setup, TransportName, checked_seconds, world_settings,
-};
+use crate::run::run_setup::{ResponseArguments, Setup, TransportName, checked_seconds, world_settings};
 use crate::run::security::ConsentArguments;
-use coordinator::MemoryUse;
+use coordinator::{AskEvery, MemoryUse};
 use node_client::Role;
 
 /// How long the empty room of a recording is filmed without --seconds.
@@ -24,6 +23,15 @@ const EMPTY_RECORDING_S: f64 = 4.0;
 const MAX_CAMERAS: usize = 1024;
 /// Processes that film; more cameras share them.
 const MAX_NODES: usize = 64;
+/// How often the hull is asked.
+const ASKS: [NamedValue<AskEvery>; 2] = [
+    (
+        "frame",
+        AskEvery::Frame,
+        "Once a film frame where that is enough: fewer questions, and with the paper's response the same run",
+    ),
+    ("step", AskEvery::Step, "At every physics step, about every body: to measure the other against"),
+];
 
 /// A whole cluster on this machine: camera nodes as processes, coordinator, physics.
 #[derive(Debug, Args)]
@@ -49,11 +57,11 @@ pub struct DemoArguments {
     #[arg(long, value_enum, default_value = "auto")]
     transport: TransportName,
     /// How often the hull is asked; the run is the same.
-    #[arg(long, value_enum, default_value = "frame")]
-    ask: AskName,
+    #[arg(long, value_parser = named(ASKS), default_value = "frame")]
+    ask: AskEvery,
     /// How numbers travel to and from the nodes [default: exact, or the recording's].
-    #[arg(long, value_enum)]
-    precision: Option<PrecisionName>,
+    #[arg(long, value_parser = named(PRECISIONS))]
+    precision: Option<Precision>,
     #[command(flatten)]
     response: ResponseArguments,
     /// Play a cluster file (rig, a source for each camera, background, scene) instead of the studio. It runs programs: each
@@ -111,14 +119,14 @@ pub fn run(arguments: &DemoArguments) -> Outcome {
         file.hold_s = arguments.seconds.unwrap_or(EMPTY_RECORDING_S);
     }
     if let Some(precision) = arguments.precision {
-        file.precision = precision.into();
+        file.precision = precision;
     }
     let setup = Setup {
         world: world_settings(&scene, arguments.studio.seed.or(file.seed).unwrap_or(1), response),
         file,
         scene,
         transport: arguments.transport,
-        asks: arguments.ask.into(),
+        asks: arguments.ask,
         lock_step: arguments.unpaced,
         role: Role::Leads,
         dial: security.dial,

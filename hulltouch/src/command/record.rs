@@ -5,15 +5,13 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use clap::Args;
-use coordinator::MemoryUse;
+use coordinator::{AskEvery, MemoryUse};
 use node_client::{Role, Sockets};
 use setup::cli::{Outcome, temporary_folder};
 
 use crate::command::demo::StudioArguments;
 use crate::run::options::{Outlets, RecordTo};
-use crate::run::run_setup::{
-    AskName, ResponseArguments, Setup, TransportName, checked_seconds, world_settings,
-};
+use crate::run::run_setup::{ResponseArguments, Setup, TransportName, checked_seconds, world_settings};
 use crate::run::security::SecurityArguments;
 use crate::run::{run_deployed, run_locally};
 
@@ -75,7 +73,7 @@ pub fn run(arguments: RecordArguments) -> Outcome {
         file,
         scene,
         transport: TransportName::Auto,
-        asks: AskName::default().into(),
+        asks: AskEvery::default(),
         lock_step: arguments.unpaced,
         role: Role::Leads,
         dial,

@@ -46,7 +46,7 @@ pub struct Outlets {
     pub live_line: bool,
     /// The page, and what programs use.
     pub page: Option<PagePlan>,
-    /// Who gets OSC.
+    /// The address that OSC messages are sent to.
     pub osc: Option<SocketAddr>,
     /// Where metrics are served.
     pub metrics: Option<SocketAddr>,

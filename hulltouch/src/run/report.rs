@@ -79,7 +79,7 @@ fn bytes(figures: &Figures) -> Value {
 }
 
 fn missed(figures: &Figures) -> Value {
-    let frames = missed_frames(figures);
+    let frames = figures.frames_missed();
     json!({
         "frames": frames,
         "frames_expected": figures.frames_expected,
@@ -89,10 +89,6 @@ fn missed(figures: &Figures) -> Value {
         "reduced_steps": figures.counts.misses.reduced_steps,
         "slipped_s": figures.counts.slipped_s,
     })
-}
-
-fn missed_frames(figures: &Figures) -> u64 {
-    figures.frames_expected.saturating_sub(figures.counts.frames)
 }
 
 fn body((body, record): (&sim::Body, &BodySummary)) -> Value {
@@ -157,7 +153,7 @@ pub fn summary(setup: &Setup, figures: &Figures, world: &World) -> String {
          {} samples inside over all steps, {:.1} % not freed by their response\n",
         figures.counts.frames,
         setup.file.rig.cameras().len(),
-        missed_frames(figures),
+        figures.frames_missed(),
         figures.counts.steps,
         figures.wall_s,
         figures.counts.frames as f64 / figures.wall_s.max(1e-9),

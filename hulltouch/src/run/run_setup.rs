@@ -8,7 +8,7 @@ use coordinator::{AskEvery, MemoryUse};
 use hull::surface::HullTime;
 use node_client::{Dial, Role};
 use setup::ClusterFile;
-use setup::cli::{Failure, Outcome, ResponseName, check_json_writable};
+use setup::cli::{Failure, NamedValue, Outcome, RESPONSES, check_json_writable, named};
 use sim::{ResponseMode, Scene, WorldSettings};
 
 use super::options::{Outlets, RecordTo};
@@ -40,55 +40,35 @@ impl TransportName {
 }
 
 /// Of which moment the hull is that bodies collide with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum HullTimeName {
-    /// The newest frame's, going on as fast as it came.
-    Newest,
-    /// Between the two newest frames: nothing is guessed, and all comes a frame later.
-    Between,
-}
+const HULL_TIMES: [NamedValue<HullTime>; 2] = [
+    ("newest", HullTime::Newest, "The newest frame's, going on as fast as it came"),
+    (
+        "between",
+        HullTime::Between,
+        "Between the two newest frames: nothing is guessed, and all comes a frame later",
+    ),
+];
 
 /// How bodies meet the hull.
 #[derive(Debug, Args)]
 pub struct ResponseArguments {
     /// How bodies answer the hull.
-    #[arg(long, value_enum, default_value = "contacts")]
-    response: ResponseName,
+    #[arg(long, value_parser = named(RESPONSES), default_value = "contacts")]
+    response: ResponseMode,
     /// Under contacts, of which moment the hull is that bodies collide with.
-    #[arg(long, value_enum, default_value = "newest")]
-    hull_time: HullTimeName,
+    #[arg(long, value_parser = named(HULL_TIMES), default_value = "newest")]
+    hull_time: HullTime,
 }
 
 impl ResponseArguments {
     /// As the world has them.
     pub fn checked(&self) -> Outcome<(ResponseMode, HullTime)> {
-        let response = ResponseMode::from(self.response);
-        match self.hull_time {
-            HullTimeName::Newest => Ok((response, HullTime::Newest)),
-            HullTimeName::Between if response == ResponseMode::Contacts => Ok((response, HullTime::Between)),
-            HullTimeName::Between => Err(Failure::input(
+        if self.hull_time == HullTime::Between && self.response != ResponseMode::Contacts {
+            return Err(Failure::input(
                 "--hull-time between is for contacts alone, expected --response contacts with it",
-            )),
+            ));
         }
-    }
-}
-
-/// How often the hull is asked.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum AskName {
-    /// Once a film frame where that is enough: fewer questions, and with the paper's response the same run.
-    #[default]
-    Frame,
-    /// At every physics step, about every body: to measure the other against.
-    Step,
-}
-
-impl From<AskName> for AskEvery {
-    fn from(name: AskName) -> AskEvery {
-        match name {
-            AskName::Frame => AskEvery::Frame,
-            AskName::Step => AskEvery::Step,
-        }
+        Ok((self.response, self.hull_time))
     }
 }
 

@@ -97,17 +97,17 @@ pub enum ConvertError {
     /// A field that must be there is not.
     #[error("{message}.{field} is missing")]
     Missing {
-        /// Which message.
+        /// Name of the message type.
         message: &'static str,
-        /// Which field.
+        /// Name of the field.
         field: &'static str,
     },
     /// A packed field of the wrong length.
     #[error("{message}.{field} holds {found} bytes, expected {expected}")]
     Length {
-        /// Which message.
+        /// Name of the message type.
         message: &'static str,
-        /// Which field.
+        /// Name of the field.
         field: &'static str,
         /// Bytes found.
         found: usize,
@@ -117,9 +117,9 @@ pub enum ConvertError {
     /// A value that cannot be.
     #[error("{message}.{field}: {what}")]
     Value {
-        /// Which message.
+        /// Name of the message type.
         message: &'static str,
-        /// Which field.
+        /// Name of the field.
         field: &'static str,
         /// What was found and what was expected.
         what: String,

@@ -21,6 +21,16 @@ pub enum Precision {
     Quantised,
 }
 
+impl Precision {
+    /// Its name in options and tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Precision::Exact => "exact",
+            Precision::Quantised => "quantised",
+        }
+    }
+}
+
 /// How finely unit vectors are rounded: two parts of so many bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum UnitBits {

@@ -10,7 +10,7 @@ use super::bulk::Field;
 use super::choice::{push_number, take_number};
 use crate::{MAX_MESSAGE_BYTES, v1};
 
-/// How silhouettes travel.
+/// The encoding of a silhouette in a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum SilhouetteEncoding {
     /// Runs, then LZ4: [`Silhouette::encode`].

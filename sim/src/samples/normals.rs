@@ -41,13 +41,13 @@ fn is_flat(solid: &Solid, normal: &Vector3<f64>) -> bool {
 }
 
 /// The samples of a shape, and after them each of them again so far out along the sum of its faces' normals, metres.
-pub fn with_feelers(faces: &FaceNormals, shape: &Shape, out_m: f64) -> Result<Shape, BodyError> {
+pub fn with_offset_samples(faces: &FaceNormals, shape: &Shape, out_m: f64) -> Result<Shape, BodyError> {
     let samples = shape.samples_body();
-    let feelers = samples.iter().enumerate().map(|(index, sample)| {
+    let offset = samples.iter().enumerate().map(|(index, sample)| {
         let out = faces.at(index).iter().sum::<Vector3<f64>>() * out_m;
         std::array::from_fn(|axis| (f64::from(sample[axis]) + out[axis]) as f32)
     });
-    Shape::new(samples.iter().copied().chain(feelers).collect())
+    Shape::new(samples.iter().copied().chain(offset).collect())
 }
 
 /// Adds the normals of the faces on which a point of the surface lies.
@@ -150,14 +150,14 @@ mod tests {
     }
 
     #[test]
-    fn corners_of_a_box_have_three_faces_and_feelers_stand_off_all_of_them() {
+    fn corners_of_a_box_have_three_faces_and_offset_samples_stand_off_all_of_them() {
         let solid = Solid::Box { size_m: [0.2; 3] };
         let shape = shape(&solid, 0.05).expect("few samples");
         let normals = face_normals(&solid, &shape);
         let corner = shape.samples_body().iter().position(|sample| *sample == [0.1; 3]).expect("a corner");
         assert_eq!(normals.at(corner).len(), 3);
         let count = shape.samples_body().len();
-        let with = with_feelers(&normals, &shape, 0.01).expect("twice as many");
+        let with = with_offset_samples(&normals, &shape, 0.01).expect("twice as many");
         assert_eq!(with.samples_body().len(), 2 * count);
         assert_eq!(with.samples_body()[count + corner], [0.11; 3]);
     }

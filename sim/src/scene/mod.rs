@@ -92,7 +92,7 @@ pub enum SceneError {
     Value {
         /// The scene's name.
         scene: String,
-        /// Which value.
+        /// The value, and why it cannot be.
         problem: ValueError,
     },
 }

@@ -22,7 +22,7 @@ const MOST_SINCE_S: f32 = 0.05;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Arrival {
     body: RigidBodyHandle,
-    /// How long ago.
+    /// Time since it came into the surface, seconds.
     since_s: f32,
     /// The surface's outward normal, and how fast it moves along it, m/s.
     normal: Vector,

@@ -141,7 +141,7 @@ impl Solver {
         f64::from(self.physics.bodies[self.handles[index]].mass())
     }
 
-    /// Sets another gravity, m/s², and wakes everybody.
+    /// Sets another gravity, m/s², and wakes all bodies.
     pub(crate) fn set_gravity(&mut self, gravity_m_s2: [f64; 3]) {
         self.physics.gravity = vector(gravity_m_s2);
         self.handles.iter().for_each(|&handle| self.physics.bodies[handle].wake_up(true));

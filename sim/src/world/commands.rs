@@ -11,7 +11,7 @@ use crate::scene::{
 };
 use crate::solid::Solid;
 use crate::solver::Surface;
-use hull::contact::FEELER_M;
+use hull::contact::OFFSET_M;
 use hull::faces::FaceNormals;
 use hull::{Pose, Shape};
 use nalgebra::Vector3;
@@ -270,7 +270,7 @@ impl World {
             return Ok(BodySamples { probes: Arc::clone(&shape), shape, around: None, faces: None });
         }
         let faces = normals::face_normals(&spec.solid, &shape);
-        let probes = normals::with_feelers(&faces, &shape, FEELER_M).map_err(refused)?;
+        let probes = normals::with_offset_samples(&faces, &shape, OFFSET_M).map_err(refused)?;
         let around = Shape::new(samples::cloud(&shape).collect()).map_err(refused)?;
         let (probes, around) = (Arc::new(probes), Some(Arc::new(around)));
         Ok(BodySamples { shape, probes, around, faces: Some(Arc::new(faces)) })

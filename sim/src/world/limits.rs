@@ -50,7 +50,7 @@ pub enum LimitError {
         "{found} pairs of overlapping bodies, expected at most {MAX_PAIRS}: body `{body}` overlaps {others} others"
     )]
     Pairs {
-        /// How many.
+        /// Number of overlapping pairs.
         found: usize,
         /// The body in most pairs.
         body: String,

@@ -41,7 +41,7 @@ pub struct Body {
     pub name: String,
     /// Its samples; bodies of the same solid share one shape.
     pub shape: Arc<Shape>,
-    /// What the hull is asked about: the samples, and under [`ResponseMode::Contacts`](crate::ResponseMode::Contacts) after them a feeler of each.
+    /// What the hull is asked about: the samples, and under [`ResponseMode::Contacts`](crate::ResponseMode::Contacts) after them an offset sample of each.
     pub probes: Arc<Shape>,
     /// Points around it that tell how surfaces slide; `None` where that is not used.
     pub around: Option<Arc<Shape>>,

@@ -99,7 +99,7 @@ pub enum WorldError {
     /// Responses for another set of bodies.
     #[error("{found} responses, expected {expected}: one per moving body")]
     ResponseCount {
-        /// How many came.
+        /// Number of responses.
         found: usize,
         /// How many bodies move.
         expected: usize,

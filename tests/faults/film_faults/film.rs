@@ -1,16 +1,17 @@
 //! A film of the studio that can be late, silent, out of order, or lack frames.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::{Arc, Mutex};
 
-use camera_node::frames::{CameraFrame, FrameRing, Stamp};
-use coordinator::{BoxError, LocalFrames, Silhouettes};
-use film_time::{FilmState, FrameReport, Pace};
+use camera_node::frames::{CameraFrame, Frame, FrameRing, Stamp};
+use coordinator::BoxError;
+use film_time::Pace;
 use hull::{Camera, Observer, ProbeSettings, Rig, Silhouette, ViewSet};
+use setup::RingFilm;
 use sim::Scene;
 use stage::{StageSettings, studio_rig, true_silhouette};
-use tokio::sync::watch;
 
 pub const FPS: f64 = 30.0;
 
@@ -79,7 +80,11 @@ impl Film {
     }
 }
 
-impl LocalFrames for Film {
+impl RingFilm for Film {
+    fn ring(&self) -> &FrameRing {
+        &self.ring
+    }
+
     fn start(&self, pace: Pace) -> Result<(), BoxError> {
         *self.live.lock().expect("whole") = (!pace.lock_step).then_some(pace);
         Ok(())
@@ -97,43 +102,16 @@ impl LocalFrames for Film {
         }
     }
 
-    fn use_frame(&self, frame: u64) {
-        self.ring.hold(frame);
-    }
-
-    fn watch(&self) -> watch::Receiver<u64> {
-        self.ring.watch()
-    }
-
-    fn frames(&self) -> Vec<u64> {
-        if let Some(pace) = *self.live.lock().expect("whole") {
-            let film_s = pace.film_now_s();
-            if film_s < self.late_s {
-                return vec![];
-            }
+    fn poll(&self) {
+        let Some(pace) = *self.live.lock().expect("whole") else { return };
+        let film_s = pace.film_now_s();
+        if film_s >= self.late_s {
             self.credit((film_s * FPS) as u64);
         }
-        self.ring.since(None).frames.iter().map(|frame| frame.number).collect()
     }
 
-    fn report(&self, frame: u64) -> Option<FrameReport> {
-        Some(self.ring.get(frame).ok()?.report())
-    }
-
-    fn film(&self) -> FilmState {
-        self.ring.state()
-    }
-
-    fn with_views(&self, frame: u64, use_views: &mut dyn FnMut(&ViewSet)) -> bool {
-        let found = self.ring.get(frame).ok().filter(|_| !self.silent.contains(&frame));
-        found.is_some_and(|frame| {
-            use_views(&frame.views);
-            true
-        })
-    }
-
-    fn silhouettes(&self, frame: u64) -> Option<Silhouettes> {
-        Some(self.ring.get(frame).ok()?.silhouettes())
+    fn views<'a>(&self, frame: &'a Frame) -> Option<Cow<'a, ViewSet>> {
+        (!self.silent.contains(&frame.number)).then_some(Cow::Borrowed(&frame.views))
     }
 }
 

@@ -7,6 +7,7 @@ use coordinator::hooks::{EndRecord, FrameRecord, Recorder, StepRecord};
 use coordinator::{AskEvery, Coordinator, Figures, Progress, RunSettings, Snapshot, Transport, Watcher};
 use hull::{Observer, ProbeSettings};
 use nalgebra::Vector3;
+use setup::RingFrames;
 use sim::{ResponseMode, Scene, World, WorldSettings};
 use tokio::sync::oneshot;
 
@@ -89,7 +90,7 @@ pub async fn play(
     stop: impl Future<Output = ()>,
 ) -> (Vec<Step>, Figures) {
     let observers = film.observers.clone();
-    let transport = Transport::in_process(Box::new(film));
+    let transport = Transport::in_process(Box::new(RingFrames(film)));
     play_over(transport, observers, scene, settings, (Keeper::default(), stop)).await
 }
 

@@ -52,7 +52,7 @@ pub enum FeedError {
     /// The address cannot be had.
     #[error("cannot listen on {address}: {error}")]
     Listen {
-        /// Which address.
+        /// The address to listen on.
         address: SocketAddr,
         /// The system's error.
         error: std::io::Error,

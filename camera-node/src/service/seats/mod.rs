@@ -12,9 +12,9 @@ use tokio::sync::Notify;
 use tokio::time::Instant;
 
 use table::Table;
-pub(super) use table::{NoSeat, Spent};
+pub(super) use table::{BudgetExhausted, NoSeat};
 
-/// All connections, as everybody shares them.
+/// The connection slots of a node, shared by all its tasks.
 #[derive(Clone, Debug, Default)]
 pub(super) struct SharedSeats(Arc<Mutex<Table>>);
 
@@ -117,14 +117,14 @@ impl Share {
     }
 
     /// So many bytes from the start.
-    pub fn take(seat: &Option<Arc<Seat>>, bytes: usize) -> Result<Share, Spent> {
+    pub fn take(seat: &Option<Arc<Seat>>, bytes: usize) -> Result<Share, BudgetExhausted> {
         let mut share = Share::of(seat.clone());
         share.set(bytes)?;
         Ok(share)
     }
 
     /// So many bytes from now on; what it had stays if there are not so many.
-    pub fn set(&mut self, bytes: usize) -> Result<(), Spent> {
+    pub fn set(&mut self, bytes: usize) -> Result<(), BudgetExhausted> {
         if let Some(seat) = self.seat.as_ref().filter(|seat| seat.metered) {
             let mut seats = seat.seats.lock();
             match bytes.checked_sub(self.bytes) {

@@ -51,7 +51,7 @@ pub(in super::super) enum NoSeat {
     "memory budget of all connections ({} MiB) exhausted, and this one holds the most: expected a smaller request",
     MAX_HELD_BYTES >> 20
 )]
-pub(in super::super) struct Spent;
+pub(in super::super) struct BudgetExhausted;
 
 /// Why the node ended a connection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -252,23 +252,23 @@ impl Table {
 
     /// Counts more memory of a connection. If the budget is exhausted, the connection of the machine that holds most ends,
     /// unless that is the lease holder's or the asking one's own.
-    pub fn hold(&mut self, id: u64, bytes: usize) -> Result<(), Spent> {
+    pub fn hold(&mut self, id: u64, bytes: usize) -> Result<(), BudgetExhausted> {
         let is_leased = self.slots.get(&id).is_some_and(|own| self.holds_lease(own));
         while self.held_bytes + bytes > MAX_HELD_BYTES {
-            let own = self.slots.get(&id).ok_or(Spent)?;
+            let own = self.slots.get(&id).ok_or(BudgetExhausted)?;
             let others = self.slots.iter().filter(|(_, slot)| !self.holds_lease(slot));
             if is_leased && self.held_by_lease() + bytes > MAX_HELD_BYTES {
-                return Err(Spent);
+                return Err(BudgetExhausted);
             }
             let most = |(id, slot): &(&u64, &Slot)| (self.held_with(slot), slot.held_bytes, **id);
-            let (&richest, slot) = others.max_by_key(most).ok_or(Spent)?;
+            let (&richest, slot) = others.max_by_key(most).ok_or(BudgetExhausted)?;
             let is_own = richest == id || slot.machine.is_some() && own.machine == slot.machine;
             if !is_leased && (is_own || self.held_with(slot) <= self.held_with(own) + bytes) {
-                return Err(Spent);
+                return Err(BudgetExhausted);
             }
             self.end(richest, Ended::HeldMost);
         }
-        let own = self.slots.get_mut(&id).ok_or(Spent)?;
+        let own = self.slots.get_mut(&id).ok_or(BudgetExhausted)?;
         own.held_bytes += bytes;
         self.held_bytes += bytes;
         Ok(())

@@ -125,11 +125,11 @@ fn the_lease_holder_may_use_the_whole_budget() {
     let message = take(&leader, 62 * MIB).expect("all others that hold memory end");
     assert_eq!(seats.held_bytes(), MAX_HELD_BYTES);
     assert_eq!(seats.lock().slots.len(), 1);
-    assert_eq!(take(&leader, 1).map(|_| ()), Err(Spent), "it holds all of it");
+    assert_eq!(take(&leader, 1).map(|_| ()), Err(BudgetExhausted), "it holds all of it");
     let late = seats.take(machine(99), true, true).expect("a slot");
     assert_eq!(
         take(&late, 1).map(|_| ()),
-        Err(Spent),
+        Err(BudgetExhausted),
         "the lease holder's connection does not end for another"
     );
     drop((question, message));

@@ -65,7 +65,7 @@ impl Surfaces {
         self.bodies[index].take_shift(at, shift_m);
     }
 
-    /// The contacts of a body with the planes found for its samples and feelers, where body and surface are now.
+    /// The contacts of a body with the planes found for its samples and offset samples, where body and surface are now.
     pub fn contacts(&mut self, index: usize, at: FrameAge, planes: &BodyPlanes, body: &Body) -> BodyContacts {
         let Some(sampled) = sampled(body) else { return BodyContacts::default() };
         self.bodies[index].contacts(at, planes, &sampled, &self.eyes)

@@ -68,9 +68,9 @@ pub enum HullUnavailable {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[error("{found} of {all} cameras, {needed} needed")]
 pub struct Shortage {
-    /// How many film.
+    /// Number of cameras that film.
     pub found: usize,
-    /// How many there are in the rig.
+    /// Number of cameras in the rig.
     pub all: usize,
     /// How many a hull needs: `min_cameras`, or all where these are fewer.
     pub needed: usize,

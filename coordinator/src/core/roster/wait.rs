@@ -25,7 +25,7 @@ pub enum WaitError {
     /// The frame did not come.
     #[error("frame {frame} did not come within {} s", LOCK_STEP_TIMEOUT.as_secs())]
     Late {
-        /// Which frame.
+        /// Number of the frame.
         frame: u64,
     },
 }

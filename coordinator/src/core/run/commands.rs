@@ -8,8 +8,8 @@ use sim::{Body, PreparedBody, World};
 
 use super::Run;
 use crate::core::budget::StepBudget;
+use crate::core::command::{Command, MAX_STEPS, Outcome, Refusal};
 use crate::core::query::QueryBody;
-use crate::live::{Command, MAX_STEPS, Outcome, Refusal};
 
 /// Whether steps are made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

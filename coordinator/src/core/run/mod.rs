@@ -54,7 +54,7 @@ pub(crate) type Clocks<'a> = &'a dyn Fn() -> Now;
 pub(crate) enum Action {
     /// Wait until nodes report something, at most so long, seconds.
     Wait {
-        /// So long.
+        /// The longest wait, seconds.
         at_most_s: f64,
     },
     /// Do what was asked for by now.

@@ -142,7 +142,7 @@ pub enum ImportError {
     /// A folder holds no calibration that is read, and something that may be one.
     #[error("{file}: found no calibration that is read; {left_out}")]
     LeftOut {
-        /// Which folder.
+        /// Path of the folder.
         file: String,
         /// The first file that was left out, and why.
         left_out: String,
@@ -150,7 +150,7 @@ pub enum ImportError {
     /// A file is not even of its kind.
     #[error("{file}: line {line}: found {found}, expected {expected}")]
     Syntax {
-        /// Which file.
+        /// Path of the file.
         file: String,
         /// Where, from 1.
         line: usize,
@@ -162,9 +162,9 @@ pub enum ImportError {
     /// A key is missing or holds the wrong thing.
     #[error("{file}: {key}: found {found}, expected {expected}")]
     Key {
-        /// Which file.
+        /// Path of the file.
         file: String,
-        /// Which key.
+        /// The key that is missing or wrong.
         key: String,
         /// What stands there.
         found: String,
@@ -186,9 +186,9 @@ pub enum ImportError {
     /// The lens has another model than k1 k2 p1 p2 k3, or one that is not understood.
     #[error("{file}: {key}: {error}")]
     LensModel {
-        /// Which file.
+        /// Path of the file.
         file: String,
-        /// Which key.
+        /// The key of the lens model.
         key: String,
         /// What is wrong.
         error: UnknownLensModel,
@@ -199,7 +199,7 @@ pub enum ImportError {
          one in the points that the calibration was aligned to"
     )]
     Mirrored {
-        /// Which file.
+        /// Path of the file.
         file: String,
         /// The number that shows it.
         detail: String,
@@ -207,7 +207,7 @@ pub enum ImportError {
     /// The numbers make no camera.
     #[error("{file}: {error}")]
     Camera {
-        /// Which file.
+        /// Path of the file.
         file: String,
         /// What is wrong.
         error: CameraError,

@@ -22,7 +22,7 @@ pub struct BrutePoint {
 /// The winning camera's edge.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BruteEdge {
-    /// Which camera.
+    /// Index of the camera in the rig.
     pub camera: usize,
     /// Its edge pixel.
     pub pixel: Pixel,

@@ -12,7 +12,7 @@ pub enum AnswerError {
     /// There is no such group.
     #[error("answer of group {found}, expected one of {expected} groups")]
     Group {
-        /// Which group.
+        /// Index of the group.
         found: usize,
         /// How many there are.
         expected: usize,
@@ -26,7 +26,7 @@ pub enum AnswerError {
     /// More or fewer points than asked.
     #[error("group {group} answered {found} points, expected {expected}")]
     Count {
-        /// Which group.
+        /// Index of the group.
         group: usize,
         /// Points answered.
         found: usize,

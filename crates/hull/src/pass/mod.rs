@@ -67,8 +67,9 @@ pub struct AskedBody<'a> {
     pub points: Points,
     /// Points around it, whose planes are asked for where it touches: of a pass [for contacts](Pass::for_contacts).
     pub around: Option<Points>,
-    /// Which way its faces look at its first samples; those that follow are feelers of these, of which only those are
-    /// asked for planes whose sample is outside. Where no surface found faces any face, their ways out are asked for.
+    /// Which way its faces look at its first samples; those that follow are offset samples of these, of which only
+    /// those are asked for planes whose sample is outside. Where no surface found faces any face, their ways out are asked
+    /// for.
     pub faces: Option<Arc<FaceNormals>>,
     /// The way back to where the body came into the hull, and no farther, world, metres. Its samples inside get the planes of the
     /// surface that they came through, not the nearest.

@@ -79,7 +79,7 @@ pub enum RigError {
     /// More cameras than a rig may have.
     #[error("{found} cameras, expected at most {MAX_CAMERAS}")]
     TooMany {
-        /// How many.
+        /// Number of cameras.
         found: usize,
     },
     /// A name that would not be one line of a message.

@@ -24,7 +24,7 @@ pub enum DecodeError {
     /// Bytes are left over after the last row.
     #[error("{left} bytes left after the last row")]
     Trailing {
-        /// How many.
+        /// Number of bytes left.
         left: usize,
     },
     /// Another size than the camera's.
@@ -49,7 +49,7 @@ pub enum DecodeError {
     /// An integer is too long.
     #[error("a number of row {row} is larger than any column")]
     Number {
-        /// Which row.
+        /// Index of the row.
         row: u32,
     },
     /// Runs that make no silhouette.

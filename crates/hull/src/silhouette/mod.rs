@@ -67,7 +67,7 @@ pub enum SilhouetteError {
     /// A row's runs are empty, out of order, touching, or off the image.
     #[error("row {row} holds run {start}..{end} after column {after} in an image {width} wide")]
     Run {
-        /// Which row.
+        /// Index of the row.
         row: u32,
         /// First column of the offending run.
         start: u32,

@@ -22,7 +22,7 @@ use crate::contact::{BodyContacts, Eye, SurfaceContact, contacts, depth_m, norma
 use crate::faces::FaceNormals;
 use crate::pass::{BodyPlanes, SamplePlane};
 use motion::{Estimate, Motion, Place, Row};
-use still::Beliefs;
+use still::PlaneFilter;
 
 pub use shift::{Occupancy, grid, shift_m};
 
@@ -158,11 +158,12 @@ pub struct BodySurface {
     estimate: Estimate,
     /// How far the surface moved before a frame, if it moved far, world, metres.
     shift: Option<(u64, Vector3<f64>)>,
-    beliefs: Beliefs,
+    filter: PlaneFilter,
 }
 
 impl BodySurface {
-    /// What to ask about a body whose samples and feelers are `probes`: what was asked before, while its planes hold.
+    /// What to ask about a body whose samples and offset samples are `probes`: what was asked before, while its planes
+    /// hold.
     pub fn pose_to_ask(&mut self, at: FrameAge, present: &Pose, probes: &Shape) -> PoseToAsk {
         let pose = self.against_surface(present, at);
         let back_m = self.back_m.take();
@@ -184,7 +185,7 @@ impl BodySurface {
     /// Where to look for how far the surface moved since the frame before: about what was found inside of a body that touched
     /// nothing, if that may have come fast. `None` where it need not be known, or is.
     pub fn place_to_look(&self, at: FrameAge, planes: &BodyPlanes, body: &Sampled<'_>) -> Option<Pose> {
-        let (_, asked) = self.asked.filter(|_| self.is_new && self.beliefs.is_empty() && !at.is_still)?;
+        let (_, asked) = self.asked.filter(|_| self.is_new && self.filter.is_empty() && !at.is_still)?;
         if self.shift_at(at).is_some() {
             return None;
         }
@@ -217,8 +218,8 @@ impl BodySurface {
         self.shift.filter(|(frame, _)| *frame == at.frame).map(|(_, shift_m)| shift_m)
     }
 
-    /// The contacts of a body with the planes found for its samples and feelers, and around it, where body and surface
-    /// are now. `eyes` are those of the rig's cameras.
+    /// The contacts of a body with the planes found for its samples and offset samples, and around it, where body and
+    /// surface are now. `eyes` are those of the rig's cameras.
     pub fn contacts(
         &mut self,
         at: FrameAge,
@@ -231,12 +232,12 @@ impl BodySurface {
         }
         let pose = self.against_surface(body.pose, at);
         let place = body.place_at(&pose);
-        let contact = |believed: &SurfaceContact| {
-            let depth_m = believed.depth_at_m(&place(believed.sample), eyes)?;
-            let is_contact = believed.is_near(depth_m, &pose, body.faces);
-            is_contact.then(|| against_face(believed, depth_m, &pose, body.faces))
+        let contact = |filtered: &SurfaceContact| {
+            let depth_m = filtered.depth_at_m(&place(filtered.sample), eyes)?;
+            let is_contact = filtered.is_near(depth_m, &pose, body.faces);
+            is_contact.then(|| against_face(filtered, depth_m, &pose, body.faces))
         };
-        let mut contacts: Vec<SurfaceContact> = self.beliefs.contacts().filter_map(contact).collect();
+        let mut contacts: Vec<SurfaceContact> = self.filter.contacts().filter_map(contact).collect();
         level::level(&mut contacts, &place, eyes);
         if at.is_still {
             contacts.iter_mut().for_each(|contact| *contact = contact.at_rest());
@@ -268,10 +269,10 @@ impl BodySurface {
         if back_m.is_none() && self.came_fast(at, body, planes, &seen) {
             return;
         }
-        self.beliefs.take(&seen, self.moved_m, slides, place, is_contact, eyes);
+        self.filter.update(&seen, self.moved_m, slides, place, is_contact, eyes);
         // What comes fast is met where it is now, not where it would be had it stood still.
-        let believed: Vec<SurfaceContact> = self.beliefs.contacts().copied().collect();
-        self.velocity_m_s = if at.is_still { Vector3::zeros() } else { velocity_m_s(&believed) };
+        let filtered: Vec<SurfaceContact> = self.filter.contacts().copied().collect();
+        self.velocity_m_s = if at.is_still { Vector3::zeros() } else { velocity_m_s(&filtered) };
     }
 
     /// Whether a body that touched nothing before is to be asked about once more: a fast surface has reached it.
@@ -284,7 +285,7 @@ impl BodySurface {
     ) -> bool {
         let count = body.shape.samples_body().len();
         let is_inside = planes.samples.first().is_some_and(|found| (found.sample as usize) < count);
-        if self.has_waited || !self.beliefs.is_empty() || !is_inside {
+        if self.has_waited || !self.filter.is_empty() || !is_inside {
             return false;
         }
         let moved_m = self.estimate.motion().map(|motion| motion.moved_m(&Vector3::zeros()));
@@ -320,7 +321,7 @@ impl BodySurface {
         eyes: &[Eye],
     ) -> bool {
         // What touched before goes on as it did.
-        let is_first = self.beliefs.is_empty();
+        let is_first = self.filter.is_empty();
         if seen.is_empty() && (planes.samples.is_empty() || !is_first) {
             self.estimate = Estimate::default();
             return false;

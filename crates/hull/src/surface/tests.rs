@@ -30,8 +30,8 @@ fn pose(height_m: f64) -> Pose {
     Pose::new([0.0, height_m, 0.0], [0.0, 0.0, 0.0, 1.0]).expect("a pose")
 }
 
-/// Planes for every sample and its feeler, of a surface at that height below the middle of the body that rises so far
-/// in a frame.
+/// Planes for every sample and its offset sample, of a surface at that height below the middle of the body that rises
+/// so far in a frame.
 fn planes(height_m: f64, moved_m: f64) -> BodyPlanes {
     let eye = eyes()[0].centre_world;
     let normal = Vector3::new(height_m - eye.y, eye.x, 0.0).normalize();

@@ -36,9 +36,9 @@ pub enum ReadProblem {
     /// A record that claims to be too large to be read.
     #[error("a record claims {found} bytes, expected at most {most}")]
     RecordSize {
-        /// So many bytes.
+        /// The size that the record claims, bytes.
         found: u64,
-        /// Instead of so many.
+        /// The largest size that is read, bytes.
         most: u64,
     },
     /// A chunk or record that MCAP does not allow.

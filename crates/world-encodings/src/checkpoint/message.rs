@@ -87,7 +87,7 @@ pub struct Body {
 /// How heavy a body is.
 #[derive(Clone, Copy, PartialEq, Oneof)]
 pub enum Mass {
-    /// So many kilograms.
+    /// The mass, kg.
     #[prost(double, tag = "8")]
     Kg(f64),
     /// A density, kg/m³.

@@ -8,7 +8,7 @@ use thiserror::Error;
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{message}: {problem}")]
 pub struct ConvertError {
-    /// Which message.
+    /// Name of the message type.
     pub message: &'static str,
     /// What was found and expected.
     pub problem: String,

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use camera_node::source::MaskFiles;
-use clap::{Args, ValueEnum};
+use clap::Args;
 use hull::cull::hull_box;
 use hull::pass::{BodyResult, PaperResult, Pass};
 use hull::question::Answer;
@@ -19,7 +19,9 @@ use hull::view_set::Scratch;
 use hull::{Observer, Rig, Silhouette, View, ViewSet};
 
 use points::PointsFile;
-use setup::cli::{Failure, Outcome, check_json_writable, outln, while_working, write_whole};
+use setup::cli::{
+    Failure, NamedValue, Outcome, check_json_writable, named, outln, while_working, write_whole,
+};
 
 /// Answers a file of points against silhouettes from files.
 #[derive(Debug, Args)]
@@ -40,8 +42,8 @@ pub struct QueryArguments {
     #[arg(long, value_name = "FILE")]
     points: PathBuf,
     /// How a camera classifies a point that it does not see.
-    #[arg(long, value_enum, default_value = "outside")]
-    out_of_view: OutOfViewChoice,
+    #[arg(long, value_parser = named(OUT_OF_VIEW), default_value = "outside")]
+    out_of_view: OutOfView,
     /// How many cameras must classify a point as inside.
     #[arg(long, value_name = "N", default_value_t = HullRule::default().min_views)]
     min_views: u32,
@@ -62,13 +64,11 @@ pub struct QueryArguments {
     json: PathBuf,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum OutOfViewChoice {
-    /// Outside: the paper's bounding frusta.
-    Outside,
-    /// Nothing: cameras that do not see the point have no vote.
-    Abstain,
-}
+/// How a camera classifies a point that it does not see.
+const OUT_OF_VIEW: [NamedValue<OutOfView>; 2] = [
+    ("outside", OutOfView::Outside, "Outside: the paper's bounding frusta"),
+    ("abstain", OutOfView::Abstain, "Nothing: cameras that do not see the point have no vote"),
+];
 
 /// One query, read and checked: nothing of it can be wrong any more.
 struct Query {
@@ -109,11 +109,7 @@ pub fn run(arguments: &QueryArguments) -> Outcome {
 
 impl Query {
     fn read(arguments: &QueryArguments) -> Outcome<Query> {
-        let out_of_view = match arguments.out_of_view {
-            OutOfViewChoice::Outside => OutOfView::Outside,
-            OutOfViewChoice::Abstain => OutOfView::Abstain,
-        };
-        let rule = HullRule { out_of_view, min_views: arguments.min_views };
+        let rule = HullRule { out_of_view: arguments.out_of_view, min_views: arguments.min_views };
         let settings = ProbeSettings::new(rule, arguments.normal_window, arguments.max_depth)
             .map_err(|error| Failure::input(format_args!("options: {error}")))?;
         let rig = read_rig(&arguments.rig)?;

@@ -14,7 +14,7 @@ pub struct Room {
 
 /// What one node said.
 pub struct NodeSample {
-    /// Who was asked.
+    /// The node that was asked.
     pub node: ExpectedNode,
     /// What it said, or why it did not.
     pub found: Result<NodeReport, NodeError>,

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use calib::sync::TimedSilhouette;
 use camera_node::source::{MaskFiles, usual_distance};
-use coordinator::MemoryUse;
+use coordinator::{AskEvery, MemoryUse};
 use hull::{Camera, Rig};
 use node_client::{Role, Sockets};
 use proto::convert::{SilhouetteEncoding, silhouette_from_data};
@@ -18,7 +18,7 @@ use sim::{Scene, WorldSettings};
 
 use crate::command::query::masks;
 use crate::run::options::{Outlets, RecordTo};
-use crate::run::run_setup::{AskName, Setup, TransportName};
+use crate::run::run_setup::{Setup, TransportName};
 use crate::run::security::SecurityArguments;
 use crate::run::{run_deployed, run_locally};
 
@@ -151,7 +151,7 @@ fn setup(cluster: &ClusterFile, seconds: f64, take_over: bool, path: &Path) -> O
         scene: Scene::from_toml("empty", "").map_err(Failure::run)?,
         world: WorldSettings::default(),
         transport: TransportName::Cluster,
-        asks: AskName::default().into(),
+        asks: AskEvery::default(),
         lock_step: !is_live,
         role: if take_over { Role::TakesOver } else { Role::Leads },
         dial: Arc::new(Sockets::default()),

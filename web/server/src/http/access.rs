@@ -1,6 +1,6 @@
 //! Who may look and who may steer.
 //!
-//! Everybody who reaches the port may look; a client with the token may steer. A page of another site, in a
+//! Every client that reaches the port may look; a client with the token may steer. A page of another site, in a
 //! browser on this machine, reaches loopback ports too, and by a name that its owner points here (DNS
 //! rebinding) even as its own: so on a loopback port only loopback names are answered, and WebSockets only
 //! for pages of this very server.

@@ -1,4 +1,5 @@
-//! What contacts ask for: the planes of the surface near the samples of bodies, their feelers, and points around them.
+//! What contacts ask for: the planes of the surface near the samples of bodies, their offset samples, and
+//! points around them.
 
 mod result;
 mod speculation;
@@ -60,7 +61,7 @@ fn plane(found: &FoundSample) -> SamplePlane {
 impl Pass {
     /// The classes are known: says which planes are needed, and takes those that are.
     pub(super) fn begin_contacts(&mut self) {
-        self.drop_needless_feelers();
+        self.drop_needless_offset_samples();
         self.add_around();
         self.take_planes();
         self.skip_nearest_planes();
@@ -76,9 +77,9 @@ impl Pass {
         }
     }
 
-    /// A sample that is inside itself takes the plane where it is: its feeler's is not needed. Of a body that is
-    /// asked about back along its way no feeler's is.
-    fn drop_needless_feelers(&mut self) {
+    /// A sample that is inside itself takes the plane where it is: that of its offset sample is not needed. Of a body
+    /// that is asked about back along its way no offset sample's plane is.
+    fn drop_needless_offset_samples(&mut self) {
         let Response::Contacts(contacts) = &self.response else { return };
         for (body, of_contacts) in self.bodies.asked_mut().iter_mut().zip(&contacts.bodies) {
             let Some(count) = of_contacts.faces.as_ref().map(|faces| faces.sample_count() as u32) else {

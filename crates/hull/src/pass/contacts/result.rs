@@ -14,7 +14,7 @@ pub struct SamplePlane {
 /// What was found for one body.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BodyPlanes {
-    /// Of its samples and feelers inside the hull, ascending.
+    /// Of its samples and offset samples inside the hull, ascending.
     pub samples: Vec<SamplePlane>,
     /// Of points around it that have a plane near, if it touches and they were asked about.
     pub around: Vec<SamplePlane>,

@@ -33,14 +33,14 @@ pub async fn look(
     trust: &Trust,
     may_film: bool,
 ) -> Result<Vec<CameraFacts>, NoFilm> {
-    let (dial, films) = preparation(nodes, trust, may_film).map_err(NoFilm::NotTried)?;
+    let (dial, owner) = preparation(nodes, trust, may_film).map_err(NoFilm::NotTried)?;
     let is_live = file.cameras.iter().any(|camera| camera.source.is_live());
     let lasts = if is_live { LIVE } else { FILM };
     let clients = expected.iter().map(|node| StatusClient::new(node.clone(), Arc::clone(dial)));
     let looks = Looks { clients: clients.collect(), cameras: Vec::new() };
-    let looked = match films {
-        Films::Led => looks.watch(nodes, lasts).await,
-        Films::Ours => {
+    let looked = match owner {
+        RunOwner::LeaseHolder => looks.watch(nodes, lasts).await,
+        RunOwner::Doctor => {
             say_that_it_films(lasts);
             let agreement = Agreement::new(file.probes, file.fps, Vec::new()).dialling(Arc::clone(dial));
             looks.film(expected, nodes, agreement, lasts).await
@@ -49,20 +49,20 @@ pub async fn look(
     looked.map_err(NoFilm::Failed)
 }
 
-/// In whose run cameras film.
-enum Films {
-    /// In that of their lease holder.
-    Led,
-    /// In one of our own.
-    Ours,
+/// The program whose run the cameras film.
+enum RunOwner {
+    /// The coordinator that holds the leader lease of the nodes.
+    LeaseHolder,
+    /// This command: it starts a run of some seconds.
+    Doctor,
 }
 
-/// Over which sockets nodes are asked, and in whose run; or why cameras cannot be looked at.
+/// Over which sockets nodes are asked, and the owner of the run; or why cameras cannot be looked at.
 fn preparation<'a>(
     nodes: &[NodeFacts],
     trust: &'a Trust,
     may_film: bool,
-) -> Result<(&'a Arc<dyn Dial>, Films), String> {
+) -> Result<(&'a Arc<dyn Dial>, RunOwner), String> {
     if nodes.is_empty() {
         return Err("no node to ask".to_owned());
     }
@@ -78,13 +78,13 @@ fn preparation<'a>(
     let Some(dial) = &trust.dial else { return Err("nodes cannot be asked".to_owned()) };
     let mut holders = nodes.iter().filter_map(|node| node.report()?.status.holder.as_ref());
     if holders.any(|holder| holder.is_there) {
-        return Ok((dial, Films::Led));
+        return Ok((dial, RunOwner::LeaseHolder));
     }
     if !may_film || !trust.may_lead {
         let why = if may_film { "this certificate may not lead them" } else { "--no-film is given" };
         return Err(format!("no coordinator leads the nodes, so that no camera films, and {why}"));
     }
-    Ok((dial, Films::Ours))
+    Ok((dial, RunOwner::Doctor))
 }
 
 fn say_that_it_films(lasts: Duration) {
