@@ -16,7 +16,7 @@ use clap::{Parser, Subcommand};
 use setup::cli::{Failure, Outcome};
 
 use crate::command::{
-    certs, coordinator, demo, doctor, node, query, ready, record, replay, rig, status, sync,
+    certs, coordinator, demo, doctor, node, query, ready, record, replay, rig, sample, status, sync,
 };
 
 /// Virtual rigid bodies collide with people on film.
@@ -30,6 +30,7 @@ struct Arguments {
 #[derive(Debug, Subcommand)]
 enum Command {
     Demo(demo::DemoArguments),
+    Sample(sample::SampleArguments),
     Node(node::NodeArguments),
     Coordinator(coordinator::CoordinatorArguments),
     Record(record::RecordArguments),
@@ -48,6 +49,7 @@ pub fn main() -> ExitCode {
     let arguments = Arguments::parse();
     run_logged("hulltouch", || match arguments.command {
         Command::Demo(arguments) => demo::run(&arguments),
+        Command::Sample(arguments) => sample::run(&arguments),
         Command::Node(arguments) => node::run(&arguments),
         Command::Coordinator(arguments) => coordinator::run(&arguments),
         Command::Record(arguments) => record::run(arguments),

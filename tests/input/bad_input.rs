@@ -57,6 +57,27 @@ fn wrong_words_of_demo() {
 }
 
 #[test]
+fn wrong_words_of_sample_leave_no_file() {
+    let folder = tempfile::tempdir().expect("folder");
+    let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+    let (new, held, nowhere) = (path("new"), path("held"), path("none/new"));
+    check(&["sample", &new, "--cameras", "1"], 2, &["--cameras is 1, expected 2 to 64"]);
+    check(&["sample", &new, "--size", "640x48"], 2, &["--size is 640x48", "64x64 to 4096x4096 pixels"]);
+    check(&["sample", &new, "--seconds", "1e9"], 2, &["--seconds is 1000000000, expected 0.1 to 600"]);
+    check(&["sample", &new, "--fps", "0"], 2, &["--fps is 0, expected 1 to 1000"]);
+    check(&["sample", &nowhere], 2, &["cannot write", "none/new", "No such file"]);
+    std::fs::create_dir(&held).expect("made");
+    std::fs::write(path("held/mine.txt"), "").expect("written");
+    let found = "held: found a folder that holds \"mine.txt\", expected ";
+    check(&["sample", &held], 2, &[found, "a new or an empty folder"]);
+    check(&["sample", &held, "--force"], 2, &[found, "a sample that --force replaces"]);
+    let file = path("held/mine.txt");
+    check(&["sample", &file], 2, &["mine.txt: found a file, expected a new or an empty folder"]);
+    let left = std::fs::read_dir(folder.path()).expect("listed").flatten().map(|entry| entry.file_name());
+    assert_eq!(left.collect::<Vec<_>>(), ["held"]);
+}
+
+#[test]
 fn a_recording_that_cannot_be_written_is_refused_before_anything_starts() {
     let folder = tempfile::tempdir().expect("folder");
     let inside = folder.path().join("none/out.mcap");

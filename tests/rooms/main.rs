@@ -25,6 +25,7 @@ mod live_numbers;
 mod names;
 mod one_coordinator;
 mod pinned_memory;
+mod sample;
 mod status;
 mod traces;
 mod watched;

@@ -10,5 +10,6 @@ pub mod ready;
 pub mod record;
 pub mod replay;
 pub mod rig;
+pub mod sample;
 pub mod status;
 pub mod sync;
