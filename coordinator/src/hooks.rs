@@ -111,11 +111,13 @@ pub struct Scheduled {
     pub sees: Sees,
 }
 
-/// What a run follows instead of its followers: pause, resume and step are still taken, other orders
-/// refused.
+/// What a run follows instead of its followers: commands that say how it is played are still taken, other
+/// orders refused.
 pub trait Schedule: Send {
     /// The next step; `None` ends the run.
     fn next(&mut self) -> Option<Scheduled>;
+    /// The next step is the first again.
+    fn begin_again(&mut self);
 }
 
 impl Command {
@@ -124,8 +126,14 @@ impl Command {
         matches!(self, Command::TakeBackground { .. } | Command::RestoreBackground { .. })
     }
 
+    /// Whether it says when steps are made, and not what they do: a replay takes these commands and no others.
+    pub fn is_of_playback(&self) -> bool {
+        let is_of_replay = matches!(self, Command::Seek { .. } | Command::SetSpeed(_) | Command::SetLoop(_));
+        is_of_replay || matches!(self, Command::Pause | Command::Resume | Command::Step(_))
+    }
+
     /// Whether it changes what bodies there are, what they do, or which world it is.
     pub fn changes_world(&self) -> bool {
-        !matches!(self, Command::Pause | Command::Resume | Command::Step(_)) && !self.is_of_background()
+        !self.is_of_playback() && !self.is_of_background()
     }
 }

@@ -15,6 +15,7 @@ mod run;
 mod threads;
 mod transport;
 
+pub use crate::core::playback::PlaybackSettings;
 pub use crate::core::query::{self, AskEvery};
 pub use crate::core::roster;
 pub use figures::{

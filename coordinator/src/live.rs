@@ -14,7 +14,8 @@ pub use sim::{BodyId, HullPatch, Parameters};
 use tokio::sync::{mpsc, oneshot, watch};
 
 pub use crate::client::{Client, ClientKind, WeakClient};
-pub use crate::core::command::{Command, MAX_STEPS, MAX_WAITING, Outcome, Refusal};
+pub use crate::core::command::{Command, MAX_STEPS, MAX_WAITING, Outcome, Refusal, SPEEDS};
+pub use crate::core::playback::PlaybackStatus;
 
 /// So many resets may wait beyond [`MAX_WAITING`]: the way out of a world of too much must not be full of it.
 pub(crate) const RESETS_BEYOND: usize = 8;
@@ -169,6 +170,9 @@ pub struct RunStatus {
     pub blind_steps: u64,
     /// Steps that went on without some camera.
     pub reduced_steps: u64,
+    /// How a recording is played, if the run is a replay.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub replay: Option<PlaybackStatus>,
 }
 
 /// The end that steers and watches. Copies are cheap.
@@ -183,12 +187,14 @@ pub struct Follower {
     /// The run's figures, four times a second.
     pub status: watch::Receiver<Option<Arc<RunStatus>>>,
     watching: Arc<AtomicUsize>,
+    /// Pages among them.
+    pages: Arc<AtomicUsize>,
     is_steered: Arc<AtomicBool>,
 }
 
-/// Counts a follower, until dropped.
+/// Counts a follower, and a page also as such, until dropped.
 #[derive(Debug)]
-pub struct Watching(Arc<AtomicUsize>);
+pub struct Watching(Vec<Arc<AtomicUsize>>);
 
 /// The loop's end.
 #[derive(Debug)]
@@ -202,6 +208,7 @@ pub struct Live {
     /// The run's figures, four times a second.
     pub status: watch::Sender<Option<Arc<RunStatus>>>,
     watching: Arc<AtomicUsize>,
+    pages: Arc<AtomicUsize>,
 }
 
 /// Both ends.
@@ -210,7 +217,7 @@ pub fn live() -> (Live, Follower) {
     let (world, see_world) = watch::channel(None);
     let (scene, see_scene) = watch::channel(None);
     let (status, see_status) = watch::channel(None);
-    let watching = Arc::new(AtomicUsize::new(0));
+    let [watching, pages] = [(); 2].map(|()| Arc::new(AtomicUsize::new(0)));
     let follower = Follower {
         orders: order,
         client: Client::new(ClientKind::Program),
@@ -218,9 +225,10 @@ pub fn live() -> (Live, Follower) {
         scene: see_scene,
         status: see_status,
         watching: Arc::clone(&watching),
+        pages: Arc::clone(&pages),
         is_steered: Arc::default(),
     };
-    (Live { orders, world, scene, status, watching }, follower)
+    (Live { orders, world, scene, status, watching, pages }, follower)
 }
 
 impl Live {
@@ -228,13 +236,22 @@ impl Live {
     pub fn is_watched(&self) -> bool {
         self.watching.load(Ordering::Relaxed) > 0
     }
+
+    /// Whether a page is connected.
+    pub fn has_page(&self) -> bool {
+        self.pages.load(Ordering::Relaxed) > 0
+    }
 }
 
 impl Follower {
     /// The world is published for as long as what is returned lives.
     pub fn watch(&self) -> Watching {
-        self.watching.fetch_add(1, Ordering::Relaxed);
-        Watching(Arc::clone(&self.watching))
+        let pages = (self.client.kind() == ClientKind::Page).then(|| Arc::clone(&self.pages));
+        let counts: Vec<_> = std::iter::once(Arc::clone(&self.watching)).chain(pages).collect();
+        for count in &counts {
+            count.fetch_add(1, Ordering::Relaxed);
+        }
+        Watching(counts)
     }
 
     /// Whether no client has asked for anything yet; from now on one has.
@@ -274,7 +291,9 @@ impl Follower {
 
 impl Drop for Watching {
     fn drop(&mut self) {
-        self.0.fetch_sub(1, Ordering::Relaxed);
+        for count in &self.0 {
+            count.fetch_sub(1, Ordering::Relaxed);
+        }
     }
 }
 
@@ -326,5 +345,16 @@ mod tests {
         assert!(live.is_watched());
         drop(watching);
         assert!(!live.is_watched());
+    }
+
+    #[test]
+    fn pages_are_counted_among_those_who_watch() {
+        let (live, follower) = live();
+        let program = follower.watch();
+        assert!(live.is_watched() && !live.has_page());
+        let page = follower.for_client(Client::new(ClientKind::Page)).watch();
+        assert!(live.has_page());
+        drop((program, page));
+        assert!(!live.is_watched() && !live.has_page());
     }
 }

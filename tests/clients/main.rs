@@ -5,6 +5,7 @@ mod demo;
 
 mod examples;
 mod page;
+mod playback;
 mod programs;
 mod recording;
 mod steering;

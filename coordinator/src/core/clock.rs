@@ -52,13 +52,15 @@ pub(crate) struct Clock {
     pub passed_s: f64,
     /// A run that follows a schedule has its film times from there, so that its pauses shift them all.
     pub shifted_s: f64,
+    /// Seconds of film in a second: not 1 only in a replay.
+    pub speed: f64,
 }
 
 impl Clock {
     /// A clock of nodes that keep so much film, seconds.
     pub fn new(pace: Pace, latency: FilmLatency, kept_s: f64) -> Clock {
         let (slipped_s, passed_s, shifted_s) = (0.0, 0.0, 0.0);
-        Clock { pace, latency, kept_s, catches_up: false, slipped_s, passed_s, shifted_s }
+        Clock { pace, latency, kept_s, catches_up: false, slipped_s, passed_s, shifted_s, speed: 1.0 }
     }
 
     /// The first step is about to be made: if there is film, what nodes still keep of it is made good.
@@ -75,7 +77,7 @@ impl Clock {
 
     /// How long ago the step of a film time was due; negative before.
     fn lag_s(&self, film_s: f64, now: Now) -> f64 {
-        self.film_now_s(now) - (film_s + self.latency.now_s() + self.shifted_s)
+        self.film_now_s(now) - (film_s / self.speed + self.latency.now_s() + self.shifted_s)
     }
 
     /// How long ago a frame was captured, seconds. In lock-step film has no time: by the wall clock of where that was.
@@ -134,6 +136,11 @@ impl Clock {
     /// The same where film times are given: they are due later from now on.
     pub fn shift(&mut self, film_s: f64, now: Now) {
         self.shifted_s += self.lag_s(film_s, now).max(0.0);
+    }
+
+    /// Where film times are given: this one is due now, and the others before and after it.
+    pub fn play_from(&mut self, film_s: f64, now: Now) {
+        self.shifted_s += self.lag_s(film_s, now);
     }
 }
 

@@ -1,6 +1,7 @@
 //! What may be asked of a run, and why it does nothing.
 
 use std::error::Error;
+use std::ops::RangeInclusive;
 
 use film_time::BACKGROUND_S;
 use sim::{BodyId, BodySpec, Parameters, Scene, WorldSnapshot};
@@ -17,6 +18,15 @@ pub enum Command {
     Resume,
     /// So many steps, and paused again: answered at once; the world's state shows when they are made.
     Step(u32),
+    /// Of a replay: the world as it was at a film time. Answered at once; the world's state shows when it is there.
+    Seek {
+        /// Film time, seconds.
+        film_s: f64,
+    },
+    /// Of a replay: so many seconds of film go by in a second.
+    SetSpeed(f64),
+    /// Of a replay: whether it begins again at its end.
+    SetLoop(bool),
     /// The scene from its start, with its seed.
     Reset,
     /// Another scene from its start, under the gravity of this one: the rig's up is the same.
@@ -84,6 +94,9 @@ pub enum Outcome {
 /// The most steps that one command makes: a quarter of an hour.
 pub const MAX_STEPS: u32 = 100_000;
 
+/// How fast a recording may be played, seconds of film in a second.
+pub const SPEEDS: RangeInclusive<f64> = 0.1..=10.0;
+
 /// Why a command did nothing.
 #[derive(Debug, Error)]
 pub enum Refusal {
@@ -123,8 +136,25 @@ pub enum Refusal {
     #[error("a background is being taken already: wait until it is there")]
     BackgroundBusy,
     /// The run follows a recording.
-    #[error("this run follows a recording, which others steered: pause, resume or step")]
+    #[error("this run follows a recording, which others steered: pause, resume, step, seek, speed or loop")]
     Replay,
+    /// The run follows no recording.
+    #[error("this run is no replay: only a recording can be sought, looped or played at another speed")]
+    NoReplay,
+    /// A film time that the recording has not.
+    #[error("a seek to {found_s} s, expected 0 to {length_s:.3} s: the recording is so long")]
+    Seek {
+        /// The film time that was sought, seconds.
+        found_s: f64,
+        /// The length of the recording, seconds.
+        length_s: f64,
+    },
+    /// Too slow or too fast.
+    #[error("a speed of {found}, expected {} to {}", SPEEDS.start(), SPEEDS.end())]
+    Speed {
+        /// The speed that was asked for.
+        found: f64,
+    },
     /// Another coordinator leads the run.
     #[error("this coordinator observes the run of another, which alone steers it")]
     Observes,

@@ -8,6 +8,7 @@ pub(crate) mod clock;
 pub(crate) mod command;
 pub(crate) mod holds;
 pub(crate) mod latency;
+pub(crate) mod playback;
 pub mod query;
 #[cfg(test)]
 pub(crate) mod room;

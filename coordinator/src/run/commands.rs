@@ -90,8 +90,7 @@ impl Coordinator {
             tokio::spawn(async move { reply.send(backgrounds.await) });
             return;
         }
-        let steers = matches!(command, Command::Pause | Command::Resume | Command::Step(_));
-        let outcome = if self.script.schedule.is_some() && !steers {
+        let outcome = if self.script.schedule.is_some() && !command.is_of_playback() {
             Err(Refusal::Replay)
         } else {
             self.carry_out_for(&client, command).await
@@ -152,13 +151,18 @@ impl Coordinator {
 
     fn publish_change(&mut self, change: Change) {
         if change == Change::World {
-            self.publisher.generation += 1;
-            self.holds.clear();
-            self.publisher.view.forget_bodies();
+            self.begin_generation();
         }
         if change != Change::State {
             self.publish_scene();
         }
+    }
+
+    /// Another world has begun.
+    pub(super) fn begin_generation(&mut self) {
+        self.publisher.generation += 1;
+        self.holds.clear();
+        self.publisher.view.forget_bodies();
     }
 
     /// Puts the scene's start in the place of a world whose steps cannot be made: whatever made it so, the room goes on.

@@ -7,6 +7,7 @@ mod metrics;
 mod observe;
 mod publish;
 mod remember;
+mod replay;
 mod watch;
 
 use std::collections::{HashSet, VecDeque};
@@ -15,15 +16,16 @@ use std::time::Duration;
 
 use film_time::FilmState;
 use hull::Observer;
-use sim::World;
+use sim::{Scene, World, WorldSettings};
 use thiserror::Error;
 use tokio::time::Instant;
 
 use crate::core::clock::Now;
 use crate::core::holds::Holds;
+use crate::core::playback::{Playback, PlaybackSettings};
 use crate::core::run::{Action, CannotGoOn, Run};
 use crate::figures::Figures;
-use crate::hooks::{AlterResponse, EndRecord, Recorder, Schedule, Scheduled};
+use crate::hooks::{AlterResponse, EndRecord, Recorder, Schedule};
 use crate::live::{Command, Live, Order, Refusal};
 use crate::memory::{Memory, MemoryUse};
 use crate::roster::WaitError;
@@ -115,6 +117,8 @@ struct Script {
     /// The commands before its next step, until they are done.
     commands: Option<Vec<Command>>,
     alter: Option<AlterResponse>,
+    /// What the world of a recording began as.
+    beginning: Option<(Scene, WorldSettings)>,
 }
 
 /// Who keeps the run, and the commands since the last step that it has not received.
@@ -170,6 +174,14 @@ impl Coordinator {
     /// Follows a schedule: it decides what every step sees and what comes before it.
     pub fn with_schedule(mut self, schedule: Box<dyn Schedule>) -> Coordinator {
         self.script.schedule = Some(schedule);
+        self
+    }
+
+    /// Lets followers seek in a schedule that has an end, and play it again.
+    pub fn with_playback(mut self, settings: PlaybackSettings) -> Coordinator {
+        let world = &self.run.world;
+        self.script.beginning = Some((world.scene().clone(), *world.settings()));
+        self.run.playback = Some(Playback::new(settings));
         self
     }
 
@@ -232,7 +244,7 @@ impl Coordinator {
     /// One step, or a while of waiting while there is none to make; false at the end of film or time.
     async fn turn(&mut self, watcher: &mut dyn Watcher) -> Result<bool, RunError> {
         self.remember();
-        if !self.follow_schedule() {
+        if !self.follow_schedule().await? {
             return Ok(false);
         }
         if let Some(held) = self.transport.roster().displaced() {
@@ -244,10 +256,19 @@ impl Coordinator {
                 Action::Wait { at_most_s } => {
                     self.transport.next_within(Duration::from_secs_f64(at_most_s)).await;
                     self.transport.drain();
+                    if self.run.playback.is_some() {
+                        self.take_orders().await;
+                        if self.run.puts_off_step() {
+                            return Ok(true);
+                        }
+                    }
                 }
                 Action::TakeOrders => {
                     self.take_orders().await;
-                    if !self.run.steering.is_paused() {
+                    if self.run.puts_off_step() {
+                        return Ok(true);
+                    }
+                    if !self.run.stands() {
                         self.follow_commands().await?;
                     }
                     self.transport.drain();
@@ -274,15 +295,5 @@ impl Coordinator {
                 Action::End => return Ok(false),
             }
         }
-    }
-
-    /// Takes the next step of a schedule, if there is one; false at its end.
-    fn follow_schedule(&mut self) -> bool {
-        let Some(schedule) = &mut self.script.schedule else { return true };
-        if self.run.sees.is_none() {
-            let Some(Scheduled { commands, sees }) = schedule.next() else { return false };
-            (self.run.sees, self.script.commands) = (Some(sees), Some(commands));
-        }
-        true
     }
 }

@@ -9,6 +9,7 @@ use sim::{Body, BodyId, BodyResponse};
 use super::Coordinator;
 use super::now;
 use super::watch::RecentFigures;
+use crate::core::playback::Playback;
 use crate::figures::Progress;
 use crate::live::{BodyLook, BodyState, CameraStatus, Live, RunStatus, SceneState, TouchPoint, WorldState};
 use crate::metrics::MetricsSender;
@@ -30,6 +31,8 @@ pub(super) struct Publisher {
     /// Since the last report.
     pub recent: RecentFigures,
     scene_version: u64,
+    /// Bodies have changed while a film time was sought, and followers have not received them.
+    is_scene_late: bool,
     /// Of each camera, whether it was said that it films out of step.
     unsynced: Vec<bool>,
 }
@@ -87,8 +90,11 @@ impl Coordinator {
         (view.bodies, view.touches) = (responses, touches);
     }
 
-    /// Publishes the world as it is.
+    /// Publishes the world as it is, but none on the way to a film time that is sought.
     pub(super) fn publish_world(&self) {
+        if self.run.is_seeking() {
+            return;
+        }
         // A world that stands still is published for followers that come later.
         let is_seen = |live: &&Live| live.is_watched() || self.run.steering.is_paused();
         let Some(live) = self.publisher.live.as_ref().filter(is_seen) else { return };
@@ -139,6 +145,10 @@ impl Coordinator {
     /// Hands out bodies and parameters, watched or not: they change seldom.
     pub(super) fn publish_scene(&mut self) {
         let publisher = &mut self.publisher;
+        publisher.is_scene_late = self.run.is_seeking();
+        if publisher.is_scene_late {
+            return;
+        }
         let Some(live) = &publisher.live else { return };
         publisher.scene_version += 1;
         let (world, scene) = (&self.run.world, self.run.world.scene());
@@ -160,6 +170,13 @@ impl Coordinator {
         })));
     }
 
+    /// Publishes bodies that have changed on the way to a film time, once that is reached.
+    pub(super) fn publish_late_scene(&mut self) {
+        if self.publisher.is_scene_late {
+            self.publish_scene();
+        }
+    }
+
     pub(super) fn publish_status(&mut self, progress: Progress) {
         let cameras = self.camera_status();
         self.warn_unsynced(&cameras);
@@ -173,6 +190,7 @@ impl Coordinator {
             late_steps: self.run.figures.counts.misses.late_steps,
             blind_steps: self.run.figures.counts.misses.blind_steps(),
             reduced_steps: self.run.figures.counts.misses.reduced_steps,
+            replay: self.run.playback.as_ref().map(Playback::status),
         })));
     }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use clap::Args;
-use coordinator::{GoingOn, MemoryUse, Transport};
+use coordinator::{GoingOn, MemoryUse, PlaybackSettings, Transport};
 use node_client::Role;
 use recording::{Recording, StepCheck};
 use serde_json::{Value, json};
@@ -23,6 +23,7 @@ use crate::run::security::ConsentArguments;
 #[derive(Debug, Args)]
 #[command(after_help = "\
     Example:\n  \
+    hulltouch replay out.mcap\n  \
     hulltouch replay out.mcap --unpaced --snapshot pics")]
 pub struct ReplayArguments {
     /// The recording.
@@ -30,13 +31,16 @@ pub struct ReplayArguments {
     /// As fast as it goes, instead of in real time.
     #[arg(long)]
     unpaced: bool,
+    /// End with the recording, also while a page is open.
+    #[arg(long)]
+    once: bool,
     #[command(flatten)]
     outlets: OutletArguments,
     #[command(flatten)]
     consent: ConsentArguments,
 }
 
-/// Replays to the end, or Ctrl-C.
+/// Replays to the end, or Ctrl-C. While a page is open a replay in real time stays at the end.
 pub fn run(arguments: &ReplayArguments) -> Outcome {
     let recording = Recording::open(&arguments.file).map_err(Failure::input)?;
     if let Some(cut_off) = recording.cut_off() {
@@ -53,12 +57,16 @@ pub fn run(arguments: &ReplayArguments) -> Outcome {
         observers: header.observers(),
         recorder: Some(check.recorder()),
         schedule: Some(Box::new(steps)),
+        playback: Some(PlaybackSettings {
+            length_s: recording.length_s(),
+            stays: !arguments.unpaced && !arguments.once,
+        }),
         file: None,
         page: Some(PageSource {
             pictures: Box::new(move || Arc::new(pictures)),
             ignored: header.ignored.clone(),
             has_colour: recording.has_colour(),
-            is_replay: true,
+            length_s: Some(recording.length_s()),
         }),
         connect_timeout: Duration::ZERO,
     };

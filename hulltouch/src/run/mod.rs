@@ -119,6 +119,7 @@ fn run(
         observers: cameras.observers(),
         recorder: None,
         schedule: None,
+        playback: None,
         file: None,
         page: Some(page),
         connect_timeout,

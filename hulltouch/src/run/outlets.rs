@@ -29,8 +29,8 @@ pub struct PageSource {
     pub ignored: Vec<Option<Silhouette>>,
     /// Whether any of it has colours.
     pub has_colour: bool,
-    /// Whether it is a recording that is shown.
-    pub is_replay: bool,
+    /// Film time of the last step of the recording that is shown, seconds, if one is.
+    pub length_s: Option<f64>,
 }
 
 impl PageSource {
@@ -44,7 +44,7 @@ impl PageSource {
             pictures: Box::new(move || pictures()),
             ignored: cameras.iter().map(|camera| camera.ignored.clone()).collect(),
             has_colour: cameras.iter().any(|camera| !camera.source.gives_masks()),
-            is_replay: false,
+            length_s: None,
         }
     }
 }
@@ -79,8 +79,9 @@ fn serve_page(setup: &Setup, plan: &PagePlan, follower: Follower, source: PageSo
         up: setup.scene.up(),
         floor_m: setup.scene.floor().map(|floor| floor.height_m),
         has_colour: source.has_colour,
-        is_replay: source.is_replay,
-        film_waits: setup.lock_step || source.is_replay,
+        is_replay: source.length_s.is_some(),
+        length_s: source.length_s,
+        film_waits: setup.lock_step || source.length_s.is_some(),
         insecure: plan.insecure.clone(),
     };
     let feed = Feed::start(&plan.feed, info, follower, source.pictures).map_err(|error| match error {

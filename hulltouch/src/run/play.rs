@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use coordinator::hooks::{Recorder, Schedule};
 use coordinator::metrics::MetricsSender;
-use coordinator::{Coordinator, Figures, Placement, RunError, RunSettings, Transport};
+use coordinator::{Coordinator, Figures, Placement, PlaybackSettings, RunError, RunSettings, Transport};
 use hull::Observer;
 use node_client::Role;
 use recording::{Recorded, RecordingFile, WriteError};
@@ -33,6 +33,8 @@ pub struct RunPlan {
     pub recorder: Option<Box<dyn Recorder>>,
     /// The steps to follow.
     pub schedule: Option<Box<dyn Schedule>>,
+    /// How these steps are played, if they are a recording's.
+    pub playback: Option<PlaybackSettings>,
     /// The file that the recorder fills.
     pub file: Option<RecordingFile>,
     /// What a page shows of the cameras; without it no page is served.
@@ -63,7 +65,7 @@ pub fn play(
     plan: RunPlan,
     transport: impl FnOnce(&World, Placement) -> Transport,
 ) -> Outcome<RunOutcome> {
-    let RunPlan { observers, recorder, schedule, file, page, connect_timeout } = plan;
+    let RunPlan { observers, recorder, schedule, playback, file, page, connect_timeout } = plan;
     let world = World::new(&setup.scene, setup.world).map_err(Failure::input)?;
     // In one process there are no connections to nodes.
     let asks_nodes = setup.transport != TransportName::Inprocess;
@@ -102,6 +104,9 @@ pub fn play(
         }
         if let Some(schedule) = schedule {
             coordinator = coordinator.with_schedule(schedule);
+        }
+        if let Some(playback) = playback {
+            coordinator = coordinator.with_playback(playback);
         }
         let run = match setup.role {
             Role::Observes => coordinator.observe(&mut console, stop).await,

@@ -1,6 +1,8 @@
 //! Commands as JSON objects.
 
-use coordinator::live::{BodyId, Command, Parameters};
+use std::ops::RangeInclusive;
+
+use coordinator::live::{BodyId, Command, Parameters, SPEEDS};
 use serde_json::{Map, Value};
 use sim::{BodyRequest, BodySpec, FRICTION, RESTITUTION, Scene};
 
@@ -8,8 +10,10 @@ use crate::fields::{Fields, InputError, wrong};
 
 /// The keys of every command beside its own.
 const ENVELOPE: [&str; 3] = ["op", "id", "command"];
-const COMMANDS: &str = "pause, resume, step, reset, choose, spawn, remove, push, grab, release, set, undo or \
-    take_background";
+const COMMANDS: &str = "pause, resume, step, reset, choose, spawn, remove, push, grab, release, set, undo, \
+    take_background, seek, speed or loop";
+/// Film times of a recording, seconds; how long it is, the run knows.
+const FILM_S: RangeInclusive<f64> = 0.0..=1e9;
 
 /// A command and the number that its answer carries.
 #[derive(Clone, Debug, PartialEq)]
@@ -100,6 +104,18 @@ fn command(name: &str, fields: &Fields<'_>) -> Result<Command, InputError> {
                 allow_foreground: fields.optional("allow_foreground", Fields::truth)?.unwrap_or(false),
             }
         }
+        "seek" => {
+            only(&["film_s"])?;
+            Command::Seek { film_s: fields.number("film_s", FILM_S)? }
+        }
+        "speed" => {
+            only(&["factor"])?;
+            Command::SetSpeed(fields.number("factor", SPEEDS)?)
+        }
+        "loop" => {
+            only(&["on"])?;
+            Command::SetLoop(fields.truth("on")?)
+        }
         _ => return Err(wrong("command", &name.into(), COMMANDS)),
     })
 }
@@ -174,6 +190,9 @@ mod tests {
         assert_eq!(ok(set), Command::Set(expected));
         let background = json!({"command": "take_background", "seconds": 2.5});
         assert_eq!(ok(background), Command::TakeBackground { seconds: 2.5, allow_foreground: false });
+        assert_eq!(ok(json!({"command": "seek", "film_s": 2.5})), Command::Seek { film_s: 2.5 });
+        assert_eq!(ok(json!({"command": "speed", "factor": 4})), Command::SetSpeed(4.0));
+        assert_eq!(ok(json!({"command": "loop", "on": true})), Command::SetLoop(true));
         let background = json!({"command": "take_background", "seconds": 2.5, "allow_foreground": true});
         assert_eq!(ok(background), Command::TakeBackground { seconds: 2.5, allow_foreground: true });
     }
@@ -251,6 +270,14 @@ mod tests {
                 json!({"command": "take_background", "seconds": 31}),
                 "take_background.seconds is 31, expected a number from 0.2 to 30",
             ),
+            (json!({"command": "seek", "film_s": -0.5}), "seek.film_s is -0.5, expected a number from 0 to"),
+            (json!({"command": "seek", "film_s": null}), "seek.film_s is null, expected a number from 0 to"),
+            (json!({"command": "seek"}), "seek.film_s is missing"),
+            (
+                json!({"command": "speed", "factor": 11}),
+                "speed.factor is 11, expected a number from 0.1 to 10",
+            ),
+            (json!({"command": "loop", "on": 1}), "loop.on is 1, expected true or false"),
             (
                 json!({"command": "spawn", "position": [0, 0, 0], "shape": {"ball": {"radius": 90}}}),
                 "spawn.shape.ball.radius: 90",

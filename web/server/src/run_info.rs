@@ -31,8 +31,10 @@ pub struct RunInfo {
     pub floor_m: Option<f64>,
     /// Whether any camera films in colour.
     pub has_colour: bool,
-    /// Whether a recording is replayed: then only pause, resume and step are taken.
+    /// Whether a recording is replayed: then only commands that say how it is played are taken.
     pub is_replay: bool,
+    /// Film time of the recording's last step, seconds, if one is replayed.
+    pub length_s: Option<f64>,
     /// Whether film waits while the run is paused, so that each step sees the film that belongs to it. Live film goes by.
     pub film_waits: bool,
     /// What is not encrypted though others may be on the way, in words; `None`: nothing.
@@ -146,6 +148,7 @@ pub(crate) mod tests {
             floor_m: Some(0.0),
             has_colour: true,
             is_replay: false,
+            length_s: None,
             film_waits: false,
             insecure: None,
         }

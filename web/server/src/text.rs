@@ -21,7 +21,7 @@ pub const VERSION: u8 = 1;
 pub fn hello(info: &RunInfo, volume: &Volume, session: &str, is_controller: bool) -> String {
     let rule = info.probes.rule();
     let cameras = info.rig.cameras().iter().zip(&info.ignored);
-    json!({
+    let mut hello = json!({
         "op": "hello",
         "version": VERSION,
         "program": env!("CARGO_PKG_VERSION"),
@@ -47,8 +47,11 @@ pub fn hello(info: &RunInfo, volume: &Volume, session: &str, is_controller: bool
         "replay": info.is_replay,
         "film_waits": info.film_waits,
         "insecure": info.insecure,
-    })
-    .to_string()
+    });
+    if let Some(length_s) = info.length_s {
+        hello["length_s"] = length_s.into();
+    }
+    hello.to_string()
 }
 
 fn camera(camera: &Camera, ignored: Option<&Silhouette>) -> Value {
@@ -160,6 +163,21 @@ pub fn bye(why: &str) -> String {
 mod tests {
     use super::*;
     use crate::run_info::tests::ring;
+    use coordinator::live::PlaybackStatus;
+
+    #[test]
+    fn a_replay_says_how_long_it_is_and_how_it_is_played() {
+        let told = |info: &RunInfo| -> Value {
+            serde_json::from_str(&hello(info, &info.volume(), "a session", false)).expect("JSON")
+        };
+        let live = ring(2, OutOfView::Outside);
+        assert!(told(&live).get("length_s").is_none(), "a live run has no length");
+        let replay = RunInfo { is_replay: true, length_s: Some(2.5), ..live };
+        assert_eq!(told(&replay)["length_s"], json!(2.5));
+        let played = PlaybackStatus { speed: 0.5, loops: true, seeking_s: Some(1.25), has_ended: false };
+        let expected = json!({"speed": 0.5, "loop": true, "seeking_s": 1.25, "ended": false});
+        assert_eq!(json!(played), expected);
+    }
 
     #[test]
     fn a_camera_says_which_pixels_it_ignores_as_the_runs_of_a_silhouette() {

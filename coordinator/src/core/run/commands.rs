@@ -114,8 +114,16 @@ impl Run {
         let mut change = Change::State;
         match *command {
             Command::Pause => self.steering = Steering::Paused,
-            Command::Resume => self.steering = Steering::Running,
+            Command::Resume => {
+                self.steering = Steering::Running;
+                if let Some(playback) = &mut self.playback {
+                    playback.resume();
+                }
+            }
             Command::Step(steps) => self.count_steps(steps)?,
+            Command::Seek { film_s } => self.seek(film_s)?,
+            Command::SetSpeed(speed) => self.set_speed(speed)?,
+            Command::SetLoop(loops) => self.recording()?.set_loop(loops),
             Command::Remove(id) => {
                 let removed = self.world.body(id).map(Body::spec);
                 self.world.remove(id)?;

@@ -74,6 +74,11 @@ impl FilmInUse {
         self.frame.filter(|_| self.unavailable.is_none())
     }
 
+    /// Of a run that begins again: what was logged of cameras is not logged with every pass.
+    pub fn again(self) -> FilmInUse {
+        FilmInUse { log: self.log, ..FilmInUse::default() }
+    }
+
     /// What must be credited before a step waits for film up to this frame, if anything must.
     fn credit(&mut self, up_to_frame: u64) -> Option<Action> {
         let is_new = self.credited.replace(up_to_frame) != Some(up_to_frame);

@@ -12,6 +12,7 @@
 mod ask;
 mod commands;
 mod film;
+mod replay;
 mod settings;
 mod shift;
 mod step;
@@ -28,6 +29,7 @@ use crate::core::answering::Answering;
 use crate::core::budget::StepBudget;
 use crate::core::clock::{Clock, LEAST_LAG_S, Now};
 use crate::core::latency::{FilmLatency, Heard};
+use crate::core::playback::Playback;
 use crate::core::roster::{Arrival, HullUnavailable, Roster, WaitError};
 use crate::figures::Figures;
 use crate::hooks::Sees;
@@ -36,6 +38,7 @@ pub(crate) use ask::Unanswered;
 use ask::{HullInUse, OpenQuestion};
 pub(crate) use commands::{Change, Prepared, Steering};
 use film::FilmInUse;
+pub(crate) use replay::Follow;
 pub use settings::{GoingOn, RunSettings};
 use shift::ShiftQuestion;
 use step::Step;
@@ -45,6 +48,8 @@ pub(crate) use step::{AnsweredStep, MadeStep};
 pub const FRAMES_AHEAD: u64 = 4;
 /// No node has a frame so long before its time, seconds of film.
 const MOST_EARLY_S: f64 = 1.0;
+/// A replay looks for seeks so often while no step is due, seconds.
+const MOST_EARLY_WAIT_S: f64 = 0.1;
 
 /// Reads the clocks. Steps are timed, so a step reads them more than once.
 pub(crate) type Clocks<'a> = &'a dyn Fn() -> Now;
@@ -145,6 +150,8 @@ pub(crate) struct Run {
     pub steering: Steering,
     /// What a schedule has for the next step; `None` without a schedule.
     pub sees: Option<Sees>,
+    /// How the schedule is played, if it is a recording that can be sought.
+    pub playback: Option<Playback>,
     state: State,
 }
 
@@ -173,6 +180,7 @@ impl Run {
             budget: StepBudget::default(),
             steering: Steering::default(),
             sees: None,
+            playback: None,
             state: State::default(),
         };
         run.bodies_changed();
@@ -205,7 +213,7 @@ impl Run {
     }
 
     fn begin_step(&mut self, roster: &mut Roster, clocks: Clocks) -> Action {
-        if self.steering.is_paused() {
+        if self.stands() {
             return Action::Rest;
         }
         let film_s = self.scheduled_film_s().unwrap_or_else(|| self.film_s());
@@ -213,14 +221,20 @@ impl Run {
             return Action::End;
         }
         self.follow_film(roster, clocks);
+        if let Some(due_s) = self.playback.as_mut().and_then(|playback| playback.take_due(film_s)) {
+            self.clock.play_from(due_s, clocks());
+        }
         self.wait_until_due(film_s, clocks)
     }
 
     fn wait_until_due(&mut self, film_s: f64, clocks: Clocks) -> Action {
         if !self.settings.lock_step
-            && let Some(at_most_s) = self.clock.left_s(film_s, clocks())
+            && !self.is_seeking()
+            && let Some(left_s) = self.clock.left_s(film_s, clocks())
         {
             self.state = State::Early { film_s };
+            // A recording may have no step for long: a seek does not wait for the next.
+            let at_most_s = if self.playback.is_some() { left_s.min(MOST_EARLY_WAIT_S) } else { left_s };
             return Action::Wait { at_most_s };
         }
         self.state = State::Due;
@@ -229,7 +243,8 @@ impl Run {
 
     /// Live: notes how late frames come, and goes towards the latency that they need.
     fn follow_film(&mut self, roster: &mut Roster, clocks: Clocks) {
-        if self.settings.lock_step {
+        // Frames of a recording come when they are asked for.
+        if self.settings.lock_step || self.playback.is_some() {
             return;
         }
         let now = clocks();

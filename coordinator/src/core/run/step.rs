@@ -75,7 +75,7 @@ pub(crate) struct MadeStep {
 impl Run {
     /// A step that is due, and whose orders were taken.
     pub(super) fn due_step(&mut self, roster: &mut Roster, clocks: Clocks) -> Result<Action, CannotGoOn> {
-        if self.steering.is_paused() {
+        if self.stands() {
             return Ok(Action::Rest);
         }
         // Others have no deadline, and are to be the same on any machine.
@@ -156,7 +156,12 @@ impl Run {
         self.budget.note(took_s);
         self.figures.add_stage(Stage::Physics, took_s * 1e3);
         self.figures.counts.faults += report.faults.len() as u64;
-        self.steering.count();
+        if !self.is_seeking() {
+            self.steering.count();
+        }
+        if let Some(playback) = &mut self.playback {
+            playback.note(step.film_s);
+        }
         let step_ms = (clocks().monotonic_s - step.began_s) * 1e3;
         self.figures.times.step_ms.add(step_ms);
         self.figures.counts.steps += 1;

@@ -18,6 +18,10 @@ pub(crate) fn command_to_message(command: &Command) -> messages::Command {
         Command::Pause => Kind::Pause(Empty {}),
         Command::Resume => Kind::Resume(Empty {}),
         Command::Step(steps) => Kind::Step(*steps),
+        // How a recording is played is in no recording.
+        Command::Seek { .. } | Command::SetSpeed(_) | Command::SetLoop(_) => {
+            return messages::Command { command: None };
+        }
         Command::Reset => Kind::Reset(Empty {}),
         Command::Choose(scene) => Kind::Choose(scene_text(scene)),
         Command::GoOn(world) => Kind::GoOn(world_to_bytes(world)),

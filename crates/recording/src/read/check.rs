@@ -31,6 +31,11 @@ pub struct StepCheck(Arc<Mutex<State>>);
 #[derive(Debug, Default)]
 struct State {
     expected: VecDeque<Expected>,
+    /// Since the run last began: steps that were handed out, and steps that were made.
+    handed_out: u64,
+    made: u64,
+    /// The most of both.
+    most_handed_out: u64,
     steps: u64,
     given: u64,
     difference: Option<Difference>,
@@ -53,11 +58,22 @@ impl StepCheck {
     /// What a step that was handed out must come to, and whether it was given its answers.
     pub(super) fn expect(&self, expected: Expected, is_given: bool) {
         let mut state = self.state();
-        state.given += u64::from(is_given);
+        state.handed_out += 1;
+        if state.handed_out > state.most_handed_out {
+            state.most_handed_out = state.handed_out;
+            state.given += u64::from(is_given);
+        }
         if state.expected.len() == MAX_EXPECTED {
             state.expected.pop_front();
         }
         state.expected.push_back(expected);
+    }
+
+    /// The run begins again, and is compared again.
+    pub(super) fn begin_again(&self) {
+        let mut state = self.state();
+        state.expected.clear();
+        (state.handed_out, state.made) = (0, 0);
     }
 
     /// The file could not be read any farther.
@@ -70,7 +86,7 @@ impl StepCheck {
         Box::new(self.clone())
     }
 
-    /// How many steps were made again.
+    /// How many steps were made again, each counted once.
     pub fn steps(&self) -> u64 {
         self.state().steps
     }
@@ -97,7 +113,8 @@ impl Recorder for StepCheck {
     fn step(&mut self, record: &StepRecord<'_>) {
         let mut state = self.state();
         let Some(expected) = state.expected.pop_front() else { return };
-        state.steps += 1;
+        state.made += 1;
+        state.steps = state.steps.max(state.made);
         if state.difference.is_some() {
             return;
         }
@@ -106,7 +123,7 @@ impl Recorder for StepCheck {
             && record.step == expected.step
             && record.film_s.to_bits() == expected.film_s.to_bits();
         if !is_same {
-            let (step, film_s) = (state.steps, expected.film_s);
+            let (step, film_s) = (state.made, expected.film_s);
             state.difference = Some(Difference { step, film_s, found, recorded: expected.digest });
         }
     }

@@ -128,8 +128,11 @@ impl RecordedFrames {
 }
 
 impl LocalFrames for RecordedFrames {
+    /// A run that begins again reads its frames in the same order: what a frame before was is part of them.
     fn start(&self, pace: Pace) -> Result<(), BoxError> {
-        self.lock().epoch_unix_s = pace.epoch_unix_s;
+        let mut inner = self.lock();
+        inner.frames.clear();
+        (inner.epoch_unix_s, inner.credited) = (pace.epoch_unix_s, 0);
         Ok(())
     }
 

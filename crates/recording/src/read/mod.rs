@@ -109,6 +109,11 @@ impl Recording {
         self.steps
     }
 
+    /// Film time of the last step, seconds.
+    pub fn length_s(&self) -> f64 {
+        self.last.film_s
+    }
+
     /// The digest of the last world's trajectory, as programs print it.
     pub fn digest(&self) -> &str {
         &self.last.digest

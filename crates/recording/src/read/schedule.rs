@@ -30,7 +30,7 @@ pub struct RecordedSteps {
 
 /// Under contacts planes move as they did since the frame before, and what is known of a surface goes on from frame to
 /// frame: after a frame whose predecessor is not in the file, or a step without a hull, the same answers are not found.
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug)]
 struct Gaps {
     matter: bool,
     /// Whether a step has had a hull.
@@ -106,6 +106,13 @@ impl Schedule for RecordedSteps {
             self.check.fail(error.to_string());
             None
         })
+    }
+
+    fn begin_again(&mut self) {
+        self.next_chunk = 0;
+        self.steps.clear();
+        self.gaps = Gaps { had_hull: false, is_found: false, ..self.gaps };
+        self.check.begin_again();
     }
 }
 

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use coordinator::hooks::{EndRecord, FrameRecord, Recorder as _, Schedule as _, Sees, StepRecord};
+use coordinator::hooks::{EndRecord, FrameRecord, Recorder as _, Schedule as _, Scheduled, Sees, StepRecord};
 use coordinator::live::{Command, Parameters};
 use coordinator::{AskEvery, Figures, LocalFrames as _};
 use hull::rule::ProbeSettings;
@@ -390,6 +390,24 @@ fn a_step_of_more_answers_than_bodies_can_be_is_refused_before_it_is_decoded() {
         error.contains("Step.responses: 655") && error.contains(" entries, expected at most 65536"),
         "{error}"
     );
+}
+
+#[test]
+fn steps_that_are_handed_out_again_are_the_same_and_are_counted_once() {
+    let folder = tempfile::tempdir().expect("folder");
+    let (path, _) = recorded(&folder, Precision::Quantised, 200);
+    let recording = Recording::open(&path).expect("a recording");
+    let mut steps = recording.steps().expect("readable");
+    let first: Vec<Scheduled> = std::iter::from_fn(|| steps.next()).collect();
+    let given = steps.check().given();
+    for count in [200, 7, 200] {
+        steps.begin_again();
+        let again: Vec<Scheduled> = std::iter::from_fn(|| steps.next()).take(count).collect();
+        assert_eq!(again, first[..count]);
+    }
+    assert!(given > 0 && steps.check().given() == given);
+    let Sees::Given { film_s, .. } = first[199].sees else { panic!("answers were rounded") };
+    assert_eq!(recording.length_s(), film_s);
 }
 
 #[test]

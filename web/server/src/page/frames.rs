@@ -165,8 +165,12 @@ impl PageFrames {
     fn count_dropped(&mut self, frame: u64, is_paused: bool, want: &Want) {
         if let Some(counted) = self.counted {
             let wanted = (self.shared.info.fps / want.fps.min(self.shared.info.fps)).round().max(1.0);
-            let passed = frame.saturating_sub(counted) as f64 / wanted;
-            self.dropped += (passed.round() as u64).saturating_sub(1);
+            let passed = frame.saturating_sub(counted) as f64;
+            // Where a recording was sought, no frame between was wanted.
+            let is_sought = self.shared.info.is_replay && passed > self.shared.info.fps;
+            if !is_sought {
+                self.dropped += ((passed / wanted).round() as u64).saturating_sub(1);
+            }
         }
         self.counted = (!is_paused).then_some(frame);
     }

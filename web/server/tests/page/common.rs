@@ -143,6 +143,7 @@ impl Run {
             floor_m: Some(0.0),
             has_colour: true,
             is_replay: false,
+            length_s: None,
             film_waits: false,
             insecure: None,
         };
@@ -246,6 +247,7 @@ impl Run {
             late_steps: 2,
             blind_steps: 3,
             reduced_steps: 0,
+            replay: None,
         };
         self.status.send_replace(Some(Arc::new(status)));
     }

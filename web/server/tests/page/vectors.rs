@@ -203,6 +203,7 @@ fn texts() {
         late_steps: 2,
         blind_steps: 0,
         reduced_steps: 0,
+        replay: None,
     };
     let feed = FeedStatus { bytes_per_s: 1_500_000.0, sent: 88, dropped: 2, tier: "full", pages: 3 };
     is_golden("status.json", text::status(Some(&status), false, &feed).as_bytes());
