@@ -7,8 +7,15 @@ import { clipOf, type Eye, eyeOfCamera, FAR_M, NEAR_M } from "./draw/eye.ts";
 import type { BodyTools } from "./ui/body_tools.ts";
 import type { CameraText, Mat3, Vec3 } from "./view/lens.ts";
 
-/** A camera of the rig by its place, or a pinhole: fx, fy, cx, cy with pixel centres at whole numbers. */
-export type From = { readonly camera: number } | { readonly rotation: Mat3; readonly translation: Vec3; readonly pinhole: readonly [number, number, number, number] };
+/** A pinhole: fx, fy, cx, cy with pixel centres at whole numbers. */
+export interface View {
+  readonly rotation: Mat3;
+  readonly translation: Vec3;
+  readonly pinhole: readonly [number, number, number, number];
+}
+
+/** A camera of the rig by its place, or a pinhole. */
+export type From = { readonly camera: number } | View;
 
 /** A picture, rows from the top. */
 export interface TestPicture {
@@ -29,6 +36,8 @@ export interface Debug {
   rig(): readonly CameraText[];
   /** The person alone; null without a hull, or without WebGL2. */
   picture(from: From, width: number, height: number, mode?: "photo" | "shaded"): TestPicture | null;
+  /** The view of the last picture, pixels of the drawing buffer: what {@link picture} takes. */
+  view(): View | null;
   /** Where a point of the world is on the canvas, CSS pixels; null behind the view. */
   onCanvas(point: Vec3): [number, number] | null;
   /** The body under a point of the canvas; null if there is none, or something before it. */
@@ -61,6 +70,7 @@ export function debug(app: App, tools: BodyTools, version: string): Debug {
       timelineFrame: app.frames.timeline.at(app.frames.playout.moment ?? Infinity)?.frame ?? null,
       worldFrame: app.worlds.newest()?.frame ?? null,
       pictures: app.drawing?.count ?? 0,
+      refined: app.drawing?.refined ?? 0,
       looks: app.frames.looks,
       isReady: app.frames.isReady,
       isDecoding: app.frames.isDecoding,
@@ -80,6 +90,7 @@ export function debug(app: App, tools: BodyTools, version: string): Debug {
       step: app.worlds.newest()?.step ?? null,
       bodies: (app.moment?.bodies ?? []).map((body) => ({ ...body, isElsewhere: app.stage?.bodies.isHeldElsewhere(body.id) ?? false, name: app.scene?.bodies.find(({ id }) => id === body.id)?.name ?? null })),
       touchesDrawn: app.layers.has("touches") ? (app.stage?.touches.count ?? 0) : 0,
+      ripples: app.stage?.ripples.count ?? 0,
       preview: app.stage?.preview.place ?? null,
       patchesDrawn: app.layers.has("touches") ? (app.stage?.patches.count ?? 0) : 0,
       box: app.stage?.hull?.box ?? null,
@@ -87,6 +98,7 @@ export function debug(app: App, tools: BodyTools, version: string): Debug {
     }),
     rig: () => app.hello?.cameras ?? [],
     picture: (from, width, height, mode = "photo") => picture(app, from, width, height, mode),
+    view: () => (app.stage?.seen ? viewOf(app.stage.seen) : null),
     onCanvas: (point) => app.onCanvas(point),
     bodyAt: (x, y) => tools.hit(x, y, false)?.body ?? null,
     placeAt: (x, y) => tools.hit(x, y)?.what ?? null,
@@ -122,7 +134,13 @@ function picture(app: App, from: From, width: number, height: number, mode: "pho
   return { width, height, rgba: base64(rgba), depthM: base64(new Uint8Array(depth.buffer)), frame: (app.frames.shown?.frame ?? null) };
 }
 
-function eyeOfPinhole(from: { rotation: Mat3; translation: Vec3; pinhole: readonly [number, number, number, number] }): Eye {
+function viewOf({ position, turn: t, pinhole: [fx, fy, cx, cy] }: Eye): View {
+  const rotation: Mat3 = [[t[0], t[3], t[6]], [t[1], t[4], t[7]], [t[2], t[5], t[8]]];
+  const along = (r: Vec3) => -(r[0] * position[0] + r[1] * position[1] + r[2] * position[2]);
+  return { rotation, translation: [along(rotation[0]), along(rotation[1]), along(rotation[2])], pinhole: [fx, fy, cx - 0.5, cy - 0.5] };
+}
+
+function eyeOfPinhole(from: View): Eye {
   const [r0, r1, r2] = from.rotation;
   const t = from.translation;
   const [fx, fy, cx, cy] = from.pinhole;

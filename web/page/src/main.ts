@@ -124,6 +124,7 @@ const actions = {
     void panel.togglePause();
   },
   step: () => void panel.step(),
+  seekBeside: (direction: 1 | -1) => timeline.seekBeside(direction),
   reset: () => void panel.restart(),
   escape: () => {
     if (tools.placing) tools.placing = false;

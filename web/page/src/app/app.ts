@@ -77,6 +77,8 @@ export class App {
     this.images = new Images({
       cameras: () => this.stage?.cameras ?? null,
       through: () => this.through,
+      areSeen: () => this.layers.has("cameras") && this.layers.has("images"),
+      areHeld: () => !this.frames.playout.live,
       thumbnail: (camera, bitmap) => observer.thumbnail(camera, bitmap),
       fault: (text) => observer.fault(text),
     });
@@ -110,6 +112,13 @@ export class App {
     return this.frames.playout.live && isStale(this.run);
   }
 
+  /** Whether what is seen changes by nothing but the viewer: the world is paused or over, or a moment is looked back at. */
+  get isStanding(): boolean {
+    const { playout } = this.frames;
+    if (!playout.live) return !playout.isPlaying;
+    return this.run.isPaused || this.run.lost !== null || this.run.ended !== null;
+  }
+
   /** The words for link and run as they are now. */
   describe(nowMs: number): RunText {
     const framesPerS = this.frames.rate.perSecond(nowMs);
@@ -124,6 +133,11 @@ export class App {
   /** Whether bodies can be moved and added: what is recorded stays as it is. */
   get steers(): boolean {
     return this.controller && !this.hello?.replay;
+  }
+
+  /** The length of the recording in which this page can seek, seconds; null if there is none. */
+  get seekableS(): number | null {
+    return this.controller && this.run.isGreeted ? (this.hello?.length_s ?? null) : null;
   }
 
   // The view.
@@ -205,7 +219,8 @@ export class App {
     this.run = reduce(before, event);
     if (this.run === before) return;
     this.observer.run(before, this.run);
-    this.invalidate();
+    // An ended run is looked for again and again: its last picture stands meanwhile.
+    if (isStale(before) !== isStale(this.run)) this.invalidate();
   }
 
   private onLink(state: LinkState, retryInMs: number | null, why: string | null): void {
@@ -232,9 +247,10 @@ export class App {
         break;
       case "status":
         this.status = text;
-        this.stage?.cameras?.health(new Set((text.cameras ?? []).flatMap((camera, index) => (isGone(camera) ? [index] : []))));
+        if (this.stage?.cameras?.health(new Set((text.cameras ?? []).flatMap((camera, index) => (isGone(camera) ? [index] : []))))) this.invalidate();
         // Worlds tell it sooner, but none comes before the first step.
         if (this.worlds.newest() === null) this.apply({ type: "paused", isPaused: text.paused ?? false });
+        this.apply({ type: "end", isAtEnd: text.replay?.ended ?? false });
         this.apply({ type: "blind", why: text.blind ?? text.progress?.blind ?? null });
         this.observer.status(text);
         break;
@@ -282,7 +298,7 @@ export class App {
         this.observer.fault(error instanceof Error ? error.message : String(error));
       }
     } else if (type === 3 && this.hello) {
-      void this.images.came(buffer, this.hello).then(() => this.invalidate());
+      void this.images.came(buffer, this.hello).then((isSeen) => isSeen && this.invalidate());
     }
   }
 

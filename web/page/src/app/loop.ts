@@ -4,6 +4,7 @@ import { posesKey } from "../time/bodies.ts";
 import { Rate } from "../time/clock.ts";
 import type { Moment } from "../time/worlds.ts";
 import type { App } from "./app.ts";
+import { TouchEffects } from "./touch_effects.ts";
 
 /** A moment of bodies without any hull is shown so much late, seconds: two steps at 60 a second lie in it. */
 const BEHIND_S = 0.05;
@@ -16,6 +17,7 @@ export class Loop {
   /** Bytes that came. */
   readonly received = new Rate(4000);
   private readonly app: App;
+  private readonly touchEffects: TouchEffects;
   private last = 0;
   private receivedBefore = 0;
   private poses = "";
@@ -24,6 +26,7 @@ export class Loop {
 
   constructor(app: App) {
     this.app = app;
+    this.touchEffects = new TouchEffects(app);
   }
 
   start(): void {
@@ -46,7 +49,8 @@ export class Loop {
     if (!app.drawing.isFree(now, app.frames.isReady)) return;
     this.showFrame(now);
     this.placeBodies(now);
-    app.drawing.drawIfOld(now, () => this.picture());
+    this.touchEffects.update(now);
+    app.drawing.drawIfOld(now, () => this.picture(), app.isStanding);
   }
 
   private countBytes(now: number): void {
@@ -68,7 +72,7 @@ export class Loop {
   private placeBodies(now: number): void {
     const { app } = this;
     const moment = this.momentOf(now);
-    const key = moment && posesKey(moment);
+    const key = moment && posesKey(moment, app.layers.has("touches"));
     if (!moment || (key === this.poses && !app.isOutdated)) return;
     this.poses = key!;
     app.isOutdated = false;
@@ -101,11 +105,11 @@ export class Loop {
     return moment;
   }
 
-  /** What is on the screen, drawn once more at full effort, as PNG. */
+  /** What is on the screen as PNG, drawn once more, at full effort if it is not refined. */
   async screenshot(): Promise<Blob | null> {
     const { drawing, canvas } = this.app;
     if (!drawing || drawing.isLost) return null;
-    drawing.draw(performance.now(), 0, this.picture());
+    if (!drawing.drawRefined()) drawing.draw(performance.now(), 0, this.picture());
     // Before the browser shows it and forgets it.
     return new Promise((done) => canvas.toBlob(done, "image/png"));
   }

@@ -14,6 +14,8 @@ export interface RunState {
   /** The program's last message, if the run is over. */
   readonly ended: string | null;
   readonly isReplay: boolean;
+  /** Whether a replay stands at the end of its recording. */
+  readonly isAtEnd: boolean;
   readonly isPaused: boolean;
   /** Why there is no hull; null while there is one. */
   readonly blind: string | null;
@@ -27,10 +29,11 @@ export type RunEvent =
   | { readonly type: "lost"; readonly why: string | null; readonly retryAtMs: number }
   | { readonly type: "hello"; readonly isReplay: boolean }
   | { readonly type: "paused"; readonly isPaused: boolean }
+  | { readonly type: "end"; readonly isAtEnd: boolean }
   | { readonly type: "blind"; readonly why: string | null }
   | { readonly type: "card"; readonly isLost: boolean };
 
-export const INITIAL: RunState = { link: "connecting", isGreeted: false, lost: null, ended: null, isReplay: false, isPaused: false, blind: null, isCardLost: false };
+export const INITIAL: RunState = { link: "connecting", isGreeted: false, lost: null, ended: null, isReplay: false, isAtEnd: false, isPaused: false, blind: null, isCardLost: false };
 
 /** The state after an event; the same object if nothing changed. */
 export function reduce(state: RunState, event: RunEvent): RunState {
@@ -43,9 +46,11 @@ export function reduce(state: RunState, event: RunEvent): RunState {
       // A run that has ended stays ended, whatever the attempts to find it again report.
       return { ...state, link: "lost", isGreeted: false, lost: { why: event.why, retryAtMs: event.retryAtMs }, ended: hasEnded(event.why) ? event.why : state.ended };
     case "hello":
-      return { ...state, link: "open", isGreeted: true, lost: null, ended: null, isReplay: event.isReplay, blind: null };
+      return { ...state, link: "open", isGreeted: true, lost: null, ended: null, isReplay: event.isReplay, isAtEnd: false, blind: null };
     case "paused":
       return state.isPaused === event.isPaused ? state : { ...state, isPaused: event.isPaused };
+    case "end":
+      return state.isAtEnd === event.isAtEnd ? state : { ...state, isAtEnd: event.isAtEnd };
     case "blind":
       return state.blind === event.why ? state : { ...state, blind: event.why };
     case "card":
@@ -56,6 +61,11 @@ export function reduce(state: RunState, event: RunEvent): RunState {
 /** Whether the person on the screen is not that of now: drawn grey. The last picture of an ended run is as it should be. */
 export function isStale(state: RunState): boolean {
   return state.ended === null && (state.lost !== null || state.blind !== null);
+}
+
+/** Whether a replay stands at the end of its recording. That it is played again is known from its worlds first, then from its status. */
+function standsAtEnd({ isAtEnd, isPaused }: RunState): boolean {
+  return isAtEnd && isPaused;
 }
 
 /** What else the words depend on. */
@@ -106,6 +116,7 @@ function status(state: RunState, { framesPerS, canDraw, behindMs }: Surroundings
   if (state.link === "lost") return "Link lost";
   if (state.link === "connecting") return "Connecting…";
   if (state.isCardLost) return "No picture";
+  if (standsAtEnd(state)) return "Ended";
   if (state.isPaused) return behindMs === null ? "Paused" : "Paused, looking back";
   if (!state.isGreeted || !canDraw) return "Connected";
   if (behindMs !== null) return "Looking back";
@@ -113,7 +124,8 @@ function status(state: RunState, { framesPerS, canDraw, behindMs }: Surroundings
   return `${state.isReplay ? "Recorded" : "Live"} · ${frames} ${frames === "1" ? "frame" : "frames"}/s`;
 }
 
-function banner({ ended, lost, link, blind, isCardLost }: RunState, nowMs: number): RunText["banner"] {
+function banner(state: RunState, nowMs: number): RunText["banner"] {
+  const { ended, lost, link, blind, isCardLost } = state;
   if (ended !== null) {
     return { text: `${sentence(plain(ended))} You see its last picture; the bar below looks back.`, isCalm: true, canRetry: false };
   }
@@ -123,12 +135,13 @@ function banner({ ended, lost, link, blind, isCardLost }: RunState, nowMs: numbe
     return { text: `The link to the program is gone${reason}. Trying again${left > 0 ? ` in ${left} s.` : "…"}`, isCalm: false, canRetry: true };
   }
   if (isCardLost) return { text: "The browser lost the graphics card. The picture returns with it; if it does not, load the page again.", isCalm: false, canRetry: false };
+  if (standsAtEnd(state)) return { text: "The recording has ended. It can be played again.", isCalm: true, canRetry: false };
   return blind === null ? null : { text: `Hull unavailable, collisions off: ${plain(blind)}`, isCalm: true, canRetry: false };
 }
 
 function timeline(state: RunState, { behindMs, isForgotten }: Surroundings): string {
   if (behindMs !== null) return `−${(behindMs / 1000).toFixed(1)} s${isForgotten ? ", kept" : ""}`;
-  if (state.ended !== null) return "end";
+  if (state.ended !== null || (standsAtEnd(state) && state.lost === null)) return "end";
   if (state.lost !== null) return "last";
   if (state.isPaused) return "paused";
   return state.isReplay ? "newest" : "now";
@@ -140,6 +153,7 @@ export function announcement(before: RunState, after: RunState): string | null {
   if (after.lost !== null && before.lost === null) return "The connection was lost.";
   if (after.lost === null && before.lost !== null) return "Connected again.";
   if (after.isCardLost !== before.isCardLost) return after.isCardLost ? "The graphics card was lost." : "The picture is back.";
+  if (after.isAtEnd && !before.isAtEnd) return "The recording has ended.";
   if (after.isPaused !== before.isPaused) return after.isPaused ? "The world is paused." : "The world goes on.";
   return null;
 }

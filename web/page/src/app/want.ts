@@ -32,7 +32,8 @@ export function wantOf(view: View, hello: Hello): Want {
     fps: isHidden ? 1 : Math.min(60, Math.max(1, Math.round(hello.fps))),
     state_hz: isHidden ? 1 : 60,
     touches: layers.has("touches"),
-    patches: layers.has("touches"),
+    // Ripples and rims need to know what is touched and where. Patches are 208 bytes a touched body at most, samples ten times as much.
+    patches: canDraw,
     thumbnails_hz: isHidden ? 0 : !canDraw ? 4 : hasImages ? 1 : 0,
     image_of: through !== null && !isHidden && view.opacity > 0 ? (hello.cameras[through]?.name ?? null) : null,
     silhouettes: isDrawn && !isHidden,

@@ -13,15 +13,27 @@ import {
   LineSegments,
   Mesh,
   MeshStandardMaterial,
+  Quaternion,
+  Raycaster,
   SphereGeometry,
+  Vector3,
 } from "three";
-import type { BodyPose } from "../feed/message.ts";
+import { type BodyPose, patchedPlaces } from "../feed/message.ts";
 import type { BodyText, Shape } from "../feed/text.ts";
+import type { Vec3 } from "../view/lens.ts";
 
 /** Edges are drawn where faces meet at more than this. */
 export const EDGE_ANGLE_DEG = 30;
 /** The edges and the glow of a body that another page or a program holds. */
 const HELD_ELSEWHERE = 0x6fa8ff;
+const HELD_HERE = 0xffffff;
+const TOUCHED = 0xffd08a;
+/** How bright the rim of a body in a hand is at most, and how long it takes to come and to go, seconds. */
+const RIM = 0.55;
+const RIM_COMES_S = 0.1;
+const RIM_GOES_S = 0.4;
+/** The rim: most where the surface is seen from the side. */
+const RIM_GLSL = "{ float turned = 1.0 - saturate(dot(normal, normalize(vViewPosition))); totalEmissiveRadiance += uRim * turned * turned * turned; }";
 /** The layer on which eyes see bodies alone, without their edges. */
 export const ONLY_BODIES = 1;
 
@@ -31,7 +43,17 @@ interface Drawn {
   readonly edges: LineSegments;
   readonly material: MeshStandardMaterial;
   readonly edge: LineBasicMaterial;
+  readonly rim: Rim;
   readonly key: string;
+}
+
+interface Rim {
+  /** Its colour on the card: black without a rim. */
+  readonly uniform: { readonly value: Color };
+  readonly color: Color;
+  /** How much of it is seen now, 0 to 1, and whether it comes or goes. */
+  share: number;
+  isWanted: boolean;
 }
 
 export class Bodies {
@@ -43,6 +65,7 @@ export class Bodies {
   private isHolding = false;
   /** The bodies that another page or a program holds. */
   private readonly elsewhere = new Set<number>();
+  private advancedMs = 0;
 
   /** The bodies of a scene; those that stay keep their meshes. */
   describe(bodies: readonly BodyText[]): void {
@@ -55,11 +78,12 @@ export class Bodies {
     for (const body of wanted.values()) this.add(body);
   }
 
-  /** Where they are. Bodies that are not mentioned are not drawn. */
-  place(poses: readonly BodyPose[]): void {
-    for (const drawn of this.drawn.values()) drawn.mesh.visible = false;
+  /** Where they are, and the person's surface at them. Bodies that are not mentioned are not drawn. */
+  place(poses: readonly BodyPose[], patches: Float32Array): void {
+    for (const drawn of this.drawn.values()) drawn.mesh.visible = drawn.rim.isWanted = false;
     this.elsewhere.clear();
-    for (const pose of poses) {
+    const patched = patchedPlaces(patches);
+    for (const [place, pose] of poses.entries()) {
       const drawn = this.drawn.get(pose.id);
       if (!drawn) continue;
       drawn.mesh.visible = true;
@@ -69,11 +93,41 @@ export class Bodies {
       const marked = pose.touching || pose.grabbed || pose.id === this.highlighted;
       const isElsewhere = this.isElsewhere(pose);
       if (isElsewhere) this.elsewhere.add(pose.id);
-      drawn.edge.color.set(isElsewhere ? HELD_ELSEWHERE : pose.grabbed ? 0xffffff : pose.touching ? 0xffd08a : marked ? 0xffffff : 0x0c0e12);
+      drawn.edge.color.set(isElsewhere ? HELD_ELSEWHERE : pose.grabbed ? HELD_HERE : pose.touching ? TOUCHED : marked ? 0xffffff : 0x0c0e12);
       drawn.edge.opacity = marked ? 1 : 0.55;
       if (isElsewhere) drawn.material.emissive.set(HELD_ELSEWHERE).multiplyScalar(0.5);
       else drawn.material.emissive.setScalar(pose.id === this.highlighted || pose.grabbed ? 0.07 : 0);
+      // What sleeps lies on something that does not move: it is in no hand.
+      drawn.rim.isWanted = pose.grabbed || (!pose.asleep && (pose.touching || patched.has(place)));
+      if (drawn.rim.isWanted) drawn.rim.color.set(isElsewhere ? HELD_ELSEWHERE : pose.grabbed ? HELD_HERE : TOUCHED);
     }
+  }
+
+  /** Lets rims come and go until now; returns whether any changed. */
+  advance(nowMs: number): boolean {
+    const seconds = Math.min(0.25, Math.max(0, nowMs - this.advancedMs) / 1000);
+    this.advancedMs = nowMs;
+    let isChanged = false;
+    for (const { rim } of this.drawn.values()) {
+      const share = rim.isWanted ? Math.min(1, rim.share + seconds / RIM_COMES_S) : Math.max(0, rim.share - seconds / RIM_GOES_S);
+      isChanged ||= share !== rim.share;
+      rim.share = share;
+      rim.uniform.value.copy(rim.color).multiplyScalar(RIM * share);
+    }
+    return isChanged;
+  }
+
+  /** Where a ray from the middle of a body leaves its surface, world; null for a body that is not known, or without a direction. */
+  surfaceTowards({ id, position, rotation }: BodyPose, direction: Vec3): Vec3 | null {
+    const geometry = this.drawn.get(id)?.mesh.geometry;
+    if (!geometry) return null;
+    const turn = new Quaternion(...rotation);
+    const inward = new Vector3(...direction).normalize().negate().applyQuaternion(turn.clone().invert());
+    if (!geometry.boundingSphere) geometry.computeBoundingSphere();
+    const { radius, center } = geometry.boundingSphere!;
+    const ray = new Raycaster(inward.clone().multiplyScalar(-2 * (radius + center.length())), inward);
+    const point = ray.intersectObject(new Mesh(geometry))[0]?.point.applyQuaternion(turn).add(new Vector3(...position));
+    return point ? [point.x, point.y, point.z] : null;
   }
 
   private isElsewhere({ id, grabbed }: BodyPose): boolean {
@@ -134,6 +188,11 @@ export class Bodies {
       polygonOffsetFactor: 1,
       polygonOffsetUnits: 1,
     });
+    const rim: Rim = { uniform: { value: new Color(0) }, color: new Color(0), share: 0, isWanted: false };
+    material.onBeforeCompile = (shader) => {
+      shader.uniforms.uRim = rim.uniform;
+      shader.fragmentShader = shader.fragmentShader.replace("void main() {", "uniform vec3 uRim;\nvoid main() {").replace("#include <emissivemap_fragment>", `#include <emissivemap_fragment>\n${RIM_GLSL}`);
+    };
     const mesh = new Mesh(geometry, material);
     mesh.layers.enable(ONLY_BODIES);
     mesh.castShadow = true;
@@ -145,7 +204,7 @@ export class Bodies {
     const edges = new LineSegments(new EdgesGeometry(geometry, EDGE_ANGLE_DEG), edge);
     mesh.add(edges);
     this.group.add(mesh);
-    this.drawn.set(body.id, { text: body, mesh, edges, material, edge, key: keyOf(body) });
+    this.drawn.set(body.id, { text: body, mesh, edges, material, edge, rim, key: keyOf(body) });
   }
 
   private remove(id: number, drawn: Drawn): void {

@@ -6,8 +6,6 @@ import {
   Float32BufferAttribute,
   GLSL3,
   Group,
-  LineBasicMaterial,
-  LineSegments,
   Mesh,
   NoColorSpace,
   OneFactor,
@@ -20,7 +18,11 @@ import {
   LinearFilter,
   DoubleSide,
 } from "three";
+import type { LineMaterial } from "three/addons/lines/LineMaterial.js";
+import { LineSegments2 } from "three/addons/lines/LineSegments2.js";
+import { LineSegmentsGeometry } from "three/addons/lines/LineSegmentsGeometry.js";
 import { type Camera, border, normalised, pointAt } from "../view/lens.ts";
+import { thick } from "./lines.ts";
 
 /** How long a frustum is drawn, metres. */
 const LENGTH_M = 0.42;
@@ -78,11 +80,11 @@ void main() {
 
 interface Drawn {
   readonly camera: Camera;
-  readonly lines: LineSegments;
+  readonly lines: LineSegments2;
   readonly plane: Mesh;
   readonly material: RawShaderMaterial;
   readonly texture: Texture;
-  readonly lineMaterial: LineBasicMaterial;
+  readonly lineMaterial: LineMaterial;
   hasImage: boolean;
 }
 
@@ -97,6 +99,7 @@ export class Cameras {
   private readonly drawn: Drawn[];
   private readonly behind: RawShaderMaterial;
   private readonly behindTexture = imageTexture();
+  private missing: ReadonlySet<number> = new Set();
 
   constructor(cameras: readonly Camera[]) {
     this.drawn = cameras.map((camera) => this.make(camera, cameras.length));
@@ -140,6 +143,11 @@ export class Cameras {
     drawn.hasImage = true;
   }
 
+  /** Whether a camera's frustum has an image. */
+  hasThumbnail(index: number): boolean {
+    return this.drawn[index]?.hasImage ?? false;
+  }
+
   /** Whether images are drawn on the frusta; the camera that is looked through is not drawn itself. */
   show(lines: boolean, images: boolean, except: number | null): void {
     this.drawn.forEach((drawn, index) => {
@@ -148,11 +156,14 @@ export class Cameras {
     });
   }
 
-  /** Marks cameras that are not there. */
-  health(missing: ReadonlySet<number>): void {
+  /** Marks cameras that are not there; returns whether others are missing than before. */
+  health(missing: ReadonlySet<number>): boolean {
+    if (missing.size === this.missing.size && [...missing].every((index) => this.missing.has(index))) return false;
+    this.missing = missing;
     this.drawn.forEach((drawn, index) => {
       drawn.lineMaterial.color.copy(missing.has(index) ? new Color(0xe06c5a) : cameraColor(index, this.drawn.length));
     });
+    return true;
   }
 
   /** The image behind the scene, or in front of it. */
@@ -220,8 +231,8 @@ export class Cameras {
   }
 
   private make(camera: Camera, count: number): Drawn {
-    const lineMaterial = new LineBasicMaterial({ toneMapped: false, color: cameraColor(camera.index, count), transparent: true, opacity: 0.9 });
-    const lines = new LineSegments(frustum(camera), lineMaterial);
+    const lineMaterial = thick(cameraColor(camera.index, count), 0.9);
+    const lines = new LineSegments2(frustum(camera), lineMaterial);
     const texture = imageTexture();
     const material = new RawShaderMaterial({
       glslVersion: GLSL3,
@@ -259,7 +270,7 @@ function put(texture: Texture, bitmap: ImageBitmap): void {
   texture.needsUpdate = true;
 }
 
-function frustum(camera: Camera): BufferGeometry {
+function frustum(camera: Camera): LineSegmentsGeometry {
   const numbers: number[] = [];
   const edge = border(camera, 12).map(([u, v]) => normalised(camera, u, v));
   // Sides interleave as top, right, bottom, left: put them in one round.
@@ -270,7 +281,7 @@ function frustum(camera: Camera): BufferGeometry {
     const n = normalised(camera, u - 0.5, v - 0.5);
     if (n) numbers.push(...camera.centre, ...pointAt(camera, n[0], n[1], LENGTH_M));
   }
-  return new BufferGeometry().setAttribute("position", new Float32BufferAttribute(numbers, 3));
+  return new LineSegmentsGeometry().setPositions(numbers);
 }
 
 function imagePlane(camera: Camera): BufferGeometry {

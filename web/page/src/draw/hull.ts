@@ -145,7 +145,7 @@ export class HullView {
     this.composing = this.material(
       glsl.QUAD_VERTEX,
       glsl.COMPOSE_FRAGMENT,
-      { uColour: { value: null }, uSurface: { value: null }, uScreen: { value: new Vector2() }, uFade: { value: 0 }, uPart: whole(), uShadow: { value: null }, uShadows: { value: 0 }, uBias: { value: 0 }, uToShadow: { value: new Matrix4() }, uToWorld: { value: new Matrix4() }, uLight: this.common.uLight },
+      { uColour: { value: null }, uSurface: { value: null }, uScreen: { value: new Vector2() }, uFade: { value: 0 }, uPart: whole(), uSharp: { value: 0 }, uShadow: { value: null }, uShadows: { value: 0 }, uBias: { value: 0 }, uToShadow: { value: new Matrix4() }, uToWorld: { value: new Matrix4() }, uLight: this.common.uLight },
       false,
     );
     this.composing.depthTest = true;
@@ -260,25 +260,57 @@ export class HullView {
 
   /** Draws the hull for a view into its own picture and readies it for the scene that is drawn next. */
   draw(renderer: WebGLRenderer, eye: Eye, width: number, height: number, mode: HullMode, effort: Effort, screen: readonly [number, number]): void {
-    const visible = this.box !== null && mode !== "off";
-    this.compose.visible = visible;
-    if (!visible) return;
-    if (!this.targets || this.targets.width !== width || this.targets.height !== height) {
-      this.targets?.dispose();
-      this.targets = new Targets(width, height);
-      this.drawnKey = "";
-    }
+    const targets = this.targetsFor(width, height, mode);
+    if (!targets) return;
     const key = [this.version, mode, effort.photoTests, ...eye.position, ...eye.turn, ...eye.pinhole].join();
     if (key !== this.drawnKey) {
       this.drawnKey = key;
-      this.drawnPart = this.render(renderer, this.targets, eye, mode, effort);
+      this.drawnPart = this.render(renderer, targets, eye, mode, effort, [0, 1]);
     }
+    this.ready(targets, eye, screen, false);
+  }
+
+  /** Draws some rows of the hull's picture, shares of those that it can cover, from the bottom; the picture is as large as the screen. */
+  drawRows(renderer: WebGLRenderer, eye: Eye, width: number, height: number, mode: HullMode, effort: Effort, rows: readonly [number, number]): void {
+    const before = this.targets;
+    const targets = this.targetsFor(width, height, mode);
+    if (!targets) return;
+    if (targets !== before) {
+      // Depths are read at the pointer, also of rows that are not drawn yet.
+      renderer.setRenderTarget(targets.surface);
+      renderer.clear();
+      renderer.setRenderTarget(null);
+    }
+    this.drawnKey = "";
+    this.drawnPart = this.render(renderer, targets, eye, mode, effort, rows);
+  }
+
+  /** Readies a picture that was drawn by rows for the scene that is drawn next; sharp: a pixel is covered by the hull or not. */
+  readyRows(eye: Eye, width: number, height: number, mode: HullMode, isSharp: boolean): void {
+    const targets = this.targetsFor(width, height, mode);
+    if (targets) this.ready(targets, eye, [width, height], isSharp);
+  }
+
+  /** What the hull is drawn into; null if it is not drawn. */
+  private targetsFor(width: number, height: number, mode: HullMode): Targets | null {
+    const visible = this.box !== null && mode !== "off";
+    this.compose.visible = visible;
+    if (!visible) return null;
+    if (this.targets?.width === width && this.targets.height === height) return this.targets;
+    this.targets?.dispose();
+    this.targets = new Targets(width, height);
+    this.drawnKey = "";
+    return this.targets;
+  }
+
+  private ready(targets: Targets, eye: Eye, screen: readonly [number, number], isSharp: boolean): void {
     const uniforms = this.composing.uniforms;
     (uniforms.uPart.value as Vector4).copy(this.drawnPart);
-    uniforms.uColour.value = this.targets.surface.texture;
-    uniforms.uSurface.value = this.targets.surface.depthTexture;
+    uniforms.uColour.value = targets.surface.texture;
+    uniforms.uSurface.value = targets.surface.depthTexture;
     (uniforms.uScreen.value as Vector2).set(screen[0], screen[1]);
     (uniforms.uToWorld.value as Matrix4).copy(eye.clip).invert();
+    uniforms.uSharp.value = isSharp ? 1 : 0;
   }
 
   /** The hull alone from any view: colours and depths, row by row from the bottom. */
@@ -287,7 +319,7 @@ export class HullView {
     const depth = new Float32Array(width * height).fill(1);
     if (!this.box) return { rgba, depth };
     const targets = new Targets(width, height);
-    this.render(renderer, targets, eye, mode, { photoTests: 8, coarseMaps: 0 });
+    this.render(renderer, targets, eye, mode, { photoTests: 8, coarseMaps: 0 }, [0, 1]);
     renderer.readRenderTargetPixels(targets.surface, 0, 0, width, height, rgba);
     this.reading ??= new WebGLRenderTarget(1, 1, { colorSpace: NoColorSpace, depthBuffer: false });
     this.reading.setSize(width, height);
@@ -351,8 +383,8 @@ export class HullView {
     }
   }
 
-  /** Draws into targets; returns the part of the picture that the hull can be in. */
-  private render(renderer: WebGLRenderer, targets: Targets, eye: Eye, mode: HullMode, effort: Effort): Vector4 {
+  /** Draws rows into targets, shares of those that the hull can be in; returns the part of the picture that it can be in. */
+  private render(renderer: WebGLRenderer, targets: Targets, eye: Eye, mode: HullMode, effort: Effort, [from, to]: readonly [number, number]): Vector4 {
     const photo = mode === "photo" && this.hasColour;
     if (photo) this.drawMaps(renderer, effort.coarseMaps);
     const { width, height } = targets;
@@ -362,16 +394,21 @@ export class HullView {
     // Cells at the edge are larger than the picture.
     const [across, up] = [targets.start.width * CELL, targets.start.height * CELL];
     (this.start.uniforms.uPart.value as Vector4).set((left + right) / across - 1, (bottom + top) / up - 1, (right - left) / across, (top - bottom) / up);
-    this.pass(renderer, this.quad, this.start, targets.start);
+    // The other rows start from the same picture.
+    if (from === 0) this.pass(renderer, this.quad, this.start, targets.start);
     const uniforms = this.surface.uniforms;
     uniforms.uStart.value = targets.start.texture;
     uniforms.uClip.value = eye.clip;
     uniforms.uMode.value = photo ? 0 : 1;
     uniforms.uTests.value = effort.photoTests;
     const [columns, rows] = [Math.ceil((right - left) / TILE), Math.ceil((top - bottom) / TILE)];
-    (uniforms.uTiles.value as Vector4).set(left / TILE, bottom / TILE, columns, rows);
+    const [first, last] = [Math.round(from * rows), Math.round(to * rows)];
+    (uniforms.uTiles.value as Vector4).set(left / TILE, bottom / TILE + first, columns, last - first);
     (uniforms.uSize.value as Vector2).set(width, height);
-    this.tiles.instanceCount = columns * rows;
+    this.tiles.instanceCount = columns * (last - first);
+    // Rows that are not drawn now keep what was drawn before; what is neither is cleared with the first and the last ones.
+    const [y0, y1] = [from === 0 ? 0 : bottom + first * TILE, to === 1 ? height : bottom + last * TILE];
+    targets.surface.scissor.set(0, y0, width, Math.max(0, y1 - y0));
     this.pass(renderer, this.tiled, this.surface, targets.surface);
     return part;
   }

@@ -1,7 +1,7 @@
 /** The person's surface at the bodies: discs that lie in it, their normals, and arrows for how it moves. */
-import { type BufferGeometry, CircleGeometry, DoubleSide, DynamicDrawUsage, Group, InstancedMesh, LineBasicMaterial, LineSegments, Matrix4, MeshBasicMaterial, RingGeometry } from "three";
+import { CircleGeometry, DoubleSide, DynamicDrawUsage, Group, InstancedMesh, Matrix4, MeshBasicMaterial, RingGeometry } from "three";
 import { PATCH_NUMBERS } from "../feed/message.ts";
-import { Arrows, drawnOver, dynamic } from "./lines.ts";
+import { Arrows, drawnOver, ThickLines } from "./lines.ts";
 
 /** Four a body, as many bodies as a world holds. */
 const MAX_DRAWN = 4000;
@@ -21,7 +21,7 @@ export class Patches {
   private readonly discs: InstancedMesh<CircleGeometry, MeshBasicMaterial>;
   /** Their edges, at the same places. */
   private readonly rims: InstancedMesh<RingGeometry, MeshBasicMaterial>;
-  private readonly normals: LineSegments<BufferGeometry, LineBasicMaterial>;
+  private readonly normals = new ThickLines(MAX_DRAWN, 0xff7a59);
   private readonly arrows = new Arrows(MAX_DRAWN, 0xffe08a);
   private readonly place = new Matrix4();
 
@@ -32,24 +32,21 @@ export class Patches {
     this.discs.count = 0;
     this.rims = new InstancedMesh(new RingGeometry(0.95, 1, 24), new MeshBasicMaterial({ toneMapped: false, color: 0xffb454, side: DoubleSide, depthWrite: false }), 0);
     this.rims.instanceMatrix = this.discs.instanceMatrix;
-    this.normals = new LineSegments(dynamic(MAX_DRAWN * 2), new LineBasicMaterial({ toneMapped: false, color: 0xff7a59 }));
-    for (const thing of [this.discs, this.rims, this.normals]) drawnOver(thing);
-    this.group.add(this.discs, this.normals, this.arrows.lines, this.rims);
+    for (const thing of [this.discs, this.rims]) drawnOver(thing);
+    this.group.add(this.discs, this.normals.lines, this.arrows.lines, this.rims);
   }
 
   /** Shows a world's patches. */
   show(patches: Float32Array): void {
     this.count = patches.length / PATCH_NUMBERS;
     const drawn = Math.min(this.count, MAX_DRAWN);
-    const ends = this.normals.geometry.getAttribute("position");
     this.arrows.begin();
     for (let patch = 0; patch < drawn; patch++) {
       const at = patch * PATCH_NUMBERS;
       const [x, y, z] = [patches[at + 2], patches[at + 3], patches[at + 4]];
       const [nx, ny, nz] = [patches[at + 5], patches[at + 6], patches[at + 7]];
       this.lay(patch, x, y, z, nx, ny, nz, Math.min(Math.max(patches[at + 12], MIN_RADIUS_M), MAX_RADIUS_M));
-      ends.setXYZ(patch * 2, x, y, z);
-      ends.setXYZ(patch * 2 + 1, x + nx * NORMAL_M, y + ny * NORMAL_M, z + nz * NORMAL_M);
+      this.normals.set(patch, x, y, z, x + nx * NORMAL_M, y + ny * NORMAL_M, z + nz * NORMAL_M);
       const [vx, vy, vz] = [patches[at + 8], patches[at + 9], patches[at + 10]];
       const speed = Math.hypot(vx, vy, vz);
       if (speed < LEAST_M_S) continue;
@@ -57,15 +54,15 @@ export class Patches {
       this.arrows.add(x, y, z, vx * scale, vy * scale, vz * scale);
     }
     this.arrows.end();
-    ends.needsUpdate = true;
-    this.normals.geometry.setDrawRange(0, drawn * 2);
+    this.normals.show(drawn);
     this.discs.count = drawn;
     this.rims.count = drawn;
     this.discs.instanceMatrix.needsUpdate = true;
   }
 
   dispose(): void {
-    for (const thing of [this.discs, this.rims, this.normals]) {
+    this.normals.dispose();
+    for (const thing of [this.discs, this.rims]) {
       thing.geometry.dispose();
       thing.material.dispose();
     }

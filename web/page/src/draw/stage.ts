@@ -25,9 +25,12 @@ import { type Eye, eyeOf, FAR_M, NEAR_M } from "./eye.ts";
 import { Ground } from "./ground.ts";
 import { HullView } from "./hull.ts";
 import { Light } from "./light.ts";
+import { MeanPicture } from "./mean.ts";
 import { Patches } from "./patches.ts";
 import { Preview } from "./preview.ts";
 import type { Level } from "./quality.ts";
+import { type Part, SHIFTS } from "./refinement.ts";
+import { Ripples } from "./ripples.ts";
 import { CLEAR, Sky } from "./sky.ts";
 import { Touches } from "./touches.ts";
 
@@ -54,14 +57,18 @@ export class Stage {
   readonly bodies = new Bodies();
   readonly touches = new Touches();
   readonly patches = new Patches();
+  readonly ripples = new Ripples();
   readonly preview = new Preview();
   cameras: Cameras | null = null;
   cones: Cones | null = null;
   hull: HullView | null = null;
   rig: readonly Camera[] = [];
   hello: Hello | null = null;
+  /** The view of the last picture, in pixels of the drawing buffer. */
+  seen: Eye | null = null;
   private readonly scene = new Scene();
   private readonly contact = new ContactShadow();
+  private readonly mean = new MeanPicture();
   private readonly light: Light;
   private readonly ground: Ground;
   private readonly sky: Sky;
@@ -87,7 +94,7 @@ export class Stage {
     if (background === "transparent") this.renderer.setClearAlpha(0);
     this.scene.environmentIntensity = 0.5;
     this.scene.add(this.light.group, this.sky.mesh);
-    this.scene.add(this.ground.group, this.bodies.group, this.touches.group, this.patches.group, this.preview.mesh);
+    this.scene.add(this.ground.group, this.bodies.group, this.touches.group, this.patches.group, this.ripples.group, this.preview.mesh);
   }
 
   /** A rig: everything that depends on the cameras is made again. */
@@ -134,7 +141,7 @@ export class Stage {
   }
 
   showWorld(world: WorldMessage, bodies: readonly BodyPose[], withTouches: boolean): void {
-    this.bodies.place(bodies);
+    this.bodies.place(bodies, world.patches);
     if (withTouches) {
       this.touches.show(world, bodies);
       this.patches.show(world.patches);
@@ -142,7 +149,14 @@ export class Stage {
     this.light.invalidate(true);
   }
 
+  /** Moves on what fades: ripples, and the rims of bodies. Returns whether the picture changes by that. */
+  advance(nowMs: number): boolean {
+    const haveRipples = this.ripples.advance(nowMs);
+    return this.bodies.advance(nowMs) || haveRipples;
+  }
+
   resize(width: number, height: number, ratio: number): void {
+    this.mean.forget();
     this.renderer.setPixelRatio(ratio);
     this.renderer.setSize(width, height, false);
   }
@@ -155,23 +169,61 @@ export class Stage {
 
   draw(picture: Picture): void {
     const [width, height] = this.size();
-    const eye = this.aim(picture, width, height);
-    const { layers, mode, level } = picture;
+    const eye = this.arrange(picture, width, height, [0, 0]);
+    const { mode, level } = picture;
+    const { scale } = level;
+    const [w, h] = [Math.max(8, Math.round(width * scale)), Math.max(8, Math.round(height * scale))];
+    const shrunk: Eye = { ...eye, pinhole: [eye.pinhole[0] * (w / width), eye.pinhole[1] * (h / height), eye.pinhole[2] * (w / width), eye.pinhole[3] * (h / height)] };
+    this.hull?.draw(this.renderer, shrunk, w, h, mode, level, [width, height]);
+    this.drawScene(picture);
+  }
+
+  /**
+   * Draws a part of a picture that stands, its pixels shifted, the person at the size of the screen. The part that completes
+   * the picture shows the mean of all such pictures so far.
+   */
+  refine(picture: Picture, { sample, rows }: Part): void {
+    const [width, height] = this.size();
+    const { mode, level } = picture;
+    const eye = this.arrange(picture, width, height, SHIFTS[sample]);
+    if (rows) {
+      this.hull?.drawRows(this.renderer, eye, width, height, mode, level, rows);
+    } else {
+      // The edges of the first picture are softened: alone it is jagged.
+      this.hull?.readyRows(eye, width, height, mode, sample > 0);
+      this.drawScene(picture);
+      this.mean.add(this.renderer, width, height, sample + 1);
+    }
+    // Pointers see through the view as it is.
+    this.aim(picture, width, height, [0, 0]);
+  }
+
+  /** Draws the refined picture once more: browsers forget what they have shown. */
+  showRefined(): void {
+    this.mean.show(this.renderer);
+  }
+
+  /** Places and shows all but the hull as a picture wants it; returns its view. */
+  private arrange(picture: Picture, width: number, height: number, shift: readonly [number, number]): Eye {
+    const eye = this.aim(picture, width, height, shift);
+    const { layers, mode } = picture;
     const image = picture.through && !picture.through.inFront ? picture.through.opacity : 0;
     this.ground.group.visible = layers.has("grid");
     this.ground.show(!this.isRoom ? 0 : this.cameras?.hasImageBehind ? 1 - image : 1, this.isRoom);
     this.sky.mesh.position.copy(this.view.position);
     this.bodies.group.visible = layers.has("bodies");
+    this.ripples.group.visible = layers.has("bodies");
     this.touches.group.visible = layers.has("touches");
     this.patches.group.visible = layers.has("touches");
     this.cameras?.show(layers.has("cameras"), layers.has("images"), picture.through?.camera.index ?? null);
     if (this.cones) this.cones.group.visible = mode === "cones";
     this.cameras?.lookThrough(picture.through?.camera ?? null, eye.pinhole, height, picture.through?.opacity ?? 0, picture.through?.inFront ?? false);
-    const scale = level.scale;
-    const [w, h] = [Math.max(8, Math.round(width * scale)), Math.max(8, Math.round(height * scale))];
-    const shrunk: Eye = { ...eye, pinhole: [eye.pinhole[0] * (w / width), eye.pinhole[1] * (h / height), eye.pinhole[2] * (w / width), eye.pinhole[3] * (h / height)] };
     if (this.hull) this.hull.fade = picture.isGrey ? 1 : 0;
-    this.hull?.draw(this.renderer, shrunk, w, h, mode, level, [width, height]);
+    return eye;
+  }
+
+  /** Draws bodies, room and all, with the hull's picture among them, on the canvas. */
+  private drawScene({ layers, mode, level }: Picture): void {
     this.light.draw(this.renderer, this.scene, layers.has("shadows"), mode, level.shadowSize);
     this.renderer.setRenderTarget(null);
     this.renderer.render(this.scene, this.view);
@@ -199,6 +251,7 @@ export class Stage {
       thing.customDepthMaterial?.dispose();
     });
     this.light.release();
+    this.mean.release();
     this.hull?.release();
     this.cameras?.release();
   }
@@ -212,12 +265,13 @@ export class Stage {
   }
 
   dispose(): void {
-    for (const old of [this.cameras, this.cones, this.hull, this.bodies, this.touches, this.patches, this.preview, this.light, this.ground, this.sky]) old?.dispose();
+    for (const old of [this.cameras, this.cones, this.hull, this.bodies, this.touches, this.patches, this.ripples, this.preview, this.light, this.ground, this.sky]) old?.dispose();
+    this.mean.release();
     this.renderer.dispose();
   }
 
-  /** Points the three.js camera; returns the same view for the hull. */
-  private aim(picture: Picture, width: number, height: number): Eye {
+  /** Points the three.js camera, pixels shifted right and down; returns the same view for the hull. */
+  private aim(picture: Picture, width: number, height: number, shift: readonly [number, number]): Eye {
     const { view } = this;
     let pinhole: [number, number, number, number];
     const free = [Math.max(width / 3, width - picture.covered[0]), Math.max(height / 3, height - picture.covered[1])];
@@ -239,10 +293,11 @@ export class Stage {
       view.up.fromArray(picture.up);
       view.lookAt(...picture.target);
     }
+    pinhole = [pinhole[0], pinhole[1], pinhole[2] + shift[0], pinhole[3] + shift[1]];
     const [fx, fy, cx, cy] = pinhole;
     view.projectionMatrix.makePerspective((-cx / fx) * NEAR_M, ((width - cx) / fx) * NEAR_M, (cy / fy) * NEAR_M, (-(height - cy) / fy) * NEAR_M, NEAR_M, FAR_M);
     view.projectionMatrixInverse.copy(view.projectionMatrix).invert();
     view.updateMatrixWorld(true);
-    return eyeOf(view, pinhole);
+    return (this.seen = eyeOf(view, pinhole));
   }
 }

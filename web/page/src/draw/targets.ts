@@ -28,6 +28,7 @@ export class Targets {
       colorSpace: NoColorSpace,
       depthTexture: depth,
     });
+    this.surface.scissorTest = true;
   }
 
   dispose(): void {

@@ -1,7 +1,7 @@
 /** Samples inside the hull as points, their ways out as lines, and each body's response as an arrow. */
-import { type BufferGeometry, Group, LineBasicMaterial, LineSegments, Points, PointsMaterial } from "three";
+import { type BufferGeometry, Group, Points, PointsMaterial } from "three";
 import type { BodyPose, WorldMessage } from "../feed/message.ts";
-import { Arrows, drawnOver, dynamic } from "./lines.ts";
+import { Arrows, drawnOver, dynamic, ThickLines } from "./lines.ts";
 
 /** More would hide each other. */
 const MAX_DRAWN = 8192;
@@ -15,15 +15,13 @@ export class Touches {
   /** Touches of the world that is shown. */
   count = 0;
   private readonly points: Points<BufferGeometry, PointsMaterial>;
-  private readonly ways: LineSegments<BufferGeometry, LineBasicMaterial>;
+  private readonly ways = new ThickLines(MAX_DRAWN, 0xff7a59, 0.55);
   private readonly arrows = new Arrows(MAX_ARROWS, 0xffe08a);
 
   constructor() {
     this.points = new Points(dynamic(MAX_DRAWN), new PointsMaterial({ toneMapped: false, color: 0xffb454, size: 5, sizeAttenuation: false }));
-    this.ways = new LineSegments(dynamic(MAX_DRAWN * 2), new LineBasicMaterial({ toneMapped: false, color: 0xff7a59, transparent: true, opacity: 0.55 }));
     drawnOver(this.points);
-    drawnOver(this.ways);
-    this.group.add(this.points, this.ways, this.arrows.lines);
+    this.group.add(this.points, this.ways.lines, this.arrows.lines);
   }
 
   /** Shows a world's touches. */
@@ -31,20 +29,19 @@ export class Touches {
     this.count = world.touches.length / 7;
     const step = Math.max(1, Math.ceil(this.count / MAX_DRAWN));
     const points = this.points.geometry.getAttribute("position");
-    const ways = this.ways.geometry.getAttribute("position");
-    let drawn = 0;
+    let [drawn, ways] = [0, 0];
     for (let touch = 0; touch < this.count; touch += step) {
       const at = touch * 7;
       const [x, y, z] = [world.touches[at + 1], world.touches[at + 2], world.touches[at + 3]];
       points.setXYZ(drawn, x, y, z);
-      ways.setXYZ(drawn * 2, x, y, z);
-      ways.setXYZ(drawn * 2 + 1, x + world.touches[at + 4], y + world.touches[at + 5], z + world.touches[at + 6]);
       drawn++;
+      const [wayX, wayY, wayZ] = [world.touches[at + 4], world.touches[at + 5], world.touches[at + 6]];
+      // A line without a direction has no width.
+      if (wayX !== 0 || wayY !== 0 || wayZ !== 0) this.ways.set(ways++, x, y, z, x + wayX, y + wayY, z + wayZ);
     }
     points.needsUpdate = true;
-    ways.needsUpdate = true;
     this.points.geometry.setDrawRange(0, drawn);
-    this.ways.geometry.setDrawRange(0, drawn * 2);
+    this.ways.show(ways);
     this.showArrows(bodies);
   }
 
@@ -60,10 +57,9 @@ export class Touches {
   }
 
   dispose(): void {
-    for (const thing of [this.points, this.ways]) {
-      thing.geometry.dispose();
-      thing.material.dispose();
-    }
+    this.points.geometry.dispose();
+    this.points.material.dispose();
+    this.ways.dispose();
     this.arrows.dispose();
   }
 }

@@ -241,6 +241,13 @@ function touches(view: DataView, at: number, bodies: number): Float32Array {
   return numbers;
 }
 
+/** The places of the bodies that have a patch: samples of them are inside the hull, or less than a centimetre outside. */
+export function patchedPlaces(patches: Float32Array): Set<number> {
+  const places = new Set<number>();
+  for (let at = 0; at < patches.length; at += PATCH_NUMBERS) places.add(patches[at]);
+  return places;
+}
+
 /** What follows the touches: nothing, or a count and so many patches. */
 function patches(view: DataView, touchAt: number, bodies: number): Float32Array {
   const at = touchAt + 4 + view.getUint32(touchAt, true) * TOUCH_BYTES;

@@ -29,8 +29,10 @@ export interface Hello {
   readonly scenes: readonly string[];
   readonly responses: readonly string[];
   readonly colour: boolean;
-  /** A recorded run made again: it can be held and gone on with, no more. */
+  /** A recorded run made again: it can be played in other ways, and not changed. */
   readonly replay: boolean;
+  /** Film time of the recording's last step, seconds; undefined if the run is no replay, or cannot be sought. */
+  readonly length_s?: number;
   /** Whether film waits while the run is paused: then a step shows the person of that step. */
   readonly film_waits: boolean;
   /** What others on the way may read, in words; null if all is encrypted, or stays on one machine. */
@@ -98,6 +100,18 @@ export function isGone({ problem, left_out }: CameraStatus): boolean {
   return Boolean(problem) || left_out === true;
 }
 
+/** How a recording is played. */
+export interface ReplayStatus {
+  /** Seconds of film in a second. */
+  readonly speed?: number;
+  /** Whether it begins again at its end. */
+  readonly loop?: boolean;
+  /** Film time that is being sought, seconds. */
+  readonly seeking_s?: number | null;
+  /** Whether the run stands at its end. */
+  readonly ended?: boolean;
+}
+
 /** How the run and the feed do, four times a second. Figures that a server leaves out are not shown. */
 export interface Status {
   readonly op: "status";
@@ -126,6 +140,8 @@ export interface Status {
   readonly reduced_steps?: number;
   readonly blind?: string | null;
   readonly paused?: boolean;
+  /** Of a replay alone. */
+  readonly replay?: ReplayStatus;
   readonly feed?: {
     readonly bytes_per_s?: number;
     readonly sent?: number;
@@ -201,6 +217,7 @@ function hello(value: Record<string, unknown>): Hello {
     responses: list(value.responses ?? [], "responses").map(String),
     colour: value.colour !== false,
     replay: value.replay === true,
+    ...(typeof value.length_s === "number" && value.length_s > 0 ? { length_s: value.length_s } : {}),
     film_waits: value.film_waits === true,
     insecure: typeof value.insecure === "string" ? value.insecure : null,
   };

@@ -1,5 +1,5 @@
 /** Poses between steps: two worlds and a share become the bodies of one moment. */
-import type { BodyPose, WorldMessage } from "../feed/message.ts";
+import { type BodyPose, patchedPlaces, type WorldMessage } from "../feed/message.ts";
 
 /** The bodies at a film time between two worlds of one generation; outside them, the nearer one's. */
 export function between(before: WorldMessage, after: WorldMessage, filmS: number): readonly BodyPose[] {
@@ -13,11 +13,15 @@ export function between(before: WorldMessage, after: WorldMessage, filmS: number
   });
 }
 
-/** Changes when a body is seen to move, by more than a fifth of a millimetre, or when the surface at one does. */
-export function posesKey(moment: { readonly world: WorldMessage; readonly bodies: readonly BodyPose[] }): string {
-  let key = `${moment.world.generation}/${moment.world.touches.length}/${patchesKey(moment.world.patches)}`;
-  for (const { id, position, rotation, touching, grabbed } of moment.bodies) {
-    key += `|${id}${touching ? "t" : ""}${grabbed ? "g" : ""}`;
+/**
+ * Changes when a body is seen to move, by more than a fifth of a millimetre, or begins or ends to be touched; where patches
+ * are drawn, also when the surface at a body moves.
+ */
+export function posesKey({ world, bodies }: { readonly world: WorldMessage; readonly bodies: readonly BodyPose[] }, withPatches = true): string {
+  const surface = withPatches ? patchesKey(world.patches) : [...patchedPlaces(world.patches)].join();
+  let key = `${world.generation}/${world.touches.length}/${surface}`;
+  for (const { id, position, rotation, touching, grabbed, asleep } of bodies) {
+    key += `|${id}${touching ? "t" : ""}${grabbed ? "g" : ""}${asleep ? "s" : ""}`;
     for (const n of [...position, ...rotation]) key += `,${Math.round(n * 5000)}`;
   }
   return key;

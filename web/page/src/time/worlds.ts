@@ -34,6 +34,11 @@ export class Worlds {
     return this.worlds.length;
   }
 
+  /** The worlds that came after one (null: all) up to another; none if that is forgotten. */
+  after(last: WorldMessage | null, upTo: WorldMessage): readonly WorldMessage[] {
+    return this.worlds.slice(last ? this.worlds.lastIndexOf(last) + 1 : 0, this.worlds.lastIndexOf(upTo) + 1);
+  }
+
   clear(): void {
     this.worlds.length = 0;
     this.bytes = 0;

@@ -9,6 +9,8 @@ export interface Actions {
   help(): void;
   pause(): void;
   step(): void;
+  /** A frame of a recording back or on; false if there is none to seek in. */
+  seekBeside(direction: 1 | -1): boolean;
   reset(): void;
   escape(): void;
 }
@@ -117,6 +119,7 @@ export function bindKeys(canvas: HTMLCanvasElement, app: App, actions: Actions, 
   }
 
   function besides(direction: 1 | -1): void {
+    if (actions.seekBeside(direction)) return;
     app.frames.playout.beside(direction);
     app.invalidate();
     app.changed();

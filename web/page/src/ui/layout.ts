@@ -9,6 +9,8 @@ export class Layout {
     this.app = app;
     byId("panel-toggle").addEventListener("click", () => this.openPanel(document.body.classList.contains("panel-closed")));
     window.addEventListener("resize", () => this.measure());
+    // The bar of a recording is higher on a phone.
+    new ResizeObserver(() => this.measure()).observe(document.querySelector(".timeline")!);
     // On a phone the picture comes first.
     this.openPanel(matchMedia("(min-width: 721px)").matches);
   }

@@ -1,4 +1,4 @@
-/** A recorded run on the page: the person and the bodies that were recorded, and how it ends. */
+/** A recorded run on the page: the person and the bodies that were recorded, how it is played, and how it ends. */
 import assert from "node:assert/strict";
 import { spawnSync } from "node:child_process";
 import { mkdtempSync, readFileSync, rmSync } from "node:fs";
@@ -6,7 +6,7 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, describe, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
-import { launch, open, picture, PROGRAM, Program, state, steer, until, untilStanding, type Watched } from "./browser.ts";
+import { goOn, launch, open, picture, PROGRAM, Program, state, steer, until, untilStanding, type Watched } from "./browser.ts";
 
 /** What browsers say of a server that is gone. */
 const GONE = [/WebSocket connection to/, /ERR_CONNECTION_REFUSED/];
@@ -25,6 +25,34 @@ async function personShare(page: Page): Promise<number> {
   return mask.reduce((sum, one) => sum + one, 0) / mask.length;
 }
 
+/** Records a run in a folder; its file, and the bodies that it ended with. */
+function record(folder: string): { file: string; bodies: Recorded[] } {
+  const [file, json] = [join(folder, "run.mcap"), join(folder, "run.json")];
+  const made = spawnSync(PROGRAM!, ["record", file, "--seconds", String(SECONDS), "--unpaced", "--colour", "--json", json], { encoding: "utf8" });
+  assert.equal(made.status, 0, `${made.error ?? made.stderr}`);
+  return { file, bodies: JSON.parse(readFileSync(json, "utf8")).bodies };
+}
+
+/** A replay that is held before there is a browser, at a step that has seen film. */
+async function replay(...args: string[]): Promise<Program> {
+  const program = await Program.start([...args, "--listen", "127.0.0.1:0"], "replay");
+  await steer(program, "pause");
+  await steer(program, "step", { steps: 12 });
+  return program;
+}
+
+/** The bodies on the page are where they were recorded at the end. */
+function areAtEnd(bodies: readonly { name: string; position: readonly number[] }[], recorded: readonly Recorded[]): void {
+  for (const { name, end } of recorded) {
+    const body = bodies.find((each) => each.name === name);
+    assert.ok(body && distance(body.position, end) < 0.1, `${name} is at ${body?.position}, was at ${end}`);
+  }
+}
+
+async function exitCode(program: Program): Promise<number | null> {
+  return program.child.exitCode ?? new Promise((done) => program.child.once("exit", done));
+}
+
 describe("a recording", { skip: PROGRAM ? false : "HULLTOUCH_BIN names no program" }, () => {
   let folder: string;
   let recorded: Recorded[];
@@ -32,22 +60,22 @@ describe("a recording", { skip: PROGRAM ? false : "HULLTOUCH_BIN names no progra
   let program: Program;
   let watched: Watched;
   let page: Page;
-  /** Everything on the console. */
-  const printed: string[] = [];
+  const place = () => page.getByRole("slider", { name: "Place in the recording" });
+  const loop = () => page.getByRole("button", { name: "Begin again at the end" });
+  /** Moves the slider, and waits until the world and the person of there are shown. */
+  const seek = async (filmS: number) => {
+    await place().fill(String(filmS));
+    await until(page, `the world at ${filmS} s`, ({ step, paused }) => paused && step === Math.round(120 * filmS));
+    return untilStanding(page);
+  };
   before(async () => {
     folder = mkdtempSync(join(tmpdir(), "hulltouch-replay-"));
-    const [file, json] = [join(folder, "run.mcap"), join(folder, "run.json")];
-    const made = spawnSync(PROGRAM!, ["record", file, "--seconds", String(SECONDS), "--unpaced", "--colour", "--json", json], { encoding: "utf8" });
-    assert.equal(made.status, 0, `${made.error ?? made.stderr}`);
-    recorded = JSON.parse(readFileSync(json, "utf8")).bodies;
+    const made = record(folder);
+    recorded = made.bodies;
     browser = await launch();
-    program = await Program.start([file, "--listen", "127.0.0.1:0"], "replay");
-    // It does not wait: held until there is a browser, at a step that has seen film.
-    await steer(program, "pause");
-    await steer(program, "step", { steps: 12 });
+    program = await replay(made.file);
     watched = await open(browser, program.page, { viewport: { width: 960, height: 600 } }, GONE);
     page = watched.page;
-    page.on("console", (message) => printed.push(message.text()));
   });
   after(async () => {
     await browser?.close();
@@ -88,15 +116,112 @@ describe("a recording", { skip: PROGRAM ? false : "HULLTOUCH_BIN names no progra
     assert.ok(there.cameras === 8 && (await personShare(page)) > 0.02, "the person is there");
   });
 
-  test("looks back while it goes on", async () => {
+  test("is a slider from its beginning to its end, and is as it was wherever that is moved", async () => {
+    assert.ok(await page.locator("#live").isHidden(), "nothing of it is live");
+    const early = await seek(0.5);
+    await page.locator("#behind", { hasText: "0:00.5 / 0:05" }).waitFor();
+    const late = await seek(3);
+    await page.locator("#behind", { hasText: "0:03.0 / 0:05" }).waitFor();
+    assert.ok(late.frame > early.frame + 60 && (await personShare(page)) > 0.02, "the person of then");
+    const again = await seek(0.5);
+    assert.ok(again.generation > late.generation, "the run was begun again");
+    assert.equal(again.frame, early.frame);
+    const positions = ({ bodies }: Record<string, any>) => bodies.map(({ position }: { position: number[] }) => position);
+    assert.deepEqual(positions(again), positions(early));
+    assert.notDeepEqual(positions(late), positions(early));
+  });
+
+  test("is sought by keys, half a second or a frame at a time", async () => {
+    await seek(0.5);
+    await place().focus();
+    await page.keyboard.press("ArrowRight");
+    await until(page, "half a second on", ({ step }) => step === 120);
+    assert.equal(await place().getAttribute("aria-valuetext"), "0:01.0 of 0:05");
+    await page.keyboard.press("]");
+    await until(page, "a frame on", ({ step }) => step === 124);
+    await page.keyboard.press("[");
+    await until(page, "a frame back", ({ step }) => step === 120);
+    await page.keyboard.press("Home");
+    await until(page, "the first step", ({ step }) => step === 1);
+  });
+
+  test("is played as fast as is chosen, again and again", async () => {
+    const { generation } = await seek(3);
+    await page.getByLabel("Speed", { exact: true }).selectOption("4");
+    await loop().click();
+    await page.locator("#loop[aria-pressed=true]").waitFor();
+    await goOn(page);
+    await until(page, "it begins again", (now) => now.generation > generation && now.step < 500 && !now.paused);
+    const since = performance.now();
+    const from = await state(page);
+    const on = await until(page, "a second of film", ({ step, generation: now }) => step > from.step + 120 || now > from.generation);
+    assert.ok(on.paused === false && performance.now() - since < 60_000);
+    await loop().click();
+    await page.locator("#loop[aria-pressed=false]").waitFor();
+  });
+
+  test("stays at its end while its page is open, says so, and is played again", async () => {
+    await page.locator("#banner", { hasText: "The recording has ended. It can be played again." }).waitFor({ state: "visible" });
+    assert.equal(await page.locator("#link-text").textContent(), "Ended");
+    const end = await untilStanding(page);
+    assert.equal(end.step, 120 * SECONDS);
+    areAtEnd(end.bodies, recorded);
+    assert.ok((await personShare(page)) > 0.02, "the person is still there");
+    await page.waitForTimeout(4000);
+    assert.equal(program.child.exitCode, null, "its page is open");
+    await page.getByLabel("Speed", { exact: true }).selectOption("0.5");
+    await page.getByRole("button", { name: "Play the recording" }).click();
+    await until(page, "it is played again", ({ step, paused }) => step < 120 * SECONDS && !paused);
+    await page.locator("#banner").waitFor({ state: "hidden" });
+  });
+
+  test("is over when its page has gone", async () => {
+    assert.deepEqual(watched.complaints, []);
+    await page.close();
+    assert.equal(await exitCode(program), 0, "each step was as recorded");
+  });
+});
+
+describe("a recording that is played once, for a viewer", { skip: PROGRAM ? false : "HULLTOUCH_BIN names no program" }, () => {
+  let folder: string;
+  let recorded: Recorded[];
+  let browser: Browser;
+  let program: Program;
+  let watched: Watched;
+  let page: Page;
+  /** Everything on the console. */
+  const printed: string[] = [];
+  before(async () => {
+    folder = mkdtempSync(join(tmpdir(), "hulltouch-once-"));
+    const made = record(folder);
+    recorded = made.bodies;
+    browser = await launch();
+    program = await replay(made.file, "--once");
+    watched = await open(browser, program.viewers, { viewport: { width: 960, height: 600 } }, GONE);
+    page = watched.page;
+    page.on("console", (message) => printed.push(message.text()));
+  });
+  after(async () => {
+    await browser?.close();
+    await program?.stop();
+    if (folder) rmSync(folder, { recursive: true });
+  });
+
+  test("is looked back at while it goes on", async () => {
+    for (let part = 0; part < 6; part++) {
+      const { step } = await untilStanding(page);
+      await steer(program, "step", { steps: 20 });
+      await until(page, "twenty steps", (now) => now.step === step + 20);
+    }
     const before = await until(page, "something to look back at", ({ timelineFrames }) => timelineFrames > 4);
+    assert.ok(await page.locator("#loop").isHidden(), "a viewer plays nothing");
     const texts = await page.evaluateHandle(() => {
       const said: string[] = [];
       const line = document.getElementById("link-text")!;
       new MutationObserver(() => said.push(line.textContent!)).observe(line, { childList: true, characterData: true, subtree: true });
       return said;
     });
-    await page.getByRole("button", { name: "Go on" }).click();
+    await steer(program, "resume");
     await until(page, "it goes on", ({ step }) => step > before.step);
     await page.locator("#scrub").fill("-1000");
     await until(page, "the past", ({ live, frame }) => !live && frame < before.frame);
@@ -110,13 +235,10 @@ describe("a recording", { skip: PROGRAM ? false : "HULLTOUCH_BIN names no progra
   test("says that it is over, and leaves its last picture", async () => {
     await page.locator("#banner", { hasText: "The recording has ended." }).waitFor({ state: "visible" });
     assert.equal(await page.locator("#link-text").textContent(), "Ended");
-    assert.equal(program.child.exitCode ?? (await new Promise((done) => program.child.once("exit", done))), 0, "each step was as recorded");
+    assert.equal(await exitCode(program), 0, "each step was as recorded");
     // A busy machine is behind with drawing.
     const end = await until(page, "its last picture", ({ link, frame, timelineFrame }) => !link && frame === timelineFrame);
-    for (const { name, end: there } of recorded) {
-      const body = end.bodies.find((each: { name: string }) => each.name === name);
-      assert.ok(distance(body.position, there) < 0.1, `${name} is at ${body.position}, was at ${there}`);
-    }
+    areAtEnd(end.bodies, recorded);
     assert.ok((await personShare(page)) > 0.02, "the person is still there");
   });
 

@@ -18,6 +18,8 @@ export interface Film {
   readonly colour: boolean;
   /** Which way is up; +Y unless told. */
   readonly up?: Hello["up"];
+  /** Whether no frame comes while the world is paused, as from the program; else film goes on. */
+  readonly waits?: boolean;
   /** All cameras at a frame. */
   frame(index: number): readonly Part[];
   /** Small whole images, or none. */
@@ -35,6 +37,9 @@ interface Body extends BodyText {
   held: [number, number, number] | null;
   /** Whether a page holds it. */
   grabbed?: boolean;
+  touching?: boolean;
+  /** Where the person touches it, and the unit normal of the person's surface there. */
+  patch?: { readonly at: readonly number[]; readonly normal: readonly number[] };
 }
 
 const TYPES: Record<string, string> = { ".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml", ".json": "application/json" };
@@ -53,6 +58,10 @@ export interface Feeder {
   goBlind(why: string | null): void;
   /** A camera is gone, and why; null: all are there. */
   loseCamera(camera: number | null, why: string): void;
+  /** Pauses the world, or lets it go on. */
+  pause(isPaused: boolean): void;
+  /** The person touches a body from now on: at a place, with the unit normal of the person's surface there; null: no longer. */
+  touch(body: number, patch: Body["patch"] | null): void;
   /** Says goodbye and goes, as a run that is over. */
   end(why: string): Promise<void>;
   close(): Promise<void>;
@@ -89,6 +98,11 @@ export async function serve(film: Film, page: string, bodies: readonly Placed[] 
     commands: () => commands,
     goBlind: (why) => (world.blind = why),
     loseCamera: (camera, why) => (world.gone = camera === null ? null : { camera, why }),
+    pause: (isPaused) => world.pause(isPaused),
+    touch: (id, patch) => {
+      const body = world.bodies.find((each) => each.id === id)!;
+      [body.touching, body.patch] = [patch !== null, patch ?? undefined];
+    },
     end: async (why) => {
       for (const socket of sockets.clients) {
         socket.send(JSON.stringify({ op: "bye", why }));
@@ -126,6 +140,8 @@ class World {
   version = 1;
   scene = "topple";
   paused = false;
+  /** The frame at which a film stands that waits. */
+  private pausedFrame: number | null = null;
   blind: string | null = null;
   gone: { readonly camera: number; readonly why: string } | null = null;
 
@@ -143,7 +159,12 @@ class World {
   }
 
   get frame(): number {
-    return Math.floor(((performance.now() - this.began) / 1000) * this.film.fps);
+    return this.pausedFrame ?? Math.floor(((performance.now() - this.began) / 1000) * this.film.fps);
+  }
+
+  pause(isPaused: boolean): void {
+    this.paused = isPaused;
+    this.pausedFrame = isPaused && this.film.waits ? this.frame : null;
   }
 
   get filmS(): number {
@@ -152,6 +173,11 @@ class World {
 
   stop(): void {
     clearInterval(this.timer);
+  }
+
+  /** The person's surface at bodies: still, a millimetre deep, three centimetres wide. */
+  patches(): number[][] {
+    return this.bodies.flatMap(({ patch }, place) => (patch ? [[place, 4, ...patch.at, ...patch.normal, 0, 0, 0, 0.001, 0.03]] : []));
   }
 
   private advance(): void {
@@ -175,10 +201,10 @@ class World {
     const held = this.bodies.find((body) => body.id === message.body);
     switch (message.command) {
       case "pause":
-        this.paused = true;
+        this.pause(true);
         return {};
       case "resume":
-        this.paused = false;
+        this.pause(false);
         return {};
       case "spawn": {
         const id = this.nextId++;
@@ -256,7 +282,7 @@ class Page {
   private seq = 0;
   private version = 0;
   private sentBytes = 0;
-  private wants = { colour: "full", fps: 30, thumbnails_hz: 0, image_of: null as string | null, touches: true, silhouettes: true };
+  private wants = { colour: "full", fps: 30, thumbnails_hz: 0, image_of: null as string | null, touches: true, patches: false, silhouettes: true };
 
   constructor(socket: WebSocket, film: Film, world: World, controller: boolean, commands: string[], sent: () => void) {
     this.socket = socket;
@@ -321,7 +347,7 @@ class Page {
       this.text({ op: "scene", generation: world.generation, version: world.version, scene: world.scene, parameters: world.parameters, bodies });
     }
     const touches = this.wants.touches ? world.bodies.map(({ position }, index) => [index, ...position, 0, 0.1, 0]) : [];
-    this.socket.send(worldMessage(this.seq++, world.generation, world.step, world.filmS, world.frame, world.paused, world.bodies, touches));
+    this.socket.send(worldMessage(this.seq++, world.generation, world.step, world.filmS, world.frame, world.paused, world.bodies, touches, this.wants.patches ? world.patches() : []));
   }
 
   private sendStatus(): void {

@@ -16,7 +16,9 @@ export interface Part {
 export interface Placed {
   readonly id: number;
   readonly position: readonly number[];
+  readonly touching?: boolean;
   readonly grabbed?: boolean;
+  readonly asleep?: boolean;
 }
 
 const align = (at: number) => (at + 3) & ~3;
@@ -87,7 +89,7 @@ export function worldMessage(
   bodies.forEach((body, index) => {
     const at = 48 + index * 48;
     view.setUint32(at, body.id, true);
-    view.setUint16(at + 4, body.grabbed ? 2 : 0, true);
+    view.setUint16(at + 4, (body.touching ? 1 : 0) | (body.grabbed ? 2 : 0) | (body.asleep ? 4 : 0), true);
     body.position.forEach((n, i) => view.setFloat32(at + 8 + i * 4, n, true));
     view.setFloat32(at + 32, 1, true);
   });

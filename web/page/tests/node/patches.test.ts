@@ -1,7 +1,8 @@
 /** What is drawn of the person's surface at bodies. */
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { type BufferGeometry, type InstancedMesh, type LineSegments, Matrix4, Vector3 } from "three";
+import { type InstancedMesh, Matrix4, Vector3 } from "three";
+import type { LineSegments2 } from "three/addons/lines/LineSegments2.js";
 import { Patches } from "../../src/draw/patches.ts";
 
 const near = (a: Vector3, b: readonly number[]) => assert.ok(a.distanceTo(new Vector3(...b)) < 1e-6, `${a.toArray()}, expected ${b}`);
@@ -10,8 +11,8 @@ const numbers = (normal: readonly number[], velocity: readonly number[], radius:
 function drawn(...patches: number[][]) {
   const shown = new Patches();
   shown.show(Float32Array.from(patches.flat()));
-  const [discs, normals, arrows] = shown.group.children as [InstancedMesh, LineSegments<BufferGeometry>, LineSegments<BufferGeometry>];
-  const end = (lines: LineSegments<BufferGeometry>, at: number) => new Vector3().fromBufferAttribute(lines.geometry.getAttribute("position"), at);
+  const [discs, normals, arrows] = shown.group.children as [InstancedMesh, LineSegments2, LineSegments2];
+  const end = (lines: LineSegments2, at: number) => new Vector3().fromBufferAttribute(lines.geometry.getAttribute(at % 2 === 0 ? "instanceStart" : "instanceEnd"), Math.floor(at / 2));
   const onDisc = (disc: number, x: number, y: number) => {
     const place = new Matrix4();
     discs.getMatrixAt(disc, place);
@@ -40,7 +41,7 @@ test("a disc of one sample is eight centimetres wide, and none is without bounds
 
 test("normals are eight centimetres long, speeds a quarter of a second", () => {
   const { shown, normals, arrows, end } = drawn(numbers([0, 1, 0], [0, 0, 0], 0.1), numbers([0, 0, 1], [0.5, 0, 0.2], 0.1));
-  assert.deepEqual([shown.count, normals.geometry.drawRange.count, arrows.geometry.drawRange.count], [2, 4, 6]);
+  assert.deepEqual([shown.count, normals.geometry.instanceCount, arrows.geometry.instanceCount], [2, 2, 3]);
   near(end(normals, 1), [1, 2.08, 3]);
   near(end(normals, 3), [1, 2, 3.08]);
   near(end(arrows, 0), [1, 2, 3]);
@@ -50,6 +51,6 @@ test("normals are eight centimetres long, speeds a quarter of a second", () => {
 test("without patches nothing is drawn", () => {
   const { shown, discs, normals, arrows } = drawn(numbers([0, 1, 0], [1e20, 0, 0], 0.1));
   shown.show(new Float32Array(0));
-  assert.deepEqual([shown.count, discs.count, normals.geometry.drawRange.count, arrows.geometry.drawRange.count], [0, 0, 0, 0]);
+  assert.deepEqual([shown.count, discs.count, normals.geometry.instanceCount, arrows.geometry.instanceCount], [0, 0, 0, 0]);
   assert.equal((shown.group.children[3] as InstancedMesh).count, 0, "rims");
 });

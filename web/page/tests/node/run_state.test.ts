@@ -53,6 +53,20 @@ test("a recording is called recorded, not live", () => {
   assert.deepEqual(words(replay), { status: "Recorded · 30 frames/s", banner: null, timeline: "newest", live: "unavailable", hold: HOLD });
 });
 
+test("a recording that has ended stands there and can be played again", () => {
+  const end = { type: "end", isAtEnd: true } as const;
+  const ended = after(OPENED, { type: "hello", isReplay: true }, PAUSED, end);
+  const { status, banner, timeline } = words(ended);
+  assert.deepEqual([status, timeline], ["Ended", "end"]);
+  assert.deepEqual(banner, { text: "The recording has ended. It can be played again.", isCalm: true, canRetry: false });
+  assert.equal(reduce(ended, end), ended, "nothing changed");
+  const again = reduce(ended, { type: "paused", isPaused: false });
+  assert.deepEqual([words(again).status, words(again).banner], ["Recorded · 30 frames/s", null]);
+  assert.equal(words(reduce(ended, { type: "end", isAtEnd: false })).status, "Paused");
+  assert.equal(announcement(after(OPENED, HELLO, PAUSED), reduce(after(OPENED, HELLO, PAUSED), end)), "The recording has ended.");
+  assert.equal(words(after(OPENED, HELLO, PAUSED, end, HELLO)).status, "Paused", "another run has not");
+});
+
 test("a lost link is counted down, greys the person, and is over with the next hello", () => {
   const gone = after(OPENED, HELLO, lost(null, 2500));
   assert.equal(words(gone, { nowMs: 600 }).banner!.text, "The link to the program is gone. Trying again in 2 s.");

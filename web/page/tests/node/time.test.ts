@@ -44,6 +44,13 @@ test("a picture is drawn again when the surface at a body moves, though the body
   assert.notEqual(key(0), posesKey({ world: world(1), bodies: world(1).bodies }));
 });
 
+test("where patches are not drawn, a picture is drawn again when a body begins to be touched, not when the surface moves", () => {
+  const key = (patches: readonly number[]) => posesKey({ world: { ...world(1), patches: Float32Array.from(patches) }, bodies: world(1).bodies }, false);
+  const patch = (speed: number) => [0, 4, 0, 0, 0, 0, 1, 0, speed, 0, 0, 0, 0.1];
+  assert.equal(key(patch(0.1)), key([...patch(0.2), ...patch(0.3)]));
+  assert.notEqual(key(patch(0.1)), key([]));
+});
+
 test("the bodies of a frame are those of the step that first saw it, and go on from there", () => {
   const worlds = new Worlds();
   for (let step = 0; step <= 60; step += 2) worlds.add(world(step));
@@ -75,6 +82,17 @@ test("worlds are kept for a while, not for ever", () => {
   for (let step = 0; step < 5000; step++) worlds.add(world(step));
   assert.ok(worlds.length <= 720);
   assert.equal(worlds.newest()!.step, 4999);
+});
+
+test("worlds are read once each, in order, up to the one that is shown", () => {
+  const worlds = new Worlds();
+  const all = [0, 2, 4, 6].map((step) => world(step));
+  for (const each of all) worlds.add(each);
+  assert.deepEqual(worlds.after(null, all[1]), all.slice(0, 2));
+  assert.deepEqual(worlds.after(all[1], all[3]), all.slice(2));
+  assert.deepEqual(worlds.after(all[3], all[3]), []);
+  assert.deepEqual(worlds.after(all[3], all[1]), []);
+  assert.deepEqual(worlds.after(all[1], world(8)), []);
 });
 
 const kept = (atMs: number, bytes = 8) => ({ atMs, frame: Math.floor(atMs / 33), message: new ArrayBuffer(bytes) });

@@ -32,12 +32,14 @@ void main() {
 }
 `;
 
-/** Onto the screen: edges softened over a pixel, and the depth as it was found. */
+/** Onto the screen: edges softened over a pixel, unless many pictures are blended; and the depth as it was found. */
 export const COMPOSE_FRAGMENT = /* glsl */ `${PRECISION}
 uniform sampler2D uColour;
 uniform sampler2D uSurface;
 uniform vec2 uScreen;
 uniform float uFade;
+// Whether a pixel is covered or not, as it was found, in a picture of the screen's size: 1, or 0.
+uniform int uSharp;
 // How far the light gets before it meets a body.
 uniform sampler2D uShadow;
 // Whether it is there: 1, or 0.
@@ -88,6 +90,7 @@ void main() {
   vec2 step_ = 0.5 / size;
   vec4 sum = 0.25 * (textureLod(uColour, uv + step_, 0.0) + textureLod(uColour, uv - step_, 0.0)
     + textureLod(uColour, uv + vec2(step_.x, -step_.y), 0.0) + textureLod(uColour, uv + vec2(-step_.x, step_.y), 0.0));
+  if (uSharp == 1) sum = texelFetch(uColour, ivec2(gl_FragCoord.xy), 0);
   if (sum.a < 0.02) discard;
   ivec2 pixel = ivec2(uv * size);
   ivec2 most = ivec2(size) - 1;
