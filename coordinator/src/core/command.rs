@@ -142,7 +142,7 @@ pub enum Refusal {
     #[error("this run is no replay: only a recording can be sought, looped or played at another speed")]
     NoReplay,
     /// A film time that the recording has not.
-    #[error("a seek to {found_s} s, expected 0 to {length_s:.3} s: the recording is so long")]
+    #[error("a seek to {found_s} s, expected 0 to {:.3} s: the recording is so long", (length_s * 1e3).floor() / 1e3)]
     Seek {
         /// The film time that was sought, seconds.
         found_s: f64,

@@ -183,6 +183,11 @@ impl Playback {
         self.settings.stays && has_page
     }
 
+    /// Nothing is sought any more.
+    pub fn forget_seek(&mut self) {
+        self.target_s = None;
+    }
+
     /// There are no more steps. Whether the recording begins again.
     pub fn end(&mut self) -> bool {
         self.has_ended = true;

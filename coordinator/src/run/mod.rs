@@ -258,6 +258,8 @@ impl Coordinator {
                     self.transport.drain();
                     if self.run.playback.is_some() {
                         self.take_orders().await;
+                        // A gap in the recording may be long.
+                        self.report(watcher);
                         if self.run.puts_off_step() {
                             return Ok(true);
                         }

@@ -37,7 +37,7 @@ impl Coordinator {
             self.publish_late_scene();
             self.publish_world();
         } else if was_paused != self.run.steering.is_paused() {
-            // It stands at the end of the recording.
+            tracing::warn!("the recording has ended; the run stays while a page is open (not with --once)");
             self.publish_world();
         }
         Ok(true)

@@ -221,13 +221,14 @@ impl Run {
             return Action::End;
         }
         self.follow_film(roster, clocks);
-        if let Some(due_s) = self.playback.as_mut().and_then(|playback| playback.take_due(film_s)) {
-            self.clock.play_from(due_s, clocks());
-        }
         self.wait_until_due(film_s, clocks)
     }
 
     fn wait_until_due(&mut self, film_s: f64, clocks: Clocks) -> Action {
+        // A viewer may have sought, or changed the speed, while this step was waited for.
+        if let Some(due_s) = self.playback.as_mut().and_then(|playback| playback.take_due(film_s)) {
+            self.clock.play_from(due_s, clocks());
+        }
         if !self.settings.lock_step
             && !self.is_seeking()
             && let Some(left_s) = self.clock.left_s(film_s, clocks())

@@ -51,6 +51,8 @@ impl Run {
             return Follow::End;
         }
         if begins_again && !self.steering.is_paused() {
+            // A seek to the end has arrived there.
+            playback.forget_seek();
             return Follow::BeginAgain;
         }
         self.steering = Steering::Paused;

@@ -176,6 +176,10 @@ impl Run {
         roster: &Roster,
         clocks: Clocks,
     ) -> Option<f64> {
+        if self.playback.is_some() {
+            // Film of a recording was not captured just now.
+            return None;
+        }
         let collisions = collisions?;
         let reports = roster.reports(self.film.frame?)?;
         let later_s = self.world.settings().hull_time.frames_later() / self.settings.fps;

@@ -862,6 +862,32 @@ fn a_recording_is_played_as_fast_as_is_asked() {
 }
 
 #[test]
+fn a_speed_that_is_chosen_while_a_step_is_waited_for_holds_up_nothing() {
+    let dt_s = 1.0 / 120.0;
+    let mut played = Played::new(false, untouched((1..=1200).map(|step| f64::from(step) * dt_s)), true);
+    for (speed, steps) in [(4.0, 600), (0.25, 620), (1.0, 640)] {
+        played.until(|played| matches!(played.scripted.run.state, State::Early { .. }));
+        played.ask(&Command::SetSpeed(speed)).expect("a speed");
+        let (made, from_s) = (played.made(), played.scripted.now_s.get());
+        played.until(|played| played.made() > made);
+        let waited_s = played.scripted.now_s.get() - from_s;
+        assert!(waited_s < 0.05, "{waited_s} s until the next step at speed {speed}");
+        played.until(|played| played.made() == steps);
+    }
+}
+
+#[test]
+fn a_recording_that_loops_begins_again_also_where_its_end_was_sought() {
+    let (tape, _) = recorded();
+    let mut played = Played::new(true, tape, true);
+    played.ask(&Command::SetLoop(true)).expect("it loops");
+    played.until(|played| played.made() == 10);
+    played.seek(1.0);
+    played.until(|played| played.begun == 1 && played.made() == 10);
+    assert!(!played.scripted.run.is_seeking(), "it is played, and seen");
+}
+
+#[test]
 fn where_a_recording_has_no_steps_for_long_a_seek_does_not_wait() {
     let mut played = Played::new(false, untouched([0.1, 0.2, 0.3, 60.0, 60.1]), true);
     played.until(|played| played.made() == 3);

@@ -48,7 +48,7 @@ export class Images {
         } else {
           part.image.close();
         }
-      } else if (part.camera === this.users.through() && cameras) {
+      } else if (part.camera === this.users.through() && cameras && !(areHeld && cameras.hasImageBehind)) {
         cameras.behindImage(part.image);
         isSeen = true;
       } else {

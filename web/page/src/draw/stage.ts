@@ -172,6 +172,8 @@ export class Stage {
     const eye = this.arrange(picture, width, height, [0, 0]);
     const { mode, level } = picture;
     const { scale } = level;
+    // What stands no longer is not kept: on a wall it is a hundred megabytes.
+    this.mean.forget();
     const [w, h] = [Math.max(8, Math.round(width * scale)), Math.max(8, Math.round(height * scale))];
     const shrunk: Eye = { ...eye, pinhole: [eye.pinhole[0] * (w / width), eye.pinhole[1] * (h / height), eye.pinhole[2] * (w / width), eye.pinhole[3] * (h / height)] };
     this.hull?.draw(this.renderer, shrunk, w, h, mode, level, [width, height]);

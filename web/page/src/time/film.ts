@@ -78,11 +78,11 @@ export function placeByKey(key: string, place: number, lengthS: number): number 
   return there === undefined ? null : Math.max(0, Math.min(lengthS, there));
 }
 
-/** The place a frame before (−1) or after (+1) one. */
+/** A place at which the frame before (−1) or after (+1) that of another is seen: its end, for the run stands at the last step before a place. */
 export function besideFrame(place: number, direction: 1 | -1, fps: number, lengthS: number): number {
   // Sums of times fall short of frames.
   const frame = Math.floor(place * fps + 1e-6) + direction;
-  return Math.max(0, Math.min(lengthS, frame / fps));
+  return Math.max(0, Math.min(lengthS, (frame + 1) / fps - 1e-6));
 }
 
 /** A place as minutes, seconds and tenths. */

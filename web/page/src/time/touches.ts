@@ -57,6 +57,7 @@ export class NewTouches {
       this.sinceS = filmS;
     }
     this.lastS = filmS;
+    for (const [id, { lastS }] of this.recent) if (filmS - lastS > MEMORY_S) this.recent.delete(id);
     const found = touchesOf(world).filter((touch) => this.remember(touch, world.bodies[touch.place], filmS));
     return filmS - this.sinceS >= MEMORY_S ? found : [];
   }

@@ -82,7 +82,8 @@ export class CamerasList {
     this.alarm(cameras);
     let well = 0;
     this.rows.forEach((row, index) => {
-      const status = cameras[index];
+      // Film of a recording has no age.
+      const status = cameras[index] && this.app.hello?.replay ? { ...cameras[index], age_ms: undefined } : cameras[index];
       const [state, text] = status ? health(status, this.frameMs) : (["warn", "no figures yet"] as const);
       if (state === "good") well++;
       row.dot.className = `dot ${state}`;

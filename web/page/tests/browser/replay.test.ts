@@ -138,9 +138,9 @@ describe("a recording", { skip: PROGRAM ? false : "HULLTOUCH_BIN names no progra
     await until(page, "half a second on", ({ step }) => step === 120);
     assert.equal(await place().getAttribute("aria-valuetext"), "0:01.0 of 0:05");
     await page.keyboard.press("]");
-    await until(page, "a frame on", ({ step }) => step === 124);
+    await until(page, "a frame on", ({ step }) => step === 127);
     await page.keyboard.press("[");
-    await until(page, "a frame back", ({ step }) => step === 120);
+    await until(page, "a frame back", ({ step }) => step === 123);
     await page.keyboard.press("Home");
     await until(page, "the first step", ({ step }) => step === 1);
   });

@@ -57,10 +57,20 @@ test("keys move it, and never beyond its ends", () => {
 
 test("a frame back and a frame on are a frame away, wherever in a frame it stands", () => {
   const near = (found: number, expected: number) => assert.ok(Math.abs(found - expected) < 1e-9, `${found}, expected ${expected}`);
-  near(besideFrame(1.0, 1, 30, 60), 31 / 30);
-  near(besideFrame(1.02, -1, 30, 60), 29 / 30);
-  near(besideFrame(29 / 30, -1, 30, 60), 28 / 30);
+  near(besideFrame(1.0, 1, 30, 60), 32 / 30 - 1e-6);
+  near(besideFrame(1.02, -1, 30, 60), 30 / 30 - 1e-6);
+  near(besideFrame(29 / 30, -1, 30, 60), 29 / 30 - 1e-6);
   assert.deepEqual([besideFrame(0, -1, 30, 60), besideFrame(60, 1, 30, 60)], [0, 60]);
+  // A run stands at the last of its 120 steps a second that is not after a place; that step sees the frame of its time.
+  for (const fps of [25, 29.97, 30, 50, 60]) {
+    const seen = (place: number) => Math.floor((Math.floor(place * 120 + 1e-6) / 120) * fps + 1e-6);
+    let place = 0.5;
+    for (const direction of [1, 1, 1, -1, -1, -1, -1] as const) {
+      const before = seen(place);
+      place = Math.floor(besideFrame(place, direction, fps, 60) * 120 + 1e-6) / 120;
+      assert.equal(seen(place), before + direction, `${fps} frames/s`);
+    }
+  }
 });
 
 test("times are minutes, seconds and tenths; a length has no tenths", () => {
