@@ -19,6 +19,8 @@ interface Finger {
 export function bindPointer(canvas: HTMLCanvasElement, app: App, tools: BodyTools, onPlaced: () => void): void {
   const fingers = new Map<number, Finger>();
   let moved = false;
+  /** Whether the first finger reached for a body: also where that is refused, it does not turn the view. */
+  let reaches = false;
   let lastClick = { at: -Infinity, x: 0, y: 0 };
   const at = (event: MouseEvent): [number, number] => {
     const box = canvas.getBoundingClientRect();
@@ -31,6 +33,7 @@ export function bindPointer(canvas: HTMLCanvasElement, app: App, tools: BodyTool
     canvas.setPointerCapture(event.pointerId);
     fingers.set(event.pointerId, { x, y, startX: x, startY: y, button: event.button });
     moved = fingers.size > 1;
+    if (fingers.size === 1) reaches = false;
     app.orbit.hold();
     app.held = true;
     // Fingers do not hover.
@@ -38,6 +41,7 @@ export function bindPointer(canvas: HTMLCanvasElement, app: App, tools: BodyTool
     if (fingers.size === 1 && event.button === 0 && !tools.placing && app.steers) {
       const hit = tools.hit(x, y, false);
       if (hit?.body !== null && hit && tools.grab(hit)) {
+        reaches = true;
         tools.chosen = hit.body;
         app.changed();
       }
@@ -64,6 +68,7 @@ export function bindPointer(canvas: HTMLCanvasElement, app: App, tools: BodyTool
       app.invalidate();
       return;
     }
+    if (reaches && fingers.size === 1) return;
     leaveCamera();
     if (fingers.size === 1) {
       if (finger.button === 2 || finger.button === 1 || event.shiftKey) pan(dx, dy);
