@@ -1,4 +1,4 @@
-//! What may be asked of a run, and why it does nothing.
+//! Commands to a run, their outcomes, and why the run refuses one.
 
 use std::error::Error;
 use std::ops::RangeInclusive;

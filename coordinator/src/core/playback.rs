@@ -9,7 +9,7 @@ use super::command::{Refusal, SPEEDS};
 
 /// Times that differ by less are equal, seconds: texts and sums of times are no more exact.
 const SLACK_S: f64 = 1e-9;
-/// At its end a recording waits so long for a page that was there, seconds: a page that is loaded again is soon back.
+/// How long a recording stays at its end after the last page has gone, seconds: a page that is loaded again is soon back.
 const PAGE_GRACE_S: f64 = 3.0;
 
 /// What is known of a recording before it is played.
@@ -133,7 +133,7 @@ impl Playback {
         self.has_ended
     }
 
-    /// It is decided what comes next. Whether the run has to begin again: the last step ends after the film time that is
+    /// Decides what comes next: true if the run has to begin again, because the last step ends after the film time that is
     /// sought. The first step is what there is to see of any time before it.
     pub fn goes_back(&mut self) -> bool {
         self.is_new = false;
